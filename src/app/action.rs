@@ -207,7 +207,15 @@ pub enum MenuName {
 
 impl MenuName {
     /// All menus, from left to right.
-    pub const ALL: [Self; 7] = [Self::File, Self::Edit, Self::Range, Self::View, Self::Go, Self::Run, Self::Help];
+    pub const ALL: [Self; 7] = [
+        Self::File,
+        Self::Edit,
+        Self::Range,
+        Self::View,
+        Self::Go,
+        Self::Run,
+        Self::Help,
+    ];
 
     /// What the menu bar shows.
     #[must_use]
@@ -227,7 +235,9 @@ impl MenuName {
 impl Action {
     /// All actions in the order of menus and sheet.
     pub fn all() -> impl Iterator<Item = Self> {
-        LIST.iter().map(|row| row.action).chain((1..=9).map(Self::ChooseLabel))
+        LIST.iter()
+            .map(|row| row.action)
+            .chain((1..=9).map(Self::ChooseLabel))
     }
 
     /// What menus and palette show.
@@ -242,7 +252,10 @@ impl Action {
     /// What it does, for tooltips.
     #[must_use]
     pub fn tip(self) -> &'static str {
-        row(self).map_or("Chooses that label of the list for clicks and brush", |row| row.tip)
+        row(self).map_or(
+            "Chooses that label of the list for clicks and brush",
+            |row| row.tip,
+        )
     }
 
     /// The menu it stands in, where it stands in one.
@@ -261,9 +274,8 @@ impl Action {
     #[must_use]
     pub fn default_keys(self) -> Option<KeyboardShortcut> {
         match self {
-            Self::ChooseLabel(number) => {
-                Key::from_name(&number.to_string()).map(|key| KeyboardShortcut::new(Modifiers::NONE, key))
-            }
+            Self::ChooseLabel(number) => Key::from_name(&number.to_string())
+                .map(|key| KeyboardShortcut::new(Modifiers::NONE, key)),
             _ => row(self)?.keys,
         }
     }
@@ -295,7 +307,10 @@ const fn ctrl(key: Key) -> Option<KeyboardShortcut> {
 }
 
 const fn ctrl_shift(key: Key) -> Option<KeyboardShortcut> {
-    Some(KeyboardShortcut::new(Modifiers::COMMAND.plus(Modifiers::SHIFT), key))
+    Some(KeyboardShortcut::new(
+        Modifiers::COMMAND.plus(Modifiers::SHIFT),
+        key,
+    ))
 }
 
 fn row(action: Action) -> Option<&'static Row> {

@@ -16,7 +16,11 @@ pub type Drawn = Result<Option<LayerPicture>, String>;
 
 /// Draws layers of `frames` from what `store` loads.
 #[must_use]
-pub fn layers_of(frames: Arc<Vec<Frame>>, store: Arc<FrameStore>, notify: impl Fn() + Send + Sync + 'static) -> Layers {
+pub fn layers_of(
+    frames: Arc<Vec<Frame>>,
+    store: Arc<FrameStore>,
+    notify: impl Fn() + Send + Sync + 'static,
+) -> Layers {
     let draw = move |&(number, layer): &(usize, Layer)| match frames.get(number) {
         Some(frame) => draw_layer(layer, frame, &store).map_err(|error| error.to_string()),
         None => Ok(None),
@@ -27,12 +31,18 @@ pub fn layers_of(frames: Arc<Vec<Frame>>, store: Arc<FrameStore>, notify: impl F
 /// The choice of what is shown of a frame.
 pub(super) fn layer_ui(ui: &mut Ui, view: &mut ViewState) {
     let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::NextLayer);
-    let choice = ComboBox::from_id_salt("layer").selected_text(view.layer.text()).width(92.0).show_ui(ui, |ui| {
-        for layer in Layer::ALL {
-            ui.selectable_value(&mut view.layer, layer, layer.text());
-        }
-    });
-    choice.response.on_hover_text(tip).accessible_name("Shown layer");
+    let choice = ComboBox::from_id_salt("layer")
+        .selected_text(view.layer.text())
+        .width(92.0)
+        .show_ui(ui, |ui| {
+            for layer in Layer::ALL {
+                ui.selectable_value(&mut view.layer, layer, layer.text());
+            }
+        });
+    choice
+        .response
+        .on_hover_text(tip)
+        .accessible_name("Shown layer");
 }
 
 /// What the colours of the ramp stand for, in the picture's lower left corner, under a title.
@@ -43,26 +53,47 @@ pub(super) fn legend(ui: &Ui, map: &CanvasMap, title: &str, range: [f32; 2]) {
     let corner = map.pane.left_bottom() + Vec2::new(14.0, -14.0);
     let bar = Rect::from_min_size(corner - Vec2::new(0.0, SIZE.y), SIZE);
     let title = painter.layout_no_wrap(title.into(), FontId::proportional(12.0), Color32::WHITE);
-    let back = bar.expand2(Vec2::new(8.0, 10.0)).with_min_y(bar.min.y - TITLE - 10.0);
-    let back = back.with_max_x(bar.max.x + 62.0).union(Rect::from_min_size(back.min, title.size() + Vec2::splat(16.0)));
+    let back = bar
+        .expand2(Vec2::new(8.0, 10.0))
+        .with_min_y(bar.min.y - TITLE - 10.0);
+    let back = back.with_max_x(bar.max.x + 62.0).union(Rect::from_min_size(
+        back.min,
+        title.size() + Vec2::splat(16.0),
+    ));
     painter.rect_filled(back, 4.0, Color32::from_black_alpha(170));
-    painter.galley(bar.left_top() - Vec2::new(0.0, TITLE), title, Color32::WHITE);
+    painter.galley(
+        bar.left_top() - Vec2::new(0.0, TITLE),
+        title,
+        Color32::WHITE,
+    );
     for step in 0..SIZE.y as usize {
         let [r, g, b] = ramp(step as f32 / SIZE.y);
         let y = bar.max.y - step as f32 - 0.5;
-        painter.hline(bar.x_range(), y, Stroke::new(1.0, Color32::from_rgb(r, g, b)));
+        painter.hline(
+            bar.x_range(),
+            y,
+            Stroke::new(1.0, Color32::from_rgb(r, g, b)),
+        );
     }
     for share in [0.0, 0.5, 1.0] {
         let value = range[0] + share * (range[1] - range[0]);
-        let galley = painter.layout_no_wrap(short(value), FontId::proportional(12.0), Color32::WHITE);
-        let at = Pos2::new(bar.max.x + 6.0, bar.max.y - share * SIZE.y - galley.size().y / 2.0);
+        let galley =
+            painter.layout_no_wrap(short(value), FontId::proportional(12.0), Color32::WHITE);
+        let at = Pos2::new(
+            bar.max.x + 6.0,
+            bar.max.y - share * SIZE.y - galley.size().y / 2.0,
+        );
         painter.galley(at, galley, Color32::WHITE);
     }
 }
 
 /// Three significant digits.
 fn short(value: f32) -> String {
-    let digits = if value == 0.0 { 0 } else { 2 - value.abs().log10().floor() as i32 };
+    let digits = if value == 0.0 {
+        0
+    } else {
+        2 - value.abs().log10().floor() as i32
+    };
     format!("{value:.*}", digits.clamp(0, 9) as usize)
 }
 

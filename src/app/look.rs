@@ -12,7 +12,9 @@ use ostra_compute::nn::Row;
 use ostra_masks::{LabelTree, Region, RunMask};
 use ostra_project::{Estimate, Project};
 use ostra_session::JobView;
-use ostra_session::{Angles, Engine, EngineKind, Grounding, Pictures, ProposedInstances, SparseModel, Suggestion};
+use ostra_session::{
+    Angles, Engine, EngineKind, Grounding, Pictures, ProposedInstances, SparseModel, Suggestion,
+};
 
 /// What panels look at: a snapshot of the open session, borrowed for one picture of the window.
 #[derive(Clone, Copy)]
@@ -100,7 +102,9 @@ impl Look<'_> {
     #[must_use]
     pub fn shown_tree(&self) -> Option<LabelTree> {
         let proposed = self.proposed.map(|proposed| &proposed.cloud.tree);
-        proposed.or(self.root.map(|_| &self.project.labels)).cloned()
+        proposed
+            .or(self.root.map(|_| &self.project.labels))
+            .cloned()
     }
 
     /// Whether lengths can be given in metres: where the scale is known, and of a PLY alone, whose unit the user knows.
@@ -122,6 +126,8 @@ impl Look<'_> {
 
     /// The engines of one kind.
     pub fn engines_of(&self, kind: EngineKind) -> impl Iterator<Item = &Engine> {
-        self.engines.iter().filter(move |engine| engine.kind == kind)
+        self.engines
+            .iter()
+            .filter(move |engine| engine.kind == kind)
     }
 }

@@ -31,8 +31,12 @@ pub(super) fn menu_bar_ui(
 
 /// The name of what is open.
 pub(super) fn title(look: &Look<'_>) -> String {
-    let open = look.root.or(look.inspected).and_then(|path| path.file_name());
-    open.map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
+    let open = look
+        .root
+        .or(look.inspected)
+        .and_then(|path| path.file_name());
+    open.map(|name| name.to_string_lossy().into_owned())
+        .unwrap_or_default()
 }
 
 /// Whether an action can be done now.
@@ -48,7 +52,9 @@ pub(super) fn is_possible(action: Action, look: &Look<'_>, view: &ViewState) -> 
         A::Undo => look.undo.is_some(),
         A::Redo => look.redo.is_some(),
         A::AddLabel => look.root.is_some(),
-        A::FillHoles | A::RemoveIslands => view.label.is_some() && look.project.masks.contains_key(&view.frame),
+        A::FillHoles | A::RemoveIslands => {
+            view.label.is_some() && look.project.masks.contains_key(&view.frame)
+        }
         A::MakeAnchor | A::ClearFrame => look.project.masks.contains_key(&view.frame),
         A::AcceptVote => look.doubts.contains_key(&view.frame),
         A::AcceptLabelVote => view.label.is_some() && look.doubts.contains_key(&view.frame),
@@ -60,27 +66,43 @@ pub(super) fn is_possible(action: Action, look: &Look<'_>, view: &ViewState) -> 
         A::RangeFrom | A::RangeTo => look.has_frames(),
         A::DropRange => view.range.is_some(),
         A::MergeRange => view.label.is_some() && look.project.labels.iter().nth(1).is_some(),
-        A::SplitRange => split_at(look, view).is_some() && look.project.labels.iter().nth(1).is_some(),
-        A::CopyMask => view.label.is_some_and(|label| view.presence.on_frame(view.frame).contains(&label)),
+        A::SplitRange => {
+            split_at(look, view).is_some() && look.project.labels.iter().nth(1).is_some()
+        }
+        A::CopyMask => view
+            .label
+            .is_some_and(|label| view.presence.on_frame(view.frame).contains(&label)),
         A::ChoosePoints | A::AdoptPieces => look.votes.is_some(),
         A::AssignChosen => has_chosen(look, view) && view.label.is_some(),
         A::ClearChosen => has_chosen(look, view),
         A::CompareBefore | A::ToggleTimeline | A::ToggleMatches => look.has_frames(),
         _ if is_range_change(action) => range_request(action, look, view).is_some(),
-        A::Track | A::TrackForward | A::TrackBackward | A::Suggest => !look.project.masks.is_empty(),
+        A::Track | A::TrackForward | A::TrackBackward | A::Suggest => {
+            !look.project.masks.is_empty()
+        }
         A::Propose => look.has_frames() && is_sam_installed(look),
         A::Retrack => view.retracking(look).is_some(),
-        A::Fuse | A::LookThrough => look.project.frames.iter().any(|frame| frame.posed_camera().is_some()),
+        A::Fuse | A::LookThrough => look
+            .project
+            .frames
+            .iter()
+            .any(|frame| frame.posed_camera().is_some()),
         A::SetScale => view.ruler.command().is_some(),
         A::Reconstruct | A::Fit | A::ActualSize | A::NextDoubtful => look.has_frames(),
-        A::PreviousFrame | A::NextFrame | A::Back10 | A::Forward10 | A::FirstFrame | A::LastFrame => look.has_frames(),
+        A::PreviousFrame
+        | A::NextFrame
+        | A::Back10
+        | A::Forward10
+        | A::FirstFrame
+        | A::LastFrame => look.has_frames(),
         _ => true,
     }
 }
 
 /// Whether Segment Anything can be used.
 pub(super) fn is_sam_installed(look: &Look<'_>) -> bool {
-    look.engines_of(EngineKind::Segmenter).any(|engine| engine.name == "sam" && engine.installed)
+    look.engines_of(EngineKind::Segmenter)
+        .any(|engine| engine.name == "sam" && engine.installed)
 }
 
 /// The text of an action now: undo and redo name the step.
@@ -108,7 +130,11 @@ fn menu_ui(
         }
         let keys = view.prefs.shortcuts.text(ui.ctx(), action);
         let button = Button::new(text_now(action, look)).shortcut_text(keys);
-        if ui.add_enabled(is_possible(action, look, view), button).on_hover_text(action.tip()).clicked() {
+        if ui
+            .add_enabled(is_possible(action, look, view), button)
+            .on_hover_text(action.tip())
+            .clicked()
+        {
             wishes.push(action);
         }
         if action == Action::Open {
@@ -121,7 +147,11 @@ fn recent_ui(ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>) {
     ui.add_enabled_ui(!look.recent.is_empty(), |ui| {
         ui.menu_button("Open recent", |ui| {
             for path in look.recent.iter().take(10) {
-                if ui.button(path.display().to_string()).on_hover_text("Opens this project").clicked() {
+                if ui
+                    .button(path.display().to_string())
+                    .on_hover_text("Opens this project")
+                    .clicked()
+                {
                     out.push(Command::Open(path.clone()));
                 }
             }
@@ -136,16 +166,32 @@ fn theme_button_ui(ui: &mut Ui, view: &ViewState) -> egui::Response {
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, "Dark or light"));
     let color = ui.style().interact(&response).text_color();
     let (at, radius) = (rect.center(), 5.5);
-    ui.painter().circle_stroke(at, radius, egui::Stroke::new(1.3, color));
-    let half = (-8..=8).map(|k| at + radius * egui::Vec2::angled(std::f32::consts::FRAC_PI_2 * k as f32 / 8.0));
-    ui.painter().add(egui::Shape::convex_polygon(half.collect(), color, egui::Stroke::NONE));
+    ui.painter()
+        .circle_stroke(at, radius, egui::Stroke::new(1.3, color));
+    let half = (-8..=8)
+        .map(|k| at + radius * egui::Vec2::angled(std::f32::consts::FRAC_PI_2 * k as f32 / 8.0));
+    ui.painter().add(egui::Shape::convex_polygon(
+        half.collect(),
+        color,
+        egui::Stroke::NONE,
+    ));
     response.on_hover_text(tip)
 }
 
 fn undo_redo_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
     for (action, text) in [(Action::Undo, "Undo"), (Action::Redo, "Redo")] {
-        let response = action_button(ui, &view.prefs.shortcuts, action, text, is_possible(action, look, view));
-        if response.on_hover_text(text_now(action, look)).accessible_name(action.text()).clicked() {
+        let response = action_button(
+            ui,
+            &view.prefs.shortcuts,
+            action,
+            text,
+            is_possible(action, look, view),
+        );
+        if response
+            .on_hover_text(text_now(action, look))
+            .accessible_name(action.text())
+            .clicked()
+        {
             wishes.push(action);
         }
     }

@@ -32,7 +32,10 @@ const MOST: usize = 5;
 impl Notices {
     /// Tells something.
     pub fn tell(&mut self, severity: Severity, text: impl Into<String>) {
-        let notice = Notice { severity, text: text.into() };
+        let notice = Notice {
+            severity,
+            text: text.into(),
+        };
         if !self.shown.contains(&notice) {
             self.shown.push(notice);
         }
@@ -76,7 +79,9 @@ fn notice_ui(ui: &mut Ui, notice: &Notice) -> bool {
         Severity::Warning => ("Warning", ui.visuals().warn_fg_color),
         Severity::Error => ("Error", ui.visuals().error_fg_color),
     };
-    let frame = egui::Frame::popup(ui.style()).stroke(egui::Stroke::new(1.0, color)).inner_margin(10.0);
+    let frame = egui::Frame::popup(ui.style())
+        .stroke(egui::Stroke::new(1.0, color))
+        .inner_margin(10.0);
     frame
         .show(ui, |ui| {
             ui.set_width(380.0);

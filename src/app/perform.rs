@@ -13,7 +13,13 @@ use ostra_session::{AdoptRequest, CloudChange, Command, TidyRequest};
 use ostra_view::Layer;
 
 /// Does an action: changes what is looked at, or hands out commands.
-pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+pub(super) fn perform(
+    action: Action,
+    ctx: &Context,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+) {
     if !is_possible(action, look, view) {
         return;
     }
@@ -39,9 +45,15 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
         Action::ClearLabelHere => clear_label(look, view, out),
         Action::ClearFrame => out.push(Command::ClearMask { frame: view.frame }),
         Action::MakeAnchor => out.push(Command::MakeAnchor { frame: view.frame }),
-        Action::AcceptVote => out.push(Command::AcceptVote { frame: view.frame, labels: Vec::new() }),
+        Action::AcceptVote => out.push(Command::AcceptVote {
+            frame: view.frame,
+            labels: Vec::new(),
+        }),
         Action::AcceptLabelVote => {
-            out.push(Command::AcceptVote { frame: view.frame, labels: view.label.into_iter().collect() });
+            out.push(Command::AcceptVote {
+                frame: view.frame,
+                labels: view.label.into_iter().collect(),
+            });
         }
         Action::ChoosePoints => choose_points(view),
         Action::AssignChosen => {
@@ -52,7 +64,9 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
         Action::AdoptPieces => out.push(Command::Adopt(AdoptRequest::default())),
         Action::RangeFrom | Action::RangeTo | Action::DropRange => set_range(action, view),
         Action::CopyMask => view.copied = view.label.map(|label| (label, view.frame)),
-        _ if is_range_change(action) => out.extend(range_request(action, look, view).map(Command::Range)),
+        _ if is_range_change(action) => {
+            out.extend(range_request(action, look, view).map(Command::Range))
+        }
         Action::FillHoles => tidy(view, view.prefs.tidy_px, 0, out),
         Action::RemoveIslands => tidy(view, 0, view.prefs.tidy_px, out),
         Action::UseTool(tool) => {
@@ -67,7 +81,10 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
         Action::TrackBackward => track_from_here(view, Direction::Backward, out),
         Action::Retrack => out.extend(view.retracking(look).map(Command::Track)),
         Action::Suggest => out.push(Command::Suggest),
-        Action::Propose => out.push(Command::Propose { frame: view.frame, segmenter: "sam".into() }),
+        Action::Propose => out.push(Command::Propose {
+            frame: view.frame,
+            segmenter: "sam".into(),
+        }),
         Action::Reconstruct => reconstruct(view, out),
         Action::SetScale => {
             out.extend(view.ruler.command());
@@ -76,7 +93,10 @@ pub(super) fn perform(action: Action, ctx: &Context, look: &Look<'_>, view: &mut
         Action::FindInScene => find_in_scene(look, view),
         Action::Fuse => {
             let onto = typed_path(&view.onto_text);
-            out.push(Command::Fuse(FuseRequest { onto, ..view.fuse.clone() }));
+            out.push(Command::Fuse(FuseRequest {
+                onto,
+                ..view.fuse.clone()
+            }));
         }
         Action::Stop => out.push(Command::Stop),
         Action::Cancel => cancel(view),
@@ -98,7 +118,9 @@ fn show_scene(view: &mut ViewState) {
 }
 
 fn find_in_scene(look: &Look<'_>, view: &mut ViewState) {
-    let (Some(cloud), Some(votes), Some(at_px)) = (look.cloud, look.votes, view.pointer_px) else { return };
+    let (Some(cloud), Some(votes), Some(at_px)) = (look.cloud, look.votes, view.pointer_px) else {
+        return;
+    };
     view.asked = Asked::seen_at(cloud, votes, view.frame, at_px);
     match view.asked {
         Some(_) => {
@@ -111,17 +133,28 @@ fn find_in_scene(look: &Look<'_>, view: &mut ViewState) {
 
 fn reconstruct(view: &mut ViewState, out: &mut Vec<Command>) {
     match pairs_in(&view.pairs_text) {
-        Ok(pairs) => out.push(Command::Reconstruct(ReconstructRequest { pairs, ..view.reconstruct.clone() })),
+        Ok(pairs) => out.push(Command::Reconstruct(ReconstructRequest {
+            pairs,
+            ..view.reconstruct.clone()
+        })),
         Err(wrong) => view.notices.tell(Severity::Error, wrong),
     }
 }
 
 fn dialog_of(action: Action, look: &Look<'_>, view: &ViewState) -> Option<Dialog> {
     Some(match action {
-        Action::MergeRange => Dialog::Into(IntoWish { label: view.label?, range: view.frames_meant(), piece: None }),
+        Action::MergeRange => Dialog::Into(IntoWish {
+            label: view.label?,
+            range: view.frames_meant(),
+            piece: None,
+        }),
         Action::SplitRange => {
             let piece = Some((view.frame, split_at(look, view)?));
-            Dialog::Into(IntoWish { label: view.label?, range: view.frames_meant(), piece })
+            Dialog::Into(IntoWish {
+                label: view.label?,
+                range: view.frames_meant(),
+                piece,
+            })
         }
         Action::NewProject => Dialog::NewProject,
         Action::AddFrames => Dialog::AddFrames,
@@ -166,7 +199,10 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
         Action::ToggleMeasures => view.measures.open = !view.measures.open,
         Action::ToggleHover => view.prefs.hover_preview = !view.prefs.hover_preview,
         Action::NextLayer => {
-            let next = Layer::ALL.iter().position(|&layer| layer == view.layer).map_or(0, |at| at + 1);
+            let next = Layer::ALL
+                .iter()
+                .position(|&layer| layer == view.layer)
+                .map_or(0, |at| at + 1);
             view.layer = Layer::ALL[next % Layer::ALL.len()];
         }
         Action::ToggleOutlines => view.prefs.outlines = !view.prefs.outlines,
@@ -179,7 +215,9 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
             view.scene_wish = Some(SceneWish::LookThrough);
         }
         Action::LookFrom(side) => view.scene_wish = Some(SceneWish::LookFrom(side)),
-        Action::ToggleOrthographic => view.prefs.scene.orthographic = !view.prefs.scene.orthographic,
+        Action::ToggleOrthographic => {
+            view.prefs.scene.orthographic = !view.prefs.scene.orthographic
+        }
         Action::ToggleTurntable => view.scene.turning = !view.scene.turning,
         _ => {}
     }
@@ -199,7 +237,9 @@ fn step(view: &mut ViewState, command: Command, out: &mut Vec<Command>) {
 }
 
 fn choose_label(look: &Look<'_>, view: &mut ViewState, number: u8) {
-    if let Some((label, _)) = listed(&look.project.labels).get(usize::from(number.saturating_sub(1))) {
+    if let Some((label, _)) =
+        listed(&look.project.labels).get(usize::from(number.saturating_sub(1)))
+    {
         view.label = Some(label.id);
     }
 }
@@ -212,7 +252,12 @@ fn click_here(look: &Look<'_>, view: &mut ViewState, include: bool, out: &mut Ve
 
 fn tidy(view: &ViewState, holes_below_px: usize, islands_below_px: usize, out: &mut Vec<Command>) {
     if let Some(label) = view.label {
-        out.push(Command::Tidy(TidyRequest { frame: view.frame, label, holes_below_px, islands_below_px }));
+        out.push(Command::Tidy(TidyRequest {
+            frame: view.frame,
+            label,
+            holes_below_px,
+            islands_below_px,
+        }));
     }
 }
 
@@ -241,5 +286,9 @@ fn cancel(view: &mut ViewState) {
 
 fn toggle_theme(ctx: &Context) {
     let dark = ctx.theme() == egui::Theme::Dark;
-    ctx.set_theme(if dark { ThemePreference::Light } else { ThemePreference::Dark });
+    ctx.set_theme(if dark {
+        ThemePreference::Light
+    } else {
+        ThemePreference::Dark
+    });
 }

@@ -15,10 +15,16 @@ impl Presence {
     /// Follows the project; cheap while no mask changed.
     pub fn update(&mut self, project: &Project) {
         let mut changed = self.frames.len() != project.masks.len();
-        self.frames.retain(|frame, _| project.masks.contains_key(frame));
+        self.frames
+            .retain(|frame, _| project.masks.contains_key(frame));
         for (&frame, mask) in &project.masks {
-            if self.frames.get(&frame).is_none_or(|(runs, _)| !Arc::ptr_eq(runs, &mask.runs)) {
-                self.frames.insert(frame, (Arc::clone(&mask.runs), labels_in(&mask.runs)));
+            if self
+                .frames
+                .get(&frame)
+                .is_none_or(|(runs, _)| !Arc::ptr_eq(runs, &mask.runs))
+            {
+                self.frames
+                    .insert(frame, (Arc::clone(&mask.runs), labels_in(&mask.runs)));
                 changed = true;
             }
         }
@@ -48,7 +54,12 @@ impl Presence {
 }
 
 fn labels_in(mask: &RunMask) -> Vec<LabelId> {
-    let mut ids: Vec<LabelId> = mask.runs.iter().map(|run| run.0).filter(|&id| id != LabelId::NONE).collect();
+    let mut ids: Vec<LabelId> = mask
+        .runs
+        .iter()
+        .map(|run| run.0)
+        .filter(|&id| id != LabelId::NONE)
+        .collect();
     ids.sort_unstable();
     ids.dedup();
     ids
@@ -61,8 +72,17 @@ mod tests {
 
     fn mask(ids: &[u16]) -> FrameMask {
         let runs = ids.iter().map(|&id| (LabelId(id), 1)).collect();
-        let runs = Arc::new(RunMask { width: ids.len() as u32, height: 1, runs });
-        FrameMask { runs, origin: MaskOrigin::Anchor, stale: false, confidence: BTreeMap::new() }
+        let runs = Arc::new(RunMask {
+            width: ids.len() as u32,
+            height: 1,
+            runs,
+        });
+        FrameMask {
+            runs,
+            origin: MaskOrigin::Anchor,
+            stale: false,
+            confidence: BTreeMap::new(),
+        }
     }
 
     #[test]
@@ -72,10 +92,22 @@ mod tests {
         project.masks.insert(4, mask(&[2]));
         presence.update(&project);
         assert_eq!(presence.on_frame(0), [LabelId(1), LabelId(2)]);
-        assert_eq!((presence.frames_with(LabelId(2)), presence.frames_with(LabelId(1))), (2, 1));
+        assert_eq!(
+            (
+                presence.frames_with(LabelId(2)),
+                presence.frames_with(LabelId(1))
+            ),
+            (2, 1)
+        );
         project.masks.insert(4, mask(&[1]));
         project.masks.remove(&0);
         presence.update(&project);
-        assert_eq!((presence.frames_with(LabelId(2)), presence.frames_with(LabelId(1))), (0, 1));
+        assert_eq!(
+            (
+                presence.frames_with(LabelId(2)),
+                presence.frames_with(LabelId(1))
+            ),
+            (0, 1)
+        );
     }
 }

@@ -20,18 +20,39 @@ pub(super) fn is_range_change(action: Action) -> bool {
 }
 
 /// What an action that changes a label over frames asks for; `None` where it would change nothing.
-pub(super) fn range_request(action: Action, look: &Look<'_>, view: &ViewState) -> Option<RangeRequest> {
+pub(super) fn range_request(
+    action: Action,
+    look: &Look<'_>,
+    view: &ViewState,
+) -> Option<RangeRequest> {
     let (project, label) = (look.project, view.label?);
     let meant = view.frames_meant();
     let marks = project.marks_of(label);
-    let all = |set: &ostra_frames::FrameSet| set.range_of(meant.0).is_some_and(|range| range.contains(&meant.1));
+    let all = |set: &ostra_frames::FrameSet| {
+        set.range_of(meant.0)
+            .is_some_and(|range| range.contains(&meant.1))
+    };
     let (change, (from, to)) = match action {
         Action::DeleteRange => (RangeChange::Delete, meant),
         Action::RestoreRange => (RangeChange::Restore, meant),
         Action::AppearsHere => (RangeChange::Delete, before_appearing(project, view, label)?),
         Action::GoneFromHere => (RangeChange::Delete, after_going(project, view, label)?),
-        Action::LockRange => (if all(&marks.locked) { RangeChange::Unlock } else { RangeChange::Lock }, meant),
-        Action::HideRange => (if all(&marks.hidden) { RangeChange::Show } else { RangeChange::Hide }, meant),
+        Action::LockRange => (
+            if all(&marks.locked) {
+                RangeChange::Unlock
+            } else {
+                RangeChange::Lock
+            },
+            meant,
+        ),
+        Action::HideRange => (
+            if all(&marks.hidden) {
+                RangeChange::Show
+            } else {
+                RangeChange::Hide
+            },
+            meant,
+        ),
         Action::InterpolateRange => (RangeChange::Interpolate, between_anchors(project, view)?),
         Action::PasteMask => {
             let (copied, frame) = view.copied?;
@@ -46,7 +67,13 @@ pub(super) fn range_request(action: Action, look: &Look<'_>, view: &ViewState) -
         }
         _ => return None,
     };
-    Some(RangeRequest { labels: vec![label], from, to, change, replace: view.track.replace })
+    Some(RangeRequest {
+        labels: vec![label],
+        from,
+        to,
+        change,
+        replace: view.track.replace,
+    })
 }
 
 /// Sets or drops an end of the range; the other end stays, or is the shown frame.
@@ -64,7 +91,11 @@ pub(super) fn set_range(action: Action, view: &mut ViewState) {
 pub(super) fn split_at(look: &Look<'_>, view: &ViewState) -> Option<glam::DVec2> {
     let at_px = view.pointer_px?;
     let mask = look.project.masks.get(&view.frame)?;
-    Click { at_px, include: true }.pixel_in(mask.runs.width, mask.runs.height)?;
+    Click {
+        at_px,
+        include: true,
+    }
+    .pixel_in(mask.runs.width, mask.runs.height)?;
     (super::canvas::id_at(&mask.runs, at_px) == view.label?).then_some(at_px)
 }
 
@@ -72,12 +103,23 @@ pub(super) fn split_at(look: &Look<'_>, view: &ViewState) -> Option<glam::DVec2>
 /// is less sure than asked for, or one that was on the frame before is no longer there.
 pub(super) fn next_doubtful(look: &Look<'_>, view: &ViewState) -> Option<usize> {
     let count = look.project.frames.len();
-    (1..=count).map(|step| (view.frame + step) % count).find(|&frame| is_doubtful(look.project, view, frame))
+    (1..=count)
+        .map(|step| (view.frame + step) % count)
+        .find(|&frame| is_doubtful(look.project, view, frame))
 }
 
 fn is_doubtful(project: &Project, view: &ViewState, frame: usize) -> bool {
-    let Some(mask) = project.masks.get(&frame).filter(|mask| mask.origin == MaskOrigin::Tracked) else { return false };
-    let unsure = mask.confidence.values().any(|&sure| sure < view.prefs.doubt_below);
+    let Some(mask) = project
+        .masks
+        .get(&frame)
+        .filter(|mask| mask.origin == MaskOrigin::Tracked)
+    else {
+        return false;
+    };
+    let unsure = mask
+        .confidence
+        .values()
+        .any(|&sure| sure < view.prefs.doubt_below);
     mask.stale || unsure || lost_on(project, view, frame).next().is_some()
 }
 
@@ -87,10 +129,17 @@ pub(super) fn lost_on<'a>(
     view: &'a ViewState,
     frame: usize,
 ) -> impl Iterator<Item = LabelId> + 'a {
-    let is_tracked = project.masks.get(&frame).is_some_and(|mask| mask.origin == MaskOrigin::Tracked);
-    let before = frame.checked_sub(1).filter(|_| is_tracked).map_or(&[][..], |before| view.presence.on_frame(before));
+    let is_tracked = project
+        .masks
+        .get(&frame)
+        .is_some_and(|mask| mask.origin == MaskOrigin::Tracked);
+    let before = frame
+        .checked_sub(1)
+        .filter(|_| is_tracked)
+        .map_or(&[][..], |before| view.presence.on_frame(before));
     let now = view.presence.on_frame(frame);
-    let is_lost = move |label: &LabelId| !now.contains(label) && !project.absent_on(frame).contains(label);
+    let is_lost =
+        move |label: &LabelId| !now.contains(label) && !project.absent_on(frame).contains(label);
     before.iter().copied().filter(is_lost)
 }
 
@@ -101,7 +150,9 @@ fn shows(view: &ViewState, frame: usize, mask: &FrameMask, label: LabelId) -> bo
 /// From the frame after the last anchor that shows the label to the one before the shown frame.
 fn before_appearing(project: &Project, view: &ViewState, label: LabelId) -> Option<(usize, usize)> {
     let mut before = project.masks.range(..view.frame).rev();
-    let anchor = before.find(|&(&frame, mask)| shows(view, frame, mask, label)).map(|(&anchor, _)| anchor);
+    let anchor = before
+        .find(|&(&frame, mask)| shows(view, frame, mask, label))
+        .map(|(&anchor, _)| anchor);
     let first = anchor.map_or(0, |anchor| anchor + 1);
     (first < view.frame).then(|| (first, view.frame - 1))
 }
@@ -109,7 +160,9 @@ fn before_appearing(project: &Project, view: &ViewState, label: LabelId) -> Opti
 /// From the shown frame to the one before the next anchor that shows the label.
 fn after_going(project: &Project, view: &ViewState, label: LabelId) -> Option<(usize, usize)> {
     let mut after = project.masks.range(view.frame + 1..);
-    let anchor = after.find(|&(&frame, mask)| shows(view, frame, mask, label)).map(|(&anchor, _)| anchor);
+    let anchor = after
+        .find(|&(&frame, mask)| shows(view, frame, mask, label))
+        .map(|(&anchor, _)| anchor);
     let last = anchor.unwrap_or(project.frames.len()).checked_sub(1)?;
     (view.frame <= last).then_some((view.frame, last))
 }
@@ -119,7 +172,10 @@ fn between_anchors(project: &Project, view: &ViewState) -> Option<(usize, usize)
     if view.range.is_some() {
         return view.range.filter(|(from, to)| to - from > 1);
     }
-    let is_anchor = project.masks.get(&view.frame).is_some_and(|mask| mask.origin == MaskOrigin::Anchor);
+    let is_anchor = project
+        .masks
+        .get(&view.frame)
+        .is_some_and(|mask| mask.origin == MaskOrigin::Anchor);
     let (before, after) = project.neighbour_anchors(view.frame);
     let from = if is_anchor { Some(view.frame) } else { before };
     from.zip(after).filter(|(from, to)| to - from > 1)

@@ -16,7 +16,9 @@ impl Rest {
     /// Follows the pointer; where it rests, once it does so for long enough. Until then the window is drawn again in time.
     pub(super) fn follow(rest: &mut Option<Self>, ui: &Ui, at: Pos2) -> Option<Pos2> {
         let now = ui.input(|input| input.time);
-        let same = rest.filter(|rest| rest.at.distance(at) < STILL).unwrap_or(Self { at, since_s: now });
+        let same = rest
+            .filter(|rest| rest.at.distance(at) < STILL)
+            .unwrap_or(Self { at, since_s: now });
         *rest = Some(same);
         let left_s = same.since_s + REST_S - now;
         if left_s > 0.0 {

@@ -73,7 +73,8 @@ impl SceneLook {
     /// The label that a point with this one is shown as.
     #[must_use]
     pub fn shown_as(&self, tree: &LabelTree, label: LabelId) -> LabelId {
-        self.level.map_or(label, |level| tree.at_level(label, level))
+        self.level
+            .map_or(label, |level| tree.at_level(label, level))
     }
 }
 
@@ -99,13 +100,20 @@ pub struct Slice {
 
 impl Default for ClipSides {
     fn default() -> Self {
-        Self { sides: [[0.0, 1.0]; 3], slice: None }
+        Self {
+            sides: [[0.0, 1.0]; 3],
+            slice: None,
+        }
     }
 }
 
 impl Default for Slice {
     fn default() -> Self {
-        Self { axis: 1, at: 0.5, thickness: 0.1 }
+        Self {
+            axis: 1,
+            at: 0.5,
+            thickness: 0.1,
+        }
     }
 }
 
@@ -121,17 +129,38 @@ impl ClipSides {
         }
         let size = extent.max - extent.min;
         let side = |axis: usize, share: f32| extent.min[axis] + size[axis] * share;
-        let (mut min, mut max) =
-            (extent.min - size.max_element() * Self::FAR, extent.max + size.max_element() * Self::FAR);
+        let (mut min, mut max) = (
+            extent.min - size.max_element() * Self::FAR,
+            extent.max + size.max_element() * Self::FAR,
+        );
         for (axis, [low, high]) in self.sides.into_iter().enumerate() {
-            min[axis] = if low > 0.0 { side(axis, low) } else { min[axis] };
-            max[axis] = if high < 1.0 { side(axis, high) } else { max[axis] };
+            min[axis] = if low > 0.0 {
+                side(axis, low)
+            } else {
+                min[axis]
+            };
+            max[axis] = if high < 1.0 {
+                side(axis, high)
+            } else {
+                max[axis]
+            };
         }
-        if let Some(Slice { axis, at, thickness }) = self.slice {
+        if let Some(Slice {
+            axis,
+            at,
+            thickness,
+        }) = self.slice
+        {
             min[axis] = min[axis].max(side(axis, at - thickness / 2.0));
             max[axis] = max[axis].min(side(axis, at + thickness / 2.0));
         }
-        Clip::inside(axes, &Bounds { min, max: max.max(min + Vec3::splat(f32::MIN_POSITIVE)) })
+        Clip::inside(
+            axes,
+            &Bounds {
+                min,
+                max: max.max(min + Vec3::splat(f32::MIN_POSITIVE)),
+            },
+        )
     }
 }
 
@@ -142,16 +171,31 @@ mod tests {
     #[test]
     fn sides_limit_only_where_they_were_moved_and_a_slice_limits_more() {
         let axes = Axes::new(Vec3::Y, Vec3::NEG_Z);
-        let extent = Bounds { min: Vec3::ZERO, max: Vec3::new(2.0, 10.0, 4.0) };
+        let extent = Bounds {
+            min: Vec3::ZERO,
+            max: Vec3::new(2.0, 10.0, 4.0),
+        };
         let mut sides = ClipSides::default();
         let holds = |sides: &ClipSides, along: Vec3| {
-            sides.clip(&axes, &extent).contains(axes.right * along.x + axes.up * along.y + axes.forward * along.z)
+            sides
+                .clip(&axes, &extent)
+                .contains(axes.right * along.x + axes.up * along.y + axes.forward * along.z)
         };
         assert!(holds(&sides, Vec3::splat(1e6)));
         sides.sides[1] = [0.0, 0.5];
-        assert!(holds(&sides, Vec3::new(-50.0, 4.9, 50.0)) && !holds(&sides, Vec3::new(1.0, 5.1, 1.0)));
-        sides.slice = Some(Slice { axis: 1, at: 0.3, thickness: 0.2 });
-        assert!(holds(&sides, Vec3::Y * 3.9) && !holds(&sides, Vec3::Y * 4.1) && !holds(&sides, Vec3::Y * 1.9));
+        assert!(
+            holds(&sides, Vec3::new(-50.0, 4.9, 50.0)) && !holds(&sides, Vec3::new(1.0, 5.1, 1.0))
+        );
+        sides.slice = Some(Slice {
+            axis: 1,
+            at: 0.3,
+            thickness: 0.2,
+        });
+        assert!(
+            holds(&sides, Vec3::Y * 3.9)
+                && !holds(&sides, Vec3::Y * 4.1)
+                && !holds(&sides, Vec3::Y * 1.9)
+        );
     }
 
     #[test]

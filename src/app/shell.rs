@@ -2,14 +2,15 @@ use egui::{CentralPanel, Context, Event, Frame, Key, Margin, Panel, ScrollArea, 
 
 use super::canvas::picture_pane_ui;
 use super::dialogs::{
-    export_ui, into_ui, models_ui, new_project_ui, palette_ui, path_ui, picture_ui, relocate_ui, sheet_ui, take_picked,
+    export_ui, into_ui, models_ui, new_project_ui, palette_ui, path_ui, picture_ui, relocate_ui,
+    sheet_ui, take_picked,
 };
 use super::menu::menu_bar_ui;
 use super::notices::notices_ui;
 use super::panels::{
-    HEAT_HEIGHT, ScenePane, cloud_labels_ui, doubt_ui, filmstrip_ui, fuse_ui, heat_ui, instances_ui, jobs_ui,
-    labels_ui, matches_ui, measures_ui, reconstruct_ui, results_ui, segmenter_ui, status_ui, suggestions_ui,
-    timeline_ui, track_ui, welcome_ui, words_ui,
+    HEAT_HEIGHT, ScenePane, cloud_labels_ui, doubt_ui, filmstrip_ui, fuse_ui, heat_ui,
+    instances_ui, jobs_ui, labels_ui, matches_ui, measures_ui, reconstruct_ui, results_ui,
+    segmenter_ui, status_ui, suggestions_ui, timeline_ui, track_ui, welcome_ui, words_ui,
 };
 use super::perform::perform;
 use super::textures::Textures;
@@ -32,8 +33,17 @@ impl Shell {
     /// A shell with the taste of last time; without a GPU the 3-D view says that it needs one.
     #[must_use]
     pub fn new(prefs: Prefs, gpu: Option<&egui_wgpu::RenderState>) -> Self {
-        let (view, textures, scene) = (ViewState::new(prefs), Textures::default(), ScenePane::new(gpu));
-        Self { view, textures, scene, took_keys: false }
+        let (view, textures, scene) = (
+            ViewState::new(prefs),
+            Textures::default(),
+            ScenePane::new(gpu),
+        );
+        Self {
+            view,
+            textures,
+            scene,
+            took_keys: false,
+        }
     }
 
     /// Forgets what belongs to the project that was open.
@@ -67,12 +77,15 @@ impl Shell {
         if look.has_frames() {
             self.side_panels_ui(ui, look, &mut out, &mut wishes);
         } else if look.inspected.is_some() {
-            side_panel(Panel::left("labels"), 256.0).show(ui, |ui| cloud_labels_ui(ui, look, &mut self.view));
+            side_panel(Panel::left("labels"), 256.0)
+                .show(ui, |ui| cloud_labels_ui(ui, look, &mut self.view));
         }
         let fill = ui.visuals().panel_fill;
-        CentralPanel::default().frame(Frame::new().fill(fill)).show(ui, |ui| {
-            self.panes_ui(ui, look, &mut out, &mut wishes);
-        });
+        CentralPanel::default()
+            .frame(Frame::new().fill(fill))
+            .show(ui, |ui| {
+                self.panes_ui(ui, look, &mut out, &mut wishes);
+            });
         self.dialogs_ui(ui, look, &mut out, &mut wishes);
         if self.view.matches.open && look.has_frames() {
             matches_ui(ui, look, &mut self.view, &mut self.textures);
@@ -92,29 +105,57 @@ impl Shell {
     }
 
     /// Menu bar at the top, status line and filmstrip at the bottom.
-    fn bars_ui(&mut self, ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>, wishes: &mut Vec<Action>) {
-        let bar = Frame::new().fill(ui.visuals().panel_fill).inner_margin(Margin::symmetric(8, 3));
-        Panel::top("menu").frame(bar).show(ui, |ui| menu_bar_ui(ui, look, &self.view, out, wishes));
-        Panel::bottom("status").frame(bar).show(ui, |ui| status_ui(ui, look, &self.view, wishes));
+    fn bars_ui(
+        &mut self,
+        ui: &mut Ui,
+        look: &Look<'_>,
+        out: &mut Vec<Command>,
+        wishes: &mut Vec<Action>,
+    ) {
+        let bar = Frame::new()
+            .fill(ui.visuals().panel_fill)
+            .inner_margin(Margin::symmetric(8, 3));
+        Panel::top("menu")
+            .frame(bar)
+            .show(ui, |ui| menu_bar_ui(ui, look, &self.view, out, wishes));
+        Panel::bottom("status")
+            .frame(bar)
+            .show(ui, |ui| status_ui(ui, look, &self.view, wishes));
         if look.has_frames() {
-            let strip = Frame::new().fill(ui.visuals().panel_fill).inner_margin(Margin {
-                left: 8,
-                right: 8,
-                top: 6,
-                bottom: 2,
-            });
-            Panel::bottom("filmstrip").resizable(false).exact_size(118.0 + HEAT_HEIGHT).frame(strip).show(ui, |ui| {
-                heat_ui(ui, look, &mut self.view);
-                filmstrip_ui(ui, look, &mut self.view, &mut self.textures);
-            });
+            let strip = Frame::new()
+                .fill(ui.visuals().panel_fill)
+                .inner_margin(Margin {
+                    left: 8,
+                    right: 8,
+                    top: 6,
+                    bottom: 2,
+                });
+            Panel::bottom("filmstrip")
+                .resizable(false)
+                .exact_size(118.0 + HEAT_HEIGHT)
+                .frame(strip)
+                .show(ui, |ui| {
+                    heat_ui(ui, look, &mut self.view);
+                    filmstrip_ui(ui, look, &mut self.view, &mut self.textures);
+                });
             if self.view.prefs.timeline && look.project.labels.iter().next().is_some() {
-                let grid = Panel::bottom("timeline").resizable(true).default_size(112.0).size_range(64.0..=400.0);
-                grid.frame(strip).show(ui, |ui| timeline_ui(ui, look, &mut self.view, wishes));
+                let grid = Panel::bottom("timeline")
+                    .resizable(true)
+                    .default_size(112.0)
+                    .size_range(64.0..=400.0);
+                grid.frame(strip)
+                    .show(ui, |ui| timeline_ui(ui, look, &mut self.view, wishes));
             }
         }
     }
 
-    fn side_panels_ui(&mut self, ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>, wishes: &mut Vec<Action>) {
+    fn side_panels_ui(
+        &mut self,
+        ui: &mut Ui,
+        look: &Look<'_>,
+        out: &mut Vec<Command>,
+        wishes: &mut Vec<Action>,
+    ) {
         let view = &mut self.view;
         side_panel(Panel::left("labels"), 256.0).show(ui, |ui| {
             scrolled(ui, "left", |ui| {
@@ -136,7 +177,9 @@ impl Shell {
                 section(ui, "Suggestions", !look.suggestions.is_empty(), |ui| {
                     suggestions_ui(ui, look, view, out, wishes);
                 });
-                section(ui, "Reconstruct", true, |ui| reconstruct_ui(ui, look, view, wishes));
+                section(ui, "Reconstruct", true, |ui| {
+                    reconstruct_ui(ui, look, view, wishes)
+                });
                 section(ui, "Fuse", true, |ui| fuse_ui(ui, look, view, wishes));
                 section(ui, "Results", false, |ui| results_ui(ui, look));
                 if look.slow_jobs().next().is_some() {
@@ -147,17 +190,33 @@ impl Shell {
     }
 
     /// Picture and 3-D view, or what to do first.
-    fn panes_ui(&mut self, ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>, wishes: &mut Vec<Action>) {
-        let has_scene =
-            look.points().is_some() || look.project.frames.iter().any(|frame| frame.posed_camera().is_some());
+    fn panes_ui(
+        &mut self,
+        ui: &mut Ui,
+        look: &Look<'_>,
+        out: &mut Vec<Command>,
+        wishes: &mut Vec<Action>,
+    ) {
+        let has_scene = look.points().is_some()
+            || look
+                .project
+                .frames
+                .iter()
+                .any(|frame| frame.posed_camera().is_some());
         match (look.has_frames(), look.inspected.is_some()) {
             (false, false) => return welcome_ui(ui, look, &self.view, out, wishes),
-            (false, true) => return self.scene.ui(ui, look, &mut self.view, &mut self.textures, wishes),
+            (false, true) => {
+                return self
+                    .scene
+                    .ui(ui, look, &mut self.view, &mut self.textures, wishes);
+            }
             (true, _) => {}
         }
         let panes = self.view.prefs.panes;
         if panes == Panes::Scene {
-            return self.scene.ui(ui, look, &mut self.view, &mut self.textures, wishes);
+            return self
+                .scene
+                .ui(ui, look, &mut self.view, &mut self.textures, wishes);
         }
         if panes == Panes::Both && has_scene {
             let half = ui.available_width() * 0.46;
@@ -167,15 +226,26 @@ impl Shell {
                 .default_size(half)
                 .size_range(220.0..=half * 1.8)
                 .frame(frame)
-                .show(ui, |ui| self.scene.ui(ui, look, &mut self.view, &mut self.textures, wishes));
+                .show(ui, |ui| {
+                    self.scene
+                        .ui(ui, look, &mut self.view, &mut self.textures, wishes)
+                });
         }
         picture_pane_ui(ui, look, &mut self.view, &mut self.textures, out, wishes);
     }
 
-    fn dialogs_ui(&mut self, ui: &Ui, look: &Look<'_>, out: &mut Vec<Command>, wishes: &mut Vec<Action>) {
+    fn dialogs_ui(
+        &mut self,
+        ui: &Ui,
+        look: &Look<'_>,
+        out: &mut Vec<Command>,
+        wishes: &mut Vec<Action>,
+    ) {
         let view = &mut self.view;
         match view.dialog {
-            Some(dialog @ (Dialog::NewProject | Dialog::AddFrames)) => new_project_ui(ui, view, dialog, out),
+            Some(dialog @ (Dialog::NewProject | Dialog::AddFrames)) => {
+                new_project_ui(ui, view, dialog, out)
+            }
             Some(Dialog::Relocate) => relocate_ui(ui, view, out),
             Some(Dialog::Export) => export_ui(ui, look, view, out),
             Some(Dialog::Picture) => picture_ui(ui, view),
@@ -195,8 +265,22 @@ fn pressed(ctx: &Context, view: &ViewState, took_keys: bool) -> Vec<Action> {
     if view.dialog.is_some() || takes_keys(ctx) {
         return Vec::new();
     }
-    let is_taken = |event: &Event| took_keys && matches!(event, Event::Key { key: Key::Escape, .. });
-    let action = |event: &Event| view.prefs.shortcuts.action_for(event).filter(|_| !is_taken(event));
+    let is_taken = |event: &Event| {
+        took_keys
+            && matches!(
+                event,
+                Event::Key {
+                    key: Key::Escape,
+                    ..
+                }
+            )
+    };
+    let action = |event: &Event| {
+        view.prefs
+            .shortcuts
+            .action_for(event)
+            .filter(|_| !is_taken(event))
+    };
     ctx.input(|input| input.events.iter().filter_map(action).collect())
 }
 
@@ -206,22 +290,36 @@ fn takes_keys(ctx: &Context) -> bool {
 }
 
 fn side_panel(panel: Panel, size: f32) -> Panel {
-    panel.resizable(true).default_size(size).size_range(180.0..=460.0)
+    panel
+        .resizable(true)
+        .default_size(size)
+        .size_range(180.0..=460.0)
 }
 
 fn scrolled(ui: &mut Ui, salt: &str, content: impl FnOnce(&mut Ui)) {
-    ScrollArea::vertical().id_salt(salt).auto_shrink([false, false]).show(ui, content);
+    ScrollArea::vertical()
+        .id_salt(salt)
+        .auto_shrink([false, false])
+        .show(ui, content);
 }
 
 /// A part of a side panel that folds away. Where `open` changes, so does whether it is folded.
 fn section(ui: &mut Ui, title: &str, open: bool, content: impl FnOnce(&mut Ui)) {
     let header = egui::CollapsingHeader::new(egui::RichText::new(title).strong().size(14.0));
-    header.id_salt((title, open)).default_open(open).show_unindented(ui, |ui| {
-        ui.add_space(2.0);
-        content(ui);
-        ui.add_space(6.0);
-    });
+    header
+        .id_salt((title, open))
+        .default_open(open)
+        .show_unindented(ui, |ui| {
+            ui.add_space(2.0);
+            content(ui);
+            ui.add_space(6.0);
+        });
     let line = ui.visuals().widgets.noninteractive.bg_stroke.color;
-    let (rect, _) = ui.allocate_exact_size(egui::vec2(ui.available_width(), 1.0), egui::Sense::hover());
-    ui.painter().hline(rect.x_range(), rect.center().y, Stroke::new(1.0, line.gamma_multiply(0.7)));
+    let (rect, _) =
+        ui.allocate_exact_size(egui::vec2(ui.available_width(), 1.0), egui::Sense::hover());
+    ui.painter().hline(
+        rect.x_range(),
+        rect.center().y,
+        Stroke::new(1.0, line.gamma_multiply(0.7)),
+    );
 }

@@ -17,12 +17,16 @@ impl Shortcuts {
     /// The keys of an action.
     #[must_use]
     pub fn keys(&self, action: Action) -> Option<KeyboardShortcut> {
-        self.changed.get(&action).copied().unwrap_or_else(|| action.default_keys())
+        self.changed
+            .get(&action)
+            .copied()
+            .unwrap_or_else(|| action.default_keys())
     }
 
     /// Gives an action other keys; whichever action had them loses them, and is returned.
     pub fn set(&mut self, action: Action, keys: KeyboardShortcut) -> Option<Action> {
-        let holder = Action::all().find(|&other| other != action && self.keys(other).is_some_and(|k| same(k, keys)));
+        let holder = Action::all()
+            .find(|&other| other != action && self.keys(other).is_some_and(|k| same(k, keys)));
         if let Some(holder) = holder {
             self.changed.insert(holder, None);
         }
@@ -44,9 +48,17 @@ impl Shortcuts {
     /// Pairs of actions that answer to the same keys; empty unless a stored file was edited by hand.
     #[must_use]
     pub fn conflicts(&self) -> Vec<(Action, Action)> {
-        let with_keys: Vec<_> = Action::all().filter_map(|action| Some((action, self.keys(action)?))).collect();
-        let pairs = with_keys.iter().enumerate().flat_map(|(n, a)| with_keys[n + 1..].iter().map(move |b| (a, b)));
-        pairs.filter(|(a, b)| same(a.1, b.1)).map(|(a, b)| (a.0, b.0)).collect()
+        let with_keys: Vec<_> = Action::all()
+            .filter_map(|action| Some((action, self.keys(action)?)))
+            .collect();
+        let pairs = with_keys
+            .iter()
+            .enumerate()
+            .flat_map(|(n, a)| with_keys[n + 1..].iter().map(move |b| (a, b)));
+        pairs
+            .filter(|(a, b)| same(a.1, b.1))
+            .map(|(a, b)| (a.0, b.0))
+            .collect()
     }
 
     /// The action that a key press asks for.
@@ -68,14 +80,27 @@ impl Shortcuts {
     /// The keys as text; empty without any.
     #[must_use]
     pub fn text(&self, ctx: &egui::Context, action: Action) -> String {
-        self.keys(action).map_or_else(String::new, |keys| written(ctx, keys))
+        self.keys(action)
+            .map_or_else(String::new, |keys| written(ctx, keys))
     }
 }
 
 /// The keys of a press that is no repeat, except for moving through frames.
 pub(super) fn pressed_keys(event: &Event) -> Option<KeyboardShortcut> {
-    let Event::Key { key, pressed: true, repeat, modifiers, .. } = event else { return None };
-    let repeatable = matches!(key, Key::ArrowLeft | Key::ArrowRight | Key::OpenBracket | Key::CloseBracket | Key::Z);
+    let Event::Key {
+        key,
+        pressed: true,
+        repeat,
+        modifiers,
+        ..
+    } = event
+    else {
+        return None;
+    };
+    let repeatable = matches!(
+        key,
+        Key::ArrowLeft | Key::ArrowRight | Key::OpenBracket | Key::CloseBracket | Key::Z
+    );
     (!repeat || repeatable).then_some(KeyboardShortcut::new(*modifiers, *key))
 }
 
@@ -88,13 +113,17 @@ fn written(ctx: &egui::Context, keys: KeyboardShortcut) -> String {
         Key::Escape => "Esc",
         _ => return ctx.format_shortcut(&keys),
     };
-    ctx.format_shortcut(&keys).replace(keys.logical_key.name(), sign)
+    ctx.format_shortcut(&keys)
+        .replace(keys.logical_key.name(), sign)
 }
 
 /// Whether two shortcuts are the same keys. A sign that needs Shift on some keyboards (`?`) is the same with and
 /// without it; Ctrl and the Mac's Command key count as one.
 fn same(a: KeyboardShortcut, b: KeyboardShortcut) -> bool {
-    let shift_matters = !matches!(a.logical_key, Key::Questionmark | Key::Plus | Key::Colon | Key::Exclamationmark);
+    let shift_matters = !matches!(
+        a.logical_key,
+        Key::Questionmark | Key::Plus | Key::Colon | Key::Exclamationmark
+    );
     let ctrl = |m: Modifiers| m.ctrl || m.command || m.mac_cmd;
     a.logical_key == b.logical_key
         && a.modifiers.alt == b.modifiers.alt
@@ -107,7 +136,13 @@ mod tests {
     use super::*;
 
     fn press(key: Key, modifiers: Modifiers) -> Event {
-        Event::Key { key, physical_key: None, pressed: true, repeat: false, modifiers }
+        Event::Key {
+            key,
+            physical_key: None,
+            pressed: true,
+            repeat: false,
+            modifiers,
+        }
     }
 
     #[test]
@@ -118,12 +153,31 @@ mod tests {
     #[test]
     fn modifiers_tell_actions_apart() {
         let shortcuts = Shortcuts::default();
-        let ctrl = Modifiers { ctrl: true, command: true, ..Modifiers::NONE };
-        assert_eq!(shortcuts.action_for(&press(Key::Z, ctrl)), Some(Action::Undo));
-        assert_eq!(shortcuts.action_for(&press(Key::Z, ctrl | Modifiers::SHIFT)), Some(Action::Redo));
-        assert_eq!(shortcuts.action_for(&press(Key::ArrowLeft, Modifiers::SHIFT)), Some(Action::Back10));
-        assert_eq!(shortcuts.action_for(&press(Key::Questionmark, Modifiers::SHIFT)), Some(Action::ShortcutSheet));
-        assert_eq!(shortcuts.action_for(&press(Key::F24, Modifiers::NONE)), None);
+        let ctrl = Modifiers {
+            ctrl: true,
+            command: true,
+            ..Modifiers::NONE
+        };
+        assert_eq!(
+            shortcuts.action_for(&press(Key::Z, ctrl)),
+            Some(Action::Undo)
+        );
+        assert_eq!(
+            shortcuts.action_for(&press(Key::Z, ctrl | Modifiers::SHIFT)),
+            Some(Action::Redo)
+        );
+        assert_eq!(
+            shortcuts.action_for(&press(Key::ArrowLeft, Modifiers::SHIFT)),
+            Some(Action::Back10)
+        );
+        assert_eq!(
+            shortcuts.action_for(&press(Key::Questionmark, Modifiers::SHIFT)),
+            Some(Action::ShortcutSheet)
+        );
+        assert_eq!(
+            shortcuts.action_for(&press(Key::F24, Modifiers::NONE)),
+            None
+        );
     }
 
     #[test]

@@ -76,8 +76,17 @@ impl Textures {
     }
 
     /// The texture of what a click would give: lightly over everything.
-    pub fn hovered(&mut self, ctx: &Context, runs: &Arc<RunMask>, tree: &LabelTree) -> TextureHandle {
-        let style = OverlayStyle { opacity: HOVER_OPACITY, outlines: true, hidden: BTreeSet::new() };
+    pub fn hovered(
+        &mut self,
+        ctx: &Context,
+        runs: &Arc<RunMask>,
+        tree: &LabelTree,
+    ) -> TextureHandle {
+        let style = OverlayStyle {
+            opacity: HOVER_OPACITY,
+            outlines: true,
+            hidden: BTreeSet::new(),
+        };
         mask_texture(&mut self.hovered, ctx, runs, tree, &style)
     }
 
@@ -107,14 +116,25 @@ impl Textures {
         }
         let pixels = fitted(ctx, image.width, image.height, |i| opaque(image.pixels[i]));
         let texture = ctx.load_texture("thumbnail", pixels, TextureOptions::LINEAR);
-        self.thumbnails.insert(frame, Thumbnail { image: Arc::clone(image), texture: texture.clone(), seen: clock });
+        self.thumbnails.insert(
+            frame,
+            Thumbnail {
+                image: Arc::clone(image),
+                texture: texture.clone(),
+                seen: clock,
+            },
+        );
         self.drop_oldest_thumbnail();
         texture
     }
 
     fn drop_oldest_thumbnail(&mut self) {
         if self.thumbnails.len() > THUMBNAILS_KEPT
-            && let Some(oldest) = self.thumbnails.iter().min_by_key(|(_, kept)| kept.seen).map(|(&frame, _)| frame)
+            && let Some(oldest) = self
+                .thumbnails
+                .iter()
+                .min_by_key(|(_, kept)| kept.seen)
+                .map(|(&frame, _)| frame)
         {
             self.thumbnails.remove(&oldest);
         }
@@ -153,7 +173,12 @@ fn mask_texture(
     let image = fitted(ctx, runs.width, runs.height, |i| straight(pixels[i]));
     let texture = ctx.load_texture("mask", image, PIXELS);
     let (tree, style) = (tree.clone(), style.clone());
-    *kept = Some(MaskTexture { runs: Arc::clone(runs), tree, style, texture: texture.clone() });
+    *kept = Some(MaskTexture {
+        runs: Arc::clone(runs),
+        tree,
+        style,
+        texture: texture.clone(),
+    });
     texture
 }
 

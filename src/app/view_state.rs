@@ -5,9 +5,12 @@ use serde::{Deserialize, Serialize};
 
 use super::canvas::{Draft, Tool, ZoomState};
 use super::dialogs::{
-    ExportForm, ModelsForm, NewProjectForm, PathPicker, PictureForm, PictureWish, RelocateForm, SheetState,
+    ExportForm, ModelsForm, NewProjectForm, PathPicker, PictureForm, PictureWish, RelocateForm,
+    SheetState,
 };
-use super::panels::{Asked, LabelEditing, MatchView, MeasureView, PointCounts, Ruler, SceneSelect, Words};
+use super::panels::{
+    Asked, LabelEditing, MatchView, MeasureView, PointCounts, Ruler, SceneSelect, Words,
+};
 use super::presence::Presence;
 use super::rest::Rest;
 use super::{Look, Notices, Prefs, SceneLook};
@@ -296,8 +299,16 @@ impl ViewState {
     pub fn project_changed(&mut self) {
         let notices = std::mem::take(&mut self.notices);
         let kept = std::mem::take(&mut self.prefs);
-        let (new_project, picker) = (std::mem::take(&mut self.new_project), std::mem::take(&mut self.picker));
-        *self = Self { notices, new_project, picker, ..Self::new(kept) };
+        let (new_project, picker) = (
+            std::mem::take(&mut self.new_project),
+            std::mem::take(&mut self.picker),
+        );
+        *self = Self {
+            notices,
+            new_project,
+            picker,
+            ..Self::new(kept)
+        };
     }
 
     /// Brings frame and label back into what the project has.
@@ -306,8 +317,13 @@ impl ViewState {
         self.frame = self.frame.min(last);
         self.measures.keep_valid(look);
         self.range = self.range.filter(|&(_, to)| to <= last);
-        self.copied = self.copied.filter(|(label, _)| look.project.labels.get(*label).is_some());
-        if self.label.is_none_or(|label| look.project.labels.get(label).is_none()) {
+        self.copied = self
+            .copied
+            .filter(|(label, _)| look.project.labels.get(*label).is_some());
+        if self
+            .label
+            .is_none_or(|label| look.project.labels.get(label).is_none())
+        {
             self.label = look.project.labels.iter().next().map(|label| label.id);
         }
     }
@@ -327,7 +343,11 @@ impl ViewState {
     #[must_use]
     pub fn retracking(&self, look: &Look<'_>) -> Option<TrackSettings> {
         let labels = vec![self.label?];
-        let settings = TrackSettings { labels, direction: Direction::Both, ..self.track.clone() };
+        let settings = TrackSettings {
+            labels,
+            direction: Direction::Both,
+            ..self.track.clone()
+        };
         settings.around(look.project, self.frame).ok()
     }
 
@@ -360,7 +380,10 @@ pub(super) fn typed_path(text: &str) -> Option<PathBuf> {
     if text.is_empty() {
         return None;
     }
-    match text.strip_prefix("~/").and_then(|rest| Some(dirs::home_dir()?.join(rest))) {
+    match text
+        .strip_prefix("~/")
+        .and_then(|rest| Some(dirs::home_dir()?.join(rest)))
+    {
         Some(path) => Some(path),
         None => Some(PathBuf::from(text)),
     }

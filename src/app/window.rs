@@ -27,10 +27,20 @@ pub fn run(path: Option<PathBuf>) -> Result<()> {
         .with_app_id("ostra")
         .with_inner_size([1440.0, 900.0])
         .with_min_inner_size([720.0, 480.0]);
-    let options = eframe::NativeOptions { viewport, ..eframe::NativeOptions::default() };
-    let result = eframe::run_native("ostra", options, Box::new(|cc| Ok(Box::new(Window::new(cc, path)))));
-    result
-        .map_err(|error| anyhow::anyhow!("no window can be opened ({error}); use the command line, see 'ostra --help'"))
+    let options = eframe::NativeOptions {
+        viewport,
+        ..eframe::NativeOptions::default()
+    };
+    let result = eframe::run_native(
+        "ostra",
+        options,
+        Box::new(|cc| Ok(Box::new(Window::new(cc, path)))),
+    );
+    result.map_err(|error| {
+        anyhow::anyhow!(
+            "no window can be opened ({error}); use the command line, see 'ostra --help'"
+        )
+    })
 }
 
 /// The window with the session behind it.
@@ -55,11 +65,18 @@ const PREFS: &str = "prefs";
 impl Window {
     fn new(cc: &eframe::CreationContext<'_>, path: Option<PathBuf>) -> Self {
         set_theme(&cc.egui_ctx);
-        let prefs: Prefs = cc.storage.and_then(|storage| eframe::get_value(storage, PREFS)).unwrap_or_default();
+        let prefs: Prefs = cc
+            .storage
+            .and_then(|storage| eframe::get_value(storage, PREFS))
+            .unwrap_or_default();
         if Provider::chosen() == Provider::default() {
             prefs.provider.choose();
         }
-        let mut window = Self::with(Shell::new(prefs, cc.wgpu_render_state.as_ref()), Recent::load(), &cc.egui_ctx);
+        let mut window = Self::with(
+            Shell::new(prefs, cc.wgpu_render_state.as_ref()),
+            Recent::load(),
+            &cc.egui_ctx,
+        );
         window.begin_with(path);
         window
     }
@@ -121,7 +138,11 @@ impl Window {
             self.estimate = project.estimate(|frame| presence.on_frame(frame).len());
         }
         let view = &self.shell.view;
-        let before = if view.compare { self.session.mask_before(view.frame) } else { None };
+        let before = if view.compare {
+            self.session.mask_before(view.frame)
+        } else {
+            None
+        };
         self.session.follow_masks();
         let doubts = self.session.doubts();
         let look = Look {
@@ -129,9 +150,14 @@ impl Window {
             root: self.session.root(),
             cloud: self.session.cloud(),
             votes: self.session.votes(),
-            proposed: view.instances.and_then(|request| self.session.proposed_instances(request)),
+            proposed: view
+                .instances
+                .and_then(|request| self.session.proposed_instances(request)),
             has_surface: self.session.surface_voxel().is_some(),
-            surface: view.shown.surface().and_then(|surface| self.session.surface(surface)),
+            surface: view
+                .shown
+                .surface()
+                .and_then(|surface| self.session.surface(surface)),
             growing: self.session.growing_cloud(),
             sparse: self.session.sparse(),
             chosen: self.session.selected(),
@@ -150,9 +176,19 @@ impl Window {
             grounding: self.session.grounding(),
             interactions: self.session.interactions(),
             doubts,
-            contradicted: view.shows_contradiction(doubts).then(|| self.session.contradicted(view.frame)).flatten(),
-            traits: view.measures.open.then(|| self.session.traits(view.measures.wish)).flatten(),
-            angles: view.measures.open.then(|| self.session.angles(view.measures.pairs())),
+            contradicted: view
+                .shows_contradiction(doubts)
+                .then(|| self.session.contradicted(view.frame))
+                .flatten(),
+            traits: view
+                .measures
+                .open
+                .then(|| self.session.traits(view.measures.wish))
+                .flatten(),
+            angles: view
+                .measures
+                .open
+                .then(|| self.session.angles(view.measures.pairs())),
             unit: self.session.length_unit(),
             estimate: self.estimate,
         };
@@ -161,7 +197,8 @@ impl Window {
         for command in asked {
             self.act(command);
         }
-        self.session.prepare(self.shell.view.frame, &self.shell.view.segmenter);
+        self.session
+            .prepare(self.shell.view.frame, &self.shell.view.segmenter);
         self.session.hover(self.shell.view.hover_wish.clone());
         self.session.select(&self.shell.view.scene_select.steps);
         if let Some(path) = self.shell.view.recipe_to.take() {
@@ -181,8 +218,14 @@ impl Window {
     /// Carries out a command; what cannot be done is told.
     pub fn act(&mut self, command: Command) {
         let moved = match command {
-            Command::Undo => self.session.undo_title().map(|title| format!("{title}: undone")),
-            Command::Redo => self.session.redo_title().map(|title| format!("{title}: done again")),
+            Command::Undo => self
+                .session
+                .undo_title()
+                .map(|title| format!("{title}: undone")),
+            Command::Redo => self
+                .session
+                .redo_title()
+                .map(|title| format!("{title}: done again")),
             _ => None,
         };
         match (self.session.act(command), moved) {
@@ -213,7 +256,9 @@ impl Window {
                 self.shell.view.draft.forget_sent();
                 self.shell.view.note = format!("{title}: stopped; what was finished is kept");
             }
-            Event::Paused { frame, label, text, .. } => {
+            Event::Paused {
+                frame, label, text, ..
+            } => {
                 if self.shell.view.is_free() {
                     self.shell.view.go_to(frame);
                     self.shell.view.label = Some(label);
@@ -225,7 +270,10 @@ impl Window {
                 self.engines = list_engines();
                 self.models = list_models().unwrap_or_default();
             }
-            Event::Started { .. } | Event::CloudChanged | Event::SparseChanged | Event::DoubtsChanged => {}
+            Event::Started { .. }
+            | Event::CloudChanged
+            | Event::SparseChanged
+            | Event::DoubtsChanged => {}
         }
     }
 
@@ -239,21 +287,38 @@ impl Window {
             self.shell.scale_by(factor);
         }
         let (waker, store) = (ctx.clone(), Arc::clone(self.session.store()));
-        self.layers = Some(layers_of(Arc::clone(frames), store, move || waker.request_repaint()));
+        self.layers = Some(layers_of(Arc::clone(frames), store, move || {
+            waker.request_repaint()
+        }));
         let same = frames.len() == self.pictured.len()
-            && frames.iter().zip(self.pictured.iter()).all(|(a, b)| a.picture == b.picture);
+            && frames
+                .iter()
+                .zip(self.pictured.iter())
+                .all(|(a, b)| a.picture == b.picture);
         if !same {
             let waker = ctx.clone();
             let store = Arc::clone(self.session.store());
-            self.pictures = Some(Pictures::of(Arc::clone(frames), store, move || waker.request_repaint()));
+            self.pictures = Some(Pictures::of(Arc::clone(frames), store, move || {
+                waker.request_repaint()
+            }));
         }
         self.pictured = Arc::clone(frames);
     }
 
     fn window_title(&self) -> String {
-        let open = self.session.root().or(self.session.inspected()).and_then(Path::file_name);
-        let access = if self.session.view_reason().is_some() { " (viewing only)" } else { "" };
-        open.map_or("OSTRA".into(), |name| format!("{}{access} – OSTRA", name.to_string_lossy()))
+        let open = self
+            .session
+            .root()
+            .or(self.session.inspected())
+            .and_then(Path::file_name);
+        let access = if self.session.view_reason().is_some() {
+            " (viewing only)"
+        } else {
+            ""
+        };
+        open.map_or("OSTRA".into(), |name| {
+            format!("{}{access} – OSTRA", name.to_string_lossy())
+        })
     }
 
     /// Draws a picture or film of the 3-D view in the background.
@@ -261,15 +326,28 @@ impl Window {
         let size = wish.size;
         let started = match wish.take {
             Take::Still { transparent } => {
-                let write =
-                    move |path: &Path| Ok(write_png(path, &portrait.draw(size, 0.0, transparent), transparent)?);
-                self.session.write_picture(&wish.path, wish.overwrite, write)
+                let write = move |path: &Path| {
+                    Ok(write_png(
+                        path,
+                        &portrait.draw(size, 0.0, transparent),
+                        transparent,
+                    )?)
+                };
+                self.session
+                    .write_picture(&wish.path, wish.overwrite, write)
             }
             Take::Turntable { count, fps } => {
-                let options = FilmOptions { size, count, fps: f64::from(fps) };
-                self.session.write_film(&wish.path, options, wish.overwrite, move |number| {
-                    portrait.draw(size, TAU * number as f32 / count as f32, false).image
-                })
+                let options = FilmOptions {
+                    size,
+                    count,
+                    fps: f64::from(fps),
+                };
+                self.session
+                    .write_film(&wish.path, options, wish.overwrite, move |number| {
+                        portrait
+                            .draw(size, TAU * number as f32 / count as f32, false)
+                            .image
+                    })
             }
         };
         if let Err(error) = started {
@@ -280,28 +358,41 @@ impl Window {
     fn save_recipe(&mut self, path: &Path) {
         // The dialog that gave the path has asked before it took an existing file.
         let allowed = self.session.check_export(path, true);
-        let written =
-            allowed.and_then(|()| Ok(serde_json::to_string_pretty(self.session.recipe())?)).and_then(|text| {
+        let written = allowed
+            .and_then(|()| Ok(serde_json::to_string_pretty(self.session.recipe())?))
+            .and_then(|text| {
                 let write = || Ok(disk::write(path, text.as_bytes())?);
                 ExportTargets::write_files(&[path.to_owned()], write)
             });
         match written {
             Ok(()) => self.shell.view.note = format!("Recipe written to {}", path.display()),
             Err(error) => {
-                self.fail(format!("{}: the recipe cannot be written ({error}); choose another place", path.display()));
+                self.fail(format!(
+                    "{}: the recipe cannot be written ({error}); choose another place",
+                    path.display()
+                ));
             }
         }
     }
 
     /// Files dropped on the window open as if they were given at the start.
     fn open_dropped(&mut self, ctx: &Context) {
-        let dropped = ctx.input(|input| input.raw.dropped_files.first().map(|file| file.path().to_owned()));
+        let dropped = ctx.input(|input| {
+            input
+                .raw
+                .dropped_files
+                .first()
+                .map(|file| file.path().to_owned())
+        });
         self.begin_with(dropped);
     }
 
     fn begin_with(&mut self, path: Option<PathBuf>) {
         let Some(path) = path else { return };
-        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ply")) {
+        if path
+            .extension()
+            .is_some_and(|ending| ending.eq_ignore_ascii_case("ply"))
+        {
             self.act(Command::Inspect(path));
         } else if path.join("project.toml").is_file() {
             self.act(Command::Open(path));

@@ -28,7 +28,10 @@ pub(super) struct Driver {
 impl Driver {
     /// A session in which nothing is open.
     pub(super) fn new() -> Self {
-        Self { session: Session::new(), lines: ProgressLines::default() }
+        Self {
+            session: Session::new(),
+            lines: ProgressLines::default(),
+        }
     }
 
     /// A session with this project open for changes.
@@ -56,7 +59,10 @@ impl Driver {
 
     /// Carries commands out one after another and saves. By then every step is in the journal: where the rest cannot be
     /// written (a full disk), that is a warning, not a failure.
-    pub(super) fn act_and_save(mut self, commands: impl IntoIterator<Item = Command>) -> Result<()> {
+    pub(super) fn act_and_save(
+        mut self,
+        commands: impl IntoIterator<Item = Command>,
+    ) -> Result<()> {
         for command in commands {
             self.act(command)?;
         }
@@ -70,7 +76,10 @@ impl Driver {
 
     /// The open project.
     pub(super) fn project(&self) -> Result<&Project> {
-        self.session.project().map(AsRef::as_ref).context("no project is open")
+        self.session
+            .project()
+            .map(AsRef::as_ref)
+            .context("no project is open")
     }
 
     /// The open project's labelled cloud.
@@ -78,7 +87,10 @@ impl Driver {
         if self.session.cloud().is_none() {
             self.settle()?;
         }
-        self.session.cloud().cloned().context("the project has no cloud yet; make one with 'ostra fuse'")
+        self.session
+            .cloud()
+            .cloned()
+            .context("the project has no cloud yet; make one with 'ostra fuse'")
     }
 
     /// How the cloud was voted on, once it was loaded.
@@ -110,7 +122,10 @@ impl Driver {
 
     /// What the last search by words found.
     pub(super) fn found(&self) -> Vec<FoundThing> {
-        self.session.grounding().map(|grounding| grounding.things.clone()).unwrap_or_default()
+        self.session
+            .grounding()
+            .map(|grounding| grounding.things.clone())
+            .unwrap_or_default()
     }
 
     /// What the last search for unlabelled things found.
@@ -171,7 +186,11 @@ impl ProgressLines {
         if let Some(job) = jobs.first() {
             self.show(job);
         }
-        if stop::is_requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if stop::is_requested() {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
     }
 
     /// Clears the line.
@@ -183,15 +202,28 @@ impl ProgressLines {
 
     fn show(&mut self, job: &JobView) {
         let report = &job.report;
-        let stage = if report.stage.is_empty() { &job.title } else { &report.stage };
+        let stage = if report.stage.is_empty() {
+            &job.title
+        } else {
+            &report.stage
+        };
         let text = match report.total {
             0 => format!("{stage} …"),
             total => format!("{stage} {}/{total}", report.done),
         };
         let text = printable(&text);
         let terminal = std::io::stderr().is_terminal();
-        let pause = if terminal { Duration::from_millis(90) } else { Duration::from_secs(5) };
-        let due = self.shown.as_ref().map_or(job.elapsed >= pause, |(last, at)| *last != text && at.elapsed() >= pause);
+        let pause = if terminal {
+            Duration::from_millis(90)
+        } else {
+            Duration::from_secs(5)
+        };
+        let due = self
+            .shown
+            .as_ref()
+            .map_or(job.elapsed >= pause, |(last, at)| {
+                *last != text && at.elapsed() >= pause
+            });
         if due {
             if terminal {
                 say_aside(&format!("\r\x1b[2K{text}"));

@@ -5,8 +5,9 @@ use super::drive::ProgressLines;
 use super::eval_args::{Align, EvalArgs, EvalVerb, InteractArgs};
 use super::print::{say, say_json, warn};
 use ostra_eval::evaluate::{
-    CameraScore, CloudEvaluation, InteractOptions, InteractReport, InteractRequest, MaskScore, ScoreOptions,
-    TruthViews, cloud_table, evaluate_cloud, evaluate_interaction, evaluate_masks, score_cameras,
+    CameraScore, CloudEvaluation, InteractOptions, InteractReport, InteractRequest, MaskScore,
+    ScoreOptions, TruthViews, cloud_table, evaluate_cloud, evaluate_interaction, evaluate_masks,
+    score_cameras,
 };
 use ostra_geometry::Alignment;
 
@@ -30,21 +31,39 @@ fn masks(args: &EvalArgs) -> Result<()> {
             ("frames", args.frames.is_some()),
         ],
     )?;
-    let options = ScoreOptions { skip_first: args.skip_first, level: args.level };
+    let options = ScoreOptions {
+        skip_first: args.skip_first,
+        level: args.level,
+    };
     let score = evaluate_masks(&args.truth, &args.result, &options)?;
     warn_all(&score.warnings);
     print(args.json, &score, &mask_table(&score))
 }
 
 fn cloud(args: EvalArgs) -> Result<()> {
-    refuse(&args, &[("align", args.align != Align::None), ("turns", args.turns), ("skip-first", args.skip_first)])?;
+    refuse(
+        &args,
+        &[
+            ("align", args.align != Align::None),
+            ("turns", args.turns),
+            ("skip-first", args.skip_first),
+        ],
+    )?;
     ensure!(
         args.frames.is_none() || args.cameras.is_some() && !args.within.is_empty(),
         "--frames tells what is seen, for the share in depth; give --cameras with --min-views, and --within, too"
     );
     let cameras = args.cameras.zip(args.min_views);
-    let views = cameras.map(|(cameras, min_views)| TruthViews { cameras, min_views, frames: args.frames });
-    let evaluation = CloudEvaluation { within: args.within, level: args.level, views };
+    let views = cameras.map(|(cameras, min_views)| TruthViews {
+        cameras,
+        min_views,
+        frames: args.frames,
+    });
+    let evaluation = CloudEvaluation {
+        within: args.within,
+        level: args.level,
+        views,
+    };
     let (score, warnings) = evaluate_cloud(&args.truth, &args.result, &evaluation)?;
     warn_all(&warnings);
     print(args.json, &score, &cloud_table(&score))
@@ -75,10 +94,28 @@ fn cameras(args: &EvalArgs) -> Result<()> {
 }
 
 fn interact(args: InteractArgs) -> Result<()> {
-    let InteractArgs { frames, truth, tracker, segmenter, jitter, seed, json } = args;
-    let options = InteractOptions { jitter_px: jitter, seed, ..InteractOptions::default() };
+    let InteractArgs {
+        frames,
+        truth,
+        tracker,
+        segmenter,
+        jitter,
+        seed,
+        json,
+    } = args;
+    let options = InteractOptions {
+        jitter_px: jitter,
+        seed,
+        ..InteractOptions::default()
+    };
     let mut lines = ProgressLines::default();
-    let request = InteractRequest { frames, truth, tracker, segmenter, options };
+    let request = InteractRequest {
+        frames,
+        truth,
+        tracker,
+        segmenter,
+        options,
+    };
     let outcome = evaluate_interaction(&request, &mut |jobs| lines.glance(jobs));
     lines.end();
     let (report, warnings) = outcome?;
@@ -90,7 +127,10 @@ fn interact(args: InteractArgs) -> Result<()> {
 fn refuse(args: &EvalArgs, given: &[(&str, bool)]) -> Result<()> {
     match given.iter().find(|(_, given)| *given) {
         Some((option, _)) => {
-            bail!("--{option} means nothing for this score of {}; leave it out", args.result.display())
+            bail!(
+                "--{option} means nothing for this score of {}; leave it out",
+                args.result.display()
+            )
         }
         None => Ok(()),
     }
@@ -113,9 +153,17 @@ fn mask_table(score: &MaskScore) -> String {
     let mut text = format!("{:<24} {:>7} {:>7} {:>7}\n", "label", "J", "F", "J&F");
     for label in &score.labels {
         let name = label.name.clone().unwrap_or_else(|| label.id.0.to_string());
-        text += &format!("{name:<24} {:>7.4} {:>7.4} {:>7.4}\n", label.j, label.f, (label.j + label.f) / 2.0);
+        text += &format!(
+            "{name:<24} {:>7.4} {:>7.4} {:>7.4}\n",
+            label.j,
+            label.f,
+            (label.j + label.f) / 2.0
+        );
     }
-    text + &format!("{:<24} {:>7.4} {:>7.4} {:>7.4}\n{} frames\n", "mean", score.j, score.f, score.jf, score.frames)
+    text + &format!(
+        "{:<24} {:>7.4} {:>7.4} {:>7.4}\n{} frames\n",
+        "mean", score.j, score.f, score.jf, score.frames
+    )
 }
 
 fn camera_table(score: &CameraScore) -> String {
@@ -124,32 +172,64 @@ fn camera_table(score: &CameraScore) -> String {
     if !score.missing.is_empty() {
         text += &format!("missing: {}\n", score.missing.join(", "));
     }
-    text += &format!("{:<12} {:>12} {:>12} {:>12} {:>12}\n", "", "rmse", "mean", "median", "max");
-    let rows =
-        [("centre", &error.centre), ("rotation °", &error.rotation_deg), ("by itself °", &error.own_rotation_deg)];
+    text += &format!(
+        "{:<12} {:>12} {:>12} {:>12} {:>12}\n",
+        "", "rmse", "mean", "median", "max"
+    );
+    let rows = [
+        ("centre", &error.centre),
+        ("rotation °", &error.rotation_deg),
+        ("by itself °", &error.own_rotation_deg),
+    ];
     for (name, row) in rows {
-        text += &format!("{name:<12} {:>12.6} {:>12.6} {:>12.6} {:>12.6}\n", row.rmse, row.mean, row.median, row.max);
+        text += &format!(
+            "{name:<12} {:>12.6} {:>12.6} {:>12.6} {:>12.6}\n",
+            row.rmse, row.mean, row.median, row.max
+        );
     }
-    text + &format!("centre rmse is {:.4} % of the extent {:.4}\n", score.centre_percent, error.extent)
+    text + &format!(
+        "centre rmse is {:.4} % of the extent {:.4}\n",
+        score.centre_percent, error.extent
+    )
 }
 
 fn interact_table(report: &InteractReport) -> String {
-    let InteractReport { segmenter, tracker, frames, labels, .. } = report;
-    let mut text = format!("segmenter {segmenter}, tracker {tracker}, {frames} frames with truth, {labels} labels\n");
+    let InteractReport {
+        segmenter,
+        tracker,
+        frames,
+        labels,
+        ..
+    } = report;
+    let mut text = format!(
+        "segmenter {segmenter}, tracker {tracker}, {frames} frames with truth, {labels} labels\n"
+    );
     for goal in &report.reached {
-        let clicks = goal.clicks.map_or_else(|| "—".to_owned(), |clicks| clicks.to_string());
+        let clicks = goal
+            .clicks
+            .map_or_else(|| "—".to_owned(), |clicks| clicks.to_string());
         text += &format!("clicks to mean IoU {:.2} {clicks:>8}\n", goal.mean_iou);
     }
     text += &format!(
         "at the end mean IoU {:.4} after {} clicks ({} corners of outlines and borders pulled), {} frames corrected, {:.1} s\n",
         report.mean_iou, report.clicks, report.corners, report.corrected, report.seconds
     );
-    let share = |share: Option<f64>| share.map_or_else(|| "—".to_owned(), |share| format!("{:.0} %", 100.0 * share));
+    let share = |share: Option<f64>| {
+        share.map_or_else(|| "—".to_owned(), |share| format!("{:.0} %", 100.0 * share))
+    };
     let alone = &report.frame_by_frame;
-    text += &format!("every frame from nothing: {} clicks, {} frames failed\n", alone.clicks, alone.failed);
+    text += &format!(
+        "every frame from nothing: {} clicks, {} frames failed\n",
+        alone.clicks, alone.failed
+    );
     text += &format!("clicks saved to mean IoU 0.90: {}\n", share(report.saved()));
     let failed = &report.failed_by_frame;
-    text +=
-        &format!("{} frames that the first tracking failed, from nothing: {} clicks\n", failed.frames, failed.clicks);
-    text + &format!("clicks to mean IoU 0.90 are {} of these\n", share(report.share_of_reclicking()))
+    text += &format!(
+        "{} frames that the first tracking failed, from nothing: {} clicks\n",
+        failed.frames, failed.clicks
+    );
+    text + &format!(
+        "clicks to mean IoU 0.90 are {} of these\n",
+        share(report.share_of_reclicking())
+    )
 }

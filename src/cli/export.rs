@@ -50,7 +50,12 @@ pub(super) struct ExportArgs {
     #[arg(long, value_name = "F.csv")]
     pub traits: Option<PathBuf>,
     /// Measure heights above a label (a table, the soil) or the plane NX,NY,NZ,D (all x with N·x = D); fitted when absent.
-    #[arg(long, value_name = "LABEL|NX,NY,NZ,D", requires = "traits", allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "LABEL|NX,NY,NZ,D",
+        requires = "traits",
+        allow_hyphen_values = true
+    )]
     pub ground: Option<String>,
     /// Tell the angle between these two labels where they meet too. May be given more than once.
     #[arg(long, value_names = ["LABEL", "LABEL"], num_args = 2, requires = "traits")]
@@ -77,14 +82,27 @@ pub(super) struct ExportArgs {
 
 pub(super) fn export(args: ExportArgs) -> Result<()> {
     let driver = Driver::view(&args.project)?;
-    let angles = args.angle.chunks_exact(2).map(|pair| angle(driver.project()?, pair)).collect::<Result<_>>()?;
-    let ground = args.ground.as_deref().map_or(Ok(GroundChoice::Fitted), |text| ground(driver.project()?, text))?;
+    let angles = args
+        .angle
+        .chunks_exact(2)
+        .map(|pair| angle(driver.project()?, pair))
+        .collect::<Result<_>>()?;
+    let ground = args
+        .ground
+        .as_deref()
+        .map_or(Ok(GroundChoice::Fitted), |text| {
+            ground(driver.project()?, text)
+        })?;
     let request = ExportRequest {
         cloud: args.cloud,
         mesh: args.mesh,
         voxels: args.voxels,
         cameras: args.cameras,
-        camera_encoding: if args.binary { ModelEncoding::Binary } else { ModelEncoding::Text },
+        camera_encoding: if args.binary {
+            ModelEncoding::Binary
+        } else {
+            ModelEncoding::Text
+        },
         undistorted: args.undistorted,
         solid: args.solid,
         masks: args.masks,
@@ -123,9 +141,15 @@ fn angle(project: &Project, names: &[String]) -> Result<[LabelId; 2]> {
 
 /// Four numbers are a plane, all else is a label's name.
 fn ground(project: &Project, text: &str) -> Result<GroundChoice> {
-    let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse()).collect();
+    let numbers: Result<Vec<f64>, _> = text
+        .split(',')
+        .map(|number| number.trim().parse())
+        .collect();
     match numbers.as_deref() {
-        Ok(&[x, y, z, offset]) => Ok(GroundChoice::Plane { normal: [x, y, z], offset }),
+        Ok(&[x, y, z, offset]) => Ok(GroundChoice::Plane {
+            normal: [x, y, z],
+            offset,
+        }),
         _ => Ok(GroundChoice::Label(label_id(project, text)?)),
     }
 }

@@ -35,8 +35,12 @@ fn warn_of_missing(missing: &[&Path]) {
 
 /// What a project holds, as `info --json` prints it.
 fn as_json(project: &Project) -> Value {
-    let frames: Vec<Value> =
-        project.frames.iter().enumerate().map(|(number, frame)| frame_json(project, number, frame)).collect();
+    let frames: Vec<Value> = project
+        .frames
+        .iter()
+        .enumerate()
+        .map(|(number, frame)| frame_json(project, number, frame))
+        .collect();
     let labels: Vec<Value> = project
         .labels
         .iter()
@@ -62,8 +66,11 @@ fn as_json(project: &Project) -> Value {
 /// What a project holds, for people to read.
 fn as_text(project: &Project) -> String {
     let mut text = String::new();
-    let count =
-        |wanted: &str| (0..project.frames.len()).filter(|&number| mask_state(project, number) == wanted).count();
+    let count = |wanted: &str| {
+        (0..project.frames.len())
+            .filter(|&number| mask_state(project, number) == wanted)
+            .count()
+    };
     let with = |has: fn(&Frame) -> bool| project.frames.iter().filter(|frame| has(frame)).count();
     let _ = writeln!(
         text,
@@ -95,7 +102,11 @@ fn as_text(project: &Project) -> String {
         let _ = writeln!(text, "label {:>3}  {}", label.id.0, path.join(" › "));
     }
     for (kind, record) in &project.results {
-        let stale = if record.stale { ", stale: make it anew" } else { "" };
+        let stale = if record.stale {
+            ", stale: make it anew"
+        } else {
+            ""
+        };
         let _ = writeln!(
             text,
             "{}: {}, {} frames, {:.1} s{stale}",

@@ -59,10 +59,20 @@ pub(super) struct TidyArgs {
     #[arg(long, value_name = "NAME")]
     pub label: String,
     /// Fill holes of fewer pixels.
-    #[arg(long, value_name = "PX", default_value_t = 0, hide_default_value = true)]
+    #[arg(
+        long,
+        value_name = "PX",
+        default_value_t = 0,
+        hide_default_value = true
+    )]
     pub holes_below: usize,
     /// Remove islands of fewer pixels; the largest piece always stays.
-    #[arg(long, value_name = "PX", default_value_t = 0, hide_default_value = true)]
+    #[arg(
+        long,
+        value_name = "PX",
+        default_value_t = 0,
+        hide_default_value = true
+    )]
     pub islands_below: usize,
 }
 

@@ -13,13 +13,21 @@ pub(super) fn models(verb: &ModelsVerb) -> Result<()> {
         ModelsVerb::List => list_models()?.iter().for_each(|row| say(&line(row))),
         ModelsVerb::Install { name } => say_added(&install_model(name, &mut progress())?),
         ModelsVerb::Add { name, files } => say_added(&add_model(name, files)?),
-        ModelsVerb::Check { name } => check_model(name)?.iter().for_each(|file| say(&checked(file))),
+        ModelsVerb::Check { name } => check_model(name)?
+            .iter()
+            .for_each(|file| say(&checked(file))),
     }
     Ok(())
 }
 
 fn say_added(files: &[Added]) {
-    files.iter().for_each(|added| say(&format!("{}: {}\n", added.path.display(), told(&added.proof))));
+    files.iter().for_each(|added| {
+        say(&format!(
+            "{}: {}\n",
+            added.path.display(),
+            told(&added.proof)
+        ))
+    });
 }
 
 /// Bytes after which it is said again how far a download is.
@@ -30,9 +38,16 @@ fn progress() -> impl FnMut(Fetched<'_>) -> bool {
     let mut last = (String::new(), 0);
     move |now| {
         if last.0 != now.what || now.bytes >= last.1 + SAID_EVERY {
-            let of = now.of.map_or(String::new(), |bytes| format!(" of {:.1}", bytes as f64 / 1e6));
-            let there = (now.bytes > 0 || now.of.is_some()).then(|| format!(": {:.1}{of} MB", now.bytes as f64 / 1e6));
-            say_aside(&printable(&format!("{}{}\n", now.what, there.unwrap_or_default())));
+            let of = now.of.map_or(String::new(), |bytes| {
+                format!(" of {:.1}", bytes as f64 / 1e6)
+            });
+            let there = (now.bytes > 0 || now.of.is_some())
+                .then(|| format!(": {:.1}{of} MB", now.bytes as f64 / 1e6));
+            say_aside(&printable(&format!(
+                "{}{}\n",
+                now.what,
+                there.unwrap_or_default()
+            )));
             last = (now.what.to_owned(), now.bytes);
         }
         !stop::is_requested()
@@ -42,12 +57,19 @@ fn progress() -> impl FnMut(Fetched<'_>) -> bool {
 fn line(row: &Row) -> String {
     let state = match &row.installed {
         Some(installed) => {
-            let place = installed.paths.first().map(|path| path.display().to_string()).unwrap_or_default();
+            let place = installed
+                .paths
+                .first()
+                .map(|path| path.display().to_string())
+                .unwrap_or_default();
             format!("{:.1} MB in {place}", installed.bytes as f64 / 1e6)
         }
         None => "not installed".into(),
     };
-    format!("{:<18} {} ({}): {state}\n", row.name, row.purpose, row.licence)
+    format!(
+        "{:<18} {} ({}): {state}\n",
+        row.name, row.purpose, row.licence
+    )
 }
 
 fn told(proof: &Proof) -> String {
@@ -65,8 +87,18 @@ fn checked(file: &CheckedFile) -> String {
         None => format!("{}: loads\n", name(&file.path)),
         Some(signature) => {
             let verdict = if file.is_compared { "fits" } else { "loads" };
-            let ports = signature.inputs.iter().map(|port| format!("  in  {port}\n"));
-            let ports: String = ports.chain(signature.outputs.iter().map(|port| format!("  out {port}\n"))).collect();
+            let ports = signature
+                .inputs
+                .iter()
+                .map(|port| format!("  in  {port}\n"));
+            let ports: String = ports
+                .chain(
+                    signature
+                        .outputs
+                        .iter()
+                        .map(|port| format!("  out {port}\n")),
+                )
+                .collect();
             format!("{}: {verdict}\n{ports}", name(&file.path))
         }
     }

@@ -19,7 +19,11 @@ pub(super) fn say_json(value: &impl Display) {
     for c in value.to_string().chars() {
         if is_unsafe(c) {
             let mut units = [0; 2];
-            line.extend(c.encode_utf16(&mut units).iter().map(|unit| format!("\\u{unit:04x}")));
+            line.extend(
+                c.encode_utf16(&mut units)
+                    .iter()
+                    .map(|unit| format!("\\u{unit:04x}")),
+            );
         } else {
             line.push(c);
         }
@@ -58,7 +62,9 @@ pub(super) fn one_line(text: &str) -> String {
 /// # Errors
 /// The first error of any [`say`]; a reader that has gone away (`| head`) is not an error.
 pub(super) fn finish() -> std::io::Result<()> {
-    let mut failure = FAILURE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let mut failure = FAILURE
+        .lock()
+        .unwrap_or_else(std::sync::PoisonError::into_inner);
     failure.take().map_or(Ok(()), Err)
 }
 
@@ -68,7 +74,9 @@ fn write(text: &str) {
     if let Err(error) = written
         && error.kind() != ErrorKind::BrokenPipe
     {
-        let mut failure = FAILURE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut failure = FAILURE
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner);
         failure.get_or_insert(error);
     }
 }
@@ -80,14 +88,17 @@ pub(super) fn printable(text: &str) -> String {
     }
     let mut safe = String::with_capacity(text.len());
     for c in text.chars() {
-        if is_unsafe(c) { safe.extend(c.escape_unicode()) } else { safe.push(c) }
+        if is_unsafe(c) {
+            safe.extend(c.escape_unicode())
+        } else {
+            safe.push(c)
+        }
     }
     safe
 }
 
 fn is_unsafe(c: char) -> bool {
-    let is_direction =
-        matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    let is_direction = matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
     let is_line = matches!(c, '\u{2028}' | '\u{2029}');
     is_direction || is_line || c.is_control() && !matches!(c, '\n' | '\t')
 }
@@ -98,7 +109,10 @@ mod tests {
 
     #[test]
     fn terminals_are_not_steered() {
-        assert_eq!(printable("rice\x1b]0;OWNED\x07 › leaf\n"), "rice\\u{1b}]0;OWNED\\u{7} › leaf\n");
+        assert_eq!(
+            printable("rice\x1b]0;OWNED\x07 › leaf\n"),
+            "rice\\u{1b}]0;OWNED\\u{7} › leaf\n"
+        );
         assert_eq!(printable("a\u{9b}31m\u{202e}b"), "a\\u{9b}31m\\u{202e}b");
         assert_eq!(printable("Stängel 名前\t1"), "Stängel 名前\t1");
     }

@@ -1,23 +1,37 @@
 use anyhow::{Context, Result};
 
-use super::args::{AdoptArgs, FuseArgs, LabelArgs, Method, ReconstructArgs, RelocateArgs, ScaleArgs, TrackArgs, Way};
+use super::args::{
+    AdoptArgs, FuseArgs, LabelArgs, Method, ReconstructArgs, RelocateArgs, ScaleArgs, TrackArgs,
+    Way,
+};
 use super::drive::Driver;
 use ostra_masks::{Direction, LabelId};
-use ostra_project::{FuseRequest, Project, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest};
+use ostra_project::{
+    FuseRequest, Project, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest,
+};
 use ostra_session::{AdoptRequest, Command, TrackSettings};
 
 /// Gives pieces without a label to what they hang on; the session tells how many.
 pub(super) fn adopt(args: &AdoptArgs) -> Result<()> {
-    Driver::open(&args.project)?.act_and_save([Command::Adopt(AdoptRequest { radius: args.radius })])
+    Driver::open(&args.project)?.act_and_save([Command::Adopt(AdoptRequest {
+        radius: args.radius,
+    })])
 }
 
 /// Points frames to where their files were moved.
 pub(super) fn relocate(args: RelocateArgs) -> Result<()> {
-    Driver::open(&args.project)?.act_and_save([Command::Relocate { from: args.from, to: args.to }])
+    Driver::open(&args.project)?.act_and_save([Command::Relocate {
+        from: args.from,
+        to: args.to,
+    }])
 }
 
 pub(super) fn label(args: LabelArgs) -> Result<()> {
-    let command = Command::AddLabel { name: args.name, parent: args.parent, color: args.color };
+    let command = Command::AddLabel {
+        name: args.name,
+        parent: args.parent,
+        color: args.color,
+    };
     Driver::open(&args.project)?.act_and_save([command])
 }
 
@@ -35,7 +49,11 @@ pub(super) fn track(args: TrackArgs) -> Result<()> {
         to: args.to,
         direction,
         constrain: args.constrain,
-        labels: args.label.iter().map(|name| label_id(project, name)).collect::<Result<_>>()?,
+        labels: args
+            .label
+            .iter()
+            .map(|name| label_id(project, name))
+            .collect::<Result<_>>()?,
         replace: args.replace,
         pause_below: args.pause_below,
         short_side: args.short_side,
@@ -52,7 +70,10 @@ pub(super) fn label_id(project: &Project, name: &str) -> Result<LabelId> {
     let known = &project.labels;
     let label = known.by_name(name).with_context(|| {
         let names: Vec<&str> = known.iter().map(|label| label.name.as_str()).collect();
-        format!("there is no label '{name}' (there is: {}); make it with 'ostra label'", names.join(", "))
+        format!(
+            "there is no label '{name}' (there is: {}); make it with 'ostra label'",
+            names.join(", ")
+        )
     })?;
     Ok(label.id)
 }
@@ -80,8 +101,10 @@ pub(super) fn reconstruct(args: ReconstructArgs) -> Result<()> {
 
 pub(super) fn scale(args: ScaleArgs) -> Result<()> {
     let ends = [ScaleEnd::Seen(args.from), ScaleEnd::Seen(args.to)];
-    Driver::open(&args.project)?
-        .act_and_save([Command::Scale(ScaleRequest { ends, length: args.unit.metres(args.length) })])
+    Driver::open(&args.project)?.act_and_save([Command::Scale(ScaleRequest {
+        ends,
+        length: args.unit.metres(args.length),
+    })])
 }
 
 pub(super) fn fuse(args: FuseArgs) -> Result<()> {

@@ -68,7 +68,11 @@ pub(super) fn range(args: &RangeArgs) -> Result<()> {
     let driver = Driver::open(&args.project)?;
     let project = driver.project()?;
     let request = RangeRequest {
-        labels: args.label.iter().map(|name| label_id(project, name)).collect::<Result<_>>()?,
+        labels: args
+            .label
+            .iter()
+            .map(|name| label_id(project, name))
+            .collect::<Result<_>>()?,
         from: args.from,
         to: args.to.unwrap_or(project.frames.len().saturating_sub(1)),
         change: change(args, project)?,
@@ -78,7 +82,9 @@ pub(super) fn range(args: &RangeArgs) -> Result<()> {
 }
 
 fn change(args: &RangeArgs, project: &Project) -> Result<RangeChange> {
-    let into = || -> Result<LabelId> { label_id(project, args.into.as_deref().context("--into is missing")?) };
+    let into = || -> Result<LabelId> {
+        label_id(project, args.into.as_deref().context("--into is missing")?)
+    };
     let frame = || args.frame.context("--frame is missing");
     Ok(match args.verb {
         RangeVerb::Delete => RangeChange::Delete,
@@ -88,9 +94,11 @@ fn change(args: &RangeArgs, project: &Project) -> Result<RangeChange> {
         RangeVerb::Hide => RangeChange::Hide,
         RangeVerb::Show => RangeChange::Show,
         RangeVerb::Merge => RangeChange::Merge { into: into()? },
-        RangeVerb::Split => {
-            RangeChange::Split { frame: frame()?, at_px: args.at.context("--at is missing")?, into: into()? }
-        }
+        RangeVerb::Split => RangeChange::Split {
+            frame: frame()?,
+            at_px: args.at.context("--at is missing")?,
+            into: into()?,
+        },
         RangeVerb::Interpolate => RangeChange::Interpolate,
         RangeVerb::Copy => RangeChange::Copy { frame: frame()? },
     })

@@ -7,7 +7,10 @@ use clap::{ArgMatches, CommandFactory, FromArgMatches};
 use super::args::{Cli, Verb};
 use super::drive::Driver;
 use super::print::{finish, one_line, say, say_aside};
-use super::{demo, doubt, eval, export, info, instances, masks, memory, models, project, range, shot, sources, stop};
+use super::{
+    demo, doubt, eval, export, info, instances, masks, memory, models, project, range, shot,
+    sources, stop,
+};
 use ostra_compute::nn::Provider;
 use ostra_session::{Command, Recipe};
 
@@ -20,8 +23,9 @@ pub fn main() -> ExitCode {
         Ok(cli) => run(cli, &matches),
         Err(error) => error.exit(),
     };
-    let outcome =
-        outcome.and_then(|()| finish().context("standard output cannot be written; check the disk's free space"));
+    let outcome = outcome.and_then(|()| {
+        finish().context("standard output cannot be written; check the disk's free space")
+    });
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         // A command that Ctrl+C ended may report what it met on the way, such as a helper program that ended too.
@@ -38,7 +42,9 @@ pub fn main() -> ExitCode {
 
 fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
     Provider::from(cli.provider).choose();
-    let Some(verb) = cli.verb else { return ostra_app::run(cli.path) };
+    let Some(verb) = cli.verb else {
+        return ostra_app::run(cli.path);
+    };
     stop::watch();
     match verb {
         Verb::Demo(args) => demo::demo(&args),
@@ -82,10 +88,14 @@ fn of_verb(matches: &ArgMatches) -> Result<&ArgMatches> {
 fn run_recipe(path: &Path) -> Result<()> {
     let text = ostra_core::disk::read_text(path)
         .with_context(|| format!("{}: cannot be read; check the path", path.display()))?;
-    let recipe =
-        read_recipe(&text).with_context(|| format!("{}: is no recipe; save one from the window", path.display()))?;
+    let recipe = read_recipe(&text)
+        .with_context(|| format!("{}: is no recipe; save one from the window", path.display()))?;
     if recipe.format != 1 {
-        bail!("{}: the recipe has format {}, this program knows 1; get a newer ostra", path.display(), recipe.format);
+        bail!(
+            "{}: the recipe has format {}, this program knows 1; get a newer ostra",
+            path.display(),
+            recipe.format
+        );
     }
     Driver::new().act_and_save(recipe.commands)
 }
@@ -99,17 +109,28 @@ fn read_recipe(text: &str) -> serde_json::Result<Recipe> {
     let lines = text.lines().filter(|line| !line.trim().is_empty());
     let commands: serde_json::Result<Vec<Command>> = lines.map(serde_json::from_str).collect();
     match commands {
-        Ok(commands) if !commands.is_empty() => Ok(Recipe { format: 1, commands }),
+        Ok(commands) if !commands.is_empty() => Ok(Recipe {
+            format: 1,
+            commands,
+        }),
         _ => saved,
     }
 }
 
 fn suggest(project: &Path, frame: Option<usize>) -> Result<()> {
     let mut driver = Driver::view(project)?;
-    let propose = |frame| Command::Propose { frame, segmenter: "auto".into() };
+    let propose = |frame| Command::Propose {
+        frame,
+        segmenter: "auto".into(),
+    };
     driver.act(frame.map_or(Command::Suggest, propose))?;
     for found in driver.suggestions() {
-        say(&format!("{}, at {:.0},{:.0}\n", found.text(), found.at_px.x, found.at_px.y));
+        say(&format!(
+            "{}, at {:.0},{:.0}\n",
+            found.text(),
+            found.at_px.x,
+            found.at_px.y
+        ));
     }
     Ok(())
 }

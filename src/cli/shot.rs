@@ -8,7 +8,9 @@ use super::drive::Driver;
 use ostra_cloud::{LabelledMesh, voxel_faces, voxelize};
 use ostra_frames::FilmOptions;
 use ostra_project::export_targets::ExportTargets;
-use ostra_view::{Appearance, Axes, Coloring, Model, Portrait, SceneStyle, ViewError, default_view, write_png};
+use ostra_view::{
+    Appearance, Axes, Coloring, Model, Portrait, SceneStyle, ViewError, default_view, write_png,
+};
 
 pub(super) fn shot(args: &ShotArgs) -> Result<()> {
     let mut driver = Driver::view(&args.project)?;
@@ -19,23 +21,37 @@ pub(super) fn shot(args: &ShotArgs) -> Result<()> {
     let style = style(args, &driver)?;
     let (width, height) = args.size;
     let frames = &driver.project()?.frames;
-    let orbit = default_view(model.points(), frames, width as f32 / height as f32).ok_or(ViewError::Empty)?;
+    let orbit = default_view(model.points(), frames, width as f32 / height as f32)
+        .ok_or(ViewError::Empty)?;
     let portrait = Portrait::new(model, orbit, style, height);
     ExportTargets::write_files(std::slice::from_ref(&args.out), || {
-        write_png(&args.out, &portrait.draw(args.size, 0.0, args.transparent), args.transparent)
-            .with_context(|| format!("{}: no image was written", args.out.display()))
+        write_png(
+            &args.out,
+            &portrait.draw(args.size, 0.0, args.transparent),
+            args.transparent,
+        )
+        .with_context(|| format!("{}: no image was written", args.out.display()))
     })?;
     turntable(args, &mut driver, portrait)
 }
 
 fn turntable(args: &ShotArgs, driver: &mut Driver, portrait: Portrait) -> Result<()> {
-    let Some(path) = &args.turntable else { return Ok(()) };
+    let Some(path) = &args.turntable else {
+        return Ok(());
+    };
     let fps = f64::from(args.fps);
     let count = (args.seconds * fps).round().max(1.0) as usize;
     let size = args.size;
-    driver.write_film(path, FilmOptions { size, count, fps }, args.overwrite, move |number| {
-        portrait.draw(size, TAU * number as f32 / count as f32, false).image
-    })
+    driver.write_film(
+        path,
+        FilmOptions { size, count, fps },
+        args.overwrite,
+        move |number| {
+            portrait
+                .draw(size, TAU * number as f32 / count as f32, false)
+                .image
+        },
+    )
 }
 
 fn style(args: &ShotArgs, driver: &Driver) -> Result<SceneStyle> {
@@ -54,8 +70,16 @@ fn style(args: &ShotArgs, driver: &Driver) -> Result<SceneStyle> {
         "conflict and views are known for the points of a voted cloud; draw '--model cloud' after 'ostra fuse'"
     );
     let up = Axes::of_cameras(&driver.project()?.frames).up;
-    let appearance = Appearance { coloring, votes, up, ..Appearance::default() };
-    Ok(SceneStyle { appearance, ..SceneStyle::default() })
+    let appearance = Appearance {
+        coloring,
+        votes,
+        up,
+        ..Appearance::default()
+    };
+    Ok(SceneStyle {
+        appearance,
+        ..SceneStyle::default()
+    })
 }
 
 /// What is drawn.
@@ -63,9 +87,14 @@ fn model(args: &ShotArgs, driver: &mut Driver) -> Result<Model> {
     match args.model {
         ShotModel::Cloud => {
             let cloud = driver.cloud()?;
-            Ok(Model::Cloud(args.level.map_or_else(|| Arc::clone(&cloud), |level| Arc::new(cloud.at_level(level)))))
+            Ok(Model::Cloud(args.level.map_or_else(
+                || Arc::clone(&cloud),
+                |level| Arc::new(cloud.at_level(level)),
+            )))
         }
-        ShotModel::Mesh => driver.mesh().and_then(|mesh| surface(args, driver, LabelledMesh::clone(&mesh))),
+        ShotModel::Mesh => driver
+            .mesh()
+            .and_then(|mesh| surface(args, driver, LabelledMesh::clone(&mesh))),
         ShotModel::Voxels => voxels(driver).and_then(|mesh| surface(args, driver, mesh)),
     }
 }
@@ -81,5 +110,8 @@ fn surface(args: &ShotArgs, driver: &Driver, mut mesh: LabelledMesh) -> Result<M
 fn voxels(driver: &mut Driver) -> Result<LabelledMesh> {
     let voxel = driver.surface_voxel()?;
     let cloud = driver.cloud()?;
-    Ok(voxel_faces(&voxelize(&cloud, driver.votes().as_deref(), voxel)?, voxel))
+    Ok(voxel_faces(
+        &voxelize(&cloud, driver.votes().as_deref(), voxel)?,
+        voxel,
+    ))
 }

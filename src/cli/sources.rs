@@ -10,30 +10,63 @@ use ostra_frames::{FrameFolder, OpenRequest};
 use ostra_session::NewProject;
 
 /// What `new` and `add` open. `matches` are those of the verb: they know in which order `--frames` and `--depth` came.
-pub(super) fn new_project(root: PathBuf, args: SourceArgs, matches: &ArgMatches) -> Result<NewProject> {
-    let places = |name: &str| -> Vec<usize> { matches.indices_of(name).into_iter().flatten().collect() };
-    let sources = pair(&args.frames, &places("frames"), &args.depth, &places("depth"))?;
+pub(super) fn new_project(
+    root: PathBuf,
+    args: SourceArgs,
+    matches: &ArgMatches,
+) -> Result<NewProject> {
+    let places =
+        |name: &str| -> Vec<usize> { matches.indices_of(name).into_iter().flatten().collect() };
+    let sources = pair(
+        &args.frames,
+        &places("frames"),
+        &args.depth,
+        &places("depth"),
+    )?;
     let pose = args.depth_pose;
-    let depth_camera = args.depth_intrinsics.map(|intrinsics| DepthCameraSource { intrinsics, pose });
+    let depth_camera = args
+        .depth_intrinsics
+        .map(|intrinsics| DepthCameraSource { intrinsics, pose });
     let (depth_unit, every, from, to) = (args.depth_unit, args.every, args.from, args.to);
     // Floats are metres unless a unit is given; the default of 0.001 is that of integers.
     let is_given = matches.value_source("depth_unit") == Some(ValueSource::CommandLine);
     let float_depth_unit = if is_given { depth_unit } else { 1.0 };
     Ok(NewProject {
         root,
-        open: OpenRequest { sources, depth_unit, float_depth_unit, depth_camera, every, from, to },
+        open: OpenRequest {
+            sources,
+            depth_unit,
+            float_depth_unit,
+            depth_camera,
+            every,
+            from,
+            to,
+        },
         cameras: args.cameras,
         intrinsics: args.intrinsics,
     })
 }
 
 /// Gives each depth folder to the frames folder given just before it.
-fn pair(frames: &[PathBuf], frames_at: &[usize], depths: &[PathBuf], depths_at: &[usize]) -> Result<Vec<FrameFolder>> {
-    let mut sources: Vec<FrameFolder> =
-        frames.iter().map(|path| FrameFolder { frames: path.clone(), depth: None }).collect();
+fn pair(
+    frames: &[PathBuf],
+    frames_at: &[usize],
+    depths: &[PathBuf],
+    depths_at: &[usize],
+) -> Result<Vec<FrameFolder>> {
+    let mut sources: Vec<FrameFolder> = frames
+        .iter()
+        .map(|path| FrameFolder {
+            frames: path.clone(),
+            depth: None,
+        })
+        .collect();
     for (depth, at) in depths.iter().zip(depths_at) {
         let Some(owner) = frames_at.iter().rposition(|frames_at| frames_at < at) else {
-            bail!("--depth {} comes before any --frames; give it just after the frames it belongs to", depth.display());
+            bail!(
+                "--depth {} comes before any --frames; give it just after the frames it belongs to",
+                depth.display()
+            );
         };
         if let Some(other) = sources[owner].depth.replace(depth.clone()) {
             bail!(
@@ -57,8 +90,17 @@ mod tests {
 
     #[test]
     fn depth_belongs_to_the_frames_before_it() {
-        let sources = pair(&paths(&["a", "b", "c"]), &[2, 6, 8], &paths(&["da", "dc"]), &[4, 10]).unwrap();
-        let depths: Vec<_> = sources.iter().map(|source| source.depth.as_deref().and_then(|p| p.to_str())).collect();
+        let sources = pair(
+            &paths(&["a", "b", "c"]),
+            &[2, 6, 8],
+            &paths(&["da", "dc"]),
+            &[4, 10],
+        )
+        .unwrap();
+        let depths: Vec<_> = sources
+            .iter()
+            .map(|source| source.depth.as_deref().and_then(|p| p.to_str()))
+            .collect();
         assert_eq!(depths, [Some("da"), None, Some("dc")]);
     }
 

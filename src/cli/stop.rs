@@ -40,7 +40,11 @@ pub(super) fn watch() {
             }
             exit();
         };
-        if std::thread::Builder::new().name("stop".into()).spawn(exit_after_grace).is_err() {
+        if std::thread::Builder::new()
+            .name("stop".into())
+            .spawn(exit_after_grace)
+            .is_err()
+        {
             exit();
         }
     });
@@ -50,7 +54,11 @@ pub(super) fn watch() {
 fn exit() -> ! {
     programs::kill_children();
     disk::remove_unfinished();
-    let line_start = if std::io::stderr().is_terminal() { "\r\x1b[2K" } else { "" };
+    let line_start = if std::io::stderr().is_terminal() {
+        "\r\x1b[2K"
+    } else {
+        ""
+    };
     say_aside(&format!("{line_start}ostra: {Interrupted}\n"));
     // Not `std::process::exit`: it runs the cleanup of loaded libraries while other threads still use them.
     signal_hook::low_level::exit(EXIT_CODE.into())

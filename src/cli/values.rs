@@ -15,14 +15,19 @@ pub(super) fn point(text: &str) -> Result<DVec2, String> {
 pub(super) fn px_box(text: &str) -> Result<[DVec2; 2], String> {
     let [x0, y0, x1, y1] = numbers(text)?;
     let (a, b) = (DVec2::new(x0, y0), DVec2::new(x1, y1));
-    if x0 == x1 || y0 == y1 { Err("the box has no area".into()) } else { Ok([a.min(b), a.max(b)]) }
+    if x0 == x1 || y0 == y1 {
+        Err("the box has no area".into())
+    } else {
+        Ok([a.min(b), a.max(b)])
+    }
 }
 
 /// `FX,FY,CX,CY` in pixels, or a file, whose path does not depend on where it is read.
 pub(super) fn intrinsics(text: &str) -> Result<IntrinsicsSource, String> {
     match text.parse()? {
         IntrinsicsSource::File(path) => {
-            let path = std::path::absolute(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+            let path = std::path::absolute(&path)
+                .map_err(|error| format!("{}: {error}", path.display()))?;
             Ok(IntrinsicsSource::File(path))
         }
         values => Ok(values),
@@ -40,15 +45,20 @@ pub(super) fn length_unit(text: &str) -> Result<LengthUnit, String> {
 
 /// The sign of a metric unit.
 pub(super) fn metric_unit(text: &str) -> Result<LengthUnit, String> {
-    length_unit(text).ok().filter(|&unit| unit != LengthUnit::World).ok_or_else(|| {
-        let [m, cm, mm] = LengthUnit::METRIC.map(LengthUnit::sign);
-        format!("a known length is given in {m}, {cm} or {mm}")
-    })
+    length_unit(text)
+        .ok()
+        .filter(|&unit| unit != LengthUnit::World)
+        .ok_or_else(|| {
+            let [m, cm, mm] = LengthUnit::METRIC.map(LengthUnit::sign);
+            format!("a known length is given in {m}, {cm} or {mm}")
+        })
 }
 
 /// `WxH` in pixels, 16 to 8192 each.
 pub(super) fn size(text: &str) -> Result<(u32, u32), String> {
-    let parsed = text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    let parsed = text
+        .split_once(['x', 'X'])
+        .and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
     match parsed {
         Some((w, h)) if (16..=8192).contains(&w) && (16..=8192).contains(&h) => Ok((w, h)),
         _ => Err("a size is WIDTHxHEIGHT in pixels, 16 to 8192 each, e.g. 480x640".into()),
@@ -82,7 +92,10 @@ pub(super) fn from_zero(text: &str) -> Result<f64, String> {
 
 /// Seconds that a video may last: above 0, up to an hour.
 pub(super) fn seconds(text: &str) -> Result<f64, String> {
-    positive(text).ok().filter(|&value| value <= 3600.0).ok_or_else(|| "seconds above 0, up to 3600, are needed".into())
+    positive(text)
+        .ok()
+        .filter(|&value| value <= 3600.0)
+        .ok_or_else(|| "seconds above 0, up to 3600, are needed".into())
 }
 
 /// A share from 0 to 1.
@@ -111,13 +124,19 @@ pub(super) fn from_one(text: &str) -> Result<usize, String> {
 
 /// `K,K`: two different frames.
 pub(super) fn frame_pair(text: &str) -> Result<[usize; 2], String> {
-    let parsed = text.split_once(',').and_then(|(a, b)| Some([a.trim().parse().ok()?, b.trim().parse().ok()?]));
-    parsed.filter(|[a, b]| a != b).ok_or_else(|| "two different frame numbers are needed, e.g. 3,17".into())
+    let parsed = text
+        .split_once(',')
+        .and_then(|(a, b)| Some([a.trim().parse().ok()?, b.trim().parse().ok()?]));
+    parsed
+        .filter(|[a, b]| a != b)
+        .ok_or_else(|| "two different frame numbers are needed, e.g. 3,17".into())
 }
 
 /// `K,X,Y`: a frame and a pixel on it.
 pub(super) fn sighting(text: &str) -> Result<(usize, DVec2), String> {
-    let parsed = text.split_once(',').and_then(|(frame, at)| Some((frame.trim().parse().ok()?, point(at).ok()?)));
+    let parsed = text
+        .split_once(',')
+        .and_then(|(frame, at)| Some((frame.trim().parse().ok()?, point(at).ok()?)));
     parsed.ok_or_else(|| "a frame number and a pixel are needed, e.g. 12,640.5,360".into())
 }
 
@@ -125,7 +144,12 @@ fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let fail = || format!("{N} numbers separated by commas are needed, without spaces");
     let values: Vec<f64> = text
         .split(',')
-        .map(|part| part.trim().parse::<f64>().ok().filter(|value| value.is_finite()))
+        .map(|part| {
+            part.trim()
+                .parse::<f64>()
+                .ok()
+                .filter(|value| value.is_finite())
+        })
         .collect::<Option<_>>()
         .ok_or_else(fail)?;
     values.try_into().map_err(|_| fail())
@@ -138,7 +162,10 @@ mod tests {
     #[test]
     fn values_are_read_or_refused() {
         assert_eq!(point("1.5,2").unwrap(), DVec2::new(1.5, 2.0));
-        assert_eq!(px_box("9,8,1,2").unwrap(), [DVec2::new(1.0, 2.0), DVec2::new(9.0, 8.0)]);
+        assert_eq!(
+            px_box("9,8,1,2").unwrap(),
+            [DVec2::new(1.0, 2.0), DVec2::new(9.0, 8.0)]
+        );
         assert!(px_box("1,2,1,5").is_err() && point("1").is_err() && point("1,nan").is_err());
         assert_eq!(color("#3cb44b").unwrap(), [60, 180, 75]);
         assert!(color("#fff").is_err() && color("red").is_err());
@@ -147,7 +174,9 @@ mod tests {
         assert_eq!(frame_pair("3,17").unwrap(), [3, 17]);
         assert_eq!(sighting("12,3.5,4").unwrap(), (12, DVec2::new(3.5, 4.0)));
         assert!(sighting("3.5,4").is_err() && sighting("1,2").is_err());
-        assert!(frame_pair("3").is_err() && frame_pair("3,3").is_err() && frame_pair("3,-1").is_err());
+        assert!(
+            frame_pair("3").is_err() && frame_pair("3,3").is_err() && frame_pair("3,-1").is_err()
+        );
         assert!(seconds("8").is_ok() && seconds("1e300").is_err() && seconds("0").is_err());
         assert!(from_zero("0").is_ok() && from_zero("-1").is_err() && from_zero("inf").is_err());
         assert!(

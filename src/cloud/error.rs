@@ -29,7 +29,9 @@ pub enum SceneError {
     #[error("{0}")]
     Request(String),
     /// A result would take more memory than it may.
-    #[error("with voxels of {voxel} the surface takes more than {mebibytes} MiB; give a larger voxel size")]
+    #[error(
+        "with voxels of {voxel} the surface takes more than {mebibytes} MiB; give a larger voxel size"
+    )]
     TooLarge {
         /// Edge of the voxels, world units.
         voxel: f64,

@@ -54,7 +54,9 @@ impl LabelledCloud {
     pub fn move_origin(&mut self, origin: glam::DVec3) {
         let by = self.origin - origin;
         if by != glam::DVec3::ZERO {
-            self.positions.iter_mut().for_each(|at| *at = (at.as_dvec3() + by).as_vec3());
+            self.positions
+                .iter_mut()
+                .for_each(|at| *at = (at.as_dvec3() + by).as_vec3());
         }
         self.origin = origin;
     }
@@ -69,7 +71,10 @@ impl LabelledCloud {
     #[must_use]
     pub fn select(&self, indices: &[u32]) -> Self {
         fn pick<T: Copy>(from: &[T], indices: &[u32]) -> Vec<T> {
-            indices.iter().filter_map(|&index| from.get(index as usize).copied()).collect()
+            indices
+                .iter()
+                .filter_map(|&index| from.get(index as usize).copied())
+                .collect()
         }
         Self {
             positions: pick(&self.positions, indices),
@@ -109,7 +114,13 @@ impl LabelledCloud {
     }
 
     /// Adds a point like another cloud's at another place.
-    pub(crate) fn push_copy(&mut self, from: &Self, point: usize, position: glam::Vec3, normal: glam::Vec3) {
+    pub(crate) fn push_copy(
+        &mut self,
+        from: &Self,
+        point: usize,
+        position: glam::Vec3,
+        normal: glam::Vec3,
+    ) {
         self.positions.push(position);
         self.normals.push(normal);
         self.colors.push(from.colors[point]);
@@ -121,12 +132,32 @@ impl LabelledCloud {
     pub(crate) fn push_mean(&mut self, of: &[u32], label: LabelId) -> u32 {
         let share = 1.0 / of.len() as f32;
         let points = || of.iter().map(|&point| point as usize);
-        self.positions.push(points().map(|point| self.positions[point]).sum::<glam::Vec3>() * share);
-        self.normals.push(points().map(|point| self.normals[point]).sum::<glam::Vec3>().normalize_or_zero());
-        let channel = |at: usize| points().map(|point| f32::from(self.colors[point][at])).sum::<f32>() * share;
-        self.colors.push([0, 1, 2].map(|at| channel(at).round() as u8));
+        self.positions.push(
+            points()
+                .map(|point| self.positions[point])
+                .sum::<glam::Vec3>()
+                * share,
+        );
+        self.normals.push(
+            points()
+                .map(|point| self.normals[point])
+                .sum::<glam::Vec3>()
+                .normalize_or_zero(),
+        );
+        let channel = |at: usize| {
+            points()
+                .map(|point| f32::from(self.colors[point][at]))
+                .sum::<f32>()
+                * share
+        };
+        self.colors
+            .push([0, 1, 2].map(|at| channel(at).round() as u8));
         self.labels.push(label);
-        self.confidence.push(points().map(|point| self.confidence[point]).fold(1.0, f32::min));
+        self.confidence.push(
+            points()
+                .map(|point| self.confidence[point])
+                .fold(1.0, f32::min),
+        );
         self.len() as u32 - 1
     }
 
@@ -148,14 +179,19 @@ impl LabelledCloud {
         for label in self.tree.iter() {
             table[usize::from(label.id.0)] = label.color;
         }
-        self.labels.iter().map(|id| table[usize::from(id.0)]).collect()
+        self.labels
+            .iter()
+            .map(|id| table[usize::from(id.0)])
+            .collect()
     }
 }
 
 /// For every id up to the largest of the tree, its ancestor at `level`.
 fn level_table(tree: &LabelTree, level: usize) -> Vec<LabelId> {
     let last = tree.iter().last().map_or(0, |label| label.id.0);
-    (0..=last).map(|id| tree.at_level(LabelId(id), level)).collect()
+    (0..=last)
+        .map(|id| tree.at_level(LabelId(id), level))
+        .collect()
 }
 
 /// Gives every id of `ids` that the tree lacks a top-level label named after its number.
@@ -168,7 +204,12 @@ pub(crate) fn name_unknown_labels(tree: &mut LabelTree, ids: impl IntoIterator<I
         while tree.by_name(&name).is_some() {
             name.push('\'');
         }
-        let label = Label { id, name, color: LabelTree::color_for(id), parent: None };
+        let label = Label {
+            id,
+            name,
+            color: LabelTree::color_for(id),
+            parent: None,
+        };
         // A new top-level label with a free name breaks no invariant of the tree.
         let _ = tree.set(label);
     }
@@ -179,17 +220,29 @@ mod tests {
     use super::*;
 
     fn label(id: u16, name: &str, parent: Option<u16>) -> Label {
-        Label { id: LabelId(id), name: name.into(), color: [id as u8; 3], parent: parent.map(LabelId) }
+        Label {
+            id: LabelId(id),
+            name: name.into(),
+            color: [id as u8; 3],
+            parent: parent.map(LabelId),
+        }
     }
 
     #[test]
     fn levels_and_selection() {
-        let mut cloud = LabelledCloud::from_positions(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y]);
+        let mut cloud =
+            LabelledCloud::from_positions(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y]);
         cloud.tree.set(label(1, "plant", None)).unwrap();
         cloud.tree.set(label(2, "leaf", Some(1))).unwrap();
         cloud.labels = vec![LabelId(2), LabelId(0), LabelId(9)];
-        assert_eq!(cloud.at_level(1).labels, [LabelId(1), LabelId(0), LabelId(9)]);
-        assert_eq!(cloud.label_colors(), [[2; 3], UNLABELLED_COLOR, UNLABELLED_COLOR]);
+        assert_eq!(
+            cloud.at_level(1).labels,
+            [LabelId(1), LabelId(0), LabelId(9)]
+        );
+        assert_eq!(
+            cloud.label_colors(),
+            [[2; 3], UNLABELLED_COLOR, UNLABELLED_COLOR]
+        );
         let picked = cloud.select(&[2, 7, 0]);
         assert_eq!(picked.positions, [glam::Vec3::Y, glam::Vec3::ZERO]);
         assert_eq!(picked.labels, [LabelId(9), LabelId(2)]);

@@ -13,19 +13,25 @@ pub(super) fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut File) -> Result<(), SceneError>,
 ) -> Result<(), SceneError> {
-    let written = AtomicFile::create(path).map_err(unplaced).and_then(|mut file| {
-        write(file.as_file())?;
-        file.commit().map_err(unplaced)
-    });
+    let written = AtomicFile::create(path)
+        .map_err(unplaced)
+        .and_then(|mut file| {
+            write(file.as_file())?;
+            file.commit().map_err(unplaced)
+        });
     written.map_err(|error| match error {
-        SceneError::Io { path: none, reason } if none.as_os_str().is_empty() => {
-            SceneError::Io { path: path.to_path_buf(), reason }
-        }
+        SceneError::Io { path: none, reason } if none.as_os_str().is_empty() => SceneError::Io {
+            path: path.to_path_buf(),
+            reason,
+        },
         other => other,
     })
 }
 
 /// A fault of the system in a file whose path is not known here.
 pub(super) fn unplaced(reason: Error) -> SceneError {
-    SceneError::Io { path: PathBuf::new(), reason }
+    SceneError::Io {
+        path: PathBuf::new(),
+        reason,
+    }
 }

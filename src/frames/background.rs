@@ -17,12 +17,22 @@ pub(super) struct Background {
 impl Background {
     /// Up to `threads` threads named `name`, started when first needed.
     pub fn new(name: &'static str, threads: usize) -> Self {
-        Self { name, threads, pool: OnceLock::new(), current: Mutex::default() }
+        Self {
+            name,
+            threads,
+            pool: OnceLock::new(),
+            current: Mutex::default(),
+        }
     }
 
     /// Drops what waits, stops what runs at its next step, and puts these tasks in the queue.
-    pub fn replace<F: FnOnce(&Progress) + Send + 'static>(&self, tasks: impl IntoIterator<Item = F>) {
-        let pool = self.pool.get_or_init(|| Pool::new(self.name, self.threads, CAPACITY));
+    pub fn replace<F: FnOnce(&Progress) + Send + 'static>(
+        &self,
+        tasks: impl IntoIterator<Item = F>,
+    ) {
+        let pool = self
+            .pool
+            .get_or_init(|| Pool::new(self.name, self.threads, CAPACITY));
         let mut current = self.current.lock().unwrap_or_else(PoisonError::into_inner);
         current.stop();
         *current = Progress::default();
@@ -37,7 +47,10 @@ impl Background {
 
 impl Drop for Background {
     fn drop(&mut self) {
-        self.current.lock().unwrap_or_else(PoisonError::into_inner).stop();
+        self.current
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .stop();
     }
 }
 

@@ -33,8 +33,16 @@ enum Entry<V> {
 
 impl<K: Hash + Eq + Clone, V: Weigh> Cache<K, V> {
     pub fn new(budget_bytes: usize) -> Self {
-        let state = State { entries: FxHashMap::default(), bytes: 0, clock: 0 };
-        Self { state: Mutex::new(state), changed: Condvar::new(), budget_bytes }
+        let state = State {
+            entries: FxHashMap::default(),
+            bytes: 0,
+            clock: 0,
+        };
+        Self {
+            state: Mutex::new(state),
+            changed: Condvar::new(),
+            budget_bytes,
+        }
     }
 
     /// The value of `key`, made by `load` when it is not there; waits when another thread is making it.
@@ -68,7 +76,10 @@ impl<K: Hash + Eq + Clone, V: Weigh> Cache<K, V> {
                 state.entries.insert(key.clone(), Entry::Loading);
                 return None;
             }
-            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+            state = self
+                .changed
+                .wait(state)
+                .unwrap_or_else(PoisonError::into_inner);
         }
     }
 
@@ -101,7 +112,13 @@ impl<K: Hash + Eq + Clone, V: Weigh> State<K, V> {
         }
         self.clock += 1;
         self.bytes += bytes;
-        self.entries.insert(key.clone(), Entry::Ready { value, used: self.clock });
+        self.entries.insert(
+            key.clone(),
+            Entry::Ready {
+                value,
+                used: self.clock,
+            },
+        );
     }
 
     fn drop_oldest(&mut self) {
@@ -109,9 +126,14 @@ impl<K: Hash + Eq + Clone, V: Weigh> State<K, V> {
             Entry::Ready { used, .. } => Some(*used),
             Entry::Loading => None,
         };
-        let oldest =
-            self.entries.iter().filter_map(|(key, entry)| Some((age(entry)?, key))).min_by_key(|(used, _)| *used);
-        let Some(key) = oldest.map(|(_, key)| key.clone()) else { return };
+        let oldest = self
+            .entries
+            .iter()
+            .filter_map(|(key, entry)| Some((age(entry)?, key)))
+            .min_by_key(|(used, _)| *used);
+        let Some(key) = oldest.map(|(_, key)| key.clone()) else {
+            return;
+        };
         if let Some(Entry::Ready { value, .. }) = self.entries.remove(&key) {
             self.bytes -= value.bytes();
         }
@@ -126,7 +148,9 @@ struct Claim<'a, K: Hash + Eq + Clone, V: Weigh> {
 
 impl<K: Hash + Eq + Clone, V: Weigh> Claim<'_, K, V> {
     fn fulfil(self, value: V) {
-        self.cache.lock().keep(self.key, value, self.cache.budget_bytes);
+        self.cache
+            .lock()
+            .keep(self.key, value, self.cache.budget_bytes);
     }
 }
 
@@ -159,7 +183,9 @@ mod tests {
     }
 
     fn fill(cache: &Cache<u32, Block>, key: u32, bytes: usize) {
-        cache.get(&key, || Ok::<_, Infallible>(Block(bytes))).unwrap();
+        cache
+            .get(&key, || Ok::<_, Infallible>(Block(bytes)))
+            .unwrap();
     }
 
     #[test]
@@ -200,7 +226,9 @@ mod tests {
         let cache = Cache::<u32, Block>::new(100);
         assert!(cache.get(&1, || Err("damaged")).is_err());
         let panicked = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-            let _ = cache.get(&1, || -> Result<Block, Infallible> { panic!("broken decoder") });
+            let _ = cache.get(&1, || -> Result<Block, Infallible> {
+                panic!("broken decoder")
+            });
         }));
         assert!(panicked.is_err());
         fill(&cache, 1, 10);

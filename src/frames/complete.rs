@@ -13,7 +13,10 @@ const MAX_CHUNKS: usize = 1 << 20;
 
 /// Whether an image file reaches its end, found without decoding it and without reading it into memory; always for TIFF,
 /// which has no end.
-pub(super) fn is_complete(reader: &mut BufReader<File>, format: ImageFormat) -> std::io::Result<bool> {
+pub(super) fn is_complete(
+    reader: &mut BufReader<File>,
+    format: ImageFormat,
+) -> std::io::Result<bool> {
     match format {
         ImageFormat::Jpeg => {
             if ends_with(reader, &[0xff, 0xd9])? {
@@ -71,7 +74,11 @@ fn has_jpeg_end(jpeg: &mut (impl BufRead + Seek)) -> std::io::Result<bool> {
 
 /// Whether the lossy frames of a WebP file are not larger than the image. Decoders compare the sizes only after they have
 /// decoded a frame, which may be as large as 16383 × 16383 pixels in a file of 100 bytes.
-pub(super) fn webp_frames_fit(reader: &mut BufReader<File>, width: u32, height: u32) -> std::io::Result<bool> {
+pub(super) fn webp_frames_fit(
+    reader: &mut BufReader<File>,
+    width: u32,
+    height: u32,
+) -> std::io::Result<bool> {
     let end = reader.seek(SeekFrom::End(0))?;
     let mut at = reader.seek(SeekFrom::Start(12))?;
     for _ in 0..MAX_CHUNKS {
@@ -102,12 +109,17 @@ pub(super) fn webp_frames_fit(reader: &mut BufReader<File>, width: u32, height: 
 }
 
 fn too_many_chunks() -> std::io::Error {
-    std::io::Error::new(ErrorKind::InvalidData, format!("it has more than {MAX_CHUNKS} chunks"))
+    std::io::Error::new(
+        ErrorKind::InvalidData,
+        format!("it has more than {MAX_CHUNKS} chunks"),
+    )
 }
 
 fn ends_with(reader: &mut BufReader<File>, end: &[u8]) -> std::io::Result<bool> {
     let length = reader.seek(SeekFrom::End(0))?;
-    let Some(start) = length.checked_sub(end.len() as u64) else { return Ok(false) };
+    let Some(start) = length.checked_sub(end.len() as u64) else {
+        return Ok(false);
+    };
     reader.seek(SeekFrom::Start(start))?;
     let mut found = vec![0; end.len()];
     reader.read_exact(&mut found)?;
@@ -140,7 +152,11 @@ mod tests {
     fn complete(bytes: &[u8], format: ImageFormat) -> bool {
         let file = tempfile::NamedTempFile::new().unwrap();
         std::fs::write(file.path(), bytes).unwrap();
-        is_complete(&mut BufReader::new(File::open(file.path()).unwrap()), format).unwrap_or(false)
+        is_complete(
+            &mut BufReader::new(File::open(file.path()).unwrap()),
+            format,
+        )
+        .unwrap_or(false)
     }
 
     #[test]
@@ -152,7 +168,13 @@ mod tests {
                 .unwrap();
             let whole = whole.into_inner();
             assert!(complete(&whole, format), "{format:?}");
-            assert!(complete(&[whole.as_slice(), b"a film of two seconds"].concat(), format), "{format:?} and more");
+            assert!(
+                complete(
+                    &[whole.as_slice(), b"a film of two seconds"].concat(),
+                    format
+                ),
+                "{format:?} and more"
+            );
             for end in [whole.len() - 1, whole.len() * 2 / 3, 13] {
                 assert!(!complete(&whole[..end], format), "{format:?} cut at {end}");
             }
@@ -163,22 +185,49 @@ mod tests {
     fn files_of_countless_chunks_are_refused() {
         let file = tempfile::NamedTempFile::new().unwrap();
         let open = |start: &[u8], chunk: &[u8]| {
-            std::fs::write(file.path(), [start, &chunk.repeat(MAX_CHUNKS + 9), b"more"].concat()).unwrap();
+            std::fs::write(
+                file.path(),
+                [start, &chunk.repeat(MAX_CHUNKS + 9), b"more"].concat(),
+            )
+            .unwrap();
             BufReader::new(File::open(file.path()).unwrap())
         };
-        let png = is_complete(&mut open(b"\x89PNG\r\n\x1a\n", b"\0\0\0\0tEXt\0\0\0\0"), ImageFormat::Png);
+        let png = is_complete(
+            &mut open(b"\x89PNG\r\n\x1a\n", b"\0\0\0\0tEXt\0\0\0\0"),
+            ImageFormat::Png,
+        );
         assert!(png.unwrap_err().to_string().contains("chunks"));
-        let webp = webp_frames_fit(&mut open(b"RIFF\xff\xff\xff\x7fWEBP", b"XXXX\0\0\0\0"), 4, 4);
+        let webp = webp_frames_fit(
+            &mut open(b"RIFF\xff\xff\xff\x7fWEBP", b"XXXX\0\0\0\0"),
+            4,
+            4,
+        );
         assert!(webp.unwrap_err().to_string().contains("chunks"));
-        let wide = [b"XXXX\x03\0\0\0....VP8 \x0a\0\0\0", &[0; 6][..], &[9, 0, 4, 0]].concat();
-        let fits = |width: u32| webp_frames_fit(&mut open(&[b"RIFF\0\0\0\0WEBP", &wide[..]].concat(), b""), width, 4);
+        let wide = [
+            b"XXXX\x03\0\0\0....VP8 \x0a\0\0\0",
+            &[0; 6][..],
+            &[9, 0, 4, 0],
+        ]
+        .concat();
+        let fits = |width: u32| {
+            webp_frames_fit(
+                &mut open(&[b"RIFF\0\0\0\0WEBP", &wide[..]].concat(), b""),
+                width,
+                4,
+            )
+        };
         assert!(fits(9).unwrap() && !fits(8).unwrap());
     }
 
     #[test]
     fn the_end_of_an_embedded_thumbnail_is_not_the_end() {
         let thumbnail = [0xff, 0xe1, 0, 6, 1, 2, 0xff, 0xd9];
-        let cut = [&[0xff, 0xd8], thumbnail.as_slice(), &[0xff, 0xda, 0, 2, 1, 2, 3, 4]].concat();
+        let cut = [
+            &[0xff, 0xd8],
+            thumbnail.as_slice(),
+            &[0xff, 0xda, 0, 2, 1, 2, 3, 4],
+        ]
+        .concat();
         let complete = |bytes: &[u8]| is_complete_jpeg(&mut std::io::Cursor::new(bytes)).unwrap();
         assert!(!complete(&cut));
         assert!(complete(&[cut.as_slice(), &[0xff, 0xd9, 0]].concat()));

@@ -31,12 +31,23 @@ const WORKING_BYTES_PER_PIXEL: u64 = 16;
 pub(super) type CheckSize<'a> = &'a dyn Fn((u32, u32)) -> Result<(), FrameError>;
 
 /// Decodes an image file and turns it upright. Transparent pixels are grey.
-pub(super) fn decode_picture(path: &Path, orientation: Orientation, check: CheckSize<'_>) -> Result<Image, FrameError> {
+pub(super) fn decode_picture(
+    path: &Path,
+    orientation: Orientation,
+    check: CheckSize<'_>,
+) -> Result<Image, FrameError> {
     let source = Source::open(path, orientation, check)?;
     if source.header.content.is_float_color() {
-        let Upright { size, values: pixels } = source.read_float_colors()?;
+        let Upright {
+            size,
+            values: pixels,
+        } = source.read_float_colors()?;
         let pixels = pixels.into_iter().map(over_grey).collect();
-        return Ok(Image { width: size.0, height: size.1, pixels });
+        return Ok(Image {
+            width: size.0,
+            height: size.1,
+            pixels,
+        });
     }
     let pixels = source.read::<[u8; 3]>(|decoder| {
         let size = decoder.dimensions();
@@ -57,21 +68,32 @@ pub(super) fn decode_picture(path: &Path, orientation: Orientation, check: Check
         }
     })?;
     let (width, height) = pixels.size;
-    Ok(Image { width, height, pixels: pixels.values })
+    Ok(Image {
+        width,
+        height,
+        pixels: pixels.values,
+    })
 }
 
 /// The value of white in an image whose colours are floats. Decodes the image.
 pub(super) fn float_white(path: &Path) -> Result<f32, FrameError> {
     let source = Source::open(path, Orientation::default(), &|_| Ok(()))?;
     let pixels = source.read(float_colors)?;
-    white_of(&pixels.values).map_err(|what| FrameError::Invalid { path: path.into(), what })
+    white_of(&pixels.values).map_err(|what| FrameError::Invalid {
+        path: path.into(),
+        what,
+    })
 }
 
 fn float_colors(decoder: Box<dyn ImageDecoder + '_>) -> image::ImageResult<Vec<[f32; 4]>> {
     let image = DynamicImage::from_decoder(decoder)?;
     Ok(match image {
         DynamicImage::ImageRgba32F(image) => image.pixels().map(|pixel| pixel.0).collect(),
-        image => image.into_rgb32f().pixels().map(|pixel| [pixel[0], pixel[1], pixel[2], 1.0]).collect(),
+        image => image
+            .into_rgb32f()
+            .pixels()
+            .map(|pixel| [pixel[0], pixel[1], pixel[2], 1.0])
+            .collect(),
     })
 }
 
@@ -93,7 +115,10 @@ pub(super) fn opaque_pixels(
             (opaque.size, opaque.values)
         }
         Content::FloatColorAlpha => {
-            let Upright { size, values: pixels } = source.read_float_colors()?;
+            let Upright {
+                size,
+                values: pixels,
+            } = source.read_float_colors()?;
             (size, pixels.into_iter().map(is_opaque).collect())
         }
         _ => return Ok(None),
@@ -121,33 +146,54 @@ pub(super) fn decode_depth(
             let (width, height) = decoder.dimensions();
             let mut steps = vec![0_u16; width as usize * height as usize];
             decoder.read_image(bytemuck::cast_slice_mut(&mut steps))?;
-            let known = |step: u16| if step == u16::MAX { 0.0 } else { in_world(step.into()) };
+            let known = |step: u16| {
+                if step == u16::MAX {
+                    0.0
+                } else {
+                    in_world(step.into())
+                }
+            };
             Ok(steps.into_iter().map(known).collect())
         })?,
         _ => return Err(not_depth(path)),
     };
     let (width, height) = depths.size;
-    Ok(DepthMap { width, height, depths: depths.values })
+    Ok(DepthMap {
+        width,
+        height,
+        depths: depths.values,
+    })
 }
 
 /// The error for an image in the place of depth that is not one.
 pub(super) fn not_depth(path: &Path) -> FrameError {
     let what = "depth must be a grey image of 16 bits (PNG or TIFF) or of floats (TIFF), and this one is not; \
                 give the folder with the measured depth, not one drawn for viewing";
-    FrameError::Invalid { path: path.into(), what: what.into() }
+    FrameError::Invalid {
+        path: path.into(),
+        what: what.into(),
+    }
 }
 
 fn over_grey([red, green, blue, alpha]: [u8; 4]) -> [u8; 3] {
-    let (share, rest) = (u32::from(alpha), u32::from(BEHIND) * (255 - u32::from(alpha)));
+    let (share, rest) = (
+        u32::from(alpha),
+        u32::from(BEHIND) * (255 - u32::from(alpha)),
+    );
     [red, green, blue].map(|value| ((u32::from(value) * share + rest + 127) / 255) as u8)
 }
 
 /// The pixels that have no other than opaque ones within [`EDGE_PX`] rows and columns.
 fn shrunk(opaque: &[bool], width: usize) -> Vec<bool> {
     let mut in_rows = vec![false; opaque.len()];
-    for (row, out) in opaque.chunks_exact(width).zip(in_rows.chunks_exact_mut(width)) {
+    for (row, out) in opaque
+        .chunks_exact(width)
+        .zip(in_rows.chunks_exact_mut(width))
+    {
         for (x, out) in out.iter_mut().enumerate() {
-            *out = row[x.saturating_sub(EDGE_PX)..width.min(x + EDGE_PX + 1)].iter().all(|&opaque| opaque);
+            *out = row[x.saturating_sub(EDGE_PX)..width.min(x + EDGE_PX + 1)]
+                .iter()
+                .all(|&opaque| opaque);
         }
     }
     let height = opaque.len() / width.max(1);
@@ -174,7 +220,11 @@ struct Upright<T> {
 }
 
 impl<'a> Source<'a> {
-    fn open(path: &'a Path, orientation: Orientation, check: CheckSize<'_>) -> Result<Self, FrameError> {
+    fn open(
+        path: &'a Path,
+        orientation: Orientation,
+        check: CheckSize<'_>,
+    ) -> Result<Self, FrameError> {
         let mut reader = open(path)?;
         let format = format_of(&mut reader, path)?;
         let header = header_in(&mut reader, format, path)?;
@@ -182,8 +232,13 @@ impl<'a> Source<'a> {
         let io = |reason| FrameError::io(path, reason);
         let complete = match format {
             ImageFormat::Jpeg => is_complete_jpeg(&mut reader).map_err(io)?,
-            ImageFormat::WebP if !webp_frames_fit(&mut reader, header.width, header.height).map_err(io)? => {
-                return Err(damaged(path, &"its frames have another size than its header"));
+            ImageFormat::WebP
+                if !webp_frames_fit(&mut reader, header.width, header.height).map_err(io)? =>
+            {
+                return Err(damaged(
+                    path,
+                    &"its frames have another size than its header",
+                ));
             }
             _ => true,
         };
@@ -191,7 +246,13 @@ impl<'a> Source<'a> {
             return Err(cut_off(path));
         }
         std::io::Seek::rewind(&mut reader).map_err(io)?;
-        Ok(Self { path, reader, format, header, orientation })
+        Ok(Self {
+            path,
+            reader,
+            format,
+            header,
+            orientation,
+        })
     }
 
     fn read<T: Copy + Default>(
@@ -212,7 +273,12 @@ impl<'a> Source<'a> {
         });
         match decoded {
             Ok(values) => Ok(self.upright(values)),
-            Err(error) => Err(cannot_decode(&mut self.reader, self.path, self.format, &error)),
+            Err(error) => Err(cannot_decode(
+                &mut self.reader,
+                self.path,
+                self.format,
+                &error,
+            )),
         }
     }
 
@@ -220,13 +286,20 @@ impl<'a> Source<'a> {
     fn read_float_colors(self) -> Result<Upright<[u8; 4]>, FrameError> {
         let path = self.path;
         let pixels = self.read(float_colors)?;
-        let bytes = to_bytes(&pixels.values).map_err(|what| FrameError::Invalid { path: path.into(), what })?;
-        Ok(Upright { size: pixels.size, values: bytes })
+        let bytes = to_bytes(&pixels.values).map_err(|what| FrameError::Invalid {
+            path: path.into(),
+            what,
+        })?;
+        Ok(Upright {
+            size: pixels.size,
+            values: bytes,
+        })
     }
 
     fn read_tiff(mut self, in_world: impl Fn(f64) -> f32) -> Result<Upright<f32>, FrameError> {
         let pixels = self.header.width as usize * self.header.height as usize;
-        let values = read_depth_samples(&mut self.reader, pixels).map_err(|error| damaged(self.path, &error))?;
+        let values = read_depth_samples(&mut self.reader, pixels)
+            .map_err(|error| damaged(self.path, &error))?;
         if values.len() != pixels {
             return Err(cut_off(self.path));
         }
@@ -236,6 +309,9 @@ impl<'a> Source<'a> {
     fn upright<T: Copy + Default>(&self, values: Vec<T>) -> Upright<T> {
         let (width, height) = (self.header.width, self.header.height);
         let values = turn(values, width, height, self.orientation);
-        Upright { size: self.orientation.shown_size(width, height), values }
+        Upright {
+            size: self.orientation.shown_size(width, height),
+            values,
+        }
     }
 }

@@ -25,7 +25,9 @@ impl DepthCamera {
     #[must_use]
     pub fn seen_by(&self, depth: &DepthMap, picture: &Camera) -> DepthMap {
         let width = depth.width as usize;
-        let corners: Vec<Corner> = (0..depth.depths.len()).map(|pixel| self.corner(depth, pixel, picture)).collect();
+        let corners: Vec<Corner> = (0..depth.depths.len())
+            .map(|pixel| self.corner(depth, pixel, picture))
+            .collect();
         let mut seen = Canvas::new(picture);
         let mut drawn = vec![false; corners.len()];
         for row in 1..depth.height as usize {
@@ -41,7 +43,11 @@ impl DepthCamera {
                 }
             }
         }
-        corners.iter().zip(drawn).filter(|(_, drawn)| !drawn).for_each(|(alone, _)| seen.dot(alone));
+        corners
+            .iter()
+            .zip(drawn)
+            .filter(|(_, drawn)| !drawn)
+            .for_each(|(alone, _)| seen.dot(alone));
         seen.finish()
     }
 
@@ -49,9 +55,14 @@ impl DepthCamera {
         let (x, y) = (pixel % depth.width as usize, pixel / depth.width as usize);
         let at_px = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
         let along = f64::from(depth.depths[pixel]);
-        let point = self.picture_from_depth.transform(self.intrinsics.unproject(at_px).extend(1.0) * along);
+        let point = self
+            .picture_from_depth
+            .transform(self.intrinsics.unproject(at_px).extend(1.0) * along);
         let seen = (along > 0.0).then(|| picture.project(point)).flatten();
-        seen.map_or(Corner::UNKNOWN, |at_px| Corner { at_px: at_px.as_vec2(), depth: point.z as f32 })
+        seen.map_or(Corner::UNKNOWN, |at_px| Corner {
+            at_px: at_px.as_vec2(),
+            depth: point.z as f32,
+        })
     }
 }
 
@@ -64,7 +75,10 @@ struct Corner {
 }
 
 impl Corner {
-    const UNKNOWN: Self = Self { at_px: Vec2::ZERO, depth: 0.0 };
+    const UNKNOWN: Self = Self {
+        at_px: Vec2::ZERO,
+        depth: 0.0,
+    };
 }
 
 fn is_surface(corners: &[Corner; 3]) -> bool {
@@ -83,7 +97,11 @@ struct Canvas {
 impl Canvas {
     fn new(camera: &Camera) -> Self {
         let (width, height) = (camera.width, camera.height);
-        Self { width, height, depths: vec![f32::INFINITY; width as usize * height as usize] }
+        Self {
+            width,
+            height,
+            depths: vec![f32::INFINITY; width as usize * height as usize],
+        }
     }
 
     /// Draws a triangle over the pixels whose centres lie in it; the inverse of depth is linear in a picture.
@@ -100,7 +118,11 @@ impl Canvas {
         for y in first.y as u32..end.y as u32 {
             for x in first.x as u32..end.x as u32 {
                 let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
-                let shares = Vec3::new((b - at).perp_dot(c - at), (c - at).perp_dot(a - at), (a - at).perp_dot(b - at));
+                let shares = Vec3::new(
+                    (b - at).perp_dot(c - at),
+                    (c - at).perp_dot(a - at),
+                    (a - at).perp_dot(b - at),
+                );
                 let shares = shares / area;
                 if shares.min_element() >= 0.0 {
                     self.put(x, y, 1.0 / shares.dot(inverse));
@@ -112,7 +134,10 @@ impl Canvas {
     /// Draws one pixel.
     fn dot(&mut self, corner: &Corner) {
         let inside = corner.at_px.cmpge(Vec2::ZERO).all()
-            && corner.at_px.cmplt(Vec2::new(self.width as f32, self.height as f32)).all();
+            && corner
+                .at_px
+                .cmplt(Vec2::new(self.width as f32, self.height as f32))
+                .all();
         if corner.depth > 0.0 && inside {
             self.put(corner.at_px.x as u32, corner.at_px.y as u32, corner.depth);
         }
@@ -124,8 +149,16 @@ impl Canvas {
     }
 
     fn finish(self) -> DepthMap {
-        let depths = self.depths.into_iter().map(|depth| if depth.is_finite() { depth } else { 0.0 }).collect();
-        DepthMap { width: self.width, height: self.height, depths }
+        let depths = self
+            .depths
+            .into_iter()
+            .map(|depth| if depth.is_finite() { depth } else { 0.0 })
+            .collect();
+        DepthMap {
+            width: self.width,
+            height: self.height,
+            depths,
+        }
     }
 }
 
@@ -137,7 +170,10 @@ mod tests {
 
     fn depth_camera() -> DepthCamera {
         let rotation = DQuat::from_rotation_z(0.01);
-        let picture_from_depth = Pose { rotation, translation: DVec3::new(-0.025, 0.002, 0.003) };
+        let picture_from_depth = Pose {
+            rotation,
+            translation: DVec3::new(-0.025, 0.002, 0.003),
+        };
         DepthCamera {
             intrinsics: Camera::pinhole(160, 120, 146.0, 146.0, 80.0, 60.0),
             picture_from_depth,
@@ -152,11 +188,18 @@ mod tests {
     /// Depth to the plane `normal · x = offset`, in the depth camera's axes.
     fn plane(camera: &Camera, normal: DVec3, offset: f64) -> DepthMap {
         let depth = |pixel: u32| {
-            let at_px = DVec2::new(f64::from(pixel % camera.width) + 0.5, f64::from(pixel / camera.width) + 0.5);
+            let at_px = DVec2::new(
+                f64::from(pixel % camera.width) + 0.5,
+                f64::from(pixel / camera.width) + 0.5,
+            );
             (offset / normal.dot(camera.unproject(at_px).extend(1.0))) as f32
         };
         let (width, height) = (camera.width, camera.height);
-        DepthMap { width, height, depths: (0..width * height).map(depth).collect() }
+        DepthMap {
+            width,
+            height,
+            depths: (0..width * height).map(depth).collect(),
+        }
     }
 
     #[test]
@@ -166,22 +209,40 @@ mod tests {
         let seen = camera.seen_by(&plane(&camera.intrinsics, normal, offset), &picture());
         // The same plane in the picture's axes.
         let turned = camera.picture_from_depth.rotation * normal;
-        let exact = plane(&picture(), turned, offset + turned.dot(camera.picture_from_depth.translation));
+        let exact = plane(
+            &picture(),
+            turned,
+            offset + turned.dot(camera.picture_from_depth.translation),
+        );
         let mut known = 0;
-        for (seen, exact) in seen.depths.iter().zip(&exact.depths).filter(|(seen, _)| **seen > 0.0) {
+        for (seen, exact) in seen
+            .depths
+            .iter()
+            .zip(&exact.depths)
+            .filter(|(seen, _)| **seen > 0.0)
+        {
             known += 1;
             assert!((seen - exact).abs() < 1e-4 * exact, "{seen} is not {exact}");
         }
-        assert!(known > 320 * 240 * 3 / 4, "{known} pixels known: the picture sees a tenth farther to each side");
+        assert!(
+            known > 320 * 240 * 3 / 4,
+            "{known} pixels known: the picture sees a tenth farther to each side"
+        );
         let middle = &seen.depths[60 * 320..180 * 320];
         let inner = middle.chunks(320).flat_map(|row| &row[60..260]);
-        assert!(inner.into_iter().all(|&depth| depth > 0.0), "no holes between the larger pixels");
+        assert!(
+            inner.into_iter().all(|&depth| depth > 0.0),
+            "no holes between the larger pixels"
+        );
     }
 
     #[test]
     fn what_is_near_hides_what_is_far_and_the_rest_stays_unknown() {
         let camera = DepthCamera {
-            picture_from_depth: Pose { translation: DVec3::X * -0.1, ..Pose::IDENTITY },
+            picture_from_depth: Pose {
+                translation: DVec3::X * -0.1,
+                ..Pose::IDENTITY
+            },
             ..depth_camera()
         };
         let mut depth = plane(&camera.intrinsics, DVec3::Z, 2.0);
@@ -194,19 +255,32 @@ mod tests {
         let picture = camera.intrinsics;
         let row = &camera.seen_by(&depth, &picture).depths[60 * 160..61 * 160];
         // The wall moves by 7.3 pixels to the left, the bar by 14.6; behind its right side nothing is known.
-        let is =
-            |columns: std::ops::Range<usize>, wanted: f32| columns.into_iter().all(|x| (row[x] - wanted).abs() < 1e-5);
-        assert!(is(0..45, 2.0) && is(46..74, 1.0) && is(76..82, 0.0) && is(84..151, 2.0), "{row:?}");
+        let is = |columns: std::ops::Range<usize>, wanted: f32| {
+            columns.into_iter().all(|x| (row[x] - wanted).abs() < 1e-5)
+        };
+        assert!(
+            is(0..45, 2.0) && is(46..74, 1.0) && is(76..82, 0.0) && is(84..151, 2.0),
+            "{row:?}"
+        );
     }
 
     #[test]
     fn the_same_camera_sees_the_same_and_a_lone_pixel_stays() {
         let intrinsics = depth_camera().intrinsics;
-        let camera = DepthCamera { intrinsics, picture_from_depth: Pose::IDENTITY, estimated: false };
+        let camera = DepthCamera {
+            intrinsics,
+            picture_from_depth: Pose::IDENTITY,
+            estimated: false,
+        };
         let mut depth = plane(&intrinsics, DVec3::Z, 2.0);
         depth.depths[..40 * 160].fill(0.0);
         depth.depths[20 * 160 + 80] = 1.0;
         let seen = camera.seen_by(&depth, &intrinsics);
-        assert!(seen.depths.iter().zip(&depth.depths).all(|(a, b)| (a - b).abs() < 1e-5));
+        assert!(
+            seen.depths
+                .iter()
+                .zip(&depth.depths)
+                .all(|(a, b)| (a - b).abs() < 1e-5)
+        );
     }
 }

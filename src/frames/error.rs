@@ -51,6 +51,9 @@ impl FrameError {
         if reason.kind() == std::io::ErrorKind::NotFound {
             return Self::Missing { path: path.into() };
         }
-        Self::Io { path: path.into(), reason }
+        Self::Io {
+            path: path.into(),
+            reason,
+        }
     }
 }

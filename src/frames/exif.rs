@@ -9,7 +9,9 @@ const DIAGONAL_35MM: f64 = 43.266_615_305_567_87;
 /// and for files that cannot be read.
 #[must_use]
 pub fn exif_focal_px(frame: &Frame) -> Option<f64> {
-    let PictureSource::File { path, .. } = &frame.picture else { return None };
+    let PictureSource::File { path, .. } = &frame.picture else {
+        return None;
+    };
     let mut reader = std::io::BufReader::new(ostra_core::disk::open_regular(path).ok()?);
     let exif = Reader::new().read_from_container(&mut reader).ok()?;
     focal_px(&exif, f64::from(frame.width), f64::from(frame.height))
@@ -17,7 +19,8 @@ pub fn exif_focal_px(frame: &Frame) -> Option<f64> {
 
 /// From the focal length for 35 mm film, else from focal length and pixels per length on the sensor.
 fn focal_px(exif: &Exif, width: f64, height: f64) -> Option<f64> {
-    let equivalent = number(exif, Tag::FocalLengthIn35mmFilm).map(|mm| mm * width.hypot(height) / DIAGONAL_35MM);
+    let equivalent =
+        number(exif, Tag::FocalLengthIn35mmFilm).map(|mm| mm * width.hypot(height) / DIAGONAL_35MM);
     let focal = equivalent.or_else(|| {
         let unit_mm = match number(exif, Tag::FocalPlaneResolutionUnit)? as u32 {
             2 => 25.4,
@@ -27,7 +30,10 @@ fn focal_px(exif: &Exif, width: f64, height: f64) -> Option<f64> {
         };
         let recorded = number(exif, Tag::PixelXDimension).unwrap_or(width.max(height));
         let shrunk = width.max(height) / recorded;
-        Some(number(exif, Tag::FocalLength)? * number(exif, Tag::FocalPlaneXResolution)? / unit_mm * shrunk)
+        Some(
+            number(exif, Tag::FocalLength)? * number(exif, Tag::FocalPlaneXResolution)? / unit_mm
+                * shrunk,
+        )
     });
     // What cameras write without knowing is left out: no lens sees less than 2° or more than 170° across.
     focal.filter(|focal| (0.04..30.0).contains(&(focal / width.max(height))))
@@ -78,7 +84,13 @@ mod tests {
     }
 
     fn entry(tag: u16, kind: u16, value: u32) -> Vec<u8> {
-        [&tag.to_le_bytes()[..], &kind.to_le_bytes(), &1u32.to_le_bytes(), &value.to_le_bytes()].concat()
+        [
+            &tag.to_le_bytes()[..],
+            &kind.to_le_bytes(),
+            &1u32.to_le_bytes(),
+            &value.to_le_bytes(),
+        ]
+        .concat()
     }
 
     #[test]
@@ -86,7 +98,11 @@ mod tests {
         let told = exif(&[(0xa405, Entry::Short(26))]);
         let focal = focal_px(&told, 4032.0, 3024.0).unwrap();
         assert!((focal - 3028.7).abs() < 0.1, "{focal}");
-        assert_eq!(focal_px(&exif(&[(0xa405, Entry::Short(0))]), 4032.0, 3024.0), None, "0 means unknown");
+        assert_eq!(
+            focal_px(&exif(&[(0xa405, Entry::Short(0))]), 4032.0, 3024.0),
+            None,
+            "0 means unknown"
+        );
     }
 
     #[test]
@@ -103,6 +119,9 @@ mod tests {
 
     #[test]
     fn nothing_told_nothing_known() {
-        assert_eq!(focal_px(&exif(&[(0x920a, Entry::Rational(50, 1))]), 2000.0, 1000.0), None);
+        assert_eq!(
+            focal_px(&exif(&[(0x920a, Entry::Rational(50, 1))]), 2000.0, 1000.0),
+            None
+        );
     }
 }

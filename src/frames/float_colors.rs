@@ -10,10 +10,18 @@ const WHITES: [f32; 3] = [1.0, 255.0, 65535.0];
 /// # Errors
 /// What is wrong and what to do, where a value is not a finite number, negative or larger than all of them.
 pub(super) fn to_bytes(pixels: &[[f32; 4]]) -> Result<Vec<[u8; 4]>, String> {
-    let (white, opaque) = (white_of(pixels)?, range_of(pixels.iter().map(|pixel| pixel[3]))?);
+    let (white, opaque) = (
+        white_of(pixels)?,
+        range_of(pixels.iter().map(|pixel| pixel[3]))?,
+    );
     let byte = |value: f32, full: f32| (value / full * 255.0).round() as u8; // `as` clamps
     let bytes = |&[red, green, blue, alpha]: &[f32; 4]| {
-        [byte(red, white), byte(green, white), byte(blue, white), byte(alpha, opaque)]
+        [
+            byte(red, white),
+            byte(green, white),
+            byte(blue, white),
+            byte(alpha, opaque),
+        ]
     };
     Ok(pixels.iter().map(bytes).collect())
 }
@@ -34,7 +42,9 @@ fn range_of(values: impl Iterator<Item = f32>) -> Result<f32, String> {
         }
         (least, most) = (least.min(value), most.max(value));
     }
-    let white = WHITES.into_iter().find(|white| most <= white * (1.0 + TOLERANCE));
+    let white = WHITES
+        .into_iter()
+        .find(|white| most <= white * (1.0 + TOLERANCE));
     match white {
         Some(white) if least >= -TOLERANCE * white => Ok(white),
         _ => Err(refused(&format!("they go from {least} to {most}"))),
@@ -55,7 +65,14 @@ mod tests {
     #[test]
     fn white_is_found_from_the_range_and_other_ranges_are_refused() {
         let grey = |value: f32| [[0.0, 0.0, 0.0, 1.0], [value, value, value, 1.0]];
-        for (value, white) in [(0.5, 1.0), (1.05, 1.0), (2.0, 255.0), (260.0, 255.0), (300.0, 65535.0), (0.0, 1.0)] {
+        for (value, white) in [
+            (0.5, 1.0),
+            (1.05, 1.0),
+            (2.0, 255.0),
+            (260.0, 255.0),
+            (300.0, 65535.0),
+            (0.0, 1.0),
+        ] {
             assert_eq!(white_of(&grey(value)), Ok(white), "{value}");
         }
         assert_eq!(to_bytes(&grey(51.0)).unwrap()[1], [51, 51, 51, 255]);

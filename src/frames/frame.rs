@@ -124,7 +124,11 @@ impl FrameCamera {
     /// A camera that is given.
     #[must_use]
     pub fn given(intrinsics: Camera, camera_from_world: Option<Pose>) -> Self {
-        Self { intrinsics, camera_from_world, estimated: false }
+        Self {
+            intrinsics,
+            camera_from_world,
+            estimated: false,
+        }
     }
 }
 
@@ -166,7 +170,14 @@ impl TryFrom<StoredFrame> for Frame {
 
     /// Refuses sizes that no image has, before anything of that size is allocated, and a camera of another size.
     fn try_from(stored: StoredFrame) -> Result<Self, String> {
-        let StoredFrame { name, width, height, picture, depth, camera } = stored;
+        let StoredFrame {
+            name,
+            width,
+            height,
+            picture,
+            depth,
+            camera,
+        } = stored;
         let pixels = u64::from(width) * u64::from(height);
         if pixels == 0 || width.max(height) > Camera::MAX_SIDE || pixels > Camera::MAX_PIXELS {
             return Err(format!(
@@ -183,7 +194,14 @@ impl TryFrom<StoredFrame> for Frame {
                 intrinsics.width, intrinsics.height
             ));
         }
-        Ok(Self { name, width, height, picture, depth, camera })
+        Ok(Self {
+            name,
+            width,
+            height,
+            picture,
+            depth,
+            camera,
+        })
     }
 }
 

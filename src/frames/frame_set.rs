@@ -76,7 +76,9 @@ impl From<Vec<(usize, usize)>> for FrameSet {
     /// The union of ranges in any order; one that ends before it begins holds nothing.
     fn from(ranges: Vec<(usize, usize)>) -> Self {
         let mut set = Self::default();
-        ranges.into_iter().for_each(|(first, last)| set.insert(first, last));
+        ranges
+            .into_iter()
+            .for_each(|(first, last)| set.insert(first, last));
         set
     }
 }

@@ -71,7 +71,10 @@ impl Content {
 impl Header {
     /// Whether it can be a depth map.
     pub fn is_depth(&self) -> bool {
-        matches!(self.content, Content::Grey16 | Content::IntegerDepth | Content::FloatDepth)
+        matches!(
+            self.content,
+            Content::Grey16 | Content::IntegerDepth | Content::FloatDepth
+        )
     }
 
     /// Whether it can only be a depth map.
@@ -100,9 +103,17 @@ pub(super) fn check_complete(path: &Path) -> Result<(), FrameError> {
 }
 
 /// The header of an open file, within the limits of what is decoded; the reader is left at the file's start.
-pub(super) fn header_in(reader: &mut BufReader<File>, format: ImageFormat, path: &Path) -> Result<Header, FrameError> {
+pub(super) fn header_in(
+    reader: &mut BufReader<File>,
+    format: ImageFormat,
+    path: &Path,
+) -> Result<Header, FrameError> {
     let io = |reason| FrameError::io(path, reason);
-    let depth = if format == ImageFormat::Tiff { depth_samples(reader) } else { None };
+    let depth = if format == ImageFormat::Tiff {
+        depth_samples(reader)
+    } else {
+        None
+    };
     reader.rewind().map_err(io)?;
     let header = match (format, depth) {
         (_, Some(header)) => header,
@@ -120,14 +131,23 @@ pub(super) fn header_in(reader: &mut BufReader<File>, format: ImageFormat, path:
         }
     };
     reader.rewind().map_err(io)?;
-    check_limits(&header, reader.get_ref().metadata().map_err(io)?.len(), path)?;
+    check_limits(
+        &header,
+        reader.get_ref().metadata().map_err(io)?.len(),
+        path,
+    )?;
     Ok(header)
 }
 
 fn check_limits(header: &Header, bytes: u64, path: &Path) -> Result<(), FrameError> {
     let (width, height) = (header.width, header.height);
     let pixels = u64::from(width) * u64::from(height);
-    let invalid = |what: String| Err(FrameError::Invalid { path: path.into(), what });
+    let invalid = |what: String| {
+        Err(FrameError::Invalid {
+            path: path.into(),
+            what,
+        })
+    };
     if pixels == 0 || width.max(height) > Camera::MAX_SIDE || pixels > MAX_PIXELS {
         return invalid(format!(
             "its header says {width} × {height} pixels, which cannot be read (at most {} a side and {} million in all); \
@@ -137,20 +157,34 @@ fn check_limits(header: &Header, bytes: u64, path: &Path) -> Result<(), FrameErr
         ));
     }
     if bytes > pixels * BYTES_PER_PIXEL + APPENDED_BYTES {
-        return invalid(format!("a file of {bytes} bytes for {width} × {height} pixels is damaged; replace it"));
+        return invalid(format!(
+            "a file of {bytes} bytes for {width} × {height} pixels is damaged; replace it"
+        ));
     }
     Ok(())
 }
 
 /// Opens a source file, which must be a regular one; one that is missing is distinguished from one that cannot be read.
 pub(super) fn open(path: &Path) -> Result<BufReader<File>, FrameError> {
-    disk::open_regular(path).map(BufReader::new).map_err(|reason| FrameError::io(path, reason))
+    disk::open_regular(path)
+        .map(BufReader::new)
+        .map_err(|reason| FrameError::io(path, reason))
 }
 
 /// The image format, from the file's first bytes, whatever its name ends with.
-pub(super) fn format_of(reader: &mut BufReader<File>, path: &Path) -> Result<ImageFormat, FrameError> {
-    let start = reader.fill_buf().map_err(|reason| FrameError::io(path, reason))?;
-    let invalid = |what: String| Err(FrameError::Invalid { path: path.into(), what });
+pub(super) fn format_of(
+    reader: &mut BufReader<File>,
+    path: &Path,
+) -> Result<ImageFormat, FrameError> {
+    let start = reader
+        .fill_buf()
+        .map_err(|reason| FrameError::io(path, reason))?;
+    let invalid = |what: String| {
+        Err(FrameError::Invalid {
+            path: path.into(),
+            what,
+        })
+    };
     if start.is_empty() {
         return invalid("the file is empty; replace it or remove it".into());
     }
@@ -158,11 +192,17 @@ pub(super) fn format_of(reader: &mut BufReader<File>, path: &Path) -> Result<Ima
         return Ok(ImageFormat::Tiff); // BigTIFF
     }
     if is_heif(start) {
-        return invalid(format!("this is a HEIC or AVIF image, not {FORMATS}; convert it, e.g. with heif-convert"));
+        return invalid(format!(
+            "this is a HEIC or AVIF image, not {FORMATS}; convert it, e.g. with heif-convert"
+        ));
     }
     match image::guess_format(start) {
-        Ok(format @ (ImageFormat::Jpeg | ImageFormat::Png | ImageFormat::Tiff | ImageFormat::WebP)) => Ok(format),
-        _ => invalid(format!("this is not a {FORMATS} image; remove it or replace it")),
+        Ok(
+            format @ (ImageFormat::Jpeg | ImageFormat::Png | ImageFormat::Tiff | ImageFormat::WebP),
+        ) => Ok(format),
+        _ => invalid(format!(
+            "this is not a {FORMATS} image; remove it or replace it"
+        )),
     }
 }
 
@@ -185,16 +225,27 @@ pub(super) fn kind_of_file(path: &Path) -> Result<FileKind, FrameError> {
         Ok(ImageFormat::Tiff) => Ok(FileKind::Tiff),
         Ok(_) => Ok(FileKind::Image),
         Err(error @ FrameError::Invalid { .. }) => {
-            let start = reader.fill_buf().map_err(|reason| FrameError::io(path, reason))?;
-            Ok(if is_heif(start) { FileKind::Heif(error) } else { FileKind::Other })
+            let start = reader
+                .fill_buf()
+                .map_err(|reason| FrameError::io(path, reason))?;
+            Ok(if is_heif(start) {
+                FileKind::Heif(error)
+            } else {
+                FileKind::Other
+            })
         }
         Err(error) => Err(error),
     }
 }
 
 fn is_heif(start: &[u8]) -> bool {
-    let brands = [b"heic", b"heix", b"heim", b"heis", b"hevc", b"mif1", b"msf1", b"avif"];
-    start.get(4..8) == Some(b"ftyp".as_slice()) && brands.iter().any(|brand| start.get(8..12) == Some(brand.as_slice()))
+    let brands = [
+        b"heic", b"heix", b"heim", b"heis", b"hevc", b"mif1", b"msf1", b"avif",
+    ];
+    start.get(4..8) == Some(b"ftyp".as_slice())
+        && brands
+            .iter()
+            .any(|brand| start.get(8..12) == Some(brand.as_slice()))
 }
 
 /// The error for a file that a decoder refused: an unsupported variant is distinguished from damage.
@@ -204,17 +255,24 @@ pub(super) fn cannot_decode(
     format: ImageFormat,
     error: &ImageError,
 ) -> FrameError {
-    let invalid = |what: String| FrameError::Invalid { path: path.into(), what };
+    let invalid = |what: String| FrameError::Invalid {
+        path: path.into(),
+        what,
+    };
     let as_png = "convert it to a PNG of 8 or 16 bits, e.g. with ImageMagick: magick";
     let name = path.file_name().unwrap_or_default().display();
-    let variant = if format == ImageFormat::Tiff { variant_of(reader) } else { None };
+    let variant = if format == ImageFormat::Tiff {
+        variant_of(reader)
+    } else {
+        None
+    };
     match (error, variant) {
-        (ImageError::Unsupported(_), Some(variant)) => {
-            invalid(format!("a TIFF with {variant} is not supported; {as_png} {name} -colorspace sRGB {name}.png"))
-        }
-        (ImageError::Unsupported(_), None) => {
-            invalid(format!("this variant of {format:?} is not supported ({error}); {as_png} {name} {name}.png"))
-        }
+        (ImageError::Unsupported(_), Some(variant)) => invalid(format!(
+            "a TIFF with {variant} is not supported; {as_png} {name} -colorspace sRGB {name}.png"
+        )),
+        (ImageError::Unsupported(_), None) => invalid(format!(
+            "this variant of {format:?} is not supported ({error}); {as_png} {name} {name}.png"
+        )),
         (ImageError::Limits(_), _) => invalid(format!(
             "decoding it takes more memory than an image of its size needs ({error}); {as_png} {name} {name}.png"
         )),
@@ -224,8 +282,12 @@ pub(super) fn cannot_decode(
 
 /// The error for an image that breaks off or does not follow its format.
 pub(super) fn damaged(path: &Path, why: &dyn std::fmt::Display) -> FrameError {
-    let what = format!("the image is damaged or cut off ({why}); replace it or take it out of the folder");
-    FrameError::Invalid { path: path.into(), what }
+    let what =
+        format!("the image is damaged or cut off ({why}); replace it or take it out of the folder");
+    FrameError::Invalid {
+        path: path.into(),
+        what,
+    }
 }
 
 /// The error for an image whose end is missing.
@@ -243,7 +305,12 @@ fn header_of(mut decoder: impl ImageDecoder) -> image::ImageResult<Header> {
         color if color.has_alpha() => Content::ColorAlpha,
         _ => Content::Color,
     };
-    Ok(Header { width, height, orientation, content })
+    Ok(Header {
+        width,
+        height,
+        orientation,
+        content,
+    })
 }
 
 /// Walks the segments up to the frame header; unlike a decoder it does not read the whole file.
@@ -256,12 +323,22 @@ fn read_jpeg_header(reader: &mut (impl BufRead + Seek)) -> std::io::Result<Heade
             continue;
         }
         let length = u16::from_be_bytes(read_bytes(reader)?);
-        let body = length.checked_sub(2).ok_or_else(|| invalid("a segment of impossible length"))?;
+        let body = length
+            .checked_sub(2)
+            .ok_or_else(|| invalid("a segment of impossible length"))?;
         match marker {
             0xc0..=0xc3 | 0xc5..=0xc7 | 0xc9..=0xcb | 0xcd..=0xcf => {
                 let [_, h1, h0, w1, w0, _] = read_bytes::<6>(reader)?;
-                let (width, height) = (u16::from_be_bytes([w1, w0]).into(), u16::from_be_bytes([h1, h0]).into());
-                return Ok(Header { width, height, orientation, content: Content::Color });
+                let (width, height) = (
+                    u16::from_be_bytes([w1, w0]).into(),
+                    u16::from_be_bytes([h1, h0]).into(),
+                );
+                return Ok(Header {
+                    width,
+                    height,
+                    orientation,
+                    content: Content::Color,
+                });
             }
             0xd9 | 0xda => return Err(invalid("image data before a size")),
             0xe1 => {

@@ -30,7 +30,9 @@ impl Image {
     /// Luma as in ITU-R BT.601, 0–1, pixel by pixel.
     #[must_use]
     pub fn luma(&self) -> Vec<f32> {
-        let luma = |&[r, g, b]: &[u8; 3]| (0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)) / 255.0;
+        let luma = |&[r, g, b]: &[u8; 3]| {
+            (0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)) / 255.0
+        };
         self.pixels.iter().map(luma).collect()
     }
 }

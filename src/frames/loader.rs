@@ -4,7 +4,9 @@ use std::sync::Arc;
 use super::cache::{Cache, Weigh};
 use super::decode::{decode_depth, decode_picture, opaque_pixels};
 use super::film::Films;
-use super::{DepthCamera, DepthMap, DepthSource, Frame, FrameError, Image, MadeDepth, PictureSource};
+use super::{
+    DepthCamera, DepthMap, DepthSource, Frame, FrameError, Image, MadeDepth, PictureSource,
+};
 
 /// Decodes pictures and depths and keeps the latest.
 #[derive(Debug)]
@@ -18,10 +20,25 @@ pub(super) struct Loader {
 /// What pixels are made from.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(super) enum Key {
-    File { path: PathBuf, orientation: u8 },
-    Film { path: PathBuf, index: u64 },
-    Depth { path: PathBuf, orientation: u8, unit_bits: u64, lenses: String },
-    Made { path: PathBuf, scale_bits: u64, lens: String },
+    File {
+        path: PathBuf,
+        orientation: u8,
+    },
+    Film {
+        path: PathBuf,
+        index: u64,
+    },
+    Depth {
+        path: PathBuf,
+        orientation: u8,
+        unit_bits: u64,
+        lenses: String,
+    },
+    Made {
+        path: PathBuf,
+        scale_bits: u64,
+        lens: String,
+    },
 }
 
 #[derive(Debug, Clone)]
@@ -49,15 +66,28 @@ impl Key {
     /// The key of a frame's picture.
     pub fn of_picture(source: &PictureSource) -> Self {
         match source {
-            PictureSource::File { path, orientation } => Self::File { path: path.clone(), orientation: orientation.0 },
-            PictureSource::Film { path, index, .. } => Self::Film { path: path.clone(), index: *index },
+            PictureSource::File { path, orientation } => Self::File {
+                path: path.clone(),
+                orientation: orientation.0,
+            },
+            PictureSource::Film { path, index, .. } => Self::Film {
+                path: path.clone(),
+                index: *index,
+            },
         }
     }
 
     fn of_depth(frame: &Frame, source: &DepthSource) -> Self {
         match source {
-            DepthSource::Sensor { path, unit, orientation, camera } => {
-                let lenses = camera.as_ref().map(|camera| format!("{camera:?} {}", lens(frame)));
+            DepthSource::Sensor {
+                path,
+                unit,
+                orientation,
+                camera,
+            } => {
+                let lenses = camera
+                    .as_ref()
+                    .map(|camera| format!("{camera:?} {}", lens(frame)));
                 Self::Depth {
                     path: path.clone(),
                     orientation: orientation.0,
@@ -65,21 +95,30 @@ impl Key {
                     lenses: lenses.unwrap_or_default(),
                 }
             }
-            DepthSource::Made { made, scale } => {
-                Self::Made { path: made.clone(), scale_bits: scale.to_bits(), lens: lens(frame) }
-            }
+            DepthSource::Made { made, scale } => Self::Made {
+                path: made.clone(),
+                scale_bits: scale.to_bits(),
+                lens: lens(frame),
+            },
         }
     }
 }
 
 /// The frame's lens, which what is seen through it is a matter of, and which may change.
 fn lens(frame: &Frame) -> String {
-    frame.camera.map(|camera| format!("{:?}", camera.intrinsics)).unwrap_or_default()
+    frame
+        .camera
+        .map(|camera| format!("{:?}", camera.intrinsics))
+        .unwrap_or_default()
 }
 
 impl Loader {
     pub fn new(budget_bytes: usize, home: PathBuf) -> Self {
-        Self { pixels: Cache::new(budget_bytes), films: Films::default(), home }
+        Self {
+            pixels: Cache::new(budget_bytes),
+            films: Films::default(),
+            home,
+        }
     }
 
     pub fn bytes(&self) -> usize {
@@ -102,9 +141,13 @@ impl Loader {
     }
 
     pub fn depth(&self, frame: &Frame) -> Result<Option<Arc<DepthMap>>, FrameError> {
-        let Some(source) = &frame.depth else { return Ok(None) };
+        let Some(source) = &frame.depth else {
+            return Ok(None);
+        };
         let decode = || self.decode_depth(frame, source).map(Arc::new);
-        let depth = match self.pixels.get(&Key::of_depth(frame, source), || decode().map(Pixels::Depth))? {
+        let depth = match self.pixels.get(&Key::of_depth(frame, source), || {
+            decode().map(Pixels::Depth)
+        })? {
             Pixels::Depth(depth) => depth,
             Pixels::Image(_) => decode()?,
         };
@@ -116,14 +159,21 @@ impl Loader {
     /// The map that was made for a frame, without keeping it.
     pub fn made_depth(&self, frame: &Frame) -> Result<Option<MadeDepth>, FrameError> {
         match &frame.depth {
-            Some(DepthSource::Made { made, .. }) => MadeDepth::read(&self.home.join(made)).map(Some),
+            Some(DepthSource::Made { made, .. }) => {
+                MadeDepth::read(&self.home.join(made)).map(Some)
+            }
             _ => Ok(None),
         }
     }
 
     fn decode_depth(&self, frame: &Frame, source: &DepthSource) -> Result<DepthMap, FrameError> {
         match source {
-            DepthSource::Sensor { path, unit, orientation, camera } => {
+            DepthSource::Sensor {
+                path,
+                unit,
+                orientation,
+                camera,
+            } => {
                 let check = |size| match camera {
                     Some(camera) => check_lens_size(path, camera, size),
                     None => check_size(frame, path, size),
@@ -134,7 +184,9 @@ impl Loader {
                     None => Ok(measured),
                 }
             }
-            DepthSource::Made { made, scale } => Ok(MadeDepth::read(&self.home.join(made))?.seen_by(frame, *scale)),
+            DepthSource::Made { made, scale } => {
+                Ok(MadeDepth::read(&self.home.join(made))?.seen_by(frame, *scale))
+            }
         }
     }
 
@@ -154,18 +206,27 @@ impl Loader {
             PictureSource::File { path, orientation } => {
                 decode_picture(path, *orientation, &|size| check_size(frame, path, size))?
             }
-            PictureSource::Film { path, index, time_s } => {
+            PictureSource::Film {
+                path,
+                index,
+                time_s,
+            } => {
                 if !path.exists() {
                     return Err(FrameError::Missing { path: path.clone() });
                 }
-                self.films.read(path, *index, *time_s, picture_bytes(frame))?
+                self.films
+                    .read(path, *index, *time_s, picture_bytes(frame))?
             }
         };
         checked(frame, Arc::new(image))
     }
 }
 
-fn check_lens_size(path: &Path, by: &DepthCamera, (now_width, now_height): (u32, u32)) -> Result<(), FrameError> {
+fn check_lens_size(
+    path: &Path,
+    by: &DepthCamera,
+    (now_width, now_height): (u32, u32),
+) -> Result<(), FrameError> {
     let (width, height) = (by.intrinsics.width, by.intrinsics.height);
     if (now_width, now_height) == (width, height) {
         return Ok(());
@@ -173,15 +234,28 @@ fn check_lens_size(path: &Path, by: &DepthCamera, (now_width, now_height): (u32,
     let what = format!(
         "depth of {now_width} × {now_height} pixels does not fit its camera of {width} × {height}; give it as it was"
     );
-    Err(FrameError::Invalid { path: path.into(), what })
+    Err(FrameError::Invalid {
+        path: path.into(),
+        what,
+    })
 }
 
 /// Depth that another camera measured, as the frame's sees it.
-fn through_lens(frame: &Frame, path: &Path, by: &DepthCamera, measured: &DepthMap) -> Result<DepthMap, FrameError> {
-    let invalid = |what: String| FrameError::Invalid { path: path.into(), what };
+fn through_lens(
+    frame: &Frame,
+    path: &Path,
+    by: &DepthCamera,
+    measured: &DepthMap,
+) -> Result<DepthMap, FrameError> {
+    let invalid = |what: String| FrameError::Invalid {
+        path: path.into(),
+        what,
+    };
     let picture = frame.camera.ok_or_else(|| {
         let name = &frame.name;
-        invalid(format!("its own camera is known but not that of picture {name}; give --intrinsics or --cameras"))
+        invalid(format!(
+            "its own camera is known but not that of picture {name}; give --intrinsics or --cameras"
+        ))
     })?;
     Ok(by.seen_by(measured, &picture.intrinsics))
 }
@@ -193,7 +267,9 @@ pub(super) fn picture_bytes(frame: &Frame) -> usize {
 
 /// Bytes of a frame's decoded depth.
 pub(super) fn depth_bytes(frame: &Frame) -> usize {
-    frame.depth.as_ref().map_or(0, |_| frame.width as usize * frame.height as usize * size_of::<f32>())
+    frame.depth.as_ref().map_or(0, |_| {
+        frame.width as usize * frame.height as usize * size_of::<f32>()
+    })
 }
 
 fn checked(frame: &Frame, image: Arc<Image>) -> Result<Arc<Image>, FrameError> {
@@ -210,5 +286,8 @@ fn check_size(frame: &Frame, path: &Path, (width, height): (u32, u32)) -> Result
          put the earlier file back or open the frames anew",
         frame.width, frame.height, frame.name
     );
-    Err(FrameError::Invalid { path: path.into(), what })
+    Err(FrameError::Invalid {
+        path: path.into(),
+        what,
+    })
 }

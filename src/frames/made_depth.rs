@@ -38,7 +38,10 @@ impl MadeDepth {
     /// [`FrameError`] where it is missing or damaged.
     pub fn read(path: &Path) -> Result<Self, FrameError> {
         let file = disk::open_regular(path).map_err(|reason| FrameError::io(path, reason))?;
-        let bytes = file.metadata().map_err(|reason| FrameError::io(path, reason))?.len();
+        let bytes = file
+            .metadata()
+            .map_err(|reason| FrameError::io(path, reason))?
+            .len();
         decode(BufReader::new(file), bytes).map_err(|error| FrameError::Invalid {
             path: path.into(),
             what: format!("the depth map is damaged ({error}); reconstruct again"),
@@ -55,9 +58,14 @@ impl MadeDepth {
         let (width, height) = (self.depth.width, self.depth.height);
         let camera = serde_json::to_string(&self.camera).map_err(std::io::Error::from)?;
         let mut page = encoder.new_image::<Gray32Float>(width, height)?;
-        page.encoder().write_tag(Tag::ImageDescription, camera.as_str())?;
+        page.encoder()
+            .write_tag(Tag::ImageDescription, camera.as_str())?;
         page.write_data(&self.depth.depths)?;
-        let normals: Vec<u8> = self.normals.iter().flat_map(|&normal| packed(normal)).collect();
+        let normals: Vec<u8> = self
+            .normals
+            .iter()
+            .flat_map(|&normal| packed(normal))
+            .collect();
         encoder.write_image::<RGB8>(width, height, &normals)?;
         encoder.write_image::<Gray8>(width, height, &self.confidence)?;
         Ok(bytes.into_inner())
@@ -67,9 +75,14 @@ impl MadeDepth {
     /// on one surface it is interpolated.
     #[must_use]
     pub fn seen_by(&self, frame: &Frame, scale: f64) -> DepthMap {
-        let depth = |at_px: Option<DVec2>| scale as f32 * at_px.map_or(0.0, |at_px| self.between(at_px));
+        let depth =
+            |at_px: Option<DVec2>| scale as f32 * at_px.map_or(0.0, |at_px| self.between(at_px));
         let depths = self.positions_seen_by(frame).map(depth).collect();
-        DepthMap { width: frame.width, height: frame.height, depths }
+        DepthMap {
+            width: frame.width,
+            height: frame.height,
+            depths,
+        }
     }
 
     /// For every pixel of the frame's picture, row by row, the pixel of the map that lies there; `None` outside it.
@@ -78,7 +91,8 @@ impl MadeDepth {
             let inside = self.camera.contains(at_px);
             inside.then_some(at_px.y as usize * self.depth.width as usize + at_px.x as usize)
         };
-        self.positions_seen_by(frame).map(move |at_px| at_px.and_then(pixel))
+        self.positions_seen_by(frame)
+            .map(move |at_px| at_px.and_then(pixel))
     }
 
     /// Where in the map each pixel of the frame's picture lies, in pixels.
@@ -89,8 +103,9 @@ impl MadeDepth {
             / DVec2::new(f64::from(width), f64::from(height));
         let position = move |x: u32, y: u32| {
             let at_px = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-            intrinsics
-                .map_or(Some(at_px * share), |intrinsics| self.camera.project(intrinsics.unproject(at_px).extend(1.0)))
+            intrinsics.map_or(Some(at_px * share), |intrinsics| {
+                self.camera.project(intrinsics.unproject(at_px).extend(1.0))
+            })
         };
         (0..height).flat_map(move |y| (0..width).map(move |x| position(x, y)))
     }
@@ -104,9 +119,17 @@ impl MadeDepth {
         let nearest = self.depth.at(at_px.x as u32, at_px.y as u32);
         let corner = (at_px - 0.5).clamp(DVec2::ZERO, DVec2::new(width - 1.0, height - 1.0));
         let (left, top) = (corner.x as u32, corner.y as u32);
-        let (right, low) = ((left + 1).min(self.depth.width - 1), (top + 1).min(self.depth.height - 1));
-        let around = [(left, top), (right, top), (left, low), (right, low)].map(|(x, y)| self.depth.at(x, y));
-        if nearest == 0.0 || around.iter().any(|&depth| (depth - nearest).abs() > SAME_SURFACE * nearest) {
+        let (right, low) = (
+            (left + 1).min(self.depth.width - 1),
+            (top + 1).min(self.depth.height - 1),
+        );
+        let around = [(left, top), (right, top), (left, low), (right, low)]
+            .map(|(x, y)| self.depth.at(x, y));
+        if nearest == 0.0
+            || around
+                .iter()
+                .any(|&depth| (depth - nearest).abs() > SAME_SURFACE * nearest)
+        {
             return nearest;
         }
         let (over, down) = (corner.x.fract() as f32, corner.y.fract() as f32);
@@ -118,28 +141,46 @@ impl MadeDepth {
 
 /// 128 stands for 0; black for no normal.
 fn packed(normal: [i8; 3]) -> [u8; 3] {
-    if normal == [0; 3] { [0; 3] } else { normal.map(|value| (i16::from(value) + 128) as u8) }
+    if normal == [0; 3] {
+        [0; 3]
+    } else {
+        normal.map(|value| (i16::from(value) + 128) as u8)
+    }
 }
 
 fn unpacked(pixel: &[u8]) -> [i8; 3] {
-    if pixel == [0; 3] { [0; 3] } else { [0, 1, 2].map(|i| (i16::from(pixel[i]) - 128) as i8) }
+    if pixel == [0; 3] {
+        [0; 3]
+    } else {
+        [0, 1, 2].map(|i| (i16::from(pixel[i]) - 128) as i8)
+    }
 }
 
 /// Reads a file of `bytes` bytes. The pixels are not compressed, so a header that claims more is damaged.
 fn decode(reader: impl Read + Seek, bytes: u64) -> TiffResult<MadeDepth> {
     let mut decoder = Decoder::new(reader)?;
-    let wrong = || TiffError::from(std::io::Error::other("it is not a depth map with normals and confidences"));
+    let wrong = || {
+        TiffError::from(std::io::Error::other(
+            "it is not a depth map with normals and confidences",
+        ))
+    };
     let (width, height) = decoder.dimensions()?;
     if u64::from(width) * u64::from(height) > bytes / size_of::<f32>() as u64 {
         return Err(std::io::Error::other("it is cut off").into());
     }
     let camera = decoder.get_tag_ascii_string(Tag::ImageDescription)?;
     let camera: Camera = serde_json::from_str(&camera).map_err(std::io::Error::from)?;
-    let DecodingResult::F32(depths) = decoder.read_image()? else { return Err(wrong()) };
+    let DecodingResult::F32(depths) = decoder.read_image()? else {
+        return Err(wrong());
+    };
     decoder.next_image()?;
-    let DecodingResult::U8(normals) = decoder.read_image()? else { return Err(wrong()) };
+    let DecodingResult::U8(normals) = decoder.read_image()? else {
+        return Err(wrong());
+    };
     decoder.next_image()?;
-    let DecodingResult::U8(confidence) = decoder.read_image()? else { return Err(wrong()) };
+    let DecodingResult::U8(confidence) = decoder.read_image()? else {
+        return Err(wrong());
+    };
     let pixels = width as usize * height as usize;
     let normals: Vec<[i8; 3]> = normals.chunks_exact(3).map(unpacked).collect();
     let fits = (depths.len(), normals.len(), confidence.len()) == (pixels, pixels, pixels)
@@ -147,7 +188,16 @@ fn decode(reader: impl Read + Seek, bytes: u64) -> TiffResult<MadeDepth> {
     if !fits {
         return Err(wrong());
     }
-    Ok(MadeDepth { camera, depth: DepthMap { width, height, depths }, normals, confidence })
+    Ok(MadeDepth {
+        camera,
+        depth: DepthMap {
+            width,
+            height,
+            depths,
+        },
+        normals,
+        confidence,
+    })
 }
 
 #[cfg(test)]
@@ -166,9 +216,26 @@ mod tests {
             x if x < 6 => 2.0 + 0.01 * x as f32,
             _ => 5.0,
         };
-        let normals = (0..48).map(|i| if i == 0 { [0; 3] } else { [76, i as i8 - 24, -102] }).collect();
-        let depth = DepthMap { width: 8, height: 6, depths: (0..48).map(at).collect() };
-        MadeDepth { camera, depth, normals, confidence: (0..48).collect() }
+        let normals = (0..48)
+            .map(|i| {
+                if i == 0 {
+                    [0; 3]
+                } else {
+                    [76, i as i8 - 24, -102]
+                }
+            })
+            .collect();
+        let depth = DepthMap {
+            width: 8,
+            height: 6,
+            depths: (0..48).map(at).collect(),
+        };
+        MadeDepth {
+            camera,
+            depth,
+            normals,
+            confidence: (0..48).collect(),
+        }
     }
 
     fn frame(camera: Option<Camera>, made: &str) -> Frame {
@@ -176,8 +243,14 @@ mod tests {
             name: "a.png".into(),
             width: 16,
             height: 12,
-            picture: PictureSource::File { path: "a.png".into(), orientation: Orientation::default() },
-            depth: Some(crate::DepthSource::Made { made: PathBuf::from(made), scale: 1.0 }),
+            picture: PictureSource::File {
+                path: "a.png".into(),
+                orientation: Orientation::default(),
+            },
+            depth: Some(crate::DepthSource::Made {
+                made: PathBuf::from(made),
+                scale: 1.0,
+            }),
             camera: camera.map(|intrinsics| FrameCamera::given(intrinsics, Some(Pose::default()))),
         }
     }
@@ -191,8 +264,19 @@ mod tests {
         std::fs::write(&path, &bytes).unwrap();
         assert_eq!(MadeDepth::read(&path).unwrap(), made);
         std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-        assert!(MadeDepth::read(&path).unwrap_err().to_string().contains("reconstruct again"));
-        let lacking = MadeDepth { camera: Camera { width: 9, ..made.camera }, ..made };
+        assert!(
+            MadeDepth::read(&path)
+                .unwrap_err()
+                .to_string()
+                .contains("reconstruct again")
+        );
+        let lacking = MadeDepth {
+            camera: Camera {
+                width: 9,
+                ..made.camera
+            },
+            ..made
+        };
         std::fs::write(&path, lacking.encode().unwrap()).unwrap();
         assert!(MadeDepth::read(&path).is_err());
     }
@@ -204,13 +288,34 @@ mod tests {
         let store = FrameStore::at_home(1 << 20, folder.path().into());
         let seen = store.depth(&frame(None, "a.tiff")).unwrap().unwrap();
         assert_eq!((seen.width, seen.height), (16, 12));
-        assert!((seen.at(4, 5) - 2.0175).abs() < 1e-5, "between columns 1 and 2: {}", seen.at(4, 5));
-        assert_eq!((seen.at(11, 5), seen.at(12, 5)), (2.05, 5.0), "not between surfaces");
+        assert!(
+            (seen.at(4, 5) - 2.0175).abs() < 1e-5,
+            "between columns 1 and 2: {}",
+            seen.at(4, 5)
+        );
+        assert_eq!(
+            (seen.at(11, 5), seen.at(12, 5)),
+            (2.05, 5.0),
+            "not between surfaces"
+        );
         assert_eq!(seen.at(1, 1), 0.0);
-        let larger = Some(crate::DepthSource::Made { made: "a.tiff".into(), scale: 2.0 });
-        let larger = store.depth(&Frame { depth: larger, ..frame(None, "a.tiff") }).unwrap().unwrap();
+        let larger = Some(crate::DepthSource::Made {
+            made: "a.tiff".into(),
+            scale: 2.0,
+        });
+        let larger = store
+            .depth(&Frame {
+                depth: larger,
+                ..frame(None, "a.tiff")
+            })
+            .unwrap()
+            .unwrap();
         assert_eq!(larger.at(12, 5), 10.0);
-        assert!(FrameStore::new(1 << 20).depth(&frame(None, "a.tiff")).is_err());
+        assert!(
+            FrameStore::new(1 << 20)
+                .depth(&frame(None, "a.tiff"))
+                .is_err()
+        );
     }
 
     #[test]
@@ -222,8 +327,14 @@ mod tests {
         let (made, frame) = (slope(), frame(Some(lens), "a.tiff"));
         let seen = made.seen_by(&frame, 1.0);
         let at_px = DVec2::new(2.5, 6.5);
-        let here = made.camera.project(lens.unproject(at_px).extend(1.0)).unwrap();
-        assert!((here.x - at_px.x / 2.0).abs() > 0.02, "the lens matters here");
+        let here = made
+            .camera
+            .project(lens.unproject(at_px).extend(1.0))
+            .unwrap();
+        assert!(
+            (here.x - at_px.x / 2.0).abs() > 0.02,
+            "the lens matters here"
+        );
         assert!((f64::from(seen.at(2, 6)) - (2.0 + 0.01 * (here.x - 0.5))).abs() < 1e-5);
     }
 }

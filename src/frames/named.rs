@@ -4,10 +4,17 @@ use std::fmt::Display;
 pub(super) const NAMED: usize = 3;
 
 /// The first items of a list, and how many more there are: `a, b, c and 5 more`.
-pub(super) fn first_of<T: Display>(all: impl ExactSizeIterator<Item = T>, separator: &str) -> String {
+pub(super) fn first_of<T: Display>(
+    all: impl ExactSizeIterator<Item = T>,
+    separator: &str,
+) -> String {
     let more = all.len().saturating_sub(NAMED);
     let first: Vec<String> = all.take(NAMED).map(|item| item.to_string()).collect();
-    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    let more = if more > 0 {
+        format!(" and {more} more")
+    } else {
+        String::new()
+    };
     format!("{}{more}", first.join(separator))
 }
 

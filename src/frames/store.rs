@@ -32,7 +32,8 @@ impl FrameStore {
     /// As [`Self::new`]; depths that a reconstruction made are looked for below the folder `home`.
     #[must_use]
     pub fn at_home(budget_bytes: usize, home: PathBuf) -> Self {
-        let threads = std::thread::available_parallelism().map_or(1, |cores| cores.get().div_ceil(2).min(4));
+        let threads =
+            std::thread::available_parallelism().map_or(1, |cores| cores.get().div_ceil(2).min(4));
         Self {
             loader: Arc::new(Loader::new(budget_bytes, home)),
             budget_bytes,
@@ -118,14 +119,18 @@ impl FrameStore {
     /// The thumbnail if it is made already; never waits for decoding.
     #[must_use]
     pub fn cached_thumbnail(&self, frame: &Frame, max_side: u32) -> Option<Arc<Image>> {
-        self.thumbnails.peek(&(Key::of_picture(&frame.picture), max_side))
+        self.thumbnails
+            .peek(&(Key::of_picture(&frame.picture), max_side))
     }
 
     /// Makes thumbnails in the background, the first first; the newest call wins, as in [`Self::prefetch`].
     pub fn prefetch_thumbnails(&self, frames: &[Frame], max_side: u32) {
         let tasks = frames.chunk_by(in_one_film).map(|frames| {
-            let (loader, thumbnails, frames) =
-                (Arc::clone(&self.loader), Arc::clone(&self.thumbnails), frames.to_vec());
+            let (loader, thumbnails, frames) = (
+                Arc::clone(&self.loader),
+                Arc::clone(&self.thumbnails),
+                frames.to_vec(),
+            );
             move |progress: &Progress| {
                 let _ = each(&frames, progress, |frame| {
                     let _ = thumbnail(&loader, &thumbnails, frame, max_side);
@@ -144,7 +149,9 @@ fn thumbnail(
     max_side: u32,
 ) -> Result<Arc<Image>, FrameError> {
     thumbnails.get(&(Key::of_picture(&frame.picture), max_side), || {
-        let image = loader.cached_image(frame).map_or_else(|| loader.decode_image(frame), Ok)?;
+        let image = loader
+            .cached_image(frame)
+            .map_or_else(|| loader.decode_image(frame), Ok)?;
         Ok(Arc::new(shrink(&image, max_side)))
     })
 }

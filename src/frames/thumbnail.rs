@@ -4,14 +4,21 @@ use super::Image;
 pub(super) fn shrink(image: &Image, max_side: u32) -> Image {
     let longest = image.width.max(image.height).max(1);
     let max_side = max_side.clamp(1, longest);
-    let side = |length: u32| ((u64::from(length) * u64::from(max_side) / u64::from(longest)) as u32).max(1);
+    let side = |length: u32| {
+        ((u64::from(length) * u64::from(max_side) / u64::from(longest)) as u32).max(1)
+    };
     let (width, height) = (side(image.width), side(image.height));
     let mut pixels = Vec::with_capacity(width as usize * height as usize);
     let mut sums = vec![[0_u64; 3]; width as usize];
     for y in 0..height {
         sums.fill([0; 3]);
         let rows = span(y, height, image.height);
-        for row in image.pixels.chunks_exact(image.width as usize).skip(rows.start).take(rows.len()) {
+        for row in image
+            .pixels
+            .chunks_exact(image.width as usize)
+            .skip(rows.start)
+            .take(rows.len())
+        {
             add_row(&mut sums, row);
         }
         for (x, sum) in (0..width).zip(&sums) {
@@ -19,7 +26,11 @@ pub(super) fn shrink(image: &Image, max_side: u32) -> Image {
             pixels.push(sum.map(|channel| ((channel + count / 2) / count) as u8));
         }
     }
-    Image { width, height, pixels }
+    Image {
+        width,
+        height,
+        pixels,
+    }
 }
 
 /// The source columns (or rows) that make target column `at` of `target`.
@@ -45,15 +56,28 @@ mod tests {
 
     #[test]
     fn means_of_blocks_and_the_same_shape() {
-        let pixels = (0..8 * 4).map(|at| [if at % 8 < 4 { 10 } else { 200 }, at as u8, 7]).collect();
-        let small = shrink(&Image { width: 8, height: 4, pixels }, 2);
+        let pixels = (0..8 * 4)
+            .map(|at| [if at % 8 < 4 { 10 } else { 200 }, at as u8, 7])
+            .collect();
+        let small = shrink(
+            &Image {
+                width: 8,
+                height: 4,
+                pixels,
+            },
+            2,
+        );
         assert_eq!((small.width, small.height), (2, 1));
         assert_eq!(small.pixels, [[10, 14, 7], [200, 18, 7]]);
     }
 
     #[test]
     fn never_larger_and_never_nothing() {
-        let line = Image { width: 300, height: 1, pixels: vec![[5; 3]; 300] };
+        let line = Image {
+            width: 300,
+            height: 1,
+            pixels: vec![[5; 3]; 300],
+        };
         let small = shrink(&line, 7);
         assert_eq!((small.width, small.height, small.at(6, 0)), (7, 1, [5; 3]));
         assert_eq!(shrink(&line, 1000), line);

@@ -20,7 +20,11 @@ impl Orientation {
     /// Width and height as shown, from those stored.
     #[must_use]
     pub fn shown_size(self, width: u32, height: u32) -> (u32, u32) {
-        if self.swaps_sides() { (height, width) } else { (width, height) }
+        if self.swaps_sides() {
+            (height, width)
+        } else {
+            (width, height)
+        }
     }
 
     fn steps(self, width: usize, height: usize) -> Steps {
@@ -35,12 +39,21 @@ impl Orientation {
             8 => (last_column, w, -1),
             _ => (0, 1, w),
         };
-        Steps { base, step_x, step_y }
+        Steps {
+            base,
+            step_x,
+            step_y,
+        }
     }
 }
 
 /// Turns `width · height` stored pixels upright; the result has the shown size.
-pub(super) fn turn<T: Copy + Default>(stored: Vec<T>, width: u32, height: u32, orientation: Orientation) -> Vec<T> {
+pub(super) fn turn<T: Copy + Default>(
+    stored: Vec<T>,
+    width: u32,
+    height: u32,
+    orientation: Orientation,
+) -> Vec<T> {
     if stored.is_empty() || !matches!(orientation.0, 2..=8) {
         return stored;
     }
@@ -53,7 +66,8 @@ pub(super) fn turn<T: Copy + Default>(stored: Vec<T>, width: u32, height: u32, o
             for y in top..rows.min(top + BLOCK) {
                 let from = steps.base.cast_signed() + y.cast_signed() * steps.step_y;
                 for x in left..columns.min(left + BLOCK) {
-                    shown[y * columns + x] = stored[(from + x.cast_signed() * steps.step_x).cast_unsigned()];
+                    shown[y * columns + x] =
+                        stored[(from + x.cast_signed() * steps.step_x).cast_unsigned()];
                 }
             }
         }
@@ -71,8 +85,12 @@ mod tests {
     fn every_orientation_turns_as_exif_says() {
         let (width, height) = (67, 41);
         let stored: Vec<u16> = (0..width * height).collect();
-        let buffer =
-            image::ImageBuffer::<image::Luma<u16>, _>::from_raw(width.into(), height.into(), stored.clone()).unwrap();
+        let buffer = image::ImageBuffer::<image::Luma<u16>, _>::from_raw(
+            width.into(),
+            height.into(),
+            stored.clone(),
+        )
+        .unwrap();
         for value in 1..=8 {
             let mut expected = image::DynamicImage::ImageLuma16(buffer.clone());
             expected.apply_orientation(Exif::from_exif(value).unwrap());
@@ -83,7 +101,11 @@ mod tests {
                 (expected.width(), expected.height()),
                 "orientation {value}"
             );
-            assert_eq!(shown, expected.into_luma16().into_raw(), "orientation {value}");
+            assert_eq!(
+                shown,
+                expected.into_luma16().into_raw(),
+                "orientation {value}"
+            );
         }
     }
 

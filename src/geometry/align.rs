@@ -33,7 +33,11 @@ const LINE_RATIO: f64 = 1e-10;
 
 impl Similarity {
     /// The transform that changes nothing.
-    pub const IDENTITY: Self = Self { scale: 1.0, rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
+    pub const IDENTITY: Self = Self {
+        scale: 1.0,
+        rotation: DQuat::IDENTITY,
+        translation: DVec3::ZERO,
+    };
 
     /// The transform that brings `source[i]` nearest to `target[i]` in the sense of least squares: W. Kabsch, *A solution
     /// for the best rotation to relate two sets of vectors*, Acta Cryst. A 1976, with the scale of S. Umeyama,
@@ -43,35 +47,67 @@ impl Similarity {
     /// [`GeometryError::TooFewPoints`] for fewer than three points, or points in one place or line;
     /// [`GeometryError::Unpaired`] for lists of unequal length; [`GeometryError::NotFinite`]. `Alignment::None` needs
     /// no points.
-    pub fn align(source: &[DVec3], target: &[DVec3], alignment: Alignment) -> Result<Self, GeometryError> {
+    pub fn align(
+        source: &[DVec3],
+        target: &[DVec3],
+        alignment: Alignment,
+    ) -> Result<Self, GeometryError> {
         if source.len() != target.len() {
-            return Err(GeometryError::Unpaired { what: "points", left: source.len(), right: target.len() });
+            return Err(GeometryError::Unpaired {
+                what: "points",
+                left: source.len(),
+                right: target.len(),
+            });
         }
         if !source.iter().chain(target).all(|x| x.is_finite()) {
-            return Err(GeometryError::NotFinite { what: "list of points to align".into() });
+            return Err(GeometryError::NotFinite {
+                what: "list of points to align".into(),
+            });
         }
         match alignment {
             Alignment::None => Ok(Self::IDENTITY),
-            Alignment::Se3 => least_squares(source, target, false)
-                .ok_or(GeometryError::TooFewPoints { count: source.len(), kind: "se3" }),
-            Alignment::Sim3 => least_squares(source, target, true)
-                .ok_or(GeometryError::TooFewPoints { count: source.len(), kind: "sim3" }),
+            Alignment::Se3 => {
+                least_squares(source, target, false).ok_or(GeometryError::TooFewPoints {
+                    count: source.len(),
+                    kind: "se3",
+                })
+            }
+            Alignment::Sim3 => {
+                least_squares(source, target, true).ok_or(GeometryError::TooFewPoints {
+                    count: source.len(),
+                    kind: "sim3",
+                })
+            }
         }
     }
 
     /// The best transform with a given rotation: scale and translation that bring `source[i]` nearest to `target[i]`. As many
     /// points on both sides, not all in one place where there is a scale to find.
-    pub(super) fn turned(source: &[DVec3], target: &[DVec3], rotation: DQuat, alignment: Alignment) -> Self {
+    pub(super) fn turned(
+        source: &[DVec3],
+        target: &[DVec3],
+        rotation: DQuat,
+        alignment: Alignment,
+    ) -> Self {
         let mean = |points: &[DVec3]| points.iter().sum::<DVec3>() / points.len().max(1) as f64;
         let (source_mean, target_mean) = (mean(source), mean(target));
-        let pairs = || source.iter().zip(target).map(|(s, t)| (rotation * (*s - source_mean), *t - target_mean));
+        let pairs = || {
+            source
+                .iter()
+                .zip(target)
+                .map(|(s, t)| (rotation * (*s - source_mean), *t - target_mean))
+        };
         let spread: f64 = pairs().map(|(s, _)| s.length_squared()).sum();
         let scale = match alignment {
             Alignment::None => return Self::IDENTITY,
             Alignment::Se3 => 1.0,
             Alignment::Sim3 => pairs().map(|(s, t)| s.dot(t)).sum::<f64>() / spread,
         };
-        Self { scale, rotation, translation: target_mean - scale * (rotation * source_mean) }
+        Self {
+            scale,
+            rotation,
+            translation: target_mean - scale * (rotation * source_mean),
+        }
     }
 
     /// Moves a point from the source space to the target space.
@@ -85,14 +121,21 @@ impl Similarity {
     pub fn transform_camera(&self, camera_from_source: &Pose) -> Pose {
         let rotation = (camera_from_source.rotation * self.rotation.conjugate()).normalize();
         let centre = self.transform(camera_from_source.centre());
-        Pose { rotation, translation: -(rotation * centre) }
+        Pose {
+            rotation,
+            translation: -(rotation * centre),
+        }
     }
 
     /// `source_from_target`.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.conjugate();
-        Self { scale: 1.0 / self.scale, rotation, translation: -(rotation * self.translation) / self.scale }
+        Self {
+            scale: 1.0 / self.scale,
+            rotation,
+            translation: -(rotation * self.translation) / self.scale,
+        }
     }
 }
 
@@ -107,16 +150,29 @@ fn least_squares(source: &[DVec3], target: &[DVec3], with_scale: bool) -> Option
     }
     let svd = Matrix3::from_column_slice(&covariance.to_cols_array()).svd(true, true);
     let (u, vt, sigma) = (svd.u?, svd.v_t?, svd.singular_values);
-    if source.len() < 3 || sigma[0].is_nan() || sigma[0] <= 0.0 || sigma[1] <= LINE_RATIO * sigma[0] {
+    if source.len() < 3 || sigma[0].is_nan() || sigma[0] <= 0.0 || sigma[1] <= LINE_RATIO * sigma[0]
+    {
         return None;
     }
-    let flip = if (u * vt).determinant() < 0.0 { -1.0 } else { 1.0 };
+    let flip = if (u * vt).determinant() < 0.0 {
+        -1.0
+    } else {
+        1.0
+    };
     let signs = Matrix3::from_diagonal(&nalgebra::Vector3::new(1.0, 1.0, flip));
     let r = u * signs * vt;
     let spread: f64 = source.iter().map(|s| s.distance_squared(source_mean)).sum();
-    let scale = if with_scale { (sigma[0] + sigma[1] + flip * sigma[2]) / spread } else { 1.0 };
+    let scale = if with_scale {
+        (sigma[0] + sigma[1] + flip * sigma[2]) / spread
+    } else {
+        1.0
+    };
     let rotation = DQuat::from_mat3(&DMat3::from_cols_slice(r.as_slice())).normalize();
-    Some(Similarity { scale, rotation, translation: target_mean - scale * (rotation * source_mean) })
+    Some(Similarity {
+        scale,
+        rotation,
+        translation: target_mean - scale * (rotation * source_mean),
+    })
 }
 
 #[cfg(test)]
@@ -152,13 +208,19 @@ mod tests {
         let turn = DQuat::from_rotation_x(2.0);
         let target = source.map(|x| turn * x + DVec3::Z);
         let found = Similarity::align(&source, &target, Alignment::Se3).unwrap();
-        assert!(found.transform(DVec3::Z).abs_diff_eq(turn * DVec3::Z + DVec3::Z, 1e-9));
+        assert!(
+            found
+                .transform(DVec3::Z)
+                .abs_diff_eq(turn * DVec3::Z + DVec3::Z, 1e-9)
+        );
         assert_eq!(found.scale, 1.0);
     }
 
     #[test]
     fn points_in_a_line_or_place_are_refused() {
-        let line: Vec<DVec3> = (0..9).map(|i| DVec3::new(f64::from(i), 2.0 * f64::from(i), 1.0)).collect();
+        let line: Vec<DVec3> = (0..9)
+            .map(|i| DVec3::new(f64::from(i), 2.0 * f64::from(i), 1.0))
+            .collect();
         for alignment in [Alignment::Se3, Alignment::Sim3] {
             assert!(Similarity::align(&line, &line, alignment).is_err());
             assert!(Similarity::align(&[DVec3::ONE; 5], &[DVec3::ONE; 5], alignment).is_err());
@@ -171,12 +233,20 @@ mod tests {
 
     #[test]
     fn a_moved_camera_sees_the_moved_point_at_the_same_place() {
-        let world =
-            Similarity { scale: 3.0, rotation: DQuat::from_rotation_z(1.0), translation: DVec3::new(1.0, 2.0, 3.0) };
-        let camera = Pose { rotation: DQuat::from_rotation_y(0.4), translation: DVec3::new(0.1, 0.2, 4.0) };
+        let world = Similarity {
+            scale: 3.0,
+            rotation: DQuat::from_rotation_z(1.0),
+            translation: DVec3::new(1.0, 2.0, 3.0),
+        };
+        let camera = Pose {
+            rotation: DQuat::from_rotation_y(0.4),
+            translation: DVec3::new(0.1, 0.2, 4.0),
+        };
         let x = DVec3::new(0.3, -0.7, 1.9);
         let before = camera.transform(x);
-        let after = world.transform_camera(&camera).transform(world.transform(x));
+        let after = world
+            .transform_camera(&camera)
+            .transform(world.transform(x));
         assert!(after.abs_diff_eq(3.0 * before, 1e-12));
     }
 }

@@ -36,7 +36,13 @@ impl TryFrom<StoredCamera> for Camera {
 
     /// Refuses sizes that no image has, before anything of that size is allocated, and values that are not finite.
     fn try_from(stored: StoredCamera) -> Result<Self, String> {
-        let StoredCamera { width, height, focal_px, principal_px, distortion } = stored;
+        let StoredCamera {
+            width,
+            height,
+            focal_px,
+            principal_px,
+            distortion,
+        } = stored;
         let sides = 1..=Self::MAX_SIDE;
         if !sides.contains(&width)
             || !sides.contains(&height)
@@ -54,7 +60,13 @@ impl TryFrom<StoredCamera> for Camera {
                 focal_px.x, focal_px.y, principal_px.x, principal_px.y
             ));
         }
-        Ok(Self { width, height, focal_px, principal_px, distortion })
+        Ok(Self {
+            width,
+            height,
+            focal_px,
+            principal_px,
+            distortion,
+        })
     }
 }
 
@@ -115,7 +127,10 @@ impl Camera {
     /// Whether a position lies in the picture.
     #[must_use]
     pub fn contains(&self, at_px: DVec2) -> bool {
-        at_px.x >= 0.0 && at_px.y >= 0.0 && at_px.x < f64::from(self.width) && at_px.y < f64::from(self.height)
+        at_px.x >= 0.0
+            && at_px.y >= 0.0
+            && at_px.x < f64::from(self.width)
+            && at_px.y < f64::from(self.height)
     }
 }
 
@@ -129,13 +144,28 @@ mod tests {
         let models = [
             Distortion::None,
             Distortion::Radial { k: [-0.2, 0.03] },
-            Distortion::OpenCv { k: [-0.28, 0.07], p: [1e-3, -2e-3] },
-            Distortion::FullOpenCv { k: [0.3, 0.05, 0.002, 0.5, 0.03, 0.001], p: [-1e-3, 5e-4] },
-            Distortion::OpenCvFisheye { k: [0.05, -0.01, 0.004, -0.001] },
-            Distortion::ThinPrismFisheye { k: [0.02, -0.01, 0.003, 1e-3], p: [4e-3, -7e-3], s: [3e-3, 5e-3] },
+            Distortion::OpenCv {
+                k: [-0.28, 0.07],
+                p: [1e-3, -2e-3],
+            },
+            Distortion::FullOpenCv {
+                k: [0.3, 0.05, 0.002, 0.5, 0.03, 0.001],
+                p: [-1e-3, 5e-4],
+            },
+            Distortion::OpenCvFisheye {
+                k: [0.05, -0.01, 0.004, -0.001],
+            },
+            Distortion::ThinPrismFisheye {
+                k: [0.02, -0.01, 0.003, 1e-3],
+                p: [4e-3, -7e-3],
+                s: [3e-3, 5e-3],
+            },
         ];
         let base = Camera::pinhole(640, 480, 500.0, 510.0, 322.0, 237.5);
-        models.into_iter().map(|distortion| Camera { distortion, ..base }).collect()
+        models
+            .into_iter()
+            .map(|distortion| Camera { distortion, ..base })
+            .collect()
     }
 
     proptest! {
@@ -155,15 +185,36 @@ mod tests {
         let x = DVec3::new(0.6, 0.8, 2.0);
         let unit = Camera::pinhole(10, 10, 1.0, 1.0, 0.0, 0.0);
         let at = |distortion| Camera { distortion, ..unit }.project(x).unwrap();
-        assert!(at(Distortion::Radial { k: [0.1, 0.2] }).abs_diff_eq(DVec2::new(0.3, 0.4) * 1.0375, 1e-12));
-        let tangential = at(Distortion::OpenCv { k: [0.0, 0.0], p: [0.01, 0.02] });
-        assert!(tangential.abs_diff_eq(DVec2::new(0.3 + 0.0024 + 0.0086, 0.4 + 0.0048 + 0.0057), 1e-12));
+        assert!(
+            at(Distortion::Radial { k: [0.1, 0.2] })
+                .abs_diff_eq(DVec2::new(0.3, 0.4) * 1.0375, 1e-12)
+        );
+        let tangential = at(Distortion::OpenCv {
+            k: [0.0, 0.0],
+            p: [0.01, 0.02],
+        });
+        assert!(tangential.abs_diff_eq(
+            DVec2::new(0.3 + 0.0024 + 0.0086, 0.4 + 0.0048 + 0.0057),
+            1e-12
+        ));
         let angle = 0.5f64.atan();
-        let fisheye = at(Distortion::OpenCvFisheye { k: [0.1, 0.0, 0.0, 0.0] });
-        assert!(fisheye.abs_diff_eq(DVec2::new(0.6, 0.8) * angle * (1.0 + 0.1 * angle * angle), 1e-12));
-        let rational = at(Distortion::FullOpenCv { k: [0.1, 0.0, 0.0, 0.2, 0.0, 0.0], p: [0.0; 2] });
+        let fisheye = at(Distortion::OpenCvFisheye {
+            k: [0.1, 0.0, 0.0, 0.0],
+        });
+        assert!(fisheye.abs_diff_eq(
+            DVec2::new(0.6, 0.8) * angle * (1.0 + 0.1 * angle * angle),
+            1e-12
+        ));
+        let rational = at(Distortion::FullOpenCv {
+            k: [0.1, 0.0, 0.0, 0.2, 0.0, 0.0],
+            p: [0.0; 2],
+        });
         assert!(rational.abs_diff_eq(DVec2::new(0.3, 0.4) * 1.025 / 1.05, 1e-12));
-        let prism = at(Distortion::ThinPrismFisheye { k: [0.0; 4], p: [0.0; 2], s: [0.01, 0.02] });
+        let prism = at(Distortion::ThinPrismFisheye {
+            k: [0.0; 4],
+            p: [0.0; 2],
+            s: [0.01, 0.02],
+        });
         let drawn_in = DVec2::new(0.6, 0.8) * angle;
         assert!(prism.abs_diff_eq(drawn_in + angle * angle * DVec2::new(0.01, 0.02), 1e-12));
     }

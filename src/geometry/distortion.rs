@@ -55,11 +55,19 @@ impl Distortion {
         };
         match self {
             Self::None | Self::Radial { .. } | Self::OpenCvFisheye { .. } => self,
-            Self::OpenCv { k, p } => Self::OpenCv { k, p: tangential(p) },
-            Self::FullOpenCv { k, p } => Self::FullOpenCv { k, p: tangential(p) },
-            Self::ThinPrismFisheye { k, p, s } => {
-                Self::ThinPrismFisheye { k, p: tangential(p), s: (rotation * DVec2::from(s)).to_array() }
-            }
+            Self::OpenCv { k, p } => Self::OpenCv {
+                k,
+                p: tangential(p),
+            },
+            Self::FullOpenCv { k, p } => Self::FullOpenCv {
+                k,
+                p: tangential(p),
+            },
+            Self::ThinPrismFisheye { k, p, s } => Self::ThinPrismFisheye {
+                k,
+                p: tangential(p),
+                s: (rotation * DVec2::from(s)).to_array(),
+            },
         }
     }
 
@@ -68,13 +76,33 @@ impl Distortion {
         let plain = LensTerms::default();
         Some(match *self {
             Self::None => return None,
-            Self::Radial { k } => LensTerms { above: [k[0], k[1], 0.0, 0.0], ..plain },
-            Self::OpenCv { k, p } => LensTerms { above: [k[0], k[1], 0.0, 0.0], p, ..plain },
-            Self::FullOpenCv { k, p } => {
-                LensTerms { above: [k[0], k[1], k[2], 0.0], below: [k[3], k[4], k[5]], p, ..plain }
-            }
-            Self::OpenCvFisheye { k } => LensTerms { fisheye: true, above: k, ..plain },
-            Self::ThinPrismFisheye { k, p, s } => LensTerms { fisheye: true, above: k, p, s, ..plain },
+            Self::Radial { k } => LensTerms {
+                above: [k[0], k[1], 0.0, 0.0],
+                ..plain
+            },
+            Self::OpenCv { k, p } => LensTerms {
+                above: [k[0], k[1], 0.0, 0.0],
+                p,
+                ..plain
+            },
+            Self::FullOpenCv { k, p } => LensTerms {
+                above: [k[0], k[1], k[2], 0.0],
+                below: [k[3], k[4], k[5]],
+                p,
+                ..plain
+            },
+            Self::OpenCvFisheye { k } => LensTerms {
+                fisheye: true,
+                above: k,
+                ..plain
+            },
+            Self::ThinPrismFisheye { k, p, s } => LensTerms {
+                fisheye: true,
+                above: k,
+                p,
+                s,
+                ..plain
+            },
         })
     }
 }
@@ -98,13 +126,19 @@ const MAX_STEPS: usize = 40;
 impl LensTerms {
     /// Distorted position of a point on the plane z = 1; `None` beyond the radius where the model folds back.
     pub fn distort(&self, at_plane: DVec2) -> Option<DVec2> {
-        let q = if self.fisheye { draw_in(at_plane) } else { at_plane };
+        let q = if self.fisheye {
+            draw_in(at_plane)
+        } else {
+            at_plane
+        };
         (!self.folds_within(q.length_squared())).then(|| self.evaluate(q).0)
     }
 
     /// The point on the plane z = 1 that is distorted to `target`; NaN where the lens covers none.
     pub fn undistort(&self, target: DVec2) -> DVec2 {
-        let q = self.solve(target).filter(|q| !self.folds_within(q.length_squared()));
+        let q = self
+            .solve(target)
+            .filter(|q| !self.folds_within(q.length_squared()));
         match q {
             Some(q) if self.fisheye => draw_out(q),
             Some(q) => q,
@@ -167,7 +201,10 @@ impl LensTerms {
         let above_slope = a1 + s * (2.0 * a2 + s * (3.0 * a3 + s * 4.0 * a4));
         let below = 1.0 + s * (b1 + s * (b2 + s * b3));
         let below_slope = b1 + s * (2.0 * b2 + s * 3.0 * b3);
-        (above / below, (above_slope * below - above * below_slope) / (below * below))
+        (
+            above / below,
+            (above_slope * below - above * below_slope) / (below * below),
+        )
     }
 
     /// Whether the distorted radius stops growing somewhere between the axis and the squared radius `end`.
@@ -189,7 +226,11 @@ impl LensTerms {
 /// From the plane z = 1 to the angle from the axis as radius.
 fn draw_in(at_plane: DVec2) -> DVec2 {
     let radius = at_plane.length();
-    if radius < 1e-12 { at_plane } else { at_plane * (radius.atan() / radius) }
+    if radius < 1e-12 {
+        at_plane
+    } else {
+        at_plane * (radius.atan() / radius)
+    }
 }
 
 /// Undoes [`draw_in`]; NaN at a right angle from the axis and beyond.

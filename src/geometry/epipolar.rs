@@ -5,7 +5,11 @@ use super::{Camera, Pose};
 
 /// `[t]×`: the matrix of `x ↦ t × x`.
 pub(super) fn cross_matrix(t: DVec3) -> DMat3 {
-    DMat3::from_cols(DVec3::new(0.0, t.z, -t.y), DVec3::new(-t.z, 0.0, t.x), DVec3::new(t.y, -t.x, 0.0))
+    DMat3::from_cols(
+        DVec3::new(0.0, t.z, -t.y),
+        DVec3::new(-t.z, 0.0, t.x),
+        DVec3::new(t.y, -t.x, 0.0),
+    )
 }
 
 /// The essential matrix `E = [t]× R` with `x2ᵀ E x1 = 0` for rays of the same point in two cameras.
@@ -35,7 +39,10 @@ pub(super) fn poses_from_essential(essential: DMat3) -> Option<[Pose; 4]> {
         return None;
     }
     let svd = Matrix3::from_column_slice(&entries).svd(true, true);
-    let (u, vt) = (DMat3::from_cols_slice(svd.u?.as_slice()), DMat3::from_cols_slice(svd.v_t?.as_slice()));
+    let (u, vt) = (
+        DMat3::from_cols_slice(svd.u?.as_slice()),
+        DMat3::from_cols_slice(svd.v_t?.as_slice()),
+    );
     // Largest singular values first, whatever order the decomposition gives.
     let least = svd.singular_values.imin();
     let order = [(least + 1) % 3, (least + 2) % 3, least];
@@ -50,8 +57,10 @@ pub(super) fn poses_from_essential(essential: DMat3) -> Option<[Pose; 4]> {
     let [a, b] = [rotation(quarter), rotation(quarter.transpose())];
     let along = u.z_axis.normalize();
     Some(
-        [(a, along), (a, -along), (b, along), (b, -along)]
-            .map(|(rotation, translation)| Pose { rotation, translation }),
+        [(a, along), (a, -along), (b, along), (b, -along)].map(|(rotation, translation)| Pose {
+            rotation,
+            translation,
+        }),
     )
 }
 
@@ -68,7 +77,8 @@ mod tests {
         };
         let found = poses_from_essential(-3.0 * essential_from_pose(&pose)).unwrap();
         let same = |p: &&Pose| {
-            p.rotation.angle_between(pose.rotation) < 1e-7 && p.translation.abs_diff_eq(pose.translation, 1e-9)
+            p.rotation.angle_between(pose.rotation) < 1e-7
+                && p.translation.abs_diff_eq(pose.translation, 1e-9)
         };
         assert_eq!(found.iter().filter(same).count(), 1, "{found:?}");
         assert_eq!(poses_from_essential(DMat3::NAN), None);
@@ -76,14 +86,20 @@ mod tests {
 
     #[test]
     fn pixels_of_one_point_meet_the_fundamental_matrix() {
-        let pose = Pose { rotation: DQuat::from_rotation_y(0.2), translation: DVec3::new(1.0, 0.1, 0.2) };
+        let pose = Pose {
+            rotation: DQuat::from_rotation_y(0.2),
+            translation: DVec3::new(1.0, 0.1, 0.2),
+        };
         let cameras = [
             Camera::pinhole(640, 480, 500.0, 510.0, 322.0, 237.5),
             Camera::pinhole(320, 240, 300.0, 290.0, 150.0, 99.0),
         ];
         let f = fundamental_in_pixels(essential_from_pose(&pose), [&cameras[0], &cameras[1]]);
         let x = DVec3::new(0.4, -0.3, 4.0);
-        let at: [DVec2; 2] = [cameras[0].project(x).unwrap(), cameras[1].project(pose.transform(x)).unwrap()];
+        let at: [DVec2; 2] = [
+            cameras[0].project(x).unwrap(),
+            cameras[1].project(pose.transform(x)).unwrap(),
+        ];
         assert!(at[1].extend(1.0).dot(f * at[0].extend(1.0)).abs() < 1e-9);
         assert!(at[1].extend(1.0).dot(f * (at[0] + 20.0).extend(1.0)).abs() > 1e-4);
     }

@@ -22,7 +22,9 @@ pub enum GeometryError {
         kind: &'static str,
     },
     /// A picture that must be mirrored to be seen upright; a pose only turns.
-    #[error("EXIF orientation {orientation} mirrors the picture, which no camera pose can; save the picture upright")]
+    #[error(
+        "EXIF orientation {orientation} mirrors the picture, which no camera pose can; save the picture upright"
+    )]
     Mirrored {
         /// The orientation, 1 to 8 where it is one.
         orientation: u8,

@@ -19,7 +19,8 @@ mod turn;
 mod two_view;
 
 pub use absolute_pose::{
-    AbsolutePose, AbsolutePoseOptions, estimate_absolute_pose, estimate_absolute_pose_and_focal, refine_absolute_pose,
+    AbsolutePose, AbsolutePoseOptions, estimate_absolute_pose, estimate_absolute_pose_and_focal,
+    refine_absolute_pose,
 };
 pub use align::{Alignment, Similarity};
 pub use camera::Camera;
@@ -29,6 +30,8 @@ pub use error::GeometryError;
 pub use pose::Pose;
 pub use pose_graph::{PoseEdge, PoseGraphOptions, SolvedPoseGraph, solve_pose_graph};
 pub use trajectory::{ErrorStatistics, TrajectoryError};
-pub use triangulate::{Sighting, Triangulated, TriangulationOptions, largest_angle, triangulate, triangulate_robust};
+pub use triangulate::{
+    Sighting, Triangulated, TriangulationOptions, largest_angle, triangulate, triangulate_robust,
+};
 pub use turn::Turn;
 pub use two_view::{TwoView, TwoViewKind, TwoViewOptions, estimate_two_view};

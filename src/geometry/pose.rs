@@ -20,7 +20,10 @@ impl Default for Pose {
 
 impl Pose {
     /// The transform that changes nothing.
-    pub const IDENTITY: Self = Self { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
+    pub const IDENTITY: Self = Self {
+        rotation: DQuat::IDENTITY,
+        translation: DVec3::ZERO,
+    };
 
     /// From a 3×3 matrix that is a rotation up to rounding in a file (real files have errors of 2e-4): the nearest
     /// rotation is taken.
@@ -30,22 +33,35 @@ impl Pose {
     /// (a reflection or a scaled matrix among them).
     pub fn from_matrix(rotation: DMat3, translation: DVec3) -> Result<Self, GeometryError> {
         if !rotation.is_finite() || !translation.is_finite() {
-            return Err(GeometryError::NotFinite { what: "pose".into() });
+            return Err(GeometryError::NotFinite {
+                what: "pose".into(),
+            });
         }
         let nearest = nearest_rotation(rotation);
         let difference = nearest - rotation;
-        let error = difference.to_cols_array().iter().map(|v| v * v).sum::<f64>().sqrt();
+        let error = difference
+            .to_cols_array()
+            .iter()
+            .map(|v| v * v)
+            .sum::<f64>()
+            .sqrt();
         if error > 0.05 {
             return Err(GeometryError::NotARotation { error });
         }
-        Ok(Self { rotation: DQuat::from_mat3(&nearest).normalize(), translation })
+        Ok(Self {
+            rotation: DQuat::from_mat3(&nearest).normalize(),
+            translation,
+        })
     }
 
     /// `source_from_target`.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.conjugate();
-        Self { rotation, translation: -(rotation * self.translation) }
+        Self {
+            rotation,
+            translation: -(rotation * self.translation),
+        }
     }
 
     /// `self · other`: first `other`, then `self`.
@@ -73,7 +89,10 @@ impl Pose {
     /// back.
     #[must_use]
     pub fn relative_to(&self, origin: DVec3) -> Self {
-        Self { rotation: self.rotation, translation: self.rotation * origin + self.translation }
+        Self {
+            rotation: self.rotation,
+            translation: self.rotation * origin + self.translation,
+        }
     }
 
     /// The 4×4 matrix of the transform.
@@ -87,7 +106,9 @@ impl Pose {
 pub(super) fn nearest_rotation(matrix: DMat3) -> DMat3 {
     let m = nalgebra::Matrix3::from_column_slice(&matrix.to_cols_array());
     let svd = m.svd(true, true);
-    let (Some(u), Some(mut vt)) = (svd.u, svd.v_t) else { return DMat3::IDENTITY };
+    let (Some(u), Some(mut vt)) = (svd.u, svd.v_t) else {
+        return DMat3::IDENTITY;
+    };
     if (u * vt).determinant() < 0.0 {
         vt.row_mut(2).neg_mut();
     }
@@ -105,30 +126,56 @@ mod tests {
         let off = exact + DMat3::from_cols_array(&[2e-4; 9]);
         let pose = Pose::from_matrix(off, DVec3::X).unwrap();
         let r = DMat3::from_quat(pose.rotation);
-        assert!((r * r.transpose() - DMat3::IDENTITY).to_cols_array().iter().all(|v| v.abs() < 1e-12));
+        assert!(
+            (r * r.transpose() - DMat3::IDENTITY)
+                .to_cols_array()
+                .iter()
+                .all(|v| v.abs() < 1e-12)
+        );
         assert!(r.abs_diff_eq(exact, 1e-3));
     }
 
     #[test]
     fn reflection_and_nan_are_refused() {
-        assert!(Pose::from_matrix(DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0)), DVec3::ZERO).is_err());
+        assert!(
+            Pose::from_matrix(
+                DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0)),
+                DVec3::ZERO
+            )
+            .is_err()
+        );
         assert!(Pose::from_matrix(DMat3::IDENTITY, DVec3::NAN).is_err());
     }
 
     #[test]
     fn poses_relative_to_a_far_origin_keep_micrometres() {
-        let pose = Pose { rotation: DQuat::from_rotation_x(0.3), translation: DVec3::new(1.0, 2.0, 3.0) };
+        let pose = Pose {
+            rotation: DQuat::from_rotation_x(0.3),
+            translation: DVec3::new(1.0, 2.0, 3.0),
+        };
         let origin = DVec3::new(500_000.0, 5_400_000.0, 300.0);
         let global = pose.relative_to(-origin);
         assert!(global.centre().abs_diff_eq(pose.centre() + origin, 1e-6));
-        assert!(global.relative_to(origin).translation.abs_diff_eq(pose.translation, 1e-6));
+        assert!(
+            global
+                .relative_to(origin)
+                .translation
+                .abs_diff_eq(pose.translation, 1e-6)
+        );
     }
 
     #[test]
     fn inverse_and_centre() {
-        let pose = Pose { rotation: DQuat::from_rotation_x(0.3), translation: DVec3::new(1.0, 2.0, 3.0) };
+        let pose = Pose {
+            rotation: DQuat::from_rotation_x(0.3),
+            translation: DVec3::new(1.0, 2.0, 3.0),
+        };
         assert!(pose.transform(pose.centre()).length() < 1e-12);
         let x = DVec3::new(0.2, -4.0, 9.0);
-        assert!(pose.inverse().transform(pose.transform(x)).abs_diff_eq(x, 1e-12));
+        assert!(
+            pose.inverse()
+                .transform(pose.transform(x))
+                .abs_diff_eq(x, 1e-12)
+        );
     }
 }

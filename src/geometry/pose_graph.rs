@@ -32,7 +32,10 @@ pub struct PoseGraphOptions {
 
 impl Default for PoseGraphOptions {
     fn default() -> Self {
-        Self { switch_distance: 0.05, max_iterations: 100 }
+        Self {
+            switch_distance: 0.05,
+            max_iterations: 100,
+        }
     }
 }
 
@@ -66,7 +69,12 @@ pub fn solve_pose_graph(
     edges: &[PoseEdge],
     options: &PoseGraphOptions,
 ) -> SolvedPoseGraph {
-    let graph = Graph::new(node_from_world.len(), fixed, edges, options.switch_distance.powi(2));
+    let graph = Graph::new(
+        node_from_world.len(),
+        fixed,
+        edges,
+        options.switch_distance.powi(2),
+    );
     let mut poses = node_from_world.to_vec();
     let mut cost = graph.cost(&poses);
     let mut damping = 1e-4;
@@ -90,8 +98,15 @@ pub fn solve_pose_graph(
             break;
         }
     }
-    let squared: Vec<f64> = edges.iter().map(|edge| squared_displacement(edge, &poses).unwrap_or(0.0)).collect();
-    let shares = edges.iter().zip(&squared).map(|(edge, &squared)| graph.share(edge, squared)).collect();
+    let squared: Vec<f64> = edges
+        .iter()
+        .map(|edge| squared_displacement(edge, &poses).unwrap_or(0.0))
+        .collect();
+    let shares = edges
+        .iter()
+        .zip(&squared)
+        .map(|(edge, &squared)| graph.share(edge, squared))
+        .collect();
     SolvedPoseGraph {
         node_from_world: poses,
         displacements: squared.iter().map(|squared| squared.sqrt()).collect(),
@@ -112,7 +127,9 @@ struct Graph<'a> {
 
 impl<'a> Graph<'a> {
     fn new(nodes: usize, fixed: &[bool], edges: &'a [PoseEdge], switch: f64) -> Self {
-        let exists = |edge: &&PoseEdge| edge.source < nodes && edge.target < nodes && edge.source != edge.target;
+        let exists = |edge: &&PoseEdge| {
+            edge.source < nodes && edge.target < nodes && edge.source != edge.target
+        };
         let edges: Vec<&PoseEdge> = edges.iter().filter(exists).collect();
         let mut block = vec![None; nodes];
         let mut next = 0;
@@ -128,18 +145,31 @@ impl<'a> Graph<'a> {
                 first[a.max(b)] = first[a.max(b)].min(a.min(b));
             }
         }
-        Self { edges, block, first, switch }
+        Self {
+            edges,
+            block,
+            first,
+            switch,
+        }
     }
 
     /// The share that an edge counts.
     fn share(&self, edge: &PoseEdge, squared: f64) -> f64 {
-        if edge.switchable { (self.switch / (self.switch + squared)).powi(2) } else { 1.0 }
+        if edge.switchable {
+            (self.switch / (self.switch + squared)).powi(2)
+        } else {
+            1.0
+        }
     }
 
     fn cost(&self, poses: &[Pose]) -> f64 {
         let of = |edge: &&PoseEdge| {
             let squared = squared_displacement(edge, poses)?;
-            let loss = if edge.switchable { self.switch * squared / (self.switch + squared) } else { squared };
+            let loss = if edge.switchable {
+                self.switch * squared / (self.switch + squared)
+            } else {
+                squared
+            };
             Some(edge.weight * loss)
         };
         self.edges.iter().filter_map(of).sum()
@@ -152,14 +182,23 @@ impl<'a> Graph<'a> {
             self.add(edge, poses, &mut matrix, &mut right);
         }
         for row in &mut matrix.rows {
-            let Some(diagonal) = row.blocks.last_mut() else { continue };
+            let Some(diagonal) = row.blocks.last_mut() else {
+                continue;
+            };
             let largest = (0..BLOCK).map(|i| diagonal[i][i]).fold(0.0, f64::max);
             for (i, column) in diagonal.iter_mut().enumerate() {
-                column[i] += if largest > 0.0 { damping * column[i] + 1e-9 * largest } else { 1.0 };
+                column[i] += if largest > 0.0 {
+                    damping * column[i] + 1e-9 * largest
+                } else {
+                    1.0
+                };
             }
         }
         let step = solve(&mut matrix, &right)?;
-        step.iter().flatten().all(|value| value.is_finite()).then_some(step)
+        step.iter()
+            .flatten()
+            .all(|value| value.is_finite())
+            .then_some(step)
     }
 
     /// Adds an edge to the normal equations: its error is displaced by the target's step, less the source's as the target
@@ -179,18 +218,33 @@ impl<'a> Graph<'a> {
         if let Some(source) = self.block[edge.source] {
             let own: Block = weighted.map(|column| by_source.map(|other| dot(&other, &column)));
             accumulate(matrix, source, source, &own, weight);
-            subtract(&mut right[source], &by_source.map(|column| dot(&column, &pulled)), -weight);
+            subtract(
+                &mut right[source],
+                &by_source.map(|column| dot(&column, &pulled)),
+                -weight,
+            );
         }
         if let (Some(target), Some(source)) = (self.block[edge.target], self.block[edge.source]) {
             // Rows are the target's, columns the source's; the matrix keeps what is below the diagonal.
-            let cross = if target > source { weighted } else { transposed(&weighted) };
-            accumulate(matrix, target.max(source), target.min(source), &cross, -weight);
+            let cross = if target > source {
+                weighted
+            } else {
+                transposed(&weighted)
+            };
+            accumulate(
+                matrix,
+                target.max(source),
+                target.min(source),
+                &cross,
+                -weight,
+            );
         }
     }
 
     fn moved(&self, poses: &[Pose], step: &[Column]) -> Vec<Pose> {
-        let moved =
-            |(pose, block): (&Pose, &Option<usize>)| block.map_or(*pose, |block| exp(&step[block]).compose(pose));
+        let moved = |(pose, block): (&Pose, &Option<usize>)| {
+            block.map_or(*pose, |block| exp(&step[block]).compose(pose))
+        };
         poses.iter().zip(&self.block).map(moved).collect()
     }
 }
@@ -198,7 +252,11 @@ impl<'a> Graph<'a> {
 fn accumulate(matrix: &mut Skyline, row: usize, column: usize, block: &Block, weight: f64) {
     let row = &mut matrix.rows[row];
     let at = column - row.first;
-    for (sum, values) in row.blocks[at].as_flattened_mut().iter_mut().zip(block.as_flattened()) {
+    for (sum, values) in row.blocks[at]
+        .as_flattened_mut()
+        .iter_mut()
+        .zip(block.as_flattened())
+    {
         *sum += weight * values;
     }
 }
@@ -225,13 +283,20 @@ fn quadratic(block: &Block, x: &Column) -> f64 {
 /// A small movement as a pose: rotation vector, then translation.
 fn exp(step: &Column) -> Pose {
     let [a, b, c, x, y, z] = *step;
-    Pose { rotation: DQuat::from_scaled_axis(DVec3::new(a, b, c)), translation: DVec3::new(x, y, z) }
+    Pose {
+        rotation: DQuat::from_scaled_axis(DVec3::new(a, b, c)),
+        translation: DVec3::new(x, y, z),
+    }
 }
 
 /// The movement δ with `to = exp(δ) · from`.
 fn difference(to: &Pose, from: &Pose) -> Column {
     let movement = to.compose(&from.inverse());
-    let rotation = if movement.rotation.w < 0.0 { -movement.rotation } else { movement.rotation };
+    let rotation = if movement.rotation.w < 0.0 {
+        -movement.rotation
+    } else {
+        movement.rotation
+    };
     let (turn, shift) = (rotation.to_scaled_axis(), movement.translation);
     [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z]
 }
@@ -242,7 +307,11 @@ fn adjoint(target_from_source: &Pose) -> Block {
     let shift = target_from_source.translation;
     let column = |i: usize| {
         let axis = rotation.col(i % 3);
-        let (turn, moved) = if i < 3 { (axis, shift.cross(axis)) } else { (DVec3::ZERO, axis) };
+        let (turn, moved) = if i < 3 {
+            (axis, shift.cross(axis))
+        } else {
+            (DVec3::ZERO, axis)
+        };
         [turn.x, turn.y, turn.z, moved.x, moved.y, moved.z]
     };
     std::array::from_fn(column)
@@ -250,8 +319,13 @@ fn adjoint(target_from_source: &Pose) -> Block {
 
 /// Mean squared displacement of an edge's points, in squared world units; `None` where it names no two nodes.
 fn squared_displacement(edge: &PoseEdge, poses: &[Pose]) -> Option<f64> {
-    let current = poses.get(edge.target)?.compose(&poses.get(edge.source)?.inverse());
-    Some(quadratic(&edge.information, &difference(&current, &edge.target_from_source)))
+    let current = poses
+        .get(edge.target)?
+        .compose(&poses.get(edge.source)?.inverse());
+    Some(quadratic(
+        &edge.information,
+        &difference(&current, &edge.target_from_source),
+    ))
 }
 
 #[cfg(test)]
@@ -275,7 +349,11 @@ mod tests {
     /// That of points spread about 1 around a place 2 in front.
     fn information() -> [[f64; 6]; 6] {
         let mut sum = [[0.0; 6]; 6];
-        for x in [DVec3::new(1.0, 0.5, 2.0), DVec3::new(-1.0, 0.3, 2.5), DVec3::new(0.1, -0.8, 1.6)] {
+        for x in [
+            DVec3::new(1.0, 0.5, 2.0),
+            DVec3::new(-1.0, 0.3, 2.5),
+            DVec3::new(0.1, -0.8, 1.6),
+        ] {
             for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
                 let turn = x.cross(axis);
                 let row = [turn.x, turn.y, turn.z, axis.x, axis.y, axis.z];
@@ -294,13 +372,17 @@ mod tests {
         let pose = |k: usize| {
             let angle = k as f64 * std::f64::consts::TAU / ROUND as f64;
             let rotation = DQuat::from_rotation_y(angle);
-            Pose { rotation, translation: DVec3::new(0.0, 0.1 * (k as f64 * 0.7).sin(), 3.0) }
+            Pose {
+                rotation,
+                translation: DVec3::new(0.0, 0.1 * (k as f64 * 0.7).sin(), 3.0),
+            }
         };
         let truth: Vec<Pose> = (0..2 * ROUND).map(pose).collect();
         let mut edge = |source: usize, target: usize, switchable: bool| PoseEdge {
             source,
             target,
-            target_from_source: random(rng, noise).compose(&truth[target].compose(&truth[source].inverse())),
+            target_from_source: random(rng, noise)
+                .compose(&truth[target].compose(&truth[source].inverse())),
             information: information(),
             weight: 1.0,
             switchable,
@@ -324,18 +406,33 @@ mod tests {
     }
 
     fn largest_error(poses: &[Pose], truth: &[Pose]) -> f64 {
-        poses.iter().zip(truth).map(|(a, b)| a.centre().distance(b.centre())).fold(0.0, f64::max)
+        poses
+            .iter()
+            .zip(truth)
+            .map(|(a, b)| a.centre().distance(b.centre()))
+            .fold(0.0, f64::max)
     }
 
     #[test]
     fn exact_measurements_give_the_truth_back() {
         let rng = &mut Pcg64Mcg::seed_from_u64(1);
         let ring = ring(rng, 1e-12);
-        let start: Vec<Pose> = ring.truth.iter().map(|pose| random(rng, 0.2).compose(pose)).collect();
+        let start: Vec<Pose> = ring
+            .truth
+            .iter()
+            .map(|pose| random(rng, 0.2).compose(pose))
+            .collect();
         let start = [&ring.truth[..1], &start[1..]].concat();
-        let options = PoseGraphOptions { switch_distance: 10.0, ..PoseGraphOptions::default() };
+        let options = PoseGraphOptions {
+            switch_distance: 10.0,
+            ..PoseGraphOptions::default()
+        };
         let solved = solve_pose_graph(&start, &fixed(start.len()), &ring.edges, &options);
-        assert!(largest_error(&solved.node_from_world, &ring.truth) < 1e-6, "{}", solved.iterations);
+        assert!(
+            largest_error(&solved.node_from_world, &ring.truth) < 1e-6,
+            "{}",
+            solved.iterations
+        );
         assert!(solved.displacements.iter().all(|&off| off < 1e-6));
     }
 
@@ -344,9 +441,16 @@ mod tests {
         for seed in 0..20 {
             let ring = ring(&mut Pcg64Mcg::seed_from_u64(seed), 0.01);
             let start = chained(&ring);
-            let solved = solve_pose_graph(&start, &fixed(start.len()), &ring.edges, &PoseGraphOptions::default());
-            let (before, after) =
-                (largest_error(&start, &ring.truth), largest_error(&solved.node_from_world, &ring.truth));
+            let solved = solve_pose_graph(
+                &start,
+                &fixed(start.len()),
+                &ring.edges,
+                &PoseGraphOptions::default(),
+            );
+            let (before, after) = (
+                largest_error(&start, &ring.truth),
+                largest_error(&solved.node_from_world, &ring.truth),
+            );
             assert!(after < before, "seed {seed}: {before} -> {after}");
         }
     }
@@ -359,11 +463,21 @@ mod tests {
         let measured = &mut ring.edges[wrong].target_from_source;
         *measured = exp(&[0.0, 0.9, 0.0, 0.8, 0.0, 0.4]).compose(measured);
         let start = chained(&ring);
-        let solved = solve_pose_graph(&start, &fixed(start.len()), &ring.edges, &PoseGraphOptions::default());
+        let solved = solve_pose_graph(
+            &start,
+            &fixed(start.len()),
+            &ring.edges,
+            &PoseGraphOptions::default(),
+        );
         let off = largest_error(&solved.node_from_world, &ring.truth);
         assert!(off < 0.05, "{off}");
         assert!(solved.shares[wrong] < 0.01, "{}", solved.shares[wrong]);
-        let others = solved.shares.iter().enumerate().filter(|&(at, _)| at != wrong).map(|(_, share)| *share);
+        let others = solved
+            .shares
+            .iter()
+            .enumerate()
+            .filter(|&(at, _)| at != wrong)
+            .map(|(_, share)| *share);
         assert!(others.fold(1.0, f64::min) > 0.5);
     }
 
@@ -373,10 +487,25 @@ mod tests {
         let mut poses = ring.truth[..4].to_vec();
         poses[2].translation += DVec3::new(0.1, 0.0, 0.0);
         let mut edges = ring.edges[..2].to_vec();
-        edges.push(PoseEdge { source: 9, ..edges[0] });
-        edges.push(PoseEdge { source: 1, target: 1, ..edges[0] });
+        edges.push(PoseEdge {
+            source: 9,
+            ..edges[0]
+        });
+        edges.push(PoseEdge {
+            source: 1,
+            target: 1,
+            ..edges[0]
+        });
         let solved = solve_pose_graph(&poses, &fixed(4), &edges, &PoseGraphOptions::default());
-        assert_eq!((solved.node_from_world[0], solved.node_from_world[3]), (poses[0], poses[3]));
-        assert!(solved.node_from_world[2].centre().distance(ring.truth[2].centre()) < 1e-6);
+        assert_eq!(
+            (solved.node_from_world[0], solved.node_from_world[3]),
+            (poses[0], poses[3])
+        );
+        assert!(
+            solved.node_from_world[2]
+                .centre()
+                .distance(ring.truth[2].centre())
+                < 1e-6
+        );
     }
 }

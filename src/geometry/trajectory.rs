@@ -59,8 +59,16 @@ impl TrajectoryError {
     ///
     /// # Errors
     /// As [`Similarity::align`] for the camera centres.
-    pub fn between(result: &[Pose], truth: &[Pose], alignment: Alignment) -> Result<Self, GeometryError> {
-        Ok(Self::after(Similarity::align(&centres(result), &centres(truth), alignment)?, result, truth))
+    pub fn between(
+        result: &[Pose],
+        truth: &[Pose],
+        alignment: Alignment,
+    ) -> Result<Self, GeometryError> {
+        Ok(Self::after(
+            Similarity::align(&centres(result), &centres(truth), alignment)?,
+            result,
+            truth,
+        ))
     }
 
     /// The same after turning the whole by centres and orientations: about the line along which a path runs, the centres alone
@@ -69,21 +77,46 @@ impl TrajectoryError {
     ///
     /// # Errors
     /// As [`Similarity::align`] for the camera centres, but that two cameras and cameras in one line will do.
-    pub fn between_poses(result: &[Pose], truth: &[Pose], alignment: Alignment) -> Result<Self, GeometryError> {
+    pub fn between_poses(
+        result: &[Pose],
+        truth: &[Pose],
+        alignment: Alignment,
+    ) -> Result<Self, GeometryError> {
         let of_cameras = |error| match error {
-            GeometryError::TooFewPoints { kind, .. } => GeometryError::TooFewPoints { count: result.len(), kind },
+            GeometryError::TooFewPoints { kind, .. } => GeometryError::TooFewPoints {
+                count: result.len(),
+                kind,
+            },
             other => other,
         };
-        let by_pegs = Similarity::align(&pegs(result), &pegs(truth), alignment).map_err(of_cameras)?;
-        let alignment = Similarity::turned(&centres(result), &centres(truth), by_pegs.rotation, alignment);
+        let by_pegs =
+            Similarity::align(&pegs(result), &pegs(truth), alignment).map_err(of_cameras)?;
+        let alignment = Similarity::turned(
+            &centres(result),
+            &centres(truth),
+            by_pegs.rotation,
+            alignment,
+        );
         Ok(Self::after(alignment, result, truth))
     }
 
     fn after(alignment: Similarity, result: &[Pose], truth: &[Pose]) -> Self {
-        let aligned: Vec<Pose> = result.iter().map(|pose| alignment.transform_camera(pose)).collect();
+        let aligned: Vec<Pose> = result
+            .iter()
+            .map(|pose| alignment.transform_camera(pose))
+            .collect();
         let truth_centres = centres(truth);
-        let distances: Vec<f64> = aligned.iter().zip(&truth_centres).map(|(a, t)| a.centre().distance(*t)).collect();
-        let turns = |poses: &[Pose]| poses.iter().map(|pose| pose.rotation).collect::<Vec<DQuat>>();
+        let distances: Vec<f64> = aligned
+            .iter()
+            .zip(&truth_centres)
+            .map(|(a, t)| a.centre().distance(*t))
+            .collect();
+        let turns = |poses: &[Pose]| {
+            poses
+                .iter()
+                .map(|pose| pose.rotation)
+                .collect::<Vec<DQuat>>()
+        };
         let (own, wanted) = (turns(result), turns(truth));
         let between = mean_between(&own, &wanted);
         let laid: Vec<DQuat> = own.iter().map(|&turn| turn * between.conjugate()).collect();
@@ -94,7 +127,10 @@ impl TrajectoryError {
             centre: ErrorStatistics::of(&distances),
             rotation_deg: ErrorStatistics::of(&angles_deg(&turns(&aligned), &wanted)),
             own_rotation_deg: ErrorStatistics::of(&angles_deg(&laid, &wanted)),
-            extent: truth_centres.iter().map(|c| c.distance(centroid)).fold(0.0, f64::max),
+            extent: truth_centres
+                .iter()
+                .map(|c| c.distance(centroid))
+                .fold(0.0, f64::max),
         }
     }
 }
@@ -112,11 +148,17 @@ fn mean(points: &[DVec3]) -> DVec3 {
 fn pegs(poses: &[Pose]) -> Vec<DVec3> {
     let centres = centres(poses);
     let centroid = mean(&centres);
-    let mean_square = centres.iter().map(|c| c.distance_squared(centroid)).sum::<f64>() / centres.len().max(1) as f64;
+    let mean_square = centres
+        .iter()
+        .map(|c| c.distance_squared(centroid))
+        .sum::<f64>()
+        / centres.len().max(1) as f64;
     let arm = (1.5 * mean_square).sqrt();
     let ends = |pose: &Pose| {
         let (centre, back) = (pose.centre(), pose.rotation.conjugate());
-        DVec3::AXES.map(|axis| arm * (back * axis)).map(|end| [centre + end, centre - end])
+        DVec3::AXES
+            .map(|axis| arm * (back * axis))
+            .map(|end| [centre + end, centre - end])
     };
     poses.iter().flat_map(ends).flatten().collect()
 }
@@ -124,7 +166,10 @@ fn pegs(poses: &[Pose]) -> Vec<DVec3> {
 /// The rotation of the world that brings all orientations nearest to the true ones, in the sum of squares of the matrices'
 /// differences.
 fn mean_between(own: &[DQuat], wanted: &[DQuat]) -> DQuat {
-    let between = own.iter().zip(wanted).map(|(&own, &wanted)| DMat3::from_quat(wanted.conjugate() * own));
+    let between = own
+        .iter()
+        .zip(wanted)
+        .map(|(&own, &wanted)| DMat3::from_quat(wanted.conjugate() * own));
     DQuat::from_mat3(&nearest_rotation(between.sum()))
 }
 
@@ -145,8 +190,12 @@ mod tests {
     fn circle() -> Vec<Pose> {
         (0..12)
             .map(|i| {
-                let rotation = DQuat::from_rotation_y(0.5 * f64::from(i)) * DQuat::from_rotation_x(0.1 * f64::from(i));
-                Pose { rotation, translation: DVec3::new(0.1 * f64::from(i), 0.0, 2.0) }
+                let rotation = DQuat::from_rotation_y(0.5 * f64::from(i))
+                    * DQuat::from_rotation_x(0.1 * f64::from(i));
+                Pose {
+                    rotation,
+                    translation: DVec3::new(0.1 * f64::from(i), 0.0, 2.0),
+                }
             })
             .collect()
     }
@@ -154,22 +203,40 @@ mod tests {
     #[test]
     fn a_moved_and_scaled_trajectory_is_without_error_only_after_sim3() {
         let truth = circle();
-        let world =
-            Similarity { scale: 0.25, rotation: DQuat::from_rotation_x(1.2), translation: DVec3::new(5.0, 6.0, 7.0) };
-        let result: Vec<Pose> = truth.iter().map(|pose| world.transform_camera(pose)).collect();
+        let world = Similarity {
+            scale: 0.25,
+            rotation: DQuat::from_rotation_x(1.2),
+            translation: DVec3::new(5.0, 6.0, 7.0),
+        };
+        let result: Vec<Pose> = truth
+            .iter()
+            .map(|pose| world.transform_camera(pose))
+            .collect();
         let error = TrajectoryError::between(&result, &truth, Alignment::Sim3).unwrap();
-        assert!(error.centre.max < 1e-9 && error.rotation_deg.max < 1e-6, "{error:?}");
+        assert!(
+            error.centre.max < 1e-9 && error.rotation_deg.max < 1e-6,
+            "{error:?}"
+        );
         assert!((error.alignment.scale - 4.0).abs() < 1e-9);
         let rigid = TrajectoryError::between(&result, &truth, Alignment::Se3).unwrap();
         assert!(rigid.centre.rmse > 0.1 && rigid.rotation_deg.max < 1e-6);
-        assert!(TrajectoryError::between(&result, &truth, Alignment::None).unwrap().rotation_deg.mean > 10.0);
+        assert!(
+            TrajectoryError::between(&result, &truth, Alignment::None)
+                .unwrap()
+                .rotation_deg
+                .mean
+                > 10.0
+        );
     }
 
     #[test]
     fn one_camera_off_shows_in_the_statistics() {
         let truth = circle();
         let mut result = truth.clone();
-        let turn = Pose { rotation: DQuat::from_rotation_z(2f64.to_radians()), translation: DVec3::ZERO };
+        let turn = Pose {
+            rotation: DQuat::from_rotation_z(2f64.to_radians()),
+            translation: DVec3::ZERO,
+        };
         result[3] = turn.compose(&result[3]);
         let error = TrajectoryError::between(&result, &truth, Alignment::None).unwrap();
         assert!((error.rotation_deg.max - 2.0).abs() < 1e-9 && error.rotation_deg.median < 1e-9);
@@ -180,7 +247,10 @@ mod tests {
     fn line() -> Vec<Pose> {
         let camera = |i: f64| {
             let rotation = DQuat::from_rotation_y(0.1 * i);
-            Pose { rotation, translation: -(rotation * DVec3::new(i, 0.0, 0.0)) }
+            Pose {
+                rotation,
+                translation: -(rotation * DVec3::new(i, 0.0, 0.0)),
+            }
         };
         (0..12).map(f64::from).map(camera).collect()
     }
@@ -188,18 +258,36 @@ mod tests {
     #[test]
     fn orientations_tell_the_turn_about_the_line_of_a_path() {
         let truth = line();
-        let world =
-            Similarity { scale: 2.0, rotation: DQuat::from_rotation_x(0.8), translation: DVec3::new(1.0, 2.0, 3.0) };
-        let result: Vec<Pose> = truth.iter().map(|pose| world.transform_camera(pose)).collect();
-        assert!(TrajectoryError::between(&result, &truth, Alignment::Sim3).is_err(), "a line");
+        let world = Similarity {
+            scale: 2.0,
+            rotation: DQuat::from_rotation_x(0.8),
+            translation: DVec3::new(1.0, 2.0, 3.0),
+        };
+        let result: Vec<Pose> = truth
+            .iter()
+            .map(|pose| world.transform_camera(pose))
+            .collect();
+        assert!(
+            TrajectoryError::between(&result, &truth, Alignment::Sim3).is_err(),
+            "a line"
+        );
         for count in [2, 12] {
-            let error = TrajectoryError::between_poses(&result[..count], &truth[..count], Alignment::Sim3).unwrap();
-            assert!(error.centre.max < 1e-9 && error.rotation_deg.max < 1e-6, "{error:?}");
+            let error =
+                TrajectoryError::between_poses(&result[..count], &truth[..count], Alignment::Sim3)
+                    .unwrap();
+            assert!(
+                error.centre.max < 1e-9 && error.rotation_deg.max < 1e-6,
+                "{error:?}"
+            );
             assert!((error.alignment.scale - 0.5).abs() < 1e-9);
         }
         let in_one_place = vec![Pose::IDENTITY; 5];
-        let error = TrajectoryError::between_poses(&in_one_place, &in_one_place, Alignment::Se3).unwrap_err();
-        assert!(matches!(error, GeometryError::TooFewPoints { count: 5, .. }), "{error}");
+        let error = TrajectoryError::between_poses(&in_one_place, &in_one_place, Alignment::Se3)
+            .unwrap_err();
+        assert!(
+            matches!(error, GeometryError::TooFewPoints { count: 5, .. }),
+            "{error}"
+        );
     }
 
     #[test]
@@ -207,11 +295,17 @@ mod tests {
         let (truth, angle) = (line(), 0.01);
         let turned = |pose: &Pose| {
             let centre = DQuat::from_rotation_z(angle) * pose.centre();
-            Pose { translation: -(pose.rotation * centre), ..*pose }
+            Pose {
+                translation: -(pose.rotation * centre),
+                ..*pose
+            }
         };
         let result: Vec<Pose> = truth.iter().map(turned).collect();
         let error = TrajectoryError::between_poses(&result, &truth, Alignment::Se3).unwrap();
-        assert!((error.rotation_deg.median.to_radians() - angle / 2.0).abs() < 1e-5, "{error:?}");
+        assert!(
+            (error.rotation_deg.median.to_radians() - angle / 2.0).abs() < 1e-5,
+            "{error:?}"
+        );
     }
 
     #[test]
@@ -220,13 +314,18 @@ mod tests {
         let turned = |(i, pose): (usize, &Pose)| {
             // All centres about a line elsewhere, all orientations turned alike, every third camera a little more.
             let more = if i % 3 == 0 { 0.02 } else { 0.0 };
-            let rotation = DQuat::from_rotation_z(more) * pose.rotation * DQuat::from_rotation_y(2.0);
-            Pose { rotation, translation: -(rotation * (DQuat::from_rotation_x(1.0) * pose.centre())) }
+            let rotation =
+                DQuat::from_rotation_z(more) * pose.rotation * DQuat::from_rotation_y(2.0);
+            Pose {
+                rotation,
+                translation: -(rotation * (DQuat::from_rotation_x(1.0) * pose.centre())),
+            }
         };
         let result: Vec<Pose> = truth.iter().enumerate().map(turned).collect();
         let error = TrajectoryError::between(&result, &truth, Alignment::Se3).unwrap();
         assert!(error.rotation_deg.mean > 10.0, "{error:?}");
-        let [median, max] = [error.own_rotation_deg.median, error.own_rotation_deg.max].map(f64::to_radians);
+        let [median, max] =
+            [error.own_rotation_deg.median, error.own_rotation_deg.max].map(f64::to_radians);
         assert!(median < 0.002 && (0.018..0.022).contains(&max), "{error:?}");
         let none = TrajectoryError::between(&[], &[], Alignment::None).unwrap();
         assert_eq!(none.own_rotation_deg, ErrorStatistics::default());
@@ -235,7 +334,10 @@ mod tests {
     #[test]
     fn statistics_by_hand() {
         let statistics = ErrorStatistics::of(&[4.0, 1.0, 2.0, 1.0]);
-        assert_eq!((statistics.mean, statistics.median, statistics.max), (2.0, 1.5, 4.0));
+        assert_eq!(
+            (statistics.mean, statistics.median, statistics.max),
+            (2.0, 1.5, 4.0)
+        );
         assert!((statistics.rmse - 5.5f64.sqrt()).abs() < 1e-12);
     }
 }

@@ -73,7 +73,10 @@ impl Turn {
             Self::Half => DQuat::from_xyzw(0.0, 0.0, 1.0, 0.0),
             Self::Anticlockwise => DQuat::from_xyzw(0.0, 0.0, -h, h),
         };
-        Pose { rotation, translation: DVec3::ZERO }
+        Pose {
+            rotation,
+            translation: DVec3::ZERO,
+        }
     }
 }
 
@@ -86,9 +89,23 @@ impl Camera {
         }
         let principal_px = turn.turn_px(self.principal_px, self.width, self.height);
         let quarter = turn != Turn::Half;
-        let (width, height) = if quarter { (self.height, self.width) } else { (self.width, self.height) };
-        let focal_px = if quarter { self.focal_px.yx() } else { self.focal_px };
-        Self { width, height, focal_px, principal_px, distortion: self.distortion.rotated(turn.matrix()) }
+        let (width, height) = if quarter {
+            (self.height, self.width)
+        } else {
+            (self.width, self.height)
+        };
+        let focal_px = if quarter {
+            self.focal_px.yx()
+        } else {
+            self.focal_px
+        };
+        Self {
+            width,
+            height,
+            focal_px,
+            principal_px,
+            distortion: self.distortion.rotated(turn.matrix()),
+        }
     }
 }
 
@@ -96,7 +113,11 @@ impl Pose {
     /// `camera_from_world` of the camera after its picture was turned.
     #[must_use]
     pub fn turned(&self, turn: Turn) -> Self {
-        if turn == Turn::None { *self } else { turn.pose().compose(self) }
+        if turn == Turn::None {
+            *self
+        } else {
+            turn.pose().compose(self)
+        }
     }
 }
 
@@ -118,10 +139,21 @@ mod tests {
 
     #[test]
     fn a_turned_camera_sees_the_turned_picture() {
-        let (camera, pose) = (camera(), Pose { rotation: DQuat::from_rotation_y(0.2), translation: DVec3::Z });
+        let (camera, pose) = (
+            camera(),
+            Pose {
+                rotation: DQuat::from_rotation_y(0.2),
+                translation: DVec3::Z,
+            },
+        );
         let x_in_world = DVec3::new(0.3, -0.4, 1.1);
         let stored = camera.project(pose.transform(x_in_world)).unwrap();
-        let shown_at = |turn: Turn| camera.turned(turn).project(pose.turned(turn).transform(x_in_world)).unwrap();
+        let shown_at = |turn: Turn| {
+            camera
+                .turned(turn)
+                .project(pose.turned(turn).transform(x_in_world))
+                .unwrap()
+        };
         let expected = [
             (Turn::None, stored),
             (Turn::Clockwise, DVec2::new(480.0 - stored.y, stored.x)),
@@ -129,7 +161,11 @@ mod tests {
             (Turn::Anticlockwise, DVec2::new(stored.y, 640.0 - stored.x)),
         ];
         for (turn, at_px) in expected {
-            assert!(shown_at(turn).abs_diff_eq(at_px, 1e-9), "{turn:?}: {} is not {at_px}", shown_at(turn));
+            assert!(
+                shown_at(turn).abs_diff_eq(at_px, 1e-9),
+                "{turn:?}: {} is not {at_px}",
+                shown_at(turn)
+            );
         }
     }
 
@@ -137,10 +173,14 @@ mod tests {
     fn turning_back_restores_the_camera() {
         for turn in [Turn::None, Turn::Clockwise, Turn::Half, Turn::Anticlockwise] {
             assert_eq!(camera().turned(turn).turned(turn.inverse()), camera());
-            let pose = Pose { rotation: DQuat::from_rotation_x(0.4), translation: DVec3::ONE };
+            let pose = Pose {
+                rotation: DQuat::from_rotation_x(0.4),
+                translation: DVec3::ONE,
+            };
             let back = pose.turned(turn).turned(turn.inverse());
             assert!(
-                back.rotation.abs_diff_eq(pose.rotation, 1e-15) || back.rotation.abs_diff_eq(-pose.rotation, 1e-15)
+                back.rotation.abs_diff_eq(pose.rotation, 1e-15)
+                    || back.rotation.abs_diff_eq(-pose.rotation, 1e-15)
             );
             assert!(back.translation.abs_diff_eq(pose.translation, 1e-15));
         }

@@ -67,7 +67,9 @@ impl Region {
             open[outside.labels[y * width] as usize] = true;
             open[outside.labels[y * width + width - 1] as usize] = true;
         }
-        let fill = |label: u32| label > 0 && !open[label as usize] && outside.areas[label as usize - 1] <= max_area;
+        let fill = |label: u32| {
+            label > 0 && !open[label as usize] && outside.areas[label as usize - 1] <= max_area
+        };
         for (inside, &label) in self.inside.iter_mut().zip(&outside.labels) {
             *inside |= fill(label);
         }
@@ -91,7 +93,12 @@ impl Region {
     pub fn keep_touching(&mut self, other: &Self) {
         let found = components(self, Connectivity::Eight);
         let mut touches = vec![false; found.areas.len() + 1];
-        for (&label, _) in found.labels.iter().zip(&other.inside).filter(|(_, inside)| **inside) {
+        for (&label, _) in found
+            .labels
+            .iter()
+            .zip(&other.inside)
+            .filter(|(_, inside)| **inside)
+        {
             touches[label as usize] = label > 0;
         }
         for (inside, &label) in self.inside.iter_mut().zip(&found.labels) {
@@ -101,7 +108,11 @@ impl Region {
 
     fn keep_components(&mut self, keep: impl Fn(usize, &[usize]) -> bool) {
         let found = components(self, Connectivity::Eight);
-        let kept: Vec<bool> = found.areas.iter().map(|&area| keep(area, &found.areas)).collect();
+        let kept: Vec<bool> = found
+            .areas
+            .iter()
+            .map(|&area| keep(area, &found.areas))
+            .collect();
         for (inside, &label) in self.inside.iter_mut().zip(&found.labels) {
             *inside = label > 0 && kept[label as usize - 1];
         }
@@ -110,12 +121,20 @@ impl Region {
 
 fn spans(region: &Region) -> Vec<Span> {
     let mut spans = Vec::new();
-    for (row, pixels) in region.inside.chunks_exact(region.width.max(1) as usize).enumerate() {
+    for (row, pixels) in region
+        .inside
+        .chunks_exact(region.width.max(1) as usize)
+        .enumerate()
+    {
         let mut start = 0;
         for run in pixels.chunk_by(|a, b| a == b) {
             let end = start + run.len() as u32;
             if run[0] {
-                spans.push(Span { row: row as u32, start, end });
+                spans.push(Span {
+                    row: row as u32,
+                    start,
+                    end,
+                });
             }
             start = end;
         }
@@ -133,10 +152,14 @@ fn join_neighbours(spans: &[Span], parents: &mut [u32], connectivity: Connectivi
         {
             above += 1;
         }
-        let touching =
-            spans[above..at].iter().take_while(|upper| upper.row < span.row && upper.start < span.end + reach);
+        let touching = spans[above..at]
+            .iter()
+            .take_while(|upper| upper.row < span.row && upper.start < span.end + reach);
         for (offset, _) in touching.enumerate() {
-            let (a, b) = (root(parents, (above + offset) as u32), root(parents, at as u32));
+            let (a, b) = (
+                root(parents, (above + offset) as u32),
+                root(parents, at as u32),
+            );
             parents[a.max(b) as usize] = a.min(b);
         }
     }
@@ -157,8 +180,15 @@ mod tests {
     use super::*;
 
     fn region(rows: &[&str]) -> Region {
-        let inside = rows.iter().flat_map(|row| row.bytes().map(|byte| byte == b'#')).collect();
-        Region { width: rows[0].len() as u32, height: rows.len() as u32, inside }
+        let inside = rows
+            .iter()
+            .flat_map(|row| row.bytes().map(|byte| byte == b'#'))
+            .collect();
+        Region {
+            width: rows[0].len() as u32,
+            height: rows.len() as u32,
+            inside,
+        }
     }
 
     #[test]
@@ -177,7 +207,10 @@ mod tests {
         small.fill_holes(8);
         assert_eq!(small, ring, "the hole has nine pixels");
         ring.fill_holes(9);
-        assert_eq!(ring, region(&["#####..", "#####..", "#####..", "#####..", "#####.."]));
+        assert_eq!(
+            ring,
+            region(&["#####..", "#####..", "#####..", "#####..", "#####.."])
+        );
     }
 
     #[test]
@@ -204,7 +237,10 @@ mod tests {
     /// Components by flood fill, as a check.
     fn flooded(region: &Region, connectivity: Connectivity) -> Components {
         let (width, height) = (i64::from(region.width), i64::from(region.height));
-        let mut found = Components { labels: vec![0; region.inside.len()], areas: Vec::new() };
+        let mut found = Components {
+            labels: vec![0; region.inside.len()],
+            areas: Vec::new(),
+        };
         for seed in 0..region.inside.len() {
             if !region.inside[seed] || found.labels[seed] != 0 {
                 continue;

@@ -34,7 +34,8 @@ impl Window {
 
     /// Places of the window's pixels in a picture of this width, row by row.
     pub fn places(self, width: usize) -> impl Iterator<Item = usize> {
-        (self.top..self.bottom).flat_map(move |y| (self.left..self.right).map(move |x| y * width + x))
+        (self.top..self.bottom)
+            .flat_map(move |y| (self.left..self.right).map(move |x| y * width + x))
     }
 }
 
@@ -56,20 +57,31 @@ impl Borders {
             let below = (at / width + 1 < height).then_some((at, at + width));
             [right, below].into_iter().flatten()
         };
-        let pairs: Vec<(usize, usize, f32)> =
-            (0..places.len()).flat_map(pairs).map(|(a, b)| (a, b, squared_difference(lab(a), lab(b)))).collect();
+        let pairs: Vec<(usize, usize, f32)> = (0..places.len())
+            .flat_map(pairs)
+            .map(|(a, b)| (a, b, squared_difference(lab(a), lab(b))))
+            .collect();
         let mean = pairs.iter().map(|pair| pair.2).sum::<f32>() / pairs.len().max(1) as f32;
         let link = |&(a, b, difference): &(usize, usize, f32)| {
             let price = weight * ((-difference / (2.0 * mean + 1e-6)).exp() + LEAST) * UNIT;
-            Link { from: a as u32, to: b as u32, forward: price as i32, backward: price as i32 }
+            Link {
+                from: a as u32,
+                to: b as u32,
+                forward: price as i32,
+                backward: price as i32,
+            }
         };
-        Self { window, links: pairs.iter().map(link).collect() }
+        Self {
+            window,
+            links: pairs.iter().map(link).collect(),
+        }
     }
 
     /// Without any price between pixels of the window that are not both `open`; what is even colour is told from the whole
     /// window.
     pub fn among(mut self, open: &[bool]) -> Self {
-        self.links.retain(|link| open[link.from as usize] && open[link.to as usize]);
+        self.links
+            .retain(|link| open[link.from as usize] && open[link.to as usize]);
         self
     }
 
@@ -77,7 +89,10 @@ impl Borders {
     /// added to each.
     pub fn cut(&self, odds: &[f32], bias: f32) -> Vec<bool> {
         debug_assert_eq!(odds.len(), self.window.width() * self.window.height());
-        let terminal = odds.iter().map(|odds| ((odds + bias) * UNIT) as i32).collect();
+        let terminal = odds
+            .iter()
+            .map(|odds| ((odds + bias) * UNIT) as i32)
+            .collect();
         FlowGraph::new(terminal, &self.links).source_side()
     }
 }

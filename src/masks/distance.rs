@@ -9,7 +9,9 @@ use super::Region;
 pub fn squared_distance_to(region: &Region) -> Vec<u32> {
     let width = region.width as usize;
     let mut columns = column_distances(region);
-    columns.par_chunks_mut(width.max(1)).for_each_init(Envelope::default, Envelope::transform);
+    columns
+        .par_chunks_mut(width.max(1))
+        .for_each_init(Envelope::default, Envelope::transform);
     columns
 }
 
@@ -44,7 +46,9 @@ pub fn deepest_point(region: &Region) -> Option<(u32, u32)> {
     let mean_x = tied.iter().map(|point| point.0).sum::<u64>() as f64 / count;
     let mean_y = tied.iter().map(|point| point.1).sum::<u64>() as f64 / count;
     let off = |&(x, y): &(u64, u64)| (x as f64 - mean_x).powi(2) + (y as f64 - mean_y).powi(2);
-    tied.iter().min_by(|a, b| off(a).total_cmp(&off(b))).map(|&(x, y)| (x as u32, y as u32))
+    tied.iter()
+        .min_by(|a, b| off(a).total_cmp(&off(b)))
+        .map(|&(x, y)| (x as u32, y as u32))
 }
 
 impl Region {
@@ -55,8 +59,15 @@ impl Region {
             return self.clone();
         }
         let reach = squared_reach(radius_px);
-        let inside = squared_distance_to(self).into_iter().map(|distance| f64::from(distance) <= reach).collect();
-        Self { width: self.width, height: self.height, inside }
+        let inside = squared_distance_to(self)
+            .into_iter()
+            .map(|distance| f64::from(distance) <= reach)
+            .collect();
+        Self {
+            width: self.width,
+            height: self.height,
+            inside,
+        }
     }
 
     /// Shrunk by a disk: all pixels whose centre is farther than `radius_px` from every pixel outside. The frame's edge
@@ -79,7 +90,9 @@ fn column_distances(region: &Region) -> Vec<u32> {
     let mut since = vec![u32::MAX; width];
     let mut sweep = |row: usize, since: &mut [u32]| {
         let pixels = row * width..(row + 1) * width;
-        let pixels = distances[pixels.clone()].iter_mut().zip(&region.inside[pixels]);
+        let pixels = distances[pixels.clone()]
+            .iter_mut()
+            .zip(&region.inside[pixels]);
         for ((distance, &inside), since) in pixels.zip(since) {
             *since = if inside { 0 } else { since.saturating_add(1) };
             *distance = (*distance).min(since.saturating_mul(*since));
@@ -125,8 +138,11 @@ impl Envelope {
     }
 
     fn add(&mut self, column: f64, height: f64) {
-        while let (Some(&(other, other_height)), Some(&start)) = (self.parabolas.last(), self.starts.last()) {
-            let crossing = ((height + column * column) - (other_height + other * other)) / (2.0 * (column - other));
+        while let (Some(&(other, other_height)), Some(&start)) =
+            (self.parabolas.last(), self.starts.last())
+        {
+            let crossing = ((height + column * column) - (other_height + other * other))
+                / (2.0 * (column - other));
             if crossing > start {
                 self.parabolas.push((column, height));
                 self.starts.push(crossing);
@@ -148,10 +164,12 @@ mod tests {
 
     fn regions() -> impl Strategy<Value = Region> {
         (1u32..15, 1u32..15, 1u32..12).prop_flat_map(|(width, height, rare)| {
-            prop::collection::vec(0..rare, (width * height) as usize).prop_map(move |draws| Region {
-                width,
-                height,
-                inside: draws.iter().map(|&draw| draw == 0).collect(),
+            prop::collection::vec(0..rare, (width * height) as usize).prop_map(move |draws| {
+                Region {
+                    width,
+                    height,
+                    inside: draws.iter().map(|&draw| draw == 0).collect(),
+                }
             })
         })
     }

@@ -12,7 +12,10 @@ pub(super) struct Reached {
 
 impl Ord for Reached {
     fn cmp(&self, other: &Self) -> Ordering {
-        other.cost.total_cmp(&self.cost).then(other.at.cmp(&self.at))
+        other
+            .cost
+            .total_cmp(&self.cost)
+            .then(other.at.cmp(&self.at))
     }
 }
 

@@ -11,7 +11,11 @@ const CURVE_STEPS: usize = 4096;
 static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| {
     std::array::from_fn(|value| {
         let value = value as f32 / 255.0;
-        if value <= 0.040_45 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
+        if value <= 0.040_45 {
+            value / 12.92
+        } else {
+            ((value + 0.055) / 1.055).powf(2.4)
+        }
     })
 });
 
@@ -20,14 +24,23 @@ static CURVE: LazyLock<Vec<f32>> = LazyLock::new(|| {
     (0..=CURVE_STEPS)
         .map(|step| {
             let value = step as f32 / CURVE_STEPS as f32;
-            if value > 0.008_856 { value.cbrt() } else { 7.787 * value + 16.0 / 116.0 }
+            if value > 0.008_856 {
+                value.cbrt()
+            } else {
+                7.787 * value + 16.0 / 116.0
+            }
         })
         .collect()
 });
 
 /// The picture in CIE Lab: L 0–100, a and b about −100 to 100.
 pub(crate) fn lab_of(image: &Image) -> Vec<[f32; 3]> {
-    image.pixels.par_iter().with_min_len(4096).map(|&pixel| lab_of_pixel(pixel)).collect()
+    image
+        .pixels
+        .par_iter()
+        .with_min_len(4096)
+        .map(|&pixel| lab_of_pixel(pixel))
+        .collect()
 }
 
 /// One sRGB pixel in CIE Lab.
@@ -57,11 +70,18 @@ mod tests {
 
     #[test]
     fn known_colours_have_their_lab_values() {
-        let image = Image { width: 3, height: 1, pixels: vec![[255, 255, 255], [255, 0, 0], [0, 0, 0]] };
+        let image = Image {
+            width: 3,
+            height: 1,
+            pixels: vec![[255, 255, 255], [255, 0, 0], [0, 0, 0]],
+        };
         let lab = lab_of(&image);
         let expected = [[100.0, 0.0, 0.0], [53.24, 80.09, 67.20], [0.0, 0.0, 0.0]];
         for (found, expected) in lab.iter().zip(expected) {
-            assert!(squared_difference(*found, expected).sqrt() < 0.3, "{found:?} instead of {expected:?}");
+            assert!(
+                squared_difference(*found, expected).sqrt() < 0.3,
+                "{found:?} instead of {expected:?}"
+            );
         }
     }
 }

@@ -1,7 +1,9 @@
 use serde::{Deserialize, Serialize};
 
 /// Names a label in masks and clouds; 0 = nothing.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize,
+)]
 #[serde(transparent)]
 pub struct LabelId(pub u16);
 

@@ -47,7 +47,11 @@ impl LabelTree {
         self.check(&label)?;
         self.ids.insert(label.name.clone(), label.id);
         let name = label.name.clone();
-        if let Some(before) = self.labels.insert(label.id, label).filter(|before| before.name != name) {
+        if let Some(before) = self
+            .labels
+            .insert(label.id, label)
+            .filter(|before| before.name != name)
+        {
             self.ids.remove(&before.name);
         }
         Ok(())
@@ -64,7 +68,10 @@ impl LabelTree {
                 id.0, child.name
             )));
         }
-        let label = self.labels.remove(&id).ok_or_else(|| MaskError::Label(format!("there is no label {}", id.0)))?;
+        let label = self
+            .labels
+            .remove(&id)
+            .ok_or_else(|| MaskError::Label(format!("there is no label {}", id.0)))?;
         self.ids.remove(&label.name);
         Ok(label)
     }
@@ -75,12 +82,19 @@ impl LabelTree {
     pub fn next_id(&self) -> LabelId {
         let highest = self.labels.keys().next_back().map_or(0, |id| id.0);
         let next = highest.checked_add(1).map(LabelId);
-        next.or_else(|| (1..=u16::MAX).map(LabelId).find(|id| !self.labels.contains_key(id))).unwrap_or_default()
+        next.or_else(|| {
+            (1..=u16::MAX)
+                .map(LabelId)
+                .find(|id| !self.labels.contains_key(id))
+        })
+        .unwrap_or_default()
     }
 
     /// Labels directly below `parent` (`None` = the top level), ordered by id.
     pub fn children(&self, parent: Option<LabelId>) -> impl Iterator<Item = &Label> {
-        self.labels.values().filter(move |label| label.parent == parent)
+        self.labels
+            .values()
+            .filter(move |label| label.parent == parent)
     }
 
     /// All labels below `id`, each before its own children; without `id` itself.
@@ -107,7 +121,11 @@ impl LabelTree {
     /// Names from the top level down, as shown to people: `rice › stem 1`; empty for an unknown id.
     #[must_use]
     pub fn name_path(&self, id: LabelId) -> String {
-        let names: Vec<&str> = self.path(id).iter().filter_map(|&id| Some(self.get(id)?.name.as_str())).collect();
+        let names: Vec<&str> = self
+            .path(id)
+            .iter()
+            .filter_map(|&id| Some(self.get(id)?.name.as_str()))
+            .collect();
         names.join(" › ")
     }
 
@@ -117,7 +135,10 @@ impl LabelTree {
     /// As [`Self::set`], and when there is no such label.
     pub fn rename(&mut self, id: LabelId, name: &str) -> Result<(), MaskError> {
         let label = self.known(id)?.clone();
-        self.set(Label { name: name.to_owned(), ..label })
+        self.set(Label {
+            name: name.to_owned(),
+            ..label
+        })
     }
 
     /// Gives a label another colour (sRGB).
@@ -148,7 +169,9 @@ impl LabelTree {
     #[must_use]
     pub fn path(&self, id: LabelId) -> Vec<LabelId> {
         let mut path: Vec<LabelId> =
-            std::iter::successors(self.get(id), |label| self.get(label.parent?)).map(|label| label.id).collect();
+            std::iter::successors(self.get(id), |label| self.get(label.parent?))
+                .map(|label| label.id)
+                .collect();
         path.reverse();
         path
     }
@@ -157,7 +180,11 @@ impl LabelTree {
     #[must_use]
     pub fn at_level(&self, id: LabelId, level: usize) -> LabelId {
         let path = self.path(id);
-        if level == 0 || path.len() <= level { id } else { path[level - 1] }
+        if level == 0 || path.len() <= level {
+            id
+        } else {
+            path[level - 1]
+        }
     }
 
     /// A colour for a new label, far from those in use for the first dozens of ids.
@@ -183,7 +210,8 @@ impl LabelTree {
     }
 
     fn known(&self, id: LabelId) -> Result<&Label, MaskError> {
-        self.get(id).ok_or_else(|| MaskError::Label(format!("there is no label {}", id.0)))
+        self.get(id)
+            .ok_or_else(|| MaskError::Label(format!("there is no label {}", id.0)))
     }
 
     fn check(&self, label: &Label) -> Result<(), MaskError> {
@@ -194,8 +222,14 @@ impl LabelTree {
         if label.name.trim().is_empty() || label.name.contains(['\n', '\r']) {
             return fail("a label needs a name of one line".into());
         }
-        if self.by_name(&label.name).is_some_and(|other| other.id != label.id) {
-            return fail(format!("there is already a label '{}'; choose another name", label.name));
+        if self
+            .by_name(&label.name)
+            .is_some_and(|other| other.id != label.id)
+        {
+            return fail(format!(
+                "there is already a label '{}'; choose another name",
+                label.name
+            ));
         }
         if let Some(parent) = label.parent {
             if self.get(parent).is_none() {
@@ -206,7 +240,10 @@ impl LabelTree {
                 return fail(format!("'{}' cannot be its own ancestor", label.name));
             }
             if path.len() >= MAX_DEPTH {
-                return fail(format!("'{}' lies more than {MAX_DEPTH} labels deep; move it up", label.name));
+                return fail(format!(
+                    "'{}' lies more than {MAX_DEPTH} labels deep; move it up",
+                    label.name
+                ));
             }
         }
         Ok(())
@@ -225,7 +262,10 @@ impl TryFrom<Vec<Label>> for LabelTree {
     /// Takes labels in any order: a child may stand before its parent.
     fn try_from(labels: Vec<Label>) -> Result<Self, MaskError> {
         if let Some(id) = repeated_id(&labels) {
-            return Err(MaskError::Label(format!("label id {} is there twice; give each label its own", id.0)));
+            return Err(MaskError::Label(format!(
+                "label id {} is there twice; give each label its own",
+                id.0
+            )));
         }
         let mut below: BTreeMap<Option<LabelId>, Vec<Label>> = BTreeMap::new();
         for label in labels {
@@ -255,7 +295,10 @@ impl TryFrom<Vec<Label>> for LabelTree {
 
 fn repeated_id(labels: &[Label]) -> Option<LabelId> {
     let mut seen = BTreeSet::new();
-    labels.iter().map(|label| label.id).find(|&id| !seen.insert(id))
+    labels
+        .iter()
+        .map(|label| label.id)
+        .find(|&id| !seen.insert(id))
 }
 
 #[cfg(test)]
@@ -289,7 +332,12 @@ mod tests {
         assert_eq!(tree.name_path(LabelId(3)), "rice › panicle › grain");
         assert_eq!(tree.name_path(LabelId(77)), "");
         assert_eq!(tree.descendants(LabelId(1)), [2, 4, 3].map(LabelId));
-        assert_eq!(tree.children(None).map(|label| label.id.0).collect::<Vec<_>>(), [1, 9]);
+        assert_eq!(
+            tree.children(None)
+                .map(|label| label.id.0)
+                .collect::<Vec<_>>(),
+            [1, 9]
+        );
         assert!(tree.is_ancestor(LabelId(1), LabelId(3)));
         assert!(!tree.is_ancestor(LabelId(3), LabelId(3)));
         assert!(!tree.is_ancestor(LabelId(9), LabelId(3)));
@@ -310,7 +358,10 @@ mod tests {
         let before = tree.clone();
         assert!(tree.rename(LabelId(2), "rice").is_err());
         assert!(tree.rename(LabelId(2), " ").is_err());
-        assert!(tree.reparent(LabelId(9), Some(LabelId(3))).is_err(), "a circle");
+        assert!(
+            tree.reparent(LabelId(9), Some(LabelId(3))).is_err(),
+            "a circle"
+        );
         assert!(tree.reparent(LabelId(9), Some(LabelId(9))).is_err());
         assert!(tree.reparent(LabelId(9), Some(LabelId(50))).is_err());
         assert!(tree.remove(LabelId(9)).is_err(), "it has children");
@@ -350,7 +401,10 @@ mod tests {
             labels: LabelTree,
         }
         let text = toml::to_string(&File { labels: rice() }).unwrap();
-        assert!(text.starts_with("[[labels]]\nid = 1\nname = \"rice\"\n"), "{text}");
+        assert!(
+            text.starts_with("[[labels]]\nid = 1\nname = \"rice\"\n"),
+            "{text}"
+        );
         assert_eq!(toml::from_str::<File>(&text).unwrap().labels, rice());
     }
 }

@@ -10,7 +10,13 @@ pub fn landmarks(region: &Region, most: usize) -> Vec<DVec2> {
     let depths = squared_depth_in(region);
     // Per part its deepest pixel so far; of equally deep ones the first.
     let mut deepest: Vec<(u32, usize)> = vec![(0, 0); parts.areas.len()];
-    for (at, (&part, &depth)) in parts.labels.iter().zip(&depths).enumerate().filter(|(_, (part, _))| **part > 0) {
+    for (at, (&part, &depth)) in parts
+        .labels
+        .iter()
+        .zip(&depths)
+        .enumerate()
+        .filter(|(_, (part, _))| **part > 0)
+    {
         let slot = &mut deepest[part as usize - 1];
         if depth > slot.0 {
             *slot = (depth, at);
@@ -20,7 +26,11 @@ pub fn landmarks(region: &Region, most: usize) -> Vec<DVec2> {
     order.sort_by_key(|&part| std::cmp::Reverse(parts.areas[part]));
     let width = region.width as usize;
     let centre = |at: usize| DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
-    order.into_iter().take(most).map(|part| centre(deepest[part].1)).collect()
+    order
+        .into_iter()
+        .take(most)
+        .map(|part| centre(deepest[part].1))
+        .collect()
 }
 
 #[cfg(test)]
@@ -29,10 +39,28 @@ mod tests {
 
     #[test]
     fn each_part_is_stood_for_by_its_deepest_point_largest_part_first() {
-        let rows = ["......###", "#.....###", "......###", "###......", "#####....", "###......", "........."];
-        let inside = rows.iter().flat_map(|row| row.bytes().map(|byte| byte == b'#')).collect();
-        let region = Region { width: 9, height: 7, inside };
-        assert_eq!(landmarks(&region, 2), [DVec2::new(1.5, 4.5), DVec2::new(7.5, 1.5)]);
+        let rows = [
+            "......###",
+            "#.....###",
+            "......###",
+            "###......",
+            "#####....",
+            "###......",
+            ".........",
+        ];
+        let inside = rows
+            .iter()
+            .flat_map(|row| row.bytes().map(|byte| byte == b'#'))
+            .collect();
+        let region = Region {
+            width: 9,
+            height: 7,
+            inside,
+        };
+        assert_eq!(
+            landmarks(&region, 2),
+            [DVec2::new(1.5, 4.5), DVec2::new(7.5, 1.5)]
+        );
         assert_eq!(landmarks(&region, 9).len(), 3);
         assert!(landmarks(&Region::empty(4, 4), 3).is_empty());
     }

@@ -30,13 +30,13 @@ pub mod unexplained;
 pub use components::{Components, Connectivity, components};
 pub use distance::{deepest_point, squared_depth_in, squared_distance_to};
 pub use edit::{
-    ElasticBorders, PaintRule, Pull, ShapeBlend, assign, compose, erase, fill_polygons, hold, nearer_part,
-    polygon_spans, pull, snapped_stroke, stroke, taken_by_others, tidy, transfer,
+    ElasticBorders, PaintRule, Pull, ShapeBlend, assign, compose, erase, fill_polygons, hold,
+    nearer_part, polygon_spans, pull, snapped_stroke, stroke, taken_by_others, tidy, transfer,
 };
 pub use error::MaskError;
 pub use formats::{
-    Imported, MaskFormat, MaskFrame, encode_palette_png, export_masks, file_stems, import_masks, read_labels_json,
-    read_palette_png, read_palette_png_of, write_labels_json,
+    Imported, MaskFormat, MaskFrame, encode_palette_png, export_masks, file_stems, import_masks,
+    read_labels_json, read_palette_png, read_palette_png_of, write_labels_json,
 };
 pub use lab::{lab_of_pixel, squared_difference};
 pub use label::{Label, LabelId};
@@ -50,10 +50,13 @@ pub use prompt::{Click, Prompt, PxBox};
 pub use region::Region;
 pub use robot::{LabelClick, next_click, next_label_click};
 pub use runs::{Extent, RunMask};
-pub use score::{FramePair, FrameScore, LabelScore, MaskScore, ScoreOptions, boundary_f, score_masks, score_pairs};
+pub use score::{
+    FramePair, FrameScore, LabelScore, MaskScore, ScoreOptions, boundary_f, score_masks,
+    score_pairs,
+};
 pub use seam::{
-    Direction, GroundRequest, Grounded, PreparedFrame, Proposal, SegmentRequest, Segmenter, TextGrounder, TrackRequest,
-    TrackedFrame, Tracker,
+    Direction, GroundRequest, Grounded, PreparedFrame, Proposal, SegmentRequest, Segmenter,
+    TextGrounder, TrackRequest, TrackedFrame, Tracker,
 };
 pub use thin::trace;
 pub use unexplained::{Apartness, Unexplained};

@@ -15,7 +15,11 @@ impl LabelMask {
     /// A mask with no label anywhere.
     #[must_use]
     pub fn empty(width: u32, height: u32) -> Self {
-        Self { width, height, ids: vec![LabelId::NONE; width as usize * height as usize] }
+        Self {
+            width,
+            height,
+            ids: vec![LabelId::NONE; width as usize * height as usize],
+        }
     }
 
     /// The id in column `x`, row `y`.
@@ -27,7 +31,11 @@ impl LabelMask {
     /// The pixels of one label.
     #[must_use]
     pub fn region(&self, id: LabelId) -> Region {
-        Region { width: self.width, height: self.height, inside: self.ids.iter().map(|&at| at == id).collect() }
+        Region {
+            width: self.width,
+            height: self.height,
+            inside: self.ids.iter().map(|&at| at == id).collect(),
+        }
     }
 
     /// The pixels of a label and of all labels below it in the tree.
@@ -36,8 +44,16 @@ impl LabelMask {
         let mut wanted = tree.descendants(id);
         wanted.push(id);
         wanted.sort_unstable();
-        let inside = self.ids.iter().map(|at| wanted.binary_search(at).is_ok()).collect();
-        Region { width: self.width, height: self.height, inside }
+        let inside = self
+            .ids
+            .iter()
+            .map(|at| wanted.binary_search(at).is_ok())
+            .collect();
+        Region {
+            width: self.width,
+            height: self.height,
+            inside,
+        }
     }
 
     /// Every label as read at `level` (1 = top): its ancestor there, itself where it is not deeper.
@@ -60,12 +76,25 @@ mod tests {
             color: [0; 3],
             parent: parent.map(LabelId),
         };
-        let tree: LabelTree =
-            vec![label(1, None), label(2, Some(1)), label(3, Some(2)), label(4, None)].try_into().unwrap();
-        let mask = LabelMask { width: 3, height: 2, ids: [0, 1, 2, 3, 4, 9].map(LabelId).to_vec() };
+        let tree: LabelTree = vec![
+            label(1, None),
+            label(2, Some(1)),
+            label(3, Some(2)),
+            label(4, None),
+        ]
+        .try_into()
+        .unwrap();
+        let mask = LabelMask {
+            width: 3,
+            height: 2,
+            ids: [0, 1, 2, 3, 4, 9].map(LabelId).to_vec(),
+        };
         assert_eq!(mask.at_level(&tree, 1).ids, [0, 1, 1, 1, 4, 9].map(LabelId));
         assert_eq!(mask.at_level(&tree, 2).ids, [0, 1, 2, 2, 4, 9].map(LabelId));
-        assert_eq!(mask.region_with_parts(LabelId(2), &tree).inside, [false, false, true, true, false, false]);
+        assert_eq!(
+            mask.region_with_parts(LabelId(2), &tree).inside,
+            [false, false, true, true, false, false]
+        );
         assert_eq!(mask.region(LabelId(2)).area(), 1);
     }
 }

@@ -45,18 +45,36 @@ impl FlowGraph {
             first[link.from as usize + 1] += 1;
             let back = first[link.to as usize + 1];
             first[link.to as usize + 1] += 1;
-            (head[there as usize], sister[there as usize], residual[there as usize]) = (link.to, back, link.forward);
-            (head[back as usize], sister[back as usize], residual[back as usize]) = (link.from, there, link.backward);
+            (
+                head[there as usize],
+                sister[there as usize],
+                residual[there as usize],
+            ) = (link.to, back, link.forward);
+            (
+                head[back as usize],
+                sister[back as usize],
+                residual[back as usize],
+            ) = (link.from, there, link.backward);
         }
         first.pop();
-        Self { first, head, sister, residual, terminal }
+        Self {
+            first,
+            head,
+            sister,
+            residual,
+            terminal,
+        }
     }
 
     /// The nodes on the source's side of the minimum cut (the smallest such set).
     pub fn source_side(self) -> Vec<bool> {
         let mut search = Search::new(self);
         search.run();
-        search.tree.iter().map(|&tree| tree == Tree::Source).collect()
+        search
+            .tree
+            .iter()
+            .map(|&tree| tree == Tree::Source)
+            .collect()
     }
 }
 
@@ -99,7 +117,11 @@ impl Search {
         for node in 0..nodes {
             let terminal = search.graph.terminal[node];
             if terminal != 0 {
-                search.tree[node] = if terminal > 0 { Tree::Source } else { Tree::Sink };
+                search.tree[node] = if terminal > 0 {
+                    Tree::Source
+                } else {
+                    Tree::Sink
+                };
                 search.parent[node] = TERMINAL;
                 search.distance[node] = 1;
                 search.activate(node as u32);
@@ -139,7 +161,11 @@ impl Search {
 
     /// What can still flow from the parent's side over `arc` (leaving a node of `tree` towards its children).
     fn room(&self, arc: u32, tree: Tree) -> i32 {
-        let arc = if tree == Tree::Source { arc } else { self.graph.sister[arc as usize] };
+        let arc = if tree == Tree::Source {
+            arc
+        } else {
+            self.graph.sister[arc as usize]
+        };
         self.graph.residual[arc as usize]
     }
 
@@ -162,8 +188,13 @@ impl Search {
                 self.distance[next] = self.distance[at] + 1;
                 self.activate(next as u32);
             } else if self.tree[next] != tree {
-                return Some(if tree == Tree::Source { arc } else { self.graph.sister[arc as usize] });
-            } else if self.stamp[next] <= self.stamp[at] && self.distance[next] > self.distance[at] {
+                return Some(if tree == Tree::Source {
+                    arc
+                } else {
+                    self.graph.sister[arc as usize]
+                });
+            } else if self.stamp[next] <= self.stamp[at] && self.distance[next] > self.distance[at]
+            {
                 self.parent[next] = self.graph.sister[arc as usize];
                 self.stamp[next] = self.stamp[at];
                 self.distance[next] = self.distance[at] + 1;
@@ -201,14 +232,19 @@ impl Search {
         loop {
             let arc = self.parent[node as usize];
             if arc == TERMINAL {
-                self.graph.terminal[node as usize] -= if tree == Tree::Source { flow } else { -flow };
+                self.graph.terminal[node as usize] -=
+                    if tree == Tree::Source { flow } else { -flow };
                 if self.graph.terminal[node as usize] == 0 {
                     self.orphan(node);
                 }
                 return;
             }
             let back = self.graph.sister[arc as usize];
-            let (used, reverse) = if tree == Tree::Source { (back, arc) } else { (arc, back) };
+            let (used, reverse) = if tree == Tree::Source {
+                (back, arc)
+            } else {
+                (arc, back)
+            };
             self.graph.residual[used as usize] -= flow;
             self.graph.residual[reverse as usize] += flow;
             if self.graph.residual[used as usize] == 0 {
@@ -229,7 +265,9 @@ impl Search {
         let mut best: Option<(u32, u32)> = None;
         for arc in self.arcs(node) {
             let other = self.graph.head[arc as usize];
-            if self.tree[other as usize] != tree || self.room(self.graph.sister[arc as usize], tree) <= 0 {
+            if self.tree[other as usize] != tree
+                || self.room(self.graph.sister[arc as usize], tree) <= 0
+            {
                 continue;
             }
             if let Some(distance) = self.distance_to_terminal(other)
@@ -303,7 +341,11 @@ mod tests {
 
     fn cut_value(inside: &[bool], terminal: &[i32], links: &[Link]) -> i64 {
         let cut = |(node, &capacity): (usize, &i32)| {
-            let paid = if capacity > 0 { !inside[node] } else { inside[node] };
+            let paid = if capacity > 0 {
+                !inside[node]
+            } else {
+                inside[node]
+            };
             if paid { i64::from(capacity.abs()) } else { 0 }
         };
         let across = |link: &Link| match (inside[link.from as usize], inside[link.to as usize]) {
@@ -317,7 +359,9 @@ mod tests {
     fn least_cut(terminal: &[i32], links: &[Link]) -> i64 {
         (0..1u32 << terminal.len())
             .map(|bits| {
-                let inside: Vec<bool> = (0..terminal.len()).map(|node| bits >> node & 1 == 1).collect();
+                let inside: Vec<bool> = (0..terminal.len())
+                    .map(|node| bits >> node & 1 == 1)
+                    .collect();
                 cut_value(&inside, terminal, links)
             })
             .min()
@@ -346,7 +390,12 @@ mod tests {
         let links: Vec<Link> = [5, 4, 1, 6]
             .iter()
             .enumerate()
-            .map(|(at, &capacity)| Link { from: at as u32, to: at as u32 + 1, forward: capacity, backward: capacity })
+            .map(|(at, &capacity)| Link {
+                from: at as u32,
+                to: at as u32 + 1,
+                forward: capacity,
+                backward: capacity,
+            })
             .collect();
         let inside = FlowGraph::new(vec![100, 0, 0, 0, -100], &links).source_side();
         assert_eq!(inside, [true, true, true, false, false]);
@@ -356,6 +405,11 @@ mod tests {
     fn large_grid_equals_the_threshold_of_its_unaries_without_links() {
         let terminal: Vec<i32> = (0..10_000).map(|at| (at * 7919 % 41) - 20).collect();
         let inside = FlowGraph::new(terminal.clone(), &[]).source_side();
-        assert!(inside.iter().zip(&terminal).all(|(&inside, &terminal)| inside == (terminal > 0)));
+        assert!(
+            inside
+                .iter()
+                .zip(&terminal)
+                .all(|(&inside, &terminal)| inside == (terminal > 0))
+        );
     }
 }

@@ -24,7 +24,12 @@ pub struct WalkedFrame {
 /// stands, since between them lies nothing. `nearness` of the first, 0–1, grows towards its anchor.
 #[must_use]
 pub fn merged(first: &WalkedFrame, second: &WalkedFrame, nearness: f32) -> WalkedFrame {
-    let labels: BTreeSet<LabelId> = first.confidence.keys().chain(second.confidence.keys()).copied().collect();
+    let labels: BTreeSet<LabelId> = first
+        .confidence
+        .keys()
+        .chain(second.confidence.keys())
+        .copied()
+        .collect();
     let (width, height) = (first.mask.width, first.mask.height);
     let mut mask = LabelMask::empty(width, height);
     let mut best = vec![0.0f32; mask.ids.len()];
@@ -34,12 +39,19 @@ pub fn merged(first: &WalkedFrame, second: &WalkedFrame, nearness: f32) -> Walke
         // A walk that does not know the label says nothing of it: nobody may have looked for it in that anchor.
         let of = |frame: &WalkedFrame, near: f32| {
             let sure = frame.confidence.get(&label).copied();
-            (sure.unwrap_or(0.0), sure.map_or(0.0, |sure| sure.max(LEAST) * near.powi(2).max(LEAST)))
+            (
+                sure.unwrap_or(0.0),
+                sure.map_or(0.0, |sure| sure.max(LEAST) * near.powi(2).max(LEAST)),
+            )
         };
         let ((sure_a, wa), (sure_b, wb)) = (of(first, nearness), of(second, 1.0 - nearness));
         let overlap = a.iou(&b);
         let strayed = !(a.is_empty() || b.is_empty()) && overlap < SAME_OUTLINE;
-        let share = if strayed { f32::from(u8::from(wa >= wb)) } else { wa / (wa + wb) };
+        let share = if strayed {
+            f32::from(u8::from(wa >= wb))
+        } else {
+            wa / (wa + wb)
+        };
         let (da, db) = rayon::join(|| signed_distances(&a), || signed_distances(&b));
         for (at, (da, db)) in da.iter().zip(&db).enumerate() {
             let distance = share * da + (1.0 - share) * db;
@@ -48,7 +60,11 @@ pub fn merged(first: &WalkedFrame, second: &WalkedFrame, nearness: f32) -> Walke
                 mask.ids[at] = label;
             }
         }
-        let agreed = if wa * wb > 0.0 { 0.5 + 0.5 * overlap as f32 } else { 1.0 };
+        let agreed = if wa * wb > 0.0 {
+            0.5 + 0.5 * overlap as f32
+        } else {
+            1.0
+        };
         confidence.insert(label, sure_a.max(sure_b) * agreed);
     }
     WalkedFrame { mask, confidence }
@@ -58,5 +74,9 @@ pub fn merged(first: &WalkedFrame, second: &WalkedFrame, nearness: f32) -> Walke
 fn signed_distances(region: &Region) -> Vec<f32> {
     let root = |squared: u32| (squared as f32).sqrt().min(MOST_PX);
     let (inside, outside) = (squared_depth_in(region), squared_distance_to(region));
-    inside.into_iter().zip(outside).map(|(inside, outside)| root(inside) - root(outside)).collect()
+    inside
+        .into_iter()
+        .zip(outside)
+        .map(|(inside, outside)| root(inside) - root(outside))
+        .collect()
 }

@@ -18,8 +18,17 @@ pub struct Outline {
 #[must_use]
 pub fn outlines(region: &Region) -> Vec<Outline> {
     let parts = components(region, Connectivity::Four);
-    let mut outlines = vec![Outline { outer: Vec::new(), holes: Vec::new() }; parts.areas.len()];
-    let mut walker = Walker { region, walked: vec![false; region.inside.len()] };
+    let mut outlines = vec![
+        Outline {
+            outer: Vec::new(),
+            holes: Vec::new()
+        };
+        parts.areas.len()
+    ];
+    let mut walker = Walker {
+        region,
+        walked: vec![false; region.inside.len()],
+    };
     for start in 0..region.inside.len() {
         if !walker.begins_at(start) {
             continue;
@@ -27,7 +36,11 @@ pub fn outlines(region: &Region) -> Vec<Outline> {
         let ring = walker.walk(start);
         let outline = &mut outlines[parts.labels[start] as usize - 1];
         // A part's first pixel in row order lies on its outer border.
-        if outline.outer.is_empty() { outline.outer = ring } else { outline.holes.push(ring) }
+        if outline.outer.is_empty() {
+            outline.outer = ring
+        } else {
+            outline.holes.push(ring)
+        }
     }
     outlines
 }
@@ -38,7 +51,11 @@ impl Outline {
     #[must_use]
     pub fn simplified(&self, tolerance_px: f64) -> Option<Self> {
         let outer = simplified_ring(&self.outer, tolerance_px)?;
-        let holes = self.holes.iter().filter_map(|hole| simplified_ring(hole, tolerance_px)).collect();
+        let holes = self
+            .holes
+            .iter()
+            .filter_map(|hole| simplified_ring(hole, tolerance_px))
+            .collect();
         Some(Self { outer, holes })
     }
 
@@ -50,7 +67,9 @@ impl Outline {
         for hole in &self.holes {
             let Some(&seam) = hole.first() else { continue };
             let off = |&at: &usize| ring[at].distance_squared(seam);
-            let at = (0..ring.len()).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0);
+            let at = (0..ring.len())
+                .min_by(|a, b| off(a).total_cmp(&off(b)))
+                .unwrap_or(0);
             let there = ring[..=at].iter().chain(hole);
             let joined = there.chain([&seam]).chain(&ring[at..]).copied().collect();
             ring = joined;
@@ -65,14 +84,20 @@ impl Outline {
 #[must_use]
 pub fn simplified_ring(ring: &[DVec2], tolerance_px: f64) -> Option<Vec<DVec2>> {
     let first = *ring.first()?;
-    let far = (0..ring.len()).max_by(|&a, &b| first.distance(ring[a]).total_cmp(&first.distance(ring[b])))?;
+    let far = (0..ring.len())
+        .max_by(|&a, &b| first.distance(ring[a]).total_cmp(&first.distance(ring[b])))?;
     let mut closed = ring.to_vec();
     closed.push(first);
     let mut kept = vec![false; closed.len()];
     (kept[0], kept[far]) = (true, true);
     keep_corners(&closed, (0, far), tolerance_px, &mut kept);
     keep_corners(&closed, (far, ring.len()), tolerance_px, &mut kept);
-    let corners: Vec<DVec2> = ring.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(&corner, _)| corner).collect();
+    let corners: Vec<DVec2> = ring
+        .iter()
+        .zip(&kept)
+        .filter(|(_, kept)| **kept)
+        .map(|(&corner, _)| corner)
+        .collect();
     (corners.len() >= 3).then_some(corners)
 }
 
@@ -80,7 +105,9 @@ fn keep_corners(line: &[DVec2], ends: (usize, usize), tolerance_px: f64, kept: &
     let mut open = vec![ends];
     while let Some((from, to)) = open.pop() {
         let off = |&at: &usize| distance_to_segment(line[at], line[from], line[to]);
-        let Some(farthest) = (from + 1..to).max_by(|a, b| off(a).total_cmp(&off(b))) else { continue };
+        let Some(farthest) = (from + 1..to).max_by(|a, b| off(a).total_cmp(&off(b))) else {
+            continue;
+        };
         if off(&farthest) > tolerance_px {
             kept[farthest] = true;
             open.extend([(from, farthest), (farthest, to)]);
@@ -97,7 +124,11 @@ pub(super) fn distance_to_segment(point: DVec2, a: DVec2, b: DVec2) -> f64 {
 pub(super) fn nearest_on_segment(point: DVec2, a: DVec2, b: DVec2) -> DVec2 {
     let along = b - a;
     let length2 = along.length_squared();
-    let share = if length2 > 0.0 { ((point - a).dot(along) / length2).clamp(0.0, 1.0) } else { 0.0 };
+    let share = if length2 > 0.0 {
+        ((point - a).dot(along) / length2).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
     a + share * along
 }
 
@@ -111,7 +142,9 @@ struct Walker<'a> {
 impl Walker<'_> {
     fn begins_at(&self, pixel: usize) -> bool {
         let above = pixel.checked_sub(self.region.width as usize);
-        self.region.inside[pixel] && !self.walked[pixel] && above.is_none_or(|above| !self.region.inside[above])
+        self.region.inside[pixel]
+            && !self.walked[pixel]
+            && above.is_none_or(|above| !self.region.inside[above])
     }
 
     fn inside(&self, pixel: IVec2) -> bool {
@@ -167,20 +200,35 @@ mod tests {
     use crate::fill_polygons;
 
     fn region(rows: &[&str]) -> Region {
-        let inside = rows.iter().flat_map(|row| row.bytes().map(|byte| byte == b'#')).collect();
-        Region { width: rows[0].len() as u32, height: rows.len() as u32, inside }
+        let inside = rows
+            .iter()
+            .flat_map(|row| row.bytes().map(|byte| byte == b'#'))
+            .collect();
+        Region {
+            width: rows[0].len() as u32,
+            height: rows.len() as u32,
+            inside,
+        }
     }
 
     fn signed_area(ring: &[DVec2]) -> f64 {
         let next = ring.iter().cycle().skip(1);
-        ring.iter().zip(next).map(|(a, b)| a.perp_dot(*b)).sum::<f64>() / 2.0
+        ring.iter()
+            .zip(next)
+            .map(|(a, b)| a.perp_dot(*b))
+            .sum::<f64>()
+            / 2.0
     }
 
     #[test]
     fn a_frame_with_a_hole_and_a_dot() {
         let found = outlines(&region(&["####.", "#..#.", "####.", "....#"]));
         assert_eq!(found.len(), 2);
-        let corners = |ring: &[DVec2]| ring.iter().map(|p| (p.x as i32, p.y as i32)).collect::<Vec<_>>();
+        let corners = |ring: &[DVec2]| {
+            ring.iter()
+                .map(|p| (p.x as i32, p.y as i32))
+                .collect::<Vec<_>>()
+        };
         assert_eq!(corners(&found[0].outer), [(4, 0), (4, 3), (0, 3), (0, 0)]);
         assert_eq!(found[0].holes.len(), 1);
         assert!((signed_area(&found[0].outer) - 12.0).abs() < 1e-9);
@@ -192,17 +240,25 @@ mod tests {
     fn straight_steps_are_simplified_away() {
         let stairs = outlines(&region(&["#.....", "###...", "#####.", "######"]));
         let simple = stairs[0].simplified(1.1).unwrap();
-        assert!(simple.outer.len() <= 4 && stairs[0].outer.len() > 6, "{simple:?}");
-        assert!(outlines(&region(&["#"]))[0].simplified(5.0).is_none(), "nothing of it remains");
+        assert!(
+            simple.outer.len() <= 4 && stairs[0].outer.len() > 6,
+            "{simple:?}"
+        );
+        assert!(
+            outlines(&region(&["#"]))[0].simplified(5.0).is_none(),
+            "nothing of it remains"
+        );
     }
 
     fn regions() -> impl Strategy<Value = Region> {
         (1u32..14, 1u32..14).prop_flat_map(|(width, height)| {
-            prop::collection::vec(prop::bool::weighted(0.6), (width * height) as usize).prop_map(move |inside| Region {
-                width,
-                height,
-                inside,
-            })
+            prop::collection::vec(prop::bool::weighted(0.6), (width * height) as usize).prop_map(
+                move |inside| Region {
+                    width,
+                    height,
+                    inside,
+                },
+            )
         })
     }
 

@@ -15,7 +15,11 @@ impl Region {
     /// A region without pixels.
     #[must_use]
     pub fn empty(width: u32, height: u32) -> Self {
-        Self { width, height, inside: vec![false; width as usize * height as usize] }
+        Self {
+            width,
+            height,
+            inside: vec![false; width as usize * height as usize],
+        }
     }
 
     /// Whether column `x`, row `y` is inside.
@@ -59,19 +63,31 @@ impl Region {
     /// The pixels outside.
     #[must_use]
     pub fn inverted(&self) -> Self {
-        Self { width: self.width, height: self.height, inside: self.inside.iter().map(|&inside| !inside).collect() }
+        Self {
+            width: self.width,
+            height: self.height,
+            inside: self.inside.iter().map(|&inside| !inside).collect(),
+        }
     }
 
     /// Intersection over union with a region of the same frame; 1 when both are empty.
     #[must_use]
     pub fn iou(&self, other: &Self) -> f64 {
-        debug_assert_eq!((self.width, self.height), (other.width, other.height), "regions of one frame");
+        debug_assert_eq!(
+            (self.width, self.height),
+            (other.width, other.height),
+            "regions of one frame"
+        );
         let (mut common, mut either) = (0usize, 0usize);
         for (&a, &b) in self.inside.iter().zip(&other.inside) {
             common += usize::from(a & b);
             either += usize::from(a | b);
         }
-        if either == 0 { 1.0 } else { common as f64 / either as f64 }
+        if either == 0 {
+            1.0
+        } else {
+            common as f64 / either as f64
+        }
     }
 
     /// Fails unless the region has the size that is asked for.
@@ -86,7 +102,11 @@ impl Region {
     }
 
     fn combine(&mut self, other: &Self, join: impl Fn(bool, bool) -> bool) {
-        debug_assert_eq!((self.width, self.height), (other.width, other.height), "regions of one frame");
+        debug_assert_eq!(
+            (self.width, self.height),
+            (other.width, other.height),
+            "regions of one frame"
+        );
         for (a, &b) in self.inside.iter_mut().zip(&other.inside) {
             *a = join(*a, b);
         }
@@ -99,8 +119,16 @@ mod tests {
 
     #[test]
     fn boolean_operations() {
-        let a = Region { width: 4, height: 1, inside: vec![true, true, false, false] };
-        let b = Region { width: 4, height: 1, inside: vec![true, false, true, false] };
+        let a = Region {
+            width: 4,
+            height: 1,
+            inside: vec![true, true, false, false],
+        };
+        let b = Region {
+            width: 4,
+            height: 1,
+            inside: vec![true, false, true, false],
+        };
         let after = |operation: fn(&mut Region, &Region)| {
             let mut region = a.clone();
             operation(&mut region, &b);

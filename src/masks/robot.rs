@@ -14,10 +14,15 @@ use super::{Click, Connectivity, LabelId, LabelMask, Region, components, deepest
 /// When the two regions differ in size.
 #[must_use]
 pub fn next_click(truth: &Region, current: &Region) -> Option<Click> {
-    assert!(truth.width == current.width && truth.height == current.height, "truth and answer are of one frame");
+    assert!(
+        truth.width == current.width && truth.height == current.height,
+        "truth and answer are of one frame"
+    );
     let wrong = |include: bool| {
         let pairs = truth.inside.iter().zip(&current.inside);
-        let inside = pairs.map(|(&truth, &current)| truth == include && current != include).collect();
+        let inside = pairs
+            .map(|(&truth, &current)| truth == include && current != include)
+            .collect();
         Region { inside, ..*truth }
     };
     let (missed, excess) = (largest_part(&wrong(true)), largest_part(&wrong(false)));
@@ -42,17 +47,31 @@ pub struct LabelClick {
 /// # Panics
 /// When the two masks differ in size.
 #[must_use]
-pub fn next_label_click(truth: &LabelMask, current: &LabelMask, open: &[LabelId]) -> Option<LabelClick> {
-    assert!(truth.width == current.width && truth.height == current.height, "truth and answer are of one frame");
+pub fn next_label_click(
+    truth: &LabelMask,
+    current: &LabelMask,
+    open: &[LabelId],
+) -> Option<LabelClick> {
+    assert!(
+        truth.width == current.width && truth.height == current.height,
+        "truth and answer are of one frame"
+    );
     let wrong = |is_wrong: &dyn Fn(LabelId, LabelId) -> bool| {
         let pairs = truth.ids.iter().zip(&current.ids);
-        let inside = pairs.map(|(&truth, &current)| is_wrong(truth, current)).collect();
-        largest_part(&Region { width: truth.width, height: truth.height, inside })
+        let inside = pairs
+            .map(|(&truth, &current)| is_wrong(truth, current))
+            .collect();
+        largest_part(&Region {
+            width: truth.width,
+            height: truth.height,
+            inside,
+        })
     };
     let mut largest: Option<(LabelId, bool, Part)> = None;
     for &label in open {
         let missed = wrong(&|truth, current| truth == label && current != label);
-        let excess = wrong(&|truth, current| truth != label && current == label && !open.contains(&truth));
+        let excess =
+            wrong(&|truth, current| truth != label && current == label && !open.contains(&truth));
         for (include, part) in [(true, missed), (false, excess)] {
             if part.area > largest.as_ref().map_or(0, |(_, _, part)| part.area) {
                 largest = Some((label, include, part));
@@ -60,7 +79,11 @@ pub fn next_label_click(truth: &LabelMask, current: &LabelMask, open: &[LabelId]
         }
     }
     let (label, include, part) = largest?;
-    Some(LabelClick { label, click: click_in(&part, include)?, wrong_px: part.area })
+    Some(LabelClick {
+        label,
+        click: click_in(&part, include)?,
+        wrong_px: part.area,
+    })
 }
 
 /// A connected part of a region.
@@ -72,15 +95,23 @@ struct Part {
 /// The largest 4-connected component; of equally large ones the first met row by row.
 fn largest_part(region: &Region) -> Part {
     let found = components(region, Connectivity::Four);
-    let largest = (0..found.areas.len()).rev().max_by_key(|&at| found.areas[at]);
+    let largest = (0..found.areas.len())
+        .rev()
+        .max_by_key(|&at| found.areas[at]);
     let label = largest.map_or(u32::MAX, |at| at as u32 + 1);
     let inside = found.labels.iter().map(|&of| of == label).collect();
-    Part { pixels: Region { inside, ..*region }, area: largest.map_or(0, |at| found.areas[at]) }
+    Part {
+        pixels: Region { inside, ..*region },
+        area: largest.map_or(0, |at| found.areas[at]),
+    }
 }
 
 fn click_in(part: &Part, include: bool) -> Option<Click> {
     let (x, y) = deepest_point(&part.pixels)?;
-    Some(Click { at_px: DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5), include })
+    Some(Click {
+        at_px: DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5),
+        include,
+    })
 }
 
 #[cfg(test)]
@@ -91,7 +122,10 @@ mod tests {
         Region {
             width: rows[0].len() as u32,
             height: rows.len() as u32,
-            inside: rows.iter().flat_map(|row| row.bytes().map(|byte| byte == b'#')).collect(),
+            inside: rows
+                .iter()
+                .flat_map(|row| row.bytes().map(|byte| byte == b'#'))
+                .collect(),
         }
     }
 
@@ -99,13 +133,18 @@ mod tests {
         LabelMask {
             width: rows[0].len() as u32,
             height: rows.len() as u32,
-            ids: rows.iter().flat_map(|row| row.bytes().map(|byte| LabelId(u16::from(byte - b'0')))).collect(),
+            ids: rows
+                .iter()
+                .flat_map(|row| row.bytes().map(|byte| LabelId(u16::from(byte - b'0'))))
+                .collect(),
         }
     }
 
     #[test]
     fn first_click_is_the_deepest_point_of_the_object() {
-        let truth = region(&["........", ".#####..", ".#####..", ".#####..", ".#####..", ".#####..", "........"]);
+        let truth = region(&[
+            "........", ".#####..", ".#####..", ".#####..", ".#####..", ".#####..", "........",
+        ]);
         let click = next_click(&truth, &Region::empty(8, 7)).unwrap();
         assert_eq!((click.at_px, click.include), (DVec2::new(3.5, 3.5), true));
     }
@@ -116,9 +155,14 @@ mod tests {
         let answer = region(&[".#..####", "##..####", "....####", "........"]);
         let click = next_click(&truth, &answer).unwrap();
         assert!(
-            !click.include && truth.inside[8 + click.at_px.x as usize] != answer.inside[8 + click.at_px.x as usize]
+            !click.include
+                && truth.inside[8 + click.at_px.x as usize]
+                    != answer.inside[8 + click.at_px.x as usize]
         );
-        assert!((5.0..7.0).contains(&click.at_px.x) && click.at_px.y == 1.5, "{click:?}");
+        assert!(
+            (5.0..7.0).contains(&click.at_px.x) && click.at_px.y == 1.5,
+            "{click:?}"
+        );
     }
 
     #[test]
@@ -126,7 +170,10 @@ mod tests {
         let truth = region(&["##..", "...."]);
         assert_eq!(next_click(&truth, &truth), None);
         let truth = mask(&["1122", "0000"]);
-        assert_eq!(next_label_click(&truth, &truth, &[LabelId(1), LabelId(2)]), None);
+        assert_eq!(
+            next_label_click(&truth, &truth, &[LabelId(1), LabelId(2)]),
+            None
+        );
     }
 
     #[test]
@@ -135,8 +182,18 @@ mod tests {
         let answer = mask(&["111111", "111111", "111111"]);
         let (one, two) = (LabelId(1), LabelId(2));
         let at_px = DVec2::new(4.5, 1.5);
-        let expected = |label, include| LabelClick { label, click: Click { at_px, include }, wrong_px: 9 };
-        assert_eq!(next_label_click(&truth, &answer, &[one, two]), Some(expected(two, true)));
-        assert_eq!(next_label_click(&truth, &answer, &[one]), Some(expected(one, false)));
+        let expected = |label, include| LabelClick {
+            label,
+            click: Click { at_px, include },
+            wrong_px: 9,
+        };
+        assert_eq!(
+            next_label_click(&truth, &answer, &[one, two]),
+            Some(expected(two, true))
+        );
+        assert_eq!(
+            next_label_click(&truth, &answer, &[one]),
+            Some(expected(one, false))
+        );
     }
 }

@@ -57,7 +57,9 @@ impl RunMask {
     /// 65,535 pixels on a side or 268 megapixels in all.
     pub fn new(width: u32, height: u32, runs: Vec<(LabelId, u32)>) -> Result<Self, MaskError> {
         if runs.iter().any(|&(_, length)| length == 0) {
-            return Err(MaskError::Request("a mask holds a run of length 0; it is damaged, make it anew".into()));
+            return Err(MaskError::Request(
+                "a mask holds a run of length 0; it is damaged, make it anew".into(),
+            ));
         }
         let pixels = u64::from(width) * u64::from(height);
         if width.max(height) > MAX_SIDE || pixels > MAX_PIXELS {
@@ -72,21 +74,41 @@ impl RunMask {
                 "a mask's runs hold {sum} pixels, {width}×{height} are needed; it is damaged, make it anew"
             )));
         }
-        Ok(Self { width, height, runs: merged(runs.into_iter()) })
+        Ok(Self {
+            width,
+            height,
+            runs: merged(runs.into_iter()),
+        })
     }
 
     /// A mask with no label anywhere.
     #[must_use]
     pub fn empty(width: u32, height: u32) -> Self {
         let pixels = width.saturating_mul(height);
-        Self { width, height, runs: if pixels == 0 { Vec::new() } else { vec![(LabelId::NONE, pixels)] } }
+        Self {
+            width,
+            height,
+            runs: if pixels == 0 {
+                Vec::new()
+            } else {
+                vec![(LabelId::NONE, pixels)]
+            },
+        }
     }
 
     /// Run-length encodes a mask.
     #[must_use]
     pub fn encode(mask: &LabelMask) -> Self {
-        let runs = mask.ids.chunk_by(|a, b| a == b).map(|run| (run[0], run.len() as u32)).collect();
-        Self { width: mask.width, height: mask.height, runs }
+        let runs = mask
+            .ids
+            .chunk_by(|a, b| a == b)
+            .map(|run| (run[0], run.len() as u32))
+            .collect();
+        Self {
+            width: mask.width,
+            height: mask.height,
+            runs,
+        }
     }
 
     /// The mask as pixels.
@@ -96,7 +118,11 @@ impl RunMask {
         for &(id, length) in &self.runs {
             ids.resize(ids.len() + length as usize, id);
         }
-        LabelMask { width: self.width, height: self.height, ids }
+        LabelMask {
+            width: self.width,
+            height: self.height,
+            ids,
+        }
     }
 
     /// The pixels of one label.
@@ -106,7 +132,11 @@ impl RunMask {
         for &(at, length) in &self.runs {
             inside.resize(inside.len() + length as usize, at == id);
         }
-        Region { width: self.width, height: self.height, inside }
+        Region {
+            width: self.width,
+            height: self.height,
+            inside,
+        }
     }
 
     /// Area and bounding box of every label in the mask, read off the runs; [`LabelId::NONE`] is left out.
@@ -117,7 +147,10 @@ impl RunMask {
         for &(id, length) in &self.runs {
             if id != LabelId::NONE {
                 let run = self.run_extent(start, length);
-                extents.entry(id).and_modify(|extent| extent.join(&run)).or_insert(run);
+                extents
+                    .entry(id)
+                    .and_modify(|extent| extent.join(&run))
+                    .or_insert(run);
             }
             start += length;
         }
@@ -128,7 +161,11 @@ impl RunMask {
     #[must_use]
     pub fn map_ids(&self, mut map: impl FnMut(LabelId) -> LabelId) -> Self {
         let runs = merged(self.runs.iter().map(|&(id, length)| (map(id), length)));
-        Self { width: self.width, height: self.height, runs }
+        Self {
+            width: self.width,
+            height: self.height,
+            runs,
+        }
     }
 
     /// Every label as read at `level` (1 = top): its ancestor there, itself where it is not deeper.
@@ -140,8 +177,15 @@ impl RunMask {
 
     /// The stretches of pixels over which both masks, of the same size, are constant: this one's id, the other's, and
     /// the length, in order.
-    pub fn joint_runs<'a>(&'a self, other: &'a Self) -> impl Iterator<Item = (LabelId, LabelId, u32)> + 'a {
-        debug_assert_eq!((self.width, self.height), (other.width, other.height), "masks of one frame");
+    pub fn joint_runs<'a>(
+        &'a self,
+        other: &'a Self,
+    ) -> impl Iterator<Item = (LabelId, LabelId, u32)> + 'a {
+        debug_assert_eq!(
+            (self.width, self.height),
+            (other.width, other.height),
+            "masks of one frame"
+        );
         let (mut ours, mut theirs) = (self.runs.iter().copied(), other.runs.iter().copied());
         let (mut our_run, mut their_run) = (ours.next(), theirs.next());
         std::iter::from_fn(move || {
@@ -179,14 +223,25 @@ impl RunMask {
             }
         }
         counts.remove(&LabelId::NONE);
-        counts.into_iter().map(|(id, (common, either))| (id, common as f64 / either as f64)).collect()
+        counts
+            .into_iter()
+            .map(|(id, (common, either))| (id, common as f64 / either as f64))
+            .collect()
     }
 
     fn run_extent(&self, start: u32, length: u32) -> Extent {
         let last = start + length - 1;
         let (first_row, last_row) = (start / self.width, last / self.width);
-        let columns = if first_row == last_row { (start % self.width, last % self.width) } else { (0, self.width - 1) };
-        Extent { area: u64::from(length), min: [columns.0, first_row], max: [columns.1, last_row] }
+        let columns = if first_row == last_row {
+            (start % self.width, last % self.width)
+        } else {
+            (0, self.width - 1)
+        };
+        Extent {
+            area: u64::from(length),
+            min: [columns.0, first_row],
+            max: [columns.1, last_row],
+        }
     }
 }
 
@@ -221,11 +276,24 @@ mod tests {
     fn masks() -> impl Strategy<Value = LabelMask> {
         (1u32..20, 1u32..20).prop_flat_map(|(width, height)| {
             let pixels = (width * height) as usize;
-            prop::collection::vec((prop::sample::select(vec![0u16, 1, 2, 255, 256, u16::MAX]), 1usize..9), pixels)
-                .prop_map(move |runs| {
-                    let ids = runs.into_iter().flat_map(|(id, n)| std::iter::repeat_n(LabelId(id), n)).take(pixels);
-                    LabelMask { width, height, ids: ids.collect() }
-                })
+            prop::collection::vec(
+                (
+                    prop::sample::select(vec![0u16, 1, 2, 255, 256, u16::MAX]),
+                    1usize..9,
+                ),
+                pixels,
+            )
+            .prop_map(move |runs| {
+                let ids = runs
+                    .into_iter()
+                    .flat_map(|(id, n)| std::iter::repeat_n(LabelId(id), n))
+                    .take(pixels);
+                LabelMask {
+                    width,
+                    height,
+                    ids: ids.collect(),
+                }
+            })
         })
     }
 
@@ -285,18 +353,34 @@ mod tests {
             (r#"{"width":2,"height":2,"runs":[[0,1],[0,1],[3,2]]}"#, true),
             (r#"{"width":2,"height":2,"runs":[[0,1],[3,2]]}"#, false),
             (r#"{"width":2,"height":2,"runs":[[0,4],[3,0]]}"#, false),
-            (r#"{"width":2,"height":2,"runs":[[0,4294967295],[3,4294967295]]}"#, false),
-            (r#"{"width":4294967295,"height":4294967295,"runs":[]}"#, false),
+            (
+                r#"{"width":2,"height":2,"runs":[[0,4294967295],[3,4294967295]]}"#,
+                false,
+            ),
+            (
+                r#"{"width":4294967295,"height":4294967295,"runs":[]}"#,
+                false,
+            ),
         ] {
-            assert_eq!(serde_json::from_str::<RunMask>(text).is_ok(), fine, "{text}");
+            assert_eq!(
+                serde_json::from_str::<RunMask>(text).is_ok(),
+                fine,
+                "{text}"
+            );
         }
-        let merged: RunMask = serde_json::from_str(r#"{"width":2,"height":2,"runs":[[0,1],[0,1],[3,2]]}"#).unwrap();
+        let merged: RunMask =
+            serde_json::from_str(r#"{"width":2,"height":2,"runs":[[0,1],[0,1],[3,2]]}"#).unwrap();
         assert_eq!(merged.runs, [(LabelId(0), 2), (LabelId(3), 2)]);
     }
 
     #[test]
     fn mapping_merges_neighbours() {
-        let mask = RunMask::new(4, 1, vec![(LabelId(1), 1), (LabelId(2), 2), (LabelId(0), 1)]).unwrap();
+        let mask = RunMask::new(
+            4,
+            1,
+            vec![(LabelId(1), 1), (LabelId(2), 2), (LabelId(0), 1)],
+        )
+        .unwrap();
         let mapped = mask.map_ids(|id| if id == LabelId(2) { LabelId(1) } else { id });
         assert_eq!(mapped.runs, [(LabelId(1), 3), (LabelId(0), 1)]);
     }

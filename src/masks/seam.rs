@@ -47,7 +47,11 @@ pub trait PreparedFrame: Send + Sync {
     ///
     /// # Errors
     /// [`MaskError::Request`] for an empty prompt or one outside the picture; [`MaskError::Stopped`] where it takes long.
-    fn segment(&self, request: &SegmentRequest<'_>, progress: &Progress) -> Result<Region, MaskError>;
+    fn segment(
+        &self,
+        request: &SegmentRequest<'_>,
+        progress: &Progress,
+    ) -> Result<Region, MaskError>;
 
     /// Things that nobody asked for, the surest first; `None` where the segmenter only answers prompts.
     ///
@@ -166,10 +170,18 @@ impl TrackRequest {
     /// [`MaskError::Request`].
     pub fn check(&self) -> Result<(), MaskError> {
         let count = self.frames.len();
-        let last = self.anchors.keys().next_back().copied().unwrap_or(0).max(self.to);
+        let last = self
+            .anchors
+            .keys()
+            .next_back()
+            .copied()
+            .unwrap_or(0)
+            .max(self.to);
         if self.from > self.to || last >= count {
             let range = format!("frames {} to {last} are not all there", self.from.min(last));
-            return Err(MaskError::Request(format!("{range}; the project has {count}, counted from 0")));
+            return Err(MaskError::Request(format!(
+                "{range}; the project has {count}, counted from 0"
+            )));
         }
         for (&frame, mask) in &self.anchors {
             let frame = &self.frames[frame];
@@ -180,8 +192,14 @@ impl TrackRequest {
                 )));
             }
         }
-        if self.anchors.values().all(|mask| mask.ids.iter().all(|&id| id == LabelId::NONE)) {
-            return Err(MaskError::Request("no frame has a mask to carry; prompt or import one first".into()));
+        if self
+            .anchors
+            .values()
+            .all(|mask| mask.ids.iter().all(|&id| id == LabelId::NONE))
+        {
+            return Err(MaskError::Request(
+                "no frame has a mask to carry; prompt or import one first".into(),
+            ));
         }
         Ok(())
     }

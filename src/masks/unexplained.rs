@@ -33,12 +33,20 @@ const BESIDE_LABELS_PX: f64 = 6.0;
 pub fn parts(region: &Region) -> impl Iterator<Item = Region> + '_ {
     let pieces = components(region, Connectivity::Eight);
     let pixels = region.inside.len() as f64;
-    let fits = move |area: usize| (LEAST_SHARE * pixels..=MOST_SHARE * pixels).contains(&(area as f64));
-    let numbers: Vec<u32> =
-        (1..).zip(&pieces.areas).filter(|(_, area)| fits(**area)).map(|(number, _)| number).collect();
+    let fits =
+        move |area: usize| (LEAST_SHARE * pixels..=MOST_SHARE * pixels).contains(&(area as f64));
+    let numbers: Vec<u32> = (1..)
+        .zip(&pieces.areas)
+        .filter(|(_, area)| fits(**area))
+        .map(|(number, _)| number)
+        .collect();
     numbers.into_iter().map(move |number| {
         let inside = pieces.labels.iter().map(|&piece| piece == number).collect();
-        let mut part = Region { width: region.width, height: region.height, inside };
+        let mut part = Region {
+            width: region.width,
+            height: region.height,
+            inside,
+        };
         part.fill_holes(usize::MAX);
         part
     })
@@ -47,5 +55,10 @@ pub fn parts(region: &Region) -> impl Iterator<Item = Region> + '_ {
 /// All labelled pixels of a mask, and those close beside them.
 pub fn explained(mask: &LabelMask) -> Region {
     let inside = mask.ids.iter().map(|&id| id != LabelId::NONE).collect();
-    Region { width: mask.width, height: mask.height, inside }.dilated(BESIDE_LABELS_PX)
+    Region {
+        width: mask.width,
+        height: mask.height,
+        inside,
+    }
+    .dilated(BESIDE_LABELS_PX)
 }

@@ -10,6 +10,9 @@ impl Project {
         let later = (Bound::Excluded(frame), Bound::Unbounded);
         let before = self.masks.range(..frame).rev().find(is_anchor);
         let after = self.masks.range(later).find(is_anchor);
-        (before.map(|(&number, _)| number), after.map(|(&number, _)| number))
+        (
+            before.map(|(&number, _)| number),
+            after.map(|(&number, _)| number),
+        )
     }
 }

@@ -22,12 +22,24 @@ impl Coordinates {
 
     /// Coordinates that were chosen with a result, in metres or in an unknown unit.
     pub fn chosen_with(version: u64, is_metric: bool) -> Self {
-        Self { world: version, scale: 1.0, unit: if is_metric { LengthUnit::Metre } else { LengthUnit::World } }
+        Self {
+            world: version,
+            scale: 1.0,
+            unit: if is_metric {
+                LengthUnit::Metre
+            } else {
+                LengthUnit::World
+            },
+        }
     }
 
     /// The same axes after lengths were multiplied to be metres.
     pub fn scaled_by(self, factor: f64) -> Self {
-        Self { scale: self.scale * factor, unit: LengthUnit::Metre, ..self }
+        Self {
+            scale: self.scale * factor,
+            unit: LengthUnit::Metre,
+            ..self
+        }
     }
 }
 
@@ -36,8 +48,10 @@ impl Project {
     #[must_use]
     pub fn coordinates(&self) -> Coordinates {
         let record = self.results.get(&ResultKind::Cameras);
-        let is_metric =
-            || self.frames.iter().any(Frame::has_sensor_depth) || record.is_none_or(|record| !is_free(record));
+        let is_metric = || {
+            self.frames.iter().any(Frame::has_sensor_depth)
+                || record.is_none_or(|record| !is_free(record))
+        };
         record
             .and_then(|record| record.coordinates)
             .unwrap_or_else(|| Coordinates::chosen_with(Coordinates::OF_GIVEN_CAMERAS, is_metric()))
@@ -49,8 +63,15 @@ impl Project {
     pub fn cloud_coordinates(&self) -> Option<Coordinates> {
         let record = self.results.get(&ResultKind::Cloud);
         match record {
-            Some(ResultRecord { coordinates: Some(coordinates), .. }) => Some(*coordinates),
-            Some(ResultRecord { coordinates: None, stale: true, .. }) if self.has_chosen_scale() => None,
+            Some(ResultRecord {
+                coordinates: Some(coordinates),
+                ..
+            }) => Some(*coordinates),
+            Some(ResultRecord {
+                coordinates: None,
+                stale: true,
+                ..
+            }) if self.has_chosen_scale() => None,
             _ => Some(self.coordinates()),
         }
     }
@@ -58,13 +79,18 @@ impl Project {
     /// Unit of lengths in the labelled cloud and its surface.
     #[must_use]
     pub fn cloud_unit(&self) -> LengthUnit {
-        self.cloud_coordinates().map_or(LengthUnit::World, |coordinates| coordinates.unit)
+        self.cloud_coordinates()
+            .map_or(LengthUnit::World, |coordinates| coordinates.unit)
     }
 
     /// Unit of a frame's depths; of those that stereo made with other cameras it is not known.
     #[must_use]
     pub fn depth_unit(&self, frame: usize) -> LengthUnit {
-        let is_stale = || self.results.get(&ResultKind::Depths).is_some_and(|record| record.stale);
+        let is_stale = || {
+            self.results
+                .get(&ResultKind::Depths)
+                .is_some_and(|record| record.stale)
+        };
         match self.frames.get(frame).map(|frame| &frame.depth) {
             Some(Some(DepthSource::Sensor { .. })) => LengthUnit::Metre,
             Some(Some(DepthSource::Made { .. })) if is_stale() => LengthUnit::World,
@@ -74,9 +100,13 @@ impl Project {
 
     /// Whether the scale of the cameras is or was arbitrary.
     fn has_chosen_scale(&self) -> bool {
-        self.results.get(&ResultKind::Cameras).is_some_and(|record| {
-            record.engine == "sfm" || record.scaled.is_some() || record.settings.contains("scaled by")
-        })
+        self.results
+            .get(&ResultKind::Cameras)
+            .is_some_and(|record| {
+                record.engine == "sfm"
+                    || record.scaled.is_some()
+                    || record.settings.contains("scaled by")
+            })
     }
 }
 
@@ -91,16 +121,27 @@ fn is_free(record: &ResultRecord) -> bool {
 pub fn scale_between(before: &[Frame], now: &[Frame]) -> Option<f64> {
     let pose = |frame: &Frame| frame.posed_camera().map(|(_, pose)| *pose);
     let same_poses = before.len() == now.len()
-        && before.iter().zip(now).all(|(a, b)| pose(a).map(|pose| pose.rotation) == pose(b).map(|pose| pose.rotation));
+        && before
+            .iter()
+            .zip(now)
+            .all(|(a, b)| pose(a).map(|pose| pose.rotation) == pose(b).map(|pose| pose.rotation));
     if !same_poses {
         return None;
     }
-    let translations: Vec<(DVec3, DVec3)> =
-        before.iter().zip(now).filter_map(|(a, b)| Some((pose(a)?.translation, pose(b)?.translation))).collect();
-    let (a, b) = translations.iter().max_by(|(a, _), (b, _)| a.length_squared().total_cmp(&b.length_squared()))?;
+    let translations: Vec<(DVec3, DVec3)> = before
+        .iter()
+        .zip(now)
+        .filter_map(|(a, b)| Some((pose(a)?.translation, pose(b)?.translation)))
+        .collect();
+    let (a, b) = translations
+        .iter()
+        .max_by(|(a, _), (b, _)| a.length_squared().total_cmp(&b.length_squared()))?;
     let (factor, slack) = (b.length() / a.length(), 1e-9 * b.length());
-    let is_scaled = translations.iter().all(|(a, b)| (factor * *a).distance(*b) <= slack);
-    (is_scaled && factor.is_finite() && factor > 0.0 && (factor - 1.0).abs() > 1e-12).then_some(factor)
+    let is_scaled = translations
+        .iter()
+        .all(|(a, b)| (factor * *a).distance(*b) <= slack);
+    (is_scaled && factor.is_finite() && factor > 0.0 && (factor - 1.0).abs() > 1e-12)
+        .then_some(factor)
 }
 
 #[cfg(test)]
@@ -112,7 +153,10 @@ mod tests {
         let one = |&shift: &f64| {
             let mut camera = camera(shift);
             camera.camera_from_world.as_mut().unwrap().translation *= factor;
-            Frame { camera: Some(camera), ..frame("a.png") }
+            Frame {
+                camera: Some(camera),
+                ..frame("a.png")
+            }
         };
         shifts.iter().map(one).collect()
     }
@@ -123,7 +167,11 @@ mod tests {
         let factor = scale_between(&before, &frames(&[0.0, 1.0, 2.0], 0.25)).unwrap();
         assert!((factor - 0.25).abs() < 1e-12);
         assert_eq!(scale_between(&before, &before), None);
-        assert_eq!(scale_between(&before, &frames(&[0.0, 1.0, 2.1], 0.25)), None, "a camera moved");
+        assert_eq!(
+            scale_between(&before, &frames(&[0.0, 1.0, 2.1], 0.25)),
+            None,
+            "a camera moved"
+        );
         assert_eq!(scale_between(&before, &before[..2]), None);
         let mut lost = frames(&[0.0, 1.0, 2.0], 0.25);
         lost[1].camera = None;
@@ -134,24 +182,46 @@ mod tests {
     fn a_cloud_keeps_its_unit_when_cameras_change() {
         let mut project = Project::default();
         assert_eq!(project.cloud_unit(), LengthUnit::Metre, "given cameras");
-        let with = |coordinates| ResultRecord { coordinates, ..record("sfm") };
+        let with = |coordinates| ResultRecord {
+            coordinates,
+            ..record("sfm")
+        };
         let metric = Some(Coordinates::chosen_with(3, true));
         project.results.insert(ResultKind::Cloud, with(metric));
-        project.results.insert(ResultKind::Cameras, with(Some(Coordinates::chosen_with(4, false))));
-        assert_eq!((project.cloud_unit(), project.coordinates().unit), (LengthUnit::Metre, LengthUnit::World));
+        project.results.insert(
+            ResultKind::Cameras,
+            with(Some(Coordinates::chosen_with(4, false))),
+        );
+        assert_eq!(
+            (project.cloud_unit(), project.coordinates().unit),
+            (LengthUnit::Metre, LengthUnit::World)
+        );
     }
 
     #[test]
     fn records_without_a_unit_are_never_metric_when_the_scale_may_be_newer() {
         let mut project = Project::default();
-        let sfm = ResultRecord { settings: "5 of 5 frames".into(), ..record("sfm") };
-        let scaled = ResultRecord { settings: "5 of 5 frames, scaled by 2.000000".into(), ..record("sfm") };
+        let sfm = ResultRecord {
+            settings: "5 of 5 frames".into(),
+            ..record("sfm")
+        };
+        let scaled = ResultRecord {
+            settings: "5 of 5 frames, scaled by 2.000000".into(),
+            ..record("sfm")
+        };
         project.results.insert(ResultKind::Cloud, record("fuse"));
         project.results.insert(ResultKind::Cameras, sfm);
         assert_eq!(project.cloud_unit(), LengthUnit::World);
         project.results.insert(ResultKind::Cameras, scaled);
-        assert_eq!(project.cloud_unit(), LengthUnit::Metre, "fused after the scale was set");
+        assert_eq!(
+            project.cloud_unit(),
+            LengthUnit::Metre,
+            "fused after the scale was set"
+        );
         project.results.get_mut(&ResultKind::Cloud).unwrap().stale = true;
-        assert_eq!((project.cloud_unit(), project.cloud_coordinates()), (LengthUnit::World, None));
+        assert_eq!(
+            (project.cloud_unit(), project.cloud_coordinates()),
+            (LengthUnit::World, None)
+        );
     }
 }

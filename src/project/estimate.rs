@@ -21,12 +21,19 @@ impl Project {
                     (sum, count) = (sum + shown as f64, count + shown);
                 }
                 MaskOrigin::Tracked => {
-                    sum += mask.confidence.values().map(|&sure| f64::from(sure)).sum::<f64>();
+                    sum += mask
+                        .confidence
+                        .values()
+                        .map(|&sure| f64::from(sure))
+                        .sum::<f64>();
                     count += mask.confidence.len();
                 }
             }
         }
-        (count > 0).then(|| Estimate { accuracy: sum / count as f64, frames: self.masks.len() })
+        (count > 0).then(|| Estimate {
+            accuracy: sum / count as f64,
+            frames: self.masks.len(),
+        })
     }
 }
 
@@ -39,8 +46,16 @@ mod tests {
     fn anchors_are_sure_and_empty_masks_say_nothing() {
         let mut project = project();
         assert_eq!(project.estimate(|_| 1), None);
-        for (frame, mask) in [anchor([1, 2, 0]), tracked([1, 0, 0]), anchor([0; 3])].into_iter().enumerate() {
-            project.apply(Edit::SetMask { frame, mask: Some(mask) }).unwrap();
+        for (frame, mask) in [anchor([1, 2, 0]), tracked([1, 0, 0]), anchor([0; 3])]
+            .into_iter()
+            .enumerate()
+        {
+            project
+                .apply(Edit::SetMask {
+                    frame,
+                    mask: Some(mask),
+                })
+                .unwrap();
         }
         let estimate = project.estimate(|frame| [2, 1, 0][frame]).unwrap();
         assert!((estimate.accuracy - 0.9).abs() < 1e-6, "{estimate:?}");

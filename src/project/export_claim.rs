@@ -37,19 +37,28 @@ impl Claim {
     pub fn take(folder: &Path, names: &[String]) -> Result<Self> {
         if let Some(name) = names.iter().find(|name| is_being_written(folder, name)) {
             let file = folder.join(name);
-            ensure!(false, "{}: another export writes here now; start this one when that has ended", file.display());
+            ensure!(
+                false,
+                "{}: another export writes here now; start this one when that has ended",
+                file.display()
+            );
         }
         let write = || -> std::io::Result<AtomicFile> {
             let mut file = AtomicFile::create(&folder.join(CLAIM))?;
             let mut bytes = serde_json::to_vec(names)?;
-            let room =
-                fs::metadata(folder.join(crate::export_record::RECORD)).map_or(0, |record| record.len() as usize);
-            bytes.resize(bytes.len() + room + RECORD_BYTES * names.len() + MORE_BYTES, b' ');
+            let room = fs::metadata(folder.join(crate::export_record::RECORD))
+                .map_or(0, |record| record.len() as usize);
+            bytes.resize(
+                bytes.len() + room + RECORD_BYTES * names.len() + MORE_BYTES,
+                b' ',
+            );
             file.write_all(&bytes)?;
             file.as_file().sync_data()?;
             Ok(file)
         };
-        let file = write().map_err(|error| anyhow::anyhow!("{}: {}", folder.display(), disk::write_fault(&error)))?;
+        let file = write().map_err(|error| {
+            anyhow::anyhow!("{}: {}", folder.display(), disk::write_fault(&error))
+        })?;
         Ok(Self { _file: file })
     }
 }
@@ -71,8 +80,12 @@ pub fn is_being_written(folder: &Path, name: &str) -> bool {
         }
         let text = disk::read_text_up_to(&entry.path(), MAX_BYTES).unwrap_or_default();
         // One that cannot be read may be of any file.
-        let names: Vec<String> = serde_json::from_str(&text).unwrap_or_else(|_| vec![WHOLE_FOLDER.to_owned()]);
-        name == WHOLE_FOLDER || names.iter().any(|other| other == name || other == WHOLE_FOLDER)
+        let names: Vec<String> =
+            serde_json::from_str(&text).unwrap_or_else(|_| vec![WHOLE_FOLDER.to_owned()]);
+        name == WHOLE_FOLDER
+            || names
+                .iter()
+                .any(|other| other == name || other == WHOLE_FOLDER)
     })
 }
 
@@ -85,8 +98,8 @@ pub fn lock_folder(folder: &Path) -> Result<Option<File>> {
     if cfg!(not(unix)) {
         return Ok(None);
     }
-    let file =
-        File::open(folder).with_context(|| format!("{}: cannot be read; check permissions", folder.display()))?;
+    let file = File::open(folder)
+        .with_context(|| format!("{}: cannot be read; check permissions", folder.display()))?;
     let is_locked = file.lock().is_ok();
     Ok(is_locked.then_some(file))
 }
@@ -98,12 +111,22 @@ mod tests {
     #[test]
     fn what_is_claimed_cannot_be_claimed_again_until_it_is_given_back() {
         let dir = tempfile::tempdir().unwrap();
-        let claim =
-            |names: &[&str]| Claim::take(dir.path(), &names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>());
+        let claim = |names: &[&str]| {
+            Claim::take(
+                dir.path(),
+                &names
+                    .iter()
+                    .map(|&name| name.to_owned())
+                    .collect::<Vec<_>>(),
+            )
+        };
         let first = claim(&["a.ply", "a_leaf.ply"]).unwrap();
         let second = claim(&["b.ply"]).unwrap();
         let error = claim(&["c.ply", "a.ply"]).unwrap_err().to_string();
-        assert!(error.contains("a.ply: another export writes here now"), "{error}");
+        assert!(
+            error.contains("a.ply: another export writes here now"),
+            "{error}"
+        );
         assert!(claim(&[WHOLE_FOLDER]).is_err());
         drop((first, second));
         let whole = claim(&[WHOLE_FOLDER]).unwrap();

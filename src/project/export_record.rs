@@ -50,8 +50,14 @@ pub(super) struct Exported {
 
 impl Exported {
     fn of(found: &Metadata) -> Self {
-        let modified = found.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
-        Self { bytes: found.len(), modified_ns: modified.map_or(0, |time| time.as_nanos()) }
+        let modified = found
+            .modified()
+            .ok()
+            .and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+        Self {
+            bytes: found.len(),
+            modified_ns: modified.map_or(0, |time| time.as_nanos()),
+        }
     }
 }
 
@@ -64,7 +70,10 @@ pub(super) struct Stamp {
 
 impl Stamp {
     pub(super) fn of(path: &Path) -> Option<Self> {
-        Some(Self { id: FileId::of(path)?, exported: Exported::of(&fs::symlink_metadata(path).ok()?) })
+        Some(Self {
+            id: FileId::of(path)?,
+            exported: Exported::of(&fs::symlink_metadata(path).ok()?),
+        })
     }
 }
 
@@ -106,8 +115,12 @@ impl ExportRecord {
     /// When it cannot be written.
     pub fn write(&self, folder: &Path, name: &str) -> Result<()> {
         let path = folder.join(name);
-        disk::write(&path, &serde_json::to_vec_pretty(self)?)
-            .with_context(|| format!("{}: cannot be written; check permissions and free space", path.display()))
+        disk::write(&path, &serde_json::to_vec_pretty(self)?).with_context(|| {
+            format!(
+                "{}: cannot be written; check permissions and free space",
+                path.display()
+            )
+        })
     }
 
     /// Adds a file of the folder as it is now.
@@ -121,11 +134,17 @@ impl ExportRecord {
     #[must_use]
     pub fn known(&self, folder: &Path, file: &Path) -> Option<Known> {
         let name = name_below(folder, file)?;
-        let found = fs::symlink_metadata(file).ok().filter(Metadata::is_file).map(|found| Exported::of(&found));
+        let found = fs::symlink_metadata(file)
+            .ok()
+            .filter(Metadata::is_file)
+            .map(|found| Exported::of(&found));
         if found.is_some() && self.files.get(&name) == found.as_ref() {
             return Some(Known::Unchanged);
         }
-        let began = self.pending.get(&name).or_else(|| self.pending.get(WHOLE_FOLDER));
+        let began = self
+            .pending
+            .get(&name)
+            .or_else(|| self.pending.get(WHOLE_FOLDER));
         if let (Some(began), Some(found)) = (began, &found)
             && found.modified_ns >= *began
         {
@@ -142,7 +161,13 @@ pub(super) fn name_below(folder: &Path, file: &Path) -> Option<String> {
         Err(_) if folder == Path::new(".") => file,
         Err(_) => return None,
     };
-    Some(below.components().map(|part| part.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/"))
+    Some(
+        below
+            .components()
+            .map(|part| part.as_os_str().to_string_lossy())
+            .collect::<Vec<_>>()
+            .join("/"),
+    )
 }
 
 /// All files and links in a folder and those inside it, system files and temporary ones left out, in order.
@@ -157,7 +182,8 @@ pub fn files_below(folder: &Path) -> Result<Vec<PathBuf>> {
         for entry in fs::read_dir(&folder).with_context(cannot)? {
             let entry = entry.with_context(cannot)?;
             let name = entry.file_name();
-            let is_system = SYSTEM_FILES.iter().any(|system| name == *system) || disk::is_temporary(&name);
+            let is_system =
+                SYSTEM_FILES.iter().any(|system| name == *system) || disk::is_temporary(&name);
             if entry.file_type().with_context(cannot)?.is_dir() {
                 waiting.push(entry.path());
             } else if !is_system {

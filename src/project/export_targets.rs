@@ -39,7 +39,10 @@ impl ExportTargets {
             let depth = frame.depth.as_ref().and_then(|depth| depth.sensor_path());
             paths.extend([Some(frame.picture.path()), depth].into_iter().flatten());
         }
-        let requests = project.results.values().filter_map(|record| record.request.as_ref());
+        let requests = project
+            .results
+            .values()
+            .filter_map(|record| record.request.as_ref());
         paths.extend(requests.filter_map(|request| request.onto.as_deref()));
         for path in paths {
             if let Some(id) = FileId::of(path) {
@@ -47,7 +50,11 @@ impl ExportTargets {
             }
         }
         let root = root.map(|root| root.canonicalize().unwrap_or_else(|_| root.to_owned()));
-        Self { sources, root, overwrite }
+        Self {
+            sources,
+            root,
+            overwrite,
+        }
     }
 
     /// Refuses files that an export must not replace. A missing file and an empty one may always be written.
@@ -67,7 +74,9 @@ impl ExportTargets {
                 );
             }
             let folder = folder_of(file);
-            let record = records.entry(folder.to_owned()).or_insert_with(|| ExportRecord::read(folder, RECORD));
+            let record = records
+                .entry(folder.to_owned())
+                .or_insert_with(|| ExportRecord::read(folder, RECORD));
             self.check_file(file, folder, record)?;
         }
         Ok(())
@@ -75,22 +84,34 @@ impl ExportTargets {
 
     fn check_file(&self, file: &Path, folder: &Path, record: &ExportRecord) -> Result<()> {
         self.check_outside(file)?;
-        let Ok(found) = fs::symlink_metadata(file) else { return Ok(()) };
+        let Ok(found) = fs::symlink_metadata(file) else {
+            return Ok(());
+        };
         self.check_source(file)?;
         if !found.is_file() {
-            let what = if found.is_dir() { "a folder" } else { "a link or a device, not a regular file" };
+            let what = if found.is_dir() {
+                "a folder"
+            } else {
+                "a link or a device, not a regular file"
+            };
             bail!("{}: is {what}; choose another name", file.display());
         }
         match record.known(folder, file) {
             Some(Known::Unchanged) => Ok(()),
             Some(_) if self.overwrite => Ok(()),
             Some(Known::Changed) => {
-                bail!("{}: was changed since it was exported; choose another name, or replace it {HOW}", file.display())
+                bail!(
+                    "{}: was changed since it was exported; choose another name, or replace it {HOW}",
+                    file.display()
+                )
             }
             Some(Known::Interrupted)
                 if name_below(folder, file).is_some_and(|name| is_being_written(folder, &name)) =>
             {
-                bail!("{}: another export writes here now; start this one when that has ended", file.display())
+                bail!(
+                    "{}: another export writes here now; start this one when that has ended",
+                    file.display()
+                )
             }
             Some(Known::Interrupted) => bail!(
                 "{}: an interrupted export may have left it; choose another name, or replace it {HOW}",
@@ -112,11 +133,16 @@ impl ExportTargets {
         self.check_outside(folder)?;
         match fs::metadata(folder) {
             Err(_) => return Ok(()),
-            Ok(found) if !found.is_dir() => bail!("{}: is not a folder; choose another name", folder.display()),
+            Ok(found) if !found.is_dir() => {
+                bail!("{}: is not a folder; choose another name", folder.display())
+            }
             Ok(_) => {}
         }
         if is_being_written(folder, WHOLE_FOLDER) {
-            bail!("{}: another export writes here now; start this one when that has ended", folder.display());
+            bail!(
+                "{}: another export writes here now; start this one when that has ended",
+                folder.display()
+            );
         }
         let record = ExportRecord::read(folder, RECORD);
         let (mut others, mut changed) = (Vec::new(), Vec::new());
@@ -164,10 +190,18 @@ impl ExportTargets {
 
     fn check_outside(&self, target: &Path) -> Result<()> {
         let place = resolved(target);
-        let project = self.root.clone().filter(|root| place.starts_with(root)).or_else(|| {
-            // Another project is as little a place for exports as the open one.
-            place.ancestors().skip(1).find(|above| above.join("project.toml").is_file()).map(Path::to_owned)
-        });
+        let project = self
+            .root
+            .clone()
+            .filter(|root| place.starts_with(root))
+            .or_else(|| {
+                // Another project is as little a place for exports as the open one.
+                place
+                    .ancestors()
+                    .skip(1)
+                    .find(|above| above.join("project.toml").is_file())
+                    .map(Path::to_owned)
+            });
         match project {
             Some(root) => bail!(
                 "{}: lies inside the project folder {}; choose a place outside it",
@@ -225,7 +259,10 @@ fn write_noted<T>(
 }
 
 fn stamps(files: impl IntoIterator<Item = PathBuf>) -> BTreeMap<PathBuf, Stamp> {
-    files.into_iter().filter_map(|file| Stamp::of(&file).map(|stamp| (file, stamp))).collect()
+    files
+        .into_iter()
+        .filter_map(|file| Stamp::of(&file).map(|stamp| (file, stamp)))
+        .collect()
 }
 
 /// A folder that is exported into.
@@ -242,10 +279,16 @@ fn begin(files: &[PathBuf], folders: &[PathBuf]) -> Result<Vec<Begun>> {
     let mut names: BTreeMap<&Path, Vec<String>> = BTreeMap::new();
     for file in files {
         let folder = folder_of(file);
-        names.entry(folder).or_default().extend(name_below(folder, file));
+        names
+            .entry(folder)
+            .or_default()
+            .extend(name_below(folder, file));
     }
     for folder in folders {
-        names.entry(folder).or_default().push(WHOLE_FOLDER.to_owned());
+        names
+            .entry(folder)
+            .or_default()
+            .push(WHOLE_FOLDER.to_owned());
     }
     let begin_folder = |(folder, names): (&Path, Vec<String>)| -> Result<Begun> {
         let is_whole = names.iter().any(|name| name == WHOLE_FOLDER);
@@ -255,10 +298,18 @@ fn begin(files: &[PathBuf], folders: &[PathBuf]) -> Result<Vec<Begun>> {
         disk::remove_leftovers(folder, is_whole);
         let claim = Claim::take(folder, &names)?;
         let mut record = ExportRecord::read(folder, RECORD);
-        record.pending.extend(names.into_iter().map(|name| (name, now_ns())));
+        record
+            .pending
+            .extend(names.into_iter().map(|name| (name, now_ns())));
         record.write(folder, RECORD)?;
-        let whole = is_whole.then(|| files_below(folder).map(stamps)).transpose()?;
-        Ok(Begun { folder: folder.to_owned(), claim, whole })
+        let whole = is_whole
+            .then(|| files_below(folder).map(stamps))
+            .transpose()?;
+        Ok(Begun {
+            folder: folder.to_owned(),
+            claim,
+            whole,
+        })
     };
     names.into_iter().map(begin_folder).collect()
 }
@@ -271,7 +322,12 @@ fn end(
     is_complete: bool,
 ) -> Result<Vec<String>> {
     let mut warnings = Vec::new();
-    for Begun { folder, claim, whole } in begun {
+    for Begun {
+        folder,
+        claim,
+        whole,
+    } in begun
+    {
         let _locked = lock_folder(&folder)?;
         // Gives the room back that the record needs.
         drop(claim);
@@ -300,15 +356,22 @@ fn end_folder(
     before: &BTreeMap<PathBuf, Stamp>,
     is_complete: bool,
 ) -> Result<Option<String>> {
-    let (written, former): (Vec<_>, Vec<_>) =
-        files_below(folder)?.into_iter().partition(|file| is_written(before, file));
+    let (written, former): (Vec<_>, Vec<_>) = files_below(folder)?
+        .into_iter()
+        .partition(|file| is_written(before, file));
     let mut warning = None;
     if is_complete {
-        let removed: Vec<&PathBuf> = former.iter().filter(|file| fs::remove_file(file).is_ok()).collect();
+        let removed: Vec<&PathBuf> = former
+            .iter()
+            .filter(|file| fs::remove_file(file).is_ok())
+            .collect();
         record.files.clear();
         warning = removed.first().map(|first| {
             let (count, first) = (count(removed.len()), first.display());
-            format!("{}: {count} of an earlier export removed ({first})", folder.display())
+            format!(
+                "{}: {count} of an earlier export removed ({first})",
+                folder.display()
+            )
         });
     }
     written.iter().for_each(|file| record.add(folder, file));
@@ -321,16 +384,24 @@ fn is_written(before: &BTreeMap<PathBuf, Stamp>, file: &Path) -> bool {
 
 /// Now, less the lag of a file system's clock, in nanoseconds since 1970.
 fn now_ns() -> u128 {
-    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let now = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default();
     now.saturating_sub(CLOCK_LAG).as_nanos()
 }
 
 fn count(files: usize) -> String {
-    if files == 1 { "1 file".into() } else { format!("{files} files") }
+    if files == 1 {
+        "1 file".into()
+    } else {
+        format!("{files} files")
+    }
 }
 
 fn folder_of(file: &Path) -> &Path {
-    file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+    file.parent()
+        .filter(|folder| !folder.as_os_str().is_empty())
+        .unwrap_or(Path::new("."))
 }
 
 /// The absolute place of a path that may not exist yet: links of what exists are resolved, `..` too.
@@ -359,13 +430,26 @@ mod tests {
     fn changed_and_foreign_files_are_kept_and_unchanged_exports_are_replaced() {
         let dir = tempfile::tempdir().unwrap();
         let (mine, notes) = (dir.path().join("a.csv"), dir.path().join("notes.txt"));
-        let check =
-            |overwrite: bool, file: &Path| ExportTargets { overwrite, ..ExportTargets::default() }.check_files([file]);
+        let check = |overwrite: bool, file: &Path| {
+            ExportTargets {
+                overwrite,
+                ..ExportTargets::default()
+            }
+            .check_files([file])
+        };
         check(false, &mine).unwrap();
-        ExportTargets::write_files(std::slice::from_ref(&mine), || Ok(fs::write(&mine, "exported")?)).unwrap();
+        ExportTargets::write_files(std::slice::from_ref(&mine), || {
+            Ok(fs::write(&mine, "exported")?)
+        })
+        .unwrap();
         check(false, &mine).unwrap();
         fs::write(&mine, "exported, and a column of remarks").unwrap();
-        assert!(check(false, &mine).unwrap_err().to_string().contains("--overwrite"));
+        assert!(
+            check(false, &mine)
+                .unwrap_err()
+                .to_string()
+                .contains("--overwrite")
+        );
         check(true, &mine).unwrap();
         fs::write(&notes, "mine").unwrap();
         for overwrite in [false, true] {
@@ -387,8 +471,17 @@ mod tests {
         ExportTargets::write_all(&[], std::slice::from_ref(&folder), write).unwrap();
         targets.check_folder(&folder).unwrap();
         fs::write(folder.join("mine.txt"), "mine").unwrap();
-        let overwrite = ExportTargets { overwrite: true, ..ExportTargets::default() };
-        assert!(overwrite.check_folder(&folder).unwrap_err().to_string().contains("1 file that OSTRA did not export"));
+        let overwrite = ExportTargets {
+            overwrite: true,
+            ..ExportTargets::default()
+        };
+        assert!(
+            overwrite
+                .check_folder(&folder)
+                .unwrap_err()
+                .to_string()
+                .contains("1 file that OSTRA did not export")
+        );
     }
 
     #[test]
@@ -400,7 +493,10 @@ mod tests {
         fs::write(&file, "cloud").unwrap();
         fs::write(folder.join("0.png"), "mask").unwrap();
         for overwrite in [false, true] {
-            let targets = ExportTargets { overwrite, ..ExportTargets::default() };
+            let targets = ExportTargets {
+                overwrite,
+                ..ExportTargets::default()
+            };
             assert_eq!(targets.check_files([file.as_path()]).is_ok(), overwrite);
             assert_eq!(targets.check_folder(&folder).is_ok(), overwrite);
         }
@@ -419,11 +515,16 @@ mod tests {
         });
         assert_eq!(failed.unwrap_err().to_string(), "no space");
         let targets = ExportTargets::default();
-        targets.check_files(files.iter().map(PathBuf::as_path)).unwrap();
+        targets
+            .check_files(files.iter().map(PathBuf::as_path))
+            .unwrap();
         targets.check_folder(&folders[0]).unwrap();
         fs::write(&files[1], "the user's").unwrap();
         fs::write(folders[0].join("notes.txt"), "the user's").unwrap();
-        let overwrite = ExportTargets { overwrite: true, ..targets };
+        let overwrite = ExportTargets {
+            overwrite: true,
+            ..targets
+        };
         assert!(overwrite.check_files([files[1].as_path()]).is_err());
         assert!(overwrite.check_folder(&folders[0]).is_err());
     }
@@ -433,14 +534,24 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let folders = [dir.path().join("model")];
         let write = |names: &[&str]| {
-            let write = || Ok(names.iter().try_for_each(|name| disk::write(&folders[0].join(name), b"model"))?);
+            let write = || {
+                Ok(names
+                    .iter()
+                    .try_for_each(|name| disk::write(&folders[0].join(name), b"model"))?)
+            };
             ExportTargets::write_all(&[], &folders, write).unwrap().1
         };
         assert!(write(&["cameras.bin", "images.bin", "project.ini"]).is_empty());
         let warnings = write(&["cameras.txt", "images.txt", "project.ini"]);
-        assert!(warnings.len() == 1 && warnings[0].contains("2 files"), "{warnings:?}");
-        let names: Vec<_> =
-            files_below(&folders[0]).unwrap().iter().map(|file| file.file_name().unwrap().to_owned()).collect();
+        assert!(
+            warnings.len() == 1 && warnings[0].contains("2 files"),
+            "{warnings:?}"
+        );
+        let names: Vec<_> = files_below(&folders[0])
+            .unwrap()
+            .iter()
+            .map(|file| file.file_name().unwrap().to_owned())
+            .collect();
         assert_eq!(names, ["cameras.txt", "images.txt", "project.ini"]);
         ExportTargets::default().check_folder(&folders[0]).unwrap();
     }
@@ -448,7 +559,13 @@ mod tests {
     #[test]
     fn two_outputs_of_one_name_are_refused() {
         let (a, b) = (Path::new("/out/Leaf.ply"), Path::new("/out/leaf.ply"));
-        assert!(ExportTargets::default().check_files([a, b]).unwrap_err().to_string().contains("same file"));
+        assert!(
+            ExportTargets::default()
+                .check_files([a, b])
+                .unwrap_err()
+                .to_string()
+                .contains("same file")
+        );
     }
 
     #[test]
@@ -457,17 +574,38 @@ mod tests {
         let root = dir.path().join("project");
         fs::create_dir(&root).unwrap();
         fs::write(root.join("project.toml"), "").unwrap();
-        let targets = ExportTargets { root: Some(root.canonicalize().unwrap()), ..ExportTargets::default() };
-        for inside in ["project/c.ply", "project/new/c.ply", "other/../project/c.ply"] {
-            let error = targets.check_files([dir.path().join(inside).as_path()]).unwrap_err().to_string();
+        let targets = ExportTargets {
+            root: Some(root.canonicalize().unwrap()),
+            ..ExportTargets::default()
+        };
+        for inside in [
+            "project/c.ply",
+            "project/new/c.ply",
+            "other/../project/c.ply",
+        ] {
+            let error = targets
+                .check_files([dir.path().join(inside).as_path()])
+                .unwrap_err()
+                .to_string();
             assert!(error.contains("inside the project folder"), "{error}");
         }
-        targets.check_files([dir.path().join("c.ply").as_path()]).unwrap();
-        assert!(ExportTargets::default().check_folder(&root.join("masks")).is_err(), "another project's folder");
+        targets
+            .check_files([dir.path().join("c.ply").as_path()])
+            .unwrap();
+        assert!(
+            ExportTargets::default()
+                .check_folder(&root.join("masks"))
+                .is_err(),
+            "another project's folder"
+        );
         #[cfg(unix)]
         {
             std::os::unix::fs::symlink(&root, dir.path().join("link")).unwrap();
-            assert!(targets.check_files([dir.path().join("link/c.ply").as_path()]).is_err());
+            assert!(
+                targets
+                    .check_files([dir.path().join("link/c.ply").as_path()])
+                    .is_err()
+            );
         }
     }
 }

@@ -34,7 +34,9 @@ impl Change {
     /// The pixels of a frame's mask before the change, where it changes them.
     fn pixels_before(&self, frame: usize) -> Option<Arc<RunMask>> {
         let runs = |edit: &Edit| match edit {
-            Edit::SetMask { frame: of, mask } if *of == frame => Some(mask.as_ref().map(|mask| Arc::clone(&mask.runs))),
+            Edit::SetMask { frame: of, mask } if *of == frame => {
+                Some(mask.as_ref().map(|mask| Arc::clone(&mask.runs)))
+            }
             _ => None,
         };
         let (after, before) = (runs(&self.edit)?, runs(&self.inverse)?);
@@ -50,19 +52,29 @@ impl Step {
     /// The edits that do the step again.
     #[must_use]
     pub fn forth(&self) -> Vec<Edit> {
-        self.changes.iter().map(|change| change.edit.clone()).collect()
+        self.changes
+            .iter()
+            .map(|change| change.edit.clone())
+            .collect()
     }
 
     /// The edits that take the step back, last change first.
     #[must_use]
     pub fn back(&self) -> Vec<Edit> {
-        self.changes.iter().rev().map(|change| change.inverse.clone()).collect()
+        self.changes
+            .iter()
+            .rev()
+            .map(|change| change.inverse.clone())
+            .collect()
     }
 
     /// About as many bytes as the step takes in memory and on disk.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        self.changes.iter().map(|change| change.edit.bytes() + change.inverse.bytes()).sum()
+        self.changes
+            .iter()
+            .map(|change| change.edit.bytes() + change.inverse.bytes())
+            .sum()
     }
 }
 
@@ -107,19 +119,31 @@ impl History {
     /// The pixels of a frame's mask before the last step that changed them; empty where the frame had no mask then.
     #[must_use]
     pub fn mask_before(&self, frame: usize) -> Option<Arc<RunMask>> {
-        let before = |step: &Arc<Step>| step.changes.iter().find_map(|change| change.pixels_before(frame));
+        let before = |step: &Arc<Step>| {
+            step.changes
+                .iter()
+                .find_map(|change| change.pixels_before(frame))
+        };
         self.done.iter().rev().find_map(before)
     }
 
     /// All steps, oldest first, and how many of the last are taken back.
     pub fn steps(&self) -> (impl Iterator<Item = &Arc<Step>>, usize) {
-        (self.done.iter().chain(self.undone.iter().rev()), self.undone.len())
+        (
+            self.done.iter().chain(self.undone.iter().rev()),
+            self.undone.len(),
+        )
     }
 
     /// Forgets the oldest steps until all take at most `bytes`; the newest step is always kept. Says whether any
     /// was forgotten.
     pub fn keep(&mut self, bytes: usize) -> bool {
-        let mut total: usize = self.done.iter().chain(&self.undone).map(|step| step.bytes()).sum();
+        let mut total: usize = self
+            .done
+            .iter()
+            .chain(&self.undone)
+            .map(|step| step.bytes())
+            .sum();
         let mut forgotten = 0;
         while total > bytes && self.done.len() - forgotten > 1 {
             total -= self.done[forgotten].bytes();
@@ -133,11 +157,16 @@ impl History {
 impl Edit {
     fn bytes(&self) -> usize {
         match self {
-            Self::SetMask { mask: Some(mask), .. } => 64 + 8 * mask.runs.runs.len(),
+            Self::SetMask {
+                mask: Some(mask), ..
+            } => 64 + 8 * mask.runs.runs.len(),
             Self::AddFrames { frames } => 512 * frames.len(),
             Self::SetStale { frames, .. } => 32 + 8 * frames.len(),
             Self::SetFrame { .. } => 512,
-            Self::SetPrompt { prompt: Some(prompt), .. } => 64 * (1 + prompt.clicks.len() + prompt.boxes.len()),
+            Self::SetPrompt {
+                prompt: Some(prompt),
+                ..
+            } => 64 * (1 + prompt.clicks.len() + prompt.boxes.len()),
             _ => 128,
         }
     }

@@ -27,4 +27,6 @@ pub use marks::Marks;
 pub use open_project::OpenProject;
 pub use origin::{make_relative, origin_near};
 pub use project::{FrameMask, MaskOrigin, Project, ResultKind, ResultRecord};
-pub use scene_requests::{ExportRequest, FuseRequest, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest};
+pub use scene_requests::{
+    ExportRequest, FuseRequest, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest,
+};

@@ -31,7 +31,10 @@ impl Marks {
     /// The highest frame that something is said of.
     #[must_use]
     pub fn last(&self) -> Option<usize> {
-        [&self.absent, &self.locked, &self.hidden].into_iter().filter_map(FrameSet::last).max()
+        [&self.absent, &self.locked, &self.hidden]
+            .into_iter()
+            .filter_map(FrameSet::last)
+            .max()
     }
 }
 
@@ -64,13 +67,25 @@ impl Project {
     #[must_use]
     pub fn in_play(&self, frame: usize, runs: &Arc<RunMask>) -> Arc<RunMask> {
         let hidden = self.marked(|marks| marks.hidden.contains(frame));
-        let shown = |id: LabelId| if hidden.contains(&id) { LabelId::NONE } else { id };
-        if hidden.is_empty() { Arc::clone(runs) } else { Arc::new(runs.map_ids(shown)) }
+        let shown = |id: LabelId| {
+            if hidden.contains(&id) {
+                LabelId::NONE
+            } else {
+                id
+            }
+        };
+        if hidden.is_empty() {
+            Arc::clone(runs)
+        } else {
+            Arc::new(runs.map_ids(shown))
+        }
     }
 
     /// Masks without the labels that are hidden, by frame.
     pub fn masks_in_play(&self) -> impl Iterator<Item = (usize, Arc<RunMask>)> + '_ {
-        self.masks.keys().filter_map(|&frame| Some((frame, self.mask_in_play(frame)?)))
+        self.masks
+            .keys()
+            .filter_map(|&frame| Some((frame, self.mask_in_play(frame)?)))
     }
 
     /// `runs` with the locked labels' pixels as they are on the frame now, and no others of theirs.
@@ -81,7 +96,10 @@ impl Project {
             return runs;
         }
         let empty = || Arc::new(RunMask::empty(runs.width, runs.height));
-        let before = self.masks.get(&frame).map_or_else(empty, |mask| Arc::clone(&mask.runs));
+        let before = self
+            .masks
+            .get(&frame)
+            .map_or_else(empty, |mask| Arc::clone(&mask.runs));
         hold(&before, &runs, &locked).map_or(before, Arc::new)
     }
 
@@ -93,13 +111,31 @@ impl Project {
         if absent.is_empty() && locked.is_empty() {
             return answer;
         }
-        let there = |id: LabelId| if absent.contains(&id) { LabelId::NONE } else { id };
+        let there = |id: LabelId| {
+            if absent.contains(&id) {
+                LabelId::NONE
+            } else {
+                id
+            }
+        };
         let runs = self.with_locks(frame, Arc::new(answer.runs.map_ids(there)));
         let mut confidence = answer.confidence;
         confidence.retain(|id, _| !absent.contains(id) && !locked.contains(id));
-        let before = self.masks.get(&frame).into_iter().flat_map(|mask| &mask.confidence);
-        confidence.extend(before.filter(|(id, _)| locked.contains(id)).map(|(&id, &sure)| (id, sure)));
-        FrameMask { runs, confidence, ..answer }
+        let before = self
+            .masks
+            .get(&frame)
+            .into_iter()
+            .flat_map(|mask| &mask.confidence);
+        confidence.extend(
+            before
+                .filter(|(id, _)| locked.contains(id))
+                .map(|(&id, &sure)| (id, sure)),
+        );
+        FrameMask {
+            runs,
+            confidence,
+            ..answer
+        }
     }
 
     /// The edits that let labels be again where `edits` give frames masks that show them.
@@ -107,16 +143,33 @@ impl Project {
     pub fn there_again(&self, edits: &[Edit]) -> Vec<Edit> {
         let mut changed: BTreeMap<LabelId, Marks> = BTreeMap::new();
         for edit in edits {
-            let Edit::SetMask { frame, mask: Some(mask) } = edit else { continue };
+            let Edit::SetMask {
+                frame,
+                mask: Some(mask),
+            } = edit
+            else {
+                continue;
+            };
             let shown = |label: &LabelId| mask.runs.runs.iter().any(|(id, _)| id == label);
             for label in self.absent_on(*frame).into_iter().filter(shown) {
-                changed.entry(label).or_insert_with(|| self.marks_of(label)).absent.remove(*frame, *frame);
+                changed
+                    .entry(label)
+                    .or_insert_with(|| self.marks_of(label))
+                    .absent
+                    .remove(*frame, *frame);
             }
         }
-        changed.into_iter().map(|(label, marks)| Edit::SetMarks { label, marks }).collect()
+        changed
+            .into_iter()
+            .map(|(label, marks)| Edit::SetMarks { label, marks })
+            .collect()
     }
 
     fn marked(&self, is: impl Fn(&Marks) -> bool) -> BTreeSet<LabelId> {
-        self.marks.iter().filter(|(_, marks)| is(marks)).map(|(&label, _)| label).collect()
+        self.marks
+            .iter()
+            .filter(|(_, marks)| is(marks))
+            .map(|(&label, _)| label)
+            .collect()
     }
 }

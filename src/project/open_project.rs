@@ -110,8 +110,16 @@ impl OpenProject {
             return Ok(false);
         }
         let continues = run.is_some() && run == self.growing;
-        let back = Step { title: String::new(), changes: changes.clone() }.back();
-        let act = Act::Step { title: title.to_owned(), changes, continues };
+        let back = Step {
+            title: String::new(),
+            changes: changes.clone(),
+        }
+        .back();
+        let act = Act::Step {
+            title: title.to_owned(),
+            changes,
+            continues,
+        };
         self.save(act, back)?;
         self.growing = run;
         Ok(true)
@@ -122,9 +130,17 @@ impl OpenProject {
     /// # Errors
     /// When there is none or it cannot be saved; the project is as before.
     pub fn undo(&mut self) -> Result<String> {
-        let Some(step) = self.history.last().cloned() else { bail!("there is nothing to undo") };
+        let Some(step) = self.history.last().cloned() else {
+            bail!("there is nothing to undo")
+        };
         let edits = step.back();
-        self.move_by(&edits, step.forth(), Act::Undo { edits: edits.clone() })?;
+        self.move_by(
+            &edits,
+            step.forth(),
+            Act::Undo {
+                edits: edits.clone(),
+            },
+        )?;
         Ok(step.title.clone())
     }
 
@@ -133,9 +149,17 @@ impl OpenProject {
     /// # Errors
     /// When there is none or it cannot be saved; the project is as before.
     pub fn redo(&mut self) -> Result<String> {
-        let Some(step) = self.history.next().cloned() else { bail!("there is nothing to redo") };
+        let Some(step) = self.history.next().cloned() else {
+            bail!("there is nothing to redo")
+        };
         let edits = step.forth();
-        self.move_by(&edits, step.back(), Act::Redo { edits: edits.clone() })?;
+        self.move_by(
+            &edits,
+            step.back(),
+            Act::Redo {
+                edits: edits.clone(),
+            },
+        )?;
         Ok(step.title.clone())
     }
 
@@ -178,7 +202,11 @@ impl OpenProject {
             self.published = Some(version);
         }
         let frames = &self.project.frames;
-        if self.published_depths.as_ref().is_none_or(|published| !Arc::ptr_eq(published, frames)) {
+        if self
+            .published_depths
+            .as_ref()
+            .is_none_or(|published| !Arc::ptr_eq(published, frames))
+        {
             store::publish_depths(self.root(), frames)?;
             self.published_depths = Some(Arc::clone(&self.project.frames));
         }
@@ -195,7 +223,8 @@ impl OpenProject {
             }
             Err(error) => {
                 let project = Arc::make_mut(&mut self.project);
-                back.into_iter().try_for_each(|edit| project.apply(edit).map(drop))?;
+                back.into_iter()
+                    .try_for_each(|edit| project.apply(edit).map(drop))?;
                 Err(error)
             }
         }

@@ -16,15 +16,27 @@ const STEP: f64 = 100.0;
 /// or are spread so widely that no origin is nearer.
 #[must_use]
 pub fn origin_near(frames: &[Frame]) -> DVec3 {
-    let centres: Vec<DVec3> = frames.iter().filter_map(|frame| Some(frame.posed_camera()?.1.centre())).collect();
-    let farthest = |from: DVec3| centres.iter().map(|&at| (at - from).abs().max_element()).fold(0.0, f64::max);
+    let centres: Vec<DVec3> = frames
+        .iter()
+        .filter_map(|frame| Some(frame.posed_camera()?.1.centre()))
+        .collect();
+    let farthest = |from: DVec3| {
+        centres
+            .iter()
+            .map(|&at| (at - from).abs().max_element())
+            .fold(0.0, f64::max)
+    };
     if centres.is_empty() || farthest(DVec3::ZERO) < FAR {
         return DVec3::ZERO;
     }
     let mean = centres.iter().sum::<DVec3>() / centres.len() as f64;
     // Adding zero turns -0 into 0.
     let origin = (mean / STEP).round() * STEP + DVec3::ZERO;
-    if farthest(origin) < farthest(DVec3::ZERO) / 4.0 { origin } else { DVec3::ZERO }
+    if farthest(origin) < farthest(DVec3::ZERO) / 4.0 {
+        origin
+    } else {
+        DVec3::ZERO
+    }
 }
 
 /// Makes the frames' poses relative to `origin`.
@@ -53,7 +65,10 @@ impl Project {
     /// Sparse points of this project in the coordinates in which its cameras were given.
     #[must_use]
     pub fn global_points(&self, mut sparse: SparsePoints) -> SparsePoints {
-        sparse.points.iter_mut().for_each(|point| point.position += self.origin);
+        sparse
+            .points
+            .iter_mut()
+            .for_each(|point| point.position += self.origin);
         sparse
     }
 
@@ -61,18 +76,46 @@ impl Project {
     /// versions keep all coordinates as they were given. What was found with the cameras is as good as before; only a
     /// cloud is in other coordinates.
     pub fn move_origin_near_cameras(&self) -> Vec<Edit> {
-        let origin = if self.origin == DVec3::ZERO { origin_near(&self.frames) } else { DVec3::ZERO };
+        let origin = if self.origin == DVec3::ZERO {
+            origin_near(&self.frames)
+        } else {
+            DVec3::ZERO
+        };
         if origin == DVec3::ZERO {
             return Vec::new();
         }
         let mut frames = self.frames.to_vec();
         make_relative(&mut frames, origin);
-        let cameras = frames.iter().enumerate().map(|(frame, moved)| Edit::SetCamera { frame, camera: moved.camera });
-        let fresh = self.masks.iter().filter(|(_, mask)| !mask.stale).map(|(&frame, _)| frame).collect();
-        let results = self.results.iter().filter(|(kind, _)| **kind != crate::ResultKind::Cloud);
-        let kept = results.map(|(&kind, record)| Edit::SetResult { kind, record: Some(record.clone()) });
-        let stays = Edit::SetStale { frames: fresh, stale: false };
-        std::iter::once(Edit::SetOrigin { origin }).chain(cameras).chain([stays]).chain(kept).collect()
+        let cameras = frames
+            .iter()
+            .enumerate()
+            .map(|(frame, moved)| Edit::SetCamera {
+                frame,
+                camera: moved.camera,
+            });
+        let fresh = self
+            .masks
+            .iter()
+            .filter(|(_, mask)| !mask.stale)
+            .map(|(&frame, _)| frame)
+            .collect();
+        let results = self
+            .results
+            .iter()
+            .filter(|(kind, _)| **kind != crate::ResultKind::Cloud);
+        let kept = results.map(|(&kind, record)| Edit::SetResult {
+            kind,
+            record: Some(record.clone()),
+        });
+        let stays = Edit::SetStale {
+            frames: fresh,
+            stale: false,
+        };
+        std::iter::once(Edit::SetOrigin { origin })
+            .chain(cameras)
+            .chain([stays])
+            .chain(kept)
+            .collect()
     }
 }
 
@@ -86,11 +129,17 @@ mod tests {
         let intrinsics = Camera::pinhole(64, 48, 60.0, 60.0, 32.0, 24.0);
         let frame = |(number, &centre): (usize, &DVec3)| Frame {
             name: format!("{number}.png"),
-            picture: PictureSource::File { path: "a.png".into(), orientation: Orientation::default() },
+            picture: PictureSource::File {
+                path: "a.png".into(),
+                orientation: Orientation::default(),
+            },
             width: 64,
             height: 48,
             depth: None,
-            camera: Some(FrameCamera::given(intrinsics, Some(Pose::IDENTITY.relative_to(-centre)))),
+            camera: Some(FrameCamera::given(
+                intrinsics,
+                Some(Pose::IDENTITY.relative_to(-centre)),
+            )),
         };
         centres.iter().enumerate().map(frame).collect()
     }
@@ -101,24 +150,45 @@ mod tests {
         assert_eq!(origin_near(&frames(&near)), DVec3::ZERO);
         assert_eq!(origin_near(&[]), DVec3::ZERO);
         let utm = DVec3::new(500_012.0, 5_400_031.5, 312.0);
-        assert_eq!(origin_near(&frames(&[utm, utm + DVec3::X])), DVec3::new(500_000.0, 5_400_000.0, 300.0));
+        assert_eq!(
+            origin_near(&frames(&[utm, utm + DVec3::X])),
+            DVec3::new(500_000.0, 5_400_000.0, 300.0)
+        );
         let wide = [DVec3::new(-2000.0, 0.0, 0.0), DVec3::new(2100.0, 0.0, 0.0)];
-        assert_eq!(origin_near(&frames(&wide)), DVec3::ZERO, "no origin is much nearer to both");
+        assert_eq!(
+            origin_near(&frames(&wide)),
+            DVec3::ZERO,
+            "no origin is much nearer to both"
+        );
     }
 
     #[test]
     fn a_project_without_an_origin_gets_one_and_undo_is_exact() {
         let utm = DVec3::new(500_012.25, 5_400_031.5, 312.0);
-        let mut project = Project { frames: Arc::new(frames(&[utm])), ..Project::default() };
+        let mut project = Project {
+            frames: Arc::new(frames(&[utm])),
+            ..Project::default()
+        };
         let before = project.clone();
         let edits = project.move_origin_near_cameras();
-        let mut back: Vec<Edit> = edits.into_iter().map(|edit| project.apply(edit).unwrap()).collect();
+        let mut back: Vec<Edit> = edits
+            .into_iter()
+            .map(|edit| project.apply(edit).unwrap())
+            .collect();
         let centre = project.frames[0].posed_camera().unwrap().1.centre();
         assert!(centre.abs_diff_eq(DVec3::new(12.25, 31.5, 12.0), 1e-6));
-        assert!(project.global_frames()[0].posed_camera().unwrap().1.centre().abs_diff_eq(utm, 1e-6));
+        assert!(
+            project.global_frames()[0]
+                .posed_camera()
+                .unwrap()
+                .1
+                .centre()
+                .abs_diff_eq(utm, 1e-6)
+        );
         assert!(project.move_origin_near_cameras().is_empty());
         back.reverse();
-        back.into_iter().for_each(|edit| drop(project.apply(edit).unwrap()));
+        back.into_iter()
+            .for_each(|edit| drop(project.apply(edit).unwrap()));
         assert!(project == before);
     }
 }

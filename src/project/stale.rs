@@ -29,17 +29,28 @@ impl Project {
     /// through geometry, else those up to the next anchor on each side.
     #[must_use]
     pub fn reach(&self, frame: usize) -> Vec<usize> {
-        let everywhere = self.results.get(&ResultKind::Tracking).is_some_and(|record| record.engine == "geometry");
+        let everywhere = self
+            .results
+            .get(&ResultKind::Tracking)
+            .is_some_and(|record| record.engine == "geometry");
         if everywhere {
-            return self.tracked(0, usize::MAX).filter(|&number| number != frame).collect();
+            return self
+                .tracked(0, usize::MAX)
+                .filter(|&number| number != frame)
+                .collect();
         }
         let (first, last) = self.neighbour_anchors(frame);
-        self.tracked(first.unwrap_or(0), last.unwrap_or(usize::MAX)).filter(|&number| number != frame).collect()
+        self.tracked(first.unwrap_or(0), last.unwrap_or(usize::MAX))
+            .filter(|&number| number != frame)
+            .collect()
     }
 
     fn tracked(&self, first: usize, last: usize) -> impl Iterator<Item = usize> {
         let of = |mask: &FrameMask| mask.origin == MaskOrigin::Tracked;
-        self.masks.range(first..=last).filter(move |(_, mask)| of(mask)).map(|(&number, _)| number)
+        self.masks
+            .range(first..=last)
+            .filter(move |(_, mask)| of(mask))
+            .map(|(&number, _)| number)
     }
 
     fn after_mask(&self, frame: usize, mask: Option<&FrameMask>) -> Vec<Edit> {
@@ -51,7 +62,8 @@ impl Project {
         if same_pixels {
             return Vec::new();
         }
-        let is_anchor = |mask: Option<&FrameMask>| mask.is_some_and(|mask| mask.origin == MaskOrigin::Anchor);
+        let is_anchor =
+            |mask: Option<&FrameMask>| mask.is_some_and(|mask| mask.origin == MaskOrigin::Anchor);
         let mut edits = Vec::new();
         if is_anchor(before) || is_anchor(mask) {
             edits.extend(self.stale_masks(self.reach(frame)));
@@ -63,30 +75,57 @@ impl Project {
     /// What is hidden does not vote.
     fn after_marks(&self, label: LabelId, marks: &Marks) -> Vec<Edit> {
         let changed = self.marks_of(label).hidden != marks.hidden;
-        if changed { self.stale_result(ResultKind::Cloud).into_iter().collect() } else { Vec::new() }
+        if changed {
+            self.stale_result(ResultKind::Cloud).into_iter().collect()
+        } else {
+            Vec::new()
+        }
     }
 
     /// A cloud holds names and parents of labels; a colour is read when it is drawn.
     fn after_label(&self, before: Option<&Label>, label: Option<&Label>) -> Vec<Edit> {
-        let (Some(before), Some(label)) = (before, label) else { return Vec::new() };
+        let (Some(before), Some(label)) = (before, label) else {
+            return Vec::new();
+        };
         let changed = (&before.name, before.parent) != (&label.name, label.parent);
-        if changed { self.stale_result(ResultKind::Cloud).into_iter().collect() } else { Vec::new() }
+        if changed {
+            self.stale_result(ResultKind::Cloud).into_iter().collect()
+        } else {
+            Vec::new()
+        }
     }
 
     fn after_camera(&self, frame: usize, camera: Option<&FrameCamera>) -> Vec<Edit> {
-        let before = self.frames.get(frame).and_then(|frame| frame.camera.as_ref());
-        if before == camera { Vec::new() } else { self.after_geometry() }
+        let before = self
+            .frames
+            .get(frame)
+            .and_then(|frame| frame.camera.as_ref());
+        if before == camera {
+            Vec::new()
+        } else {
+            self.after_geometry()
+        }
     }
 
     fn after_frame(&self, frame: usize, value: &Frame) -> Vec<Edit> {
         let shape = |frame: &Frame| (frame.width, frame.height, frame.camera);
-        let same = |before: &Frame| shape(before) == shape(value) && tells_the_same(&before.depth, &value.depth);
-        if self.frames.get(frame).is_some_and(same) { Vec::new() } else { self.after_geometry() }
+        let same = |before: &Frame| {
+            shape(before) == shape(value) && tells_the_same(&before.depth, &value.depth)
+        };
+        if self.frames.get(frame).is_some_and(same) {
+            Vec::new()
+        } else {
+            self.after_geometry()
+        }
     }
 
     fn after_depth(&self, frame: usize, depth: &Option<DepthSource>) -> Vec<Edit> {
         let same = |before: &Frame| tells_the_same(&before.depth, depth);
-        if self.frames.get(frame).is_some_and(same) { Vec::new() } else { self.after_geometry() }
+        if self.frames.get(frame).is_some_and(same) {
+            Vec::new()
+        } else {
+            self.after_geometry()
+        }
     }
 
     /// Cameras or depths change: what was carried through them, made from them or seen by them is stale.
@@ -107,14 +146,25 @@ impl Project {
     fn stale_masks(&self, mut frames: Vec<usize>) -> Vec<Edit> {
         let any = !frames.is_empty();
         frames.retain(|frame| self.masks.get(frame).is_some_and(|mask| !mask.stale));
-        let marks = (!frames.is_empty()).then_some(Edit::SetStale { frames, stale: true });
-        let record = any.then(|| self.stale_result(ResultKind::Tracking)).flatten();
+        let marks = (!frames.is_empty()).then_some(Edit::SetStale {
+            frames,
+            stale: true,
+        });
+        let record = any
+            .then(|| self.stale_result(ResultKind::Tracking))
+            .flatten();
         marks.into_iter().chain(record).collect()
     }
 
     fn stale_result(&self, kind: ResultKind) -> Option<Edit> {
         let record = self.results.get(&kind).filter(|record| !record.stale)?;
-        Some(Edit::SetResult { kind, record: Some(crate::ResultRecord { stale: true, ..record.clone() }) })
+        Some(Edit::SetResult {
+            kind,
+            record: Some(crate::ResultRecord {
+                stale: true,
+                ..record.clone()
+            }),
+        })
     }
 }
 
@@ -122,8 +172,14 @@ impl Project {
 fn tells_the_same(before: &Option<DepthSource>, now: &Option<DepthSource>) -> bool {
     match (before, now) {
         (
-            Some(DepthSource::Sensor { unit: before, camera: by, .. }),
-            Some(DepthSource::Sensor { unit: now, camera, .. }),
+            Some(DepthSource::Sensor {
+                unit: before,
+                camera: by,
+                ..
+            }),
+            Some(DepthSource::Sensor {
+                unit: now, camera, ..
+            }),
         ) => (before, by) == (now, camera),
         (before, now) => before == now,
     }

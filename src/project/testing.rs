@@ -13,22 +13,45 @@ use ostra_masks::{Label, LabelId, RunMask};
 use crate::{Edit, FrameMask, MaskOrigin, Project, ResultRecord};
 
 pub fn frame(name: &str) -> Frame {
-    let picture = PictureSource::File { path: Path::new("/nowhere").join(name), orientation: Orientation::default() };
-    Frame { name: name.into(), width: 4, height: 3, picture, depth: None, camera: None }
+    let picture = PictureSource::File {
+        path: Path::new("/nowhere").join(name),
+        orientation: Orientation::default(),
+    };
+    Frame {
+        name: name.into(),
+        width: 4,
+        height: 3,
+        picture,
+        depth: None,
+        camera: None,
+    }
 }
 
 pub fn label(id: u16, name: &str) -> Label {
-    Label { id: LabelId(id), name: name.into(), color: [id as u8, 20, 30], parent: None }
+    Label {
+        id: LabelId(id),
+        name: name.into(),
+        color: [id as u8, 20, 30],
+        parent: None,
+    }
 }
 
 pub fn camera(shift: f64) -> FrameCamera {
-    let pose = Pose { translation: glam::DVec3::new(shift, 0.1, 1.0 / 3.0), ..Pose::IDENTITY };
+    let pose = Pose {
+        translation: glam::DVec3::new(shift, 0.1, 1.0 / 3.0),
+        ..Pose::IDENTITY
+    };
     FrameCamera::given(Camera::pinhole(4, 3, 4.0, 4.0, 2.0, 1.5), Some(pose))
 }
 
 pub fn mask(ids: [u16; 3], origin: MaskOrigin, stale: bool) -> FrameMask {
     let runs = RunMask::new(4, 3, ids.iter().map(|&id| (LabelId(id), 4)).collect()).unwrap();
-    FrameMask { runs: Arc::new(runs), origin, stale, confidence: BTreeMap::new() }
+    FrameMask {
+        runs: Arc::new(runs),
+        origin,
+        stale,
+        confidence: BTreeMap::new(),
+    }
 }
 
 pub fn anchor(ids: [u16; 3]) -> FrameMask {
@@ -36,7 +59,10 @@ pub fn anchor(ids: [u16; 3]) -> FrameMask {
 }
 
 pub fn tracked(ids: [u16; 3]) -> FrameMask {
-    FrameMask { confidence: BTreeMap::from([(LabelId(1), 0.7)]), ..mask(ids, MaskOrigin::Tracked, false) }
+    FrameMask {
+        confidence: BTreeMap::from([(LabelId(1), 0.7)]),
+        ..mask(ids, MaskOrigin::Tracked, false)
+    }
 }
 
 pub fn record(engine: &str) -> ResultRecord {
@@ -55,10 +81,17 @@ pub fn record(engine: &str) -> ResultRecord {
 /// Five frames, two labels, nothing else.
 pub fn project() -> Project {
     let mut project = Project::default();
-    let frames = ["a/0.png", "a/1.png", "b/0.png", "b/1.jpg", "b/1.png"].map(frame).to_vec();
+    let frames = ["a/0.png", "a/1.png", "b/0.png", "b/1.jpg", "b/1.png"]
+        .map(frame)
+        .to_vec();
     project.apply(Edit::AddFrames { frames }).unwrap();
     for label in [label(1, "leaf"), label(2, "stem")] {
-        project.apply(Edit::SetLabel { id: label.id, label: Some(label) }).unwrap();
+        project
+            .apply(Edit::SetLabel {
+                id: label.id,
+                label: Some(label),
+            })
+            .unwrap();
     }
     project
 }

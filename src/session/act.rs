@@ -31,7 +31,13 @@ impl Session {
             }),
             Command::AddFrames(new) => self.add_frames(new).map(Some),
             Command::Relocate { from, to } => self.relocate(from, to).map(Some),
-            Command::AddLabel { name, parent, color } => self.add_label(name, parent.as_deref(), *color).map(|()| None),
+            Command::AddLabel {
+                name,
+                parent,
+                color,
+            } => self
+                .add_label(name, parent.as_deref(), *color)
+                .map(|()| None),
             Command::EditLabel(label) => self.edit_label(label).map(|()| None),
             Command::RemoveLabel(id) => self.remove_label(*id).map(|()| None),
             Command::Prompt(request) => self.prompt(request),
@@ -50,7 +56,11 @@ impl Session {
             Command::ClearMask { frame } => self.clear_mask(*frame).map(|()| None),
             Command::Range(request) => self.change_range(request),
             Command::ImportMasks { dir, format } => self.import_masks(dir, format).map(Some),
-            Command::ExportMasks { dir, format, overwrite } => self.export_masks(dir, format, *overwrite).map(Some),
+            Command::ExportMasks {
+                dir,
+                format,
+                overwrite,
+            } => self.export_masks(dir, format, *overwrite).map(Some),
             Command::Track(settings) => self.track(settings).map(Some),
             Command::Suggest => self.suggest().map(Some),
             Command::Propose { frame, segmenter } => self.propose(*frame, segmenter).map(Some),

@@ -44,20 +44,30 @@ impl Session {
         if wanted.is_empty() {
             return;
         }
-        let Some((cloud, tree, subject)) = self.measurable() else { return };
+        let Some((cloud, tree, subject)) = self.measurable() else {
+            return;
+        };
         if !self.angle_measuring.is_of(&subject) {
             let former = std::mem::take(&mut self.angle_measuring);
             former.jobs.into_iter().for_each(|job| self.stop(job));
             self.angle_measuring.of = Some(subject.clone());
         }
-        let new: Vec<[LabelId; 2]> = wanted.difference(&self.angle_measuring.begun).copied().collect();
+        let new: Vec<[LabelId; 2]> = wanted
+            .difference(&self.angle_measuring.begun)
+            .copied()
+            .collect();
         if new.is_empty() {
             return;
         }
         self.angle_measuring.begun.extend(&new);
         let job = self.start("Measure angles", Kind::Short, move |link| {
             let cloud = under(&cloud, tree);
-            let measured = |pair| match measure_angles(&cloud, &[pair], &MeasureOptions::default(), &link.progress) {
+            let measured = |pair| match measure_angles(
+                &cloud,
+                &[pair],
+                &MeasureOptions::default(),
+                &link.progress,
+            ) {
                 Err(SceneError::Stopped(stopped)) => Err(stopped),
                 told => Ok((pair, told.map_err(|error| error.to_string()))),
             };

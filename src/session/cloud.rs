@@ -49,21 +49,49 @@ struct Loaded {
 impl CloudSlot {
     pub(super) fn put(&mut self, version: Option<u64>, cloud: LabelledCloud, votes: Option<Votes>) {
         self.tried = None;
-        self.loaded = Some(Loaded { version, round: 0, cloud: Arc::new(cloud), votes: votes.map(Arc::new) });
+        self.loaded = Some(Loaded {
+            version,
+            round: 0,
+            cloud: Arc::new(cloud),
+            votes: votes.map(Arc::new),
+        });
     }
 
     /// Puts a cloud in the place of that with the votes `before`, whose points voted again; whether that is still there.
-    pub(super) fn revote(&mut self, before: &Arc<Votes>, cloud: LabelledCloud, votes: &Arc<Votes>) -> bool {
-        let is_before = |loaded: &&mut Loaded| loaded.votes.as_ref().is_some_and(|votes| Arc::ptr_eq(votes, before));
-        let Some(loaded) = self.loaded.as_mut().filter(is_before) else { return false };
+    pub(super) fn revote(
+        &mut self,
+        before: &Arc<Votes>,
+        cloud: LabelledCloud,
+        votes: &Arc<Votes>,
+    ) -> bool {
+        let is_before = |loaded: &&mut Loaded| {
+            loaded
+                .votes
+                .as_ref()
+                .is_some_and(|votes| Arc::ptr_eq(votes, before))
+        };
+        let Some(loaded) = self.loaded.as_mut().filter(is_before) else {
+            return false;
+        };
         self.rounds += 1;
-        *loaded = Loaded { round: self.rounds, cloud: Arc::new(cloud), votes: Some(Arc::clone(votes)), ..*loaded };
+        *loaded = Loaded {
+            round: self.rounds,
+            cloud: Arc::new(cloud),
+            votes: Some(Arc::clone(votes)),
+            ..*loaded
+        };
         true
     }
 
     /// The project's cloud of this version with its votes, where it is in memory.
-    pub(super) fn in_force(&self, version: Option<u64>) -> Option<(Arc<LabelledCloud>, Arc<Votes>)> {
-        let loaded = self.loaded.as_ref().filter(|loaded| version.is_some() && loaded.version == version)?;
+    pub(super) fn in_force(
+        &self,
+        version: Option<u64>,
+    ) -> Option<(Arc<LabelledCloud>, Arc<Votes>)> {
+        let loaded = self
+            .loaded
+            .as_ref()
+            .filter(|loaded| version.is_some() && loaded.version == version)?;
         Some((Arc::clone(&loaded.cloud), loaded.votes.clone()?))
     }
 }
@@ -86,8 +114,15 @@ impl Session {
     /// Which cloud is in force, and what round of voting is in memory; `None` where there is none.
     pub(super) fn cloud_state(&self) -> Option<CloudState> {
         let version = version_in_force(self.project()?, ResultKind::Cloud)?;
-        let loaded = self.cloud.loaded.as_ref().filter(|loaded| loaded.version == Some(version));
-        Some(CloudState { version, round: loaded.map_or(0, |loaded| loaded.round) })
+        let loaded = self
+            .cloud
+            .loaded
+            .as_ref()
+            .filter(|loaded| loaded.version == Some(version));
+        Some(CloudState {
+            version,
+            round: loaded.map_or(0, |loaded| loaded.round),
+        })
     }
 
     /// Where the surface that was made with the cloud lies, and the edge of its voxels.
@@ -97,11 +132,17 @@ impl Session {
     }
 
     fn loaded_cloud(&self) -> Option<&Loaded> {
-        let version = self.project().and_then(|project| version_in_force(project, ResultKind::Cloud));
+        let version = self
+            .project()
+            .and_then(|project| version_in_force(project, ResultKind::Cloud));
         if self.open.is_some() && version.is_none() {
             return None;
         }
-        let loaded = self.cloud.loaded.as_ref().filter(|loaded| loaded.version == version);
+        let loaded = self
+            .cloud
+            .loaded
+            .as_ref()
+            .filter(|loaded| loaded.version == version);
         if loaded.is_none() && version.is_some() {
             self.cloud.wanted.set(true);
         }
@@ -110,21 +151,32 @@ impl Session {
 
     /// Starts to load the cloud that was asked for.
     pub(super) fn load_wanted_cloud(&mut self) {
-        let version = self.project().and_then(|project| version_in_force(project, ResultKind::Cloud));
+        let version = self
+            .project()
+            .and_then(|project| version_in_force(project, ResultKind::Cloud));
         if !self.cloud.wanted.take() || version.is_none() || self.cloud.tried == version {
             return;
         }
         self.cloud.tried = version;
-        let (Some(version), Some(root)) = (version, self.root().map(Path::to_owned)) else { return };
-        let frames = self.project().map(|project| Arc::clone(&project.frames)).unwrap_or_default();
+        let (Some(version), Some(root)) = (version, self.root().map(Path::to_owned)) else {
+            return;
+        };
+        let frames = self
+            .project()
+            .map(|project| Arc::clone(&project.frames))
+            .unwrap_or_default();
         self.start("Load cloud", Kind::Short, move |link| {
             let path = cloud_path(&root, version);
             let read = read_ply(&path, &link.progress)
                 .with_context(|| "the cloud of this step is not kept any more; fuse again")?;
-            let (votes, why) = match read_votes_on(&votes_path(&root, version), read.cloud.len(), &frames) {
-                Ok(votes) => (Some(votes), None),
-                Err(error) => (None, Some(format!("{error:#}; the cloud is shown without its votes"))),
-            };
+            let (votes, why) =
+                match read_votes_on(&votes_path(&root, version), read.cloud.len(), &frames) {
+                    Ok(votes) => (Some(votes), None),
+                    Err(error) => (
+                        None,
+                        Some(format!("{error:#}; the cloud is shown without its votes")),
+                    ),
+                };
             Ok(Box::new(move |session: &mut Self| {
                 session.cloud.put(Some(version), read.cloud, votes);
                 session.warn_all(why.into_iter().collect());
@@ -135,14 +187,17 @@ impl Session {
     }
 
     pub(super) fn inspect(&mut self, path: &Path) -> Result<JobId> {
-        let path = std::path::absolute(path).with_context(|| format!("{}: is no path", path.display()))?;
+        let path =
+            std::path::absolute(path).with_context(|| format!("{}: is no path", path.display()))?;
         Ok(self.start("Open cloud", Kind::Short, move |link| {
             let read = read_ply(&path, &link.progress)?;
             Ok(Box::new(move |session: &mut Self| {
                 session.close();
                 session.cloud.put(None, read.cloud, None);
                 session.inspected = Some(path.clone());
-                session.events.extend([Event::Inspecting(path), Event::CloudChanged]);
+                session
+                    .events
+                    .extend([Event::Inspecting(path), Event::CloudChanged]);
                 session.warn_all(read.warnings);
                 Ok(())
             }) as Landing)
@@ -164,12 +219,17 @@ pub(super) fn read_votes_on(path: &Path, points: usize, frames: &[Frame]) -> Res
     );
     let unknown = votes.frames().find(|&frame| frame >= frames.len());
     if let Some(frame) = unknown {
-        bail!("{}: names frame {frame}, but the project has {} frames; fuse again", path.display(), frames.len());
+        bail!(
+            "{}: names frame {frame}, but the project has {} frames; fuse again",
+            path.display(),
+            frames.len()
+        );
     }
     Ok(votes)
 }
 
 fn read_votes_file(path: &Path) -> Result<Votes> {
     let file = File::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    read_votes(BufReader::new(file)).with_context(|| format!("{}: is damaged; fuse again", path.display()))
+    read_votes(BufReader::new(file))
+        .with_context(|| format!("{}: is damaged; fuse again", path.display()))
 }

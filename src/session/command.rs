@@ -3,7 +3,8 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    GroundRequest, PaintRequest, PromptRequest, PullRequest, RangeRequest, TakeRequest, TidyRequest, TraceRequest,
+    GroundRequest, PaintRequest, PromptRequest, PullRequest, RangeRequest, TakeRequest,
+    TidyRequest, TraceRequest,
 };
 use ostra_frames::cameras::IntrinsicsSource;
 use ostra_masks::{Direction, LabelId};
@@ -143,12 +144,17 @@ impl Command {
     #[must_use]
     pub fn is_interaction(&self) -> bool {
         use Command as C;
-        let on_a_frame =
-            matches!(self, C::Prompt(_) | C::TakeFound(_) | C::Paint(_) | C::Pull(_) | C::Trace(_) | C::Tidy(_));
+        let on_a_frame = matches!(
+            self,
+            C::Prompt(_) | C::TakeFound(_) | C::Paint(_) | C::Pull(_) | C::Trace(_) | C::Tidy(_)
+        );
         let in_space = matches!(self, C::CorrectCloud(_) | C::MergeLabels { .. });
         on_a_frame
             || in_space
-            || matches!(self, C::Range(_) | C::MakeAnchor { .. } | C::AcceptVote { .. } | C::ClearMask { .. })
+            || matches!(
+                self,
+                C::Range(_) | C::MakeAnchor { .. } | C::AcceptVote { .. } | C::ClearMask { .. }
+            )
     }
 }
 

@@ -37,7 +37,13 @@ impl Compared {
     fn now(project: &Project, frame: usize, cloud: CloudState) -> Option<Self> {
         let mask = project.mask_in_play(frame)?;
         let labels = project.labels.iter().map(|label| label.id).collect();
-        Some(Self { frame, mask, cloud, labels, frames: Arc::clone(&project.frames) })
+        Some(Self {
+            frame,
+            mask,
+            cloud,
+            labels,
+            frames: Arc::clone(&project.frames),
+        })
     }
 
     fn is(&self, other: &Self) -> bool {
@@ -67,7 +73,11 @@ impl Session {
     #[must_use]
     pub fn contradicted(&self, frame: usize) -> Option<&Arc<Region>> {
         self.contradicted.wanted.set(Some(frame));
-        let same = self.contradicted.of.as_ref().is_some_and(|of| of.frame == frame);
+        let same = self
+            .contradicted
+            .of
+            .as_ref()
+            .is_some_and(|of| of.frame == frame);
         self.contradicted.answer.as_ref().filter(|_| same)
     }
 
@@ -77,17 +87,28 @@ impl Session {
         if self.contradicted.job.is_some_and(is_comparing) {
             return;
         }
-        let (Some(number), Ok(project)) = (self.contradicted.wanted.take(), self.snapshot()) else { return };
-        let now = self.cloud_state().and_then(|cloud| Compared::now(&project, number, cloud));
+        let (Some(number), Ok(project)) = (self.contradicted.wanted.take(), self.snapshot()) else {
+            return;
+        };
+        let now = self
+            .cloud_state()
+            .and_then(|cloud| Compared::now(&project, number, cloud));
         let Some(now) = now else {
             self.contradicted = Contradicted::default();
             return;
         };
-        let Some((cloud, votes)) = self.cloud.in_force(Some(now.cloud.version)) else { return };
+        let Some((cloud, votes)) = self.cloud.in_force(Some(now.cloud.version)) else {
+            return;
+        };
         if self.contradicted.of.as_ref().is_some_and(|of| of.is(&now)) {
             return;
         }
-        if self.contradicted.of.as_ref().is_none_or(|of| of.frame != number) {
+        if self
+            .contradicted
+            .of
+            .as_ref()
+            .is_none_or(|of| of.frame != number)
+        {
             self.contradicted.answer = None;
         }
         self.contradicted.of = Some(now.clone());
@@ -95,7 +116,12 @@ impl Session {
         self.contradicted.job = Some(self.start("contradicted", Kind::Background, move |_| {
             let answer = Arc::new(now.contradiction(&project, &store, (&cloud, &votes))?);
             Ok(Box::new(move |session: &mut Self| {
-                if session.contradicted.of.as_ref().is_some_and(|of| of.is(&now)) {
+                if session
+                    .contradicted
+                    .of
+                    .as_ref()
+                    .is_some_and(|of| of.is(&now))
+                {
                     session.contradicted.answer = Some(answer);
                 }
                 Ok(())

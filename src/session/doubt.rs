@@ -47,15 +47,20 @@ impl Session {
             by_frame.retain(|&frame, _| project.mask_in_play(frame).is_some());
         }
         self.doubts.state = state;
-        let Some((cloud, votes)) = self.cloud.in_force(Some(state.version)) else { return };
+        let Some((cloud, votes)) = self.cloud.in_force(Some(state.version)) else {
+            return;
+        };
         let voters: Vec<usize> = votes.frames().collect();
         let now = |frame: usize| project.mask_in_play(frame);
         let differs = |&frame: &usize| match (now(frame), self.doubts.compared.get(&frame)) {
             (Some(mask), Some(before)) => !Arc::ptr_eq(&mask, before) && mask != *before,
             (mask, before) => mask.is_some() || before.is_some(),
         };
-        let changed: Vec<(usize, Option<Arc<RunMask>>)> =
-            voters.into_iter().filter(differs).map(|frame| (frame, now(frame))).collect();
+        let changed: Vec<(usize, Option<Arc<RunMask>>)> = voters
+            .into_iter()
+            .filter(differs)
+            .map(|frame| (frame, now(frame)))
+            .collect();
         if changed.is_empty() {
             return;
         }
@@ -63,7 +68,9 @@ impl Session {
             let mut compared = Vec::with_capacity(changed.len());
             for (frame, mask) in changed {
                 link.progress.check()?;
-                let doubt = mask.as_ref().map(|mask| frame_doubt(&votes, &cloud.labels, frame, &mask.decode()));
+                let doubt = mask
+                    .as_ref()
+                    .map(|mask| frame_doubt(&votes, &cloud.labels, frame, &mask.decode()));
                 compared.push((frame, mask, doubt));
             }
             Ok(Box::new(move |session: &mut Self| {
@@ -73,7 +80,11 @@ impl Session {
         }));
     }
 
-    fn take_doubts(&mut self, state: CloudState, compared: Vec<(usize, Option<Arc<RunMask>>, Option<FrameDoubt>)>) {
+    fn take_doubts(
+        &mut self,
+        state: CloudState,
+        compared: Vec<(usize, Option<Arc<RunMask>>, Option<FrameDoubt>)>,
+    ) {
         if self.doubts.state != state {
             return;
         }

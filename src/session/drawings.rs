@@ -16,8 +16,14 @@ const KEPT: usize = 4;
 impl<K: Clone + PartialEq + Send + 'static, V: Clone + Send + 'static> Drawings<K, V> {
     /// `draw` makes a drawing; `notify` is called, on the worker's thread, when one is there.
     #[must_use]
-    pub fn new(draw: impl Fn(&K) -> V + Send + Sync + 'static, notify: impl Fn() + Send + Sync + 'static) -> Self {
-        Self { loader: Loader::new("drawings", 1, draw, notify), kept: Mutex::default() }
+    pub fn new(
+        draw: impl Fn(&K) -> V + Send + Sync + 'static,
+        notify: impl Fn() + Send + Sync + 'static,
+    ) -> Self {
+        Self {
+            loader: Loader::new("drawings", 1, draw, notify),
+            kept: Mutex::default(),
+        }
     }
 
     /// The drawing as soon as it is there; asks for it.
@@ -27,7 +33,10 @@ impl<K: Clone + PartialEq + Send + 'static, V: Clone + Send + 'static> Drawings<
         kept.extend(self.loader.take_done());
         let surplus = kept.len().saturating_sub(KEPT);
         kept.drain(..surplus);
-        let drawn = kept.iter().find(|(other, _)| other == key).map(|(_, drawn)| drawn.clone());
+        let drawn = kept
+            .iter()
+            .find(|(other, _)| other == key)
+            .map(|(_, drawn)| drawn.clone());
         if drawn.is_none() {
             self.loader.want(vec![key.clone()]);
         }

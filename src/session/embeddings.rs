@@ -25,7 +25,10 @@ impl Embeddings {
     /// Those in our data folder; `None` where the system tells none.
     pub(super) fn ours() -> Option<Self> {
         let folder = models_folder().ok()?.parent()?.join("embeddings");
-        Some(Self { folder, budget_bytes: BUDGET_BYTES })
+        Some(Self {
+            folder,
+            budget_bytes: BUDGET_BYTES,
+        })
     }
 
     /// The embedding of a picture by the network in `encoder`: the one on the disk, else what `embed` makes, which is kept.
@@ -39,9 +42,15 @@ impl Embeddings {
         embed: impl FnOnce() -> Result<Embedding, MaskError>,
     ) -> Result<Embedding, MaskError> {
         let path = self.folder.join(key(encoder, image));
-        if let Some(known) = fs::read(&path).ok().and_then(|bytes| Embedding::from_bytes(&bytes).ok()) {
+        if let Some(known) = fs::read(&path)
+            .ok()
+            .and_then(|bytes| Embedding::from_bytes(&bytes).ok())
+        {
             // Used last: others go before it.
-            let _ = File::options().write(true).open(&path).and_then(|file| file.set_modified(SystemTime::now()));
+            let _ = File::options()
+                .write(true)
+                .open(&path)
+                .and_then(|file| file.set_modified(SystemTime::now()));
             return Ok(known);
         }
         let made = embed()?;
@@ -66,7 +75,10 @@ impl Embeddings {
             let about = entry.metadata().ok()?;
             Some((about.modified().ok()?, about.len(), entry.path()))
         };
-        let mut files: Vec<_> = fs::read_dir(&self.folder)?.flatten().filter_map(file).collect();
+        let mut files: Vec<_> = fs::read_dir(&self.folder)?
+            .flatten()
+            .filter_map(file)
+            .collect();
         files.sort();
         let mut bytes: u64 = files.iter().map(|(_, bytes, _)| bytes).sum();
         for (_, freed, path) in files {
@@ -83,11 +95,19 @@ impl Embeddings {
 /// Tells picture and network apart from all others: a network by its file's place, size and time.
 fn key(encoder: &Path, image: &Image) -> String {
     let about = fs::metadata(encoder).ok();
-    let of_network = (encoder, about.as_ref().map(fs::Metadata::len), about.and_then(|about| about.modified().ok()));
+    let of_network = (
+        encoder,
+        about.as_ref().map(fs::Metadata::len),
+        about.and_then(|about| about.modified().ok()),
+    );
     let mut digest = Sha256::new();
     digest.update(format!("{of_network:?} {}×{} ", image.width, image.height));
     digest.update(image.pixels.as_flattened());
-    digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    digest
+        .finalize()
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect()
 }
 
 #[cfg(test)]
@@ -96,11 +116,22 @@ mod tests {
     use ostra_masks::onnx::sam::Part;
 
     fn embedding(value: f32) -> Embedding {
-        Embedding { width: 4, height: 4, part: Part::whole(4, 4), channels: 1, cells: 2, values: vec![value; 4] }
+        Embedding {
+            width: 4,
+            height: 4,
+            part: Part::whole(4, 4),
+            channels: 1,
+            cells: 2,
+            values: vec![value; 4],
+        }
     }
 
     fn image(shade: u8) -> Image {
-        Image { width: 4, height: 4, pixels: vec![[shade; 3]; 16] }
+        Image {
+            width: 4,
+            height: 4,
+            pixels: vec![[shade; 3]; 16],
+        }
     }
 
     fn unwanted() -> Result<Embedding, MaskError> {
@@ -112,28 +143,63 @@ mod tests {
         let scratch = tempfile::tempdir().unwrap();
         let (first, second) = (scratch.path().join("a.onnx"), scratch.path().join("b.onnx"));
         fs::write(&first, "a").unwrap();
-        let kept = Embeddings { folder: scratch.path().join("kept"), budget_bytes: 1 << 20 };
-        assert_eq!(kept.get(&first, &image(1), || Ok(embedding(0.5))).unwrap(), embedding(0.5));
-        assert_eq!(kept.get(&first, &image(1), unwanted).unwrap(), embedding(0.5));
-        assert_eq!(kept.get(&second, &image(1), || Ok(embedding(2.0))).unwrap(), embedding(2.0), "another network");
-        assert_eq!(kept.get(&first, &image(2), || Ok(embedding(3.0))).unwrap(), embedding(3.0), "another picture");
+        let kept = Embeddings {
+            folder: scratch.path().join("kept"),
+            budget_bytes: 1 << 20,
+        };
+        assert_eq!(
+            kept.get(&first, &image(1), || Ok(embedding(0.5))).unwrap(),
+            embedding(0.5)
+        );
+        assert_eq!(
+            kept.get(&first, &image(1), unwanted).unwrap(),
+            embedding(0.5)
+        );
+        assert_eq!(
+            kept.get(&second, &image(1), || Ok(embedding(2.0))).unwrap(),
+            embedding(2.0),
+            "another network"
+        );
+        assert_eq!(
+            kept.get(&first, &image(2), || Ok(embedding(3.0))).unwrap(),
+            embedding(3.0),
+            "another picture"
+        );
         fs::write(&first, "changed").unwrap();
-        assert_eq!(kept.get(&first, &image(1), || Ok(embedding(4.0))).unwrap(), embedding(4.0), "another file");
+        assert_eq!(
+            kept.get(&first, &image(1), || Ok(embedding(4.0))).unwrap(),
+            embedding(4.0),
+            "another file"
+        );
         let failed = kept.get(&first, &image(9), || Err(MaskError::Request("no".into())));
-        assert!(failed.is_err() && kept.get(&first, &image(9), || Ok(embedding(9.0))).is_ok(), "no failure is kept");
+        assert!(
+            failed.is_err() && kept.get(&first, &image(9), || Ok(embedding(9.0))).is_ok(),
+            "no failure is kept"
+        );
     }
 
     #[test]
     fn a_damaged_file_is_made_anew_and_old_ones_make_room() {
         let scratch = tempfile::tempdir().unwrap();
-        let kept = Embeddings { folder: scratch.path().to_owned(), budget_bytes: 100 };
+        let kept = Embeddings {
+            folder: scratch.path().to_owned(),
+            budget_bytes: 100,
+        };
         let network = Path::new("none.onnx");
         kept.get(network, &image(1), || Ok(embedding(1.0))).unwrap();
         let path = scratch.path().join(key(network, &image(1)));
         fs::write(&path, "torn").unwrap();
-        assert_eq!(kept.get(network, &image(1), || Ok(embedding(1.5))).unwrap(), embedding(1.5));
+        assert_eq!(
+            kept.get(network, &image(1), || Ok(embedding(1.5))).unwrap(),
+            embedding(1.5)
+        );
         let old = SystemTime::now() - std::time::Duration::from_secs(100);
-        File::options().write(true).open(&path).unwrap().set_modified(old).unwrap();
+        File::options()
+            .write(true)
+            .open(&path)
+            .unwrap()
+            .set_modified(old)
+            .unwrap();
         kept.get(network, &image(2), || Ok(embedding(2.0))).unwrap();
         assert_eq!(
             kept.get(network, &image(1), unwanted).unwrap(),
@@ -141,8 +207,16 @@ mod tests {
             "two of 48 bytes fit, and it is used now"
         );
         let second = scratch.path().join(key(network, &image(2)));
-        File::options().write(true).open(&second).unwrap().set_modified(old).unwrap();
+        File::options()
+            .write(true)
+            .open(&second)
+            .unwrap()
+            .set_modified(old)
+            .unwrap();
         kept.get(network, &image(3), || Ok(embedding(3.0))).unwrap();
-        assert!(path.exists() && !second.exists(), "what was not used for longest goes");
+        assert!(
+            path.exists() && !second.exists(),
+            "what was not used for longest goes"
+        );
     }
 }

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use anyhow::{Result, bail, ensure};
 
 use super::TrackSettings;
-use super::networks::{KeptSam, KeptTracker, KeptXFeat, SAM_NETWORKS, TrackNetwork, grounding_dino, yolox};
+use super::networks::{
+    KeptSam, KeptTracker, KeptXFeat, SAM_NETWORKS, TrackNetwork, grounding_dino, yolox,
+};
 use ostra_compute::nn::{Catalogue, Provider, Runtime, models_folder};
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::builtin::BuiltinSegmenter;
@@ -14,7 +16,8 @@ use ostra_project::Project;
 use ostra_reconstruct::rgbd::register::GlobalRegistration;
 use ostra_reconstruct::sfm::matching::NearestMatcher;
 use ostra_reconstruct::sfm::onnx::{
-    LighterGlue, LighterGlueOptions, SuperGlue, SuperGlueOptions, SuperPoint, SuperPointOptions, XFeat, XFeatOptions,
+    LighterGlue, LighterGlueOptions, SuperGlue, SuperGlueOptions, SuperPoint, SuperPointOptions,
+    XFeat, XFeatOptions,
 };
 use ostra_reconstruct::sfm::{FeatureExtractor, FeatureMatcher, Sift, SiftOptions};
 use ostra_tracking::flow::{Describer, FlowTracker};
@@ -68,34 +71,73 @@ pub struct Engine {
 #[must_use]
 pub fn list_engines() -> Vec<Engine> {
     const NETWORKS: &str = "its networks and ONNX Runtime; add both with 'ostra models add'";
-    const SAM: &str =
-        "the networks sam-vit-b, mobile-sam or efficient-sam and ONNX Runtime; add both with 'ostra models add'";
-    const GROUNDER: &str = "the networks grounding-dino or yolox and ONNX Runtime; add both with 'ostra models add'";
-    const GROUNDING_DINO: &str = "the network grounding-dino and ONNX Runtime; add both with 'ostra models add'";
+    const SAM: &str = "the networks sam-vit-b, mobile-sam or efficient-sam and ONNX Runtime; add both with 'ostra models add'";
+    const GROUNDER: &str =
+        "the networks grounding-dino or yolox and ONNX Runtime; add both with 'ostra models add'";
+    const GROUNDING_DINO: &str =
+        "the network grounding-dino and ONNX Runtime; add both with 'ostra models add'";
     const YOLOX: &str = "the network yolox and ONNX Runtime; add both with 'ostra models add'";
-    const LIGHTERGLUE: &str = "features of xfeat, its network and ONNX Runtime; add both with 'ostra models add'";
+    const LIGHTERGLUE: &str =
+        "features of xfeat, its network and ONNX Runtime; add both with 'ostra models add'";
     const SUPERGLUE: &str = "features of superpoint, the network superglue-outdoor or superglue-indoor and ONNX Runtime; \
                              add them with 'ostra models add'";
     const FEATURES: &str = "its network and ONNX Runtime; add both with 'ostra models add'";
-    let segmenter = |name, installed, needs| Engine { kind: EngineKind::Segmenter, name, installed, needs };
-    let grounder = |name, installed, needs| Engine { kind: EngineKind::Grounder, name, installed, needs };
-    let tracker = |name, installed, needs| Engine { kind: EngineKind::Tracker, name, installed, needs };
-    let features = |name, installed, needs| Engine { kind: EngineKind::Features, name, installed, needs };
-    let matcher = |name, installed, needs| Engine { kind: EngineKind::Matcher, name, installed, needs };
+    let segmenter = |name, installed, needs| Engine {
+        kind: EngineKind::Segmenter,
+        name,
+        installed,
+        needs,
+    };
+    let grounder = |name, installed, needs| Engine {
+        kind: EngineKind::Grounder,
+        name,
+        installed,
+        needs,
+    };
+    let tracker = |name, installed, needs| Engine {
+        kind: EngineKind::Tracker,
+        name,
+        installed,
+        needs,
+    };
+    let features = |name, installed, needs| Engine {
+        kind: EngineKind::Features,
+        name,
+        installed,
+        needs,
+    };
+    let matcher = |name, installed, needs| Engine {
+        kind: EngineKind::Matcher,
+        name,
+        installed,
+        needs,
+    };
     vec![
         segmenter("auto", true, "nothing; takes the best that is installed"),
         segmenter("sam", sam_network().is_some(), SAM),
         segmenter("sam-close", sam_network().is_some(), SAM),
-        segmenter("geometry", true, "depth and cameras of several frames; takes thin things by the picture alone"),
+        segmenter(
+            "geometry",
+            true,
+            "depth and cameras of several frames; takes thin things by the picture alone",
+        ),
         segmenter("builtin", true, "nothing"),
         grounder("auto", GROUNDERS.into_iter().any(is_usable), GROUNDER),
-        grounder("grounding-dino", is_usable("grounding-dino"), GROUNDING_DINO),
+        grounder(
+            "grounding-dino",
+            is_usable("grounding-dino"),
+            GROUNDING_DINO,
+        ),
         grounder("yolox", is_usable("yolox"), YOLOX),
         tracker("auto", true, "what the tracker it takes needs"),
         tracker("xmem", is_usable("xmem"), NETWORKS),
         tracker("deaot", is_usable("deaot"), NETWORKS),
         tracker("geometry", true, "depth and cameras of the frames"),
-        tracker("flow", true, "nothing; remembers better by the network xfeat"),
+        tracker(
+            "flow",
+            true,
+            "nothing; remembers better by the network xfeat",
+        ),
         features("auto", true, "nothing; takes sift, the most accurate"),
         features("sift", true, "nothing"),
         features("xfeat", is_usable("xfeat"), FEATURES),
@@ -116,7 +158,11 @@ pub(super) fn check_installed(kind: EngineKind, name: &str) -> Result<()> {
         Some(engine) => bail!("'{name}' is not installed: it needs {}", engine.needs),
         None => {
             let what = kind.noun();
-            let names = of_kind.by_ref().map(|engine| engine.name).collect::<Vec<_>>().join(", ");
+            let names = of_kind
+                .by_ref()
+                .map(|engine| engine.name)
+                .collect::<Vec<_>>()
+                .join(", ");
             bail!("there is no {what} '{name}'; choose one of {names}")
         }
     }
@@ -126,7 +172,12 @@ pub(super) fn check_installed(kind: EngineKind, name: &str) -> Result<()> {
 /// segmented.
 pub fn segmenter(name: &str, geometry: Arc<GeometrySegmenter>) -> Result<Arc<dyn Segmenter>> {
     check_installed(EngineKind::Segmenter, name)?;
-    let sam = |network| Arc::new(KeptSam { network, is_close: name == "sam-close" });
+    let sam = |network| {
+        Arc::new(KeptSam {
+            network,
+            is_close: name == "sam-close",
+        })
+    };
     Ok(match (name, sam_network()) {
         ("auto" | "sam" | "sam-close", Some(network)) => sam(network),
         ("geometry", _) => geometry,
@@ -135,13 +186,23 @@ pub fn segmenter(name: &str, geometry: Arc<GeometrySegmenter>) -> Result<Arc<dyn
 }
 
 /// The segmenter `geometry` for some frames.
-pub fn geometry_segmenter(frames: Arc<Vec<Frame>>, store: Arc<FrameStore>) -> Arc<GeometrySegmenter> {
-    Arc::new(GeometrySegmenter::new(frames, store, Arc::new(BuiltinSegmenter)))
+pub fn geometry_segmenter(
+    frames: Arc<Vec<Frame>>,
+    store: Arc<FrameStore>,
+) -> Arc<GeometrySegmenter> {
+    Arc::new(GeometrySegmenter::new(
+        frames,
+        store,
+        Arc::new(BuiltinSegmenter),
+    ))
 }
 
 /// The segmenter that shows what a click would give before it is made: the one of this name, but for one that works hard
 /// for each place anew.
-pub(super) fn previewer(name: &str, geometry: Arc<GeometrySegmenter>) -> Result<Arc<dyn Segmenter>> {
+pub(super) fn previewer(
+    name: &str,
+    geometry: Arc<GeometrySegmenter>,
+) -> Result<Arc<dyn Segmenter>> {
     segmenter(if name == "sam-close" { "sam" } else { name }, geometry)
 }
 
@@ -153,7 +214,9 @@ fn sam_network() -> Option<&'static str> {
 /// What finds things by words; its network is loaded, on this thread, where it was not needed before.
 pub(super) fn grounder(name: &str) -> Result<Arc<dyn TextGrounder>> {
     check_installed(EngineKind::Grounder, name)?;
-    let best = GROUNDERS.into_iter().find(|network| name == "auto" && is_usable(network));
+    let best = GROUNDERS
+        .into_iter()
+        .find(|network| name == "auto" && is_usable(network));
     Ok(match best.unwrap_or(name) {
         "yolox" => yolox()?,
         _ => grounding_dino()?,
@@ -166,19 +229,32 @@ const GROUNDERS: [&str; 2] = ["grounding-dino", "yolox"];
 /// The tracker that the settings name; `auto` is the best that is installed and that the frames allow.
 pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tracker>> {
     check_installed(EngineKind::Tracker, &settings.tracker)?;
-    let (frames, any) = (&project.frames, project.frames.iter().any(Frame::has_posed_depth));
+    let (frames, any) = (
+        &project.frames,
+        project.frames.iter().any(Frame::has_posed_depth),
+    );
     // Depth made of some frames alone says nothing of those between.
-    let everywhere = frames.iter().any(Frame::has_sensor_depth) || frames.iter().all(Frame::has_posed_depth);
+    let everywhere =
+        frames.iter().any(Frame::has_sensor_depth) || frames.iter().all(Frame::has_posed_depth);
     let name = match settings.tracker.as_str() {
         "auto" if any && everywhere => "geometry",
         // On films networks are far ahead of flow.
-        "auto" => ["xmem", "deaot"].into_iter().find(|network| is_usable(network)).unwrap_or("flow"),
+        "auto" => ["xmem", "deaot"]
+            .into_iter()
+            .find(|network| is_usable(network))
+            .unwrap_or("flow"),
         name => name,
     };
-    let longer = |frame: &Frame| f64::from(frame.width.max(frame.height)) / f64::from(frame.width.min(frame.height));
-    let seen = settings.short_side.map(|side| (side, frames.first().map_or(1.0, longer)));
+    let longer = |frame: &Frame| {
+        f64::from(frame.width.max(frame.height)) / f64::from(frame.width.min(frame.height))
+    };
+    let seen = settings
+        .short_side
+        .map(|side| (side, frames.first().map_or(1.0, longer)));
     ensure!(
-        settings.short_side.is_none_or(|side| (64..=4096).contains(&side)),
+        settings
+            .short_side
+            .is_none_or(|side| (64..=4096).contains(&side)),
         "networks see pictures with 64 to 4096 pixels along the shorter side; choose another number"
     );
     ensure!(
@@ -187,29 +263,49 @@ pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tr
     );
     let tracker: Box<dyn Tracker> = match name {
         "flow" => Box::new(flow_tracker()),
-        "xmem" => Box::new(KeptTracker { network: TrackNetwork::XMem, seen }),
-        "deaot" => Box::new(KeptTracker { network: TrackNetwork::Deaot, seen }),
+        "xmem" => Box::new(KeptTracker {
+            network: TrackNetwork::XMem,
+            seen,
+        }),
+        "deaot" => Box::new(KeptTracker {
+            network: TrackNetwork::Deaot,
+            seen,
+        }),
         _ => {
-            ensure!(any, "'geometry' needs frames with depth and cameras; add both first, or track with 'flow'");
+            ensure!(
+                any,
+                "'geometry' needs frames with depth and cameras; add both first, or track with 'flow'"
+            );
             return Ok(Box::new(GeometryTracker::default()));
         }
     };
     if !settings.constrain {
         return Ok(tracker);
     }
-    ensure!(any, "--constrain needs frames with depth and cameras; add or reconstruct both first, or track without it");
-    Ok(Box::new(ConstrainedTracker { tracker, options: ConstrainOptions::default() }))
+    ensure!(
+        any,
+        "--constrain needs frames with depth and cameras; add or reconstruct both first, or track without it"
+    );
+    Ok(Box::new(ConstrainedTracker {
+        tracker,
+        options: ConstrainOptions::default(),
+    }))
 }
 
 /// The flow tracker, which remembers by XFeat where that can be used.
 pub(super) fn flow_tracker() -> FlowTracker {
     let describer = is_usable("xfeat").then(|| Arc::new(KeptXFeat) as Arc<dyn Describer>);
-    FlowTracker { describer, ..FlowTracker::default() }
+    FlowTracker {
+        describer,
+        ..FlowTracker::default()
+    }
 }
 
 /// The first network behind `superglue` that can be used: what is photographed is mostly outdoors, or looks like it.
 fn superglue_network() -> Option<&'static str> {
-    ["superglue-outdoor", "superglue-indoor"].into_iter().find(|network| is_usable(network))
+    ["superglue-outdoor", "superglue-indoor"]
+        .into_iter()
+        .find(|network| is_usable(network))
 }
 
 /// The feature extractor of this name; longer sides than `max_side` pixels are worked on at that size. `auto` is SIFT,
@@ -220,17 +316,28 @@ pub(super) fn extractor(name: &str, max_side: Option<u32>) -> Result<Box<dyn Fea
     Ok(match name {
         "xfeat" => {
             let standard = XFeatOptions::default();
-            let options = XFeatOptions { max_side: side(standard.max_side), ..standard };
+            let options = XFeatOptions {
+                max_side: side(standard.max_side),
+                ..standard
+            };
             Box::new(XFeat::load(&models_folder()?, options)?)
         }
         "superpoint" => {
             let standard = SuperPointOptions::default();
-            let options = SuperPointOptions { max_side: side(standard.max_side), ..standard };
+            let options = SuperPointOptions {
+                max_side: side(standard.max_side),
+                ..standard
+            };
             Box::new(SuperPoint::load(&models_folder()?, options)?)
         }
         _ => {
             let standard = SiftOptions::default();
-            Box::new(Sift { options: SiftOptions { max_side: max_side.unwrap_or(standard.max_side), ..standard } })
+            Box::new(Sift {
+                options: SiftOptions {
+                    max_side: max_side.unwrap_or(standard.max_side),
+                    ..standard
+                },
+            })
         }
     })
 }
@@ -249,14 +356,25 @@ pub(super) fn matcher(name: &str, features: &str) -> Result<Box<dyn FeatureMatch
         network => Some(network),
     };
     if wanted.is_some() && wanted != made_for {
-        let theirs = if name == "superglue" { "superpoint" } else { "xfeat" };
+        let theirs = if name == "superglue" {
+            "superpoint"
+        } else {
+            "xfeat"
+        };
         bail!("'{name}' matches features of {theirs}; choose --features {theirs}");
     }
     Ok(match wanted {
-        Some("lighterglue") => Box::new(LighterGlue::load(&models_folder()?, LighterGlueOptions::default())?),
+        Some("lighterglue") => Box::new(LighterGlue::load(
+            &models_folder()?,
+            LighterGlueOptions::default(),
+        )?),
         Some(_) => {
             let network = superglue_network().unwrap_or("superglue-outdoor");
-            Box::new(SuperGlue::load(&models_folder()?, network, SuperGlueOptions::default())?)
+            Box::new(SuperGlue::load(
+                &models_folder()?,
+                network,
+                SuperGlueOptions::default(),
+            )?)
         }
         None if made_for.is_some() => Box::new(NearestMatcher::for_floats()),
         None => Box::new(NearestMatcher::for_bytes()),
@@ -268,16 +386,35 @@ pub(super) fn matcher(name: &str, features: &str) -> Result<Box<dyn FeatureMatch
 pub(super) fn identity(engine: &str, settings: &str) -> String {
     let files = || {
         let (catalogue, folder) = (Catalogue::bundled().ok()?, models_folder().ok()?);
-        let networks: &[&str] =
-            if engine == "superglue" { &["superglue-outdoor", "superglue-indoor"] } else { &[engine] };
-        let installed = networks.iter().filter_map(|network| catalogue.entry(network).ok()?.installed(&folder));
+        let networks: &[&str] = if engine == "superglue" {
+            &["superglue-outdoor", "superglue-indoor"]
+        } else {
+            &[engine]
+        };
+        let installed = networks
+            .iter()
+            .filter_map(|network| catalogue.entry(network).ok()?.installed(&folder));
         let stamp = |path: std::path::PathBuf| {
             let about = std::fs::metadata(&path).ok();
-            (path, about.as_ref().map(std::fs::Metadata::len), about.and_then(|about| about.modified().ok()))
+            (
+                path,
+                about.as_ref().map(std::fs::Metadata::len),
+                about.and_then(|about| about.modified().ok()),
+            )
         };
-        Some(installed.flat_map(|installed| installed.paths).map(stamp).collect::<Vec<_>>())
+        Some(
+            installed
+                .flat_map(|installed| installed.paths)
+                .map(stamp)
+                .collect::<Vec<_>>(),
+        )
     };
-    format!("{} {engine} {settings} {:?} {:?}", env!("CARGO_PKG_VERSION"), Provider::chosen(), files())
+    format!(
+        "{} {engine} {settings} {:?} {:?}",
+        env!("CARGO_PKG_VERSION"),
+        Provider::chosen(),
+        files()
+    )
 }
 
 /// Whether a network is installed, and with it what runs it.

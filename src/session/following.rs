@@ -39,9 +39,20 @@ struct Heard {
 impl Heard {
     /// What the voters would vote by now.
     fn now(project: &Project, votes: &Arc<Votes>) -> Self {
-        let masks = votes.frames().filter_map(|frame| Some((frame, project.mask_in_play(frame)?))).collect();
-        let parents = project.labels.iter().map(|label| (label.id, label.parent)).collect();
-        Self { votes: Arc::downgrade(votes), parents, masks }
+        let masks = votes
+            .frames()
+            .filter_map(|frame| Some((frame, project.mask_in_play(frame)?)))
+            .collect();
+        let parents = project
+            .labels
+            .iter()
+            .map(|label| (label.id, label.parent))
+            .collect();
+        Self {
+            votes: Arc::downgrade(votes),
+            parents,
+            masks,
+        }
     }
 
     /// The voters whose masks are others than these.
@@ -65,8 +76,12 @@ impl Session {
 
     /// Whether the labels of the cloud in memory are those of the masks now.
     pub(super) fn follows(&self) -> bool {
-        let Some(project) = self.project() else { return false };
-        let loaded = self.cloud.in_force(version_in_force(project, ResultKind::Cloud));
+        let Some(project) = self.project() else {
+            return false;
+        };
+        let loaded = self
+            .cloud
+            .in_force(version_in_force(project, ResultKind::Cloud));
         let heard = self.following.heard.as_ref();
         loaded.zip(heard).is_some_and(|((_, votes), heard)| {
             let now = Heard::now(project, &votes);
@@ -83,12 +98,17 @@ impl Session {
         if busy || !self.following.wanted.take() {
             return;
         }
-        let Some((project, revision)) = self.open.as_ref().map(|open| (Arc::clone(open.project()), open.revision()))
+        let Some((project, revision)) = self
+            .open
+            .as_ref()
+            .map(|open| (Arc::clone(open.project()), open.revision()))
         else {
             return;
         };
         let version = version_in_force(&project, ResultKind::Cloud);
-        let Some((cloud, votes)) = self.cloud.in_force(version) else { return };
+        let Some((cloud, votes)) = self.cloud.in_force(version) else {
+            return;
+        };
         let seen = (revision, Arc::downgrade(&votes));
         let is_seen = |(of, votes): &(u64, Weak<Votes>)| *of == seen.0 && votes.ptr_eq(&seen.1);
         if !can_vote_again(&cloud, &votes) || self.following.seen.as_ref().is_some_and(is_seen) {
@@ -96,7 +116,11 @@ impl Session {
         }
         self.following.seen = Some(seen);
         let now = Heard::now(&project, &votes);
-        let before = self.following.heard.as_ref().filter(|heard| heard.votes.ptr_eq(&now.votes));
+        let before = self
+            .following
+            .heard
+            .as_ref()
+            .filter(|heard| heard.votes.ptr_eq(&now.votes));
         let changed = match before {
             Some(before) => {
                 let changed = before.changed(&now, votes.frames());
@@ -123,7 +147,12 @@ impl Session {
     ) {
         let store = Arc::clone(&self.store);
         self.following.job = Some(self.start("vote again", Kind::Background, move |link| {
-            let voted = voted_again((&project, &store), (&cloud, &votes), &changed, &link.progress)?;
+            let voted = voted_again(
+                (&project, &store),
+                (&cloud, &votes),
+                &changed,
+                &link.progress,
+            )?;
             let voted = voted.map(|(labelled, counted)| (labelled, Arc::new(counted)));
             Ok(Box::new(move |session: &mut Self| {
                 let Some((labelled, counted)) = voted else {
@@ -131,7 +160,10 @@ impl Session {
                     return Ok(());
                 };
                 if session.cloud.revote(&votes, labelled, &counted) {
-                    session.following.heard = Some(Heard { votes: Arc::downgrade(&counted), ..now });
+                    session.following.heard = Some(Heard {
+                        votes: Arc::downgrade(&counted),
+                        ..now
+                    });
                     session.events.push(Event::CloudChanged);
                 }
                 Ok(())
@@ -141,7 +173,10 @@ impl Session {
 }
 
 fn is_stale(project: &Project) -> bool {
-    project.results.get(&ResultKind::Cloud).is_some_and(|record| record.stale)
+    project
+        .results
+        .get(&ResultKind::Cloud)
+        .is_some_and(|record| record.stale)
 }
 
 fn can_vote_again(cloud: &LabelledCloud, votes: &Votes) -> bool {
@@ -163,7 +198,9 @@ pub(super) fn cloud_of_now(
     }
     let voters: Vec<usize> = votes.frames().collect();
     let voted = voted_again(of, (&cloud, &votes), &voters, progress)?;
-    Ok(voted.map_or((cloud, votes), |(cloud, votes)| (Arc::new(cloud), Arc::new(votes))))
+    Ok(voted.map_or((cloud, votes), |(cloud, votes)| {
+        (Arc::new(cloud), Arc::new(votes))
+    }))
 }
 
 /// The cloud as the masks of the changed frames vote now; `None` where that changes nothing.
@@ -173,15 +210,31 @@ fn voted_again(
     changed: &[usize],
     progress: &Progress,
 ) -> Result<Option<(LabelledCloud, Votes)>, SceneError> {
-    let mask = |frame: usize| project.mask_in_play(frame).map(|runs| Arc::new(runs.decode()));
+    let mask = |frame: usize| {
+        project
+            .mask_in_play(frame)
+            .map(|runs| Arc::new(runs.decode()))
+    };
     let (labelled, counted) = if changed.len() <= FEW {
-        let changed: Vec<_> = changed.iter().map(|&frame| ChangedMask { frame, mask: mask(frame) }).collect();
+        let changed: Vec<_> = changed
+            .iter()
+            .map(|&frame| ChangedMask {
+                frame,
+                mask: mask(frame),
+            })
+            .collect();
         relabel(cloud, votes, &changed, &project.labels, progress)?
     } else {
-        let views = ProjectViews { frames: &project.frames, store, masks: &mask };
+        let views = ProjectViews {
+            frames: &project.frames,
+            store,
+            masks: &mask,
+        };
         let voted = vote_again(cloud, votes, &views, &project.labels, progress)?;
         (voted.cloud, voted.votes)
     };
-    let same = labelled.labels == cloud.labels && labelled.confidence == cloud.confidence && counted == *votes;
+    let same = labelled.labels == cloud.labels
+        && labelled.confidence == cloud.confidence
+        && counted == *votes;
     Ok((!same).then_some((labelled, counted)))
 }

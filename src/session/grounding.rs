@@ -32,8 +32,14 @@ impl Session {
 
     /// Those that are asked for are no longer offered.
     pub(super) fn drop_found(&mut self, frame: usize, extents: &[PxBox]) {
-        if let Some(grounding) = self.grounding.as_mut().filter(|grounding| grounding.frame == frame) {
-            grounding.things.retain(|thing| !extents.contains(&thing.extent));
+        if let Some(grounding) = self
+            .grounding
+            .as_mut()
+            .filter(|grounding| grounding.frame == frame)
+        {
+            grounding
+                .things
+                .retain(|thing| !extents.contains(&thing.extent));
         }
     }
 }

@@ -30,14 +30,20 @@ impl Session {
     /// The points of the depths that are being made or placed; `None` unless a job does so and has a view done.
     #[must_use]
     pub fn growing_cloud(&self) -> Option<&Arc<LabelledCloud>> {
-        let running = self.jobs().iter().any(|job| Some(job.id) == self.growing.job);
+        let running = self
+            .jobs()
+            .iter()
+            .any(|job| Some(job.id) == self.growing.job);
         Some(&self.growing.cloud).filter(|cloud| running && !cloud.is_empty())
     }
 
     /// Takes over the points of one view; those of another job go.
     fn grow(&mut self, job: JobId, frame: usize, points: LabelledCloud) {
         if self.growing.job != Some(job) {
-            self.growing = Growing { job: Some(job), ..Growing::default() };
+            self.growing = Growing {
+                job: Some(job),
+                ..Growing::default()
+            };
         }
         self.growing.views.insert(frame, points);
         self.growing.news = true;
@@ -68,7 +74,12 @@ impl Placed<'_> {
     /// Sends the points of a frame under a pose. A frame that cannot be read shows nothing: who finds the cameras reads it
     /// too, and tells.
     pub(super) fn show(&self, frame: usize, camera_from_world: &Pose) {
-        if let Some(points) = self.link.is_watched().then(|| self.points(frame, camera_from_world)).flatten() {
+        if let Some(points) = self
+            .link
+            .is_watched()
+            .then(|| self.points(frame, camera_from_world))
+            .flatten()
+        {
             let job = self.link.job();
             let grow = move |session: &mut Session| {
                 session.grow(job, frame, points);
@@ -88,7 +99,10 @@ impl Placed<'_> {
         // A step that shares no factor with the width: no columns of pixels.
         let step = (depth.depths.len() / most.max(1)).max(1) | 1;
         let mut cloud = LabelledCloud::default();
-        for at in (0..depth.depths.len()).step_by(step).filter(|&at| depth.depths[at] > 0.0) {
+        for at in (0..depth.depths.len())
+            .step_by(step)
+            .filter(|&at| depth.depths[at] > 0.0)
+        {
             let (x, y) = (at as u32 % depth.width, at as u32 / depth.width);
             let at_px = glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             let ray = lens.unproject(at_px).extend(1.0) * f64::from(depth.depths[at]);
@@ -131,17 +145,27 @@ impl DepthStore for Shown<'_> {
 
 impl Shown<'_> {
     /// An evenly spread part of a view's points that are at least so sure.
-    fn points(&self, frame: usize, estimate: &DepthEstimate, least: u8) -> Result<LabelledCloud, SceneError> {
+    fn points(
+        &self,
+        frame: usize,
+        estimate: &DepthEstimate,
+        least: u8,
+    ) -> Result<LabelledCloud, SceneError> {
         let mut cloud = LabelledCloud::default();
-        let Some((lens, pose)) = self.frames[frame].posed_camera() else { return Ok(cloud) };
+        let Some((lens, pose)) = self.frames[frame].posed_camera() else {
+            return Ok(cloud);
+        };
         let colors = raster_image(&self.frames[frame], lens, self.pictures, self.max_side)?;
         let world_from_camera = pose.inverse();
-        let known =
-            (0..estimate.depths.len()).filter(|&at| estimate.depths[at] > 0.0 && estimate.confidence[at] >= least);
+        let known = (0..estimate.depths.len())
+            .filter(|&at| estimate.depths[at] > 0.0 && estimate.confidence[at] >= least);
         let step = (known.clone().count() / POINTS_A_VIEW).max(1);
         for at in known.step_by(step) {
             let (x, y) = (at % estimate.width(), at / estimate.width());
-            let ray = estimate.camera.unproject(glam::DVec2::new(x as f64 + 0.5, y as f64 + 0.5)).extend(1.0);
+            let ray = estimate
+                .camera
+                .unproject(glam::DVec2::new(x as f64 + 0.5, y as f64 + 0.5))
+                .extend(1.0);
             let position = world_from_camera.transform(ray * f64::from(estimate.depths[at]));
             cloud.push(position.as_vec3(), colors.pixels[at]);
         }

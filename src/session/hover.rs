@@ -39,19 +39,25 @@ impl Session {
         if self.hover.answering.is_some_and(is_answering) {
             return;
         }
-        let (Some(request), Ok(project)) = (self.hover.wanted.clone(), self.snapshot()) else { return };
+        let (Some(request), Ok(project)) = (self.hover.wanted.clone(), self.snapshot()) else {
+            return;
+        };
         let geometry = self.geometry_for(&project);
-        let (Some(frame), Ok(segmenter)) =
-            (project.frames.get(request.frame).cloned(), engines::previewer(&request.segmenter, geometry))
-        else {
+        let (Some(frame), Ok(segmenter)) = (
+            project.frames.get(request.frame).cloned(),
+            engines::previewer(&request.segmenter, geometry),
+        ) else {
             return;
         };
         let (prepared, store) = (Arc::clone(&self.prepared), Arc::clone(&self.store));
         self.hover.answering = Some(self.start("hover", Kind::Background, move |link| {
             // What cannot be shown is not worth a word: the click itself will tell.
-            let ready = prepared.get(segmenter.as_ref(), &frame, &store, &link.progress).ok();
-            let answer =
-                ready.and_then(|ready| shown_alone(ready.as_ref(), &project, &request, &link.progress)).map(Arc::new);
+            let ready = prepared
+                .get(segmenter.as_ref(), &frame, &store, &link.progress)
+                .ok();
+            let answer = ready
+                .and_then(|ready| shown_alone(ready.as_ref(), &project, &request, &link.progress))
+                .map(Arc::new);
             Ok(Box::new(move |session: &mut Self| {
                 session.take_hover(&request, answer);
                 Ok(())
@@ -79,5 +85,9 @@ fn shown_alone(
     let region = answer(ready, project, request, progress).ok()?;
     let id = |&inside: &bool| if inside { request.label } else { LabelId::NONE };
     let ids = region.inside.iter().map(id).collect();
-    Some(RunMask::encode(&LabelMask { width: region.width, height: region.height, ids }))
+    Some(RunMask::encode(&LabelMask {
+        width: region.width,
+        height: region.height,
+        ids,
+    }))
 }

@@ -89,15 +89,23 @@ impl Link {
 
     /// Whether somebody looks on while the work goes on: a window, not a script.
     pub fn is_watched(&self) -> bool {
-        self.waker.lock().unwrap_or_else(PoisonError::into_inner).is_some()
+        self.waker
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .is_some()
     }
 
     /// Hands a piece of the result over while the work goes on.
     ///
     /// # Errors
     /// [`Stopped`] when nobody takes it any more.
-    pub fn send(&self, landing: impl FnOnce(&mut Session) -> Result<()> + Send + 'static) -> Result<(), Stopped> {
-        self.sender.send(News::Piece(self.job, Box::new(landing))).map_err(|_| Stopped)?;
+    pub fn send(
+        &self,
+        landing: impl FnOnce(&mut Session) -> Result<()> + Send + 'static,
+    ) -> Result<(), Stopped> {
+        self.sender
+            .send(News::Piece(self.job, Box::new(landing)))
+            .map_err(|_| Stopped)?;
         wake(&self.waker);
         Ok(())
     }
@@ -112,7 +120,11 @@ impl Drop for Link {
 }
 
 fn wake(waker: &Waker) {
-    if let Some(wake) = waker.lock().unwrap_or_else(PoisonError::into_inner).as_ref() {
+    if let Some(wake) = waker
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .as_ref()
+    {
         wake();
     }
 }
@@ -120,7 +132,13 @@ fn wake(waker: &Waker) {
 impl Default for Jobs {
     fn default() -> Self {
         let (sender, receiver) = sync_channel(WAITING);
-        Self { running: Vec::new(), last: 0, sender, receiver, waker: Waker::default() }
+        Self {
+            running: Vec::new(),
+            last: 0,
+            sender,
+            receiver,
+            waker: Waker::default(),
+        }
     }
 }
 
@@ -135,8 +153,15 @@ impl Jobs {
         self.last += 1;
         let id = JobId(self.last);
         let (sender, waker) = (self.sender.clone(), Arc::clone(&self.waker));
-        let link = move |progress: &Progress| Link { progress: progress.clone(), job: id, sender, waker };
-        let running = Running::spawn(title, Progress::default(), move |progress| work(&link(progress)));
+        let link = move |progress: &Progress| Link {
+            progress: progress.clone(),
+            job: id,
+            sender,
+            waker,
+        };
+        let running = Running::spawn(title, Progress::default(), move |progress| {
+            work(&link(progress))
+        });
         let started = Instant::now();
         self.running.push(Job {
             id,
@@ -169,14 +194,19 @@ impl Jobs {
     pub fn wait(&mut self, longest: Duration) -> Option<(JobId, Landing)> {
         match self.receiver.recv_timeout(longest) {
             Ok(News::Piece(job, landing)) => Some((job, landing)),
-            Ok(News::Ended) | Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
+            Ok(News::Ended) | Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {
+                None
+            }
         }
     }
 
     /// Notes which jobs ended. All their pieces are waiting by then: take these in before [`Self::take_ended`].
     pub fn note_ended(&mut self) {
         for job in self.running.iter_mut().filter(|job| job.outcome.is_none()) {
-            job.outcome = job.running.try_take().map(|result| result.map_err(anyhow::Error::from).flatten());
+            job.outcome = job
+                .running
+                .try_take()
+                .map(|result| result.map_err(anyhow::Error::from).flatten());
         }
     }
 

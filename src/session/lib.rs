@@ -52,8 +52,8 @@ pub use grounding::{FoundThing, Grounding};
 pub use instances_request::InstancesRequest;
 pub use jobs::{Kind, Landing};
 pub use mask_requests::{
-    GroundRequest, PaintRequest, PromptRequest, PullRequest, RangeChange, RangeRequest, TakeRequest, TidyRequest,
-    TraceRequest,
+    GroundRequest, PaintRequest, PromptRequest, PullRequest, RangeChange, RangeRequest,
+    TakeRequest, TidyRequest, TraceRequest,
 };
 pub use measuring::MeasureWish;
 pub use models::{ModelRequest, ModelTask, add_model, check_model, install_model, list_models};

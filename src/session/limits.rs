@@ -8,7 +8,9 @@ use ostra_cloud::measure::GroundChoice;
 use ostra_cloud::select::{Eye, SeenRegion, SelectStep};
 use ostra_frames::cameras::IntrinsicsSource;
 use ostra_masks::PxBox;
-use ostra_project::{ExportRequest, FuseRequest, Project, ReconstructRequest, ScaleEnd, ScaleRequest};
+use ostra_project::{
+    ExportRequest, FuseRequest, Project, ReconstructRequest, ScaleEnd, ScaleRequest,
+};
 
 /// Pixels by which a position may lie outside its frame. A stroke may leave the image, and in a window that shows the image
 /// small the pointer gets far away from it.
@@ -39,7 +41,10 @@ impl Command {
             Self::New(new) | Self::AddFrames(new) => check_new(new),
             Self::Prompt(request) => {
                 let image = image(request.frame)?;
-                image.check("click", request.prompt.clicks.iter().map(|click| click.at_px))?;
+                image.check(
+                    "click",
+                    request.prompt.clicks.iter().map(|click| click.at_px),
+                )?;
                 image.check("box", corners(&request.prompt.boxes))
             }
             Self::TakeFound(request) => {
@@ -47,16 +52,22 @@ impl Command {
             }
             Self::Ground(request) => check_share("the least score", request.threshold),
             Self::Paint(request) => check_stroke(request, &image(request.frame)?),
-            Self::Pull(request) => image(request.frame)?.check("position", [request.from_px, request.to_px]),
-            Self::Trace(request) => image(request.frame)?.check("point", request.points_px.iter().copied()),
+            Self::Pull(request) => {
+                image(request.frame)?.check("position", [request.from_px, request.to_px])
+            }
+            Self::Trace(request) => {
+                image(request.frame)?.check("point", request.points_px.iter().copied())
+            }
             Self::Range(request) => match request.change {
                 RangeChange::Split { frame, at_px, .. } => image(frame)?.check("position", [at_px]),
                 _ => Ok(()),
             },
-            Self::CorrectCloud(correction) => correction.select.iter().try_for_each(|step| match step {
-                SelectStep::Seen(region) => check_seen(region, project),
-                _ => Ok(()),
-            }),
+            Self::CorrectCloud(correction) => {
+                correction.select.iter().try_for_each(|step| match step {
+                    SelectStep::Seen(region) => check_seen(region, project),
+                    _ => Ok(()),
+                })
+            }
             Self::Track(settings) => check_track(settings),
             Self::Reconstruct(request) => check_reconstruct(request, project),
             Self::Scale(request) => check_scale(request, project),
@@ -76,8 +87,14 @@ struct Image {
 
 impl Image {
     fn of(project: Option<&Project>, number: usize) -> Result<Self> {
-        let frame = project.context("no project is open; open one first")?.frame(number)?;
-        Ok(Self { name: format!("frame {number}"), width: frame.width, height: frame.height })
+        let frame = project
+            .context("no project is open; open one first")?
+            .frame(number)?;
+        Ok(Self {
+            name: format!("frame {number}"),
+            width: frame.width,
+            height: frame.height,
+        })
     }
 
     /// Refuses positions that are not numbers or far outside.
@@ -85,7 +102,10 @@ impl Image {
         let (last, mut count) = (DVec2::new(f64::from(self.width), f64::from(self.height)), 0);
         for at in positions_px {
             count += 1;
-            ensure!(count <= MAX_POSITIONS, "a command may hold {MAX_POSITIONS} positions, this one holds more");
+            ensure!(
+                count <= MAX_POSITIONS,
+                "a command may hold {MAX_POSITIONS} positions, this one holds more"
+            );
             let outside = (-at).max(at - last).max_element();
             ensure!(
                 at.is_finite() && outside <= MAX_OUTSIDE_PX,
@@ -107,23 +127,36 @@ fn corners<'a>(boxes: impl IntoIterator<Item = &'a PxBox>) -> impl Iterator<Item
 
 fn check_radius(radius_px: f64) -> Result<()> {
     let possible = (0.0..=MAX_RADIUS_PX).contains(&radius_px);
-    ensure!(possible, "a brush radius of {radius_px} pixels is not possible; give 0 to {MAX_RADIUS_PX}");
+    ensure!(
+        possible,
+        "a brush radius of {radius_px} pixels is not possible; give 0 to {MAX_RADIUS_PX}"
+    );
     Ok(())
 }
 
 fn check_share(what: &str, share: Option<f32>) -> Result<()> {
     let possible = share.is_none_or(|share| (0.0..=1.0).contains(&share));
-    ensure!(possible, "{what} must be between 0 and 1, got {}", share.unwrap_or_default());
+    ensure!(
+        possible,
+        "{what} must be between 0 and 1, got {}",
+        share.unwrap_or_default()
+    );
     Ok(())
 }
 
 fn check_new(new: &NewProject) -> Result<()> {
     let unit = new.open.depth_unit;
     let [least, most] = DEPTH_UNITS;
-    ensure!((least..=most).contains(&unit), "a depth unit of {unit} is not possible; give {least} to {most}");
+    ensure!(
+        (least..=most).contains(&unit),
+        "a depth unit of {unit} is not possible; give {least} to {most}"
+    );
     if let Some(IntrinsicsSource::Values(values)) = new.intrinsics {
         let possible = values.iter().all(|value| value.abs() <= MAX_WORLD);
-        ensure!(possible, "the intrinsics {values:?} are not possible; give fx, fy, cx, cy in pixels");
+        ensure!(
+            possible,
+            "the intrinsics {values:?} are not possible; give fx, fy, cx, cy in pixels"
+        );
     }
     Ok(())
 }
@@ -142,7 +175,11 @@ fn check_seen(region: &SeenRegion, project: Option<&Project>) -> Result<()> {
                 width.max(height) <= MAX_EYE_SIDE_PX,
                 "a view of {width}x{height} pixels is too large; at most {MAX_EYE_SIDE_PX} a side are possible"
             );
-            Image { name: "the view".into(), width, height }
+            Image {
+                name: "the view".into(),
+                width,
+                height,
+            }
         }
     };
     check_radius(region.radius_px)?;
@@ -152,7 +189,9 @@ fn check_seen(region: &SeenRegion, project: Option<&Project>) -> Result<()> {
 
 fn check_track(settings: &TrackSettings) -> Result<()> {
     check_share("the confidence to pause below", settings.pause_below)?;
-    let side = settings.short_side.filter(|side| !SHORT_SIDES.contains(side));
+    let side = settings
+        .short_side
+        .filter(|side| !SHORT_SIDES.contains(side));
     let (least, most) = (SHORT_SIDES.start(), SHORT_SIDES.end());
     ensure!(
         side.is_none(),
@@ -163,7 +202,10 @@ fn check_track(settings: &TrackSettings) -> Result<()> {
 }
 
 fn check_reconstruct(request: &ReconstructRequest, project: Option<&Project>) -> Result<()> {
-    ensure!(request.every >= 1, "every 0th frame cannot be used; give 1 or more");
+    ensure!(
+        request.every >= 1,
+        "every 0th frame cannot be used; give 1 or more"
+    );
     let side = request.max_side.filter(|side| !MAX_SIDES.contains(side));
     let (least, most) = (MAX_SIDES.start(), MAX_SIDES.end());
     ensure!(
@@ -173,39 +215,66 @@ fn check_reconstruct(request: &ReconstructRequest, project: Option<&Project>) ->
     );
     let frames = project.map_or(0, |project| project.frames.len());
     for &[a, b] in &request.pairs {
-        ensure!(a != b && a.max(b) < frames, "frames {a} and {b} are not a pair of frames; there are {frames}");
+        ensure!(
+            a != b && a.max(b) < frames,
+            "frames {a} and {b} are not a pair of frames; there are {frames}"
+        );
     }
     Ok(())
 }
 
 fn check_scale(request: &ScaleRequest, project: Option<&Project>) -> Result<()> {
     let length = request.length;
-    ensure!(length > 0.0 && length <= MAX_WORLD, "a length of {length} is not possible; give a number above 0");
+    ensure!(
+        length > 0.0 && length <= MAX_WORLD,
+        "a length of {length} is not possible; give a number above 0"
+    );
     request.ends.iter().try_for_each(|end| match end {
         ScaleEnd::World(at) => check_world(*at),
-        ScaleEnd::Seen(seen) => {
-            seen.iter().try_for_each(|&(frame, at_px)| Image::of(project, frame)?.check("position", [at_px]))
-        }
+        ScaleEnd::Seen(seen) => seen
+            .iter()
+            .try_for_each(|&(frame, at_px)| Image::of(project, frame)?.check("position", [at_px])),
     })
 }
 
 fn check_world(at: DVec3) -> Result<()> {
     let possible = at.is_finite() && at.abs().max_element() <= MAX_WORLD;
-    ensure!(possible, "the point {}, {}, {} is too far away; at most {MAX_WORLD} units are possible", at.x, at.y, at.z);
+    ensure!(
+        possible,
+        "the point {}, {}, {} is too far away; at most {MAX_WORLD} units are possible",
+        at.x,
+        at.y,
+        at.z
+    );
     Ok(())
 }
 
 fn check_fuse(request: &FuseRequest) -> Result<()> {
     check_share("the least confidence", request.min_confidence)?;
-    let voxel = request.voxel.filter(|voxel| !(*voxel > 0.0 && *voxel <= MAX_WORLD));
-    ensure!(voxel.is_none(), "a voxel size of {} is not possible; give a length above 0", voxel.unwrap_or_default());
+    let voxel = request
+        .voxel
+        .filter(|voxel| !(*voxel > 0.0 && *voxel <= MAX_WORLD));
+    ensure!(
+        voxel.is_none(),
+        "a voxel size of {} is not possible; give a length above 0",
+        voxel.unwrap_or_default()
+    );
     Ok(())
 }
 
 fn check_export(request: &ExportRequest) -> Result<()> {
-    let share = request.simplify.filter(|share| !(*share > 0.0 && *share <= 1.0));
-    ensure!(share.is_none(), "triangles to keep must be above 0 and at most 1, got {}", share.unwrap_or_default());
-    ensure!(request.level != Some(0), "level 0 does not exist; 1 is the top of the label tree");
+    let share = request
+        .simplify
+        .filter(|share| !(*share > 0.0 && *share <= 1.0));
+    ensure!(
+        share.is_none(),
+        "triangles to keep must be above 0 and at most 1, got {}",
+        share.unwrap_or_default()
+    );
+    ensure!(
+        request.level != Some(0),
+        "level 0 does not exist; 1 is the top of the label tree"
+    );
     if let GroundChoice::Plane { normal, offset } = request.ground {
         check_world(DVec3::from_array(normal))?;
         ensure!(
@@ -233,7 +302,14 @@ mod tests {
     fn commands_at(at_px: DVec2) -> Vec<Command> {
         let (frame, label) = (1, LabelId(1));
         let points_px = vec![DVec2::ONE, at_px];
-        let prompt = |prompt| Command::Prompt(PromptRequest { frame, label, prompt, segmenter: "builtin".into() });
+        let prompt = |prompt| {
+            Command::Prompt(PromptRequest {
+                frame,
+                label,
+                prompt,
+                segmenter: "builtin".into(),
+            })
+        };
         let paint = |snap| PaintRequest {
             frame,
             label,
@@ -254,14 +330,40 @@ mod tests {
             cube_from_world: None,
         };
         vec![
-            prompt(Prompt { clicks: vec![Click { at_px, include: true }], ..Prompt::default() }),
-            prompt(Prompt { boxes: vec![PxBox { min_px: DVec2::ZERO, max_px: at_px }], ..Prompt::default() }),
+            prompt(Prompt {
+                clicks: vec![Click {
+                    at_px,
+                    include: true,
+                }],
+                ..Prompt::default()
+            }),
+            prompt(Prompt {
+                boxes: vec![PxBox {
+                    min_px: DVec2::ZERO,
+                    max_px: at_px,
+                }],
+                ..Prompt::default()
+            }),
             Command::Paint(paint(false)),
             Command::Paint(paint(true)),
-            Command::Pull(PullRequest { frame, label, from_px: DVec2::ONE, to_px: at_px, replace: true }),
-            Command::Trace(TraceRequest { frame, label, points_px: points_px.clone(), replace: true }),
+            Command::Pull(PullRequest {
+                frame,
+                label,
+                from_px: DVec2::ONE,
+                to_px: at_px,
+                replace: true,
+            }),
+            Command::Trace(TraceRequest {
+                frame,
+                label,
+                points_px: points_px.clone(),
+                replace: true,
+            }),
             Command::Scale(ScaleRequest {
-                ends: [ScaleEnd::World(DVec3::ZERO), ScaleEnd::Seen(vec![(frame, at_px)])],
+                ends: [
+                    ScaleEnd::World(DVec3::ZERO),
+                    ScaleEnd::Seen(vec![(frame, at_px)]),
+                ],
                 length: 1.0,
             }),
             Command::CorrectCloud(CloudCorrection {
@@ -280,7 +382,10 @@ mod tests {
         }
         for at_px in FAR {
             for command in commands_at(at_px) {
-                let error = command.check_numbers(Some(&project)).unwrap_err().to_string();
+                let error = command
+                    .check_numbers(Some(&project))
+                    .unwrap_err()
+                    .to_string();
                 assert!(error.contains("frame 1 (4x3)"), "{command:?}: {error}");
             }
         }
@@ -288,12 +393,31 @@ mod tests {
 
     #[test]
     fn numbers_out_of_range_are_refused_with_the_range() {
-        let track = |short_side| Command::Track(TrackSettings { short_side: Some(short_side), ..Default::default() });
-        let reconstruct = |every, max_side| {
-            Command::Reconstruct(ReconstructRequest { every, max_side: Some(max_side), ..Default::default() })
+        let track = |short_side| {
+            Command::Track(TrackSettings {
+                short_side: Some(short_side),
+                ..Default::default()
+            })
         };
-        let fuse = |voxel| Command::Fuse(FuseRequest { voxel: Some(voxel), ..Default::default() });
-        let export = |simplify| Command::Export(ExportRequest { simplify: Some(simplify), ..Default::default() });
+        let reconstruct = |every, max_side| {
+            Command::Reconstruct(ReconstructRequest {
+                every,
+                max_side: Some(max_side),
+                ..Default::default()
+            })
+        };
+        let fuse = |voxel| {
+            Command::Fuse(FuseRequest {
+                voxel: Some(voxel),
+                ..Default::default()
+            })
+        };
+        let export = |simplify| {
+            Command::Export(ExportRequest {
+                simplify: Some(simplify),
+                ..Default::default()
+            })
+        };
         let project = project();
         let check = |command: Command| command.check_numbers(Some(&project));
         for sound in [track(480), reconstruct(1, 1024), fuse(0.001), export(0.5)] {

@@ -19,7 +19,11 @@ pub struct MeasureWish {
 
 impl MeasureWish {
     pub(super) fn options(&self) -> MeasureOptions {
-        MeasureOptions { level: self.level, ground: self.ground, ..MeasureOptions::default() }
+        MeasureOptions {
+            level: self.level,
+            ground: self.ground,
+            ..MeasureOptions::default()
+        }
     }
 }
 
@@ -48,7 +52,9 @@ impl Subject {
 
 impl Measuring {
     fn is_of(&self, (subject, wish): &(Subject, MeasureWish)) -> bool {
-        self.of.as_ref().is_some_and(|of| of.0.is(subject) && of.1 == *wish)
+        self.of
+            .as_ref()
+            .is_some_and(|of| of.0.is(subject) && of.1 == *wish)
     }
 }
 
@@ -66,23 +72,38 @@ impl Session {
     /// cloud that is older than the scale of the cameras has no unit.
     #[must_use]
     pub fn length_unit(&self) -> LengthUnit {
-        let Some(project) = self.project() else { return LengthUnit::World };
-        if self.growing_cloud().is_some() { project.coordinates().unit } else { project.cloud_unit() }
+        let Some(project) = self.project() else {
+            return LengthUnit::World;
+        };
+        if self.growing_cloud().is_some() {
+            project.coordinates().unit
+        } else {
+            project.cloud_unit()
+        }
     }
 
     /// The cloud to measure, the tree that its labels lie in, and what of both measures depend on.
     pub(super) fn measurable(&self) -> Option<(Arc<LabelledCloud>, LabelTree, Subject)> {
         let cloud = Arc::clone(self.cloud()?);
-        let tree = self.project().map_or_else(|| cloud.tree.clone(), |project| project.labels.clone());
+        let tree = self
+            .project()
+            .map_or_else(|| cloud.tree.clone(), |project| project.labels.clone());
         let parents = tree.iter().map(|label| (label.id, label.parent)).collect();
-        let subject = Subject { cloud: Arc::downgrade(&cloud), parents };
+        let subject = Subject {
+            cloud: Arc::downgrade(&cloud),
+            parents,
+        };
         Some((cloud, tree, subject))
     }
 
     /// Starts to measure what was asked for, in the place of what was asked for before.
     pub(super) fn measure_wanted(&mut self) {
-        let Some(wish) = self.measuring.wanted.take() else { return };
-        let Some((cloud, tree, subject)) = self.measurable() else { return };
+        let Some(wish) = self.measuring.wanted.take() else {
+            return;
+        };
+        let Some((cloud, tree, subject)) = self.measurable() else {
+            return;
+        };
         let measured = (subject, wish);
         if self.measuring.is_of(&measured) {
             return;
@@ -106,5 +127,12 @@ impl Session {
 
 /// The cloud under a tree; copied only where it is another than its own.
 pub(super) fn under(cloud: &Arc<LabelledCloud>, tree: LabelTree) -> Arc<LabelledCloud> {
-    if cloud.tree == tree { Arc::clone(cloud) } else { Arc::new(LabelledCloud { tree, ..LabelledCloud::clone(cloud) }) }
+    if cloud.tree == tree {
+        Arc::clone(cloud)
+    } else {
+        Arc::new(LabelledCloud {
+            tree,
+            ..LabelledCloud::clone(cloud)
+        })
+    }
 }

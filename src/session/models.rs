@@ -6,7 +6,9 @@ use serde::{Deserialize, Serialize};
 use super::Session;
 use super::jobs::{Kind, Landing};
 use crate::Event;
-use ostra_compute::nn::{Added, Catalogue, CheckedFile, Fetched, Proof, Row, add, check, install, list, models_folder};
+use ostra_compute::nn::{
+    Added, Catalogue, CheckedFile, Fetched, Proof, Row, add, check, install, list, models_folder,
+};
 use ostra_core::job::JobId;
 use ostra_core::job::{Progress, Stopped};
 
@@ -40,7 +42,12 @@ pub fn check_model(name: &str) -> Result<Vec<CheckedFile>> {
 /// # Errors
 /// When the name is unknown, it has no address, a download fails, or a file is not what it should be.
 pub fn install_model(name: &str, told: &mut dyn FnMut(Fetched<'_>) -> bool) -> Result<Vec<Added>> {
-    Ok(install(&Catalogue::bundled()?, &models_folder()?, name, told)?)
+    Ok(install(
+        &Catalogue::bundled()?,
+        &models_folder()?,
+        name,
+        told,
+    )?)
 }
 
 /// What is wanted of a network of the catalogue (or of ONNX Runtime).
@@ -81,7 +88,10 @@ impl Session {
     /// Does what is wanted of a network, beside all other jobs; files that could not be checked are told as warnings.
     pub(super) fn change_model(&mut self, request: &ModelRequest) -> Result<JobId> {
         let title = request.title();
-        ensure!(!self.jobs.iter().any(|job| job.title == title), "'{title}' is still running; wait for it or stop it");
+        ensure!(
+            !self.jobs.iter().any(|job| job.title == title),
+            "'{title}' is still running; wait for it or stop it"
+        );
         let request = request.clone();
         Ok(self.start(&title, Kind::Short, move |link| {
             let warnings = done(&request, &link.progress)?;

@@ -7,7 +7,9 @@ use ostra_frames::{DepthMap, Image};
 use ostra_masks::onnx::Yolox;
 use ostra_masks::onnx::grounding::GroundingDino;
 use ostra_masks::onnx::sam::{CloseUps, Part, Sam};
-use ostra_masks::{MaskError, PreparedFrame, Segmenter, TextGrounder, TrackRequest, TrackedFrame, Tracker};
+use ostra_masks::{
+    MaskError, PreparedFrame, Segmenter, TextGrounder, TrackRequest, TrackedFrame, Tracker,
+};
 use ostra_tracking::XFeatCells;
 use ostra_tracking::deaot::Deaot;
 use ostra_tracking::flow::{Describer, Description};
@@ -90,7 +92,9 @@ pub(super) struct KeptXFeat;
 
 impl Describer for KeptXFeat {
     fn describe(&self, grey: &[f32], size: (usize, usize)) -> Result<Description, MaskError> {
-        XFEAT.get(|| XFeatCells::load(&models_folder()?))?.describe(grey, size)
+        XFEAT
+            .get(|| XFeatCells::load(&models_folder()?))?
+            .describe(grey, size)
     }
 }
 
@@ -127,12 +131,16 @@ impl Tracker for KeptTracker {
         match self.network {
             TrackNetwork::XMem => {
                 let mut xmem = XMem::clone(&*XMEM.get(|| XMem::load(&models_folder()?))?);
-                xmem.options.short_side = self.seen.map_or(xmem.options.short_side, |(side, _)| Some(side));
+                xmem.options.short_side = self
+                    .seen
+                    .map_or(xmem.options.short_side, |(side, _)| Some(side));
                 xmem.track(request, emit, progress)
             }
             TrackNetwork::Deaot => {
                 let mut deaot = Deaot::clone(&*DEAOT.get(|| Deaot::load(&models_folder()?))?);
-                let longest = self.seen.map(|(side, longer)| (f64::from(side) * longer).round() as u32);
+                let longest = self
+                    .seen
+                    .map(|(side, longer)| (f64::from(side) * longer).round() as u32);
                 deaot.options.longest_side = longest.unwrap_or(deaot.options.longest_side);
                 deaot.track(request, emit, progress)
             }

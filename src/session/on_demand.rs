@@ -18,7 +18,10 @@ impl<K: Copy + PartialEq, T> OnDemand<K, T> {
 
     /// As [`Self::get`]; what was loaded under a key that `serves` stands until it is there.
     pub(super) fn get_or(&self, key: K, serves: impl Fn(K) -> bool) -> Option<&Arc<T>> {
-        let (of, value) = self.loaded.as_ref().map_or((None, None), |(of, value)| (Some(*of), Some(value)));
+        let (of, value) = self
+            .loaded
+            .as_ref()
+            .map_or((None, None), |(of, value)| (Some(*of), Some(value)));
         if of != Some(key) {
             self.wanted.set(Some(key));
         }
@@ -40,7 +43,11 @@ impl<K: Copy + PartialEq, T> OnDemand<K, T> {
 
 impl<K, T> Default for OnDemand<K, T> {
     fn default() -> Self {
-        Self { loaded: None, wanted: Cell::new(None), tried: None }
+        Self {
+            loaded: None,
+            wanted: Cell::new(None),
+            tried: None,
+        }
     }
 }
 

@@ -43,7 +43,11 @@ struct Shelf {
 impl Pictures {
     /// Loads the pictures of `frames` through `store`. `notify` is called, on a worker's thread, when one arrived.
     #[must_use]
-    pub fn of(frames: Arc<Vec<Frame>>, store: Arc<FrameStore>, notify: impl Fn() + Send + Sync + 'static) -> Self {
+    pub fn of(
+        frames: Arc<Vec<Frame>>,
+        store: Arc<FrameStore>,
+        notify: impl Fn() + Send + Sync + 'static,
+    ) -> Self {
         let load = move |number| match frames.get(number) {
             Some(frame) => store.image(frame).map_err(|error| error.to_string()),
             None => Err(format!("there is no frame {number}")),
@@ -61,14 +65,20 @@ impl Pictures {
             Wish::Full(frame) => load(frame),
             Wish::Thumbnail(frame) => load(frame).map(|image| Arc::new(thumbnail(&image))),
         };
-        Self { loader: Loader::new("pictures", 2, load_wish, notify), state: Mutex::default() }
+        Self {
+            loader: Loader::new("pictures", 2, load_wish, notify),
+            state: Mutex::default(),
+        }
     }
 
     /// The frame's picture, as soon as it is there; asks for it, and for its neighbours after it.
     #[must_use]
     pub fn picture(&self, frame: usize) -> Option<Arc<Image>> {
         let mut state = self.lock();
-        for near in [Some(frame), frame.checked_add(1), frame.checked_sub(1)].into_iter().flatten() {
+        for near in [Some(frame), frame.checked_add(1), frame.checked_sub(1)]
+            .into_iter()
+            .flatten()
+        {
             state.ask(Wish::Full(near));
         }
         state.pictures.look(frame)
@@ -117,8 +127,12 @@ impl State {
 
     fn is_missing(&self, wish: Wish) -> bool {
         match wish {
-            Wish::Full(frame) => !self.pictures.kept.contains_key(&frame) && !self.failures.contains_key(&frame),
-            Wish::Thumbnail(frame) => !self.thumbnails.kept.contains_key(&frame) && !self.failures.contains_key(&frame),
+            Wish::Full(frame) => {
+                !self.pictures.kept.contains_key(&frame) && !self.failures.contains_key(&frame)
+            }
+            Wish::Thumbnail(frame) => {
+                !self.thumbnails.kept.contains_key(&frame) && !self.failures.contains_key(&frame)
+            }
         }
     }
 
@@ -126,7 +140,9 @@ impl State {
         self.sent.retain(|sent| *sent != wish);
         match (wish, result) {
             (Wish::Full(frame), Ok(image)) => self.pictures.put(frame, image, PICTURES_KEPT),
-            (Wish::Thumbnail(frame), Ok(image)) => self.thumbnails.put(frame, image, THUMBNAILS_KEPT),
+            (Wish::Thumbnail(frame), Ok(image)) => {
+                self.thumbnails.put(frame, image, THUMBNAILS_KEPT)
+            }
             (Wish::Full(frame) | Wish::Thumbnail(frame), Err(text)) => {
                 self.failures.insert(frame, text);
             }
@@ -146,7 +162,12 @@ impl Shelf {
         self.clock += 1;
         self.kept.insert(frame, (self.clock, image));
         while self.kept.len() > keep {
-            let Some(oldest) = self.kept.iter().min_by_key(|(_, (seen, _))| *seen).map(|(&frame, _)| frame) else {
+            let Some(oldest) = self
+                .kept
+                .iter()
+                .min_by_key(|(_, (seen, _))| *seen)
+                .map(|(&frame, _)| frame)
+            else {
                 break;
             };
             self.kept.remove(&oldest);
@@ -160,7 +181,9 @@ fn thumbnail(image: &Image) -> Image {
     if longest <= THUMBNAIL_PX {
         return image.clone();
     }
-    let scaled = |side: u32| ((u64::from(side) * u64::from(THUMBNAIL_PX)) / u64::from(longest)).max(1) as u32;
+    let scaled = |side: u32| {
+        ((u64::from(side) * u64::from(THUMBNAIL_PX)) / u64::from(longest)).max(1) as u32
+    };
     let (width, height) = (scaled(image.width), scaled(image.height));
     let mut pixels = Vec::with_capacity((width * height) as usize);
     for y in 0..height {
@@ -169,7 +192,11 @@ fn thumbnail(image: &Image) -> Image {
             pixels.push(mean(image, block(x, width, image.width), rows.clone()));
         }
     }
-    Image { width, height, pixels }
+    Image {
+        width,
+        height,
+        pixels,
+    }
 }
 
 fn block(index: u32, of: u32, side: u32) -> std::ops::Range<u32> {
@@ -197,7 +224,11 @@ mod tests {
     use std::time::Duration;
 
     fn picture(value: u8) -> Image {
-        Image { width: 640, height: 480, pixels: vec![[value; 3]; 640 * 480] }
+        Image {
+            width: 640,
+            height: 480,
+            pixels: vec![[value; 3]; 640 * 480],
+        }
     }
 
     #[test]
@@ -205,14 +236,24 @@ mod tests {
         let small = thumbnail(&picture(90));
         assert_eq!((small.width, small.height), (160, 120));
         assert!(small.pixels.iter().all(|p| *p == [90; 3]));
-        let tall = thumbnail(&Image { width: 3, height: 1000, pixels: vec![[1, 2, 3]; 3000] });
+        let tall = thumbnail(&Image {
+            width: 3,
+            height: 1000,
+            pixels: vec![[1, 2, 3]; 3000],
+        });
         assert_eq!((tall.width, tall.height), (1, 160));
     }
 
     #[test]
     fn pictures_arrive_with_neighbours_and_failures_are_told_once() {
         let (told, notified) = channel();
-        let load = |frame| if frame == 9 { Err("gone".into()) } else { Ok(Arc::new(picture(frame as u8))) };
+        let load = |frame| {
+            if frame == 9 {
+                Err("gone".into())
+            } else {
+                Ok(Arc::new(picture(frame as u8)))
+            }
+        };
         let pictures = Pictures::new(load, move || told.send(()).unwrap());
         assert!(pictures.picture(4).is_none());
         pictures.turn();

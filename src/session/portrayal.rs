@@ -36,7 +36,10 @@ impl Session {
             link.progress.stage("draw")?;
             ExportTargets::write_files(std::slice::from_ref(&path), || write(&path))?;
             Ok(Box::new(move |session: &mut Self| {
-                session.events.push(Event::Notice(format!("picture written to {}", path.display())));
+                session.events.push(Event::Notice(format!(
+                    "picture written to {}",
+                    path.display()
+                )));
                 Ok(())
             }) as Landing)
         }))
@@ -60,7 +63,9 @@ impl Session {
             let write = || Ok(write_film(&path, &options, draw, &link.progress)?);
             ExportTargets::write_files(std::slice::from_ref(&path), write)?;
             Ok(Box::new(move |session: &mut Self| {
-                session.events.push(Event::Notice(format!("film written to {}", path.display())));
+                session
+                    .events
+                    .push(Event::Notice(format!("film written to {}", path.display())));
                 Ok(())
             }) as Landing)
         }))

@@ -36,7 +36,10 @@ impl PreparedFrames {
     /// A cache of at most `budget_bytes`, except that the frame used last is always kept.
     #[must_use]
     pub fn new(budget_bytes: usize) -> Self {
-        Self { slots: Mutex::default(), budget_bytes }
+        Self {
+            slots: Mutex::default(),
+            budget_bytes,
+        }
     }
 
     /// The frame made ready, from the cache where it is there. Without its depth where that cannot be read.
@@ -50,7 +53,13 @@ impl PreparedFrames {
         store: &FrameStore,
         progress: &Progress,
     ) -> Result<Arc<dyn PreparedFrame>> {
-        let key = format!("{} {} {:?} {:?}", segmenter.name(), segmenter.basis(), frame.picture, frame.depth);
+        let key = format!(
+            "{} {} {:?} {:?}",
+            segmenter.name(),
+            segmenter.basis(),
+            frame.picture,
+            frame.depth
+        );
         let ready = self.slot(&key);
         let mut ready = ready.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(prepared) = ready.as_ref() {
@@ -90,9 +99,14 @@ impl PreparedFrames {
         if let Some(slot) = slots.by_key.get_mut(key) {
             slot.bytes = bytes;
         }
-        while slots.by_key.len() > 1 && slots.by_key.values().map(|slot| slot.bytes).sum::<usize>() > self.budget_bytes
+        while slots.by_key.len() > 1
+            && slots.by_key.values().map(|slot| slot.bytes).sum::<usize>() > self.budget_bytes
         {
-            let oldest = slots.by_key.iter().min_by_key(|(_, slot)| slot.used).map(|(key, _)| key.clone());
+            let oldest = slots
+                .by_key
+                .iter()
+                .min_by_key(|(_, slot)| slot.used)
+                .map(|(key, _)| key.clone());
             let Some(oldest) = oldest else { break };
             slots.by_key.remove(&oldest);
         }

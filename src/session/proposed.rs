@@ -28,9 +28,18 @@ impl Session {
 
     /// Starts to look for what was asked for.
     pub(super) fn load_wanted_instances(&mut self) {
-        let (Ok(project), Some(root)) = (self.snapshot(), self.root().map(std::path::Path::to_owned)) else { return };
-        let Some((state, request)) = self.proposed.next_wanted() else { return };
-        let (loaded, store) = (self.cloud.in_force(Some(state.version)), std::sync::Arc::clone(&self.store));
+        let (Ok(project), Some(root)) =
+            (self.snapshot(), self.root().map(std::path::Path::to_owned))
+        else {
+            return;
+        };
+        let Some((state, request)) = self.proposed.next_wanted() else {
+            return;
+        };
+        let (loaded, store) = (
+            self.cloud.in_force(Some(state.version)),
+            std::sync::Arc::clone(&self.store),
+        );
         self.start("Look for instances", Kind::Short, move |link| {
             let loaded = match loaded {
                 Some(loaded) => loaded,
@@ -56,5 +65,8 @@ fn proposal(cloud: &LabelledCloud, found: FoundInstances) -> anyhow::Result<Prop
     for (label, choice) in cloud.labels.iter_mut().zip(found.choice) {
         *label = choice.unwrap_or(*label);
     }
-    Ok(ProposedInstances { labels: found.labels.into_iter().zip(found.sizes).collect(), cloud: Arc::new(cloud) })
+    Ok(ProposedInstances {
+        labels: found.labels.into_iter().zip(found.sizes).collect(),
+        cloud: Arc::new(cloud),
+    })
 }

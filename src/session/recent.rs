@@ -16,13 +16,23 @@ impl Recent {
     /// Reads the list; empty where there is none yet or it cannot be read.
     #[must_use]
     pub fn load() -> Self {
-        dirs::data_dir().map_or_else(Self::default, |dir| Self::load_from(dir.join("ostra").join("recent.txt")))
+        dirs::data_dir().map_or_else(Self::default, |dir| {
+            Self::load_from(dir.join("ostra").join("recent.txt"))
+        })
     }
 
     fn load_from(file: PathBuf) -> Self {
         let text = ostra_core::disk::read_text(&file).unwrap_or_default();
-        let paths = text.lines().filter(|line| !line.is_empty()).map(PathBuf::from).take(MOST).collect();
-        Self { paths, file: Some(file) }
+        let paths = text
+            .lines()
+            .filter(|line| !line.is_empty())
+            .map(PathBuf::from)
+            .take(MOST)
+            .collect();
+        Self {
+            paths,
+            file: Some(file),
+        }
     }
 
     /// The projects, latest first.
@@ -38,7 +48,11 @@ impl Recent {
         self.paths.insert(0, path);
         self.paths.truncate(MOST);
         if let Some(file) = &self.file {
-            let lines: Vec<String> = self.paths.iter().map(|path| path.display().to_string()).collect();
+            let lines: Vec<String> = self
+                .paths
+                .iter()
+                .map(|path| path.display().to_string())
+                .collect();
             let _ = file.parent().map(std::fs::create_dir_all);
             let _ = disk::write(file, lines.join("\n").as_bytes());
         }

@@ -24,7 +24,9 @@ impl Session {
     /// Adds a command that was carried out to the recipe. The one in the project's folder is a convenience: where it
     /// cannot be read or written there is a warning.
     pub(super) fn record(&mut self, command: Option<Command>) {
-        let Some(command) = command.filter(|command| !matches!(command, Command::Stop | Command::Model(_))) else {
+        let Some(command) =
+            command.filter(|command| !matches!(command, Command::Stop | Command::Model(_)))
+        else {
             return;
         };
         let mut told = Ok(());
@@ -43,19 +45,30 @@ impl Session {
             self.recipe.commands.push(command);
             // A project that is only opened is left as it is, and so is one that is open for viewing.
             let is_kept = !is_opening && self.view_reason().is_none();
-            told = told.and(if is_kept { self.write_last_step() } else { Ok(()) });
+            told = told.and(if is_kept {
+                self.write_last_step()
+            } else {
+                Ok(())
+            });
         }
         if let Err(error) = told {
-            self.events.push(Event::Warning(format!("{error:#}; the recipe lacks steps")));
+            self.events
+                .push(Event::Warning(format!("{error:#}; the recipe lacks steps")));
         }
     }
 
     /// Writes the last command behind the others in the project's folder; all where it has none of them.
     fn write_last_step(&self) -> Result<()> {
-        let Some(path) = self.root().map(|root| root.join(FILE)) else { return Ok(()) };
+        let Some(path) = self.root().map(|root| root.join(FILE)) else {
+            return Ok(());
+        };
         let commands = &self.recipe.commands;
         let is_new = matches!(commands[..], [Command::New(_)]) || !path.exists();
-        let new = if is_new { &commands[..] } else { &commands[commands.len() - 1..] };
+        let new = if is_new {
+            &commands[..]
+        } else {
+            &commands[commands.len() - 1..]
+        };
         let write = || -> Result<()> {
             // A line that a crash cut off ends before the next one.
             let lines: Vec<String> = new
@@ -69,7 +82,9 @@ impl Session {
             let before = file.seek(SeekFrom::End(0))?;
             // What a full disk cut off is taken back: half a line would be reported as damage at every later opening.
             let take_back = |_: &_| drop(file.set_len(before));
-            Ok((&file).write_all(lines.concat().as_bytes()).inspect_err(take_back)?)
+            Ok((&file)
+                .write_all(lines.concat().as_bytes())
+                .inspect_err(take_back)?)
         };
         write().with_context(|| format!("{}: cannot be written", path.display()))
     }
@@ -82,13 +97,24 @@ fn read(root: &Path) -> (Vec<Command>, Result<()>) {
         // A byte that is no text damages its line only.
         Ok(bytes) => String::from_utf8_lossy(&bytes).into_owned(),
         Err(error) if error.kind() == ErrorKind::NotFound => return (Vec::new(), Ok(())),
-        Err(error) => return (Vec::new(), Err(error).with_context(|| format!("{}: cannot be read", path.display()))),
+        Err(error) => {
+            return (
+                Vec::new(),
+                Err(error).with_context(|| format!("{}: cannot be read", path.display())),
+            );
+        }
     };
-    let lines = text.lines().filter(|line| !line.is_empty()).map(serde_json::from_str);
+    let lines = text
+        .lines()
+        .filter(|line| !line.is_empty())
+        .map(serde_json::from_str);
     let (commands, damaged): (Vec<_>, Vec<_>) = lines.partition(Result::is_ok);
     let told = match damaged.len() {
         0 => Ok(()),
-        count => Err(anyhow::anyhow!("{}: {count} of its lines are damaged", path.display())),
+        count => Err(anyhow::anyhow!(
+            "{}: {count} of its lines are damaged",
+            path.display()
+        )),
     };
     (commands.into_iter().flatten().collect(), told)
 }
@@ -107,6 +133,10 @@ mod tests {
         std::fs::write(dir.path().join(FILE), format!("\n{line}\n{{\"und\n{line}")).unwrap();
         let (commands, told) = read(dir.path());
         assert_eq!(commands, vec![anchor; 2]);
-        assert!(told.unwrap_err().to_string().ends_with("recipe.jsonl: 1 of its lines are damaged"));
+        assert!(
+            told.unwrap_err()
+                .to_string()
+                .ends_with("recipe.jsonl: 1 of its lines are damaged")
+        );
     }
 }

@@ -31,7 +31,10 @@ impl Session {
     /// in the background: one wish at a time, the newest next. Asked anew, it finds them anew in a cloud that changed.
     pub fn select(&mut self, wanted: &[SelectStep]) {
         if wanted.is_empty() {
-            self.selected = Selected { choosing: self.selected.choosing, ..Selected::default() };
+            self.selected = Selected {
+                choosing: self.selected.choosing,
+                ..Selected::default()
+            };
             return;
         }
         if self.selected.wanted != wanted {
@@ -41,7 +44,9 @@ impl Session {
         if self.selected.choosing.is_some_and(is_choosing) {
             return;
         }
-        let Some(cloud) = self.cloud().cloned() else { return };
+        let Some(cloud) = self.cloud().cloned() else {
+            return;
+        };
         let known = self.selected.answer.as_ref();
         if known.is_some_and(|known| known.steps == wanted && Arc::ptr_eq(&known.cloud, &cloud)) {
             return;
@@ -53,7 +58,11 @@ impl Session {
             Ok(Box::new(move |session: &mut Self| {
                 if !session.selected.wanted.is_empty() {
                     session.selected.selector = selector;
-                    session.selected.answer = Some(Answer { steps, cloud, selection });
+                    session.selected.answer = Some(Answer {
+                        steps,
+                        cloud,
+                        selection,
+                    });
                 }
                 Ok(())
             }) as Landing)
@@ -64,14 +73,22 @@ impl Session {
     #[must_use]
     pub fn selected(&self) -> Option<Result<&Arc<Selection>, &str>> {
         let selected = &self.selected;
-        let answer = selected.answer.as_ref().filter(|answer| answer.steps == selected.wanted)?;
-        let is_of = self.cloud().is_some_and(|cloud| Arc::ptr_eq(cloud, &answer.cloud));
+        let answer = selected
+            .answer
+            .as_ref()
+            .filter(|answer| answer.steps == selected.wanted)?;
+        let is_of = self
+            .cloud()
+            .is_some_and(|cloud| Arc::ptr_eq(cloud, &answer.cloud));
         is_of.then(|| answer.selection.as_ref().map_err(String::as_str))
     }
 
     /// What was made ready for a cloud, where it was.
     pub(super) fn selector_of(&self, cloud: &Arc<LabelledCloud>) -> Option<Arc<Selector>> {
-        self.selected.selector.clone().filter(|selector| Arc::ptr_eq(selector.cloud(), cloud))
+        self.selected
+            .selector
+            .clone()
+            .filter(|selector| Arc::ptr_eq(selector.cloud(), cloud))
     }
 }
 
@@ -85,7 +102,8 @@ fn choose(
     steps: &[SelectStep],
     progress: &Progress,
 ) -> Result<Chosen> {
-    let selector = match selector.map_or_else(|| Selector::new(Arc::clone(cloud)).map(Arc::new), Ok) {
+    let selector = match selector.map_or_else(|| Selector::new(Arc::clone(cloud)).map(Arc::new), Ok)
+    {
         Ok(selector) => selector,
         Err(error) => return Ok((None, Err(error.to_string()))),
     };

@@ -91,7 +91,10 @@ impl Session {
             store: Arc::new(FrameStore::new(PIXEL_BYTES)),
             jobs: Jobs::default(),
             events: Vec::new(),
-            recipe: Recipe { format: 1, commands: Vec::new() },
+            recipe: Recipe {
+                format: 1,
+                commands: Vec::new(),
+            },
             cloud: CloudSlot::default(),
             surfaces: Surfaces::default(),
             following: Following::default(),
@@ -168,19 +171,31 @@ impl Session {
     /// What [`Command::Undo`](super::Command::Undo) would take back.
     #[must_use]
     pub fn undo_title(&self) -> Option<&str> {
-        self.open.as_ref()?.history().last().map(|step| step.title.as_str())
+        self.open
+            .as_ref()?
+            .history()
+            .last()
+            .map(|step| step.title.as_str())
     }
 
     /// What [`Command::Redo`](super::Command::Redo) would do again.
     #[must_use]
     pub fn redo_title(&self) -> Option<&str> {
-        self.open.as_ref()?.history().next().map(|step| step.title.as_str())
+        self.open
+            .as_ref()?
+            .history()
+            .next()
+            .map(|step| step.title.as_str())
     }
 
     /// The jobs that run, oldest first, without those that nobody asked for.
     #[must_use]
     pub fn jobs(&self) -> Vec<JobView> {
-        self.jobs.iter().filter(|job| job.is_shown()).map(Job::view).collect()
+        self.jobs
+            .iter()
+            .filter(|job| job.is_shown())
+            .map(Job::view)
+            .collect()
     }
 
     /// Asks a job to stop; it keeps what it finished.
@@ -222,7 +237,10 @@ impl Session {
 
     /// Works until no job runs and gives all that happened: how the command line waits. `on_progress` sees the
     /// running jobs about twenty times a second; `Break` stops them.
-    pub fn settle(&mut self, mut on_progress: impl FnMut(&[JobView]) -> ControlFlow<()>) -> Vec<Event> {
+    pub fn settle(
+        &mut self,
+        mut on_progress: impl FnMut(&[JobView]) -> ControlFlow<()>,
+    ) -> Vec<Event> {
         let mut events = self.poll();
         while self.jobs.iter().next().is_some() {
             if on_progress(&self.jobs()).is_break() {
@@ -252,12 +270,16 @@ impl Session {
 
     /// The open project, for making steps.
     pub(super) fn opened(&mut self) -> Result<&mut OpenProject> {
-        self.open.as_mut().context("no project is open; open one first")
+        self.open
+            .as_mut()
+            .context("no project is open; open one first")
     }
 
     /// A snapshot of the open project.
     pub(super) fn snapshot(&self) -> Result<Arc<Project>> {
-        self.project().cloned().context("no project is open; open one first")
+        self.project()
+            .cloned()
+            .context("no project is open; open one first")
     }
 
     /// Makes a step and tells of it.
@@ -279,8 +301,13 @@ impl Session {
 
     /// Long jobs run one at a time.
     pub(super) fn check_no_long_job(&self) -> Result<()> {
-        let running = self.jobs.iter().find(|job| job.kind == Kind::Long && job.is_shown());
-        running.map_or(Ok(()), |job| bail!("'{}' is still running; wait for it or stop it", job.title))
+        let running = self
+            .jobs
+            .iter()
+            .find(|job| job.kind == Kind::Long && job.is_shown());
+        running.map_or(Ok(()), |job| {
+            bail!("'{}' is still running; wait for it or stop it", job.title)
+        })
     }
 
     pub(super) fn warn_all(&mut self, warnings: Vec<String>) {
@@ -296,13 +323,19 @@ impl Session {
     ) -> JobId {
         let id = self.jobs.start(title, kind, work);
         if kind != Kind::Background {
-            self.events.push(Event::Started { job: id, title: title.to_owned() });
+            self.events.push(Event::Started {
+                job: id,
+                title: title.to_owned(),
+            });
         }
         id
     }
 
     pub(super) fn stop_all(&mut self) {
-        self.jobs.iter().filter(|job| job.is_shown()).for_each(Job::stop);
+        self.jobs
+            .iter()
+            .filter(|job| job.is_shown())
+            .for_each(Job::stop);
     }
 
     /// Stops all jobs of what is open now; what they still bring is not taken in.
@@ -359,10 +392,16 @@ impl Session {
                 paused.unwrap_or(Event::Finished { job: id, title })
             }
             Err(_) if stopped && !failed => paused.unwrap_or(Event::Stopped { job: id, title }),
-            Err(error) => Event::Failed { job: id, title, error: format!("{error:#}") },
+            Err(error) => Event::Failed {
+                job: id,
+                title,
+                error: format!("{error:#}"),
+            },
         };
         match (job.kind, event) {
-            (Kind::Background, Event::Failed { error, .. }) => self.events.push(Event::Warning(error)),
+            (Kind::Background, Event::Failed { error, .. }) => {
+                self.events.push(Event::Warning(error))
+            }
             (Kind::Background, _) => {}
             (_, event) => self.events.push(event),
         }
@@ -370,12 +409,16 @@ impl Session {
 
     fn checkpoint_if_due(&mut self) {
         let running = self.jobs.iter().any(|job| job.title == CHECKPOINT);
-        let Some(open) = self.open.as_mut().filter(|open| open.is_due() && !running) else { return };
+        let Some(open) = self.open.as_mut().filter(|open| open.is_due() && !running) else {
+            return;
+        };
         match open.checkpoint() {
             Ok(checkpoint) => {
                 self.start(CHECKPOINT, Kind::Background, move |link| {
                     let written = checkpoint.write(&link.progress)?;
-                    Ok(Box::new(move |session: &mut Self| session.opened()?.written(written)))
+                    Ok(Box::new(move |session: &mut Self| {
+                        session.opened()?.written(written)
+                    }))
                 });
             }
             Err(error) => self.events.push(Event::Warning(format!("{error:#}"))),

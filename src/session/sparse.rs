@@ -31,10 +31,21 @@ pub struct SparseModel {
 impl SparseModel {
     /// From points, what became of the frames, and what ties them together where points do not.
     #[must_use]
-    pub fn new(points: SparsePoints, outcomes: BTreeMap<usize, Outcome>, links: Vec<FrameLink>) -> Self {
-        let positions = points.points.iter().map(|point| point.position.as_vec3()).collect();
+    pub fn new(
+        points: SparsePoints,
+        outcomes: BTreeMap<usize, Outcome>,
+        links: Vec<FrameLink>,
+    ) -> Self {
+        let positions = points
+            .points
+            .iter()
+            .map(|point| point.position.as_vec3())
+            .collect();
         let colors = points.points.iter().map(|point| point.color).collect();
-        let cloud = Arc::new(LabelledCloud { colors, ..LabelledCloud::from_positions(positions) });
+        let cloud = Arc::new(LabelledCloud {
+            colors,
+            ..LabelledCloud::from_positions(positions)
+        });
         let mut shared: BTreeMap<usize, BTreeMap<usize, usize>> = BTreeMap::new();
         for track in points.tracks() {
             for &(a, _) in &track {
@@ -43,14 +54,21 @@ impl SparseModel {
                 }
             }
         }
-        Self { points, outcomes, links, cloud, shared }
+        Self {
+            points,
+            outcomes,
+            links,
+            cloud,
+            shared,
+        }
     }
 
     /// The frames that see points of this one, with how many; the one with most first.
     #[must_use]
     pub fn neighbours(&self, frame: usize) -> Vec<(usize, usize)> {
         let shared = self.shared.get(&frame).into_iter().flatten();
-        let mut ranked: Vec<(usize, usize)> = shared.map(|(&other, &count)| (other, count)).collect();
+        let mut ranked: Vec<(usize, usize)> =
+            shared.map(|(&other, &count)| (other, count)).collect();
         ranked.sort_by_key(|&(other, count)| (std::cmp::Reverse(count), other));
         ranked
     }
@@ -58,10 +76,17 @@ impl SparseModel {
     /// The links of this frame, those that hold and agree best first, each with the frame at its other end.
     #[must_use]
     pub fn linked(&self, frame: usize) -> Vec<(usize, FrameLink)> {
-        let own = self.links.iter().filter(|link| link.frames.contains(&frame));
+        let own = self
+            .links
+            .iter()
+            .filter(|link| link.frames.contains(&frame));
         let other = |link: &FrameLink| link.frames[usize::from(link.frames[0] == frame)];
         let mut linked: Vec<(usize, FrameLink)> = own.map(|link| (other(link), *link)).collect();
-        linked.sort_by(|(_, a), (_, b)| b.holds.cmp(&a.holds).then(b.consistent.total_cmp(&a.consistent)));
+        linked.sort_by(|(_, a), (_, b)| {
+            b.holds
+                .cmp(&a.holds)
+                .then(b.consistent.total_cmp(&a.consistent))
+        });
         linked
     }
 
@@ -69,9 +94,12 @@ impl SparseModel {
     #[must_use]
     pub fn matches(&self, first: usize, second: usize) -> Vec<(DVec2, DVec2, u32)> {
         let keypoints = |frame| self.points.keypoints.get(&frame).into_iter().flatten();
-        let seen = |frame| keypoints(frame).filter_map(|keypoint| Some((keypoint.point?, keypoint.at_px)));
+        let seen =
+            |frame| keypoints(frame).filter_map(|keypoint| Some((keypoint.point?, keypoint.at_px)));
         let by_point: BTreeMap<u32, DVec2> = seen(second).collect();
-        seen(first).filter_map(|(point, at)| Some((at, *by_point.get(&point)?, point))).collect()
+        seen(first)
+            .filter_map(|(point, at)| Some((at, *by_point.get(&point)?, point)))
+            .collect()
     }
 }
 
@@ -80,18 +108,30 @@ impl Session {
     /// when it is first asked for: `None` until [`Event::SparseChanged`].
     #[must_use]
     pub fn sparse(&self) -> Option<&Arc<SparseModel>> {
-        let version = self.project().and_then(|project| version_in_force(project, ResultKind::Cameras))?;
+        let version = self
+            .project()
+            .and_then(|project| version_in_force(project, ResultKind::Cameras))?;
         self.sparse.get(version)
     }
 
     /// Starts to load the model that was asked for.
     pub(super) fn load_wanted_sparse(&mut self) {
-        let Some(version) = self.sparse.next_wanted() else { return };
-        let (Some(project), Some(root)) = (self.project().cloned(), self.root().map(Path::to_owned)) else { return };
+        let Some(version) = self.sparse.next_wanted() else {
+            return;
+        };
+        let (Some(project), Some(root)) =
+            (self.project().cloned(), self.root().map(Path::to_owned))
+        else {
+            return;
+        };
         self.start("Load sparse points", Kind::Background, move |_| {
             let points = read_sparse(&root, &project)?;
             let folder = sparse_path(&root, version);
-            let model = Arc::new(SparseModel::new(points, load_outcomes(&folder)?, load_links(&folder)?));
+            let model = Arc::new(SparseModel::new(
+                points,
+                load_outcomes(&folder)?,
+                load_links(&folder)?,
+            ));
             Ok(Box::new(move |session: &mut Self| {
                 session.sparse.put(version, model);
                 session.events.push(Event::SparseChanged);
@@ -108,16 +148,33 @@ mod tests {
 
     #[test]
     fn neighbours_and_matches_come_from_tracks() {
-        let point = SparsePoint { position: glam::DVec3::ZERO, color: [1, 2, 3], error_px: None };
-        let keypoint = |x: f64, point| SparseKeypoint { at_px: DVec2::new(x, 0.5), point };
+        let point = SparsePoint {
+            position: glam::DVec3::ZERO,
+            color: [1, 2, 3],
+            error_px: None,
+        };
+        let keypoint = |x: f64, point| SparseKeypoint {
+            at_px: DVec2::new(x, 0.5),
+            point,
+        };
         let keypoints = BTreeMap::from([
             (0, vec![keypoint(1.0, Some(0)), keypoint(2.0, Some(1))]),
             (1, vec![keypoint(3.0, None), keypoint(4.0, Some(0))]),
             (5, vec![keypoint(5.0, Some(1)), keypoint(6.0, Some(0))]),
         ]);
-        let model = SparseModel::new(SparsePoints { points: vec![point; 2], keypoints }, BTreeMap::new(), Vec::new());
+        let model = SparseModel::new(
+            SparsePoints {
+                points: vec![point; 2],
+                keypoints,
+            },
+            BTreeMap::new(),
+            Vec::new(),
+        );
         assert_eq!(model.neighbours(0), [(5, 2), (1, 1)]);
-        assert_eq!(model.matches(1, 5), [(DVec2::new(4.0, 0.5), DVec2::new(6.0, 0.5), 0)]);
+        assert_eq!(
+            model.matches(1, 5),
+            [(DVec2::new(4.0, 0.5), DVec2::new(6.0, 0.5), 0)]
+        );
         assert_eq!(model.cloud.colors, [[1, 2, 3]; 2]);
     }
 }

@@ -39,13 +39,20 @@ impl Suggestion {
     #[must_use]
     pub fn of(frame: usize, region: &Region, why: Reason) -> Option<Self> {
         let (x, y) = deepest_point(region)?;
-        let rings = outlines(region).into_iter().filter_map(|one| one.simplified(OFF_PX));
-        let rings: Arc<[Vec<DVec2>]> = rings.flat_map(|one| std::iter::once(one.outer).chain(one.holes)).collect();
+        let rings = outlines(region)
+            .into_iter()
+            .filter_map(|one| one.simplified(OFF_PX));
+        let rings: Arc<[Vec<DVec2>]> = rings
+            .flat_map(|one| std::iter::once(one.outer).chain(one.holes))
+            .collect();
         let corners = || rings.iter().flatten().copied();
         Some(Self {
             frame,
             at_px: DVec2::new(f64::from(x), f64::from(y)) + 0.5,
-            around_px: PxBox { min_px: corners().reduce(DVec2::min)?, max_px: corners().reduce(DVec2::max)? },
+            around_px: PxBox {
+                min_px: corners().reduce(DVec2::min)?,
+                max_px: corners().reduce(DVec2::max)?,
+            },
             share: region.area() as f64 / region.inside.len() as f64,
             rings_px: rings,
             why,
@@ -55,9 +62,21 @@ impl Suggestion {
     /// The prompt that gives it to a label.
     #[must_use]
     pub fn prompt(&self, label: LabelId, segmenter: &str) -> Command {
-        let clicks = vec![Click { at_px: self.at_px, include: true }];
-        let prompt = Prompt { clicks, boxes: vec![self.around_px], ..Prompt::default() };
-        Command::Prompt(PromptRequest { frame: self.frame, label, prompt, segmenter: segmenter.to_owned() })
+        let clicks = vec![Click {
+            at_px: self.at_px,
+            include: true,
+        }];
+        let prompt = Prompt {
+            clicks,
+            boxes: vec![self.around_px],
+            ..Prompt::default()
+        };
+        Command::Prompt(PromptRequest {
+            frame: self.frame,
+            label,
+            prompt,
+            segmenter: segmenter.to_owned(),
+        })
     }
 
     /// One line for people.
@@ -68,6 +87,10 @@ impl Suggestion {
             Reason::Apart(Apartness::Stands) => "stands apart".to_owned(),
             Reason::Proposed(score) => format!("one thing to {:.0} %", 100.0 * score),
         };
-        format!("frame {}: {why}, {:.1} % of the picture", self.frame, self.share * 100.0)
+        format!(
+            "frame {}: {why}, {:.1} % of the picture",
+            self.frame,
+            self.share * 100.0
+        )
     }
 }

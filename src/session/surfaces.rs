@@ -55,7 +55,9 @@ impl Session {
     pub fn surface(&self, surface: Surface) -> Option<&Arc<LabelledMesh>> {
         self.surface_voxel()?;
         let state = self.cloud_state()?;
-        self.surfaces.drawn.get_or((state, surface), |(of, kind)| of.version == state.version && kind == surface)
+        self.surfaces.drawn.get_or((state, surface), |(of, kind)| {
+            of.version == state.version && kind == surface
+        })
     }
 
     fn version_with_surface(&self) -> Option<u64> {
@@ -65,7 +67,9 @@ impl Session {
 
     /// Starts to load or make what was asked for.
     pub(super) fn load_wanted_surfaces(&mut self) {
-        let Some(root) = self.root().map(std::path::Path::to_owned) else { return };
+        let Some(root) = self.root().map(std::path::Path::to_owned) else {
+            return;
+        };
         if let Some(version) = self.surfaces.mesh.next_wanted() {
             let path = mesh_path(&root, version);
             self.start("Load mesh", Kind::Short, move |link| {
@@ -81,21 +85,33 @@ impl Session {
         if self.surfaces.drawing.is_some_and(is_drawing) {
             return;
         }
-        let Some((state, surface)) = self.surfaces.drawn.next_wanted() else { return };
-        let (Some(voxel), Ok(project)) = (self.surface_voxel(), self.snapshot()) else { return };
+        let Some((state, surface)) = self.surfaces.drawn.next_wanted() else {
+            return;
+        };
+        let (Some(voxel), Ok(project)) = (self.surface_voxel(), self.snapshot()) else {
+            return;
+        };
         let (version, store) = (state.version, Arc::clone(&self.store));
         let loaded = self.cloud.in_force(Some(version));
         // New labels of what is seen already come of themselves.
-        let kind = if state.round > 0 { Kind::Background } else { Kind::Short };
+        let kind = if state.round > 0 {
+            Kind::Background
+        } else {
+            Kind::Short
+        };
         self.surfaces.drawing = Some(self.start("Load surface", kind, move |link| {
             let drawn = match surface {
                 Surface::Mesh => {
-                    let mesh = read_mesh(&mesh_path(&root, version), &link.progress).context(NOT_KEPT)?;
+                    let mesh =
+                        read_mesh(&mesh_path(&root, version), &link.progress).context(NOT_KEPT)?;
                     let path = mesh_votes_path(&root, version);
                     let votes = read_votes_on(&path, mesh.vertices.len(), &project.frames);
                     let votes = votes.ok().filter(|_| state.round > 0);
                     match votes {
-                        Some(votes) => voted_again(mesh, &votes, (&project, &store), &link.progress)?.split_at_labels(),
+                        Some(votes) => {
+                            voted_again(mesh, &votes, (&project, &store), &link.progress)?
+                                .split_at_labels()
+                        }
                         None => mesh.split_at_labels(),
                     }
                 }
@@ -108,7 +124,10 @@ impl Session {
                 }
             };
             Ok(Box::new(move |session: &mut Self| {
-                session.surfaces.drawn.put((state, surface), Arc::new(drawn));
+                session
+                    .surfaces
+                    .drawn
+                    .put((state, surface), Arc::new(drawn));
                 session.events.push(Event::CloudChanged);
                 Ok(())
             }) as Landing)
@@ -125,8 +144,16 @@ fn voted_again(
     (project, store): (&Project, &FrameStore),
     progress: &Progress,
 ) -> Result<LabelledMesh> {
-    let masks = |frame: usize| project.mask_in_play(frame).map(|runs| Arc::new(runs.decode()));
-    let views = ProjectViews { frames: &project.frames, store, masks: &masks };
+    let masks = |frame: usize| {
+        project
+            .mask_in_play(frame)
+            .map(|runs| Arc::new(runs.decode()))
+    };
+    let views = ProjectViews {
+        frames: &project.frames,
+        store,
+        masks: &masks,
+    };
     let vertices = vote_again(&mesh.vertices, votes, &views, &project.labels, progress)?.cloud;
     Ok(LabelledMesh { vertices, ..mesh })
 }
@@ -138,7 +165,9 @@ pub(super) fn load_cloud(
     frames: &[Frame],
     progress: &Progress,
 ) -> Result<(Arc<LabelledCloud>, Arc<Votes>)> {
-    let cloud = read_ply(&cloud_path(root, version), progress).context(NOT_KEPT)?.cloud;
+    let cloud = read_ply(&cloud_path(root, version), progress)
+        .context(NOT_KEPT)?
+        .cloud;
     let votes = read_votes_on(&votes_path(root, version), cloud.len(), frames)?;
     Ok((Arc::new(cloud), Arc::new(votes)))
 }

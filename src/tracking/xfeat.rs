@@ -24,23 +24,42 @@ impl XFeatCells {
     /// When it is not installed there, does not load, or ONNX Runtime is missing.
     pub fn load(folder: &Path) -> Result<Self, NnError> {
         let missing = || NnError::Request("the catalogue has no file for `xfeat`".to_owned());
-        Ok(Self { network: load(folder, "xfeat")?.pop().ok_or_else(missing)? })
+        Ok(Self {
+            network: load(folder, "xfeat")?.pop().ok_or_else(missing)?,
+        })
     }
 }
 
 impl Describer for XFeatCells {
     fn describe(&self, grey: &[f32], size: (usize, usize)) -> Result<Description, MaskError> {
         let told = |error: NnError| MaskError::Network(error.to_string());
-        let (width, height) = (size.0.next_multiple_of(MULTIPLE), size.1.next_multiple_of(MULTIPLE));
+        let (width, height) = (
+            size.0.next_multiple_of(MULTIPLE),
+            size.1.next_multiple_of(MULTIPLE),
+        );
         // The last column and row are repeated up to what the network asks for.
-        let shown = (0..width * height).map(|at| (at / width).min(size.1 - 1) * size.0 + (at % width).min(size.0 - 1));
-        let input = Tensor::floats(&[1, 1, height, width], shown.map(|at| grey[at]).collect()).map_err(told)?;
+        let shown = (0..width * height)
+            .map(|at| (at / width).min(size.1 - 1) * size.0 + (at % width).min(size.0 - 1));
+        let input = Tensor::floats(&[1, 1, height, width], shown.map(|at| grey[at]).collect())
+            .map_err(told)?;
         let given = self.network.run(&[("input", &input)]).map_err(told)?;
         let (columns, rows) = (width / CELL_PX, height / CELL_PX);
-        let features = given.iter().find(|output| output.shape() == [1, Description::DIM, rows, columns]);
+        let features = given
+            .iter()
+            .find(|output| output.shape() == [1, Description::DIM, rows, columns]);
         let path = self.network.path().display();
-        let unfit = || MaskError::Network(format!("{path}: does not give {} values per cell", Description::DIM));
+        let unfit = || {
+            MaskError::Network(format!(
+                "{path}: does not give {} values per cell",
+                Description::DIM
+            ))
+        };
         let planes = features.ok_or_else(unfit)?.as_floats();
-        Ok(Description::of_planes(planes, (columns, rows), size, CELL_PX))
+        Ok(Description::of_planes(
+            planes,
+            (columns, rows),
+            size,
+            CELL_PX,
+        ))
     }
 }

@@ -52,7 +52,8 @@ impl PartialEq for Appearance {
     fn eq(&self, other: &Self) -> bool {
         let votes = |one: &Self| one.votes.as_ref().map(Arc::as_ptr);
         (self.coloring, self.level, self.isolated) == (other.coloring, other.level, other.isolated)
-            && (self.faint, self.up, self.doubtful_below) == (other.faint, other.up, other.doubtful_below)
+            && (self.faint, self.up, self.doubtful_below)
+                == (other.faint, other.up, other.doubtful_below)
             && votes(self) == votes(other)
             && self.hidden == other.hidden
             && self.tree == other.tree

@@ -49,21 +49,45 @@ impl Arrangement {
     /// At most `count` points, spread over all; discs are as large as the sample's spacing demands.
     pub fn of_sample(positions: &[Vec3], count: usize) -> Self {
         let order = SpreadOrder::new(positions.len());
-        Self::along(positions, ZOrder::new(positions, count.min(positions.len()), |place| order.at(place), BLOCK))
+        Self::along(
+            positions,
+            ZOrder::new(
+                positions,
+                count.min(positions.len()),
+                |place| order.at(place),
+                BLOCK,
+            ),
+        )
     }
 
     /// The second half: bounds and radii.
     pub fn along(positions: &[Vec3], ZOrder { order, blocks }: ZOrder) -> Self {
-        let radii = local_spacing(positions, &order).into_iter().map(|spacing| spacing * RADIUS).collect();
+        let radii = local_spacing(positions, &order)
+            .into_iter()
+            .map(|spacing| spacing * RADIUS)
+            .collect();
         let bounds = |places: &Range<usize>| {
-            let inside = order[places.clone()].iter().map(|&index| positions[index as usize]);
+            let inside = order[places.clone()]
+                .iter()
+                .map(|&index| positions[index as usize]);
             let (none, all) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-            let (min, max) =
-                inside.filter(|x| x.is_finite()).fold((none, all), |(min, max), x| (min.min(x), max.max(x)));
+            let (min, max) = inside
+                .filter(|x| x.is_finite())
+                .fold((none, all), |(min, max), x| (min.min(x), max.max(x)));
             Bounds { min, max }
         };
-        let blocks = blocks.into_par_iter().map(|places| Block { bounds: bounds(&places), places }).collect();
-        Self { order, radii, blocks }
+        let blocks = blocks
+            .into_par_iter()
+            .map(|places| Block {
+                bounds: bounds(&places),
+                places,
+            })
+            .collect();
+        Self {
+            order,
+            radii,
+            blocks,
+        }
     }
 
     /// How many points there are.
@@ -73,7 +97,10 @@ impl Arrangement {
 
     /// Index and disc radius (world units) of all points, in no order that matters.
     pub fn discs(&self) -> impl IndexedParallelIterator<Item = (usize, f32)> {
-        self.order.par_iter().zip(&self.radii).map(|(&index, &radius)| (index as usize, radius))
+        self.order
+            .par_iter()
+            .zip(&self.radii)
+            .map(|(&index, &radius)| (index as usize, radius))
     }
 
     /// Index and disc radius of some points of a block, in an order in which every prefix is spread evenly over the block.
@@ -93,7 +120,9 @@ mod tests {
 
     #[test]
     fn blocks_hold_every_point_once_and_each_prefix_of_a_block_is_spread_over_it() {
-        let positions: Vec<Vec3> = (0..250_000).map(|i| Vec3::new((i % 500) as f32, (i / 500) as f32, 0.0)).collect();
+        let positions: Vec<Vec3> = (0..250_000)
+            .map(|i| Vec3::new((i % 500) as f32, (i / 500) as f32, 0.0))
+            .collect();
         let all = Arrangement::of(&positions);
         assert!(all.blocks.len() > 4 && all.len() == positions.len());
         let mut seen = vec![0; positions.len()];
@@ -105,13 +134,21 @@ mod tests {
             }
             // Of 100 points about 25 lie in each quarter by the median of a coordinate.
             for along_axis in [Vec3::X, Vec3::Y] {
-                let along = |part| all.part_of(number, part).map(|(index, _)| positions[index].dot(along_axis));
+                let along = |part| {
+                    all.part_of(number, part)
+                        .map(|(index, _)| positions[index].dot(along_axis))
+                };
                 let mut sorted: Vec<f32> = along(0..block.len()).collect();
                 sorted.sort_by(f32::total_cmp);
                 let quarters = [1, 2, 3].map(|quarter| sorted[block.len() * quarter / 4]);
                 let mut counts = [0; 4];
-                along(0..100).for_each(|x| counts[quarters.iter().filter(|&&limit| x >= limit).count()] += 1);
-                assert!(counts.iter().all(|count| (15..=35).contains(count)), "block {number}: {counts:?}");
+                along(0..100).for_each(|x| {
+                    counts[quarters.iter().filter(|&&limit| x >= limit).count()] += 1
+                });
+                assert!(
+                    counts.iter().all(|count| (15..=35).contains(count)),
+                    "block {number}: {counts:?}"
+                );
             }
         }
         assert!(seen.iter().all(|&times| times == 1));
@@ -119,11 +156,22 @@ mod tests {
 
     #[test]
     fn a_sample_is_spread_over_the_cloud_with_discs_that_close_it() {
-        let positions: Vec<Vec3> = (0..90_000).map(|i| Vec3::new((i % 300) as f32, (i / 300) as f32, 0.0)).collect();
+        let positions: Vec<Vec3> = (0..90_000)
+            .map(|i| Vec3::new((i % 300) as f32, (i / 300) as f32, 0.0))
+            .collect();
         let sample = Arrangement::of_sample(&positions, 10_000);
-        let left = sample.discs().filter(|&(index, _)| positions[index].x < 150.0).count();
-        assert!(sample.len() == 10_000 && (4500..5500).contains(&left), "{left}");
+        let left = sample
+            .discs()
+            .filter(|&(index, _)| positions[index].x < 150.0)
+            .count();
+        assert!(
+            sample.len() == 10_000 && (4500..5500).contains(&left),
+            "{left}"
+        );
         let radius = sample.discs().map(|(_, radius)| radius).sum::<f32>() / 10_000.0;
-        assert!((2.0..3.3).contains(&radius), "{radius} for every third point along each axis");
+        assert!(
+            (2.0..3.3).contains(&radius),
+            "{radius} for every third point along each axis"
+        );
     }
 }

@@ -35,7 +35,10 @@ impl Arranging {
         let is_wanted = Arc::downgrade(&wanted);
         // An error says that nobody waits any more.
         beside_jobs(move || arrange(&cloud, before, &sender, &is_wanted).unwrap_or_default());
-        Self { arrived, _wanted: wanted }
+        Self {
+            arrived,
+            _wanted: wanted,
+        }
     }
 
     /// What has come since.
@@ -93,18 +96,32 @@ mod tests {
     }
 
     fn row(points: usize) -> Arc<LabelledCloud> {
-        Arc::new(LabelledCloud::from_positions((0..points).map(|i| Vec3::X * i as f32).collect()))
+        Arc::new(LabelledCloud::from_positions(
+            (0..points).map(|i| Vec3::X * i as f32).collect(),
+        ))
     }
 
     #[test]
     fn a_sample_comes_first_and_the_same_places_are_arranged_once() {
         let large = row(SAMPLE + 1000);
         let came = all_that_comes(&Arranging::begin(Arc::clone(&large), None));
-        assert_eq!(came.iter().map(|one| one.len()).collect::<Vec<_>>(), [SAMPLE, SAMPLE + 1000]);
-        let recolored = Arc::new(LabelledCloud { colors: vec![[1, 2, 3]; large.len()], ..(*large).clone() });
-        let again = all_that_comes(&Arranging::begin(recolored, Some((large, Arc::clone(&came[1])))));
+        assert_eq!(
+            came.iter().map(|one| one.len()).collect::<Vec<_>>(),
+            [SAMPLE, SAMPLE + 1000]
+        );
+        let recolored = Arc::new(LabelledCloud {
+            colors: vec![[1, 2, 3]; large.len()],
+            ..(*large).clone()
+        });
+        let again = all_that_comes(&Arranging::begin(
+            recolored,
+            Some((large, Arc::clone(&came[1]))),
+        ));
         assert!(again.len() == 1 && Arc::ptr_eq(&again[0], &came[1]));
-        let small = all_that_comes(&Arranging::begin(row(100), Some((row(101), Arc::clone(&came[1])))));
+        let small = all_that_comes(&Arranging::begin(
+            row(100),
+            Some((row(101), Arc::clone(&came[1]))),
+        ));
         assert_eq!(small.iter().map(|one| one.len()).collect::<Vec<_>>(), [100]);
     }
 

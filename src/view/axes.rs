@@ -19,7 +19,9 @@ pub struct Axes {
 }
 
 /// The sides that a scene can be seen from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
 pub enum Side {
     /// As the cameras stood.
     Front,
@@ -37,7 +39,14 @@ pub enum Side {
 
 impl Side {
     /// All six.
-    pub const ALL: [Self; 6] = [Self::Front, Self::Back, Self::Left, Self::Right, Self::Top, Self::Bottom];
+    pub const ALL: [Self; 6] = [
+        Self::Front,
+        Self::Back,
+        Self::Left,
+        Self::Right,
+        Self::Top,
+        Self::Bottom,
+    ];
 }
 
 impl Axes {
@@ -45,8 +54,15 @@ impl Axes {
     #[must_use]
     pub fn new(up: Vec3, forward: Vec3) -> Self {
         let up = up.normalize_or(Vec3::NEG_Y);
-        let forward = forward.reject_from_normalized(up).try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
-        Self { right: forward.cross(up), up, forward }
+        let forward = forward
+            .reject_from_normalized(up)
+            .try_normalize()
+            .unwrap_or_else(|| up.any_orthonormal_vector());
+        Self {
+            right: forward.cross(up),
+            up,
+            forward,
+        }
     }
 
     /// Upright as the cameras were held; the front is what most of them look at, or the first one where they
@@ -57,9 +73,17 @@ impl Axes {
         let turns: Vec<DQuat> = posed.map(|(_, pose)| pose.rotation.conjugate()).collect();
         let up = upright(&turns).as_vec3();
         let looks: Vec<Vec3> = turns.iter().map(|turn| turn.as_quat() * Vec3::Z).collect();
-        let level = (looks.iter().sum::<Vec3>() / looks.len().max(1) as f32).reject_from_normalized(up);
+        let level =
+            (looks.iter().sum::<Vec3>() / looks.len().max(1) as f32).reject_from_normalized(up);
         let first = looks.first().copied().unwrap_or(Vec3::Z);
-        Self::new(up, if level.length() > LEVEL_SHARE { level } else { first })
+        Self::new(
+            up,
+            if level.length() > LEVEL_SHARE {
+                level
+            } else {
+                first
+            },
+        )
     }
 
     /// Takes world space to distances along right, up and forward.

@@ -12,7 +12,9 @@ pub struct Clip {
 impl Default for Clip {
     /// No limits.
     fn default() -> Self {
-        Self { cube_from_world: Mat4::from_diagonal(Vec4::W) }
+        Self {
+            cube_from_world: Mat4::from_diagonal(Vec4::W),
+        }
     }
 }
 
@@ -23,7 +25,9 @@ impl Clip {
         let half = ((sides.max - sides.min) / 2.0).max(Vec3::splat(f32::MIN_POSITIVE.sqrt()));
         let axes_from_world = Mat4::from_mat3(axes.axes_from_world());
         Self {
-            cube_from_world: Mat4::from_scale(half.recip()) * Mat4::from_translation(-sides.centre()) * axes_from_world,
+            cube_from_world: Mat4::from_scale(half.recip())
+                * Mat4::from_translation(-sides.centre())
+                * axes_from_world,
         }
     }
 
@@ -57,11 +61,22 @@ mod tests {
     #[test]
     fn a_box_along_turned_axes_holds_what_lies_between_its_sides() {
         let axes = Axes::new(Vec3::new(0.0, 0.0, 1.0), Vec3::new(1.0, 0.0, 1.0));
-        let clip = Clip::inside(&axes, &Bounds { min: Vec3::new(-1.0, 0.0, -5.0), max: Vec3::new(1.0, 2.0, 5.0) });
-        for (x, inside) in [(0.9 * axes.right + axes.up, true), (1.1 * axes.right + axes.up, false)] {
+        let clip = Clip::inside(
+            &axes,
+            &Bounds {
+                min: Vec3::new(-1.0, 0.0, -5.0),
+                max: Vec3::new(1.0, 2.0, 5.0),
+            },
+        );
+        for (x, inside) in [
+            (0.9 * axes.right + axes.up, true),
+            (1.1 * axes.right + axes.up, false),
+        ] {
             assert_eq!(clip.contains(x), inside, "{x}");
         }
-        assert!(clip.contains(1.9 * axes.up + 4.9 * axes.forward) && !clip.contains(-0.1 * axes.up));
+        assert!(
+            clip.contains(1.9 * axes.up + 4.9 * axes.forward) && !clip.contains(-0.1 * axes.up)
+        );
         assert!(Clip::default().contains(Vec3::splat(1e9)));
     }
 }

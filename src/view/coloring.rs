@@ -20,8 +20,15 @@ pub enum Coloring {
 
 impl Coloring {
     /// All, the picture's colours first.
-    pub const ALL: [Self; 7] =
-        [Self::Rgb, Self::Label, Self::Confidence, Self::Conflict, Self::Views, Self::Normals, Self::Height];
+    pub const ALL: [Self; 7] = [
+        Self::Rgb,
+        Self::Label,
+        Self::Confidence,
+        Self::Conflict,
+        Self::Views,
+        Self::Normals,
+        Self::Height,
+    ];
 
     /// Whether it shows how points were voted on.
     #[must_use]
@@ -33,8 +40,13 @@ impl Coloring {
 /// A perceptually ordered ramp through five stops (violet, blue, green, lime, yellow): sRGB for a share from 0 to 1.
 #[must_use]
 pub fn ramp(share: f32) -> [u8; 3] {
-    const STOPS: [[f32; 3]; 5] =
-        [[68.0, 1.0, 84.0], [59.0, 82.0, 139.0], [33.0, 145.0, 140.0], [94.0, 201.0, 98.0], [253.0, 231.0, 37.0]];
+    const STOPS: [[f32; 3]; 5] = [
+        [68.0, 1.0, 84.0],
+        [59.0, 82.0, 139.0],
+        [33.0, 145.0, 140.0],
+        [94.0, 201.0, 98.0],
+        [253.0, 231.0, 37.0],
+    ];
     let at = share.clamp(0.0, 1.0) * 4.0;
     let low = (at as usize).min(3);
     let t = at - low as f32;

@@ -34,7 +34,9 @@ impl Model {
     fn is(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Cloud(a), Self::Cloud(b)) => Arc::ptr_eq(a, b),
-            (Self::Surface(a), Self::Surface(b)) | (Self::Wireframe(a), Self::Wireframe(b)) => Arc::ptr_eq(a, b),
+            (Self::Surface(a), Self::Surface(b)) | (Self::Wireframe(a), Self::Wireframe(b)) => {
+                Arc::ptr_eq(a, b)
+            }
             _ => false,
         }
     }
@@ -62,27 +64,46 @@ impl Content {
     /// Nothing.
     pub(super) fn empty() -> Self {
         let blocks = Some(PointBlocks::new(Arc::default()));
-        Self { model: Model::Cloud(Arc::default()), paint: None, kind: Kind::Points { blocks, arranging: None } }
+        Self {
+            model: Model::Cloud(Arc::default()),
+            paint: None,
+            kind: Kind::Points {
+                blocks,
+                arranging: None,
+            },
+        }
     }
 
     /// `before` is what was shown till now.
     pub(super) fn new(model: Model, before: &Self) -> Self {
         let kind = match &model {
             Model::Cloud(cloud) if cloud.is_empty() => return Self::empty(),
-            Model::Cloud(cloud) => {
-                Kind::Points { blocks: None, arranging: Some(Arranging::begin(Arc::clone(cloud), before.arranged())) }
-            }
-            Model::Surface(mesh) | Model::Wireframe(mesh) => {
-                Kind::Surface(SurfaceChunks::new(mesh.triangles.len(), matches!(model, Model::Wireframe(_))))
-            }
+            Model::Cloud(cloud) => Kind::Points {
+                blocks: None,
+                arranging: Some(Arranging::begin(Arc::clone(cloud), before.arranged())),
+            },
+            Model::Surface(mesh) | Model::Wireframe(mesh) => Kind::Surface(SurfaceChunks::new(
+                mesh.triangles.len(),
+                matches!(model, Model::Wireframe(_)),
+            )),
         };
-        Self { model, paint: None, kind }
+        Self {
+            model,
+            paint: None,
+            kind,
+        }
     }
 
     /// A cloud with the arrangement of all of its points.
     fn arranged(&self) -> Option<Arranged> {
         match (&self.model, &self.kind) {
-            (Model::Cloud(cloud), Kind::Points { blocks: Some(blocks), .. }) => {
+            (
+                Model::Cloud(cloud),
+                Kind::Points {
+                    blocks: Some(blocks),
+                    ..
+                },
+            ) => {
                 let all = blocks.arrangement();
                 (all.len() == cloud.len()).then(|| (Arc::clone(cloud), Arc::clone(all)))
             }
@@ -96,7 +117,9 @@ impl Content {
 
     /// Takes what was arranged meanwhile; whether pictures are to begin anew for it.
     pub(super) fn receive(&mut self) -> bool {
-        let Kind::Points { blocks, arranging } = &mut self.kind else { return false };
+        let Kind::Points { blocks, arranging } = &mut self.kind else {
+            return false;
+        };
         match arranging.as_ref().map(Arranging::next) {
             Some(Arrival::Some(arrangement)) => {
                 *blocks = Some(PointBlocks::new(arrangement));
@@ -117,7 +140,13 @@ impl Content {
 
     /// Whether nothing better than what is drawn comes by itself.
     pub(super) fn is_final(&self) -> bool {
-        !matches!(self.kind, Kind::Points { arranging: Some(_), .. })
+        !matches!(
+            self.kind,
+            Kind::Points {
+                arranging: Some(_),
+                ..
+            }
+        )
     }
 
     /// Colours are others now: all is to be uploaded anew.
@@ -181,30 +210,59 @@ impl Content {
     }
 
     /// Begins a picture: of points, a coarse one of a batch that is on the GPU after a bounded upload.
-    pub(super) fn begin(&mut self, gpu: (&wgpu::Device, &wgpu::Queue), scene: &Scene3d, batch: usize) {
+    pub(super) fn begin(
+        &mut self,
+        gpu: (&wgpu::Device, &wgpu::Queue),
+        scene: &Scene3d,
+        batch: usize,
+    ) {
         match &mut self.kind {
-            Kind::Points { blocks: Some(blocks), .. } => blocks.begin(&scene.camera, &scene.style, batch),
+            Kind::Points {
+                blocks: Some(blocks),
+                ..
+            } => blocks.begin(&scene.camera, &scene.style, batch),
             Kind::Points { .. } => {}
             Kind::Surface(chunks) => chunks.begin(),
         }
         self.upload_next(gpu, &scene.style.appearance, batch);
-        if let Kind::Points { blocks: Some(blocks), .. } = &mut self.kind {
+        if let Kind::Points {
+            blocks: Some(blocks),
+            ..
+        } = &mut self.kind
+        {
             blocks.settle();
         }
     }
 
     /// Begins a finer picture of the same scene; one of triangles goes on.
     pub(super) fn refine(&mut self) {
-        if let Kind::Points { blocks: Some(blocks), .. } = &mut self.kind {
+        if let Kind::Points {
+            blocks: Some(blocks),
+            ..
+        } = &mut self.kind
+        {
             blocks.refine();
         }
     }
 
     /// Hands the GPU a bounded part more of what the picture needs, of triangles for the next batch.
-    pub(super) fn upload_next(&mut self, gpu: (&wgpu::Device, &wgpu::Queue), appearance: &Appearance, batch: usize) {
-        let paint = self.paint.get_or_insert_with(|| Paint::new(self.model.points(), appearance));
+    pub(super) fn upload_next(
+        &mut self,
+        gpu: (&wgpu::Device, &wgpu::Queue),
+        appearance: &Appearance,
+        batch: usize,
+    ) {
+        let paint = self
+            .paint
+            .get_or_insert_with(|| Paint::new(self.model.points(), appearance));
         match (&self.model, &mut self.kind) {
-            (Model::Cloud(cloud), Kind::Points { blocks: Some(blocks), .. }) => blocks.upload_next(gpu, cloud, paint),
+            (
+                Model::Cloud(cloud),
+                Kind::Points {
+                    blocks: Some(blocks),
+                    ..
+                },
+            ) => blocks.upload_next(gpu, cloud, paint),
             (Model::Surface(mesh) | Model::Wireframe(mesh), Kind::Surface(chunks)) => {
                 chunks.upload_next(gpu.0, mesh, paint, batch);
             }
@@ -213,9 +271,17 @@ impl Content {
     }
 
     /// Draws at most a batch more of the picture.
-    pub(super) fn draw(&mut self, pass: &mut wgpu::RenderPass<'_>, pipelines: &Pipelines, batch: usize) {
+    pub(super) fn draw(
+        &mut self,
+        pass: &mut wgpu::RenderPass<'_>,
+        pipelines: &Pipelines,
+        batch: usize,
+    ) {
         match &mut self.kind {
-            Kind::Points { blocks: Some(blocks), .. } => blocks.draw(pass, pipelines, batch),
+            Kind::Points {
+                blocks: Some(blocks),
+                ..
+            } => blocks.draw(pass, pipelines, batch),
             Kind::Points { .. } => {}
             Kind::Surface(chunks) => chunks.draw(pass, pipelines, batch),
         }

@@ -57,8 +57,18 @@ impl EyeDome {
             usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
         });
         let shader = wgpu::include_wgsl!("shaders/edl.wgsl");
-        let pipeline = compiled(device, &[&layout], shader, (&[], wgpu::PrimitiveTopology::TriangleList), false);
-        Self { pipeline, layout, uniform }
+        let pipeline = compiled(
+            device,
+            &[&layout],
+            shader,
+            (&[], wgpu::PrimitiveTopology::TriangleList),
+            false,
+        );
+        Self {
+            pipeline,
+            layout,
+            uniform,
+        }
     }
 
     /// What the pass reads: a picture and its depths.
@@ -72,9 +82,18 @@ impl EyeDome {
             label: Some("eye-dome lighting"),
             layout: &self.layout,
             entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(color) },
-                wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(depth) },
-                wgpu::BindGroupEntry { binding: 2, resource: self.uniform.as_entire_binding() },
+                wgpu::BindGroupEntry {
+                    binding: 0,
+                    resource: wgpu::BindingResource::TextureView(color),
+                },
+                wgpu::BindGroupEntry {
+                    binding: 1,
+                    resource: wgpu::BindingResource::TextureView(depth),
+                },
+                wgpu::BindGroupEntry {
+                    binding: 2,
+                    resource: self.uniform.as_entire_binding(),
+                },
             ],
         })
     }
@@ -85,7 +104,11 @@ impl EyeDome {
             Projection::Perspective => 0.0,
             Projection::Orthographic { .. } => 2.0 * ViewCamera::REACH,
         };
-        let uniform = DomeUniform { strength, span, unused: [0.0; 2] };
+        let uniform = DomeUniform {
+            strength,
+            span,
+            unused: [0.0; 2],
+        };
         queue.write_buffer(&self.uniform, 0, bytemuck::bytes_of(&uniform));
     }
 

@@ -19,7 +19,9 @@ impl Frustum {
         let [u, v, t, one] = [0, 1, 2, 3].map(|row| cube.row(row));
         let sides = [wide + x, wide - x, high + y, high - y, w - z, z];
         let walls = [one + u, one - u, one + v, one - v, one + t, one - t];
-        Self { planes: std::array::from_fn(|at| if at < 6 { sides[at] } else { walls[at - 6] }) }
+        Self {
+            planes: std::array::from_fn(|at| if at < 6 { sides[at] } else { walls[at - 6] }),
+        }
     }
 
     /// Whether anything in a box might be seen. Never wrong when it says no.
@@ -43,11 +45,21 @@ mod tests {
     use crate::{Axes, Clip, Orbit};
 
     fn orbit() -> Orbit {
-        Orbit::framing(&Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE }, Vec3::new(0.3, 0.2, 1.0), Vec3::NEG_Y)
+        Orbit::framing(
+            &Bounds {
+                min: Vec3::NEG_ONE,
+                max: Vec3::ONE,
+            },
+            Vec3::new(0.3, 0.2, 1.0),
+            Vec3::NEG_Y,
+        )
     }
 
     fn around(x: Vec3, half: f32) -> Bounds {
-        Bounds { min: x - half, max: x + half }
+        Bounds {
+            min: x - half,
+            max: x + half,
+        }
     }
 
     proptest! {
@@ -78,13 +90,21 @@ mod tests {
     fn boxes_beside_behind_and_outside_the_clip_box_are_not_reached() {
         let camera = orbit().camera(320, 200);
         let style = SceneStyle::default();
-        let (inside, behind) = (around(Vec3::ZERO, 0.1), camera.unproject(glam::Vec2::new(160.0, 100.0), -2.0));
+        let (inside, behind) = (
+            around(Vec3::ZERO, 0.1),
+            camera.unproject(glam::Vec2::new(160.0, 100.0), -2.0),
+        );
         let beside = camera.unproject(glam::Vec2::new(-200.0, 100.0), 3.0);
         let frustum = Frustum::new(&camera, &style);
         assert!(frustum.reaches(&inside) && frustum.reaches(&around(beside, 50.0)));
         assert!(!frustum.reaches(&around(behind, 0.1)) && !frustum.reaches(&around(beside, 0.1)));
         let axes = Axes::new(Vec3::NEG_Y, Vec3::Z);
-        let clip = Clip::inside(&axes, &axes.bounds([Vec3::splat(0.5), Vec3::ONE].into_iter()).unwrap());
+        let clip = Clip::inside(
+            &axes,
+            &axes
+                .bounds([Vec3::splat(0.5), Vec3::ONE].into_iter())
+                .unwrap(),
+        );
         let clipped = Frustum::new(&camera, &SceneStyle { clip, ..style });
         assert!(!clipped.reaches(&inside) && clipped.reaches(&around(Vec3::splat(0.7), 0.1)));
     }

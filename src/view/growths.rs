@@ -17,7 +17,10 @@ impl Growths {
     pub fn new(device: &wgpu::Device) -> Self {
         let step = device.limits().min_uniform_buffer_offset_alignment.max(16);
         let mut contents = vec![0.0_f32; (LEVELS * step) as usize / size_of::<f32>()];
-        for (level, growth) in contents.chunks_mut(step as usize / size_of::<f32>()).enumerate() {
+        for (level, growth) in contents
+            .chunks_mut(step as usize / size_of::<f32>())
+            .enumerate()
+        {
             growth[0] = (level as f32 / PER_DOUBLE).exp2();
         }
         let buffer = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
@@ -39,13 +42,24 @@ impl Growths {
                 count: None,
             }],
         });
-        let binding = wgpu::BufferBinding { buffer: &buffer, offset: 0, size };
+        let binding = wgpu::BufferBinding {
+            buffer: &buffer,
+            offset: 0,
+            size,
+        };
         let levels = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("growth of discs"),
             layout: &layout,
-            entries: &[wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::Buffer(binding) }],
+            entries: &[wgpu::BindGroupEntry {
+                binding: 0,
+                resource: wgpu::BindingResource::Buffer(binding),
+            }],
         });
-        Self { layout, levels, step }
+        Self {
+            layout,
+            levels,
+            step,
+        }
     }
 
     /// Binds to group 1 what `drawn` (above 0) points of `all` need: on a surface, the root of how many fewer they are.
@@ -65,6 +79,14 @@ mod tests {
 
     #[test]
     fn all_points_have_their_true_size_and_a_quarter_twice_it() {
-        assert_eq!([level(10, 10), level(25, 100), level(1, 16), level(1, 1_000_000)], [0, 8, 16, LEVELS - 1]);
+        assert_eq!(
+            [
+                level(10, 10),
+                level(25, 100),
+                level(1, 16),
+                level(1, 1_000_000)
+            ],
+            [0, 8, 16, LEVELS - 1]
+        );
     }
 }

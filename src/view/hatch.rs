@@ -17,10 +17,19 @@ pub fn hatch(region: &Region) -> Vec<[u8; 4]> {
             return [0; 4];
         }
         let (x, y) = (at % width, at / width);
-        let around = [(x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
+        let around = [
+            (x.wrapping_sub(1), y),
+            (x + 1, y),
+            (x, y.wrapping_sub(1)),
+            (x, y + 1),
+        ];
         let is_border = around.into_iter().any(|(x, y)| !is_inside(x, y));
         let [r, g, b] = COLOR;
-        if is_border || (x + y) % period < period / 2 { [r, g, b, 255] } else { [0; 4] }
+        if is_border || (x + y) % period < period / 2 {
+            [r, g, b, 255]
+        } else {
+            [0; 4]
+        }
     };
     region.inside.iter().enumerate().map(color).collect()
 }
@@ -37,9 +46,15 @@ mod tests {
         }
         let pixels = hatch(&region);
         let opaque = |x: usize, y: usize| pixels[y * 40 + x][3] == 255;
-        assert!((0..20).all(|y| opaque(5, y) && opaque(24, y)) && (5..25).all(|x| opaque(x, 0) && opaque(x, 19)));
+        assert!(
+            (0..20).all(|y| opaque(5, y) && opaque(24, y))
+                && (5..25).all(|x| opaque(x, 0) && opaque(x, 19))
+        );
         let stripes = (6..24).filter(|&x| opaque(x, 10)).count();
-        assert!((6..=12).contains(&stripes), "half of it shows the picture: {stripes}");
+        assert!(
+            (6..=12).contains(&stripes),
+            "half of it shows the picture: {stripes}"
+        );
         assert!((0..1200).all(|at| region.inside[at] || pixels[at] == [0; 4]));
     }
 }

@@ -20,13 +20,30 @@ impl LabelColors {
             [r, g, b, opacity(tree, id, appearance, faint)]
         };
         let [r, g, b] = UNKNOWN;
-        let by_id = (0..tree.next_id().0).map(|id| of_label(LabelId(id))).collect();
-        Self { by_id, unlabelled: [r, g, b, if appearance.isolated.is_some() { faint } else { 255 }] }
+        let by_id = (0..tree.next_id().0)
+            .map(|id| of_label(LabelId(id)))
+            .collect();
+        Self {
+            by_id,
+            unlabelled: [
+                r,
+                g,
+                b,
+                if appearance.isolated.is_some() {
+                    faint
+                } else {
+                    255
+                },
+            ],
+        }
     }
 
     /// sRGB and opacity (0 = hidden) of a label; grey for none.
     pub(super) fn get(&self, id: LabelId) -> [u8; 4] {
-        let known = self.by_id.get(usize::from(id.0)).filter(|_| id != LabelId::NONE);
+        let known = self
+            .by_id
+            .get(usize::from(id.0))
+            .filter(|_| id != LabelId::NONE);
         known.copied().unwrap_or(self.unlabelled)
     }
 }
@@ -46,7 +63,10 @@ fn opacity(tree: &LabelTree, id: LabelId, appearance: &Appearance, faint: u8) ->
     let is_within = |other: &LabelId| id == *other || path.contains(other);
     if appearance.hidden.iter().any(is_within) {
         0
-    } else if appearance.isolated.is_none_or(|isolated| is_within(&isolated)) {
+    } else if appearance
+        .isolated
+        .is_none_or(|isolated| is_within(&isolated))
+    {
         255
     } else {
         faint

@@ -50,27 +50,53 @@ const QUANTILE: f64 = 0.01;
 ///
 /// # Errors
 /// [`FrameError`] when it cannot be read.
-pub fn draw_layer(layer: Layer, frame: &Frame, store: &FrameStore) -> Result<Option<LayerPicture>, FrameError> {
+pub fn draw_layer(
+    layer: Layer,
+    frame: &Frame,
+    store: &FrameStore,
+) -> Result<Option<LayerPicture>, FrameError> {
     Ok(match layer {
-        Layer::Photo => Some(LayerPicture { image: store.image(frame)?, range: None }),
+        Layer::Photo => Some(LayerPicture {
+            image: store.image(frame)?,
+            range: None,
+        }),
         Layer::Depth => store.depth(frame)?.map(|depth| draw_depth(&depth)),
-        Layer::Normals => store.made_depth(frame)?.map(|made| draw_normals(&made, frame)),
-        Layer::Confidence => store.made_depth(frame)?.map(|made| draw_confidence(&made, frame)),
+        Layer::Normals => store
+            .made_depth(frame)?
+            .map(|made| draw_normals(&made, frame)),
+        Layer::Confidence => store
+            .made_depth(frame)?
+            .map(|made| draw_confidence(&made, frame)),
     })
 }
 
 fn draw_depth(depth: &DepthMap) -> LayerPicture {
-    let mut known: Vec<f32> = depth.depths.iter().copied().filter(|&depth| depth > 0.0).collect();
+    let mut known: Vec<f32> = depth
+        .depths
+        .iter()
+        .copied()
+        .filter(|&depth| depth > 0.0)
+        .collect();
     known.sort_unstable_by(f32::total_cmp);
     let skipped = (QUANTILE * known.len() as f64) as usize;
-    let range = known.get(skipped).zip(known.get(known.len().saturating_sub(skipped + 1))).map(|(&a, &b)| [a, b]);
+    let range = known
+        .get(skipped)
+        .zip(known.get(known.len().saturating_sub(skipped + 1)))
+        .map(|(&a, &b)| [a, b]);
     let [near, far] = range.unwrap_or([0.0, 1.0]);
     let color = |&depth: &f32| match depth {
         depth if depth > 0.0 => ramp((depth - near) / (far - near).max(f32::MIN_POSITIVE)),
         _ => UNKNOWN,
     };
     let pixels = depth.depths.iter().map(color).collect();
-    LayerPicture { image: Arc::new(Image { width: depth.width, height: depth.height, pixels }), range }
+    LayerPicture {
+        image: Arc::new(Image {
+            width: depth.width,
+            height: depth.height,
+            pixels,
+        }),
+        range,
+    }
 }
 
 fn draw_normals(made: &MadeDepth, frame: &Frame) -> LayerPicture {
@@ -78,7 +104,10 @@ fn draw_normals(made: &MadeDepth, frame: &Frame) -> LayerPicture {
         [0, 0, 0] => UNKNOWN,
         [x, y, z] => [x, y, -z.max(-127)].map(|along| (i16::from(along) + 128) as u8),
     };
-    LayerPicture { image: Arc::new(seen(made, frame, color)), range: None }
+    LayerPicture {
+        image: Arc::new(seen(made, frame, color)),
+        range: None,
+    }
 }
 
 fn draw_confidence(made: &MadeDepth, frame: &Frame) -> LayerPicture {
@@ -86,12 +115,22 @@ fn draw_confidence(made: &MadeDepth, frame: &Frame) -> LayerPicture {
         depth if depth > 0.0 => ramp(f32::from(made.confidence[at]) / 255.0),
         _ => UNKNOWN,
     };
-    LayerPicture { image: Arc::new(seen(made, frame, color)), range: Some([0.0, 1.0]) }
+    LayerPicture {
+        image: Arc::new(seen(made, frame, color)),
+        range: Some([0.0, 1.0]),
+    }
 }
 
 fn seen(made: &MadeDepth, frame: &Frame, color: impl Fn(usize) -> [u8; 3]) -> Image {
-    let pixels = made.pixels_seen_by(frame).map(|at| at.map_or(UNKNOWN, &color)).collect();
-    Image { width: frame.width, height: frame.height, pixels }
+    let pixels = made
+        .pixels_seen_by(frame)
+        .map(|at| at.map_or(UNKNOWN, &color))
+        .collect();
+    Image {
+        width: frame.width,
+        height: frame.height,
+        pixels,
+    }
 }
 
 #[cfg(test)]
@@ -102,29 +141,68 @@ mod tests {
 
     #[test]
     fn depth_is_drawn_from_near_to_far_and_holes_are_dark() {
-        let depths = (0..400).map(|i| if i == 7 { 0.0 } else { 1.0 + i as f32 / 400.0 }).collect();
-        let drawn = draw_depth(&DepthMap { width: 20, height: 20, depths });
+        let depths = (0..400)
+            .map(|i| if i == 7 { 0.0 } else { 1.0 + i as f32 / 400.0 })
+            .collect();
+        let drawn = draw_depth(&DepthMap {
+            width: 20,
+            height: 20,
+            depths,
+        });
         let [near, far] = drawn.range.unwrap();
-        assert!((near - 1.0).abs() < 0.02 && (far - 2.0).abs() < 0.02, "{near} to {far}");
+        assert!(
+            (near - 1.0).abs() < 0.02 && (far - 2.0).abs() < 0.02,
+            "{near} to {far}"
+        );
         let pixels = &drawn.image.pixels;
-        assert_eq!((pixels[7], pixels[0], pixels[399]), (UNKNOWN, [68, 1, 84], [253, 231, 37]));
-        let empty = draw_depth(&DepthMap { width: 2, height: 1, depths: vec![0.0; 2] });
-        assert_eq!((empty.range, &empty.image.pixels[..]), (None, &[UNKNOWN; 2][..]));
+        assert_eq!(
+            (pixels[7], pixels[0], pixels[399]),
+            (UNKNOWN, [68, 1, 84], [253, 231, 37])
+        );
+        let empty = draw_depth(&DepthMap {
+            width: 2,
+            height: 1,
+            depths: vec![0.0; 2],
+        });
+        assert_eq!(
+            (empty.range, &empty.image.pixels[..]),
+            (None, &[UNKNOWN; 2][..])
+        );
     }
 
     #[test]
     fn normals_and_confidences_lie_over_the_picture() {
         let made = MadeDepth {
             camera: Camera::pinhole(2, 1, 2.0, 2.0, 1.0, 0.5),
-            depth: DepthMap { width: 2, height: 1, depths: vec![1.0, 0.0] },
+            depth: DepthMap {
+                width: 2,
+                height: 1,
+                depths: vec![1.0, 0.0],
+            },
             normals: vec![[0, 0, -127], [0; 3]],
             confidence: vec![255, 9],
         };
-        let picture = PictureSource::File { path: "a.png".into(), orientation: Orientation::default() };
-        let frame = Frame { name: "a".into(), width: 4, height: 2, picture, depth: None, camera: None };
+        let picture = PictureSource::File {
+            path: "a.png".into(),
+            orientation: Orientation::default(),
+        };
+        let frame = Frame {
+            name: "a".into(),
+            width: 4,
+            height: 2,
+            picture,
+            depth: None,
+            camera: None,
+        };
         let normals = draw_normals(&made, &frame).image;
-        assert_eq!((normals.at(1, 1), normals.at(2, 0)), ([128, 128, 255], UNKNOWN));
+        assert_eq!(
+            (normals.at(1, 1), normals.at(2, 0)),
+            ([128, 128, 255], UNKNOWN)
+        );
         let confidence = draw_confidence(&made, &frame).image;
-        assert_eq!((confidence.at(0, 1), confidence.at(3, 1)), ([253, 231, 37], UNKNOWN));
+        assert_eq!(
+            (confidence.at(0, 1), confidence.at(3, 1)),
+            ([253, 231, 37], UNKNOWN)
+        );
     }
 }

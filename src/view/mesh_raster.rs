@@ -31,22 +31,38 @@ pub fn draw_mesh(mesh: &LabelledMesh, camera: &ViewCamera, style: &SceneStyle) -
     let bands = height.div_ceil(BAND);
     let mut by_band = vec![Vec::new(); bands];
     for triangle in &mesh.triangles {
-        let [Some(a), Some(b), Some(c)] = triangle.map(|vertex| corners[vertex as usize].as_ref()) else { continue };
+        let [Some(a), Some(b), Some(c)] = triangle.map(|vertex| corners[vertex as usize].as_ref())
+        else {
+            continue;
+        };
         let rows = [a, b, c].map(|corner| corner.at_px.y);
-        let (top, bottom) = (rows.into_iter().fold(f32::MAX, f32::min), rows.into_iter().fold(f32::MIN, f32::max));
+        let (top, bottom) = (
+            rows.into_iter().fold(f32::MAX, f32::min),
+            rows.into_iter().fold(f32::MIN, f32::max),
+        );
         if bottom < 0.0 || top >= height as f32 {
             continue;
         }
         let last = (bottom as usize / BAND).min(bands - 1);
-        by_band[top.max(0.0) as usize / BAND..=last].iter_mut().for_each(|members| members.push([a, b, c]));
+        by_band[top.max(0.0) as usize / BAND..=last]
+            .iter_mut()
+            .for_each(|members| members.push([a, b, c]));
     }
     let mut pixels = vec![Pixel::background(style.background); width * height];
-    pixels.par_chunks_mut(BAND * width.max(1)).zip(by_band).enumerate().for_each(|(band, (rows, members))| {
-        for corners in members {
-            draw_triangle(rows, width, band * BAND, corners, camera.projection);
-        }
-    });
-    Shot::of_pixels(camera.width, camera.height, pixels.into_par_iter().map(|pixel| pixel.color))
+    pixels
+        .par_chunks_mut(BAND * width.max(1))
+        .zip(by_band)
+        .enumerate()
+        .for_each(|(band, (rows, members))| {
+            for corners in members {
+                draw_triangle(rows, width, band * BAND, corners, camera.projection);
+            }
+        });
+    Shot::of_pixels(
+        camera.width,
+        camera.height,
+        pixels.into_par_iter().map(|pixel| pixel.color),
+    )
 }
 
 fn corners(mesh: &LabelledMesh, camera: &ViewCamera, style: &SceneStyle) -> Vec<Option<Corner>> {
@@ -56,22 +72,43 @@ fn corners(mesh: &LabelledMesh, camera: &ViewCamera, style: &SceneStyle) -> Vec<
         let color = paint.color(&mesh.vertices, vertex)?;
         let position = mesh.vertices.positions[vertex];
         let (at_px, depth) = camera.project(position)?;
-        let facing = (eye - position).normalize_or_zero().dot(mesh.vertices.normals[vertex]).abs();
+        let facing = (eye - position)
+            .normalize_or_zero()
+            .dot(mesh.vertices.normals[vertex])
+            .abs();
         let light = AMBIENT + (1.0 - AMBIENT) * facing;
         let color = Vec4::from_array(color.map(f32::from));
-        Some(Corner { at_px, depth, color, light, in_cube: style.clip.in_cube(position) })
+        Some(Corner {
+            at_px,
+            depth,
+            color,
+            light,
+            in_cube: style.clip.in_cube(position),
+        })
     };
-    (0..mesh.vertices.len()).into_par_iter().map(corner).collect()
+    (0..mesh.vertices.len())
+        .into_par_iter()
+        .map(corner)
+        .collect()
 }
 
-fn draw_triangle(rows: &mut [Pixel], width: usize, top: usize, corners: [&Corner; 3], projection: Projection) {
+fn draw_triangle(
+    rows: &mut [Pixel],
+    width: usize,
+    top: usize,
+    corners: [&Corner; 3],
+    projection: Projection,
+) {
     let [a, b, c] = corners.map(|corner| corner.at_px);
     let area = (b - a).perp_dot(c - a);
     if area == 0.0 || !area.is_finite() {
         return;
     }
     let span = |values: [f32; 3], offset: usize, limit: usize| {
-        let (low, high) = (values.into_iter().fold(f32::MAX, f32::min), values.into_iter().fold(f32::MIN, f32::max));
+        let (low, high) = (
+            values.into_iter().fold(f32::MAX, f32::min),
+            values.into_iter().fold(f32::MIN, f32::max),
+        );
         let from = (low - offset as f32 - 0.5).ceil().max(0.0) as usize;
         let to = ((high - offset as f32 - 0.5).floor() + 1.0).max(0.0) as usize;
         from..to.min(limit)
@@ -79,8 +116,12 @@ fn draw_triangle(rows: &mut [Pixel], width: usize, top: usize, corners: [&Corner
     for y in span([a.y, b.y, c.y], top, rows.len() / width) {
         for x in span([a.x, b.x, c.x], 0, width) {
             let at = Vec2::new(x as f32 + 0.5, (y + top) as f32 + 0.5);
-            let shares = [(c - b).perp_dot(at - b), (a - c).perp_dot(at - c), (b - a).perp_dot(at - a)]
-                .map(|share| share / area);
+            let shares = [
+                (c - b).perp_dot(at - b),
+                (a - c).perp_dot(at - c),
+                (b - a).perp_dot(at - a),
+            ]
+            .map(|share| share / area);
             if shares.iter().any(|share| *share < 0.0) {
                 continue;
             }
@@ -88,12 +129,19 @@ fn draw_triangle(rows: &mut [Pixel], width: usize, top: usize, corners: [&Corner
             let share = Vec3::from_array(shares);
             let depth = depth_at(share, corners, projection);
             if depth < pixel.depth && is_unclipped(share, corners, depth, projection) {
-                let mut color = corners[0].color * share.x + corners[1].color * share.y + corners[2].color * share.z;
-                color *= share.dot(Vec3::from_array(corners.map(|corner| corner.light))).min(1.0);
+                let mut color = corners[0].color * share.x
+                    + corners[1].color * share.y
+                    + corners[2].color * share.z;
+                color *= share
+                    .dot(Vec3::from_array(corners.map(|corner| corner.light)))
+                    .min(1.0);
                 let [r, g, b, _] = color.to_array().map(|channel| channel.round() as u8);
                 let opacity = corners[0].color.w as u8;
                 if is_shown(opacity, x, y + top) {
-                    *pixel = Pixel { depth, color: [r, g, b, opacity] };
+                    *pixel = Pixel {
+                        depth,
+                        color: [r, g, b, opacity],
+                    };
                 }
             }
         }
@@ -112,7 +160,9 @@ fn depth_at(share: Vec3, corners: [&Corner; 3], projection: Projection) -> f32 {
 
 fn is_unclipped(share: Vec3, corners: [&Corner; 3], depth: f32, projection: Projection) -> bool {
     let share = match projection {
-        Projection::Perspective => share * depth / Vec3::from_array(corners.map(|corner| corner.depth)),
+        Projection::Perspective => {
+            share * depth / Vec3::from_array(corners.map(|corner| corner.depth))
+        }
         Projection::Orthographic { .. } => share,
     };
     let [a, b, c] = corners.map(|corner| corner.in_cube);
@@ -129,15 +179,27 @@ mod tests {
 
     /// A red square at z = 2 and, nearer, a green triangle over its lower left half, seen from the origin.
     fn scene() -> (LabelledMesh, ViewCamera) {
-        let square = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| Vec3::new(x, y, 2.0));
+        let square =
+            [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| Vec3::new(x, y, 2.0));
         let near = [[-0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]].map(|[x, y]| Vec3::new(x, y, 1.0));
         let mut vertices = LabelledCloud::from_positions([&square[..], &near].concat());
         vertices.normals = vec![Vec3::NEG_Z; 7];
         vertices.labels = [1, 1, 1, 1, 2, 2, 2].map(LabelId).to_vec();
         for (id, color) in [(1, [200, 0, 0]), (2, [0, 200, 0])] {
-            vertices.tree.set(Label { id: LabelId(id), name: id.to_string(), color, parent: None }).unwrap();
+            vertices
+                .tree
+                .set(Label {
+                    id: LabelId(id),
+                    name: id.to_string(),
+                    color,
+                    parent: None,
+                })
+                .unwrap();
         }
-        let mesh = LabelledMesh { vertices, triangles: vec![[0, 1, 2], [0, 2, 3], [4, 5, 6]] };
+        let mesh = LabelledMesh {
+            vertices,
+            triangles: vec![[0, 1, 2], [0, 2, 3], [4, 5, 6]],
+        };
         let camera = ViewCamera {
             camera_from_world: glam::Mat4::IDENTITY,
             focal_px: 50.0,
@@ -153,7 +215,10 @@ mod tests {
     fn the_nearer_triangle_hides_and_hidden_labels_do_not() {
         let (mesh, camera) = scene();
         let mut style = SceneStyle {
-            appearance: Appearance { coloring: Coloring::Label, ..Default::default() },
+            appearance: Appearance {
+                coloring: Coloring::Label,
+                ..Default::default()
+            },
             ..Default::default()
         };
         let picture = draw_mesh(&mesh, &camera, &style).image;
@@ -162,7 +227,14 @@ mod tests {
         assert!(at(&picture, 50, 30)[0] > 150 && at(&picture, 50, 30)[1] == 0);
         assert_eq!(at(&picture, 2, 2), style.background);
         // The square is 50 pixels wide: no cracks, no doubled pixels between its triangles.
-        assert_eq!(picture.pixels.iter().filter(|&&color| color != style.background).count(), 50 * 50);
+        assert_eq!(
+            picture
+                .pixels
+                .iter()
+                .filter(|&&color| color != style.background)
+                .count(),
+            50 * 50
+        );
         style.appearance.hidden.insert(LabelId(2));
         assert!(at(&draw_mesh(&mesh, &camera, &style).image, 30, 50)[0] > 150);
     }
@@ -171,21 +243,51 @@ mod tests {
     fn triangles_are_cut_at_the_clip_box_and_faint_ones_show_what_is_behind() {
         let (mesh, camera) = scene();
         let mut style = SceneStyle {
-            appearance: Appearance { coloring: Coloring::Label, ..Default::default() },
+            appearance: Appearance {
+                coloring: Coloring::Label,
+                ..Default::default()
+            },
             ..Default::default()
         };
-        let sides = Bounds { min: Vec3::splat(-9.0), max: Vec3::new(0.5, 9.0, 9.0) };
-        style.clip = Clip::inside(&Axes { right: Vec3::X, up: Vec3::Y, forward: Vec3::Z }, &sides);
+        let sides = Bounds {
+            min: Vec3::splat(-9.0),
+            max: Vec3::new(0.5, 9.0, 9.0),
+        };
+        style.clip = Clip::inside(
+            &Axes {
+                right: Vec3::X,
+                up: Vec3::Y,
+                forward: Vec3::Z,
+            },
+            &sides,
+        );
         let shot = draw_mesh(&mesh, &camera, &style);
-        let columns =
-            |shot: &Shot, y: usize| shot.opacity[y * 80..][..80].iter().filter(|&&opacity| opacity > 0).count();
-        assert_eq!(columns(&shot, 20), 38, "the square ends at x = 0.5, half as far to the right as before");
+        let columns = |shot: &Shot, y: usize| {
+            shot.opacity[y * 80..][..80]
+                .iter()
+                .filter(|&&opacity| opacity > 0)
+                .count()
+        };
+        assert_eq!(
+            columns(&shot, 20),
+            38,
+            "the square ends at x = 0.5, half as far to the right as before"
+        );
         style.clip = Clip::default();
         (style.appearance.isolated, style.appearance.faint) = (Some(LabelId(1)), 0.25);
         let shot = draw_mesh(&mesh, &camera, &style);
-        let green = |shot: &Shot| shot.image.pixels.iter().filter(|pixel| pixel[1] > 100).count() as f32;
+        let green = |shot: &Shot| {
+            shot.image
+                .pixels
+                .iter()
+                .filter(|pixel| pixel[1] > 100)
+                .count() as f32
+        };
         style.appearance.isolated = None;
         let share = green(&shot) / green(&draw_mesh(&mesh, &camera, &style));
-        assert!((0.2..0.3).contains(&share), "a quarter of the pixels of the near triangle: {share}");
+        assert!(
+            (0.2..0.3).contains(&share),
+            "a quarter of the pixels of the near triangle: {share}"
+        );
     }
 }

@@ -43,7 +43,14 @@ impl Orbit {
         let forward = rotation.conjugate() * Vec3::Z;
         let fov_y = 2.0 * (f64::from(camera.height) / (2.0 * camera.focal_px.y)).atan() as f32;
         let target = camera_from_world.centre().as_vec3() + forward * depth;
-        Self { target, distance: depth, rotation, up, fov_y, orthographic: false }
+        Self {
+            target,
+            distance: depth,
+            rotation,
+            up,
+            fov_y,
+            orthographic: false,
+        }
     }
 
     /// Turns by a pointer movement in pixels.
@@ -114,18 +121,33 @@ impl Orbit {
         );
         let focal_px = height.max(1) as f32 / (2.0 * (self.fov_y / 2.0).tan());
         let (projection, near) = if self.orthographic {
-            (Projection::Orthographic { depth: self.distance }, self.distance * (1.0 - ViewCamera::REACH))
+            (
+                Projection::Orthographic {
+                    depth: self.distance,
+                },
+                self.distance * (1.0 - ViewCamera::REACH),
+            )
         } else {
             (Projection::Perspective, self.distance * 1e-3)
         };
-        ViewCamera { camera_from_world, focal_px, projection, width, height, near }
+        ViewCamera {
+            camera_from_world,
+            focal_px,
+            projection,
+            width,
+            height,
+            near,
+        }
     }
 }
 
 /// The rotation `camera_from_world` that looks along `direction` with `up` upwards in the picture.
 fn look_rotation(direction: Vec3, up: Vec3) -> Quat {
     let z = direction.normalize_or(Vec3::Z);
-    let x = z.cross(up).try_normalize().unwrap_or_else(|| z.any_orthonormal_vector());
+    let x = z
+        .cross(up)
+        .try_normalize()
+        .unwrap_or_else(|| z.any_orthonormal_vector());
     let y = z.cross(x);
     Quat::from_mat3(&Mat3::from_cols(x, y, z).transpose())
 }
@@ -135,7 +157,10 @@ mod tests {
     use super::*;
 
     fn sample() -> Orbit {
-        let bounds = Bounds { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) };
+        let bounds = Bounds {
+            min: Vec3::splat(-1.0),
+            max: Vec3::splat(1.0),
+        };
         Orbit::framing(&bounds, Vec3::new(0.3, 0.2, 1.0), Vec3::NEG_Y)
     }
 
@@ -143,7 +168,11 @@ mod tests {
     fn framing_shows_the_whole_box_upright() {
         let camera = sample().camera(400, 400);
         for corner in 0..8 {
-            let x = Vec3::new(f32::from(corner & 1 != 0), f32::from(corner & 2 != 0), f32::from(corner & 4 != 0)) * 2.0
+            let x = Vec3::new(
+                f32::from(corner & 1 != 0),
+                f32::from(corner & 2 != 0),
+                f32::from(corner & 4 != 0),
+            ) * 2.0
                 - 1.0;
             let (px, _) = camera.project(x).unwrap();
             assert!(px.min_element() > 0.0 && px.max_element() < 400.0, "{px}");
@@ -176,18 +205,27 @@ mod tests {
         let axes = Axes::new(Vec3::NEG_Y, Vec3::Z);
         let mut orbit = sample();
         let at = |orbit: &Orbit, x: Vec3| orbit.camera(400, 400).project(x).unwrap().0 - 200.0;
-        for (side, right) in
-            [(Side::Front, Vec3::X), (Side::Back, Vec3::NEG_X), (Side::Left, Vec3::NEG_Z), (Side::Right, Vec3::Z)]
-        {
+        for (side, right) in [
+            (Side::Front, Vec3::X),
+            (Side::Back, Vec3::NEG_X),
+            (Side::Left, Vec3::NEG_Z),
+            (Side::Right, Vec3::Z),
+        ] {
             orbit.look_from(&axes, side);
-            assert!(at(&orbit, axes.up).y < -50.0 && at(&orbit, right).x > 50.0, "{side:?}");
+            assert!(
+                at(&orbit, axes.up).y < -50.0 && at(&orbit, right).x > 50.0,
+                "{side:?}"
+            );
         }
         orbit.look_from(&axes, Side::Top);
         assert!(at(&orbit, axes.forward).y < -50.0 && at(&orbit, axes.right).x > 50.0);
         for pull in [30.0, -30.0] {
             let mut tilted = orbit;
             tilted.orbit(Vec2::new(0.0, pull));
-            assert!((tilted.rotation.conjugate() * Vec3::NEG_Y).dot(orbit.up) > -1e-3, "{pull}");
+            assert!(
+                (tilted.rotation.conjugate() * Vec3::NEG_Y).dot(orbit.up) > -1e-3,
+                "{pull}"
+            );
         }
     }
 

@@ -19,30 +19,43 @@ pub struct OverlayStyle {
 
 impl Default for OverlayStyle {
     fn default() -> Self {
-        Self { opacity: 0.45, outlines: true, hidden: BTreeSet::new() }
+        Self {
+            opacity: 0.45,
+            outlines: true,
+            hidden: BTreeSet::new(),
+        }
     }
 }
 
 /// The mask as `width · height` straight-alpha sRGB pixels, to be laid over the picture.
 #[must_use]
 pub fn overlay(mask: &LabelMask, tree: &LabelTree, style: &OverlayStyle) -> Vec<[u8; 4]> {
-    let colors = LabelColors::new(tree, &Appearance { hidden: style.hidden.clone(), ..Appearance::default() });
+    let colors = LabelColors::new(
+        tree,
+        &Appearance {
+            hidden: style.hidden.clone(),
+            ..Appearance::default()
+        },
+    );
     let alpha = (style.opacity.clamp(0.0, 1.0) * 255.0).round() as u8;
     let width = mask.width as usize;
     let mut pixels = vec![[0; 4]; mask.ids.len()];
-    pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
-        for (x, pixel) in row.iter_mut().enumerate() {
-            let id = mask.ids[y * width + x];
-            if id == LabelId::NONE {
-                continue;
+    pixels
+        .par_chunks_mut(width.max(1))
+        .enumerate()
+        .for_each(|(y, row)| {
+            for (x, pixel) in row.iter_mut().enumerate() {
+                let id = mask.ids[y * width + x];
+                if id == LabelId::NONE {
+                    continue;
+                }
+                let [r, g, b, shown] = colors.get(id);
+                if shown > 0 {
+                    let outlined = style.outlines && on_border(mask, x, y);
+                    *pixel = [r, g, b, if outlined { 255 } else { alpha }];
+                }
             }
-            let [r, g, b, shown] = colors.get(id);
-            if shown > 0 {
-                let outlined = style.outlines && on_border(mask, x, y);
-                *pixel = [r, g, b, if outlined { 255 } else { alpha }];
-            }
-        }
-    });
+        });
     pixels
 }
 
@@ -65,8 +78,13 @@ mod tests {
     fn areas_are_translucent_borders_opaque_hidden_labels_gone() {
         let mut tree = LabelTree::default();
         for id in 1..=2 {
-            tree.set(Label { id: LabelId(id), name: format!("l{id}"), color: [id as u8 * 50, 0, 0], parent: None })
-                .unwrap();
+            tree.set(Label {
+                id: LabelId(id),
+                name: format!("l{id}"),
+                color: [id as u8 * 50, 0, 0],
+                parent: None,
+            })
+            .unwrap();
         }
         let mut mask = LabelMask::empty(7, 5);
         for y in 1..4 {
@@ -75,7 +93,11 @@ mod tests {
             }
             mask.ids[y * 7 + 5] = LabelId(2);
         }
-        let style = OverlayStyle { opacity: 0.5, outlines: true, hidden: [LabelId(2)].into() };
+        let style = OverlayStyle {
+            opacity: 0.5,
+            outlines: true,
+            hidden: [LabelId(2)].into(),
+        };
         let pixels = overlay(&mask, &tree, &style);
         assert_eq!(pixels[2 * 7 + 2], [50, 0, 0, 128]);
         assert_eq!(pixels[7 + 1], [50, 0, 0, 255]);

@@ -59,7 +59,9 @@ impl Paint {
             Source::Rgb => cloud.colors[index],
             Source::Label => [label[0], label[1], label[2]],
             Source::Normals => of_normal(cloud.normals[index]),
-            Source::Ramp { number, range } => ramp((number.of(cloud, index) - range[0]) / (range[1] - range[0])),
+            Source::Ramp { number, range } => {
+                ramp((number.of(cloud, index) - range[0]) / (range[1] - range[0]))
+            }
             Source::Unknown => UNKNOWN,
         };
         let opacity = self.opacity(cloud, index);
@@ -69,8 +71,14 @@ impl Paint {
     /// Opacity of point `index`, 0 (not drawn) to 255.
     pub(super) fn opacity(&self, cloud: &LabelledCloud, index: usize) -> u8 {
         let of_label = self.labels.get(cloud.labels[index])[3];
-        let stands_out = self.doubtful_below.is_none_or(|below| cloud.is_doubtful(index, below));
-        if stands_out { of_label } else { of_label.min(self.faint) }
+        let stands_out = self
+            .doubtful_below
+            .is_none_or(|below| cloud.is_doubtful(index, below));
+        if stands_out {
+            of_label
+        } else {
+            of_label.min(self.faint)
+        }
     }
 
     /// What the ends of the ramp stand for, where colours come from one.
@@ -84,7 +92,12 @@ impl Paint {
 
 impl Source {
     fn new(cloud: &LabelledCloud, appearance: &Appearance) -> Self {
-        let votes = || appearance.votes.clone().filter(|votes| votes.len() == cloud.len());
+        let votes = || {
+            appearance
+                .votes
+                .clone()
+                .filter(|votes| votes.len() == cloud.len())
+        };
         let number = match appearance.coloring {
             Coloring::Rgb => return Self::Rgb,
             Coloring::Label => return Self::Label,
@@ -94,7 +107,10 @@ impl Source {
             Coloring::Views => votes().map(Number::Views),
             Coloring::Height => Some(Number::Height(appearance.up)),
         };
-        number.map_or(Self::Unknown, |number| Self::Ramp { range: number.range(cloud), number })
+        number.map_or(Self::Unknown, |number| Self::Ramp {
+            range: number.range(cloud),
+            number,
+        })
     }
 }
 
@@ -116,8 +132,12 @@ impl Number {
             Self::Confidence => [0.0, 1.0],
             Self::Conflict(_) => [0.0, 0.5],
             Self::Views(_) => [0.0, sample().fold(1.0, f32::max)],
-            Self::Height(_) => Bounds::of(sample().map(Vec3::splat))
-                .map_or([0.0, 1.0], |bounds| [bounds.min.x, bounds.max.x.max(bounds.min.x + f32::MIN_POSITIVE)]),
+            Self::Height(_) => Bounds::of(sample().map(Vec3::splat)).map_or([0.0, 1.0], |bounds| {
+                [
+                    bounds.min.x,
+                    bounds.max.x.max(bounds.min.x + f32::MIN_POSITIVE),
+                ]
+            }),
         }
     }
 }
@@ -126,7 +146,9 @@ fn of_normal(normal: Vec3) -> [u8; 3] {
     if normal == Vec3::ZERO {
         return UNKNOWN;
     }
-    normal.to_array().map(|along| ((along * 0.5 + 0.5) * 255.0).round() as u8)
+    normal
+        .to_array()
+        .map(|along| ((along * 0.5 + 0.5) * 255.0).round() as u8)
 }
 
 #[cfg(test)]
@@ -140,7 +162,12 @@ mod tests {
     fn cloud() -> LabelledCloud {
         let mut cloud = LabelledCloud::from_positions((0..4).map(|i| Vec3::X * i as f32).collect());
         for (id, parent) in [(1, None), (2, Some(LabelId(1))), (3, None)] {
-            let label = Label { id: LabelId(id), name: id.to_string(), color: [id as u8 * 50, 7, 9], parent };
+            let label = Label {
+                id: LabelId(id),
+                name: id.to_string(),
+                color: [id as u8 * 50, 7, 9],
+                parent,
+            };
             cloud.tree.set(label).unwrap();
         }
         cloud.labels = [1, 2, 3, 0].map(LabelId).to_vec();
@@ -156,48 +183,102 @@ mod tests {
     }
 
     fn solid(rgb: [[u8; 3]; 4]) -> Vec<Option<[u8; 4]>> {
-        rgb.into_iter().map(|[r, g, b]| Some([r, g, b, 255])).collect()
+        rgb.into_iter()
+            .map(|[r, g, b]| Some([r, g, b, 255]))
+            .collect()
     }
 
     #[test]
     fn each_coloring_shows_what_it_says() {
-        let by = |coloring| colors(&Appearance { coloring, up: Vec3::X, ..Appearance::default() });
+        let by = |coloring| {
+            colors(&Appearance {
+                coloring,
+                up: Vec3::X,
+                ..Appearance::default()
+            })
+        };
         assert_eq!(by(Coloring::Rgb), solid([[192; 3]; 4]));
-        assert_eq!(by(Coloring::Label), solid([[50, 7, 9], [100, 7, 9], [150, 7, 9], UNKNOWN]));
-        assert_eq!(by(Coloring::Confidence), solid([ramp(0.0), ramp(0.5), ramp(1.0), ramp(0.0)]));
-        assert_eq!(by(Coloring::Normals), solid([[255, 128, 128], [128, 0, 128], UNKNOWN, [128, 128, 255]]));
-        assert_eq!(by(Coloring::Height), solid([ramp(0.0), ramp(1.0 / 3.0), ramp(2.0 / 3.0), ramp(1.0)]));
-        assert_eq!(by(Coloring::Conflict), solid([UNKNOWN; 4]), "nobody knows who voted");
+        assert_eq!(
+            by(Coloring::Label),
+            solid([[50, 7, 9], [100, 7, 9], [150, 7, 9], UNKNOWN])
+        );
+        assert_eq!(
+            by(Coloring::Confidence),
+            solid([ramp(0.0), ramp(0.5), ramp(1.0), ramp(0.0)])
+        );
+        assert_eq!(
+            by(Coloring::Normals),
+            solid([[255, 128, 128], [128, 0, 128], UNKNOWN, [128, 128, 255]])
+        );
+        assert_eq!(
+            by(Coloring::Height),
+            solid([ramp(0.0), ramp(1.0 / 3.0), ramp(2.0 / 3.0), ramp(1.0)])
+        );
+        assert_eq!(
+            by(Coloring::Conflict),
+            solid([UNKNOWN; 4]),
+            "nobody knows who voted"
+        );
     }
 
     #[test]
     fn a_level_gives_parts_the_colour_of_the_whole() {
-        let appearance = Appearance { coloring: Coloring::Label, level: Some(1), ..Appearance::default() };
-        assert_eq!(colors(&appearance), solid([[50, 7, 9], [50, 7, 9], [150, 7, 9], UNKNOWN]));
+        let appearance = Appearance {
+            coloring: Coloring::Label,
+            level: Some(1),
+            ..Appearance::default()
+        };
+        assert_eq!(
+            colors(&appearance),
+            solid([[50, 7, 9], [50, 7, 9], [150, 7, 9], UNKNOWN])
+        );
     }
 
     #[test]
     fn what_is_below_a_hidden_or_isolated_label_goes_with_it() {
         let opacities = |appearance: &Appearance| -> Vec<u8> {
-            colors(appearance).into_iter().map(|color| color.map_or(0, |color| color[3])).collect()
+            colors(appearance)
+                .into_iter()
+                .map(|color| color.map_or(0, |color| color[3]))
+                .collect()
         };
-        let mut appearance = Appearance { hidden: BTreeSet::from([LabelId(1)]), ..Appearance::default() };
+        let mut appearance = Appearance {
+            hidden: BTreeSet::from([LabelId(1)]),
+            ..Appearance::default()
+        };
         assert_eq!(opacities(&appearance), [0, 0, 255, 255]);
-        appearance = Appearance { isolated: Some(LabelId(1)), ..Appearance::default() };
+        appearance = Appearance {
+            isolated: Some(LabelId(1)),
+            ..Appearance::default()
+        };
         assert_eq!(opacities(&appearance), [255, 255, 0, 0]);
         appearance.faint = 0.2;
         assert_eq!(opacities(&appearance), [255, 255, 51, 51]);
         appearance.hidden.insert(LabelId(2));
-        assert_eq!(opacities(&appearance), [255, 0, 51, 51], "hidden even where isolated");
+        assert_eq!(
+            opacities(&appearance),
+            [255, 0, 51, 51],
+            "hidden even where isolated"
+        );
     }
 
     #[test]
     fn only_points_that_were_contested_stand_out() {
         let opacities = |appearance: &Appearance| -> Vec<u8> {
-            colors(appearance).into_iter().map(|color| color.map_or(0, |color| color[3])).collect()
+            colors(appearance)
+                .into_iter()
+                .map(|color| color.map_or(0, |color| color[3]))
+                .collect()
         };
-        let mut appearance = Appearance { doubtful_below: Some(0.7), ..Appearance::default() };
-        assert_eq!(opacities(&appearance), [0, 255, 0, 0], "nobody voted on the first and the last");
+        let mut appearance = Appearance {
+            doubtful_below: Some(0.7),
+            ..Appearance::default()
+        };
+        assert_eq!(
+            opacities(&appearance),
+            [0, 255, 0, 0],
+            "nobody voted on the first and the last"
+        );
         (appearance.faint, appearance.isolated) = (0.2, Some(LabelId(3)));
         assert_eq!(opacities(&appearance), [51, 51, 51, 51]);
         appearance.hidden.insert(LabelId(2));

@@ -31,7 +31,10 @@ pub fn pick_point(
         })
         .collect();
     let most = hits.iter().map(|hit| paint.opacity(cloud, hit.0)).max()?;
-    let solid = || hits.iter().filter(|hit| paint.opacity(cloud, hit.0) == most);
+    let solid = || {
+        hits.iter()
+            .filter(|hit| paint.opacity(cloud, hit.0) == most)
+    };
     let nearest = solid().map(|hit| hit.1).min_by(f32::total_cmp)?;
     solid()
         .filter(|hit| camera.farther_by(hit.1, nearest) <= 0.01)
@@ -41,11 +44,19 @@ pub fn pick_point(
 
 /// The number of the frame whose camera centre lies within `radius_px` of a pixel position, nearest first.
 #[must_use]
-pub fn pick_frustum(frames: &[Frame], camera: &ViewCamera, at_px: Vec2, radius_px: f32) -> Option<usize> {
+pub fn pick_frustum(
+    frames: &[Frame],
+    camera: &ViewCamera,
+    at_px: Vec2,
+    radius_px: f32,
+) -> Option<usize> {
     let distance = |frame: &Frame| {
         let (_, pose) = frame.posed_camera()?;
         let centre: Vec3 = pose.centre().as_vec3();
-        camera.project(centre).map(|(px, _)| px.distance(at_px)).filter(|&off| off <= radius_px)
+        camera
+            .project(centre)
+            .map(|(px, _)| px.distance(at_px))
+            .filter(|&off| off <= radius_px)
     };
     frames
         .iter()
@@ -66,10 +77,18 @@ mod tests {
         let mut cloud = LabelledCloud::from_positions(vec![Vec3::ZERO, Vec3::Z]);
         cloud.labels = vec![LabelId(1), LabelId(2)];
         for id in [1, 2] {
-            let label = Label { id: LabelId(id), name: id.to_string(), color: [9; 3], parent: None };
+            let label = Label {
+                id: LabelId(id),
+                name: id.to_string(),
+                color: [9; 3],
+                parent: None,
+            };
             cloud.tree.set(label).unwrap();
         }
-        let bounds = Bounds { min: Vec3::splat(-1.0), max: Vec3::ONE };
+        let bounds = Bounds {
+            min: Vec3::splat(-1.0),
+            max: Vec3::ONE,
+        };
         let mut orbit = Orbit::framing(&bounds, Vec3::Z, Vec3::NEG_Y);
         for orthographic in [false, true] {
             orbit.orthographic = orthographic;
@@ -79,13 +98,24 @@ mod tests {
             };
             let mut appearance = Appearance::default();
             assert_eq!(pick(&appearance, &Clip::default()), Some(0));
-            let axes = Axes { right: Vec3::X, up: Vec3::Y, forward: Vec3::Z };
-            let far_half = Bounds { min: Vec3::new(-1.0, -1.0, 0.5), max: Vec3::splat(2.0) };
+            let axes = Axes {
+                right: Vec3::X,
+                up: Vec3::Y,
+                forward: Vec3::Z,
+            };
+            let far_half = Bounds {
+                min: Vec3::new(-1.0, -1.0, 0.5),
+                max: Vec3::splat(2.0),
+            };
             assert_eq!(pick(&appearance, &Clip::inside(&axes, &far_half)), Some(1));
             (appearance.isolated, appearance.faint) = (Some(LabelId(2)), 0.3);
             assert_eq!(pick(&appearance, &Clip::default()), Some(1));
             appearance.hidden.insert(LabelId(2));
-            assert_eq!(pick(&appearance, &Clip::default()), Some(0), "nothing else is there");
+            assert_eq!(
+                pick(&appearance, &Clip::default()),
+                Some(0),
+                "nothing else is there"
+            );
         }
     }
 }

@@ -24,7 +24,14 @@ impl Picking {
         let (sender, found) = channel();
         beside_jobs(move || {
             // An error says that nobody waits any more.
-            let _ = sender.send(pick_point(&cloud, &camera, at_px, radius_px, &appearance, &clip));
+            let _ = sender.send(pick_point(
+                &cloud,
+                &camera,
+                at_px,
+                radius_px,
+                &appearance,
+                &clip,
+            ));
             wake();
         });
         Self { found }

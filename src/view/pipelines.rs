@@ -47,7 +47,10 @@ const TRIANGLES: Shape = Shape {
     stride: size_of::<SurfaceVertex>(),
     attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Unorm8x4, 2 => Snorm16x4],
 };
-const EDGES: Shape = Shape { topology: wgpu::PrimitiveTopology::LineList, ..TRIANGLES };
+const EDGES: Shape = Shape {
+    topology: wgpu::PrimitiveTopology::LineList,
+    ..TRIANGLES
+};
 
 impl Pipelines {
     pub(super) fn new(device: &wgpu::Device) -> Self {
@@ -72,13 +75,21 @@ impl Pipelines {
         let bindings = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("eye"),
             layout: &layout,
-            entries: &[wgpu::BindGroupEntry { binding: 0, resource: eye.as_entire_binding() }],
+            entries: &[wgpu::BindGroupEntry {
+                binding: 0,
+                resource: eye.as_entire_binding(),
+            }],
         });
         let growths = Growths::new(device);
         let made = |shader, shape| pipeline(device, &[&layout], shader, shape);
         let surface = || wgpu::include_wgsl!("shaders/surface.wgsl");
         Self {
-            points: pipeline(device, &[&layout, &growths.layout], wgpu::include_wgsl!("shaders/points.wgsl"), &DISCS),
+            points: pipeline(
+                device,
+                &[&layout, &growths.layout],
+                wgpu::include_wgsl!("shaders/points.wgsl"),
+                &DISCS,
+            ),
             lines: made(wgpu::include_wgsl!("shaders/lines.wgsl"), &LINES),
             surface: made(surface(), &TRIANGLES),
             edges: made(surface(), &EDGES),
@@ -101,7 +112,13 @@ fn pipeline(
         step_mode: shape.step_mode,
         attributes: shape.attributes,
     };
-    compiled(device, groups, shader, (&[Some(vertices)], shape.topology), true)
+    compiled(
+        device,
+        groups,
+        shader,
+        (&[Some(vertices)], shape.topology),
+        true,
+    )
 }
 
 /// The functions `vertex` and `fragment` of a shader, drawing vertices as they lie in memory; with `has_depth` what is drawn
@@ -110,12 +127,16 @@ pub(super) fn compiled(
     device: &wgpu::Device,
     groups: &[&wgpu::BindGroupLayout],
     shader: wgpu::ShaderModuleDescriptor<'_>,
-    (buffers, topology): (&[Option<wgpu::VertexBufferLayout<'_>>], wgpu::PrimitiveTopology),
+    (buffers, topology): (
+        &[Option<wgpu::VertexBufferLayout<'_>>],
+        wgpu::PrimitiveTopology,
+    ),
     has_depth: bool,
 ) -> wgpu::RenderPipeline {
     let label = shader.label;
     let module = device.create_shader_module(shader);
-    let groups: Vec<Option<&wgpu::BindGroupLayout>> = groups.iter().map(|&group| Some(group)).collect();
+    let groups: Vec<Option<&wgpu::BindGroupLayout>> =
+        groups.iter().map(|&group| Some(group)).collect();
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label,
         bind_group_layouts: &groups,
@@ -130,7 +151,10 @@ pub(super) fn compiled(
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             buffers,
         },
-        primitive: wgpu::PrimitiveState { topology, ..Default::default() },
+        primitive: wgpu::PrimitiveState {
+            topology,
+            ..Default::default()
+        },
         depth_stencil: has_depth.then(|| wgpu::DepthStencilState {
             format: DEPTH_FORMAT,
             depth_write_enabled: Some(true),

@@ -20,7 +20,10 @@ impl PicturePlane {
     /// A frame's picture, `depth` (world units) before its camera; `None` where its pose is unknown.
     #[must_use]
     pub fn of_frame(frame: &Frame, depth: f32, image: Arc<Image>) -> Option<Self> {
-        Some(Self { corners: frustum_corners(frame, depth)?, image })
+        Some(Self {
+            corners: frustum_corners(frame, depth)?,
+            image,
+        })
     }
 }
 
@@ -89,17 +92,40 @@ impl Planes {
         };
         let shader = wgpu::include_wgsl!("shaders/planes.wgsl");
         let strip = wgpu::PrimitiveTopology::TriangleStrip;
-        let pipeline = compiled(device, &[eye, &layout], shader, (&[Some(vertices)], strip), true);
-        Self { pipeline, layout, sampler, kept: Vec::new() }
+        let pipeline = compiled(
+            device,
+            &[eye, &layout],
+            shader,
+            (&[Some(vertices)], strip),
+            true,
+        );
+        Self {
+            pipeline,
+            layout,
+            sampler,
+            kept: Vec::new(),
+        }
     }
 
     /// Hands planes to the GPU; forgets pictures that are on none.
-    pub(super) fn place(&mut self, device: &wgpu::Device, queue: &wgpu::Queue, planes: &[PicturePlane]) -> Placed {
+    pub(super) fn place(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        planes: &[PicturePlane],
+    ) -> Placed {
         let mut before = std::mem::take(&mut self.kept);
         for plane in planes {
-            let known = before.iter().position(|(image, _)| Arc::ptr_eq(image, &plane.image));
+            let known = before
+                .iter()
+                .position(|(image, _)| Arc::ptr_eq(image, &plane.image));
             let picture = known.map_or_else(
-                || (Arc::clone(&plane.image), self.picture(device, queue, &plane.image)),
+                || {
+                    (
+                        Arc::clone(&plane.image),
+                        self.picture(device, queue, &plane.image),
+                    )
+                },
                 |at| before.swap_remove(at),
             );
             self.kept.push(picture);
@@ -110,7 +136,14 @@ impl Planes {
             contents: bytemuck::cast_slice(&vertices),
             usage: wgpu::BufferUsages::VERTEX,
         });
-        Placed { corners, pictures: self.kept.iter().map(|(_, picture)| picture.clone()).collect() }
+        Placed {
+            corners,
+            pictures: self
+                .kept
+                .iter()
+                .map(|(_, picture)| picture.clone())
+                .collect(),
+        }
     }
 
     /// Draws planes with the eye bound to group 0.
@@ -124,13 +157,26 @@ impl Planes {
         }
     }
 
-    fn picture(&self, device: &wgpu::Device, queue: &wgpu::Queue, image: &Image) -> wgpu::BindGroup {
-        let pixels: Vec<[u8; 4]> = image.pixels.iter().map(|&[r, g, b]| [r, g, b, 255]).collect();
+    fn picture(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        image: &Image,
+    ) -> wgpu::BindGroup {
+        let pixels: Vec<[u8; 4]> = image
+            .pixels
+            .iter()
+            .map(|&[r, g, b]| [r, g, b, 255])
+            .collect();
         let texture = device.create_texture_with_data(
             queue,
             &wgpu::TextureDescriptor {
                 label: Some("picture plane"),
-                size: wgpu::Extent3d { width: image.width, height: image.height, depth_or_array_layers: 1 },
+                size: wgpu::Extent3d {
+                    width: image.width,
+                    height: image.height,
+                    depth_or_array_layers: 1,
+                },
                 mip_level_count: 1,
                 sample_count: 1,
                 dimension: wgpu::TextureDimension::D2,
@@ -146,8 +192,14 @@ impl Planes {
             label: Some("picture plane"),
             layout: &self.layout,
             entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) },
-                wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&self.sampler) },
+                wgpu::BindGroupEntry {
+                    binding: 0,
+                    resource: wgpu::BindingResource::TextureView(&view),
+                },
+                wgpu::BindGroupEntry {
+                    binding: 1,
+                    resource: wgpu::BindingResource::Sampler(&self.sampler),
+                },
             ],
         })
     }
@@ -156,6 +208,11 @@ impl Planes {
 /// Its corners in the order of a strip of two triangles.
 fn strip(plane: &PicturePlane) -> [PlaneVertex; 4] {
     let [top_left, top_right, bottom_right, bottom_left] = plane.corners;
-    [(top_left, [0.0, 0.0]), (top_right, [1.0, 0.0]), (bottom_left, [0.0, 1.0]), (bottom_right, [1.0, 1.0])]
-        .map(|(position, at)| PlaneVertex { position, at })
+    [
+        (top_left, [0.0, 0.0]),
+        (top_right, [1.0, 0.0]),
+        (bottom_left, [0.0, 1.0]),
+        (bottom_right, [1.0, 1.0]),
+    ]
+    .map(|(position, at)| PlaneVertex { position, at })
 }

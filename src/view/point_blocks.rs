@@ -42,8 +42,16 @@ struct Part {
 
 impl PointBlocks {
     pub fn new(arrangement: Arc<Arrangement>) -> Self {
-        let on_gpu = arrangement.blocks.iter().map(|_| OnGpu::default()).collect();
-        Self { arrangement, on_gpu, parts: Vec::new() }
+        let on_gpu = arrangement
+            .blocks
+            .iter()
+            .map(|_| OnGpu::default())
+            .collect();
+        Self {
+            arrangement,
+            on_gpu,
+            parts: Vec::new(),
+        }
     }
 
     pub fn arrangement(&self) -> &Arc<Arrangement> {
@@ -63,9 +71,23 @@ impl PointBlocks {
             .filter(|(_, block)| frustum.reaches(&block.bounds))
             .map(|(number, block)| {
                 let radius = block.bounds.radius();
-                let depth = camera.camera_from_world.transform_point3(block.bounds.centre()).z;
-                let area_px = (radius * camera.px_per_unit(depth.max(radius))).powi(2).max(f32::MIN_POSITIVE);
-                (depth, Part { block: number, all: block.len(), area_px, share: 0, drawn: 0 })
+                let depth = camera
+                    .camera_from_world
+                    .transform_point3(block.bounds.centre())
+                    .z;
+                let area_px = (radius * camera.px_per_unit(depth.max(radius)))
+                    .powi(2)
+                    .max(f32::MIN_POSITIVE);
+                (
+                    depth,
+                    Part {
+                        block: number,
+                        all: block.len(),
+                        area_px,
+                        share: 0,
+                        drawn: 0,
+                    },
+                )
             })
             .collect();
         // What is near hides what is far: pixels are then shaded once.
@@ -76,14 +98,20 @@ impl PointBlocks {
 
     /// Begins a picture of the same blocks with several times the points, or all of them.
     pub fn refine(&mut self) {
-        let (drawn, all) = self.parts.iter().fold((0, 0), |(drawn, all), part| (drawn + part.share, all + part.all));
+        let (drawn, all) = self.parts.iter().fold((0, 0), |(drawn, all), part| {
+            (drawn + part.share, all + part.all)
+        });
         let budget = drawn * FINER;
         // A picture of most points would take as long as that of all.
         self.divide(if budget * 2 < all { budget } else { all });
     }
 
     fn divide(&mut self, budget: usize) {
-        let takers: Vec<(usize, f32)> = self.parts.iter().map(|part| (part.all, part.area_px)).collect();
+        let takers: Vec<(usize, f32)> = self
+            .parts
+            .iter()
+            .map(|part| (part.all, part.area_px))
+            .collect();
         for (part, share) in self.parts.iter_mut().zip(shares(&takers, budget)) {
             (part.share, part.drawn) = (share, 0);
         }
@@ -91,12 +119,19 @@ impl PointBlocks {
 
     /// Makes do with what the GPU has, so that the picture can be drawn at once.
     pub fn settle(&mut self) {
-        self.parts.iter_mut().for_each(|part| part.share = part.share.min(self.on_gpu[part.block].count));
+        self.parts
+            .iter_mut()
+            .for_each(|part| part.share = part.share.min(self.on_gpu[part.block].count));
     }
 
     /// Hands the GPU a bounded part more: first some of all blocks, so that whatever comes into view is there, then what
     /// the picture needs.
-    pub fn upload_next(&mut self, gpu: (&wgpu::Device, &wgpu::Queue), cloud: &LabelledCloud, paint: &Paint) {
+    pub fn upload_next(
+        &mut self,
+        gpu: (&wgpu::Device, &wgpu::Queue),
+        cloud: &LabelledCloud,
+        paint: &Paint,
+    ) {
         if self.on_gpu.iter().any(|block| block.count == 0) {
             let total = self.arrangement.len().max(UPLOAD);
             for block in 0..self.on_gpu.len() {
@@ -107,7 +142,9 @@ impl PointBlocks {
         }
         let mut room = UPLOAD;
         for part in 0..self.parts.len() {
-            let Part { block, all, share, .. } = self.parts[part];
+            let Part {
+                block, all, share, ..
+            } = self.parts[part];
             let has = self.on_gpu[block].count;
             if share > has && room > 0 {
                 // Twice as many at least: uploads are few.
@@ -132,7 +169,11 @@ impl PointBlocks {
             color: paint.color(cloud, index).unwrap_or_default(),
             radius,
         };
-        let packed: Vec<PointInstance> = self.arrangement.part_of(block, *count..end).map(pack).collect();
+        let packed: Vec<PointInstance> = self
+            .arrangement
+            .part_of(block, *count..end)
+            .map(pack)
+            .collect();
         let size = size_of::<PointInstance>() as u64;
         let buffer = points.get_or_insert_with(|| {
             device.create_buffer(&wgpu::BufferDescriptor {

@@ -62,7 +62,10 @@ mod tests {
             let order = SpreadOrder::new(count);
             let mut seen = vec![false; count];
             for place in 0..count {
-                assert!(!std::mem::replace(&mut seen[order.at(place)], true), "{count}");
+                assert!(
+                    !std::mem::replace(&mut seen[order.at(place)], true),
+                    "{count}"
+                );
             }
         }
     }

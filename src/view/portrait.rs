@@ -24,7 +24,13 @@ impl Portrait {
     /// wireframe, triangles are drawn.
     #[must_use]
     pub fn new(model: Model, orbit: Orbit, style: SceneStyle, rows: u32) -> Self {
-        Self { model, orbit, style, rows, arrangement: OnceLock::new() }
+        Self {
+            model,
+            orbit,
+            style,
+            rows,
+            arrangement: OnceLock::new(),
+        }
     }
 
     /// Draws `size` columns and rows, with the scene turned to the right by `turned` radians; `transparent` leaves the
@@ -34,10 +40,15 @@ impl Portrait {
         let mut orbit = self.orbit;
         orbit.turn(turned);
         let point_px = self.style.point_px * size.1 as f32 / self.rows.max(1) as f32;
-        let style = SceneStyle { point_px, ..self.style.clone() };
+        let style = SceneStyle {
+            point_px,
+            ..self.style.clone()
+        };
         match &self.model {
             Model::Cloud(cloud) => {
-                let arrangement = self.arrangement.get_or_init(|| Arc::new(Arrangement::of(&cloud.positions)));
+                let arrangement = self
+                    .arrangement
+                    .get_or_init(|| Arc::new(Arrangement::of(&cloud.positions)));
                 draw_arranged(cloud, arrangement, &orbit.camera(size.0, size.1), &style)
             }
             // Each pixel is the mean of four.

@@ -22,14 +22,18 @@ struct Splat {
 
 impl Pixel {
     pub(super) fn background([r, g, b]: [u8; 3]) -> Self {
-        Self { depth: f32::INFINITY, color: [r, g, b, 0] }
+        Self {
+            depth: f32::INFINITY,
+            color: [r, g, b, 0],
+        }
     }
 }
 
 /// Whether something of this opacity (0–255) is drawn at a pixel: an ordered dither (Bayer 1973), so that what is faint
 /// needs no order. Twin: `is_shown` in the shaders.
 pub(super) fn is_shown(opacity: u8, x: usize, y: usize) -> bool {
-    const THRESHOLDS: [[u32; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
+    const THRESHOLDS: [[u32; 4]; 4] =
+        [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
     u32::from(opacity) * 32 > (2 * THRESHOLDS[y % 4][x % 4] + 1) * 255
 }
 
@@ -52,25 +56,47 @@ pub(super) fn draw_arranged(
     let mut pixels = vec![Pixel::background(style.background); width * height];
     let band = 32 * width.max(1);
     let by_band = sort_into_bands(&splats, height.div_ceil(32));
-    pixels.par_chunks_mut(band).zip(by_band).enumerate().for_each(|(index, (rows, members))| {
-        for member in members {
-            draw_disc(rows, width, index * 32, &splats[member as usize]);
-        }
-    });
+    pixels
+        .par_chunks_mut(band)
+        .zip(by_band)
+        .enumerate()
+        .for_each(|(index, (rows, members))| {
+            for member in members {
+                draw_disc(rows, width, index * 32, &splats[member as usize]);
+            }
+        });
     let lit = |at: usize| edl(&pixels, camera, at, style.edl_strength);
-    Shot::of_pixels(camera.width, camera.height, (0..width * height).into_par_iter().map(lit))
+    Shot::of_pixels(
+        camera.width,
+        camera.height,
+        (0..width * height).into_par_iter().map(lit),
+    )
 }
 
-fn splats(cloud: &LabelledCloud, arrangement: &Arrangement, camera: &ViewCamera, style: &SceneStyle) -> Vec<Splat> {
+fn splats(
+    cloud: &LabelledCloud,
+    arrangement: &Arrangement,
+    camera: &ViewCamera,
+    style: &SceneStyle,
+) -> Vec<Splat> {
     let (width, height) = (camera.width as f32, camera.height as f32);
     let paint = Paint::new(cloud, &style.appearance);
     let splat = |(index, radius): (usize, f32)| {
         let position = cloud.positions[index];
-        let color = paint.color(cloud, index).filter(|_| style.clip.contains(position))?;
+        let color = paint
+            .color(cloud, index)
+            .filter(|_| style.clip.contains(position))?;
         let (px, depth) = camera.project(position)?;
         let radius = (radius * camera.px_per_unit(depth)).clamp(style.point_px, style.most_px());
-        let seen = px.x > -radius && px.y > -radius && px.x < width + radius && px.y < height + radius;
-        seen.then_some(Splat { x: px.x, y: px.y, depth, radius, color })
+        let seen =
+            px.x > -radius && px.y > -radius && px.x < width + radius && px.y < height + radius;
+        seen.then_some(Splat {
+            x: px.x,
+            y: px.y,
+            depth,
+            radius,
+            color,
+        })
     };
     arrangement.discs().filter_map(splat).collect()
 }
@@ -101,7 +127,10 @@ fn draw_disc(rows: &mut [Pixel], width: usize, top: usize, splat: &Splat) {
             let pixel = &mut rows[y * width + x];
             let is_inside = dx * dx + dy * dy <= splat.radius * splat.radius;
             if is_inside && splat.depth < pixel.depth && is_shown(splat.color[3], x, y + top) {
-                *pixel = Pixel { depth: splat.depth, color: splat.color };
+                *pixel = Pixel {
+                    depth: splat.depth,
+                    color: splat.color,
+                };
             }
         }
     }
@@ -110,13 +139,25 @@ fn draw_disc(rows: &mut [Pixel], width: usize, top: usize, splat: &Splat) {
 /// Darkens a pixel by how much farther it lies than its neighbours. Fainter neighbours throw no shade. Twin: edl.wgsl.
 fn edl(pixels: &[Pixel], camera: &ViewCamera, at: usize, strength: f32) -> [u8; 4] {
     let (width, height) = (camera.width as isize, camera.height as isize);
-    let Pixel { depth, color: [r, g, b, opacity] } = pixels[at];
+    let Pixel {
+        depth,
+        color: [r, g, b, opacity],
+    } = pixels[at];
     if strength <= 0.0 || opacity == 0 {
         return [r, g, b, opacity];
     }
     let (x, y) = (at as isize % width, at as isize / width);
     let mut drop = 0.0;
-    for (dx, dy) in [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)] {
+    for (dx, dy) in [
+        (-1, 0),
+        (1, 0),
+        (0, -1),
+        (0, 1),
+        (-1, -1),
+        (1, -1),
+        (-1, 1),
+        (1, 1),
+    ] {
         let (nx, ny) = (x + dx * 2, y + dy * 2);
         if nx >= 0 && ny >= 0 && nx < width && ny < height {
             let neighbour = pixels[(ny * width + nx) as usize];

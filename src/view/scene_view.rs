@@ -96,7 +96,8 @@ impl SceneView {
             if begins {
                 self.content.refine();
             }
-            self.content.upload_next(gpu, &scene.style.appearance, self.batch);
+            self.content
+                .upload_next(gpu, &scene.style.appearance, self.batch);
         }
         self.draw_next(begins, scene);
         self.content.is_whole() && self.content.is_final()
@@ -122,7 +123,11 @@ impl SceneView {
 
     fn fit_target(&mut self, camera: &ViewCamera) {
         let size = (camera.width.max(1), camera.height.max(1));
-        if self.target.as_ref().is_none_or(|target| target.size != size) {
+        if self
+            .target
+            .as_ref()
+            .is_none_or(|target| target.size != size)
+        {
             self.target = Some(Target::new(&self.device, &self.dome, size));
         }
     }
@@ -130,7 +135,10 @@ impl SceneView {
     /// Takes over what changed; returns whether the picture begins anew.
     fn take_over(&mut self, scene: &Scene3d) -> bool {
         if self.scene.as_ref() != Some(scene) {
-            let recolored = self.scene.as_ref().is_none_or(|old| old.style.appearance != scene.style.appearance);
+            let recolored = self
+                .scene
+                .as_ref()
+                .is_none_or(|old| old.style.appearance != scene.style.appearance);
             if recolored {
                 self.content.forget();
             }
@@ -155,18 +163,34 @@ impl SceneView {
     /// Draws a batch, over what was drawn before or, where a picture `begins`, over the background.
     fn draw_next(&mut self, begins: bool, scene: &Scene3d) {
         let Some(target) = &self.target else { return };
-        self.queue.write_buffer(&self.pipelines.eye, 0, bytemuck::bytes_of(&eye_uniform(scene)));
-        self.dome.set(&self.queue, self.content.edl_strength(scene.style.edl_strength), &scene.camera);
+        self.queue.write_buffer(
+            &self.pipelines.eye,
+            0,
+            bytemuck::bytes_of(&eye_uniform(scene)),
+        );
+        self.dome.set(
+            &self.queue,
+            self.content.edl_strength(scene.style.edl_strength),
+            &scene.camera,
+        );
         let lines = (begins && !scene.lines.is_empty()).then(|| {
-            self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                label: Some("lines"),
-                contents: bytemuck::cast_slice(&scene.lines),
-                usage: wgpu::BufferUsages::VERTEX,
-            })
+            self.device
+                .create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                    label: Some("lines"),
+                    contents: bytemuck::cast_slice(&scene.lines),
+                    usage: wgpu::BufferUsages::VERTEX,
+                })
         });
-        let planes = (begins && !scene.planes.is_empty())
-            .then(|| self.pipelines.planes.place(&self.device, &self.queue, &scene.planes));
-        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("scene") });
+        let planes = (begins && !scene.planes.is_empty()).then(|| {
+            self.pipelines
+                .planes
+                .place(&self.device, &self.queue, &scene.planes)
+        });
+        let mut encoder = self
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor {
+                label: Some("scene"),
+            });
         let before = if begins { 0 } else { self.content.drawn() };
         {
             let mut pass = target.begin(&mut encoder, begins.then_some(scene.style.background));
@@ -194,7 +218,12 @@ fn eye_uniform(scene: &Scene3d) -> EyeUniform {
     EyeUniform {
         clip_from_world: camera.clip_from_world().to_cols_array_2d(),
         cube_from_world: scene.style.clip.cube_from_world.to_cols_array_2d(),
-        view: [camera.width as f32, camera.height as f32, camera.px_per_unit(1.0), 0.0],
+        view: [
+            camera.width as f32,
+            camera.height as f32,
+            camera.px_per_unit(1.0),
+            0.0,
+        ],
         disc: [scene.style.point_px, scene.style.most_px(), 0.0, 0.0],
         place: camera.place().extend(AMBIENT).to_array(),
     }

@@ -22,9 +22,22 @@ pub struct Shot {
 
 impl Shot {
     /// Pixels that are drawn (opacity above 0) or show the background.
-    pub(super) fn of_pixels(width: u32, height: u32, pixels: impl IndexedParallelIterator<Item = [u8; 4]>) -> Self {
-        let (colors, opacity) = pixels.map(|[r, g, b, a]| ([r, g, b], if a > 0 { 255 } else { 0 })).unzip();
-        Self { image: Image { width, height, pixels: colors }, opacity }
+    pub(super) fn of_pixels(
+        width: u32,
+        height: u32,
+        pixels: impl IndexedParallelIterator<Item = [u8; 4]>,
+    ) -> Self {
+        let (colors, opacity) = pixels
+            .map(|[r, g, b, a]| ([r, g, b], if a > 0 { 255 } else { 0 }))
+            .unzip();
+        Self {
+            image: Image {
+                width,
+                height,
+                pixels: colors,
+            },
+            opacity,
+        }
     }
 
     /// Half as large: each pixel's colour is the mean of four, or of those that are drawn where the background is left out.
@@ -32,16 +45,38 @@ impl Shot {
         let (width, height) = (self.image.width / 2, self.image.height / 2);
         let mean = |at: usize| {
             let (x, y) = (at % width as usize * 2, at / width as usize * 2);
-            let four = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| y * self.image.width as usize + x);
-            let covered = four.iter().map(|&at| u32::from(self.opacity[at])).sum::<u32>() / 255;
+            let four = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)]
+                .map(|(x, y)| y * self.image.width as usize + x);
+            let covered = four
+                .iter()
+                .map(|&at| u32::from(self.opacity[at]))
+                .sum::<u32>()
+                / 255;
             let part = without_background && covered > 0;
             let counted = || four.iter().filter(|&&at| !part || self.opacity[at] > 0);
-            let sum = |channel: usize| counted().map(|&at| u32::from(self.image.pixels[at][channel])).sum::<u32>();
+            let sum = |channel: usize| {
+                counted()
+                    .map(|&at| u32::from(self.image.pixels[at][channel]))
+                    .sum::<u32>()
+            };
             let count = if part { covered } else { 4 };
-            ([0, 1, 2].map(|channel| (sum(channel) / count) as u8), (covered * 255 / 4) as u8)
+            (
+                [0, 1, 2].map(|channel| (sum(channel) / count) as u8),
+                (covered * 255 / 4) as u8,
+            )
         };
-        let (pixels, opacity) = (0..width as usize * height as usize).into_par_iter().map(mean).unzip();
-        Self { image: Image { width, height, pixels }, opacity }
+        let (pixels, opacity) = (0..width as usize * height as usize)
+            .into_par_iter()
+            .map(mean)
+            .unzip();
+        Self {
+            image: Image {
+                width,
+                height,
+                pixels,
+            },
+            opacity,
+        }
     }
 }
 
@@ -49,10 +84,19 @@ impl Shot {
 /// mean direction of the cameras, upright as they stood; without cameras along +z with y down. `None` without points.
 #[must_use]
 pub fn default_view(cloud: &LabelledCloud, frames: &[Frame], aspect: f32) -> Option<Orbit> {
-    let labelled = || cloud.positions.iter().zip(&cloud.labels).filter(|(_, label)| label.0 != 0).map(|(x, _)| *x);
+    let labelled = || {
+        cloud
+            .positions
+            .iter()
+            .zip(&cloud.labels)
+            .filter(|(_, label)| label.0 != 0)
+            .map(|(x, _)| *x)
+    };
     let bounds = Bounds::of(labelled()).or_else(|| Bounds::of(cloud.positions.iter().copied()))?;
     let poses = frames.iter().filter_map(|frame| frame.posed_camera());
-    let mean = poses.map(|(_, pose)| pose.rotation.as_quat().conjugate() * Vec3::Z).sum::<Vec3>();
+    let mean = poses
+        .map(|(_, pose)| pose.rotation.as_quat().conjugate() * Vec3::Z)
+        .sum::<Vec3>();
     let direction = mean.try_normalize().unwrap_or(Vec3::new(0.25, 0.15, 1.0));
     let mut orbit = Orbit::framing(&bounds, direction, Axes::of_cameras(frames).up);
     orbit.distance /= aspect.clamp(0.2, 1.0);
@@ -64,11 +108,22 @@ pub fn default_view(cloud: &LabelledCloud, frames: &[Frame], aspect: f32) -> Opt
 /// # Errors
 /// [`ViewError::Write`] when the folder is missing or cannot be written.
 pub fn write_png(path: &Path, shot: &Shot, transparent: bool) -> Result<(), ViewError> {
-    let fail = |what: String| ViewError::Write { path: path.to_owned(), what };
-    let Image { width, height, pixels } = &shot.image;
+    let fail = |what: String| ViewError::Write {
+        path: path.to_owned(),
+        what,
+    };
+    let Image {
+        width,
+        height,
+        pixels,
+    } = &shot.image;
     let with_opacity: Vec<[u8; 4]>;
     let (bytes, kind): (&[u8], _) = if transparent {
-        with_opacity = pixels.iter().zip(&shot.opacity).map(|(&[r, g, b], &a)| [r, g, b, a]).collect();
+        with_opacity = pixels
+            .iter()
+            .zip(&shot.opacity)
+            .map(|(&[r, g, b], &a)| [r, g, b, a])
+            .collect();
         (bytemuck::cast_slice(&with_opacity), image::ColorType::Rgba8)
     } else {
         (bytemuck::cast_slice(pixels), image::ColorType::Rgb8)

@@ -28,15 +28,29 @@ pub(super) fn local_spacing(positions: &[Vec3], order: &[u32]) -> Vec<f32> {
         .par_chunks_mut(PIECE)
         .enumerate()
         .for_each(|(piece, own)| to_neighbours(positions, order, piece * PIECE, own));
-    let usual_of_runs: Vec<f32> = spacing.par_chunks(RUN).map(|run| median(run.to_vec())).collect();
+    let usual_of_runs: Vec<f32> = spacing
+        .par_chunks(RUN)
+        .map(|run| median(run.to_vec()))
+        .collect();
     let sample = SpreadOrder::new(usual_of_runs.len());
-    let usual = median((0..usual_of_runs.len().min(100_000)).map(|place| usual_of_runs[sample.at(place)]).collect());
-    let most = if usual.is_finite() { usual * MOST_OF_CLOUD } else { 0.0 };
-    spacing.par_chunks_mut(RUN).enumerate().for_each(|(run, own)| {
-        let around = &usual_of_runs[run.saturating_sub(1)..(run + 2).min(usual_of_runs.len())];
-        let most = (median(around.to_vec()) * MOST_OF_RUNS).min(most);
-        own.iter_mut().for_each(|one| *one = one.min(most));
-    });
+    let usual = median(
+        (0..usual_of_runs.len().min(100_000))
+            .map(|place| usual_of_runs[sample.at(place)])
+            .collect(),
+    );
+    let most = if usual.is_finite() {
+        usual * MOST_OF_CLOUD
+    } else {
+        0.0
+    };
+    spacing
+        .par_chunks_mut(RUN)
+        .enumerate()
+        .for_each(|(run, own)| {
+            let around = &usual_of_runs[run.saturating_sub(1)..(run + 2).min(usual_of_runs.len())];
+            let most = (median(around.to_vec()) * MOST_OF_RUNS).min(most);
+            own.iter_mut().for_each(|one| *one = one.min(most));
+        });
     spacing
 }
 
@@ -45,7 +59,10 @@ pub(super) fn local_spacing(positions: &[Vec3], order: &[u32]) -> Vec<f32> {
 fn to_neighbours(positions: &[Vec3], order: &[u32], first: usize, own: &mut [f32]) {
     let begin = first.saturating_sub(REACH);
     let end = (first + own.len() + REACH).min(order.len());
-    let near: Vec<Vec3> = order[begin..end].iter().map(|&index| positions[index as usize]).collect();
+    let near: Vec<Vec3> = order[begin..end]
+        .iter()
+        .map(|&index| positions[index as usize])
+        .collect();
     for (offset, own) in own.iter_mut().enumerate() {
         let at = first + offset - begin;
         let mut nearest = [f32::INFINITY; NEIGHBOUR];
@@ -57,7 +74,9 @@ fn to_neighbours(positions: &[Vec3], order: &[u32], first: usize, own: &mut [f32
                 }
             }
         }
-        *own = nearest[NEIGHBOUR - 1].sqrt().min(nearest[1].sqrt() * MOST_OF_SECOND);
+        *own = nearest[NEIGHBOUR - 1]
+            .sqrt()
+            .min(nearest[1].sqrt() * MOST_OF_SECOND);
     }
 }
 
@@ -82,24 +101,34 @@ mod tests {
         let order = ZOrder::new(positions, positions.len(), |place| place, 1000).order;
         let along = local_spacing(positions, &order);
         let mut by_index = vec![0.0; positions.len()];
-        order.iter().zip(along).for_each(|(&index, spacing)| by_index[index as usize] = spacing);
+        order
+            .iter()
+            .zip(along)
+            .for_each(|(&index, spacing)| by_index[index as usize] = spacing);
         by_index
     }
 
     /// Points strewn over a square, `side` × `side` of them in the mean.
     fn strewn(side: usize, width: f32) -> Vec<Vec3> {
         let mut random = rand_pcg::Pcg64::seed_from_u64(7);
-        (0..side * side).map(|_| Vec3::new(random.random::<f32>(), random.random::<f32>(), 0.0) * width).collect()
+        (0..side * side)
+            .map(|_| Vec3::new(random.random::<f32>(), random.random::<f32>(), 0.0) * width)
+            .collect()
     }
 
     #[test]
     fn the_spacing_of_a_plane_is_its_step_on_a_grid_and_strewn() {
-        let grid: Vec<Vec3> = (0..40_000).map(|i| Vec3::new((i % 200) as f32, (i / 200) as f32, 0.0) * 0.01).collect();
+        let grid: Vec<Vec3> = (0..40_000)
+            .map(|i| Vec3::new((i % 200) as f32, (i / 200) as f32, 0.0) * 0.01)
+            .collect();
         for (what, positions) in [("grid", grid), ("strewn", strewn(200, 2.0))] {
             let spacing = spacing(&positions);
             let usual = median(spacing.clone());
             assert!((0.0095..0.0145).contains(&usual), "{what}: {usual}");
-            let near = spacing.iter().filter(|one| (0.006..0.02).contains(*one)).count();
+            let near = spacing
+                .iter()
+                .filter(|one| (0.006..0.02).contains(*one))
+                .count();
             assert!(near * 100 >= spacing.len() * 90, "{what}: {near}");
         }
     }
@@ -113,12 +142,27 @@ mod tests {
         positions.extend([Vec3::splat(30.0), Vec3::new(-20.0, 9.0, 1.0), Vec3::NAN]);
         let spacing = spacing(&positions);
         let share = |range: std::ops::Range<usize>, step: f32| {
-            let near = spacing[range.clone()].iter().filter(|one| (0.5 * step..2.0 * step).contains(*one)).count();
+            let near = spacing[range.clone()]
+                .iter()
+                .filter(|one| (0.5 * step..2.0 * step).contains(*one))
+                .count();
             near * 100 / range.len()
         };
-        assert!(share(0..dense, 1.0 / 150.0) >= 90, "{}", share(0..dense, 1.0 / 150.0));
-        assert!(share(dense..sparse, 1.0 / 40.0) >= 85, "{}", share(dense..sparse, 1.0 / 40.0));
-        assert!(spacing[sparse..].iter().all(|&one| one < 0.06), "{:?}", &spacing[sparse..]);
+        assert!(
+            share(0..dense, 1.0 / 150.0) >= 90,
+            "{}",
+            share(0..dense, 1.0 / 150.0)
+        );
+        assert!(
+            share(dense..sparse, 1.0 / 40.0) >= 85,
+            "{}",
+            share(dense..sparse, 1.0 / 40.0)
+        );
+        assert!(
+            spacing[sparse..].iter().all(|&one| one < 0.06),
+            "{:?}",
+            &spacing[sparse..]
+        );
     }
 
     #[test]

@@ -46,7 +46,13 @@ struct Chunk {
 
 impl SurfaceChunks {
     pub(super) fn new(triangles: usize, edges: bool) -> Self {
-        Self { triangles, order: SpreadOrder::new(triangles.div_ceil(CHUNK)), edges, chunks: Vec::new(), drawn: 0 }
+        Self {
+            triangles,
+            order: SpreadOrder::new(triangles.div_ceil(CHUNK)),
+            edges,
+            chunks: Vec::new(),
+            drawn: 0,
+        }
     }
 
     /// How many triangles there are.
@@ -70,7 +76,13 @@ impl SurfaceChunks {
     }
 
     /// Uploads a few chunks more if those for `most` more triangles are not there.
-    pub(super) fn upload_next(&mut self, device: &wgpu::Device, mesh: &LabelledMesh, paint: &Paint, most: usize) {
+    pub(super) fn upload_next(
+        &mut self,
+        device: &wgpu::Device,
+        mesh: &LabelledMesh,
+        paint: &Paint,
+        most: usize,
+    ) {
         if self.uploaded() >= self.triangles.min(self.drawn + most) {
             return;
         }
@@ -80,16 +92,30 @@ impl SurfaceChunks {
             let from = self.order.at(place) * CHUNK;
             from..(from + CHUNK).min(self.triangles)
         };
-        let packed: Vec<_> =
-            (first..last).into_par_iter().map(|place| pack(mesh, triangles(place), self.edges, paint)).collect();
+        let packed: Vec<_> = (first..last)
+            .into_par_iter()
+            .map(|place| pack(mesh, triangles(place), self.edges, paint))
+            .collect();
         for (place, (vertices, indices)) in (first..last).zip(packed) {
             let buffer = |label, contents, usage| {
-                device.create_buffer_init(&wgpu::util::BufferInitDescriptor { label: Some(label), contents, usage })
+                device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                    label: Some(label),
+                    contents,
+                    usage,
+                })
             };
             let end = self.uploaded() + triangles(place).len();
             self.chunks.push(Chunk {
-                vertices: buffer("vertices", bytemuck::cast_slice(&vertices), wgpu::BufferUsages::VERTEX),
-                indices: buffer("indices", bytemuck::cast_slice(&indices), wgpu::BufferUsages::INDEX),
+                vertices: buffer(
+                    "vertices",
+                    bytemuck::cast_slice(&vertices),
+                    wgpu::BufferUsages::VERTEX,
+                ),
+                indices: buffer(
+                    "indices",
+                    bytemuck::cast_slice(&indices),
+                    wgpu::BufferUsages::INDEX,
+                ),
                 index_count: indices.len() as u32,
                 end,
             });
@@ -101,9 +127,18 @@ impl SurfaceChunks {
     }
 
     /// Draws the chunks among the next `most` triangles.
-    pub(super) fn draw(&mut self, pass: &mut wgpu::RenderPass<'_>, pipelines: &Pipelines, most: usize) {
+    pub(super) fn draw(
+        &mut self,
+        pass: &mut wgpu::RenderPass<'_>,
+        pipelines: &Pipelines,
+        most: usize,
+    ) {
         let part = self.drawn..(self.drawn + most).min(self.uploaded());
-        pass.set_pipeline(if self.edges { &pipelines.edges } else { &pipelines.surface });
+        pass.set_pipeline(if self.edges {
+            &pipelines.edges
+        } else {
+            &pipelines.surface
+        });
         let mut begin = 0;
         for chunk in &self.chunks {
             if part.contains(&begin) && chunk.index_count > 0 {
@@ -122,7 +157,12 @@ impl SurfaceChunks {
 
 /// The vertices of some triangles and, by their places, the corners of the triangles or the ends of their sides. Triangles
 /// with a hidden corner are left out.
-fn pack(mesh: &LabelledMesh, triangles: Range<usize>, edges: bool, paint: &Paint) -> (Vec<SurfaceVertex>, Vec<u32>) {
+fn pack(
+    mesh: &LabelledMesh,
+    triangles: Range<usize>,
+    edges: bool,
+    paint: &Paint,
+) -> (Vec<SurfaceVertex>, Vec<u32>) {
     let (mut vertices, mut indices) = (Vec::new(), Vec::new());
     let mut places: FxHashMap<u32, Option<u32>> = FxHashMap::default();
     for &triangle in &mesh.triangles[triangles] {
@@ -149,15 +189,25 @@ fn pack(mesh: &LabelledMesh, triangles: Range<usize>, edges: bool, paint: &Paint
 
 fn packed(mesh: &LabelledMesh, vertex: usize, paint: &Paint) -> Option<SurfaceVertex> {
     let color = paint.color(&mesh.vertices, vertex)?;
-    let [x, y, z] =
-        (mesh.vertices.normals[vertex].clamp_length_max(1.0) * 32767.0).to_array().map(|along| along as i16);
+    let [x, y, z] = (mesh.vertices.normals[vertex].clamp_length_max(1.0) * 32767.0)
+        .to_array()
+        .map(|along| along as i16);
     let position = mesh.vertices.positions[vertex].to_array();
-    Some(SurfaceVertex { position, color, normal: [x, y, z, 0] })
+    Some(SurfaceVertex {
+        position,
+        color,
+        normal: [x, y, z, 0],
+    })
 }
 
 /// Sides that two triangles share are drawn once.
 fn once_each(ends: &[u32]) -> Vec<u32> {
-    let mut sides: Vec<[u32; 2]> = ends.as_chunks().0.iter().map(|&[a, b]: &[u32; 2]| [a.min(b), a.max(b)]).collect();
+    let mut sides: Vec<[u32; 2]> = ends
+        .as_chunks()
+        .0
+        .iter()
+        .map(|&[a, b]: &[u32; 2]| [a.min(b), a.max(b)])
+        .collect();
     sides.sort_unstable();
     sides.dedup();
     sides.concat()

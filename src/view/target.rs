@@ -18,7 +18,11 @@ impl Target {
         let texture = |format, usage| {
             let texture = device.create_texture(&wgpu::TextureDescriptor {
                 label: Some("scene"),
-                size: wgpu::Extent3d { width: size.0, height: size.1, depth_or_array_layers: 1 },
+                size: wgpu::Extent3d {
+                    width: size.0,
+                    height: size.1,
+                    depth_or_array_layers: 1,
+                },
                 mip_level_count: 1,
                 sample_count: 1,
                 dimension: wgpu::TextureDimension::D2,
@@ -31,7 +35,13 @@ impl Target {
         let read = wgpu::TextureUsages::TEXTURE_BINDING;
         let (color, depth) = (texture(COLOR_FORMAT, read), texture(DEPTH_FORMAT, read));
         let inputs = dome.inputs(device, &color, &depth);
-        Self { size, color, depth, lit: texture(COLOR_FORMAT, read | wgpu::TextureUsages::COPY_SRC), inputs }
+        Self {
+            size,
+            color,
+            depth,
+            lit: texture(COLOR_FORMAT, read | wgpu::TextureUsages::COPY_SRC),
+            inputs,
+        }
     }
 
     /// Lights what was drawn, into [`Self::lit`].
@@ -42,7 +52,10 @@ impl Target {
                 view: &self.lit,
                 depth_slice: None,
                 resolve_target: None,
-                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store },
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                    store: wgpu::StoreOp::Store,
+                },
             })],
             ..Default::default()
         });
@@ -59,18 +72,28 @@ impl Target {
             let [r, g, b] = rgb.map(|channel| f64::from(channel) / 255.0);
             wgpu::LoadOp::Clear(wgpu::Color { r, g, b, a: 0.0 })
         });
-        let depth_load = if background.is_some() { wgpu::LoadOp::Clear(0.0) } else { wgpu::LoadOp::Load };
+        let depth_load = if background.is_some() {
+            wgpu::LoadOp::Clear(0.0)
+        } else {
+            wgpu::LoadOp::Load
+        };
         encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("scene"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
                 view: &self.color,
                 depth_slice: None,
                 resolve_target: None,
-                ops: wgpu::Operations { load, store: wgpu::StoreOp::Store },
+                ops: wgpu::Operations {
+                    load,
+                    store: wgpu::StoreOp::Store,
+                },
             })],
             depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
                 view: &self.depth,
-                depth_ops: Some(wgpu::Operations { load: depth_load, store: wgpu::StoreOp::Store }),
+                depth_ops: Some(wgpu::Operations {
+                    load: depth_load,
+                    store: wgpu::StoreOp::Store,
+                }),
                 stencil_ops: None,
             }),
             ..Default::default()

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::{
-    Appearance, Axes, Bounds, Clip, Coloring, Model, Orbit, PicturePlane, Scene3d, SceneStyle, SceneView, ViewCamera,
-    draw_cloud, draw_mesh,
+    Appearance, Axes, Bounds, Clip, Coloring, Model, Orbit, PicturePlane, Scene3d, SceneStyle,
+    SceneView, ViewCamera, draw_cloud, draw_mesh,
 };
 use ostra_cloud::{LabelledCloud, LabelledMesh};
 use ostra_frames::Image;
@@ -16,17 +16,28 @@ use ostra_masks::{Label, LabelId, LabelTree};
 
 fn device() -> Option<(wgpu::Device, wgpu::Queue)> {
     let instance = wgpu::Instance::default();
-    let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()));
-    let device = adapter.ok().and_then(|adapter| pollster::block_on(adapter.request_device(&Default::default())).ok());
-    assert!(device.is_some() || std::env::var_os("CI").is_none(), "CI needs a (software) Vulkan adapter");
+    let adapter =
+        pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()));
+    let device = adapter
+        .ok()
+        .and_then(|adapter| pollster::block_on(adapter.request_device(&Default::default())).ok());
+    assert!(
+        device.is_some() || std::env::var_os("CI").is_none(),
+        "CI needs a (software) Vulkan adapter"
+    );
     device
 }
 
 fn sphere(points: usize) -> LabelledCloud {
     let mut tree = LabelTree::default();
     for id in 1..=2 {
-        tree.set(Label { id: LabelId(id), name: format!("{id}"), color: [200, id as u8 * 90, 30], parent: None })
-            .unwrap();
+        tree.set(Label {
+            id: LabelId(id),
+            name: format!("{id}"),
+            color: [200, id as u8 * 90, 30],
+            parent: None,
+        })
+        .unwrap();
     }
     let at = |i: usize| {
         let z = 1.0 - 2.0 * (i as f32 + 0.5) / points as f32;
@@ -37,7 +48,9 @@ fn sphere(points: usize) -> LabelledCloud {
         positions: (0..points).map(at).collect(),
         normals: (0..points).map(at).collect(),
         colors: vec![[90, 90, 90]; points],
-        labels: (0..points).map(|i| LabelId(1 + (i * 2 / points) as u16)).collect(),
+        labels: (0..points)
+            .map(|i| LabelId(1 + (i * 2 / points) as u16))
+            .collect(),
         confidence: vec![1.0; points],
         tree,
         ..LabelledCloud::default()
@@ -56,13 +69,25 @@ fn read_back(view: &SceneView, width: u32, height: u32) -> Vec<[u8; 4]> {
         view.texture().unwrap().texture().as_image_copy(),
         wgpu::TexelCopyBufferInfo {
             buffer: &buffer,
-            layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(width * 4), rows_per_image: None },
+            layout: wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(width * 4),
+                rows_per_image: None,
+            },
         },
-        wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        wgpu::Extent3d {
+            width,
+            height,
+            depth_or_array_layers: 1,
+        },
     );
     view.queue.submit([encoder.finish()]);
-    buffer.slice(..).map_async(wgpu::MapMode::Read, |result| result.unwrap());
-    view.device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
+    buffer
+        .slice(..)
+        .map_async(wgpu::MapMode::Read, |result| result.unwrap());
+    view.device
+        .poll(wgpu::PollType::wait_indefinitely())
+        .unwrap();
     bytemuck::cast_slice(&buffer.slice(..).get_mapped_range().unwrap()).to_vec()
 }
 
@@ -78,37 +103,67 @@ fn step(view: &mut SceneView, scene: &Scene3d) -> bool {
 /// Draws until all is drawn; gives the picture, and how many calls it took.
 fn drawn(view: &mut SceneView, scene: &Scene3d) -> (Vec<[u8; 4]>, usize) {
     let calls = (1..50_000_000).find(|_| step(view, scene)).unwrap();
-    (read_back(view, scene.camera.width, scene.camera.height), calls)
+    (
+        read_back(view, scene.camera.width, scene.camera.height),
+        calls,
+    )
 }
 
 fn scene(camera: ViewCamera, style: &SceneStyle) -> Scene3d {
-    Scene3d { camera, style: style.clone(), lines: Vec::new(), planes: Vec::new() }
+    Scene3d {
+        camera,
+        style: style.clone(),
+        lines: Vec::new(),
+        planes: Vec::new(),
+    }
 }
 
 fn by_label() -> SceneStyle {
-    let appearance = Appearance { coloring: Coloring::Label, ..Default::default() };
-    SceneStyle { appearance, ..Default::default() }
+    let appearance = Appearance {
+        coloring: Coloring::Label,
+        ..Default::default()
+    };
+    SceneStyle {
+        appearance,
+        ..Default::default()
+    }
 }
 
 /// How many pixels of the two twins differ by no more than `most` in each channel, of a thousand.
 fn alike(gpu: &[[u8; 4]], cpu: &[[u8; 3]], most: u8) -> usize {
-    let near = |(g, c): &(&[u8; 4], &[u8; 3])| g[..3].iter().zip(*c).all(|(a, b)| a.abs_diff(*b) <= most);
+    let near =
+        |(g, c): &(&[u8; 4], &[u8; 3])| g[..3].iter().zip(*c).all(|(a, b)| a.abs_diff(*b) <= most);
     gpu.iter().zip(cpu).filter(near).count() * 1000 / gpu.len()
 }
 
 /// A square of `side` × `side` wavy pieces, two triangles each; its right half has another label.
 fn waves(side: u32) -> LabelledMesh {
     let at = |i: u32| {
-        let (x, y) = ((i % (side + 1)) as f32 / side as f32, (i / (side + 1)) as f32 / side as f32);
+        let (x, y) = (
+            (i % (side + 1)) as f32 / side as f32,
+            (i / (side + 1)) as f32 / side as f32,
+        );
         Vec3::new(x, y, 0.05 * (x * 20.0).sin() * (y * 15.0).cos())
     };
     let count = (side + 1) * (side + 1);
     let mut vertices = sphere(count as usize);
     vertices.positions = (0..count).map(at).collect();
-    vertices.labels = (0..count).map(|i| LabelId(1 + u16::from(i % (side + 1) > side / 2))).collect();
+    vertices.labels = (0..count)
+        .map(|i| LabelId(1 + u16::from(i % (side + 1) > side / 2)))
+        .collect();
     let corners = (0..side * side).map(|i| i / side * (side + 1) + i % side);
-    let triangles = corners.flat_map(|a| [[a, a + 1, a + side + 1], [a + 1, a + side + 2, a + side + 1]]).collect();
-    let mut mesh = LabelledMesh { vertices, triangles };
+    let triangles = corners
+        .flat_map(|a| {
+            [
+                [a, a + 1, a + side + 1],
+                [a + 1, a + side + 2, a + side + 1],
+            ]
+        })
+        .collect();
+    let mut mesh = LabelledMesh {
+        vertices,
+        triangles,
+    };
     mesh.compute_normals();
     mesh
 }
@@ -130,11 +185,20 @@ fn a_surface_ends_equal_to_its_cpu_twin_and_its_wires_lie_within() {
     let cpu = draw_mesh(&mesh, &camera, &style).image;
     let same = alike(&gpu, &cpu.pixels, 2);
     assert!(same >= 985, "{same} of 1000 pixels agree");
-    let covered = |pixels: &[[u8; 4]]| pixels.iter().filter(|pixel| pixel[..3] != style.background).count();
+    let covered = |pixels: &[[u8; 4]]| {
+        pixels
+            .iter()
+            .filter(|pixel| pixel[..3] != style.background)
+            .count()
+    };
     let whole = covered(&gpu);
     style.appearance.hidden.insert(LabelId(2));
     let (half, _) = drawn(&mut view, &scene(camera, &style));
-    assert!((35..65).contains(&(covered(&half) * 100 / whole)), "{} of {whole}", covered(&half));
+    assert!(
+        (35..65).contains(&(covered(&half) * 100 / whole)),
+        "{} of {whole}",
+        covered(&half)
+    );
 
     // Far apart, sides leave most of the surface open, and nothing is drawn beside it.
     let coarse = Arc::new(waves(12));
@@ -143,13 +207,23 @@ fn a_surface_ends_equal_to_its_cpu_twin_and_its_wires_lie_within() {
     let (wires, _) = drawn(&mut view, &scene(camera, &style));
     view.set_model(Model::Surface(coarse));
     let (solid, _) = drawn(&mut view, &scene(camera, &style));
-    assert!((15..70).contains(&(covered(&wires) * 100 / covered(&solid))), "{}", covered(&wires));
+    assert!(
+        (15..70).contains(&(covered(&wires) * 100 / covered(&solid))),
+        "{}",
+        covered(&wires)
+    );
     let is_drawn = |pixel: &[u8; 4]| pixel[..3] != style.background;
     let near_solid = |at: usize| {
-        let around = [0, 1, 255, 256, 257].into_iter().flat_map(|step| [at.checked_sub(step), at.checked_add(step)]);
-        around.flatten().any(|other| solid.get(other).is_some_and(is_drawn))
+        let around = [0, 1, 255, 256, 257]
+            .into_iter()
+            .flat_map(|step| [at.checked_sub(step), at.checked_add(step)]);
+        around
+            .flatten()
+            .any(|other| solid.get(other).is_some_and(is_drawn))
     };
-    let apart = (0..wires.len()).filter(|&at| is_drawn(&wires[at]) && !near_solid(at)).count();
+    let apart = (0..wires.len())
+        .filter(|&at| is_drawn(&wires[at]) && !near_solid(at))
+        .count();
     assert_eq!(apart, 0, "a line lies a pixel beside the surface at most");
 }
 
@@ -162,7 +236,10 @@ fn progressive_picture_ends_equal_to_its_cpu_twin() {
     let cloud = Arc::new(sphere(450_000));
     let bounds = Bounds::of(cloud.positions.iter().copied()).unwrap();
     let camera = Orbit::framing(&bounds, Vec3::new(0.2, 0.3, 1.0), Vec3::NEG_Y).camera(256, 192);
-    let style = SceneStyle { edl_strength: 0.0, ..by_label() };
+    let style = SceneStyle {
+        edl_strength: 0.0,
+        ..by_label()
+    };
     let scene = scene(camera, &style);
     let mut view = SceneView::new(&device, &queue);
     view.set_model(Model::Cloud(Arc::clone(&cloud)));
@@ -171,12 +248,24 @@ fn progressive_picture_ends_equal_to_its_cpu_twin() {
     let cpu = draw_cloud(&cloud, &camera, &style).image;
     let same = alike(&gpu, &cpu.pixels, 1);
     assert!(same >= 985, "{same} of 1000 pixels agree");
-    let background = cpu.pixels.iter().filter(|&&pixel| pixel == style.background).count();
-    assert!(background > 2000 && background < 40_000, "the sphere fills a part of the picture: {background}");
+    let background = cpu
+        .pixels
+        .iter()
+        .filter(|&&pixel| pixel == style.background)
+        .count();
+    assert!(
+        background > 2000 && background < 40_000,
+        "the sphere fills a part of the picture: {background}"
+    );
 }
 
 /// What each way of drawing must keep equal in both twins.
-fn agrees(model: &Model, camera: &ViewCamera, style: &SceneStyle, what: &str) -> Option<Vec<[u8; 4]>> {
+fn agrees(
+    model: &Model,
+    camera: &ViewCamera,
+    style: &SceneStyle,
+    what: &str,
+) -> Option<Vec<[u8; 4]>> {
     let (device, queue) = device()?;
     let mut view = SceneView::new(&device, &queue);
     view.set_model(model.clone());
@@ -198,24 +287,52 @@ fn different(a: &[[u8; 4]], b: &[[u8; 4]]) -> usize {
 fn lighting_clipping_projection_and_faintness_are_equal_in_both_twins() {
     let cloud = Arc::new(sphere(60_000));
     let mesh = Arc::new(waves(60).split_at_labels());
-    let bounds = Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE };
+    let bounds = Bounds {
+        min: Vec3::NEG_ONE,
+        max: Vec3::ONE,
+    };
     let orbit = Orbit::framing(&bounds, Vec3::new(0.2, 0.3, 1.0), Vec3::NEG_Y);
-    let half = Bounds { min: Vec3::new(-9.0, -9.0, -9.0), max: Vec3::new(0.3, 9.0, 9.0) };
+    let half = Bounds {
+        min: Vec3::new(-9.0, -9.0, -9.0),
+        max: Vec3::new(0.3, 9.0, 9.0),
+    };
     let axes = Axes::new(Vec3::new(0.2, -1.0, 0.1), Vec3::Z);
     for model in [Model::Cloud(cloud), Model::Surface(mesh)] {
         let is_cloud = matches!(model, Model::Cloud(_));
         for orthographic in [false, true] {
-            let camera = Orbit { orthographic, ..orbit }.camera(256, 192);
-            let flat = SceneStyle { edl_strength: 0.0, ..by_label() };
+            let camera = Orbit {
+                orthographic,
+                ..orbit
+            }
+            .camera(256, 192);
+            let flat = SceneStyle {
+                edl_strength: 0.0,
+                ..by_label()
+            };
             let Some(plain) = agrees(&model, &camera, &flat, "flat") else {
                 eprintln!("skipped: no Vulkan adapter");
                 return;
             };
-            let lit = SceneStyle { edl_strength: 1.5, ..by_label() };
+            let lit = SceneStyle {
+                edl_strength: 1.5,
+                ..by_label()
+            };
             let shaded = agrees(&model, &camera, &lit, "lit").unwrap();
-            assert_eq!(different(&plain, &shaded) > 500, is_cloud, "only points are shaded by depth");
-            let clipped = SceneStyle { clip: Clip::inside(&axes, &half), ..flat.clone() };
-            assert!(different(&plain, &agrees(&model, &camera, &clipped, "clipped").unwrap()) > 1000);
+            assert_eq!(
+                different(&plain, &shaded) > 500,
+                is_cloud,
+                "only points are shaded by depth"
+            );
+            let clipped = SceneStyle {
+                clip: Clip::inside(&axes, &half),
+                ..flat.clone()
+            };
+            assert!(
+                different(
+                    &plain,
+                    &agrees(&model, &camera, &clipped, "clipped").unwrap()
+                ) > 1000
+            );
             let mut faint = lit.clone();
             (faint.appearance.isolated, faint.appearance.faint) = (Some(LabelId(1)), 0.3);
             assert!(different(&shaded, &agrees(&model, &camera, &faint, "faint").unwrap()) > 500);
@@ -225,19 +342,47 @@ fn lighting_clipping_projection_and_faintness_are_equal_in_both_twins() {
 
 #[test]
 fn pictures_stand_in_space_the_right_way_round_behind_what_is_nearer() {
-    let Some((device, queue)) = device() else { return };
+    let Some((device, queue)) = device() else {
+        return;
+    };
     let mut view = SceneView::new(&device, &queue);
-    let orbit = Orbit::framing(&Bounds { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) }, Vec3::Z, Vec3::NEG_Y);
+    let orbit = Orbit::framing(
+        &Bounds {
+            min: Vec3::splat(-1.0),
+            max: Vec3::splat(1.0),
+        },
+        Vec3::Z,
+        Vec3::NEG_Y,
+    );
     // Red to the left, blue below on the right, behind a grey point in the middle of the left half.
     let pixels = vec![[255, 0, 0], [0, 255, 0], [255, 0, 0], [0, 0, 255]];
-    let image = Arc::new(Image { width: 2, height: 2, pixels });
-    let corners = [[-1.0, -1.0, 0.5], [1.0, -1.0, 0.5], [1.0, 1.0, 0.5], [-1.0, 1.0, 0.5]];
+    let image = Arc::new(Image {
+        width: 2,
+        height: 2,
+        pixels,
+    });
+    let corners = [
+        [-1.0, -1.0, 0.5],
+        [1.0, -1.0, 0.5],
+        [1.0, 1.0, 0.5],
+        [-1.0, 1.0, 0.5],
+    ];
     let point = LabelledCloud::from_positions(vec![Vec3::new(-0.7, 0.0, 0.0)]);
     view.set_model(Model::Cloud(Arc::new(point)));
-    let style = SceneStyle { point_px: 6.0, edl_strength: 0.0, ..SceneStyle::default() };
+    let style = SceneStyle {
+        point_px: 6.0,
+        edl_strength: 0.0,
+        ..SceneStyle::default()
+    };
     let camera = orbit.camera(256, 256);
     let planes = vec![PicturePlane { corners, image }];
-    let (pixels, _) = drawn(&mut view, &Scene3d { planes, ..scene(camera, &style) });
+    let (pixels, _) = drawn(
+        &mut view,
+        &Scene3d {
+            planes,
+            ..scene(camera, &style)
+        },
+    );
     let at = |x: Vec3| {
         let (px, _) = camera.project(x).unwrap();
         pixels[px.y as usize * 256 + px.x as usize]
@@ -245,9 +390,17 @@ fn pictures_stand_in_space_the_right_way_round_behind_what_is_nearer() {
     assert_eq!(at(Vec3::new(-0.8, -0.8, 0.5))[..3], [255, 0, 0]);
     assert_eq!(at(Vec3::new(0.8, -0.8, 0.5))[..3], [0, 255, 0]);
     assert_eq!(at(Vec3::new(0.8, 0.8, 0.5))[..3], [0, 0, 255]);
-    assert_eq!(at(Vec3::new(-0.7, 0.0, 0.0))[..3], [192; 3], "the point hides the picture");
+    assert_eq!(
+        at(Vec3::new(-0.7, 0.0, 0.0))[..3],
+        [192; 3],
+        "the point hides the picture"
+    );
     let (bare, _) = drawn(&mut view, &scene(camera, &style));
     let (px, _) = camera.project(Vec3::new(0.8, -0.8, 0.5)).unwrap();
     let left = bare[px.y as usize * 256 + px.x as usize];
-    assert_eq!(left[..3], style.background, "planes go when they are taken out");
+    assert_eq!(
+        left[..3],
+        style.background,
+        "planes go when they are taken out"
+    );
 }

@@ -15,8 +15,11 @@ const ROUNDS: usize = 12;
 /// that are rolled count little (Cauchy's weights). Where the axes are nearly parallel, as of cameras side by side, they leave
 /// open how far to lean forward; there the mean of the cameras' ups decides.
 pub(super) fn upright(turns: &[DQuat]) -> DVec3 {
-    let mean = turns.iter().map(|&turn| turn * DVec3::NEG_Y).sum::<DVec3>() / turns.len().max(1) as f64;
-    let Some(mut up) = mean.try_normalize() else { return DVec3::NEG_Y };
+    let mean =
+        turns.iter().map(|&turn| turn * DVec3::NEG_Y).sum::<DVec3>() / turns.len().max(1) as f64;
+    let Some(mut up) = mean.try_normalize() else {
+        return DVec3::NEG_Y;
+    };
     let toward_mean = (Matrix3::identity() - outer(mean)) / PITCH.powi(2);
     for round in 0..ROUNDS {
         let level = turns.iter().map(|turn| level_axis(*turn, up)).map(|axis| {
@@ -33,7 +36,11 @@ pub(super) fn upright(turns: &[DQuat]) -> DVec3 {
 /// Of the axes along a camera's picture the one that lies flatter: across it, or along it where it is held upright.
 fn level_axis(turn: DQuat, up: DVec3) -> DVec3 {
     let [across, along] = [turn * DVec3::X, turn * DVec3::Y];
-    if across.dot(up).abs() <= along.dot(up).abs() { across } else { along }
+    if across.dot(up).abs() <= along.dot(up).abs() {
+        across
+    } else {
+        along
+    }
 }
 
 fn outer(axis: DVec3) -> Matrix3<f64> {
@@ -53,7 +60,8 @@ mod tests {
 
     /// Cameras `yaw` degrees around the vertical (-y), looking `down` degrees, rolled by `roll` degrees.
     fn turn(yaw: f64, down: f64, roll: f64) -> DQuat {
-        let around = DQuat::from_rotation_y(yaw.to_radians()) * DQuat::from_rotation_x(-down.to_radians());
+        let around =
+            DQuat::from_rotation_y(yaw.to_radians()) * DQuat::from_rotation_x(-down.to_radians());
         around * DQuat::from_rotation_z(roll.to_radians())
     }
 
@@ -62,29 +70,56 @@ mod tests {
     }
 
     fn mean_off_deg(turns: &[DQuat]) -> f64 {
-        turns.iter().map(|&turn| turn * DVec3::NEG_Y).sum::<DVec3>().angle_between(DVec3::NEG_Y).to_degrees()
+        turns
+            .iter()
+            .map(|&turn| turn * DVec3::NEG_Y)
+            .sum::<DVec3>()
+            .angle_between(DVec3::NEG_Y)
+            .to_degrees()
     }
 
     /// A third of a circle in steps of 5°, rolled by hand.
     fn arc(down: f64) -> Vec<DQuat> {
-        (-12..=12).map(|k| turn(5.0 * f64::from(k), down, [1.0, -2.0, 0.5, 1.5, -1.0][(k + 12) as usize % 5])).collect()
+        (-12..=12)
+            .map(|k| {
+                turn(
+                    5.0 * f64::from(k),
+                    down,
+                    [1.0, -2.0, 0.5, 1.5, -1.0][(k + 12) as usize % 5],
+                )
+            })
+            .collect()
     }
 
     #[test]
     fn an_arc_of_cameras_that_look_down_or_up_stands_upright() {
         for down in [20.0, 25.0, 30.0, -20.0, 55.0] {
             let turns = arc(down);
-            assert!(mean_off_deg(&turns) > 15.0 && off_deg(&turns) < 1.5, "{down}: {}", off_deg(&turns));
+            assert!(
+                mean_off_deg(&turns) > 15.0 && off_deg(&turns) < 1.5,
+                "{down}: {}",
+                off_deg(&turns)
+            );
         }
     }
 
     #[test]
     fn cameras_held_upright_or_askew_do_not_tilt_it() {
         let mut turns = arc(25.0);
-        turns.iter_mut().step_by(3).for_each(|turn| *turn *= DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2));
-        assert!(off_deg(&turns) < 1.5, "a quarter turned: {}", off_deg(&turns));
+        turns
+            .iter_mut()
+            .step_by(3)
+            .for_each(|turn| *turn *= DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2));
+        assert!(
+            off_deg(&turns) < 1.5,
+            "a quarter turned: {}",
+            off_deg(&turns)
+        );
         let mut turns = arc(25.0);
-        turns.iter_mut().take(5).for_each(|turn| *turn *= DQuat::from_rotation_z(0.5));
+        turns
+            .iter_mut()
+            .take(5)
+            .for_each(|turn| *turn *= DQuat::from_rotation_z(0.5));
         assert!(off_deg(&turns) < 1.5, "five askew: {}", off_deg(&turns));
     }
 
@@ -93,7 +128,11 @@ mod tests {
     fn cameras_side_by_side_stand_as_their_mean_up() {
         for down in [0.0, 10.0, 30.0] {
             for turns in [vec![turn(30.0, down, 0.0); 6], vec![turn(0.0, down, 0.0)]] {
-                assert!((off_deg(&turns) - down).abs() < 1e-6, "{down}: {}", off_deg(&turns));
+                assert!(
+                    (off_deg(&turns) - down).abs() < 1e-6,
+                    "{down}: {}",
+                    off_deg(&turns)
+                );
             }
         }
         for (spread, roll) in [(2.0, 2.0), (5.0, 2.0), (10.0, 1.0)] {

@@ -68,7 +68,9 @@ impl ViewCamera {
             Projection::Perspective => 0.0,
             Projection::Orthographic { depth } => 1e4 * depth,
         };
-        self.camera_from_world.inverse().transform_point3(Vec3::NEG_Z * back)
+        self.camera_from_world
+            .inverse()
+            .transform_point3(Vec3::NEG_Z * back)
     }
 
     /// The world point at a pixel position and depth.
@@ -87,7 +89,10 @@ impl ViewCamera {
             Projection::Perspective => (Vec2::new(0.0, self.near), Vec2::new(1.0, 0.0)),
             Projection::Orthographic { depth } => {
                 let range = 2.0 * Self::REACH * depth;
-                (Vec2::new(-1.0, self.near + range) / range, Vec2::new(0.0, 1.0))
+                (
+                    Vec2::new(-1.0, self.near + range) / range,
+                    Vec2::new(0.0, 1.0),
+                )
             }
         };
         let scale = self.px_per_unit(1.0);
@@ -111,9 +116,18 @@ mod tests {
     use crate::{Bounds, Orbit};
 
     fn cameras() -> [ViewCamera; 2] {
-        let bounds = Bounds { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) };
+        let bounds = Bounds {
+            min: Vec3::splat(-1.0),
+            max: Vec3::splat(1.0),
+        };
         let orbit = Orbit::framing(&bounds, Vec3::new(0.3, 0.2, 1.0), Vec3::NEG_Y);
-        [false, true].map(|orthographic| Orbit { orthographic, ..orbit }.camera(640, 480))
+        [false, true].map(|orthographic| {
+            Orbit {
+                orthographic,
+                ..orbit
+            }
+            .camera(640, 480)
+        })
     }
 
     #[test]
@@ -143,12 +157,21 @@ mod tests {
         let [perspective, orthographic] = cameras();
         let size = |camera: &ViewCamera, depth: f32| {
             let [a, b] = [300.0, 340.0].map(|x| perspective.unproject(Vec2::new(x, 240.0), depth));
-            camera.project(a).unwrap().0.distance(camera.project(b).unwrap().0)
+            camera
+                .project(a)
+                .unwrap()
+                .0
+                .distance(camera.project(b).unwrap().0)
         };
-        let Projection::Orthographic { depth } = orthographic.projection else { panic!() };
+        let Projection::Orthographic { depth } = orthographic.projection else {
+            panic!()
+        };
         assert!((size(&perspective, depth) - size(&orthographic, depth)).abs() < 0.01);
         assert!((size(&orthographic, 2.0 * depth) / size(&orthographic, depth) - 2.0).abs() < 0.01);
         let behind = perspective.place() - perspective.unproject(Vec2::new(320.0, 240.0), depth);
-        assert!(orthographic.project(perspective.place() + behind).is_some(), "nothing is too near");
+        assert!(
+            orthographic.project(perspective.place() + behind).is_some(),
+            "nothing is too near"
+        );
     }
 }

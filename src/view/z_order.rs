@@ -24,7 +24,12 @@ impl ZOrder {
     ///
     /// A cell's code and a point's index share 64 bits, so that numbers alone are sorted and the order is the same for any
     /// number of threads.
-    pub fn new(positions: &[Vec3], count: usize, index: impl Fn(usize) -> usize + Sync, size: usize) -> Self {
+    pub fn new(
+        positions: &[Vec3],
+        count: usize,
+        index: impl Fn(usize) -> usize + Sync,
+        size: usize,
+    ) -> Self {
         let index_bits = u64::BITS - (positions.len() as u64).leading_zeros();
         let grid = Grid::over(positions, ((u64::BITS - index_bits) / 3).min(21));
         let key = |place| {
@@ -34,7 +39,13 @@ impl ZOrder {
         let mut keys: Vec<u64> = (0..count).into_par_iter().map(key).collect();
         keys.par_sort_unstable();
         let of_index = (1 << index_bits) - 1;
-        Self { blocks: cut(&keys, size), order: keys.into_par_iter().map(|key| (key & of_index) as u32).collect() }
+        Self {
+            blocks: cut(&keys, size),
+            order: keys
+                .into_par_iter()
+                .map(|key| (key & of_index) as u32)
+                .collect(),
+        }
     }
 }
 
@@ -50,10 +61,20 @@ impl Grid {
     fn over(positions: &[Vec3], bits: u32) -> Self {
         let order = SpreadOrder::new(positions.len());
         let sampled = (0..positions.len().min(SAMPLED)).map(|place| positions[order.at(place)]);
-        let bounds = Bounds::of(sampled).unwrap_or(Bounds { min: Vec3::ZERO, max: Vec3::ONE });
-        let side = (bounds.max - bounds.min).max_element().max(f32::MIN_POSITIVE.sqrt()) * 2.0;
+        let bounds = Bounds::of(sampled).unwrap_or(Bounds {
+            min: Vec3::ZERO,
+            max: Vec3::ONE,
+        });
+        let side = (bounds.max - bounds.min)
+            .max_element()
+            .max(f32::MIN_POSITIVE.sqrt())
+            * 2.0;
         let cells = (1_u64 << bits) as f32;
-        Self { min: bounds.centre() - side / 2.0, per_unit: cells / side, last: cells - 1.0 }
+        Self {
+            min: bounds.centre() - side / 2.0,
+            per_unit: cells / side,
+            last: cells - 1.0,
+        }
     }
 
     fn code(&self, x: Vec3) -> u64 {
@@ -68,7 +89,11 @@ fn cut(keys: &[u64], size: usize) -> Vec<Range<usize>> {
     while begin < keys.len() {
         let ends = begin + size / 2..begin + size * 3 / 2;
         let jump = |&end: &usize| keys[end - 1] ^ keys[end];
-        let end = if ends.end < keys.len() { ends.max_by_key(jump).unwrap_or(keys.len()) } else { keys.len() };
+        let end = if ends.end < keys.len() {
+            ends.max_by_key(jump).unwrap_or(keys.len())
+        } else {
+            keys.len()
+        };
         blocks.push(begin..end);
         begin = end;
     }
@@ -81,21 +106,50 @@ mod tests {
 
     #[test]
     fn every_point_is_in_one_compact_block_wherever_strays_lie() {
-        let mut positions: Vec<Vec3> =
-            (0..40_000).map(|i| Vec3::new((i % 200) as f32, 0.0, (i / 200) as f32) * 0.01).collect();
+        let mut positions: Vec<Vec3> = (0..40_000)
+            .map(|i| Vec3::new((i % 200) as f32, 0.0, (i / 200) as f32) * 0.01)
+            .collect();
         positions.extend([Vec3::splat(1e9), Vec3::NEG_X * 1e4, Vec3::NAN]);
         let along = ZOrder::new(&positions, positions.len(), |place| place, 1000);
         let mut seen = along.order.clone();
         seen.sort_unstable();
-        assert!(seen.into_iter().eq(0..positions.len() as u32), "a permutation");
-        assert!(along.blocks.iter().flat_map(Clone::clone).eq(0..positions.len()), "blocks follow each other");
+        assert!(
+            seen.into_iter().eq(0..positions.len() as u32),
+            "a permutation"
+        );
+        assert!(
+            along
+                .blocks
+                .iter()
+                .flat_map(Clone::clone)
+                .eq(0..positions.len()),
+            "blocks follow each other"
+        );
         let wide = |block: &Range<usize>| {
-            let x = || along.order[block.clone()].iter().map(|&index| positions[index as usize].x);
+            let x = || {
+                along.order[block.clone()]
+                    .iter()
+                    .map(|&index| positions[index as usize].x)
+            };
             x().fold(0.0, f32::max) - x().fold(f32::MAX, f32::min)
         };
-        let compact = along.blocks.iter().filter(|block| wide(block) < 0.7).count();
-        assert!(compact * 10 >= along.blocks.len() * 9, "{compact} of {}", along.blocks.len());
-        let sizes = along.blocks[..along.blocks.len() - 1].iter().map(ExactSizeIterator::len);
-        assert!(sizes.clone().all(|size| (500..=1500).contains(&size)), "{:?}", sizes.collect::<Vec<_>>());
+        let compact = along
+            .blocks
+            .iter()
+            .filter(|block| wide(block) < 0.7)
+            .count();
+        assert!(
+            compact * 10 >= along.blocks.len() * 9,
+            "{compact} of {}",
+            along.blocks.len()
+        );
+        let sizes = along.blocks[..along.blocks.len() - 1]
+            .iter()
+            .map(ExactSizeIterator::len);
+        assert!(
+            sizes.clone().all(|size| (500..=1500).contains(&size)),
+            "{:?}",
+            sizes.collect::<Vec<_>>()
+        );
     }
 }

@@ -16,7 +16,11 @@ use following::Asked;
 use ostra_tracking::deaot::Deaot;
 
 /// Columns, rows, and what was published.
-const SIZES: [(u32, u32, &str); 3] = [(640, 480, "5.5–6.8"), (960, 540, "5.2"), (1280, 720, "3.2–3.8")];
+const SIZES: [(u32, u32, &str); 3] = [
+    (640, 480, "5.5–6.8"),
+    (960, 540, "5.2"),
+    (1280, 720, "3.2–3.8"),
+];
 
 fn main() {
     let Some(asked) = Asked::read() else { return };

@@ -19,7 +19,10 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 #[path = "../support/mod.rs"]
-#[expect(dead_code, reason = "the benches share it with the integration tests and use a part")]
+#[expect(
+    dead_code,
+    reason = "the benches share it with the integration tests and use a part"
+)]
 mod support;
 
 /// Pictures, and how they are measured.
@@ -35,14 +38,40 @@ struct Set {
 }
 
 const SETS: [Set; 4] = [
-    Set { name: "dtu", folder: "dtu_scan24", views: 12, side: 640, within: "1,2,3" },
-    Set { name: "fountain", folder: "strecha_fountain_P11", views: 11, side: 640, within: "0.01,0.02,0.05,0.03" },
-    Set { name: "temple", folder: "middlebury_templeSparseRing", views: 16, side: 640, within: "" },
-    Set { name: "full", folder: "strecha_fountain_P11", views: 11, side: 1536, within: "0.01,0.02,0.05,0.03" },
+    Set {
+        name: "dtu",
+        folder: "dtu_scan24",
+        views: 12,
+        side: 640,
+        within: "1,2,3",
+    },
+    Set {
+        name: "fountain",
+        folder: "strecha_fountain_P11",
+        views: 11,
+        side: 640,
+        within: "0.01,0.02,0.05,0.03",
+    },
+    Set {
+        name: "temple",
+        folder: "middlebury_templeSparseRing",
+        views: 16,
+        side: 640,
+        within: "",
+    },
+    Set {
+        name: "full",
+        folder: "strecha_fountain_P11",
+        views: 11,
+        side: 1536,
+        within: "0.01,0.02,0.05,0.03",
+    },
 ];
 
 fn main() {
-    let Some(data) = support::data_dir() else { return };
+    let Some(data) = support::data_dir() else {
+        return;
+    };
     let is_named = |set: &Set| std::env::args().any(|word| word == set.name);
     let is_any_named = SETS.iter().any(is_named);
     for set in SETS.iter().filter(|set| !is_any_named || is_named(set)) {
@@ -51,12 +80,31 @@ fn main() {
         let (root, last) = (root.to_str().unwrap(), (set.views - 1).to_string());
         let (images, cameras) = (folder.join("images"), folder.join("sparse"));
         let given = ["--cameras", cameras.to_str().unwrap(), "--to", &last];
-        done(&[&["new", root, "--frames", images.to_str().unwrap()][..], &given].concat());
+        done(
+            &[
+                &["new", root, "--frames", images.to_str().unwrap()][..],
+                &given,
+            ]
+            .concat(),
+        );
         let side = set.side.to_string();
         let begun = Instant::now();
-        let peak = peak_mib(&["reconstruct", root, "--method", "mvs", "--max-side", &side, "--device", "cpu"]);
+        let peak = peak_mib(&[
+            "reconstruct",
+            root,
+            "--method",
+            "mvs",
+            "--max-side",
+            &side,
+            "--device",
+            "cpu",
+        ]);
         let seconds = begun.elapsed().as_secs_f64();
-        println!("{}: {:.2} s a view, peak {peak} MiB", set.name, seconds / f64::from(set.views));
+        println!(
+            "{}: {:.2} s a view, peak {peak} MiB",
+            set.name,
+            seconds / f64::from(set.views)
+        );
         let reference = folder.join("sparse_reference.ply");
         if reference.is_file() {
             score(root, dir.path(), &reference, set.within);
@@ -67,11 +115,31 @@ fn main() {
 /// Prints how complete and how exact the fused cloud is.
 fn score(root: &str, dir: &Path, reference: &Path, within: &str) {
     let (cloud, cameras) = (dir.join("cloud.ply"), dir.join("cameras"));
-    let (cloud, cameras, reference) = (cloud.to_str().unwrap(), cameras.to_str().unwrap(), reference.to_str().unwrap());
+    let (cloud, cameras, reference) = (
+        cloud.to_str().unwrap(),
+        cameras.to_str().unwrap(),
+        reference.to_str().unwrap(),
+    );
     done(&["fuse", root]);
     done(&["export", root, "--cloud", cloud, "--cameras", cameras]);
-    let seen = ["--cameras", cameras, "--min-views", "3", "--frames", root, "--within", within, "--json"];
-    let said = done(&[&["eval", "cloud", "--truth", reference, "--result", cloud][..], &seen].concat());
+    let seen = [
+        "--cameras",
+        cameras,
+        "--min-views",
+        "3",
+        "--frames",
+        root,
+        "--within",
+        within,
+        "--json",
+    ];
+    let said = done(
+        &[
+            &["eval", "cloud", "--truth", reference, "--result", cloud][..],
+            &seen,
+        ]
+        .concat(),
+    );
     let score: Value = serde_json::from_str(said.lines().last().unwrap()).unwrap();
     println!("  {} points", score["result_points"]);
     for at in score["surface"].as_array().unwrap() {
@@ -87,20 +155,38 @@ fn score(root: &str, dir: &Path, reference: &Path, within: &str) {
 
 /// Runs the program; what it says on standard output.
 fn done(args: &[&str]) -> String {
-    let output = Command::new(env!("CARGO_BIN_EXE_ostra")).args(args).output().unwrap();
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    let output = Command::new(env!("CARGO_BIN_EXE_ostra"))
+        .args(args)
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{args:?}: {}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     String::from_utf8(output.stdout).unwrap()
 }
 
 /// Runs the program; the most memory that it used, where the system tells (0 elsewhere).
 fn peak_mib(args: &[&str]) -> u64 {
     let mut program = Command::new(env!("CARGO_BIN_EXE_ostra"));
-    let mut child = program.args(args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let mut child = program
+        .args(args)
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
     let status = format!("/proc/{}/status", child.id());
     let mut peak = 0;
     while child.try_wait().unwrap().is_none() {
         let text = std::fs::read_to_string(&status).unwrap_or_default();
-        let kib = |line: &str| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse::<u64>().ok();
+        let kib = |line: &str| {
+            line.strip_prefix("VmHWM:")?
+                .trim()
+                .strip_suffix(" kB")?
+                .parse::<u64>()
+                .ok()
+        };
         peak = text.lines().find_map(kib).unwrap_or(peak);
         std::thread::sleep(Duration::from_millis(50));
     }

@@ -3,7 +3,11 @@
 //! of the points are out of view. Numbers (in millions) may be given instead. Memory (Linux only) is the process's peak so
 //! far, with the made cloud and, on a software adapter, what is on the "GPU".
 
-#![expect(clippy::unwrap_used, clippy::print_stdout, reason = "a bench speaks to the user and may panic")]
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a bench speaks to the user and may panic"
+)]
 
 use std::f32::consts::TAU;
 use std::sync::Arc;
@@ -18,25 +22,41 @@ const MOVES: usize = 60;
 const SIZE: (u32, u32) = (1440, 900);
 
 fn main() {
-    let adapter =
-        pollster::block_on(wgpu::Instance::default().request_adapter(&wgpu::RequestAdapterOptions::default())).unwrap();
+    let adapter = pollster::block_on(
+        wgpu::Instance::default().request_adapter(&wgpu::RequestAdapterOptions::default()),
+    )
+    .unwrap();
     println!("adapter: {}", adapter.get_info().name);
     let (device, queue) = pollster::block_on(adapter.request_device(&Default::default())).unwrap();
-    let given: Vec<f64> = std::env::args().filter_map(|word| word.parse().ok()).collect();
-    for millions in if given.is_empty() { vec![1.0, 5.0, 20.0] } else { given } {
+    let given: Vec<f64> = std::env::args()
+        .filter_map(|word| word.parse().ok())
+        .collect();
+    for millions in if given.is_empty() {
+        vec![1.0, 5.0, 20.0]
+    } else {
+        given
+    } {
         bench(&device, &queue, (millions * 1e6) as usize);
     }
 }
 
 fn bench(device: &wgpu::Device, queue: &wgpu::Queue, points: usize) {
     let cloud = Arc::new(sphere(points));
-    let bounds = Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE };
+    let bounds = Bounds {
+        min: Vec3::NEG_ONE,
+        max: Vec3::ONE,
+    };
     let mut orbit = Orbit::framing(&bounds, Vec3::new(0.2, 0.3, 1.0), Vec3::NEG_Y);
     let mut view = SceneView::new(device, queue);
     let draw = |view: &mut SceneView, orbit: &Orbit| {
         let begun = Instant::now();
         let camera = orbit.camera(SIZE.0, SIZE.1);
-        let whole = view.draw(&Scene3d { camera, style: SceneStyle::default(), lines: Vec::new(), planes: Vec::new() });
+        let whole = view.draw(&Scene3d {
+            camera,
+            style: SceneStyle::default(),
+            lines: Vec::new(),
+            planes: Vec::new(),
+        });
         device.poll(wgpu::PollType::wait_indefinitely()).unwrap();
         (whole, begun.elapsed())
     };

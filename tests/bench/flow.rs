@@ -22,27 +22,46 @@ use ostra_tracking::flow::{Describer, FlowTracker};
 
 #[expect(clippy::print_stdout, reason = "a bench speaks to the user")]
 fn main() -> Result<(), Box<dyn Error>> {
-    let data = std::env::var_os("OSTRA_DATA").map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);
+    let data = std::env::var_os("OSTRA_DATA")
+        .map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);
     let set = data.join("davis2016");
     let mut words: Vec<String> = std::env::args().skip(1).collect();
     let every = match words.iter().position(|word| word == "--every") {
-        Some(at) if at + 1 < words.len() => words.drain(at..at + 2).nth(1).unwrap_or_default().parse()?,
+        Some(at) if at + 1 < words.len() => {
+            words.drain(at..at + 2).nth(1).unwrap_or_default().parse()?
+        }
         _ => usize::MAX,
     };
     let has_memory = words.iter().any(|word| word == "--memory");
-    let describer = has_memory.then(|| XFeatCells::load(&models_folder()?)).transpose()?;
+    let describer = has_memory
+        .then(|| XFeatCells::load(&models_folder()?))
+        .transpose()?;
     let describer = describer.map(|cells| Arc::new(cells) as Arc<dyn Describer>);
-    let tracker = FlowTracker { describer, ..FlowTracker::default() };
-    let named: Vec<String> = words.into_iter().filter(|word| !word.starts_with("--")).collect();
+    let tracker = FlowTracker {
+        describer,
+        ..FlowTracker::default()
+    };
+    let named: Vec<String> = words
+        .into_iter()
+        .filter(|word| !word.starts_with("--"))
+        .collect();
     let mut sums = [0.0; 6];
     let mut count = 0.0;
-    for clip in clips(&set)?.into_iter().filter(|clip| named.is_empty() || named.contains(clip)) {
+    for clip in clips(&set)?
+        .into_iter()
+        .filter(|clip| named.is_empty() || named.contains(clip))
+    {
         let figures = tracked(&tracker, &set, &clip, every)?;
         println!("{}", line(&clip, figures));
-        sums.iter_mut().zip(figures).for_each(|(sum, figure)| *sum += figure);
+        sums.iter_mut()
+            .zip(figures)
+            .for_each(|(sum, figure)| *sum += figure);
         count += 1.0;
     }
-    println!("{}", line("mean", sums.map(|sum| sum / f64::max(count, 1.0))));
+    println!(
+        "{}",
+        line("mean", sums.map(|sum| sum / f64::max(count, 1.0)))
+    );
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     if let Some(peak) = status.lines().find(|line| line.starts_with("VmHWM")) {
         println!("{peak}");
@@ -60,27 +79,59 @@ fn clips(set: &Path) -> Result<Vec<String>, std::io::Error> {
 }
 
 fn line(name: &str, [j, f, fps, sure, off, order]: [f64; 6]) -> String {
-    format!("{name:16} J {j:.3}  F {f:.3}  {fps:4.1} frames/s  confidence {sure:.3}, off by {off:.3}, order {order:.2}")
+    format!(
+        "{name:16} J {j:.3}  F {f:.3}  {fps:4.1} frames/s  confidence {sure:.3}, off by {off:.3}, order {order:.2}"
+    )
 }
 
 /// Mean J, mean F over the frames without a given mask, frames per second; the mean confidence (0 where the object is not
 /// found), its mean distance from the frames' IoU (1 where there is none to be found), and the rank correlation of the two.
-fn tracked(tracker: &FlowTracker, set: &Path, clip: &str, every: usize) -> Result<[f64; 6], Box<dyn Error>> {
-    let source = FrameFolder { frames: set.join("JPEGImages").join(clip), depth: None };
-    let frames = open(&OpenRequest { sources: vec![source], ..OpenRequest::default() }, &Progress::default())?.frames;
+fn tracked(
+    tracker: &FlowTracker,
+    set: &Path,
+    clip: &str,
+    every: usize,
+) -> Result<[f64; 6], Box<dyn Error>> {
+    let source = FrameFolder {
+        frames: set.join("JPEGImages").join(clip),
+        depth: None,
+    };
+    let frames = open(
+        &OpenRequest {
+            sources: vec![source],
+            ..OpenRequest::default()
+        },
+        &Progress::default(),
+    )?
+    .frames;
     let mut truths = Vec::new();
     for frame in &frames {
-        let path = set.join("Annotations").join(clip).join(Path::new(&frame.name).with_extension("png"));
+        let path = set
+            .join("Annotations")
+            .join(clip)
+            .join(Path::new(&frame.name).with_extension("png"));
         let grey = image::open(path)?.to_luma8();
-        let ids = grey.pixels().map(|pixel| LabelId(u16::from(pixel.0[0] > 127))).collect();
-        truths.push(RunMask::encode(&LabelMask { width: grey.width(), height: grey.height(), ids }));
+        let ids = grey
+            .pixels()
+            .map(|pixel| LabelId(u16::from(pixel.0[0] > 127)))
+            .collect();
+        truths.push(RunMask::encode(&LabelMask {
+            width: grey.width(),
+            height: grey.height(),
+            ids,
+        }));
     }
     let request = TrackRequest {
         from: 0,
         to: frames.len() - 1,
         frames: Arc::new(frames),
         store: Arc::new(FrameStore::new(64 << 20)),
-        anchors: truths.iter().enumerate().step_by(every).map(|(at, truth)| (at, Arc::new(truth.decode()))).collect(),
+        anchors: truths
+            .iter()
+            .enumerate()
+            .step_by(every)
+            .map(|(at, truth)| (at, Arc::new(truth.decode())))
+            .collect(),
         direction: Direction::Both,
         labels: None,
     };
@@ -90,17 +141,36 @@ fn tracked(tracker: &FlowTracker, set: &Path, clip: &str, every: usize) -> Resul
             return;
         }
         let (name, truth) = (tracked.frame.to_string(), truths[tracked.frame].clone());
-        sure.push(tracked.confidence.get(&LabelId(1)).map_or(0.0, |&sure| f64::from(sure)));
-        pairs.push(FramePair { name, truth, result: RunMask::encode(&tracked.mask) });
+        sure.push(
+            tracked
+                .confidence
+                .get(&LabelId(1))
+                .map_or(0.0, |&sure| f64::from(sure)),
+        );
+        pairs.push(FramePair {
+            name,
+            truth,
+            result: RunMask::encode(&tracked.mask),
+        });
     };
     let begun = Instant::now();
     tracker.track(&request, &mut take, &Progress::default())?;
     let fps = pairs.len() as f64 / begun.elapsed().as_secs_f64();
     let score = score_pairs(&pairs, &BTreeSet::from([LabelId(1)]), &Progress::default())?;
     let region = |mask: &RunMask| mask.decode().region(LabelId(1));
-    let ious: Vec<f64> = pairs.iter().map(|pair| region(&pair.truth).iou(&region(&pair.result))).collect();
+    let ious: Vec<f64> = pairs
+        .iter()
+        .map(|pair| region(&pair.truth).iou(&region(&pair.result)))
+        .collect();
     let off = mean(sure.iter().zip(&ious).map(|(sure, iou)| (sure - iou).abs()));
-    Ok([score.j, score.f, fps, mean(sure.iter().copied()), off, rank_correlation(&sure, &ious)])
+    Ok([
+        score.j,
+        score.f,
+        fps,
+        mean(sure.iter().copied()),
+        off,
+        rank_correlation(&sure, &ious),
+    ])
 }
 
 fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
@@ -113,18 +183,29 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
 fn rank_correlation(a: &[f64], b: &[f64]) -> f64 {
     let middle = (a.len() as f64 - 1.0) / 2.0;
     let (a, b) = (ranks(a), ranks(b));
-    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - middle) * (b - middle)).sum::<f64>();
+    let product = |a: &[f64], b: &[f64]| {
+        a.iter()
+            .zip(b)
+            .map(|(a, b)| (a - middle) * (b - middle))
+            .sum::<f64>()
+    };
     let spread = (product(&a, &a) * product(&b, &b)).sqrt();
-    if spread > 0.0 { product(&a, &b) / spread } else { 0.0 }
+    if spread > 0.0 {
+        product(&a, &b) / spread
+    } else {
+        0.0
+    }
 }
 
 /// The place of each value in order, from 0 on; equal ones share their mean place.
 fn ranks(values: &[f64]) -> Vec<f64> {
     let place = |value: &f64| {
-        let (less, equal) = values.iter().fold((0.0, 0.0), |(less, equal), other| match other.total_cmp(value) {
-            Ordering::Less => (less + 1.0, equal),
-            Ordering::Equal => (less, equal + 1.0),
-            Ordering::Greater => (less, equal),
+        let (less, equal) = values.iter().fold((0.0, 0.0), |(less, equal), other| {
+            match other.total_cmp(value) {
+                Ordering::Less => (less + 1.0, equal),
+                Ordering::Equal => (less, equal + 1.0),
+                Ordering::Greater => (less, equal),
+            }
         });
         less + (equal - 1.0) / 2.0
     };

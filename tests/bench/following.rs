@@ -25,20 +25,39 @@ pub struct Asked {
 impl Asked {
     /// `[FOLDER] [FRAMES] [LONG]`; `None`, after a printed line, without a folder.
     pub fn read() -> Option<Self> {
-        let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
-        let folder = words.first().map(PathBuf::from).or_else(|| std::env::var_os("OSTRA_MODELS").map(PathBuf::from));
+        let words: Vec<String> = std::env::args()
+            .skip(1)
+            .filter(|word| !word.starts_with('-'))
+            .collect();
+        let folder = words
+            .first()
+            .map(PathBuf::from)
+            .or_else(|| std::env::var_os("OSTRA_MODELS").map(PathBuf::from));
         if folder.is_none() {
             println!("name the folder of networks, or set OSTRA_MODELS");
         }
-        let number = |at: usize, usual| words.get(at).and_then(|word| word.parse().ok()).unwrap_or(usual);
-        Some(Self { folder: folder?, frames: number(1, 12), long: number(2, 500) })
+        let number = |at: usize, usual| {
+            words
+                .get(at)
+                .and_then(|word| word.parse().ok())
+                .unwrap_or(usual)
+        };
+        Some(Self {
+            folder: folder?,
+            frames: number(1, 12),
+            long: number(2, 500),
+        })
     }
 
     /// Memory along a walk over small pictures; to be called first, while the process has not yet been larger.
     pub fn walk(&self, tracker: &dyn Tracker) {
         follow(tracker, (160, 96), self.long, &mut |frame| {
             if frame % 50 == 0 {
-                println!("160×96, frame {frame}: {} MB now, peak {} MB", status_mb("VmRSS"), status_mb("VmHWM"));
+                println!(
+                    "160×96, frame {frame}: {} MB now, peak {} MB",
+                    status_mb("VmRSS"),
+                    status_mb("VmHWM")
+                );
             }
         });
     }
@@ -56,9 +75,16 @@ impl Asked {
 }
 
 /// Follows labels over made pictures forwards; frames answered in a second.
-fn follow(tracker: &dyn Tracker, (width, height): (u32, u32), count: usize, at: &mut dyn FnMut(usize)) -> f64 {
+fn follow(
+    tracker: &dyn Tracker,
+    (width, height): (u32, u32),
+    count: usize,
+    at: &mut dyn FnMut(usize),
+) -> f64 {
     let scratch = tempfile::tempdir().expect("a folder can be made");
-    let frames = (0..=count).map(|frame| picture(scratch.path(), frame, width, height)).collect();
+    let frames = (0..=count)
+        .map(|frame| picture(scratch.path(), frame, width, height))
+        .collect();
     let mut anchor = LabelMask::empty(width, height);
     for (place, id) in anchor.ids.iter_mut().enumerate() {
         let (x, y) = (place as u32 % width, place as u32 / width);
@@ -82,7 +108,9 @@ fn follow(tracker: &dyn Tracker, (width, height): (u32, u32), count: usize, at: 
         at(given.frame);
     };
     let start = Instant::now();
-    tracker.track(&request, &mut emit, &Progress::default()).expect("the networks run");
+    tracker
+        .track(&request, &mut emit, &Progress::default())
+        .expect("the networks run");
     f64::from(answered) / start.elapsed().as_secs_f64()
 }
 
@@ -90,17 +118,44 @@ fn follow(tracker: &dyn Tracker, (width, height): (u32, u32), count: usize, at: 
 fn picture(folder: &Path, frame: usize, width: u32, height: u32) -> Frame {
     let path = folder.join(format!("{frame:04}.png"));
     let shade = |x: u32, y: u32| {
-        let stripe = if (x + y + 3 * frame as u32) % 64 < 32 { 40 } else { 0 };
-        image::Rgb([(x * 200 / width) as u8 + stripe, (y * 200 / height) as u8, 90 + stripe])
+        let stripe = if (x + y + 3 * frame as u32) % 64 < 32 {
+            40
+        } else {
+            0
+        };
+        image::Rgb([
+            (x * 200 / width) as u8 + stripe,
+            (y * 200 / height) as u8,
+            90 + stripe,
+        ])
     };
-    image::RgbImage::from_fn(width, height, shade).save(&path).expect("a picture can be written");
-    let picture = PictureSource::File { path, orientation: Orientation::default() };
-    Frame { name: format!("{frame:04}"), width, height, picture, depth: None, camera: None }
+    image::RgbImage::from_fn(width, height, shade)
+        .save(&path)
+        .expect("a picture can be written");
+    let picture = PictureSource::File {
+        path,
+        orientation: Orientation::default(),
+    };
+    Frame {
+        name: format!("{frame:04}"),
+        width,
+        height,
+        picture,
+        depth: None,
+        camera: None,
+    }
 }
 
 /// A line of `/proc/self/status`, in MB; 0 on systems without it.
 fn status_mb(name: &str) -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find(|line| line.starts_with(name)).unwrap_or_default();
-    line.split_whitespace().nth(1).and_then(|kilobytes| kilobytes.parse::<u64>().ok()).unwrap_or(0) / 1000
+    let line = status
+        .lines()
+        .find(|line| line.starts_with(name))
+        .unwrap_or_default();
+    line.split_whitespace()
+        .nth(1)
+        .and_then(|kilobytes| kilobytes.parse::<u64>().ok())
+        .unwrap_or(0)
+        / 1000
 }

@@ -18,8 +18,14 @@ use ostra_masks::onnx::grounding::GroundingDino;
 use ostra_masks::{GroundRequest, TextGrounder};
 
 fn main() {
-    let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
-    let folder = words.first().map(PathBuf::from).or_else(|| std::env::var_os("OSTRA_MODELS").map(PathBuf::from));
+    let words: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|word| !word.starts_with('-'))
+        .collect();
+    let folder = words
+        .first()
+        .map(PathBuf::from)
+        .or_else(|| std::env::var_os("OSTRA_MODELS").map(PathBuf::from));
     let Some(folder) = folder else {
         println!("name the folder of networks, or set OSTRA_MODELS");
         return;
@@ -39,14 +45,32 @@ fn main() {
 }
 
 fn times(dino: &GroundingDino, width: u32, height: u32) {
-    let pixel = |at: u32| [(at % width * 255 / width) as u8, (at / width * 255 / height) as u8, (at % 251) as u8];
-    let image = Image { width, height, pixels: (0..width * height).map(pixel).collect() };
+    let pixel = |at: u32| {
+        [
+            (at % width * 255 / width) as u8,
+            (at / width * 255 / height) as u8,
+            (at % 251) as u8,
+        ]
+    };
+    let image = Image {
+        width,
+        height,
+        pixels: (0..width * height).map(pixel).collect(),
+    };
     let phrases = ["red cat".to_owned(), "rice".to_owned()];
     let ms = |threshold: f32| {
         let start = Instant::now();
-        let asked = GroundRequest { phrases: &phrases, threshold: Some(threshold) };
-        dino.ground(&image, &asked, &Progress::default()).expect("the network runs");
+        let asked = GroundRequest {
+            phrases: &phrases,
+            threshold: Some(threshold),
+        };
+        dino.ground(&image, &asked, &Progress::default())
+            .expect("the network runs");
         start.elapsed().as_secs_f64() * 1e3
     };
-    println!("{width}×{height}: a picture {:.0} ms, another threshold {:.0} ms", ms(0.3), ms(0.5));
+    println!(
+        "{width}×{height}: a picture {:.0} ms, another threshold {:.0} ms",
+        ms(0.3),
+        ms(0.5)
+    );
 }

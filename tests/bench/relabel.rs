@@ -24,7 +24,10 @@ use ostra_project::FuseRequest;
 use ostra_session::{Command, NewProject, PaintRequest, Session};
 
 #[path = "../support/mod.rs"]
-#[expect(dead_code, reason = "the benches share it with the integration tests and use a part")]
+#[expect(
+    dead_code,
+    reason = "the benches share it with the integration tests and use a part"
+)]
 mod support;
 
 const POINTS: u32 = 1_000_000;
@@ -32,19 +35,39 @@ const CACHE_BYTES: usize = 64 << 20;
 const CHANGED: usize = 7;
 
 fn main() {
-    let Some(data) = support::data_dir() else { return };
+    let Some(data) = support::data_dir() else {
+        return;
+    };
     let set = data.join("apc_shelf_rgbd_labels");
-    let mut shelf = support::recording::Recording::open(&set, "color", Some("depth"), Some("labels"), CACHE_BYTES);
+    let mut shelf = support::recording::Recording::open(
+        &set,
+        "color",
+        Some("depth"),
+        Some("labels"),
+        CACHE_BYTES,
+    );
     let (cloud, votes) = million(&shelf);
-    println!("{} points seen by {} frames, peak {} MB", cloud.len(), votes.frames().count(), peak_memory_mb());
+    println!(
+        "{} points seen by {} frames, peak {} MB",
+        cloud.len(),
+        votes.frames().count(),
+        peak_memory_mb()
+    );
     let changed = Arc::new(moved(&shelf.mask(CHANGED).unwrap()));
     let (tree, progress) = (LabelTree::default(), Progress::default());
     for round in 1..=3 {
-        let change = [ChangedMask { frame: CHANGED, mask: Some(Arc::clone(&changed)) }];
-        timed(&format!("relabel {round}"), || relabel(&cloud, &votes, &change, &tree, &progress).unwrap());
+        let change = [ChangedMask {
+            frame: CHANGED,
+            mask: Some(Arc::clone(&changed)),
+        }];
+        timed(&format!("relabel {round}"), || {
+            relabel(&cloud, &votes, &change, &tree, &progress).unwrap()
+        });
     }
     shelf.masks[CHANGED] = Some(changed);
-    timed("vote again", || vote_again(&cloud, &votes, &shelf, &tree, &progress).unwrap());
+    timed("vote again", || {
+        vote_again(&cloud, &votes, &shelf, &tree, &progress).unwrap()
+    });
     drop((cloud, votes, shelf));
     in_the_program(&set);
 }
@@ -57,31 +80,80 @@ fn in_the_program(set: &Path) {
         session.act(command).unwrap();
         session.settle(|_| ControlFlow::Continue(()));
     };
-    let sources = vec![FrameFolder { frames: set.join("color"), depth: Some(set.join("depth")) }];
-    let open = OpenRequest { sources, ..OpenRequest::default() };
+    let sources = vec![FrameFolder {
+        frames: set.join("color"),
+        depth: Some(set.join("depth")),
+    }];
+    let open = OpenRequest {
+        sources,
+        ..OpenRequest::default()
+    };
     let root = folder.path().join("project");
-    perform(&mut session, Command::New(NewProject { root, open, cameras: Some(set.join("sparse")), intrinsics: None }));
-    perform(&mut session, Command::ImportMasks { dir: set.join("labels"), format: "davis".into() });
-    perform(&mut session, Command::Fuse(FuseRequest { voxel: Some(0.0008), ..FuseRequest::default() }));
-    println!("the program's cloud has {} points", session.cloud().unwrap().len());
+    perform(
+        &mut session,
+        Command::New(NewProject {
+            root,
+            open,
+            cameras: Some(set.join("sparse")),
+            intrinsics: None,
+        }),
+    );
+    perform(
+        &mut session,
+        Command::ImportMasks {
+            dir: set.join("labels"),
+            format: "davis".into(),
+        },
+    );
+    perform(
+        &mut session,
+        Command::Fuse(FuseRequest {
+            voxel: Some(0.0008),
+            ..FuseRequest::default()
+        }),
+    );
+    println!(
+        "the program's cloud has {} points",
+        session.cloud().unwrap().len()
+    );
     for round in 1..=3 {
-        let points_px = vec![DVec2::new(100.0 + 20.0 * f64::from(round), 150.0), DVec2::new(400.0, 160.0)];
-        let (label, radius_px) = (session.project().unwrap().labels.iter().next().unwrap().id, 12.0);
+        let points_px = vec![
+            DVec2::new(100.0 + 20.0 * f64::from(round), 150.0),
+            DVec2::new(400.0, 160.0),
+        ];
+        let (label, radius_px) = (
+            session.project().unwrap().labels.iter().next().unwrap().id,
+            12.0,
+        );
         let (erase, replace, snap) = (false, true, false);
-        let stroke = PaintRequest { frame: CHANGED, label, points_px, radius_px, erase, replace, snap };
+        let stroke = PaintRequest {
+            frame: CHANGED,
+            label,
+            points_px,
+            radius_px,
+            erase,
+            replace,
+            snap,
+        };
         let before = Arc::clone(session.cloud().unwrap());
         timed(&format!("stroke {round} to cloud"), || {
             perform(&mut session, Command::Paint(stroke));
             session.follow_masks();
             session.settle(|_| ControlFlow::Continue(()));
         });
-        assert!(!Arc::ptr_eq(&before, session.cloud().unwrap()), "the cloud follows");
+        assert!(
+            !Arc::ptr_eq(&before, session.cloud().unwrap()),
+            "the cloud follows"
+        );
     }
 }
 
 /// The first million of the shelf's points, with their votes.
 fn million(shelf: &support::recording::Recording) -> (LabelledCloud, Votes) {
-    let options = FuseOptions { voxel: Some(0.0008), ..FuseOptions::default() };
+    let options = FuseOptions {
+        voxel: Some(0.0008),
+        ..FuseOptions::default()
+    };
     let fused = fuse(shelf, &LabelTree::default(), &options, &Progress::default()).unwrap();
     let count = POINTS.min(fused.cloud.len() as u32);
     let points: Vec<u32> = (0..count).collect();
@@ -90,7 +162,11 @@ fn million(shelf: &support::recording::Recording) -> (LabelledCloud, Votes) {
 
 /// The mask with one object called another.
 fn moved(mask: &LabelMask) -> LabelMask {
-    let ids = mask.ids.iter().map(|&id| if id == LabelId(3) { LabelId(4) } else { id }).collect();
+    let ids = mask
+        .ids
+        .iter()
+        .map(|&id| if id == LabelId(3) { LabelId(4) } else { id })
+        .collect();
     LabelMask { ids, ..*mask }
 }
 
@@ -98,13 +174,21 @@ fn timed<T>(what: &str, work: impl FnOnce() -> T) {
     let (start, cpu) = (Instant::now(), cpu_seconds());
     let _done = work();
     let (wall, cpu) = (start.elapsed().as_secs_f64(), cpu_seconds() - cpu);
-    println!("{what}: {wall:.3} s, {cpu:.2} s of CPU, peak {} MB", peak_memory_mb());
+    println!(
+        "{what}: {wall:.3} s, {cpu:.2} s of CPU, peak {} MB",
+        peak_memory_mb()
+    );
 }
 
 fn peak_memory_mb() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let peak =
-        status.lines().find_map(|line| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse::<u64>().ok());
+    let peak = status.lines().find_map(|line| {
+        line.strip_prefix("VmHWM:")?
+            .trim()
+            .strip_suffix(" kB")?
+            .parse::<u64>()
+            .ok()
+    });
     peak.unwrap_or(0) >> 10
 }
 
@@ -112,6 +196,11 @@ fn peak_memory_mb() -> u64 {
 fn cpu_seconds() -> f64 {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let after_name = stat.rsplit(')').next().unwrap_or_default();
-    let ticks: f64 = after_name.split_whitespace().skip(11).take(2).filter_map(|t| t.parse::<f64>().ok()).sum();
+    let ticks: f64 = after_name
+        .split_whitespace()
+        .skip(11)
+        .take(2)
+        .filter_map(|t| t.parse::<f64>().ok())
+        .sum();
     ticks / 100.0
 }

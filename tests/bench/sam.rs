@@ -22,9 +22,15 @@ use ostra_masks::{Click, PreparedFrame, Prompt, SegmentRequest};
 const CLICKS: u32 = 20;
 
 fn main() {
-    let words: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
+    let words: Vec<String> = std::env::args()
+        .skip(1)
+        .filter(|word| !word.starts_with('-'))
+        .collect();
     let name = words.first().map_or("sam-vit-b", |word| word.as_str());
-    let folder = words.get(1).map(PathBuf::from).or_else(|| std::env::var_os("OSTRA_MODELS").map(PathBuf::from));
+    let folder = words
+        .get(1)
+        .map(PathBuf::from)
+        .or_else(|| std::env::var_os("OSTRA_MODELS").map(PathBuf::from));
     let Some(folder) = folder else {
         println!("name the folder of networks, or set OSTRA_MODELS");
         return;
@@ -44,13 +50,30 @@ fn main() {
 }
 
 fn times(sam: &Sam, width: u32, height: u32) {
-    let pixel = |at: u32| [(at % width * 255 / width) as u8, (at / width * 255 / height) as u8, (at % 251) as u8];
-    let image = Image { width, height, pixels: (0..width * height).map(pixel).collect() };
+    let pixel = |at: u32| {
+        [
+            (at % width * 255 / width) as u8,
+            (at / width * 255 / height) as u8,
+            (at % 251) as u8,
+        ]
+    };
+    let image = Image {
+        width,
+        height,
+        pixels: (0..width * height).map(pixel).collect(),
+    };
     let start = Instant::now();
-    let embedding = sam.embed(&image, Part::whole(width, height), &Progress::default()).expect("the encoder runs");
+    let embedding = sam
+        .embed(&image, Part::whole(width, height), &Progress::default())
+        .expect("the encoder runs");
     let encoded = start.elapsed();
-    let frame = Arc::new(sam.frame(&embedding).expect("the embedding is of this network"));
-    let mut asked: Vec<f64> = (0..CLICKS).map(|at| click(&*frame, at, width, height)).collect();
+    let frame = Arc::new(
+        sam.frame(&embedding)
+            .expect("the embedding is of this network"),
+    );
+    let mut asked: Vec<f64> = (0..CLICKS)
+        .map(|at| click(&*frame, at, width, height))
+        .collect();
     asked.sort_by(f64::total_cmp);
     println!(
         "{width}×{height}: encoder {:.0} ms, a click {:.0} ms (median of {CLICKS}, longest {:.0} ms), embedding {} kB",
@@ -65,10 +88,27 @@ fn times(sam: &Sam, width: u32, height: u32) {
 fn click(frame: &dyn PreparedFrame, at: u32, width: u32, height: u32) -> f64 {
     let share = (f64::from(at) + 0.5) / f64::from(CLICKS);
     let at_px = DVec2::new(share * f64::from(width), (1.0 - share) * f64::from(height));
-    let prompt = Prompt { clicks: vec![Click { at_px, include: true }], ..Prompt::default() };
+    let prompt = Prompt {
+        clicks: vec![Click {
+            at_px,
+            include: true,
+        }],
+        ..Prompt::default()
+    };
     let start = Instant::now();
-    let region = frame.segment(&SegmentRequest { prompt: &prompt, previous: None, taken: None }, &Progress::default());
+    let region = frame.segment(
+        &SegmentRequest {
+            prompt: &prompt,
+            previous: None,
+            taken: None,
+        },
+        &Progress::default(),
+    );
     let elapsed = start.elapsed();
-    assert!(region.expect("the click lies in the picture").at(at_px.x as u32, at_px.y as u32));
+    assert!(
+        region
+            .expect("the click lies in the picture")
+            .at(at_px.x as u32, at_px.y as u32)
+    );
     elapsed.as_secs_f64() * 1e3
 }

@@ -12,7 +12,9 @@ use ostra_compute::gpu::{Device, Software};
 use ostra_core::job::Progress;
 use ostra_geometry::{Camera, Pose};
 use ostra_reconstruct::stereo::Engine;
-use ostra_reconstruct::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Plane, Round, Search, Tones};
+use ostra_reconstruct::stereo::patchmatch::{
+    Found, PatchMatchOptions, Picture, Plane, Round, Search, Tones,
+};
 
 /// Pictures: a reference and its sources.
 const VIEWS: usize = 5;
@@ -25,8 +27,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         Err(error) => println!("only the processor: {error}"),
     }
     let named: Vec<(u32, u32)> = std::env::args().filter_map(|word| size(&word)).collect();
-    for (width, height) in if named.is_empty() { vec![(640, 480), (1920, 1080)] } else { named } {
-        let pictures: Vec<Arc<Picture>> = (0..VIEWS).map(|index| picture(index, width, height)).collect();
+    for (width, height) in if named.is_empty() {
+        vec![(640, 480), (1920, 1080)]
+    } else {
+        named
+    } {
+        let pictures: Vec<Arc<Picture>> = (0..VIEWS)
+            .map(|index| picture(index, width, height))
+            .collect();
         let mut cpu: Option<[Found; 2]> = None;
         for engine in &engines {
             let (founds, [first, consistent]) = timed(engine, &pictures)?;
@@ -39,7 +47,10 @@ fn main() -> Result<(), Box<dyn Error>> {
                 None => cpu = Some(founds),
                 Some(cpu) => {
                     let shares = [share(&cpu[0], &founds[0]), share(&cpu[1], &founds[1])];
-                    println!("  within 0.1 % of the processor's depth: {:.2} % and {:.2} %", shares[0], shares[1]);
+                    println!(
+                        "  within 0.1 % of the processor's depth: {:.2} % and {:.2} %",
+                        shares[0], shares[1]
+                    );
                 }
             }
         }
@@ -53,51 +64,109 @@ fn size(word: &str) -> Option<(u32, u32)> {
 }
 
 /// What both kinds of search find, the second from what the first found and the sources' true planes, and their seconds.
-fn timed(engine: &Engine, pictures: &[Arc<Picture>]) -> Result<([Found; 2], [f64; 2]), Box<dyn Error>> {
+fn timed(
+    engine: &Engine,
+    pictures: &[Arc<Picture>],
+) -> Result<([Found; 2], [f64; 2]), Box<dyn Error>> {
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
     let (reference, sources) = (&*pictures[0], &pictures[1..]);
-    let task = Search { reference, sources, depth_range: [1.2, 8.0], seeds: &[], allowed: None };
+    let task = Search {
+        reference,
+        sources,
+        depth_range: [1.2, 8.0],
+        seeds: &[],
+        allowed: None,
+    };
     let begun = Instant::now();
     let first = engine.search(&task, &options, &progress)?;
     let seconds = begun.elapsed().as_secs_f64();
-    let others: Vec<_> = sources.iter().map(|source| Some(Arc::new(true_planes(source)))).collect();
+    let others: Vec<_> = sources
+        .iter()
+        .map(|source| Some(Arc::new(true_planes(source))))
+        .collect();
     let begun = Instant::now();
-    let round = Round { start: &first, others: &others, before: 0 };
+    let round = Round {
+        start: &first,
+        others: &others,
+        before: 0,
+    };
     let again = engine.search_consistent(&task, &round, &options, &progress)?;
     Ok(([first, again], [seconds, begun.elapsed().as_secs_f64()]))
 }
 
 /// Of the pixels with depth in the first, those with about the same in the second, in hundredths.
 fn share(cpu: &Found, gpu: &Found) -> f64 {
-    let known = cpu.planes.iter().zip(&gpu.planes).filter(|(cpu, _)| cpu.inverse_depth > 0.0);
-    let near = known.clone().filter(|(cpu, gpu)| (gpu.inverse_depth / cpu.inverse_depth - 1.0).abs() < 1e-3);
+    let known = cpu
+        .planes
+        .iter()
+        .zip(&gpu.planes)
+        .filter(|(cpu, _)| cpu.inverse_depth > 0.0);
+    let near = known
+        .clone()
+        .filter(|(cpu, gpu)| (gpu.inverse_depth / cpu.inverse_depth - 1.0).abs() < 1e-3);
     100.0 * near.count() as f64 / (known.count() as f64).max(1.0)
 }
 
 /// Where a picture is taken from.
 fn view(index: usize, width: u32, height: u32) -> (Camera, Pose) {
     let side = 0.3 * index.div_ceil(2) as f64 * if index.is_multiple_of(2) { -1.0 } else { 1.0 };
-    let pose = Pose { rotation: DQuat::from_rotation_y(0.1 * side), translation: DVec3::new(-side, 0.05 * side, 0.0) };
+    let pose = Pose {
+        rotation: DQuat::from_rotation_y(0.1 * side),
+        translation: DVec3::new(-side, 0.05 * side, 0.0),
+    };
     let focal = f64::from(width);
-    (Camera::pinhole(width, height, focal, focal, 0.5 * f64::from(width), 0.5 * f64::from(height)), pose)
+    (
+        Camera::pinhole(
+            width,
+            height,
+            focal,
+            focal,
+            0.5 * f64::from(width),
+            0.5 * f64::from(height),
+        ),
+        pose,
+    )
 }
 
 /// Inverse depth of a slanted wall in a pixel, and the pixel's ray in the world.
 fn wall(camera: &Camera, pose: &Pose, x: u32, y: u32) -> (f64, DVec3) {
     let at_px = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-    let (centre, ray) = (pose.centre(), pose.rotation.conjugate() * camera.unproject(at_px).extend(1.0));
-    ((ray.z - 0.4 * ray.x + 0.3 * ray.y) / (3.0 + 0.4 * centre.x - 0.3 * centre.y - centre.z), ray)
+    let (centre, ray) = (
+        pose.centre(),
+        pose.rotation.conjugate() * camera.unproject(at_px).extend(1.0),
+    );
+    (
+        (ray.z - 0.4 * ray.x + 0.3 * ray.y) / (3.0 + 0.4 * centre.x - 0.3 * centre.y - centre.z),
+        ray,
+    )
 }
 
 /// The wall's plane in each pixel of a picture.
 fn true_planes(picture: &Picture) -> Found {
     let (width, height) = picture.size();
-    let inverse_depth = |x: usize, y: usize| wall(&picture.camera, &picture.camera_from_world, x as u32, y as u32).0;
+    let inverse_depth = |x: usize, y: usize| {
+        wall(
+            &picture.camera,
+            &picture.camera_from_world,
+            x as u32,
+            y as u32,
+        )
+        .0
+    };
     let origin = inverse_depth(0, 0);
-    let slope = [inverse_depth(1, 0) - origin, inverse_depth(0, 1) - origin].map(|slope| slope as f32);
-    let plane = |i: usize| Plane { inverse_depth: inverse_depth(i % width, i / width) as f32, slope };
+    let slope =
+        [inverse_depth(1, 0) - origin, inverse_depth(0, 1) - origin].map(|slope| slope as f32);
+    let plane = |i: usize| Plane {
+        inverse_depth: inverse_depth(i % width, i / width) as f32,
+        slope,
+    };
     let planes = (0..width * height).map(plane).collect();
-    Found { width, height, planes, costs: vec![0.0; width * height] }
+    Found {
+        width,
+        height,
+        planes,
+        costs: vec![0.0; width * height],
+    }
 }
 
 /// The textured wall from one of several places.
@@ -112,6 +181,16 @@ fn picture(index: usize, width: u32, height: u32) -> Arc<Picture> {
         (127.5 + 30.0 * (coarse + wave(29.0, -23.0, fineness) + wave(11.0, 31.0, fineness))) as f32
     };
     let luma = (0..width * height).map(grey).collect();
-    let tones = Tones { width: width as usize, height: height as usize, luma, chroma: Vec::new() };
-    Arc::new(Picture::new(tones, camera, pose, PatchMatchOptions::default().coarsest_px))
+    let tones = Tones {
+        width: width as usize,
+        height: height as usize,
+        luma,
+        chroma: Vec::new(),
+    };
+    Arc::new(Picture::new(
+        tones,
+        camera,
+        pose,
+        PatchMatchOptions::default().coarsest_px,
+    ))
 }

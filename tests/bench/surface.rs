@@ -17,7 +17,10 @@ use ostra_core::job::Progress;
 use ostra_masks::{LabelId, LabelMask, LabelTree};
 
 #[path = "../support/mod.rs"]
-#[expect(dead_code, reason = "the benches share it with the integration tests and use a part")]
+#[expect(
+    dead_code,
+    reason = "the benches share it with the integration tests and use a part"
+)]
 mod support;
 
 /// Pictures and depths kept: so few that every pass decodes anew.
@@ -25,17 +28,29 @@ const CACHE_BYTES: usize = 32 << 20;
 const FRAMES: usize = 50;
 
 fn main() {
-    let Some(data) = support::data_dir() else { return };
+    let Some(data) = support::data_dir() else {
+        return;
+    };
     let set = data.join("redkitchen_rgbd_a");
-    let mut recording = support::recording::Recording::open(&set, "color", Some("depth"), None, CACHE_BYTES);
+    let mut recording =
+        support::recording::Recording::open(&set, "color", Some("depth"), None, CACHE_BYTES);
     recording.frames.truncate(FRAMES);
     let masks = recording.frames.iter().map(|frame| {
-        let ids = (0..frame.width * frame.height).map(|at| LabelId((at % frame.width / 80 % 7) as u16)).collect();
-        Some(Arc::new(LabelMask { width: frame.width, height: frame.height, ids }))
+        let ids = (0..frame.width * frame.height)
+            .map(|at| LabelId((at % frame.width / 80 % 7) as u16))
+            .collect();
+        Some(Arc::new(LabelMask {
+            width: frame.width,
+            height: frame.height,
+            ids,
+        }))
     });
     recording.masks = masks.collect();
     for voxel in [0.01, 0.005] {
-        let options = VolumeOptions { voxel, ..VolumeOptions::default() };
+        let options = VolumeOptions {
+            voxel,
+            ..VolumeOptions::default()
+        };
         let begun = Instant::now();
         let surface = reconstruct_surface(&recording, &options, &Progress::default()).unwrap();
         let seconds = begun.elapsed().as_secs_f64();
@@ -69,6 +84,12 @@ fn main() {
 /// The most memory that this process used, where the system tells (0 elsewhere).
 fn peak_mib() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let kib = |line: &str| line.strip_prefix("VmHWM:")?.trim().strip_suffix(" kB")?.parse::<u64>().ok();
+    let kib = |line: &str| {
+        line.strip_prefix("VmHWM:")?
+            .trim()
+            .strip_suffix(" kB")?
+            .parse::<u64>()
+            .ok()
+    };
     status.lines().find_map(kib).unwrap_or(0) / 1024
 }

@@ -16,7 +16,11 @@ use following::Asked;
 use ostra_tracking::xmem::XMem;
 
 /// Columns, rows, and what was published.
-const SIZES: [(u32, u32, &str); 3] = [(640, 480, "6.4–15.1"), (960, 540, "6.6–9.9"), (1280, 720, "1.3–2.2")];
+const SIZES: [(u32, u32, &str); 3] = [
+    (640, 480, "6.4–15.1"),
+    (960, 540, "6.6–9.9"),
+    (1280, 720, "1.3–2.2"),
+];
 
 fn main() {
     let Some(asked) = Asked::read() else { return };

@@ -4,7 +4,8 @@ use std::path::Path;
 
 use ostra_core::job::Progress;
 use ostra_frames::cameras::{
-    DepthCameraSource, GivenCameras, IntrinsicsSource, attach_intrinsics, read_sparse_model, read_sparse_points,
+    DepthCameraSource, GivenCameras, IntrinsicsSource, attach_intrinsics, read_sparse_model,
+    read_sparse_points,
 };
 use ostra_frames::{Frame, FrameFolder, OpenRequest, open};
 
@@ -18,7 +19,15 @@ fn frames() -> Vec<Frame> {
         std::fs::write(folder.path().join(format!("{k}.png")), seeds::color_png()).unwrap();
     }
     let sources = vec![FrameFolder::from(folder.path().to_owned())];
-    open(&OpenRequest { sources, ..OpenRequest::default() }, &Progress::default()).unwrap().frames
+    open(
+        &OpenRequest {
+            sources,
+            ..OpenRequest::default()
+        },
+        &Progress::default(),
+    )
+    .unwrap()
+    .frames
 }
 
 /// A COLMAP model of several files, one of them damaged.
@@ -46,17 +55,25 @@ fn colmap_binary() {
 #[test]
 fn camera_files() {
     let frames = frames();
-    fuzz!("camera files", 20_000, seeds::camera_files(), |folder, seed| {
-        let read = |path: &Path| {
-            if let Ok(given) = GivenCameras::read(path) {
-                let _ = given.match_to(&mut frames.clone());
+    fuzz!(
+        "camera files",
+        20_000,
+        seeds::camera_files(),
+        |folder, seed| {
+            let read = |path: &Path| {
+                if let Ok(given) = GivenCameras::read(path) {
+                    let _ = given.match_to(&mut frames.clone());
+                }
+            };
+            read(&folder.join(&seed.path));
+            if let Some(above) = Path::new(&seed.path)
+                .parent()
+                .filter(|above| !above.as_os_str().is_empty())
+            {
+                read(&folder.join(above));
             }
-        };
-        read(&folder.join(&seed.path));
-        if let Some(above) = Path::new(&seed.path).parent().filter(|above| !above.as_os_str().is_empty()) {
-            read(&folder.join(above));
         }
-    });
+    );
 }
 
 #[test]
@@ -67,8 +84,10 @@ fn intrinsics() {
         if let Ok(given) = IntrinsicsSource::File(path.clone()).read() {
             let _ = attach_intrinsics(&mut frames.clone(), &given);
         }
-        let depth_camera =
-            DepthCameraSource { intrinsics: IntrinsicsSource::Values([20.0, 20.0, 8.0, 6.0]), pose: Some(path) };
+        let depth_camera = DepthCameraSource {
+            intrinsics: IntrinsicsSource::Values([20.0, 20.0, 8.0, 6.0]),
+            pose: Some(path),
+        };
         let _ = depth_camera.read();
         let _ = String::from_utf8_lossy(&seed.bytes).parse::<IntrinsicsSource>();
     });

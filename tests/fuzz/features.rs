@@ -5,7 +5,8 @@ use std::path::Path;
 use glam::DVec2;
 use ostra_reconstruct::sfm::matching::NearestMatcher;
 use ostra_reconstruct::sfm::{
-    CachedExtractor, CachedMatcher, Descriptors, FeatureCache, FeatureError, FeatureExtractor, FeatureMatcher, Features,
+    CachedExtractor, CachedMatcher, Descriptors, FeatureCache, FeatureError, FeatureExtractor,
+    FeatureMatcher, Features,
 };
 use sha2::{Digest, Sha256};
 
@@ -24,15 +25,26 @@ impl FeatureExtractor for Columns {
         "columns"
     }
 
-    fn extract(&self, grey: &[f32], width: usize, height: usize, _: Option<&[bool]>) -> Result<Features, FeatureError> {
+    fn extract(
+        &self,
+        grey: &[f32],
+        width: usize,
+        height: usize,
+        _: Option<&[bool]>,
+    ) -> Result<Features, FeatureError> {
         let column = |x: usize| (0..height).map(move |y| (grey[y * width + x] * 255.0) as u8);
         Ok(Features {
             width: width as u32,
             height: height as u32,
-            keypoints: (0..width).map(|x| DVec2::new(x as f64 + 0.5, 0.5)).collect(),
+            keypoints: (0..width)
+                .map(|x| DVec2::new(x as f64 + 0.5, 0.5))
+                .collect(),
             scales_px: vec![1.5; width],
             scores: vec![0.5; width],
-            descriptors: Descriptors::Bytes { dim: height, values: (0..width).flat_map(column).collect() },
+            descriptors: Descriptors::Bytes {
+                dim: height,
+                values: (0..width).flat_map(column).collect(),
+            },
         })
     }
 }
@@ -40,16 +52,30 @@ impl FeatureExtractor for Columns {
 /// Features of two pictures and their matches, made or found in the folder.
 fn extract_and_match(folder: &Path) {
     let cache = FeatureCache::open(folder.to_owned());
-    let extractor = CachedExtractor { extractor: &Columns, identity: "fuzz", cache: &cache };
+    let extractor = CachedExtractor {
+        extractor: &Columns,
+        identity: "fuzz",
+        cache: &cache,
+    };
     let matcher = NearestMatcher::for_bytes();
-    let matcher = CachedMatcher { matcher: &matcher, identity: "fuzz", cache: &cache };
+    let matcher = CachedMatcher {
+        matcher: &matcher,
+        identity: "fuzz",
+        cache: &cache,
+    };
     let pictures = [1, 2].map(|step| {
-        let grey: Vec<f32> = (0..WIDTH * HEIGHT).map(|at| (at * at * step % 256) as f32 / 255.0).collect();
+        let grey: Vec<f32> = (0..WIDTH * HEIGHT)
+            .map(|at| (at * at * step % 256) as f32 / 255.0)
+            .collect();
         extractor.extract(&grey, WIDTH, HEIGHT, None).unwrap()
     });
     for one in &pictures {
         let counts = [one.scales_px.len(), one.scores.len(), one.descriptors.len()];
-        assert!(counts.iter().all(|&count| count == 0 || count == one.keypoints.len()));
+        assert!(
+            counts
+                .iter()
+                .all(|&count| count == 0 || count == one.keypoints.len())
+        );
     }
     let all: Vec<&Features> = pictures.iter().collect();
     // Descriptors of another length cannot be compared; that is an error, not a panic.
@@ -68,7 +94,10 @@ fn seeds() -> Vec<Seed> {
     let mut seeds: Vec<Seed> = files
         .map(|entry| {
             let path = entry.unwrap().path();
-            Seed::new(path.file_name().unwrap().to_str().unwrap(), std::fs::read(&path).unwrap())
+            Seed::new(
+                path.file_name().unwrap().to_str().unwrap(),
+                std::fs::read(&path).unwrap(),
+            )
         })
         .collect();
     seeds.sort_by(|one, other| one.path.cmp(&other.path));

@@ -23,7 +23,10 @@ pub struct Seed {
 
 impl Seed {
     pub fn new(path: &str, bytes: impl Into<Vec<u8>>) -> Self {
-        Self { path: path.to_owned(), bytes: bytes.into() }
+        Self {
+            path: path.to_owned(),
+            bytes: bytes.into(),
+        }
     }
 }
 
@@ -48,9 +51,17 @@ impl<'a, F: Fn(&Path, &Seed)> Target<'a, F> {
     /// Makes the target and reads the undamaged seeds.
     pub fn new(name: &str, seeds: &'a [Seed], read: F) -> Self {
         let folder = tempfile::tempdir_in(scratch()).unwrap();
-        let target = Self { name: name.to_owned(), folder, seeds, read, figures: Mutex::default() };
+        let target = Self {
+            name: name.to_owned(),
+            folder,
+            seeds,
+            read,
+            figures: Mutex::default(),
+        };
         // The others lie next to the damaged one: class names next to labels, images next to points.
-        target.firsts().for_each(|seed| place(target.folder.path(), seed));
+        target
+            .firsts()
+            .for_each(|seed| place(target.folder.path(), seed));
         for seed in seeds {
             target.read(seed);
         }
@@ -59,8 +70,16 @@ impl<'a, F: Fn(&Path, &Seed)> Target<'a, F> {
 
     /// The first seed of each path.
     fn firsts(&self) -> impl Iterator<Item = &Seed> {
-        let is_first = |at: usize| !self.seeds[..at].iter().any(|other| other.path == self.seeds[at].path);
-        self.seeds.iter().enumerate().filter(move |(at, _)| is_first(*at)).map(|(_, seed)| seed)
+        let is_first = |at: usize| {
+            !self.seeds[..at]
+                .iter()
+                .any(|other| other.path == self.seeds[at].path)
+        };
+        self.seeds
+            .iter()
+            .enumerate()
+            .filter(move |(at, _)| is_first(*at))
+            .map(|(_, seed)| seed)
     }
 
     /// Reads one damaged seed and takes the time.
@@ -89,7 +108,12 @@ impl<'a, F: Fn(&Path, &Seed)> Target<'a, F> {
     /// When an input hung, or the process took more memory than any file may cause.
     pub fn report(&self) {
         let figures = self.figures.lock().unwrap();
-        assert!(figures.slowest < HANG, "{}: an input took {:?}", self.name, figures.slowest);
+        assert!(
+            figures.slowest < HANG,
+            "{}: an input took {:?}",
+            self.name,
+            figures.slowest
+        );
         assert!(peak_mb() < MAX_MB, "{}: {} MB", self.name, peak_mb());
         println!(
             "{}: {} executions in {:.1} s, slowest {:.3} s, peak memory of the process {} MB",
@@ -109,9 +133,14 @@ macro_rules! fuzz {
         let seeds = $seeds;
         let target = $crate::harness::Target::new($name, &seeds, $read);
         let target = std::panic::AssertUnwindSafe(&target);
-        let check = bolero::check!().with_generator(<$crate::mutate::Damage as bolero::TypeGenerator>::produce());
+        let check = bolero::check!()
+            .with_generator(<$crate::mutate::Damage as bolero::TypeGenerator>::produce());
         let is_timed = std::env::var_os("BOLERO_RANDOM_TEST_TIME_MS").is_some();
-        let check = if is_timed { check } else { check.with_iterations($iterations) };
+        let check = if is_timed {
+            check
+        } else {
+            check.with_iterations($iterations)
+        };
         check.for_each(|damage: &$crate::mutate::Damage| target.run(damage));
         target.report();
     }};
@@ -127,11 +156,17 @@ fn place(folder: &Path, seed: &Seed) {
 /// A folder in memory where there is one: a target writes thousands of files a second.
 pub fn scratch() -> std::path::PathBuf {
     let memory = Path::new("/dev/shm");
-    if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() }
+    if memory.is_dir() {
+        memory.to_owned()
+    } else {
+        std::env::temp_dir()
+    }
 }
 
 fn peak_mb() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok()).unwrap_or(0) / 1024
+    line.and_then(|line| line.split_whitespace().next()?.parse::<u64>().ok())
+        .unwrap_or(0)
+        / 1024
 }

@@ -1,22 +1,45 @@
 //! Masks and label lists of every format.
 
 use ostra_core::job::Progress;
-use ostra_masks::{LabelTree, MaskFormat, MaskFrame, import_masks, read_labels_json, read_palette_png};
+use ostra_masks::{
+    LabelTree, MaskFormat, MaskFrame, import_masks, read_labels_json, read_palette_png,
+};
 
 use crate::harness::{Seed, fuzz};
 use crate::seeds;
 
-const FRAMES: [MaskFrame<'static>; 2] =
-    [MaskFrame { name: "0.png", width: 16, height: 12 }, MaskFrame { name: "1.png", width: 16, height: 12 }];
+const FRAMES: [MaskFrame<'static>; 2] = [
+    MaskFrame {
+        name: "0.png",
+        width: 16,
+        height: 12,
+    },
+    MaskFrame {
+        name: "1.png",
+        width: 16,
+        height: 12,
+    },
+];
 
 fn fuzz_format(format: MaskFormat, iterations: usize, seeds: &[Seed]) {
-    fuzz!(&format!("masks, {}", format.name()), iterations, seeds.to_vec(), |folder, _| {
-        let imported = import_masks(folder, format, &FRAMES, &LabelTree::default(), &Progress::default());
-        for (frame, mask) in imported.into_iter().flat_map(|imported| imported.masks) {
-            assert!(frame < FRAMES.len());
-            assert_eq!((mask.width, mask.height), (16, 12));
+    fuzz!(
+        &format!("masks, {}", format.name()),
+        iterations,
+        seeds.to_vec(),
+        |folder, _| {
+            let imported = import_masks(
+                folder,
+                format,
+                &FRAMES,
+                &LabelTree::default(),
+                &Progress::default(),
+            );
+            for (frame, mask) in imported.into_iter().flat_map(|imported| imported.masks) {
+                assert!(frame < FRAMES.len());
+                assert_eq!((mask.width, mask.height), (16, 12));
+            }
         }
-    });
+    );
 }
 
 #[test]
@@ -48,7 +71,12 @@ fn palette_png() {
 
 #[test]
 fn labels_json() {
-    fuzz!("labels.json", 10_000, [Seed::new("labels.json", seeds::LABELS_JSON)], |folder, _| {
-        let _ = read_labels_json(folder);
-    });
+    fuzz!(
+        "labels.json",
+        10_000,
+        [Seed::new("labels.json", seeds::LABELS_JSON)],
+        |folder, _| {
+            let _ = read_labels_json(folder);
+        }
+    );
 }

@@ -17,21 +17,63 @@ pub struct Damage {
 /// One change. Positions are shares of the file's length, in 65536ths.
 #[derive(Debug, Clone, TypeGenerator)]
 enum Change {
-    Set { at: u16, value: u8 },
-    FlipBit { at: u16, bit: u8 },
-    Insert { at: u16, bytes: [u8; 4] },
-    Remove { at: u16, count: u8 },
-    Truncate { at: u16 },
-    Repeat { at: u16, count: u8, times: u8 },
-    Word { at: u16, word: u8, big_endian: bool },
-    Token { at: u16, token: u8 },
-    Splice { at: u16, from: u16, other: u16, count: u8 },
-    Replace { bytes: Vec<u8> },
+    Set {
+        at: u16,
+        value: u8,
+    },
+    FlipBit {
+        at: u16,
+        bit: u8,
+    },
+    Insert {
+        at: u16,
+        bytes: [u8; 4],
+    },
+    Remove {
+        at: u16,
+        count: u8,
+    },
+    Truncate {
+        at: u16,
+    },
+    Repeat {
+        at: u16,
+        count: u8,
+        times: u8,
+    },
+    Word {
+        at: u16,
+        word: u8,
+        big_endian: bool,
+    },
+    Token {
+        at: u16,
+        token: u8,
+    },
+    Splice {
+        at: u16,
+        from: u16,
+        other: u16,
+        count: u8,
+    },
+    Replace {
+        bytes: Vec<u8>,
+    },
 }
 
 /// Numbers at the borders of what integers and buffers hold.
-const WORDS: [u64; 10] =
-    [0, 1, 0x7fff_ffff, 0x8000_0000, 0xffff_ffff, 0x7fff_ffff_ffff_ffff, u64::MAX, 0x0001_0000, 0x4000_0000, 65535];
+const WORDS: [u64; 10] = [
+    0,
+    1,
+    0x7fff_ffff,
+    0x8000_0000,
+    0xffff_ffff,
+    0x7fff_ffff_ffff_ffff,
+    u64::MAX,
+    0x0001_0000,
+    0x4000_0000,
+    65535,
+];
 
 /// What replaces a number or a word of a text.
 const TOKENS: [&str; 22] = [
@@ -74,11 +116,17 @@ fn apply(bytes: &mut Vec<u8>, change: &Change, seeds: &[Seed]) {
     match change {
         Change::Set { at, value } => {
             let at = index(*at, bytes);
-            bytes.get_mut(at).into_iter().for_each(|byte| *byte = *value);
+            bytes
+                .get_mut(at)
+                .into_iter()
+                .for_each(|byte| *byte = *value);
         }
         Change::FlipBit { at, bit } => {
             let at = index(*at, bytes);
-            bytes.get_mut(at).into_iter().for_each(|byte| *byte ^= 1 << (bit % 8));
+            bytes
+                .get_mut(at)
+                .into_iter()
+                .for_each(|byte| *byte ^= 1 << (bit % 8));
         }
         Change::Insert { at, bytes: new } => {
             let at = index(*at, bytes);
@@ -91,10 +139,15 @@ fn apply(bytes: &mut Vec<u8>, change: &Change, seeds: &[Seed]) {
         Change::Truncate { at } => bytes.truncate(index(*at, bytes)),
         Change::Repeat { at, count, times } => {
             let at = index(*at, bytes);
-            let piece = bytes[at..(at + *count as usize).min(bytes.len())].repeat(*times as usize % 32);
+            let piece =
+                bytes[at..(at + *count as usize).min(bytes.len())].repeat(*times as usize % 32);
             bytes.splice(at..at, piece);
         }
-        Change::Word { at, word, big_endian } => {
+        Change::Word {
+            at,
+            word,
+            big_endian,
+        } => {
             let at = index(*at, bytes);
             let value = WORDS[*word as usize % WORDS.len()];
             let width = if value > u64::from(u32::MAX) { 8 } else { 4 };
@@ -103,16 +156,30 @@ fn apply(bytes: &mut Vec<u8>, change: &Change, seeds: &[Seed]) {
             } else {
                 value.to_le_bytes()[..width].to_vec()
             };
-            bytes[at..].iter_mut().zip(encoded).for_each(|(byte, new)| *byte = new);
+            bytes[at..]
+                .iter_mut()
+                .zip(encoded)
+                .for_each(|(byte, new)| *byte = new);
         }
         Change::Token { at, token } => {
             let at = index(*at, bytes);
             let is_part = |byte: &u8| byte.is_ascii_alphanumeric() || b"._-+".contains(byte);
-            let start = bytes[..at].iter().rposition(|byte| !is_part(byte)).map_or(0, |before| before + 1);
-            let end = bytes[at..].iter().position(|byte| !is_part(byte)).map_or(bytes.len(), |length| at + length);
+            let start = bytes[..at]
+                .iter()
+                .rposition(|byte| !is_part(byte))
+                .map_or(0, |before| before + 1);
+            let end = bytes[at..]
+                .iter()
+                .position(|byte| !is_part(byte))
+                .map_or(bytes.len(), |length| at + length);
             bytes.splice(start..end, TOKENS[*token as usize % TOKENS.len()].bytes());
         }
-        Change::Splice { at, from, other, count } => {
+        Change::Splice {
+            at,
+            from,
+            other,
+            count,
+        } => {
             let other = &seeds[*other as usize % seeds.len()].bytes;
             let from = index(*from, other);
             let piece = other[from..(from + *count as usize).min(other.len())].to_vec();

@@ -13,8 +13,8 @@ use ostra_masks::{Click, LabelId, Prompt};
 use ostra_project::{FuseRequest, Project, ResultKind};
 use ostra_session::Event;
 use ostra_session::{
-    Command, NewProject, PaintRequest, PromptRequest, RangeChange, RangeRequest, Recipe, Session, TidyRequest,
-    TraceRequest,
+    Command, NewProject, PaintRequest, PromptRequest, RangeChange, RangeRequest, Recipe, Session,
+    TidyRequest, TraceRequest,
 };
 
 use crate::harness::{Seed, fuzz, scratch};
@@ -29,7 +29,11 @@ fn sample() -> &'static [Seed] {
         make_project(folder.path(), &root);
         let mut files = Vec::new();
         collect(folder.path(), folder.path(), &mut files);
-        assert!(files.len() > 12, "{:?}", files.iter().map(|file| &file.path).collect::<Vec<_>>());
+        assert!(
+            files.len() > 12,
+            "{:?}",
+            files.iter().map(|file| &file.path).collect::<Vec<_>>()
+        );
         files
     })
 }
@@ -45,16 +49,31 @@ fn make_project(folder: &Path, root: &Path) {
         let pose = format!("1 0 0 {}\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", 0.02 * f64::from(k));
         std::fs::write(folder.join(format!("pose/{k}.txt")), pose).unwrap();
     }
-    let sources = vec![FrameFolder { frames: folder.join("color"), depth: Some(folder.join("depth")) }];
+    let sources = vec![FrameFolder {
+        frames: folder.join("color"),
+        depth: Some(folder.join("depth")),
+    }];
     let new = NewProject {
         root: root.to_owned(),
-        open: OpenRequest { sources, ..OpenRequest::default() },
+        open: OpenRequest {
+            sources,
+            ..OpenRequest::default()
+        },
         cameras: Some(folder.join("pose")),
         intrinsics: Some(IntrinsicsSource::Values([20.0, 20.0, 8.0, 6.0])),
     };
     let mut session = Session::new();
-    let add = |name: &str| Command::AddLabel { name: name.into(), parent: None, color: None };
-    for command in [Command::New(new), add("leaf"), paint(), Command::Fuse(FuseRequest::default())] {
+    let add = |name: &str| Command::AddLabel {
+        name: name.into(),
+        parent: None,
+        color: None,
+    };
+    for command in [
+        Command::New(new),
+        add("leaf"),
+        paint(),
+        Command::Fuse(FuseRequest::default()),
+    ] {
         done(&mut session, command);
     }
     session.save().unwrap();
@@ -79,17 +98,30 @@ fn paint() -> Command {
 fn done(session: &mut Session, command: Command) {
     session.act(command).unwrap();
     let events = session.settle(|_| ControlFlow::Continue(()));
-    assert!(!events.iter().any(|event| matches!(event, Event::Failed { .. })), "{events:?}");
+    assert!(
+        !events
+            .iter()
+            .any(|event| matches!(event, Event::Failed { .. })),
+        "{events:?}"
+    );
 }
 
 fn collect(root: &Path, folder: &Path, files: &mut Vec<Seed>) {
-    let mut entries: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let mut entries: Vec<PathBuf> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
     entries.sort();
     for path in entries {
         if path.is_dir() {
             collect(root, &path, files);
         } else {
-            let below = path.strip_prefix(root).unwrap().to_str().unwrap().replace('\\', "/");
+            let below = path
+                .strip_prefix(root)
+                .unwrap()
+                .to_str()
+                .unwrap()
+                .replace('\\', "/");
             files.push(Seed::new(&below, std::fs::read(&path).unwrap()));
         }
     }
@@ -99,7 +131,10 @@ fn collect(root: &Path, folder: &Path, files: &mut Vec<Seed>) {
 fn settle(session: &mut Session) {
     for event in session.settle(|_| ControlFlow::Continue(())) {
         if let Event::Failed { error, .. } = event {
-            assert!(!error.contains("panic") && !error.contains("unexpected fault"), "{error}");
+            assert!(
+                !error.contains("panic") && !error.contains("unexpected fault"),
+                "{error}"
+            );
         }
     }
 }
@@ -113,11 +148,23 @@ fn use_project(root: &Path) -> bool {
     settle(&mut session);
     let frames = session.project().map_or(0, |project| project.frames.len());
     for frame in 0..frames.min(3) {
-        let frame = session.project().map(|project| project.frames[frame].clone());
+        let frame = session
+            .project()
+            .map(|project| project.frames[frame].clone());
         let _ = frame.map(|frame| (session.store().image(&frame), session.store().depth(&frame)));
     }
-    let add = Command::AddLabel { name: "fuzzed".into(), parent: None, color: None };
-    for command in [add, paint(), Command::Undo, Command::Redo, Command::Fuse(FuseRequest::default())] {
+    let add = Command::AddLabel {
+        name: "fuzzed".into(),
+        parent: None,
+        color: None,
+    };
+    for command in [
+        add,
+        paint(),
+        Command::Undo,
+        Command::Redo,
+        Command::Fuse(FuseRequest::default()),
+    ] {
         let _ = session.act(command);
         settle(&mut session);
     }
@@ -127,7 +174,10 @@ fn use_project(root: &Path) -> bool {
 }
 
 fn is_stale(project: &Project) -> bool {
-    project.results.get(&ResultKind::Cloud).is_none_or(|record| record.stale)
+    project
+        .results
+        .get(&ResultKind::Cloud)
+        .is_none_or(|record| record.stale)
 }
 
 #[test]
@@ -135,12 +185,25 @@ fn project_folders() {
     let files = sample();
     let whole = tempfile::tempdir_in(scratch()).unwrap();
     place_all(whole.path(), files);
-    assert!(use_project(&whole.path().join("project")), "the undamaged project is fused");
+    assert!(
+        use_project(&whole.path().join("project")),
+        "the undamaged project is fused"
+    );
     fuzz!("project folders", 400, files.to_vec(), |folder, damaged| {
-        place_all(folder, files.iter().filter(|file| file.path != damaged.path));
+        place_all(
+            folder,
+            files.iter().filter(|file| file.path != damaged.path),
+        );
         use_project(&folder.join("project"));
-        for file in files.iter().filter(|file| !file.path.starts_with("project/") && file.path != damaged.path) {
-            assert!(std::fs::read(folder.join(&file.path)).unwrap() == file.bytes, "{} was changed", file.path);
+        for file in files
+            .iter()
+            .filter(|file| !file.path.starts_with("project/") && file.path != damaged.path)
+        {
+            assert!(
+                std::fs::read(folder.join(&file.path)).unwrap() == file.bytes,
+                "{} was changed",
+                file.path
+            );
         }
         clear(folder);
     });
@@ -157,13 +220,21 @@ fn place_all<'a>(folder: &Path, files: impl IntoIterator<Item = &'a Seed>) {
 fn clear(folder: &Path) {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
-        if path.is_dir() { std::fs::remove_dir_all(path).unwrap() } else { std::fs::remove_file(path).unwrap() }
+        if path.is_dir() {
+            std::fs::remove_dir_all(path).unwrap()
+        } else {
+            std::fs::remove_file(path).unwrap()
+        }
     }
 }
 
 #[test]
 fn votes() {
-    let votes = sample().iter().filter(|file| file.path == "project/votes.bin").cloned().collect::<Vec<_>>();
+    let votes = sample()
+        .iter()
+        .filter(|file| file.path == "project/votes.bin")
+        .cloned()
+        .collect::<Vec<_>>();
     fuzz!("votes", 10_000, votes, |_, seed| {
         let _ = read_votes(seed.bytes.as_slice());
     });
@@ -172,7 +243,13 @@ fn votes() {
 /// Steps of a recipe that touch nothing but the open project.
 #[test]
 fn recipes() {
-    let prompt = Prompt { clicks: vec![Click { at_px: DVec2::splat(5.0), include: true }], ..Prompt::default() };
+    let prompt = Prompt {
+        clicks: vec![Click {
+            at_px: DVec2::splat(5.0),
+            include: true,
+        }],
+        ..Prompt::default()
+    };
     let trace = TraceRequest {
         frame: 1,
         label: LabelId(1),
@@ -180,11 +257,25 @@ fn recipes() {
         replace: false,
     };
     let commands = vec![
-        Command::AddLabel { name: "a".into(), parent: None, color: Some([1, 2, 3]) },
+        Command::AddLabel {
+            name: "a".into(),
+            parent: None,
+            color: Some([1, 2, 3]),
+        },
         paint(),
-        Command::Prompt(PromptRequest { frame: 1, label: LabelId(1), prompt, segmenter: "builtin".into() }),
+        Command::Prompt(PromptRequest {
+            frame: 1,
+            label: LabelId(1),
+            prompt,
+            segmenter: "builtin".into(),
+        }),
         Command::Trace(trace),
-        Command::Tidy(TidyRequest { frame: 0, label: LabelId(1), holes_below_px: 5, islands_below_px: 5 }),
+        Command::Tidy(TidyRequest {
+            frame: 0,
+            label: LabelId(1),
+            holes_below_px: 5,
+            islands_below_px: 5,
+        }),
         Command::Range(RangeRequest {
             labels: vec![LabelId(1)],
             from: 0,
@@ -195,33 +286,44 @@ fn recipes() {
         Command::Undo,
         Command::Redo,
     ];
-    let text = serde_json::to_vec_pretty(&Recipe { format: 1, commands }).unwrap();
+    let text = serde_json::to_vec_pretty(&Recipe {
+        format: 1,
+        commands,
+    })
+    .unwrap();
     let files = sample();
-    fuzz!("recipes", 3000, [Seed::new("recipe.json", text)], |folder, seed| {
-        let Ok(recipe) = serde_json::from_slice::<Recipe>(&seed.bytes) else { return };
-        place_all(folder, files);
-        let mut session = Session::new();
-        session.act(Command::Open(folder.join("project"))).unwrap();
-        settle(&mut session);
-        for command in recipe.commands {
-            use Command as C;
-            let stays_inside = matches!(
-                command,
-                C::AddLabel { .. }
-                    | C::Paint(_)
-                    | C::Prompt(_)
-                    | C::Tidy(_)
-                    | C::Trace(_)
-                    | C::Undo
-                    | C::Redo
-                    | C::Range(_)
-            );
-            if stays_inside {
-                let _ = session.act(command);
-                settle(&mut session);
+    fuzz!(
+        "recipes",
+        3000,
+        [Seed::new("recipe.json", text)],
+        |folder, seed| {
+            let Ok(recipe) = serde_json::from_slice::<Recipe>(&seed.bytes) else {
+                return;
+            };
+            place_all(folder, files);
+            let mut session = Session::new();
+            session.act(Command::Open(folder.join("project"))).unwrap();
+            settle(&mut session);
+            for command in recipe.commands {
+                use Command as C;
+                let stays_inside = matches!(
+                    command,
+                    C::AddLabel { .. }
+                        | C::Paint(_)
+                        | C::Prompt(_)
+                        | C::Tidy(_)
+                        | C::Trace(_)
+                        | C::Undo
+                        | C::Redo
+                        | C::Range(_)
+                );
+                if stays_inside {
+                    let _ = session.act(command);
+                    settle(&mut session);
+                }
             }
+            drop(session);
+            clear(folder);
         }
-        drop(session);
-        clear(folder);
-    });
+    );
 }

@@ -13,7 +13,12 @@ fn clouds() {
             let cloud = read.cloud;
             let count = cloud.len();
             assert!(
-                [cloud.normals.len(), cloud.colors.len(), cloud.labels.len(), cloud.confidence.len()] == [count; 4]
+                [
+                    cloud.normals.len(),
+                    cloud.colors.len(),
+                    cloud.labels.len(),
+                    cloud.confidence.len()
+                ] == [count; 4]
             );
         }
     });
@@ -23,7 +28,12 @@ fn clouds() {
 fn meshes() {
     fuzz!("PLY meshes", 20_000, seeds::meshes(), |folder, seed| {
         if let Ok(mesh) = read_mesh(&folder.join(&seed.path), &Progress::default()) {
-            assert!(mesh.triangles.iter().flatten().all(|&corner| (corner as usize) < mesh.vertices.len()));
+            assert!(
+                mesh.triangles
+                    .iter()
+                    .flatten()
+                    .all(|&corner| (corner as usize) < mesh.vertices.len())
+            );
         }
     });
 }

@@ -12,14 +12,26 @@ use crate::desk::{Desk, click_at, drag, drag_fast, flick, hold, on_screen, press
 fn prompts(asked: &[Command]) -> Vec<&PromptRequest> {
     asked
         .iter()
-        .filter_map(|command| if let Command::Prompt(request) = command { Some(request) } else { None })
+        .filter_map(|command| {
+            if let Command::Prompt(request) = command {
+                Some(request)
+            } else {
+                None
+            }
+        })
         .collect()
 }
 
 fn paints(asked: &[Command]) -> Vec<&PaintRequest> {
     asked
         .iter()
-        .filter_map(|command| if let Command::Paint(request) = command { Some(request) } else { None })
+        .filter_map(|command| {
+            if let Command::Paint(request) = command {
+                Some(request)
+            } else {
+                None
+            }
+        })
         .collect()
 }
 
@@ -35,7 +47,10 @@ fn escape_and_let_go(harness: &mut Harness<'_, Desk>, at: egui::Pos2) {
 #[test]
 fn left_click_includes_and_right_click_excludes_the_pixel_under_the_pointer() {
     let mut harness = Desk::sample().shown();
-    let (first, second) = (on_screen(&harness, 12.5, 30.5), on_screen(&harness, 50.5, 8.5));
+    let (first, second) = (
+        on_screen(&harness, 12.5, 30.5),
+        on_screen(&harness, 50.5, 8.5),
+    );
     click_at(&mut harness, first, PointerButton::Primary);
     click_at(&mut harness, second, PointerButton::Secondary);
     let asked = prompts(&harness.state().asked);
@@ -50,11 +65,20 @@ fn left_click_includes_and_right_click_excludes_the_pixel_under_the_pointer() {
 #[test]
 fn dragging_makes_a_box_and_escape_drops_it() {
     let mut harness = Desk::sample().shown();
-    let (from, to) = (on_screen(&harness, 40.0, 30.0), on_screen(&harness, 10.0, 12.0));
+    let (from, to) = (
+        on_screen(&harness, 40.0, 30.0),
+        on_screen(&harness, 10.0, 12.0),
+    );
     drag(&mut harness, from, to, PointerButton::Primary);
     let px_box = prompts(&harness.state().asked)[0].prompt.boxes[0];
-    assert!((px_box.min_px - glam::DVec2::new(10.0, 12.0)).length() < 0.3, "{px_box:?}");
-    assert!((px_box.max_px - glam::DVec2::new(40.0, 30.0)).length() < 0.3, "{px_box:?}");
+    assert!(
+        (px_box.min_px - glam::DVec2::new(10.0, 12.0)).length() < 0.3,
+        "{px_box:?}"
+    );
+    assert!(
+        (px_box.max_px - glam::DVec2::new(40.0, 30.0)).length() < 0.3,
+        "{px_box:?}"
+    );
 
     harness.state_mut().asked.clear();
     hold(&mut harness, from, to);
@@ -67,7 +91,11 @@ fn clicks_outside_the_picture_ask_for_nothing() {
     let mut harness = Desk::sample().shown();
     let outside = on_screen(&harness, -0.5, 20.0);
     click_at(&mut harness, outside, PointerButton::Primary);
-    assert!(harness.state().asked.is_empty(), "{:?}", harness.state().asked);
+    assert!(
+        harness.state().asked.is_empty(),
+        "{:?}",
+        harness.state().asked
+    );
 }
 
 #[test]
@@ -79,7 +107,10 @@ fn the_first_click_of_all_makes_a_label() {
     let at = on_screen(&harness, 5.5, 5.5);
     click_at(&mut harness, at, PointerButton::Primary);
     let asked = &harness.state().asked;
-    assert!(matches!(&asked[0], Command::AddLabel { name, .. } if name == "object 1"), "{asked:?}");
+    assert!(
+        matches!(&asked[0], Command::AddLabel { name, .. } if name == "object 1"),
+        "{asked:?}"
+    );
     assert_eq!(prompts(asked)[0].label, LabelId(1));
 }
 
@@ -87,13 +118,22 @@ fn the_first_click_of_all_makes_a_label() {
 fn brush_paints_the_way_of_the_pointer_and_the_right_button_erases() {
     let mut harness = Desk::sample().shown();
     harness.state_mut().shell.view.tool = Tool::Brush;
-    let (from, to) = (on_screen(&harness, 10.0, 10.0), on_screen(&harness, 30.0, 10.0));
+    let (from, to) = (
+        on_screen(&harness, 10.0, 10.0),
+        on_screen(&harness, 30.0, 10.0),
+    );
     drag(&mut harness, from, to, PointerButton::Primary);
     drag(&mut harness, from, to, PointerButton::Secondary);
     let asked = paints(&harness.state().asked);
-    assert_eq!(asked.iter().map(|paint| paint.erase).collect::<Vec<_>>(), [false, true]);
+    assert_eq!(
+        asked.iter().map(|paint| paint.erase).collect::<Vec<_>>(),
+        [false, true]
+    );
     let points = &asked[0].points_px;
-    assert!(points.len() >= 4 && points.iter().all(|p| (p.y - 10.0).abs() < 0.3), "{points:?}");
+    assert!(
+        points.len() >= 4 && points.iter().all(|p| (p.y - 10.0).abs() < 0.3),
+        "{points:?}"
+    );
     assert!((points[0].x - 10.0).abs() < 0.3 && (points[points.len() - 1].x - 30.0).abs() < 0.3);
     assert!(asked[0].radius_px > 0.0);
 }
@@ -102,14 +142,32 @@ fn brush_paints_the_way_of_the_pointer_and_the_right_button_erases() {
 fn the_brush_goes_the_whole_way_of_the_pointer_while_frames_are_slow() {
     let mut harness = Desk::sample().shown();
     harness.state_mut().shell.view.tool = Tool::Brush;
-    let corners = [[10.0, 10.0], [30.0, 10.0], [30.0, 30.0], [10.0, 30.0], [10.0, 20.0], [20.0, 20.0]];
+    let corners = [
+        [10.0, 10.0],
+        [30.0, 10.0],
+        [30.0, 30.0],
+        [10.0, 30.0],
+        [10.0, 20.0],
+        [20.0, 20.0],
+    ];
     let places = corners.map(|[x, y]| on_screen(&harness, x, y));
     drag_fast(&mut harness, &places, PointerButton::Primary);
     let asked = paints(&harness.state().asked);
-    let [paint] = &asked[..] else { panic!("one stroke: {}", asked.len()) };
-    assert_eq!(paint.points_px.len(), corners.len(), "{:?}", paint.points_px);
+    let [paint] = &asked[..] else {
+        panic!("one stroke: {}", asked.len())
+    };
+    assert_eq!(
+        paint.points_px.len(),
+        corners.len(),
+        "{:?}",
+        paint.points_px
+    );
     for (at, [x, y]) in paint.points_px.iter().zip(corners) {
-        assert!((at.x - f64::from(x)).abs() < 0.3 && (at.y - f64::from(y)).abs() < 0.3, "{:?}", paint.points_px);
+        assert!(
+            (at.x - f64::from(x)).abs() < 0.3 && (at.y - f64::from(y)).abs() < 0.3,
+            "{:?}",
+            paint.points_px
+        );
     }
 }
 
@@ -122,10 +180,18 @@ fn a_tap_of_the_brush_within_one_frame_makes_a_dab() {
         flick(&mut harness, &[at], button);
     }
     let asked = paints(&harness.state().asked);
-    assert_eq!(asked.iter().map(|paint| paint.erase).collect::<Vec<_>>(), [false, true]);
+    assert_eq!(
+        asked.iter().map(|paint| paint.erase).collect::<Vec<_>>(),
+        [false, true]
+    );
     for paint in asked {
-        let [point] = paint.points_px[..] else { panic!("one place: {:?}", paint.points_px) };
-        assert!((point - glam::DVec2::new(20.0, 10.0)).length() < 0.3, "{point}");
+        let [point] = paint.points_px[..] else {
+            panic!("one place: {:?}", paint.points_px)
+        };
+        assert!(
+            (point - glam::DVec2::new(20.0, 10.0)).length() < 0.3,
+            "{point}"
+        );
     }
 }
 
@@ -133,17 +199,27 @@ fn a_tap_of_the_brush_within_one_frame_makes_a_dab() {
 fn a_stroke_ends_where_the_pointer_is_lost_and_the_next_press_begins_another() {
     let mut harness = Desk::sample().shown();
     harness.state_mut().shell.view.tool = Tool::Brush;
-    let (from, to) = (on_screen(&harness, 10.0, 10.0), on_screen(&harness, 30.0, 20.0));
+    let (from, to) = (
+        on_screen(&harness, 10.0, 10.0),
+        on_screen(&harness, 30.0, 20.0),
+    );
     hold(&mut harness, from, to);
     harness.remove_cursor();
     harness.run_steps(2);
-    assert_eq!(paints(&harness.state().asked).len(), 1, "nobody may tell that the button was let go");
+    assert_eq!(
+        paints(&harness.state().asked).len(),
+        1,
+        "nobody may tell that the button was let go"
+    );
     harness.hover_at(from);
     harness.run_steps(2);
     assert!(harness.state().shell.view.draft.stroke.is_none());
     drag(&mut harness, from, to, PointerButton::Secondary);
     let asked = paints(&harness.state().asked);
-    assert_eq!(asked.iter().map(|paint| paint.erase).collect::<Vec<_>>(), [false, true]);
+    assert_eq!(
+        asked.iter().map(|paint| paint.erase).collect::<Vec<_>>(),
+        [false, true]
+    );
 }
 
 #[test]
@@ -153,7 +229,9 @@ fn a_flick_of_the_brush_within_one_frame_is_painted_whole() {
     let places = [[10.0, 10.0], [20.0, 10.0], [30.0, 10.0]].map(|[x, y]| on_screen(&harness, x, y));
     flick(&mut harness, &places, PointerButton::Primary);
     let asked = paints(&harness.state().asked);
-    let [paint] = &asked[..] else { panic!("one stroke: {}", asked.len()) };
+    let [paint] = &asked[..] else {
+        panic!("one stroke: {}", asked.len())
+    };
     assert_eq!(paint.points_px.len(), places.len(), "{:?}", paint.points_px);
 }
 
@@ -161,11 +239,18 @@ fn a_flick_of_the_brush_within_one_frame_is_painted_whole() {
 fn escape_drops_a_stroke_in_hand_and_none_begins_before_the_next_press() {
     let mut harness = Desk::sample().shown();
     harness.state_mut().shell.view.tool = Tool::Brush;
-    let (from, to) = (on_screen(&harness, 10.0, 10.0), on_screen(&harness, 30.0, 20.0));
+    let (from, to) = (
+        on_screen(&harness, 10.0, 10.0),
+        on_screen(&harness, 30.0, 20.0),
+    );
     hold(&mut harness, from, to);
     assert!(harness.state().shell.view.draft.stroke.is_some());
     escape_and_let_go(&mut harness, from);
-    assert!(harness.state().asked.is_empty(), "{:?}", harness.state().asked);
+    assert!(
+        harness.state().asked.is_empty(),
+        "{:?}",
+        harness.state().asked
+    );
     drag(&mut harness, from, to, PointerButton::Primary);
     assert_eq!(paints(&harness.state().asked).len(), 1);
 }
@@ -175,7 +260,10 @@ fn the_brush_snaps_while_the_box_is_ticked() {
     let mut harness = Desk::sample().shown();
     harness.state_mut().shell.view.tool = Tool::Brush;
     harness.run_steps(2);
-    let (from, to) = (on_screen(&harness, 10.0, 10.0), on_screen(&harness, 30.0, 10.0));
+    let (from, to) = (
+        on_screen(&harness, 10.0, 10.0),
+        on_screen(&harness, 30.0, 10.0),
+    );
     drag(&mut harness, from, to, PointerButton::Primary);
     harness.get_by_label("Snap brush to edges").click();
     harness.run_steps(2);
@@ -183,7 +271,10 @@ fn the_brush_snaps_while_the_box_is_ticked() {
     drag(&mut harness, from, to, PointerButton::Primary);
     press(&mut harness, Modifiers::NONE, Key::S);
     drag(&mut harness, from, to, PointerButton::Primary);
-    let snaps: Vec<bool> = paints(&harness.state().asked).iter().map(|paint| paint.snap).collect();
+    let snaps: Vec<bool> = paints(&harness.state().asked)
+        .iter()
+        .map(|paint| paint.snap)
+        .collect();
     assert_eq!(snaps, [false, true, false]);
 }
 
@@ -205,14 +296,28 @@ fn polygon_is_filled_when_the_first_corner_is_clicked_again() {
 fn a_lasso_is_filled_when_the_button_is_let_go_and_with_ctrl_the_label_is_taken_away() {
     let mut harness = Desk::sample().shown();
     press(&mut harness, Modifiers::NONE, Key::G);
-    let places = [[10.0, 10.0], [30.0, 10.0], [30.0, 30.0], [10.0, 30.0]].map(|[x, y]| on_screen(&harness, x, y));
+    let places = [[10.0, 10.0], [30.0, 10.0], [30.0, 30.0], [10.0, 30.0]]
+        .map(|[x, y]| on_screen(&harness, x, y));
     drag_fast(&mut harness, &places, PointerButton::Primary);
     let asked = paints(&harness.state().asked);
-    let [lasso] = &asked[..] else { panic!("one lasso: {:?}", harness.state().asked) };
-    assert_eq!((lasso.radius_px, lasso.erase, lasso.label), (0.0, false, LabelId(1)));
+    let [lasso] = &asked[..] else {
+        panic!("one lasso: {:?}", harness.state().asked)
+    };
+    assert_eq!(
+        (lasso.radius_px, lasso.erase, lasso.label),
+        (0.0, false, LabelId(1))
+    );
     assert!(lasso.points_px.len() >= 4, "{:?}", lasso.points_px);
-    assert!(lasso.points_px.iter().all(|p| (9.5..30.5).contains(&p.x) && (9.5..30.5).contains(&p.y)));
-    assert!(!harness.state().shell.view.draft.is_half_made(), "the next one begins anew");
+    assert!(
+        lasso
+            .points_px
+            .iter()
+            .all(|p| (9.5..30.5).contains(&p.x) && (9.5..30.5).contains(&p.y))
+    );
+    assert!(
+        !harness.state().shell.view.draft.is_half_made(),
+        "the next one begins anew"
+    );
 
     harness.state_mut().asked.clear();
     for (x, y) in [(10.0, 10.0), (40.0, 12.0), (30.0, 35.0)] {
@@ -221,49 +326,89 @@ fn a_lasso_is_filled_when_the_button_is_let_go_and_with_ctrl_the_label_is_taken_
         harness.run_steps(30);
     }
     drag(&mut harness, places[0], places[2], PointerButton::Primary);
-    assert!(harness.state().asked.is_empty(), "corners are not ended by a drag");
+    assert!(
+        harness.state().asked.is_empty(),
+        "corners are not ended by a drag"
+    );
     press(&mut harness, Modifiers::COMMAND, Key::Enter);
     let asked = paints(&harness.state().asked);
-    assert_eq!(asked.iter().map(|paint| (paint.points_px.len(), paint.erase)).collect::<Vec<_>>(), [(3, true)]);
+    assert_eq!(
+        asked
+            .iter()
+            .map(|paint| (paint.points_px.len(), paint.erase))
+            .collect::<Vec<_>>(),
+        [(3, true)]
+    );
 }
 
 #[test]
 fn escape_drops_a_lasso_in_hand() {
     let mut harness = Desk::sample().shown();
     press(&mut harness, Modifiers::NONE, Key::G);
-    let (from, to) = (on_screen(&harness, 10.0, 10.0), on_screen(&harness, 30.0, 20.0));
+    let (from, to) = (
+        on_screen(&harness, 10.0, 10.0),
+        on_screen(&harness, 30.0, 20.0),
+    );
     hold(&mut harness, from, to);
     assert!(harness.state().shell.view.draft.lasso.is_some());
     escape_and_let_go(&mut harness, from);
-    assert!(paints(&harness.state().asked).is_empty() && harness.state().shell.view.draft.corners.is_empty());
+    assert!(
+        paints(&harness.state().asked).is_empty()
+            && harness.state().shell.view.draft.corners.is_empty()
+    );
 }
 
 /// The borders that were asked to be pulled.
 fn pulls(asked: &[Command]) -> Vec<&PullRequest> {
-    asked.iter().filter_map(|command| if let Command::Pull(request) = command { Some(request) } else { None }).collect()
+    asked
+        .iter()
+        .filter_map(|command| {
+            if let Command::Pull(request) = command {
+                Some(request)
+            } else {
+                None
+            }
+        })
+        .collect()
 }
 
 #[test]
 fn a_border_is_pulled_from_where_it_is_pressed_and_nothing_away_from_it() {
     let mut harness = Desk::sample().shown();
     harness.state_mut().shell.view.label = Some(LabelId(2));
-    let region = harness.state().project.masks[&0].runs.decode().region(LabelId(2));
-    let border = ElasticBorders::of(&region).nearest(glam::DVec2::new(17.0, 21.0)).unwrap();
+    let region = harness.state().project.masks[&0]
+        .runs
+        .decode()
+        .region(LabelId(2));
+    let border = ElasticBorders::of(&region)
+        .nearest(glam::DVec2::new(17.0, 21.0))
+        .unwrap();
     press(&mut harness, Modifiers::SHIFT, Key::G);
     assert_eq!(harness.state().shell.view.tool, Tool::Pull);
     let from = on_screen(&harness, border.x as f32, border.y as f32);
     let to = on_screen(&harness, border.x as f32 + 6.0, border.y as f32 + 2.0);
     drag(&mut harness, from, to, PointerButton::Primary);
     let asked = pulls(&harness.state().asked);
-    let [pull] = &asked[..] else { panic!("one pull: {:?}", harness.state().asked) };
+    let [pull] = &asked[..] else {
+        panic!("one pull: {:?}", harness.state().asked)
+    };
     assert_eq!((pull.frame, pull.label), (0, LabelId(2)));
-    assert!(pull.from_px.distance(border) < 0.3 && pull.to_px.distance(border + glam::DVec2::new(6.0, 2.0)) < 0.3);
+    assert!(
+        pull.from_px.distance(border) < 0.3
+            && pull.to_px.distance(border + glam::DVec2::new(6.0, 2.0)) < 0.3
+    );
 
     harness.state_mut().asked.clear();
-    let (near, outside) = (on_screen(&harness, 20.5, 20.0), on_screen(&harness, 20.5, -3.0));
+    let (near, outside) = (
+        on_screen(&harness, 20.5, 20.0),
+        on_screen(&harness, 20.5, -3.0),
+    );
     drag(&mut harness, near, outside, PointerButton::Primary);
     let to_px = pulls(&harness.state().asked)[0].to_px;
-    assert!(to_px.distance(glam::DVec2::new(20.0, -3.0)) < 0.3, "as far as was shown, from the border: {to_px}");
+    assert!(
+        to_px.distance(glam::DVec2::new(20.0, -3.0)) < 0.3,
+        "as far as was shown, from the border: {to_px}"
+    );
 
     harness.state_mut().asked.clear();
     harness.state_mut().shell.view.hidden.insert(LabelId(2));
@@ -272,15 +417,29 @@ fn a_border_is_pulled_from_where_it_is_pressed_and_nothing_away_from_it() {
     harness.state_mut().shell.view.hidden.clear();
     let beside = on_screen(&harness, 55.0, 4.0);
     drag(&mut harness, beside, to, PointerButton::Primary);
-    assert!(harness.state().asked.is_empty(), "{:?}", harness.state().asked);
-    assert!(harness.state().shell.view.note.contains("border"), "{}", harness.state().shell.view.note);
+    assert!(
+        harness.state().asked.is_empty(),
+        "{:?}",
+        harness.state().asked
+    );
+    assert!(
+        harness.state().shell.view.note.contains("border"),
+        "{}",
+        harness.state().shell.view.note
+    );
 }
 
 /// What was asked to be traced.
 fn traces(asked: &[Command]) -> Vec<&TraceRequest> {
     asked
         .iter()
-        .filter_map(|command| if let Command::Trace(request) = command { Some(request) } else { None })
+        .filter_map(|command| {
+            if let Command::Trace(request) = command {
+                Some(request)
+            } else {
+                None
+            }
+        })
         .collect()
 }
 
@@ -301,9 +460,23 @@ fn thin_structure_is_traced_through_the_clicked_points_when_enter_is_pressed() {
     let asked = traces(&harness.state().asked);
     assert_eq!(asked.len(), 1, "{:?}", harness.state().asked);
     let expected = [glam::DVec2::new(10.0, 10.0), glam::DVec2::new(25.0, 40.0)];
-    assert_eq!(asked[0].points_px.len(), 2, "two were taken back: {:?}", asked[0].points_px);
-    assert!(asked[0].points_px.iter().zip(expected).all(|(a, b)| a.distance(b) < 0.3));
-    assert_eq!((asked[0].frame, asked[0].label, asked[0].replace), (0, LabelId(1), true));
+    assert_eq!(
+        asked[0].points_px.len(),
+        2,
+        "two were taken back: {:?}",
+        asked[0].points_px
+    );
+    assert!(
+        asked[0]
+            .points_px
+            .iter()
+            .zip(expected)
+            .all(|(a, b)| a.distance(b) < 0.3)
+    );
+    assert_eq!(
+        (asked[0].frame, asked[0].label, asked[0].replace),
+        (0, LabelId(1), true)
+    );
 }
 
 #[test]
@@ -316,13 +489,22 @@ fn one_point_of_a_thin_structure_waits_for_the_next() {
     click_at(&mut harness, at, PointerButton::Primary);
     press(&mut harness, Modifiers::NONE, Key::Enter);
     assert!(harness.state().asked.is_empty());
-    assert!(harness.state().shell.view.note.contains("two points"), "{}", harness.state().shell.view.note);
+    assert!(
+        harness.state().shell.view.note.contains("two points"),
+        "{}",
+        harness.state().shell.view.note
+    );
     harness.run_steps(30);
     let at = on_screen(&harness, 10.0, 40.0);
     for _ in 0..2 {
         click_at(&mut harness, at, PointerButton::Primary);
     }
-    assert_eq!(traces(&harness.state().asked).len(), 1, "a double click finishes: {:?}", harness.state().asked);
+    assert_eq!(
+        traces(&harness.state().asked).len(),
+        1,
+        "a double click finishes: {:?}",
+        harness.state().asked
+    );
 }
 
 #[test]
@@ -332,24 +514,45 @@ fn a_click_is_previewed_where_the_pointer_rests_unless_something_is_sent_or_it_i
     harness.hover_at(at);
     harness.run_steps(6);
     let wish = harness.state().shell.view.hover_wish.clone().unwrap();
-    assert_eq!((wish.frame, wish.label, wish.prompt.clicks.len()), (0, LabelId(1), 1));
-    assert!(wish.prompt.clicks[0].include && wish.prompt.clicks[0].at_px.distance(glam::DVec2::new(12.5, 30.5)) < 0.1);
+    assert_eq!(
+        (wish.frame, wish.label, wish.prompt.clicks.len()),
+        (0, LabelId(1), 1)
+    );
+    assert!(
+        wish.prompt.clicks[0].include
+            && wish.prompt.clicks[0]
+                .at_px
+                .distance(glam::DVec2::new(12.5, 30.5))
+                < 0.1
+    );
     harness.state_mut().hovered = Some(harness.state().project.masks[&0].runs.clone());
     harness.run_steps(2);
-    assert!(harness.state().asked.is_empty(), "a preview asks for no change");
+    assert!(
+        harness.state().asked.is_empty(),
+        "a preview asks for no change"
+    );
 
     press(&mut harness, Modifiers::NONE, Key::F3);
-    assert!(!harness.state().shell.view.prefs.hover_preview && harness.state().shell.view.hover_wish.is_none());
+    assert!(
+        !harness.state().shell.view.prefs.hover_preview
+            && harness.state().shell.view.hover_wish.is_none()
+    );
     press(&mut harness, Modifiers::NONE, Key::F3);
     harness.run_steps(6);
     assert!(harness.state().shell.view.hover_wish.is_some());
     click_at(&mut harness, at, PointerButton::Primary);
     harness.run_steps(6);
-    assert!(harness.state().shell.view.hover_wish.is_none(), "the click is on its way");
+    assert!(
+        harness.state().shell.view.hover_wish.is_none(),
+        "the click is on its way"
+    );
     harness.state_mut().shell.view.draft.forget_sent();
     press(&mut harness, Modifiers::NONE, Key::P);
     harness.run_steps(6);
-    assert!(harness.state().shell.view.hover_wish.is_none(), "the brush has none");
+    assert!(
+        harness.state().shell.view.hover_wish.is_none(),
+        "the brush has none"
+    );
 }
 
 #[test]
@@ -371,7 +574,10 @@ fn wheel_zooms_at_the_pointer_and_zero_fits_again() {
     assert!(harness.state().shell.view.zoom.scale.is_some());
     click_at(&mut harness, at, PointerButton::Primary);
     let clicked = prompts(&harness.state().asked)[0].prompt.clicks[0].at_px;
-    assert!((clicked - glam::DVec2::new(20.5, 20.5)).length() < 0.2, "stayed under the pointer: {clicked}");
+    assert!(
+        (clicked - glam::DVec2::new(20.5, 20.5)).length() < 0.2,
+        "stayed under the pointer: {clicked}"
+    );
     press(&mut harness, Modifiers::NONE, Key::Num0);
     assert!(harness.state().shell.view.zoom.scale.is_none());
 }
@@ -379,7 +585,10 @@ fn wheel_zooms_at_the_pointer_and_zero_fits_again() {
 #[test]
 fn middle_drag_moves_the_picture_and_asks_for_nothing() {
     let mut harness = Desk::sample().shown();
-    let (from, to) = (on_screen(&harness, 30.0, 20.0), on_screen(&harness, 40.0, 25.0));
+    let (from, to) = (
+        on_screen(&harness, 30.0, 20.0),
+        on_screen(&harness, 40.0, 25.0),
+    );
     drag(&mut harness, from, to, PointerButton::Middle);
     assert!(harness.state().asked.is_empty());
     assert!(harness.state().shell.view.zoom.scale.is_some());
@@ -393,17 +602,38 @@ fn rows_of_the_tool_bar_lie_close_together_at_any_width() {
     for width in (1000..1800).step_by(25) {
         harness.set_size(egui::vec2(width as f32, 900.0));
         harness.run_steps(3);
-        let first = harness.get_by_label("Thin").accesskit_node().bounding_box().unwrap();
-        let picture = harness.get_by_label("Picture 000.png").accesskit_node().bounding_box().unwrap();
+        let first = harness
+            .get_by_label("Thin")
+            .accesskit_node()
+            .bounding_box()
+            .unwrap();
+        let picture = harness
+            .get_by_label("Picture 000.png")
+            .accesskit_node()
+            .bounding_box()
+            .unwrap();
         let middle = |at: &egui::accesskit::Rect| (at.y0 + at.y1) / 2.0;
         let is_control = |at: &egui::accesskit::Rect| {
             let is_beside = at.x0 >= picture.x0 && at.x1 <= picture.x1;
             is_beside && (first.y0..picture.y0).contains(&middle(at)) && at.height() < MOST_BETWEEN
         };
-        let all = harness.root().children_recursive().filter_map(|node| node.accesskit_node().bounding_box());
-        let mut middles: Vec<f64> = all.filter(is_control).map(|at| middle(&at)).chain([picture.y0]).collect();
+        let all = harness
+            .root()
+            .children_recursive()
+            .filter_map(|node| node.accesskit_node().bounding_box());
+        let mut middles: Vec<f64> = all
+            .filter(is_control)
+            .map(|at| middle(&at))
+            .chain([picture.y0])
+            .collect();
         middles.sort_by(f64::total_cmp);
-        let widest = middles.windows(2).map(|two| two[1] - two[0]).fold(0.0, f64::max);
-        assert!(widest < MOST_BETWEEN, "rows at {middles:?} in a window {width} points wide");
+        let widest = middles
+            .windows(2)
+            .map(|two| two[1] - two[0])
+            .fold(0.0, f64::max);
+        assert!(
+            widest < MOST_BETWEEN,
+            "rows at {middles:?} in a window {width} points wide"
+        );
     }
 }

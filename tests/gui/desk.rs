@@ -21,7 +21,8 @@ use ostra_masks::{Label, LabelId, LabelMask, LabelTree, RunMask};
 use ostra_project::{FrameMask, MaskOrigin, Project};
 use ostra_session::JobView;
 use ostra_session::{
-    Angles, Command, Engine, Grounding, Pictures, ProposedInstances, SparseModel, Suggestion, list_engines, list_models,
+    Angles, Command, Engine, Grounding, Pictures, ProposedInstances, SparseModel, Suggestion,
+    list_engines, list_models,
 };
 
 pub const WIDTH: u32 = 64;
@@ -141,8 +142,9 @@ impl Desk {
     }
 
     pub fn shown_by(self, builder: HarnessBuilder<Self>) -> Harness<'static, Self> {
-        let mut harness =
-            builder.with_size(Vec2::new(1400.0, 900.0)).build_ui_state(|ui, desk: &mut Self| desk.ui(ui), self);
+        let mut harness = builder
+            .with_size(Vec2::new(1400.0, 900.0))
+            .build_ui_state(|ui, desk: &mut Self| desk.ui(ui), self);
         harness.run_steps(4);
         harness
     }
@@ -151,10 +153,13 @@ impl Desk {
 /// Where a picture position lies on the screen while the picture fits its pane.
 pub fn on_screen(harness: &Harness<'_, Desk>, x: f32, y: f32) -> Pos2 {
     let frame = &harness.state().project.frames[harness.state().shell.view.frame];
-    let pane = harness.get_by_label(&format!("Picture {}", frame.name)).rect();
+    let pane = harness
+        .get_by_label(&format!("Picture {}", frame.name))
+        .rect();
     let free = pane.size() - Vec2::splat(20.0);
     let scale = (free.x / frame.width as f32).min(free.y / frame.height as f32);
-    pane.center() + (Vec2::new(x, y) - Vec2::new(frame.width as f32, frame.height as f32) / 2.0) * scale
+    pane.center()
+        + (Vec2::new(x, y) - Vec2::new(frame.width as f32, frame.height as f32) / 2.0) * scale
 }
 
 /// Presses and lets go of a button, with steps between as a hand makes.
@@ -164,7 +169,12 @@ pub fn click_at(harness: &mut Harness<'_, Desk>, at: Pos2, button: egui::Pointer
 
 /// Drags from one place to another.
 pub fn drag(harness: &mut Harness<'_, Desk>, from: Pos2, to: Pos2, button: egui::PointerButton) {
-    let press = |pos, pressed| egui::Event::PointerButton { pos, button, pressed, modifiers: egui::Modifiers::NONE };
+    let press = |pos, pressed| egui::Event::PointerButton {
+        pos,
+        button,
+        pressed,
+        modifiers: egui::Modifiers::NONE,
+    };
     harness.hover_at(from);
     harness.run_steps(1);
     harness.event(press(from, true));
@@ -190,8 +200,18 @@ pub fn hold(harness: &mut Harness<'_, Desk>, from: Pos2, to: Pos2) {
 
 /// Drags along some places that the mouse tells of within one frame, as while frames are slow, and lets go within another.
 pub fn drag_fast(harness: &mut Harness<'_, Desk>, places: &[Pos2], button: egui::PointerButton) {
-    let press = |pos, pressed| egui::Event::PointerButton { pos, button, pressed, modifiers: egui::Modifiers::NONE };
-    let moved = |places: &[Pos2]| places.iter().map(|&at| egui::Event::PointerMoved(at)).collect::<Vec<_>>();
+    let press = |pos, pressed| egui::Event::PointerButton {
+        pos,
+        button,
+        pressed,
+        modifiers: egui::Modifiers::NONE,
+    };
+    let moved = |places: &[Pos2]| {
+        places
+            .iter()
+            .map(|&at| egui::Event::PointerMoved(at))
+            .collect::<Vec<_>>()
+    };
     let (first, last) = places.split_at(places.len() / 2);
     let frames = [
         moved(&first[..1]),
@@ -207,12 +227,19 @@ pub fn drag_fast(harness: &mut Harness<'_, Desk>, places: &[Pos2], button: egui:
 
 /// Presses at the first of some places, moves along them and lets go within one frame, as who taps a touchpad.
 pub fn flick(harness: &mut Harness<'_, Desk>, places: &[Pos2], button: egui::PointerButton) {
-    let press = |pos, pressed| egui::Event::PointerButton { pos, button, pressed, modifiers: egui::Modifiers::NONE };
+    let press = |pos, pressed| egui::Event::PointerButton {
+        pos,
+        button,
+        pressed,
+        modifiers: egui::Modifiers::NONE,
+    };
     let (first, last) = (places[0], places[places.len() - 1]);
     harness.hover_at(first);
     harness.run_steps(1);
     let moved = places[1..].iter().map(|&at| egui::Event::PointerMoved(at));
-    let events = std::iter::once(press(first, true)).chain(moved).chain([press(last, false)]);
+    let events = std::iter::once(press(first, true))
+        .chain(moved)
+        .chain([press(last, false)]);
     harness.input_mut().events.extend(events);
     harness.run_steps(2);
 }
@@ -225,7 +252,11 @@ pub fn press(harness: &mut Harness<'_, Desk>, modifiers: egui::Modifiers, key: e
 
 /// Labels of all nodes, for messages.
 pub fn labels(harness: &Harness<'_, Desk>) -> Vec<String> {
-    harness.root().children_recursive().filter_map(|node| node.accesskit_node().label()).collect()
+    harness
+        .root()
+        .children_recursive()
+        .filter_map(|node| node.accesskit_node().label())
+        .collect()
 }
 
 pub fn picture(frame: usize) -> Image {
@@ -233,7 +264,11 @@ pub fn picture(frame: usize) -> Image {
         let (x, y) = (i % WIDTH, i / WIDTH);
         [(x * 4) as u8, (y * 5) as u8, (frame * 20 % 256) as u8]
     };
-    Image { width: WIDTH, height: HEIGHT, pixels: (0..WIDTH * HEIGHT).map(pixel).collect() }
+    Image {
+        width: WIDTH,
+        height: HEIGHT,
+        pixels: (0..WIDTH * HEIGHT).map(pixel).collect(),
+    }
 }
 
 pub fn tree() -> LabelTree {
@@ -241,7 +276,13 @@ pub fn tree() -> LabelTree {
     for (id, name, parent) in [(1, "plant", None), (2, "leaf", Some(1)), (3, "pot", None)] {
         let id = LabelId(id);
         let parent = parent.map(LabelId);
-        tree.set(Label { id, name: name.into(), color: LabelTree::color_for(id), parent }).unwrap();
+        tree.set(Label {
+            id,
+            name: name.into(),
+            color: LabelTree::color_for(id),
+            parent,
+        })
+        .unwrap();
     }
     tree
 }
@@ -250,12 +291,18 @@ fn project() -> Project {
     let camera = Camera::pinhole(WIDTH, HEIGHT, 60.0, 60.0, 32.0, 24.0);
     let frame = |number: usize| {
         let rotation = DQuat::from_rotation_y(number as f64 * 0.1 - 0.5);
-        let camera_from_world = Some(Pose { rotation, translation: DVec3::new(0.0, 0.0, 2.0) });
+        let camera_from_world = Some(Pose {
+            rotation,
+            translation: DVec3::new(0.0, 0.0, 2.0),
+        });
         Frame {
             name: format!("{number:03}.png"),
             width: WIDTH,
             height: HEIGHT,
-            picture: PictureSource::File { path: format!("/{number:03}.png").into(), orientation: Orientation(1) },
+            picture: PictureSource::File {
+                path: format!("/{number:03}.png").into(),
+                orientation: Orientation(1),
+            },
             depth: None,
             camera: Some(FrameCamera::given(camera, camera_from_world)),
         }
@@ -266,7 +313,12 @@ fn project() -> Project {
         (2, mask(MaskOrigin::Tracked, true, 0.8)),
         (5, mask(MaskOrigin::Tracked, false, 0.2)),
     ]);
-    Project { frames: Arc::new((0..12).map(frame).collect()), labels: tree(), masks, ..Project::default() }
+    Project {
+        frames: Arc::new((0..12).map(frame).collect()),
+        labels: tree(),
+        masks,
+        ..Project::default()
+    }
 }
 
 fn mask(origin: MaskOrigin, stale: bool, sure: f32) -> FrameMask {
@@ -280,12 +332,23 @@ fn mask(origin: MaskOrigin, stale: bool, sure: f32) -> FrameMask {
         MaskOrigin::Anchor => BTreeMap::new(),
         MaskOrigin::Tracked => BTreeMap::from([(LabelId(2), sure)]),
     };
-    FrameMask { runs: Arc::new(RunMask::encode(&mask)), origin, stale, confidence }
+    FrameMask {
+        runs: Arc::new(RunMask::encode(&mask)),
+        origin,
+        stale,
+        confidence,
+    }
 }
 
 fn cloud() -> LabelledCloud {
     let count = 400;
-    let at = |i: usize| Vec3::new((i % 20) as f32 * 0.05 - 0.5, (i / 20) as f32 * 0.05 - 0.5, 0.0);
+    let at = |i: usize| {
+        Vec3::new(
+            (i % 20) as f32 * 0.05 - 0.5,
+            (i / 20) as f32 * 0.05 - 0.5,
+            0.0,
+        )
+    };
     LabelledCloud {
         positions: (0..count).map(at).collect(),
         normals: vec![Vec3::NEG_Z; count],

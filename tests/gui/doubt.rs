@@ -14,16 +14,26 @@ use crate::desk::Desk;
 #[test]
 fn the_worst_masks_are_listed_and_the_vote_can_be_accepted() {
     let mut desk = Desk::sample();
-    let doubt = |against| FrameDoubt { compared: 1000, against };
+    let doubt = |against| FrameDoubt {
+        compared: 1000,
+        against,
+    };
     desk.doubts = BTreeMap::from([(2, doubt(400)), (5, doubt(3)), (7, doubt(120))]);
     let mut harness = desk.shown();
-    assert!(harness.query_by_label(" 0.3 %  frame 5").is_none(), "noise at borders is not listed");
+    assert!(
+        harness.query_by_label(" 0.3 %  frame 5").is_none(),
+        "noise at borders is not listed"
+    );
     harness.get_by_label("12.0 %  frame 7").click();
     harness.run_steps(2);
     assert_eq!(harness.state().shell.view.frame, 7);
     harness.key_press_modifiers(Modifiers::SHIFT, Key::D);
     harness.run_steps(2);
-    assert_eq!(harness.state().shell.view.frame, 2, "from the end of the list to the worst");
+    assert_eq!(
+        harness.state().shell.view.frame,
+        2,
+        "from the end of the list to the worst"
+    );
     harness.key_press_modifiers(Modifiers::SHIFT, Key::A);
     harness.run_steps(2);
     let label = LabelId(2);
@@ -31,7 +41,10 @@ fn the_worst_masks_are_listed_and_the_vote_can_be_accepted() {
     harness.get_by_label("For this label").click();
     harness.run_steps(2);
     let accept = |labels| Command::AcceptVote { frame: 2, labels };
-    assert_eq!(harness.state().asked, [accept(Vec::new()), accept(vec![label])]);
+    assert_eq!(
+        harness.state().asked,
+        [accept(Vec::new()), accept(vec![label])]
+    );
 }
 
 #[test]
@@ -43,8 +56,21 @@ fn a_point_that_is_asked_about_tells_its_label() {
     harness.state_mut().shell.view.asked = Some(Asked::new(&cloud, None, 2));
     harness.run_steps(3);
     let path = harness.state().project.labels.path(cloud.labels[2]);
-    let name = |id: &LabelId| harness.state().project.labels.get(*id).unwrap().name.clone();
+    let name = |id: &LabelId| {
+        harness
+            .state()
+            .project
+            .labels
+            .get(*id)
+            .unwrap()
+            .name
+            .clone()
+    };
     let text = path.iter().map(name).collect::<Vec<_>>().join(" › ");
     assert!(harness.query_all_by_label(&text).next().is_some(), "{text}");
-    assert!(harness.query_by_label("No frame with a mask sees it.").is_some());
+    assert!(
+        harness
+            .query_by_label("No frame with a mask sees it.")
+            .is_some()
+    );
 }

@@ -23,29 +23,51 @@ type Scene = (&'static str, fn() -> Desk, fn(&mut Desk));
 
 const SCENES: [Scene; 14] = [
     ("shelf", shelf, |_| ()),
-    ("shelf_labels", shelf, |desk| desk.shell.view.coloring = Coloring::Label),
+    ("shelf_labels", shelf, |desk| {
+        desk.shell.view.coloring = Coloring::Label
+    }),
     ("shelf_alone", shelf, |desk| {
         desk.inspected = Some("/data/reference_labelled_cloud.ply".into());
         desk.project = Default::default();
         desk.root = None;
         desk.shell.view.coloring = Coloring::Label;
     }),
-    ("welcome", Desk::empty, |desk| desk.recent = vec!["/home/me/rice-ostra".into(), "/home/me/shelf".into()]),
+    ("welcome", Desk::empty, |desk| {
+        desk.recent = vec!["/home/me/rice-ostra".into(), "/home/me/shelf".into()]
+    }),
     ("both", Desk::sample, |_| ()),
-    ("picture", Desk::sample, |desk| desk.shell.view.prefs.panes = Panes::Picture),
+    ("picture", Desk::sample, |desk| {
+        desk.shell.view.prefs.panes = Panes::Picture
+    }),
     ("scene", Desk::sample, |desk| {
         desk.shell.view.prefs.panes = Panes::Scene;
         desk.shell.view.coloring = Coloring::Label;
     }),
-    ("new_project", Desk::sample, |desk| desk.shell.view.dialog = Some(Dialog::NewProject)),
-    ("export", Desk::sample, |desk| desk.shell.view.dialog = Some(Dialog::Export)),
-    ("networks", Desk::sample, |desk| desk.shell.view.dialog = Some(Dialog::Models)),
-    ("shortcuts", Desk::sample, |desk| desk.shell.view.dialog = Some(Dialog::Shortcuts)),
-    ("palette", Desk::sample, |desk| desk.shell.view.dialog = Some(Dialog::Palette)),
+    ("new_project", Desk::sample, |desk| {
+        desk.shell.view.dialog = Some(Dialog::NewProject)
+    }),
+    ("export", Desk::sample, |desk| {
+        desk.shell.view.dialog = Some(Dialog::Export)
+    }),
+    ("networks", Desk::sample, |desk| {
+        desk.shell.view.dialog = Some(Dialog::Models)
+    }),
+    ("shortcuts", Desk::sample, |desk| {
+        desk.shell.view.dialog = Some(Dialog::Shortcuts)
+    }),
+    ("palette", Desk::sample, |desk| {
+        desk.shell.view.dialog = Some(Dialog::Palette)
+    }),
     ("notices", Desk::sample, |desk| {
         let notices = &mut desk.shell.view.notices;
-        notices.tell(Severity::Error, "/data/000012.png: cannot be read (No such file); check that it exists");
-        notices.tell(Severity::Warning, "3 frames have no depth and were left out: 000003, 000007, 000009");
+        notices.tell(
+            Severity::Error,
+            "/data/000012.png: cannot be read (No such file); check that it exists",
+        );
+        notices.tell(
+            Severity::Warning,
+            "3 frames have no depth and were left out: 000003, 000007, 000009",
+        );
     }),
     ("confidence", Desk::sample, |desk| {
         desk.shell.view.prefs.panes = Panes::Scene;
@@ -63,10 +85,21 @@ fn everything_opens_dark_and_light() {
     }
 }
 
-fn show(name: &str, mut desk: Desk, change: fn(&mut Desk), theme: egui::Theme, keep: Option<&Path>) {
-    let mut builder = egui_kittest::Harness::builder().with_theme(theme).with_context_setup(ostra_app::set_theme);
+fn show(
+    name: &str,
+    mut desk: Desk,
+    change: fn(&mut Desk),
+    theme: egui::Theme,
+    keep: Option<&Path>,
+) {
+    let mut builder = egui_kittest::Harness::builder()
+        .with_theme(theme)
+        .with_context_setup(ostra_app::set_theme);
     if keep.is_some() {
-        let gpu = create_render_state(default_wgpu_setup(), egui_wgpu::RendererOptions::PREDICTABLE);
+        let gpu = create_render_state(
+            default_wgpu_setup(),
+            egui_wgpu::RendererOptions::PREDICTABLE,
+        );
         desk.shell = Shell::new(Prefs::default(), Some(&gpu));
         builder = builder.renderer(WgpuTestRenderer::from_render_state(gpu));
     }
@@ -78,32 +111,75 @@ fn show(name: &str, mut desk: Desk, change: fn(&mut Desk), theme: egui::Theme, k
     }
     assert_eq!(harness.unnamed_widgets(), Vec::<String>::new(), "{name}");
     if let Some(dir) = keep {
-        let theme = if theme == egui::Theme::Dark { "dark" } else { "light" };
-        harness.render().unwrap().save(dir.join(format!("{name}_{theme}.png"))).unwrap();
+        let theme = if theme == egui::Theme::Dark {
+            "dark"
+        } else {
+            "light"
+        };
+        harness
+            .render()
+            .unwrap()
+            .save(dir.join(format!("{name}_{theme}.png")))
+            .unwrap();
     }
 }
 
 /// The real shelf with its true masks, where the data is; the made-up project where it is not.
 fn shelf() -> Desk {
     let mut desk = Desk::sample();
-    let Some(dir) = support::data_dir().map(|dir| dir.join("apc_shelf_rgbd_labels")) else { return desk };
+    let Some(dir) = support::data_dir().map(|dir| dir.join("apc_shelf_rgbd_labels")) else {
+        return desk;
+    };
     let (progress, depth) = (Progress::default(), Some(dir.join("depth")));
-    let sources = vec![FrameFolder { frames: dir.join("color"), depth }];
-    let request = OpenRequest { sources, ..OpenRequest::default() };
+    let sources = vec![FrameFolder {
+        frames: dir.join("color"),
+        depth,
+    }];
+    let request = OpenRequest {
+        sources,
+        ..OpenRequest::default()
+    };
     let mut frames = ostra_frames::open(&request, &progress).unwrap().frames;
-    GivenCameras::read(&dir.join("sparse")).unwrap().match_to(&mut frames).unwrap();
-    let cloud = read_ply(&dir.join("reference_labelled_cloud.ply"), &progress).unwrap().cloud;
-    desk.project = Project { frames: Arc::new(frames), labels: shelf_labels(), ..Project::default() };
+    GivenCameras::read(&dir.join("sparse"))
+        .unwrap()
+        .match_to(&mut frames)
+        .unwrap();
+    let cloud = read_ply(&dir.join("reference_labelled_cloud.ply"), &progress)
+        .unwrap()
+        .cloud;
+    desk.project = Project {
+        frames: Arc::new(frames),
+        labels: shelf_labels(),
+        ..Project::default()
+    };
     for number in 0..desk.project.frames.len() {
-        let truth = image::open(dir.join(format!("labels/{number:06}.png"))).unwrap().to_luma8();
+        let truth = image::open(dir.join(format!("labels/{number:06}.png")))
+            .unwrap()
+            .to_luma8();
         let ids = truth.iter().map(|&id| LabelId(u16::from(id))).collect();
-        let mask = LabelMask { width: truth.width(), height: truth.height(), ids };
-        let origin = if number % 7 == 0 { MaskOrigin::Anchor } else { MaskOrigin::Tracked };
+        let mask = LabelMask {
+            width: truth.width(),
+            height: truth.height(),
+            ids,
+        };
+        let origin = if number % 7 == 0 {
+            MaskOrigin::Anchor
+        } else {
+            MaskOrigin::Tracked
+        };
         let runs = Arc::new(RunMask::encode(&mask));
-        let mask = FrameMask { runs, origin, stale: number == 9, confidence: BTreeMap::new() };
+        let mask = FrameMask {
+            runs,
+            origin,
+            stale: number == 9,
+            confidence: BTreeMap::new(),
+        };
         desk.project.masks.insert(number, mask);
     }
-    desk.cloud = Some(Arc::new(LabelledCloud { tree: shelf_labels(), ..cloud }));
+    desk.cloud = Some(Arc::new(LabelledCloud {
+        tree: shelf_labels(),
+        ..cloud
+    }));
     let store = Arc::new(FrameStore::new(100 << 20));
     desk.pictures = Pictures::of(Arc::clone(&desk.project.frames), store, || {});
     desk
@@ -111,9 +187,20 @@ fn shelf() -> Desk {
 
 fn shelf_labels() -> LabelTree {
     let mut tree = LabelTree::default();
-    for (id, name) in [(1, "chenille stems"), (2, "bunny book"), (3, "tissue box"), (4, "joke book")] {
+    for (id, name) in [
+        (1, "chenille stems"),
+        (2, "bunny book"),
+        (3, "tissue box"),
+        (4, "joke book"),
+    ] {
         let id = LabelId(id);
-        tree.set(Label { id, name: name.into(), color: LabelTree::color_for(id), parent: None }).unwrap();
+        tree.set(Label {
+            id,
+            name: name.into(),
+            color: LabelTree::color_for(id),
+            parent: None,
+        })
+        .unwrap();
     }
     tree
 }

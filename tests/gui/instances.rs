@@ -30,10 +30,22 @@ fn drag(harness: &mut Harness, from: &str, to: &str) {
 #[test]
 fn a_label_is_dragged_under_another_but_never_below_itself() {
     let mut harness = Desk::sample().shown();
-    let pot = harness.state().project.labels.by_name("pot").unwrap().clone();
+    let pot = harness
+        .state()
+        .project
+        .labels
+        .by_name("pot")
+        .unwrap()
+        .clone();
     let plant = harness.state().project.labels.by_name("plant").unwrap().id;
     drag(&mut harness, "pot", "plant");
-    assert_eq!(harness.state().asked, [Command::EditLabel(Label { parent: Some(plant), ..pot })]);
+    assert_eq!(
+        harness.state().asked,
+        [Command::EditLabel(Label {
+            parent: Some(plant),
+            ..pot
+        })]
+    );
     harness.state_mut().asked.clear();
     drag(&mut harness, "plant", "leaf");
     assert_eq!(harness.state().asked, [], "a leaf is a part of the plant");
@@ -47,16 +59,36 @@ fn instances_are_looked_at_and_then_made() {
     harness.get_by_label("Find instances").click();
     harness.run_steps(3);
     let label = harness.state().project.labels.by_name("leaf").unwrap().id;
-    let request = InstancesRequest { label, options: InstanceOptions::default() };
+    let request = InstancesRequest {
+        label,
+        options: InstanceOptions::default(),
+    };
     assert_eq!(harness.state().shell.view.instances, Some(request));
-    assert!(harness.get_by_label("Make instances").accesskit_node().is_disabled(), "nothing is found yet");
-    let leaf =
-        |n: u16| Label { id: LabelId(10 + n), name: format!("leaf {n}"), color: [n as u8; 3], parent: Some(label) };
+    assert!(
+        harness
+            .get_by_label("Make instances")
+            .accesskit_node()
+            .is_disabled(),
+        "nothing is found yet"
+    );
+    let leaf = |n: u16| Label {
+        id: LabelId(10 + n),
+        name: format!("leaf {n}"),
+        color: [n as u8; 3],
+        parent: Some(label),
+    };
     let cloud = Arc::clone(harness.state().cloud.as_ref().unwrap());
     let found = vec![(leaf(1), 1200), (leaf(2), 70)];
-    harness.state_mut().proposed = Some(Arc::new(ProposedInstances { labels: found, cloud }));
+    harness.state_mut().proposed = Some(Arc::new(ProposedInstances {
+        labels: found,
+        cloud,
+    }));
     harness.run_steps(3);
-    assert!(harness.query_by_label("2 found, shown in 3-D").is_some(), "{:?}", labels(&harness));
+    assert!(
+        harness.query_by_label("2 found, shown in 3-D").is_some(),
+        "{:?}",
+        labels(&harness)
+    );
     assert!(harness.query_by_label("leaf 2").is_some());
     harness.get_by_label("Make instances").click();
     harness.run_steps(2);
@@ -67,12 +99,21 @@ fn instances_are_looked_at_and_then_made() {
 #[test]
 fn instances_can_be_given_up() {
     let mut harness = Desk::sample().shown();
-    let request = InstancesRequest { label: LabelId(2), options: InstanceOptions::default() };
+    let request = InstancesRequest {
+        label: LabelId(2),
+        options: InstanceOptions::default(),
+    };
     harness.state_mut().shell.view.instances = Some(request);
     harness.run_steps(3);
     harness.get_by_label("Give up").click();
     harness.run_steps(2);
-    assert_eq!((harness.state().shell.view.instances, harness.state().asked.len()), (None, 0));
+    assert_eq!(
+        (
+            harness.state().shell.view.instances,
+            harness.state().asked.len()
+        ),
+        (None, 0)
+    );
 }
 
 #[test]
@@ -88,8 +129,21 @@ fn a_label_is_merged_into_another_or_moved_by_its_menu() {
         crate::desk::press(&mut harness, egui::Modifiers::NONE, egui::Key::Escape);
     }
     let labels = &harness.state().project.labels;
-    let [plant, leaf, pot] = ["plant", "leaf", "pot"].map(|name| labels.by_name(name).unwrap().clone());
+    let [plant, leaf, pot] =
+        ["plant", "leaf", "pot"].map(|name| labels.by_name(name).unwrap().clone());
     let asked = &harness.state().asked;
-    let moved = Command::EditLabel(Label { parent: Some(leaf.id), ..pot.clone() });
-    assert_eq!(asked[..], [Command::MergeLabels { label: pot.id, into: plant.id }, moved]);
+    let moved = Command::EditLabel(Label {
+        parent: Some(leaf.id),
+        ..pot.clone()
+    });
+    assert_eq!(
+        asked[..],
+        [
+            Command::MergeLabels {
+                label: pot.id,
+                into: plant.id
+            },
+            moved
+        ]
+    );
 }

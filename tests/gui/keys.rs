@@ -15,7 +15,11 @@ use ostra_view::Layer;
 
 use crate::desk::{Desk, click_at, on_screen, press};
 
-const CTRL: Modifiers = Modifiers { ctrl: true, command: true, ..Modifiers::NONE };
+const CTRL: Modifiers = Modifiers {
+    ctrl: true,
+    command: true,
+    ..Modifiers::NONE
+};
 
 #[test]
 fn digits_choose_labels_in_the_order_of_the_list() {
@@ -25,7 +29,11 @@ fn digits_choose_labels_in_the_order_of_the_list() {
     press(&mut harness, Modifiers::NONE, Key::Num2);
     assert_eq!(harness.state().shell.view.label, Some(LabelId(2)));
     press(&mut harness, Modifiers::NONE, Key::Num9);
-    assert_eq!(harness.state().shell.view.label, Some(LabelId(2)), "there is no ninth");
+    assert_eq!(
+        harness.state().shell.view.label,
+        Some(LabelId(2)),
+        "there is no ninth"
+    );
 }
 
 #[test]
@@ -42,16 +50,31 @@ fn shift_h_fills_holes_and_shift_k_removes_islands_of_the_size_in_the_tool_bar()
         .asked
         .iter()
         .map(|command| match command {
-            Command::Tidy(request) => (request.frame, request.label, request.holes_below_px, request.islands_below_px),
+            Command::Tidy(request) => (
+                request.frame,
+                request.label,
+                request.holes_below_px,
+                request.islands_below_px,
+            ),
             other => panic!("{other:?}"),
         })
         .collect();
-    assert_eq!(tidied, [(0, LabelId(2), 30, 0), (0, LabelId(2), 0, 30), (0, LabelId(2), 30, 0)]);
+    assert_eq!(
+        tidied,
+        [
+            (0, LabelId(2), 30, 0),
+            (0, LabelId(2), 0, 30),
+            (0, LabelId(2), 30, 0)
+        ]
+    );
     harness.get_by_label("Size of holes and islands");
     harness.state_mut().asked.clear();
     press(&mut harness, Modifiers::NONE, Key::End);
     press(&mut harness, Modifiers::SHIFT, Key::H);
-    assert!(harness.state().asked.is_empty(), "a frame without a mask has nothing to tidy");
+    assert!(
+        harness.state().asked.is_empty(),
+        "a frame without a mask has nothing to tidy"
+    );
 }
 
 #[test]
@@ -88,8 +111,13 @@ fn undo_track_and_anchor_by_key() {
     let asked = &harness.state().asked;
     assert_eq!(asked[0], Command::Undo);
     assert_eq!(asked[1], Command::MakeAnchor { frame: 1 });
-    let Command::Track(settings) = &asked[2] else { panic!("{asked:?}") };
-    assert_eq!((settings.from, settings.direction), (Some(1), Direction::Forward));
+    let Command::Track(settings) = &asked[2] else {
+        panic!("{asked:?}")
+    };
+    assert_eq!(
+        (settings.from, settings.direction),
+        (Some(1), Direction::Forward)
+    );
     press(&mut harness, CTRL | Modifiers::SHIFT, Key::Z);
     assert_eq!(harness.state().asked.len(), 3, "there is nothing to redo");
 }
@@ -101,7 +129,9 @@ fn q_and_e_click_under_the_pointer() {
     harness.hover_at(at);
     harness.run_steps(2);
     press(&mut harness, Modifiers::NONE, Key::E);
-    let Command::Prompt(request) = &harness.state().asked[0] else { panic!() };
+    let Command::Prompt(request) = &harness.state().asked[0] else {
+        panic!()
+    };
     assert!(!request.prompt.clicks[0].include);
 }
 
@@ -143,8 +173,16 @@ fn the_sheet_says_which_action_lost_its_keys() {
     harness.get_by_label("Shortcut of Fuse: U").click();
     harness.run_steps(2);
     press(&mut harness, Modifiers::NONE, Key::D);
-    assert!(harness.query_by_label("'Next frame to check' had these keys and has none now").is_some());
-    assert!(harness.query_by_label("Shortcut of Next frame to check: ").is_some());
+    assert!(
+        harness
+            .query_by_label("'Next frame to check' had these keys and has none now")
+            .is_some()
+    );
+    assert!(
+        harness
+            .query_by_label("Shortcut of Next frame to check: ")
+            .is_some()
+    );
 }
 
 #[test]
@@ -154,14 +192,21 @@ fn palette_finds_and_does() {
     harness.event(egui::Event::Text("reconstr".into()));
     harness.run_steps(2);
     press(&mut harness, Modifiers::NONE, Key::Enter);
-    assert!(matches!(harness.state().asked[..], [Command::Reconstruct(_)]), "{:?}", harness.state().asked);
+    assert!(
+        matches!(harness.state().asked[..], [Command::Reconstruct(_)]),
+        "{:?}",
+        harness.state().asked
+    );
     assert_eq!(harness.state().shell.view.dialog, None);
 }
 
 #[test]
 fn every_action_is_in_a_menu_or_has_keys() {
     for action in Action::all() {
-        assert!(action.menu().is_some() || action.default_keys().is_some(), "{action:?}");
+        assert!(
+            action.menu().is_some() || action.default_keys().is_some(),
+            "{action:?}"
+        );
     }
 }
 
@@ -172,8 +217,14 @@ fn a_click_after_undo_builds_on_what_the_project_has() {
     click_at(&mut harness, at, PointerButton::Primary);
     press(&mut harness, CTRL, Key::Z);
     click_at(&mut harness, at, PointerButton::Secondary);
-    let Some(Command::Prompt(request)) = harness.state().asked.last() else { panic!() };
-    assert_eq!(request.prompt.clicks.len(), 1, "the click taken back does not come again");
+    let Some(Command::Prompt(request)) = harness.state().asked.last() else {
+        panic!()
+    };
+    assert_eq!(
+        request.prompt.clicks.len(),
+        1,
+        "the click taken back does not come again"
+    );
 }
 
 #[test]
@@ -193,7 +244,13 @@ fn a_key_shows_depth_normals_and_confidence_in_the_photos_place() {
         press(&mut harness, Modifiers::NONE, Key::F7);
         assert_eq!(shown(&harness), layer);
         harness.get_by_role_and_label(egui::Role::ComboBox, "Shown layer");
-        assert_eq!(asked.recv_timeout(std::time::Duration::from_secs(60)).unwrap(), (0, layer), "it is drawn");
+        assert_eq!(
+            asked
+                .recv_timeout(std::time::Duration::from_secs(60))
+                .unwrap(),
+            (0, layer),
+            "it is drawn"
+        );
     }
     press(&mut harness, Modifiers::NONE, Key::F7);
     assert_eq!(shown(&harness), Layer::Photo);
@@ -201,12 +258,24 @@ fn a_key_shows_depth_normals_and_confidence_in_the_photos_place() {
 
 /// A job that has run for three minutes.
 fn long_job() -> JobView {
-    let report = ProgressReport { stage: "match".into(), done: 56, total: 100 };
-    JobView { id: JobId(7), title: "Reconstruct".into(), report, elapsed: Duration::from_secs(180) }
+    let report = ProgressReport {
+        stage: "match".into(),
+        done: 56,
+        total: 100,
+    };
+    JobView {
+        id: JobId(7),
+        title: "Reconstruct".into(),
+        report,
+        elapsed: Duration::from_secs(180),
+    }
 }
 
 fn busy() -> Desk {
-    Desk { jobs: vec![long_job()], ..Desk::sample() }
+    Desk {
+        jobs: vec![long_job()],
+        ..Desk::sample()
+    }
 }
 
 #[test]
@@ -215,7 +284,11 @@ fn escape_stops_no_work_whatever_it_closes() {
     let escape = |harness: &mut Harness<'_, Desk>, what: &str| {
         press(harness, Modifiers::NONE, Key::Escape);
         harness.run_steps(4);
-        assert!(harness.state().asked.is_empty(), "{what}: {:?}", harness.state().asked);
+        assert!(
+            harness.state().asked.is_empty(),
+            "{what}: {:?}",
+            harness.state().asked
+        );
     };
     escape(&mut harness, "nothing is open");
     for menu in ["Edit", "View", "Run"] {
@@ -223,13 +296,21 @@ fn escape_stops_no_work_whatever_it_closes() {
         harness.run_steps(4);
         escape(&mut harness, menu);
     }
-    for dialog in [Dialog::Export, Dialog::Models, Dialog::Shortcuts, Dialog::Palette, Dialog::Picture] {
+    for dialog in [
+        Dialog::Export,
+        Dialog::Models,
+        Dialog::Shortcuts,
+        Dialog::Palette,
+        Dialog::Picture,
+    ] {
         harness.state_mut().shell.view.dialog = Some(dialog);
         harness.run_steps(4);
         escape(&mut harness, &format!("{dialog:?}"));
         assert_eq!(harness.state().shell.view.dialog, None, "{dialog:?}");
     }
-    harness.get_by_role_and_label(egui::Role::ComboBox, "Shown layer").click();
+    harness
+        .get_by_role_and_label(egui::Role::ComboBox, "Shown layer")
+        .click();
     harness.run_steps(4);
     escape(&mut harness, "a list");
     harness.get_by_label("New label name").focus();
@@ -250,14 +331,25 @@ fn escape_that_closes_a_menu_leaves_what_is_half_made() {
         let at = on_screen(&harness, x, y);
         click_at(&mut harness, at, PointerButton::Primary);
     }
-    assert!(harness.state().shell.view.draft.is_half_made(), "{:?}", harness.state().shell.view.tool);
+    assert!(
+        harness.state().shell.view.draft.is_half_made(),
+        "{:?}",
+        harness.state().shell.view.tool
+    );
     harness.get_all_by_label("Edit").next().unwrap().click();
     harness.run_steps(4);
     press(&mut harness, Modifiers::NONE, Key::Escape);
-    assert!(harness.state().shell.view.draft.is_half_made(), "the menu is closed, and no more");
+    assert!(
+        harness.state().shell.view.draft.is_half_made(),
+        "the menu is closed, and no more"
+    );
     press(&mut harness, Modifiers::NONE, Key::Escape);
     assert!(!harness.state().shell.view.draft.is_half_made());
-    assert!(harness.state().asked.is_empty(), "{:?}", harness.state().asked);
+    assert!(
+        harness.state().asked.is_empty(),
+        "{:?}",
+        harness.state().asked
+    );
 }
 
 #[test]

@@ -14,20 +14,39 @@ use crate::desk::{Desk, press};
 
 /// Frames 0, 1 and 3 share points, frame 2 has no camera.
 fn sparse() -> SparseModel {
-    let point = |x: f64| SparsePoint { position: DVec3::new(x, 0.0, 0.0), color: [200, 80, 10], error_px: Some(0.4) };
+    let point = |x: f64| SparsePoint {
+        position: DVec3::new(x, 0.0, 0.0),
+        color: [200, 80, 10],
+        error_px: Some(0.4),
+    };
     let sees = |from: u32, to: u32| -> Vec<SparseKeypoint> {
         let at = |i: u32| DVec2::new(2.0 + f64::from(i), 20.0);
-        (from..to).map(|i| SparseKeypoint { at_px: at(i), point: Some(i) }).collect()
+        (from..to)
+            .map(|i| SparseKeypoint {
+                at_px: at(i),
+                point: Some(i),
+            })
+            .collect()
     };
     let points = SparsePoints {
         points: (0..40).map(|i| point(f64::from(i) * 0.02)).collect(),
         keypoints: BTreeMap::from([(0, sees(0, 30)), (1, sees(10, 40)), (3, sees(25, 40))]),
     };
-    let placed = |points| Outcome::Placed { points, error_px: 0.4 };
+    let placed = |points| Outcome::Placed {
+        points,
+        error_px: 0.4,
+    };
     let outcomes = BTreeMap::from([
         (0, placed(30)),
         (1, placed(30)),
-        (2, Outcome::FewPoints { seen: 7, needed: 30, nearest: Some((1, 19)) }),
+        (
+            2,
+            Outcome::FewPoints {
+                seen: 7,
+                needed: 30,
+                nearest: Some((1, 19)),
+            },
+        ),
         (3, placed(15)),
     ]);
     SparseModel::new(points, outcomes, Vec::new())
@@ -45,7 +64,12 @@ fn the_window_tells_why_a_frame_has_no_camera_and_goes_to_it() {
     press(&mut harness, egui::Modifiers::NONE, egui::Key::F6);
     harness.get_by_label("3 of 4 frames have a camera");
     harness.get_by_label_contains("no camera");
-    assert_eq!(harness.get_all_by_label_contains("30 points  0.40 px").count(), 2);
+    assert_eq!(
+        harness
+            .get_all_by_label_contains("30 points  0.40 px")
+            .count(),
+        2
+    );
     harness.get_by_label_contains("2  002.png").click();
     harness.run_steps(3);
     assert_eq!(harness.state().shell.view.frame, 2);
@@ -63,31 +87,55 @@ fn two_frames_stand_beside_each_other_and_the_other_is_chosen() {
     harness.run_steps(3);
     harness.get_by_label("Matches of frames 0 and 3");
     press(&mut harness, egui::Modifiers::NONE, egui::Key::F6);
-    assert!(harness.query_by_label("Matches of frames 0 and 3").is_none());
+    assert!(
+        harness
+            .query_by_label("Matches of frames 0 and 3")
+            .is_none()
+    );
 }
 
 #[test]
 fn the_panel_hands_out_what_was_chosen() {
     let mut harness = with_sparse().shown();
-    assert!(harness.query_by_label("Only labelled pixels").is_none(), "folded until it is wanted");
+    assert!(
+        harness.query_by_label("Only labelled pixels").is_none(),
+        "folded until it is wanted"
+    );
     harness.get_by_label("Details").click();
     harness.run_steps(3);
     harness.get_by_label("Only labelled pixels").click();
-    harness.get_by_role_and_label(egui::Role::TextInput, "Pairs").focus();
+    harness
+        .get_by_role_and_label(egui::Role::TextInput, "Pairs")
+        .focus();
     harness.run_steps(2);
-    harness.get_by_role_and_label(egui::Role::TextInput, "Pairs").type_text("0,2 1");
+    harness
+        .get_by_role_and_label(egui::Role::TextInput, "Pairs")
+        .type_text("0,2 1");
     harness.run_steps(3);
     press(&mut harness, egui::Modifiers::NONE, egui::Key::Escape);
     press(&mut harness, egui::Modifiers::NONE, egui::Key::R);
     assert_eq!(harness.state().asked, [], "no pair is left out in silence");
-    assert!(harness.query_all_by_label_contains("'1' is no pair of frames").count() >= 1);
-    harness.get_by_role_and_label(egui::Role::TextInput, "Pairs").focus();
+    assert!(
+        harness
+            .query_all_by_label_contains("'1' is no pair of frames")
+            .count()
+            >= 1
+    );
+    harness
+        .get_by_role_and_label(egui::Role::TextInput, "Pairs")
+        .focus();
     harness.run_steps(2);
-    harness.get_by_role_and_label(egui::Role::TextInput, "Pairs").type_text(",3");
+    harness
+        .get_by_role_and_label(egui::Role::TextInput, "Pairs")
+        .type_text(",3");
     harness.run_steps(3);
     press(&mut harness, egui::Modifiers::NONE, egui::Key::Escape);
     press(&mut harness, egui::Modifiers::NONE, egui::Key::R);
     let pairs = vec![[0, 2], [1, 3]];
-    let wish = ReconstructRequest { only_labelled: true, pairs, ..ReconstructRequest::default() };
+    let wish = ReconstructRequest {
+        only_labelled: true,
+        pairs,
+        ..ReconstructRequest::default()
+    };
     assert_eq!(harness.state().asked, [Command::Reconstruct(wish)]);
 }

@@ -7,7 +7,9 @@ use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 use glam::Vec3;
 use ostra_cloud::LabelledCloud;
-use ostra_cloud::measure::{Dimension, GroundChoice, LengthUnit, MeasureOptions, TraitRow, measure};
+use ostra_cloud::measure::{
+    Dimension, GroundChoice, LengthUnit, MeasureOptions, TraitRow, measure,
+};
 use ostra_core::job::Progress;
 use ostra_masks::LabelId;
 use ostra_project::ExportRequest;
@@ -18,7 +20,8 @@ use crate::desk::{Desk, press, tree};
 /// A leaf of 10 × 100 mm and a pot of 40 × 40 mm, both flat.
 fn traits() -> Vec<TraitRow> {
     let patch = |width: u32, length: u32, z: f32| {
-        (0..width * length).map(move |k| Vec3::new((k % width) as f32, (k / width) as f32, z) * 0.001)
+        (0..width * length)
+            .map(move |k| Vec3::new((k % width) as f32, (k / width) as f32, z) * 0.001)
     };
     let (leaf, pot) = (patch(10, 100, 50.0), patch(40, 40, 0.0));
     let mut cloud = LabelledCloud::from_positions(leaf.chain(pot).collect());
@@ -28,16 +31,26 @@ fn traits() -> Vec<TraitRow> {
 }
 
 fn shown() -> Harness<'static, Desk> {
-    let mut harness = Desk { traits: Some(Arc::new(traits())), ..Desk::sample() }.shown();
+    let mut harness = Desk {
+        traits: Some(Arc::new(traits())),
+        ..Desk::sample()
+    }
+    .shown();
     press(&mut harness, Modifiers::NONE, Key::F8);
     harness
 }
 
 /// The rows' labels from top to bottom.
 fn order(harness: &Harness<'_, Desk>) -> Vec<String> {
-    let named = |name: &&str| harness.query_by_label(&format!("Measured {name}")).map(|node| node.rect().top());
-    let mut rows: Vec<(f32, &str)> =
-        ["plant", "leaf", "pot"].iter().filter_map(|name| Some((named(name)?, *name))).collect();
+    let named = |name: &&str| {
+        harness
+            .query_by_label(&format!("Measured {name}"))
+            .map(|node| node.rect().top())
+    };
+    let mut rows: Vec<(f32, &str)> = ["plant", "leaf", "pot"]
+        .iter()
+        .filter_map(|name| Some((named(name)?, *name)))
+        .collect();
     rows.sort_by(|a, b| a.0.total_cmp(&b.0));
     rows.into_iter().map(|(_, name)| name.to_owned()).collect()
 }
@@ -52,7 +65,11 @@ fn measures_are_listed_sorted_and_choose_labels() {
     for _ in 0..2 {
         harness.get_by_label("Sort by Width").click();
         harness.run_steps(2);
-        assert_eq!(order(&harness).last().map(String::as_str), Some("pot"), "what has no width comes last");
+        assert_eq!(
+            order(&harness).last().map(String::as_str),
+            Some("pot"),
+            "what has no width comes last"
+        );
     }
     harness.get_by_label("Order of the tree").click();
     harness.run_steps(2);
@@ -66,15 +83,24 @@ fn measures_are_listed_sorted_and_choose_labels() {
 #[test]
 fn a_cell_tells_how_and_from_how_many_points() {
     let mut harness = shown();
-    let area = traits().into_iter().find(|row| row.id == LabelId(3) && row.name == "area").unwrap();
+    let area = traits()
+        .into_iter()
+        .find(|row| row.id == LabelId(3) && row.name == "area")
+        .unwrap();
     let text = LengthUnit::Metre.text(area.value, area.dimension);
-    let cell = harness.query_all_by_label(&text).next().unwrap_or_else(|| panic!("{text}"));
+    let cell = harness
+        .query_all_by_label(&text)
+        .next()
+        .unwrap_or_else(|| panic!("{text}"));
     let at = cell.rect().center();
     harness.hover_at(at);
     harness.run_steps(60);
     let tip = format!("From {} points", area.points);
     for told in [tip.as_str(), &area.definition] {
-        assert!(harness.query_all_by_label_contains(told).next().is_some(), "{told}");
+        assert!(
+            harness.query_all_by_label_contains(told).next().is_some(),
+            "{told}"
+        );
     }
 }
 
@@ -97,9 +123,13 @@ fn angle(instance: usize, degrees: f64) -> TraitRow {
 fn choose(harness: &mut Harness<'_, Desk>, list: &str, label: &str) {
     harness.get_by_label(list).click();
     harness.run_steps(3);
-    let lowest = |a: &egui_kittest::Node<'_>, b: &egui_kittest::Node<'_>| a.rect().top().total_cmp(&b.rect().top());
+    let lowest = |a: &egui_kittest::Node<'_>, b: &egui_kittest::Node<'_>| {
+        a.rect().top().total_cmp(&b.rect().top())
+    };
     let list = harness.get_by_label(list).rect();
-    let entries = harness.query_all_by_label(label).filter(|node| node.rect().top() > list.top());
+    let entries = harness
+        .query_all_by_label(label)
+        .filter(|node| node.rect().top() > list.top());
     entries
         .filter(|node| node.rect().left() < list.right() && node.rect().right() > list.left())
         .min_by(lowest)
@@ -119,17 +149,39 @@ fn an_angle_between_two_chosen_labels_is_told_and_explained() {
     harness.get_by_label("Not measured");
     assert_eq!(harness.unnamed_widgets(), Vec::<String>::new());
     let pair = [LabelId(2), LabelId(3)];
-    assert_eq!(harness.state().shell.view.measures.pairs().collect::<Vec<_>>(), [pair]);
+    assert_eq!(
+        harness
+            .state()
+            .shell
+            .view
+            .measures
+            .pairs()
+            .collect::<Vec<_>>(),
+        [pair]
+    );
 
-    harness.state_mut().angles.insert(pair, Ok(vec![angle(1, 34.52), angle(2, 61.0)]));
+    harness
+        .state_mut()
+        .angles
+        .insert(pair, Ok(vec![angle(1, 34.52), angle(2, 61.0)]));
     harness.run_steps(2);
     let at = harness.get_by_label("34.5°").rect().center();
     harness.hover_at(at);
     harness.run_steps(60);
-    for told in ["angle between leaf and pot", "From 2345 points", "Of the largest of 2 pieces: 34.5°, 61.0°"] {
-        assert!(harness.query_all_by_label_contains(told).next().is_some(), "{told}");
+    for told in [
+        "angle between leaf and pot",
+        "From 2345 points",
+        "Of the largest of 2 pieces: 34.5°, 61.0°",
+    ] {
+        assert!(
+            harness.query_all_by_label_contains(told).next().is_some(),
+            "{told}"
+        );
     }
-    harness.state_mut().angles.insert(pair, Err("no angle can be told of 'pot'".into()));
+    harness
+        .state_mut()
+        .angles
+        .insert(pair, Err("no angle can be told of 'pot'".into()));
     harness.run_steps(2);
     harness.get_by_label("no angle can be told of 'pot'");
 
@@ -141,8 +193,11 @@ fn an_angle_between_two_chosen_labels_is_told_and_explained() {
     harness.run_steps(2);
     harness.get_by_label("Save").click();
     harness.run_steps(2);
-    let request =
-        ExportRequest { traits: Some("/out/traits.csv".into()), angles: vec![pair], ..ExportRequest::default() };
+    let request = ExportRequest {
+        traits: Some("/out/traits.csv".into()),
+        angles: vec![pair],
+        ..ExportRequest::default()
+    };
     assert_eq!(harness.state().asked, [Command::Export(request)]);
 
     harness.get_by_label("Remove angle 1").click();
@@ -194,13 +249,22 @@ fn the_ruler_reads_lines_and_angles_and_takes_clicks_back() {
         harness.state_mut().shell.view.ruler.click(at);
     }
     harness.run_steps(2);
-    let reads = |harness: &Harness<'_, Desk>, text: &str| harness.query_all_by_label(text).next().is_some();
-    assert!(reads(&harness, "0.7000 m"), "{:?}", crate::desk::labels(&harness));
+    let reads =
+        |harness: &Harness<'_, Desk>, text: &str| harness.query_all_by_label(text).next().is_some();
+    assert!(
+        reads(&harness, "0.7000 m"),
+        "{:?}",
+        crate::desk::labels(&harness)
+    );
     harness.get_by_label("Ruler unit").click();
     harness.run_steps(3);
     harness.get_by_label("cm").click();
     harness.run_steps(3);
-    assert!(reads(&harness, "70.00 cm"), "{:?}", crate::desk::labels(&harness));
+    assert!(
+        reads(&harness, "70.00 cm"),
+        "{:?}",
+        crate::desk::labels(&harness)
+    );
     press(&mut harness, Modifiers::NONE, Key::Backspace);
     assert!(reads(&harness, "30.00 cm"));
     harness.get_by_label("Set scale");

@@ -18,14 +18,26 @@ fn empty_window_says_what_to_do_first() {
     assert!(harness.query_by_label("Frame 0, no mask").is_none());
     harness.get_by_label("rice").click();
     harness.run_steps(2);
-    assert_eq!(harness.state().asked, [Command::Open("/projects/rice".into())]);
+    assert_eq!(
+        harness.state().asked,
+        [Command::Open("/projects/rice".into())]
+    );
 }
 
 #[test]
 fn filmstrip_says_the_state_of_every_frame_in_sight() {
     let mut harness = Desk::sample().shown();
-    for name in ["Frame 0, anchor", "Frame 1, tracked", "Frame 2, stale", "Frame 3, no mask"] {
-        assert!(harness.query_by_label(name).is_some(), "{name} in {:?}", labels(&harness));
+    for name in [
+        "Frame 0, anchor",
+        "Frame 1, tracked",
+        "Frame 2, stale",
+        "Frame 3, no mask",
+    ] {
+        assert!(
+            harness.query_by_label(name).is_some(),
+            "{name} in {:?}",
+            labels(&harness)
+        );
     }
     harness.get_by_label("Frame 2, stale").click();
     harness.run_steps(2);
@@ -35,16 +47,24 @@ fn filmstrip_says_the_state_of_every_frame_in_sight() {
 #[test]
 fn filmstrip_of_three_thousand_frames_makes_only_those_in_sight() {
     let mut desk = Desk::sample();
-    let frames: Vec<_> = (0..3000).map(|number| desk.project.frames[number % 12].clone()).collect();
+    let frames: Vec<_> = (0..3000)
+        .map(|number| desk.project.frames[number % 12].clone())
+        .collect();
     desk.project.frames = std::sync::Arc::new(frames);
     let mut harness = desk.shown();
     let tiles = |harness: &egui_kittest::Harness<'_, Desk>| {
-        labels(harness).iter().filter(|label| label.starts_with("Frame ")).count()
+        labels(harness)
+            .iter()
+            .filter(|label| label.starts_with("Frame "))
+            .count()
     };
     assert!(tiles(&harness) < 40, "{}", tiles(&harness));
     harness.state_mut().shell.view.go_to(2900);
     harness.run_steps(3);
-    assert!(harness.query_by_label("Frame 2900, no mask").is_some(), "the strip follows");
+    assert!(
+        harness.query_by_label("Frame 2900, no mask").is_some(),
+        "the strip follows"
+    );
 }
 
 #[test]
@@ -66,7 +86,17 @@ fn labels_are_added_renamed_hidden_and_removed() {
     harness.run_steps(2);
     let asked = &harness.state().asked;
     let name = "panicle".to_owned();
-    assert_eq!(asked[..], [Command::AddLabel { name, parent: None, color: None }, Command::RemoveLabel(LabelId(3))]);
+    assert_eq!(
+        asked[..],
+        [
+            Command::AddLabel {
+                name,
+                parent: None,
+                color: None
+            },
+            Command::RemoveLabel(LabelId(3))
+        ]
+    );
 }
 
 #[test]
@@ -74,17 +104,33 @@ fn suggestions_unfold_as_they_arrive_and_become_labels() {
     let mut harness = Desk::sample().shown();
     assert!(harness.query_by_label("Add suggestion 1").is_none());
     let (at_px, corner) = (glam::DVec2::new(50.5, 40.5), glam::DVec2::new(45.0, 35.0));
-    let around_px = PxBox { min_px: corner, max_px: corner + 10.0 };
-    let ring = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)].map(|(x, y)| corner + glam::DVec2::new(x, y));
+    let around_px = PxBox {
+        min_px: corner,
+        max_px: corner + 10.0,
+    };
+    let ring = [(0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0)]
+        .map(|(x, y)| corner + glam::DVec2::new(x, y));
     let (rings_px, why) = ([ring.to_vec()].into(), Reason::Apart(Apartness::Moves));
-    let one = Suggestion { frame: 5, at_px, around_px, rings_px, share: 0.03, why };
+    let one = Suggestion {
+        frame: 5,
+        at_px,
+        around_px,
+        rings_px,
+        share: 0.03,
+        why,
+    };
     harness.state_mut().suggestions.push(one);
     harness.run_steps(30);
     harness.get_by_label("Add suggestion 1").click();
     harness.run_steps(2);
-    let [Command::AddLabel { .. }, Command::Prompt(request)] = &harness.state().asked[..] else { panic!() };
+    let [Command::AddLabel { .. }, Command::Prompt(request)] = &harness.state().asked[..] else {
+        panic!()
+    };
     assert_eq!((request.frame, request.label), (5, LabelId(4)));
-    assert_eq!((request.prompt.clicks[0].at_px, &request.prompt.boxes[..]), (at_px, &[around_px][..]));
+    assert_eq!(
+        (request.prompt.clicks[0].at_px, &request.prompt.boxes[..]),
+        (at_px, &[around_px][..])
+    );
     assert_eq!(harness.state().shell.view.frame, 5);
 }
 
@@ -93,15 +139,29 @@ fn a_label_with_children_cannot_be_removed() {
     let mut harness = Desk::sample().shown();
     harness.get_by_label("More for plant").click();
     harness.run_steps(3);
-    assert!(harness.get_by_label("Remove").accesskit_node().is_disabled());
+    assert!(
+        harness
+            .get_by_label("Remove")
+            .accesskit_node()
+            .is_disabled()
+    );
 }
 
 #[test]
 fn engine_lists_say_what_is_installed() {
     let mut harness = Desk::sample().shown();
-    harness.get_by_role_and_label(egui::Role::ComboBox, "Tracker").click();
+    harness
+        .get_by_role_and_label(egui::Role::ComboBox, "Tracker")
+        .click();
     harness.run_steps(3);
-    assert!(harness.get_by_label("xmem (not installed)").accesskit_node().is_disabled(), "{:?}", labels(&harness));
+    assert!(
+        harness
+            .get_by_label("xmem (not installed)")
+            .accesskit_node()
+            .is_disabled(),
+        "{:?}",
+        labels(&harness)
+    );
     harness.get_by_label("geometry").click();
     harness.run_steps(2);
     assert_eq!(harness.state().shell.view.track.tracker, "geometry");
@@ -111,14 +171,26 @@ fn engine_lists_say_what_is_installed() {
 fn masks_are_constrained_by_geometry_where_there_is_any() {
     let mut harness = Desk::sample().shown();
     let name = "Constrain by geometry";
-    assert!(harness.get_by_label(name).accesskit_node().is_disabled(), "the frames have no depth");
+    assert!(
+        harness.get_by_label(name).accesskit_node().is_disabled(),
+        "the frames have no depth"
+    );
     harness.get_by_label(name).hover();
     harness.run_steps(30);
     let tip = "Needs frames with depth and cameras: add them, or reconstruct first";
-    assert!(harness.query_by_label(tip).is_some(), "{:?}", labels(&harness));
+    assert!(
+        harness.query_by_label(tip).is_some(),
+        "{:?}",
+        labels(&harness)
+    );
     let mut frames = harness.state().project.frames.to_vec();
     let (unit, orientation) = (0.001, Orientation(1));
-    frames[3].depth = Some(DepthSource::Sensor { path: "d.png".into(), unit, orientation, camera: None });
+    frames[3].depth = Some(DepthSource::Sensor {
+        path: "d.png".into(),
+        unit,
+        orientation,
+        camera: None,
+    });
     harness.state_mut().project.frames = Arc::new(frames);
     harness.run_steps(2);
     harness.get_by_label(name).click();
@@ -130,7 +202,10 @@ fn masks_are_constrained_by_geometry_where_there_is_any() {
     harness.state_mut().shell.view.track.tracker = "geometry".into();
     harness.run_steps(2);
     assert!(harness.get_by_label(name).accesskit_node().is_disabled());
-    assert!(!harness.state().shell.view.track.constrain, "'geometry' needs no such wish");
+    assert!(
+        !harness.state().shell.view.track.constrain,
+        "'geometry' needs no such wish"
+    );
 }
 
 #[test]
@@ -148,7 +223,15 @@ fn buttons_ask_for_undo_tracking_reconstruction_and_fusion() {
     }
     let asked = &harness.state().asked;
     assert!(
-        matches!(asked[..], [Command::Undo, Command::Track(_), Command::Reconstruct(_), Command::Fuse(_)]),
+        matches!(
+            asked[..],
+            [
+                Command::Undo,
+                Command::Track(_),
+                Command::Reconstruct(_),
+                Command::Fuse(_)
+            ]
+        ),
         "{asked:?}"
     );
 }
@@ -172,19 +255,31 @@ fn one_label_is_re_tracked_around_a_corrected_frame() {
     assert_eq!(harness.state().asked[..], [Command::Track(settings)]);
     harness.state_mut().shell.view.go_to(1);
     harness.run_steps(2);
-    assert!(harness.get_by_label(name).accesskit_node().is_disabled(), "a tracked frame was not corrected");
+    assert!(
+        harness.get_by_label(name).accesskit_node().is_disabled(),
+        "a tracked frame was not corrected"
+    );
 }
 
 #[test]
 fn the_size_that_a_network_sees_can_be_chosen() {
     let mut harness = Desk::sample().shown();
-    assert!(harness.query_by_label("own size").is_none(), "our own trackers see pictures as they are");
+    assert!(
+        harness.query_by_label("own size").is_none(),
+        "our own trackers see pictures as they are"
+    );
     harness.state_mut().shell.view.track.tracker = "xmem".into();
     harness.run_steps(2);
     assert!(harness.query_by_label("Shorter side seen").is_none());
     harness.get_by_label("own size").click();
     harness.run_steps(2);
-    assert_eq!(harness.get_by_label("Shorter side seen").accesskit_node().numeric_value(), Some(480.0));
+    assert_eq!(
+        harness
+            .get_by_label("Shorter side seen")
+            .accesskit_node()
+            .numeric_value(),
+        Some(480.0)
+    );
     assert_eq!(harness.state().shell.view.track.short_side, Some(480));
     harness.state_mut().shell.view.track.tracker = "flow".into();
     harness.run_steps(2);
@@ -195,13 +290,29 @@ fn the_size_that_a_network_sees_can_be_chosen() {
 fn errors_are_shown_once_and_can_be_dismissed() {
     let mut harness = Desk::sample().shown();
     for _ in 0..2 {
-        harness.state_mut().shell.view.notices.tell(Severity::Error, "The disk is full; free some space");
+        harness
+            .state_mut()
+            .shell
+            .view
+            .notices
+            .tell(Severity::Error, "The disk is full; free some space");
     }
     harness.run_steps(3);
-    assert_eq!(harness.get_all_by_label("The disk is full; free some space").count(), 1);
-    harness.get_by_label("Dismiss Error: The disk is full; free some space").click();
+    assert_eq!(
+        harness
+            .get_all_by_label("The disk is full; free some space")
+            .count(),
+        1
+    );
+    harness
+        .get_by_label("Dismiss Error: The disk is full; free some space")
+        .click();
     harness.run_steps(2);
-    assert!(harness.query_by_label("The disk is full; free some space").is_none());
+    assert!(
+        harness
+            .query_by_label("The disk is full; free some space")
+            .is_none()
+    );
 }
 
 #[test]
@@ -217,7 +328,13 @@ fn inspecting_a_cloud_shows_only_the_3d_view_and_its_labels() {
 
 #[test]
 fn a_result_with_a_surface_can_be_shown_as_mesh_wires_or_voxels() {
-    assert!(Desk::sample().shown().query_by_label("Shown model").is_none(), "a cloud alone has no other form");
+    assert!(
+        Desk::sample()
+            .shown()
+            .query_by_label("Shown model")
+            .is_none(),
+        "a cloud alone has no other form"
+    );
     let mut desk = Desk::sample();
     desk.surface = Some(Arc::default());
     let mut harness = desk.shown();
@@ -240,13 +357,23 @@ fn a_result_with_a_surface_can_be_shown_as_mesh_wires_or_voxels() {
 #[test]
 fn panes_are_shown_side_by_side_or_alone() {
     let mut harness = Desk::sample().shown();
-    for (panes, picture, scene) in
-        [(Panes::Both, true, true), (Panes::Picture, true, false), (Panes::Scene, false, true)]
-    {
+    for (panes, picture, scene) in [
+        (Panes::Both, true, true),
+        (Panes::Picture, true, false),
+        (Panes::Scene, false, true),
+    ] {
         harness.state_mut().shell.view.prefs.panes = panes;
         harness.run_steps(2);
-        assert_eq!(harness.query_by_label("Picture 000.png").is_some(), picture, "{panes:?}");
-        assert_eq!(harness.query_by_label("3-D view").is_some(), scene, "{panes:?}");
+        assert_eq!(
+            harness.query_by_label("Picture 000.png").is_some(),
+            picture,
+            "{panes:?}"
+        );
+        assert_eq!(
+            harness.query_by_label("3-D view").is_some(),
+            scene,
+            "{panes:?}"
+        );
     }
 }
 

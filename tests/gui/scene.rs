@@ -1,6 +1,8 @@
 //! The 3-D view: colours, light, sides, clip box, isolated labels.
 
-use egui::{Color32, Event, Key, Modifiers, MouseWheelSource, MouseWheelUnit, Pos2, Shape, TouchPhase, Vec2};
+use egui::{
+    Color32, Event, Key, Modifiers, MouseWheelSource, MouseWheelUnit, Pos2, Shape, TouchPhase, Vec2,
+};
 use egui_kittest::Harness;
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::Vec3;
@@ -27,13 +29,24 @@ fn choose(harness: &mut Harness<'static, Desk>, menu: &str, item: &str) {
 #[test]
 fn colours_show_what_was_chosen_and_votes_only_where_they_are_known() {
     let mut harness = shown();
-    for (name, coloring) in [("Normals", Coloring::Normals), ("Height", Coloring::Height), ("Label", Coloring::Label)] {
+    for (name, coloring) in [
+        ("Normals", Coloring::Normals),
+        ("Height", Coloring::Height),
+        ("Label", Coloring::Label),
+    ] {
         choose(&mut harness, "Colour by", name);
         assert_eq!(harness.state().shell.view.coloring, coloring, "{name}");
     }
     harness.get_by_label("Colour by").click();
     harness.run_steps(3);
-    assert!(harness.get_by_label("Conflict").accesskit_node().is_disabled(), "{:?}", labels(&harness));
+    assert!(
+        harness
+            .get_by_label("Conflict")
+            .accesskit_node()
+            .is_disabled(),
+        "{:?}",
+        labels(&harness)
+    );
     press(&mut harness, Modifiers::NONE, Key::Escape);
     choose(&mut harness, "Level of labels", "Level 1");
     assert_eq!(harness.state().shell.view.scene.level, Some(1));
@@ -44,13 +57,22 @@ fn light_projection_and_background_are_set_in_one_menu_that_stays_open() {
     let mut harness = shown();
     harness.get_by_label("Display").click();
     harness.run_steps(3);
-    for name in ["Orthographic", "Eye-dome lighting", "Own background", "Scale bar", "Axes", "Turntable"] {
+    for name in [
+        "Orthographic",
+        "Eye-dome lighting",
+        "Own background",
+        "Scale bar",
+        "Axes",
+        "Turntable",
+    ] {
         harness.get_by_label(name).click();
         harness.run_steps(3);
     }
     let view = &harness.state().shell.view;
     let scene = &view.prefs.scene;
-    assert!(scene.orthographic && !scene.edl && !scene.scale_bar && !scene.axes && view.scene.turning);
+    assert!(
+        scene.orthographic && !scene.edl && !scene.scale_bar && !scene.axes && view.scene.turning
+    );
     assert_eq!(scene.background, Some([255; 3]));
     assert!(harness.query_by_label("Background colour").is_some());
     assert_eq!(harness.unnamed_widgets(), Vec::<String>::new());
@@ -65,7 +87,11 @@ fn doubtful_points_are_shown_alone_until_a_button_shows_all_again() {
     harness.get_by_label("Doubtful points only").click();
     harness.run_steps(3);
     assert_eq!(harness.state().shell.view.scene.doubtful_below, Some(0.7));
-    assert!(harness.query_by_label("Doubtful below").is_some(), "{:?}", labels(&harness));
+    assert!(
+        harness.query_by_label("Doubtful below").is_some(),
+        "{:?}",
+        labels(&harness)
+    );
     press(&mut harness, Modifiers::NONE, Key::Escape);
     harness.get_by_label("Show all points").click();
     harness.run_steps(3);
@@ -91,9 +117,16 @@ fn a_clip_box_and_a_slice_are_set_and_taken_away() {
     harness.run_steps(3);
     let slice = harness.state().shell.view.scene.clip.slice.unwrap();
     assert_eq!((slice.axis, slice.at), (1, 0.5));
-    assert!(harness.query_by_label("Clip Position").is_some(), "{:?}", labels(&harness));
+    assert!(
+        harness.query_by_label("Clip Position").is_some(),
+        "{:?}",
+        labels(&harness)
+    );
     for side in ["Left", "Right", "Bottom", "Top", "Front", "Back"] {
-        assert!(harness.query_by_label(&format!("Clip {side}")).is_some(), "{side}");
+        assert!(
+            harness.query_by_label(&format!("Clip {side}")).is_some(),
+            "{side}"
+        );
     }
     assert_eq!(harness.unnamed_widgets(), Vec::<String>::new());
     harness.get_by_label("Show everything").click();
@@ -126,11 +159,20 @@ fn who_looks_through_a_camera_follows_the_frames_until_the_view_is_moved() {
     harness.run_steps(2);
     assert_eq!(harness.state().shell.view.scene.through, Some(1));
     let middle = harness.get_by_label("3-D view").rect().center();
-    drag(&mut harness, middle, middle + egui::vec2(40.0, 10.0), egui::PointerButton::Primary);
+    drag(
+        &mut harness,
+        middle,
+        middle + egui::vec2(40.0, 10.0),
+        egui::PointerButton::Primary,
+    );
     assert_eq!(harness.state().shell.view.scene.through, None);
     press(&mut harness, Modifiers::NONE, Key::ArrowRight);
     harness.run_steps(2);
-    assert_eq!(harness.state().shell.view.scene.through, None, "it stays where it was put by hand");
+    assert_eq!(
+        harness.state().shell.view.scene.through,
+        None,
+        "it stays where it was put by hand"
+    );
 }
 
 /// The lines of the cross at the point asked about, of this colour.
@@ -139,7 +181,12 @@ fn cross(harness: &Harness<'static, Desk>, color: Color32) -> Vec<[Pos2; 2]> {
         Shape::LineSegment { points, stroke } if stroke.color == color => Some(*points),
         _ => None,
     };
-    harness.output().shapes.iter().filter_map(|clipped| line(&clipped.shape)).collect()
+    harness
+        .output()
+        .shapes
+        .iter()
+        .filter_map(|clipped| line(&clipped.shape))
+        .collect()
 }
 
 #[test]
@@ -152,11 +199,19 @@ fn the_point_asked_about_is_marked_as_large_from_near_as_from_far() {
     let reach = |harness: &Harness<'static, Desk>| {
         let arms = cross(harness, Color32::from_rgb(255, 235, 90));
         assert_eq!(arms.len(), 4);
-        assert!(cross(harness, Color32::BLACK).len() >= 4, "with a dark outline");
-        arms.iter().flatten().fold(egui::Rect::NOTHING, |all, &at| all.union(egui::Rect::from_pos(at)))
+        assert!(
+            cross(harness, Color32::BLACK).len() >= 4,
+            "with a dark outline"
+        );
+        arms.iter().flatten().fold(egui::Rect::NOTHING, |all, &at| {
+            all.union(egui::Rect::from_pos(at))
+        })
     };
     let near = reach(&harness);
-    assert!(near.width() >= 20.0 && near.height() >= 20.0 && pane.contains(near.center()), "{near}");
+    assert!(
+        near.width() >= 20.0 && near.height() >= 20.0 && pane.contains(near.center()),
+        "{near}"
+    );
     for _ in 0..5 {
         harness.hover_at(pane.center());
         harness.event(Event::MouseWheel {
@@ -170,7 +225,10 @@ fn the_point_asked_about_is_marked_as_large_from_near_as_from_far() {
     }
     let far = reach(&harness);
     assert_ne!(near.center(), far.center(), "the view was moved away");
-    assert!((near.size() - far.size()).length() < 0.1, "{near} and {far}");
+    assert!(
+        (near.size() - far.size()).length() < 0.1,
+        "{near} and {far}"
+    );
 }
 
 #[test]
@@ -178,11 +236,19 @@ fn the_point_under_the_resting_pointer_tells_its_label() {
     const TIP: &str = "90 % of the votes";
     let mut harness = shown();
     let cloud = harness.state().cloud.clone().unwrap();
-    let point = (0..cloud.len()).find(|&point| cloud.labels[point] == LabelId(2)).unwrap();
+    let point = (0..cloud.len())
+        .find(|&point| cloud.labels[point] == LabelId(2))
+        .unwrap();
     harness.state_mut().shell.view.asked = Some(Asked::new(&cloud, None, point));
     harness.run_steps(3);
     let arms = cross(&harness, Color32::from_rgb(255, 235, 90));
-    let at = arms.iter().flatten().fold(egui::Rect::NOTHING, |all, &at| all.union(egui::Rect::from_pos(at))).center();
+    let at = arms
+        .iter()
+        .flatten()
+        .fold(egui::Rect::NOTHING, |all, &at| {
+            all.union(egui::Rect::from_pos(at))
+        })
+        .center();
     harness.state_mut().shell.view.asked = None;
     harness.run_steps(3);
     assert!(harness.query_by_label(TIP).is_none());
@@ -192,9 +258,17 @@ fn the_point_under_the_resting_pointer_tells_its_label() {
         harness.run_steps(2);
         harness.query_by_label(TIP).is_some()
     };
-    assert!((0..200).any(|_| tells(&mut harness)), "{:?}", labels(&harness));
+    assert!(
+        (0..200).any(|_| tells(&mut harness)),
+        "{:?}",
+        labels(&harness)
+    );
     let tree = &harness.state().project.labels;
-    let names: Vec<&str> = tree.path(LabelId(2)).iter().map(|&id| tree.get(id).unwrap().name.as_str()).collect();
+    let names: Vec<&str> = tree
+        .path(LabelId(2))
+        .iter()
+        .map(|&id| tree.get(id).unwrap().name.as_str())
+        .collect();
     let path = names.join(" › ");
     assert!(harness.query_all_by_label(&path).next().is_some(), "{path}");
     harness.state_mut().shell.view.ruler.in_hand = true;
@@ -218,7 +292,10 @@ fn the_view_and_what_was_measured_follow_a_scale() {
     let desk = harness.state_mut();
     desk.shell.view.ruler.in_hand = true;
     desk.shell.view.ruler.points = vec![Vec3::ZERO, 0.4 * Vec3::X];
-    desk.shell.view.measures.wish.ground = GroundChoice::Plane { normal: [0.0, 0.0, 1.0], offset: 0.8 };
+    desk.shell.view.measures.wish.ground = GroundChoice::Plane {
+        normal: [0.0, 0.0, 1.0],
+        offset: 0.8,
+    };
     desk.shell.view.fuse.voxel = Some(0.02);
     // As the window does when the frames of the project say that everything was scaled.
     let mut cloud = ostra_cloud::LabelledCloud::clone(desk.cloud.as_ref().unwrap());
@@ -226,10 +303,22 @@ fn the_view_and_what_was_measured_follow_a_scale() {
     desk.cloud = Some(std::sync::Arc::new(cloud));
     desk.shell.scale_by(0.25);
     harness.run_steps(3);
-    let (after, view) = (harness.state().shell.orbit().unwrap(), &harness.state().shell.view);
-    assert_eq!((after.distance, after.target), (0.25 * before.distance, 0.25 * before.target));
+    let (after, view) = (
+        harness.state().shell.orbit().unwrap(),
+        &harness.state().shell.view,
+    );
+    assert_eq!(
+        (after.distance, after.target),
+        (0.25 * before.distance, 0.25 * before.target)
+    );
     assert_eq!(after.rotation, before.rotation);
     assert_eq!(view.ruler.points, [Vec3::ZERO, 0.1 * Vec3::X]);
-    assert_eq!(view.measures.wish.ground, GroundChoice::Plane { normal: [0.0, 0.0, 1.0], offset: 0.2 });
+    assert_eq!(
+        view.measures.wish.ground,
+        GroundChoice::Plane {
+            normal: [0.0, 0.0, 1.0],
+            offset: 0.2
+        }
+    );
     assert_eq!(view.fuse.voxel, Some(0.005));
 }

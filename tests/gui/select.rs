@@ -15,7 +15,11 @@ use ostra_session::{AdoptRequest, CloudChange, CloudCorrection, Command};
 use crate::desk::{Desk, drag, drag_fast, press};
 
 fn desk() -> Harness<'static, Desk> {
-    Desk { votes: Some(Arc::new(Votes::default())), ..Desk::sample() }.shown()
+    Desk {
+        votes: Some(Arc::new(Votes::default())),
+        ..Desk::sample()
+    }
+    .shown()
 }
 
 /// The middle of the 3-D view.
@@ -25,7 +29,12 @@ fn middle(harness: &Harness<'_, Desk>) -> Pos2 {
 
 /// Draws along some places with the primary button.
 fn draw(harness: &mut Harness<'_, Desk>, places: &[Pos2], modifiers: Modifiers) {
-    let button = |pos, pressed| Event::PointerButton { pos, button: PointerButton::Primary, pressed, modifiers };
+    let button = |pos, pressed| Event::PointerButton {
+        pos,
+        button: PointerButton::Primary,
+        pressed,
+        modifiers,
+    };
     harness.hover_at(places[0]);
     harness.run_steps(1);
     harness.event(button(places[0], true));
@@ -39,7 +48,8 @@ fn draw(harness: &mut Harness<'_, Desk>, places: &[Pos2], modifiers: Modifiers) 
 }
 
 fn around(middle: Pos2, reach: f32) -> [Pos2; 4] {
-    [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| middle + egui::vec2(x, y) * reach)
+    [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+        .map(|(x, y)| middle + egui::vec2(x, y) * reach)
 }
 
 /// What a session would find.
@@ -48,7 +58,9 @@ fn find(harness: &mut Harness<'_, Desk>) -> Arc<Selection> {
     let selector = Selector::new(desk.cloud.clone().unwrap()).unwrap();
     let steps = &desk.shell.view.scene_select.steps;
     let progress = ostra_core::job::Progress::default();
-    let found = selector.select(&desk.project.frames, &desk.project.labels, steps, &progress).unwrap();
+    let found = selector
+        .select(&desk.project.frames, &desk.project.labels, steps, &progress)
+        .unwrap();
     let found = Arc::new(found);
     desk.chosen = Some(Arc::clone(&found));
     harness.run_steps(2);
@@ -65,26 +77,53 @@ fn a_lasso_through_the_pane_asks_for_the_correction() {
     assert!(harness.query_by_label("Lasso").is_none());
     harness.get_by_label("Select").click();
     harness.run_steps(4);
-    assert!(harness.query_by_label("Draw over points that are seen").is_some());
+    assert!(
+        harness
+            .query_by_label("Draw over points that are seen")
+            .is_some()
+    );
     let at = middle(&harness);
     draw(&mut harness, &around(at, 40.0), Modifiers::NONE);
     let select = steps(&harness);
-    let [SelectStep::Seen(SeenRegion { eye: Eye::Free { .. }, points_px, remove: false, .. })] = &select[..] else {
+    let [
+        SelectStep::Seen(SeenRegion {
+            eye: Eye::Free { .. },
+            points_px,
+            remove: false,
+            ..
+        }),
+    ] = &select[..]
+    else {
         panic!("one lasso: {select:?}")
     };
     assert_eq!(points_px.len(), 4);
     let found = find(&mut harness);
-    assert!((4..300).contains(&found.points.len()), "a part of the cloud: {}", found.points.len());
-    assert!(harness.query_by_label_contains(&format!("{} points", found.points.len())).is_some());
+    assert!(
+        (4..300).contains(&found.points.len()),
+        "a part of the cloud: {}",
+        found.points.len()
+    );
+    assert!(
+        harness
+            .query_by_label_contains(&format!("{} points", found.points.len()))
+            .is_some()
+    );
     harness.state_mut().shell.view.label = Some(LabelId(3));
     harness.run_steps(2);
     harness.get_by_label("As anchors").click();
     harness.run_steps(2);
     harness.get_by_label("Assign to pot").click();
     harness.run_steps(2);
-    let correction = CloudCorrection { select, change: CloudChange::Assign(LabelId(3)), as_anchors: true };
+    let correction = CloudCorrection {
+        select,
+        change: CloudChange::Assign(LabelId(3)),
+        as_anchors: true,
+    };
     assert_eq!(harness.state().asked, [Command::CorrectCloud(correction)]);
-    assert!(steps(&harness).is_empty(), "what was corrected is chosen no more");
+    assert!(
+        steps(&harness).is_empty(),
+        "what was corrected is chosen no more"
+    );
 }
 
 #[test]
@@ -94,12 +133,19 @@ fn a_lasso_keeps_its_shape_while_frames_are_slow() {
     let at = middle(&harness);
     for shape in [SelectShape::Lasso, SelectShape::Brush] {
         harness.state_mut().shell.view.scene_select.shape = shape;
-        let around: Vec<Pos2> =
-            (0..24).map(|k| at + 60.0 * egui::Vec2::angled(std::f32::consts::TAU * k as f32 / 24.0)).collect();
+        let around: Vec<Pos2> = (0..24)
+            .map(|k| at + 60.0 * egui::Vec2::angled(std::f32::consts::TAU * k as f32 / 24.0))
+            .collect();
         drag_fast(&mut harness, &around, PointerButton::Primary);
         let drawn = steps(&harness);
-        let [SelectStep::Seen(SeenRegion { points_px, .. })] = &drawn[..] else { panic!("{shape:?}: {drawn:?}") };
-        assert_eq!(points_px.len(), around.len(), "{shape:?}: a corner for each place");
+        let [SelectStep::Seen(SeenRegion { points_px, .. })] = &drawn[..] else {
+            panic!("{shape:?}: {drawn:?}")
+        };
+        assert_eq!(
+            points_px.len(),
+            around.len(),
+            "{shape:?}: a corner for each place"
+        );
     }
 }
 
@@ -111,7 +157,11 @@ fn nothing_is_looked_for_once_the_cloud_is_gone() {
     draw(&mut harness, &around(at, 40.0), Modifiers::NONE);
     harness.get_by_label("Looking for the points…");
     harness.state_mut().cloud = None;
-    harness.state_mut().project.results.remove(&ResultKind::Cloud);
+    harness
+        .state_mut()
+        .project
+        .results
+        .remove(&ResultKind::Cloud);
     harness.run_steps(3);
     assert!(harness.query_by_label("Looking for the points…").is_none());
     harness.get_by_label_contains("There is no cloud");
@@ -125,16 +175,33 @@ fn modifiers_add_and_take_out_and_esc_goes_back_step_by_step() {
     draw(&mut harness, &around(at, 60.0), Modifiers::NONE);
     let whole = find(&mut harness).points.len();
     harness.state_mut().shell.view.scene_select.shape = SelectShape::Box;
-    let ctrl = Modifiers { ctrl: true, command: true, ..Modifiers::NONE };
-    draw(&mut harness, &[at - egui::vec2(70.0, 70.0), at + egui::vec2(0.0, 70.0)], ctrl);
+    let ctrl = Modifiers {
+        ctrl: true,
+        command: true,
+        ..Modifiers::NONE
+    };
+    draw(
+        &mut harness,
+        &[at - egui::vec2(70.0, 70.0), at + egui::vec2(0.0, 70.0)],
+        ctrl,
+    );
     let half = find(&mut harness).points.len();
     assert!(half > 0 && half < whole, "{half} of {whole}");
     assert_eq!(steps(&harness).len(), 2);
     harness.get_by_label("Take back").click();
     harness.run_steps(2);
     assert_eq!(steps(&harness).len(), 1);
-    drag(&mut harness, at, at + egui::vec2(30.0, 0.0), PointerButton::Primary);
-    assert_eq!(steps(&harness).len(), 1, "a new one takes the place of the old");
+    drag(
+        &mut harness,
+        at,
+        at + egui::vec2(30.0, 0.0),
+        PointerButton::Primary,
+    );
+    assert_eq!(
+        steps(&harness).len(),
+        1,
+        "a new one takes the place of the old"
+    );
     press(&mut harness, Modifiers::NONE, Key::Escape);
     assert!(steps(&harness).is_empty() && harness.state().shell.view.scene_select.in_hand);
     press(&mut harness, Modifiers::NONE, Key::Escape);
@@ -148,7 +215,11 @@ fn a_choice_grows_and_is_split_and_cleared() {
     press(&mut harness, Modifiers::SHIFT, Key::S);
     let at = middle(&harness);
     harness.state_mut().shell.view.scene_select.shape = SelectShape::Brush;
-    draw(&mut harness, &[at, at + egui::vec2(20.0, 0.0)], Modifiers::NONE);
+    draw(
+        &mut harness,
+        &[at, at + egui::vec2(20.0, 0.0)],
+        Modifiers::NONE,
+    );
     let few = find(&mut harness).points.len();
     harness.get_by_label("Grow").click();
     harness.run_steps(2);
@@ -161,22 +232,51 @@ fn a_choice_grows_and_is_split_and_cleared() {
     find(&mut harness);
     press(&mut harness, Modifiers::SHIFT, Key::Backspace);
     let asked = &harness.state().asked;
-    let [Command::CorrectCloud(CloudCorrection { select, change: CloudChange::Clear, as_anchors: false })] = &asked[..]
+    let [
+        Command::CorrectCloud(CloudCorrection {
+            select,
+            change: CloudChange::Clear,
+            as_anchors: false,
+        }),
+    ] = &asked[..]
     else {
         panic!("{asked:?}")
     };
-    assert!(matches!(select[..], [SelectStep::Seen(_), SelectStep::Grow(_), SelectStep::Only(LabelId(2))]));
+    assert!(matches!(
+        select[..],
+        [
+            SelectStep::Seen(_),
+            SelectStep::Grow(_),
+            SelectStep::Only(LabelId(2))
+        ]
+    ));
 }
 
 #[test]
 fn hanging_pieces_are_adopted_where_it_is_known_who_voted() {
     let asked = |mut harness: Harness<'_, Desk>| {
-        press(&mut harness, Modifiers { ctrl: true, ..Modifiers::COMMAND }, Key::P);
+        press(
+            &mut harness,
+            Modifiers {
+                ctrl: true,
+                ..Modifiers::COMMAND
+            },
+            Key::P,
+        );
         harness.event(Event::Text("adopt".into()));
         harness.run_steps(2);
         press(&mut harness, Modifiers::NONE, Key::Enter);
         harness.state().asked.clone()
     };
     assert_eq!(asked(desk()), [Command::Adopt(AdoptRequest::default())]);
-    assert_eq!(asked(Desk { votes: None, ..Desk::sample() }.shown()), []);
+    assert_eq!(
+        asked(
+            Desk {
+                votes: None,
+                ..Desk::sample()
+            }
+            .shown()
+        ),
+        []
+    );
 }

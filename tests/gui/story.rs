@@ -20,15 +20,22 @@ use ostra_session::{Command, NewProject, Recent, Session};
 type Shown = Harness<'static, Option<Window>>;
 
 fn window() -> Shown {
-    let mut harness = Harness::builder().with_size(egui::vec2(1200.0, 800.0)).build_ui_state(
-        |ui, window: &mut Option<Window>| {
-            let window = window
-                .get_or_insert_with(|| Window::with(Shell::new(Prefs::default(), None), Recent::default(), ui.ctx()));
-            window.poll(ui.ctx());
-            window.show(ui);
-        },
-        None,
-    );
+    let mut harness = Harness::builder()
+        .with_size(egui::vec2(1200.0, 800.0))
+        .build_ui_state(
+            |ui, window: &mut Option<Window>| {
+                let window = window.get_or_insert_with(|| {
+                    Window::with(
+                        Shell::new(Prefs::default(), None),
+                        Recent::default(),
+                        ui.ctx(),
+                    )
+                });
+                window.poll(ui.ctx());
+                window.show(ui);
+            },
+            None,
+        );
     harness.run_steps(2);
     harness
 }
@@ -41,7 +48,10 @@ fn inner(harness: &mut Shown) -> &mut Window {
 fn until(harness: &mut Shown, what: &str, mut is_true: impl FnMut(&mut Shown) -> bool) {
     let begun = Instant::now();
     while !is_true(harness) {
-        assert!(begun.elapsed() < Duration::from_secs(30), "waited in vain: {what}");
+        assert!(
+            begun.elapsed() < Duration::from_secs(30),
+            "waited in vain: {what}"
+        );
         harness.run_steps(1);
         std::thread::park_timeout(Duration::from_millis(5));
     }
@@ -52,19 +62,39 @@ fn until(harness: &mut Shown, what: &str, mut is_true: impl FnMut(&mut Shown) ->
 fn pictures(dir: &Path) {
     for number in 0..3_u32 {
         let square = |x: u32, y: u32| (30..60).contains(&(x - number * 3)) && (20..50).contains(&y);
-        let pixel =
-            |x, y| if x >= number * 3 && square(x, y) { image::Rgb([230, 220, 60]) } else { image::Rgb([40, 50, 70]) };
-        image::RgbImage::from_fn(96, 72, pixel).save(dir.join(format!("{number}.png"))).unwrap();
+        let pixel = |x, y| {
+            if x >= number * 3 && square(x, y) {
+                image::Rgb([230, 220, 60])
+            } else {
+                image::Rgb([40, 50, 70])
+            }
+        };
+        image::RgbImage::from_fn(96, 72, pixel)
+            .save(dir.join(format!("{number}.png")))
+            .unwrap();
     }
 }
 
 fn open(harness: &mut Shown, dir: &Path) {
     pictures(dir);
-    let sources = vec![FrameFolder { frames: dir.to_owned(), depth: None }];
-    let open = OpenRequest { sources, ..OpenRequest::default() };
+    let sources = vec![FrameFolder {
+        frames: dir.to_owned(),
+        depth: None,
+    }];
+    let open = OpenRequest {
+        sources,
+        ..OpenRequest::default()
+    };
     let root = dir.join("project");
-    inner(harness).act(Command::New(NewProject { root, open, cameras: None, intrinsics: None }));
-    until(harness, "the project is open", |harness| harness.query_by_label("Frame 2, no mask").is_some());
+    inner(harness).act(Command::New(NewProject {
+        root,
+        open,
+        cameras: None,
+        intrinsics: None,
+    }));
+    until(harness, "the project is open", |harness| {
+        harness.query_by_label("Frame 2, no mask").is_some()
+    });
 }
 
 #[test]
@@ -74,38 +104,90 @@ fn a_click_makes_an_anchor_and_undo_takes_it_back() {
     open(&mut harness, dir.path());
     let pane = harness.get_by_label("Picture 0.png").rect();
     for pressed in [true, false] {
-        let (pos, button) = (pane.center() - egui::vec2(3.0, 3.0), egui::PointerButton::Primary);
+        let (pos, button) = (
+            pane.center() - egui::vec2(3.0, 3.0),
+            egui::PointerButton::Primary,
+        );
         harness.hover_at(pos);
-        harness.event(egui::Event::PointerButton { pos, button, pressed, modifiers: egui::Modifiers::NONE });
+        harness.event(egui::Event::PointerButton {
+            pos,
+            button,
+            pressed,
+            modifiers: egui::Modifiers::NONE,
+        });
         harness.run_steps(1);
     }
-    until(&mut harness, "frame 0 is an anchor", |harness| harness.query_by_label("Frame 0, anchor").is_some());
+    until(&mut harness, "frame 0 is an anchor", |harness| {
+        harness.query_by_label("Frame 0, anchor").is_some()
+    });
     let project = inner(&mut harness).session().project().unwrap().clone();
-    let area = project.masks[&0].runs.decode().ids.iter().filter(|&&id| id == LabelId(1)).count();
-    assert!((600..1300).contains(&area), "the square has 900 pixels: {area}");
+    let area = project.masks[&0]
+        .runs
+        .decode()
+        .ids
+        .iter()
+        .filter(|&&id| id == LabelId(1))
+        .count();
+    assert!(
+        (600..1300).contains(&area),
+        "the square has 900 pixels: {area}"
+    );
     assert_eq!(project.labels.get(LabelId(1)).unwrap().name, "object 1");
-    let title = inner(&mut harness).session().undo_title().unwrap().to_owned();
+    let title = inner(&mut harness)
+        .session()
+        .undo_title()
+        .unwrap()
+        .to_owned();
     let note = |harness: &mut Shown| inner(harness).shell().view.note.clone();
     harness.get_by_label("Undo").click();
-    until(&mut harness, "frame 0 has no mask", |harness| harness.query_by_label("Frame 0, no mask").is_some());
-    assert_eq!(note(&mut harness), format!("{title}: undone"), "the line of the status tells no more that it is done");
+    until(&mut harness, "frame 0 has no mask", |harness| {
+        harness.query_by_label("Frame 0, no mask").is_some()
+    });
+    assert_eq!(
+        note(&mut harness),
+        format!("{title}: undone"),
+        "the line of the status tells no more that it is done"
+    );
     inner(&mut harness).act(Command::Redo);
     assert_eq!(note(&mut harness), format!("{title}: done again"));
 }
 
 /// A project of the made scene with its true masks, fused.
 fn fused(dir: &Path) -> std::path::PathBuf {
-    let options = SceneOptions { views: 3, width: 120, height: 90, ..SceneOptions::default() };
-    Scene::build(&options).unwrap().write(dir, &Progress::default()).unwrap();
+    let options = SceneOptions {
+        views: 3,
+        width: 120,
+        height: 90,
+        ..SceneOptions::default()
+    };
+    Scene::build(&options)
+        .unwrap()
+        .write(dir, &Progress::default())
+        .unwrap();
     let masks = dir.join("truth/masks");
     std::fs::copy(dir.join("truth/labels.json"), masks.join("labels.json")).unwrap();
-    let sources = vec![FrameFolder { frames: dir.join("color"), depth: Some(dir.join("depth")) }];
-    let open = OpenRequest { sources, depth_unit: Scene::DEPTH_UNIT_M, ..OpenRequest::default() };
+    let sources = vec![FrameFolder {
+        frames: dir.join("color"),
+        depth: Some(dir.join("depth")),
+    }];
+    let open = OpenRequest {
+        sources,
+        depth_unit: Scene::DEPTH_UNIT_M,
+        ..OpenRequest::default()
+    };
     let (root, cameras) = (dir.join("project"), Some(dir.join("sparse")));
     let mut session = Session::new();
     for command in [
-        Command::New(NewProject { root: root.clone(), open, cameras, intrinsics: None }),
-        Command::ImportMasks { dir: masks, format: "davis".into() },
+        Command::New(NewProject {
+            root: root.clone(),
+            open,
+            cameras,
+            intrinsics: None,
+        }),
+        Command::ImportMasks {
+            dir: masks,
+            format: "davis".into(),
+        },
         Command::Fuse(FuseRequest::default()),
     ] {
         session.act(command).unwrap();
@@ -122,18 +204,30 @@ fn the_cloud_in_the_window_follows_its_masks() {
     inner(&mut harness).act(Command::Open(root));
     let labelled = |harness: &mut Shown| {
         let cloud = inner(harness).session().cloud();
-        cloud.map(|cloud| cloud.labels.iter().filter(|&&label| label != LabelId::NONE).count())
+        cloud.map(|cloud| {
+            cloud
+                .labels
+                .iter()
+                .filter(|&&label| label != LabelId::NONE)
+                .count()
+        })
     };
-    until(&mut harness, "the cloud is loaded", |harness| labelled(harness).is_some_and(|points| points > 0));
+    until(&mut harness, "the cloud is loaded", |harness| {
+        labelled(harness).is_some_and(|points| points > 0)
+    });
     let before = labelled(&mut harness);
     for frame in 0..3 {
         inner(&mut harness).act(Command::ClearMask { frame });
     }
-    until(&mut harness, "no point has a label", |harness| labelled(harness) == Some(0));
+    until(&mut harness, "no point has a label", |harness| {
+        labelled(harness) == Some(0)
+    });
     for _ in 0..3 {
         inner(&mut harness).act(Command::Undo);
     }
-    until(&mut harness, "the labels are back", |harness| labelled(harness) == before);
+    until(&mut harness, "the labels are back", |harness| {
+        labelled(harness) == before
+    });
 }
 
 #[test]
@@ -152,7 +246,11 @@ fn another_take_gives_the_file_another_ending() {
     ] {
         harness.get_by_label(take).click();
         harness.run_steps(3);
-        assert_eq!(harness.get_by_label(field).value().as_deref(), Some(path), "{take}");
+        assert_eq!(
+            harness.get_by_label(field).value().as_deref(),
+            Some(path),
+            "{take}"
+        );
     }
 }
 
@@ -160,10 +258,16 @@ fn another_take_gives_the_file_another_ending() {
 fn what_cannot_be_opened_is_told_once_with_what_to_do() {
     let mut harness = window();
     inner(&mut harness).act(Command::Open("/nowhere/at/all".into()));
-    until(&mut harness, "an error is shown", |harness| harness.query_by_label("Error").is_some());
+    until(&mut harness, "an error is shown", |harness| {
+        harness.query_by_label("Error").is_some()
+    });
     let notices = inner(&mut harness).shell().view.notices.shown().to_vec();
     assert_eq!(notices.len(), 1);
-    assert!(notices[0].text.contains("/nowhere/at/all"), "{}", notices[0].text);
+    assert!(
+        notices[0].text.contains("/nowhere/at/all"),
+        "{}",
+        notices[0].text
+    );
 }
 
 #[test]
@@ -172,7 +276,9 @@ fn closing_brings_the_first_page_back() {
     let mut harness = window();
     open(&mut harness, dir.path());
     inner(&mut harness).act(Command::Close);
-    until(&mut harness, "nothing is open", |harness| harness.query_by_label("Frame 0, no mask").is_none());
+    until(&mut harness, "nothing is open", |harness| {
+        harness.query_by_label("Frame 0, no mask").is_none()
+    });
     assert!(harness.query_by_label("New project from frames…").is_some());
 }
 
@@ -196,8 +302,13 @@ fn what_the_scene_view_shows_is_written_as_a_picture_of_any_size() {
     save_ply(&ply, &cloud, Coloring::Picture, &Progress::default()).unwrap();
     let mut harness = window();
     inner(&mut harness).act(Command::Inspect(ply));
-    until(&mut harness, "the cloud is there", |harness| inner(harness).session().cloud().is_some());
-    harness.key_press_modifiers(egui::Modifiers::COMMAND | egui::Modifiers::SHIFT, egui::Key::E);
+    until(&mut harness, "the cloud is there", |harness| {
+        inner(harness).session().cloud().is_some()
+    });
+    harness.key_press_modifiers(
+        egui::Modifiers::COMMAND | egui::Modifiers::SHIFT,
+        egui::Key::E,
+    );
     harness.run_steps(6);
     harness.get_by_label("Transparent background").click();
     harness.run_steps(2);
@@ -205,6 +316,9 @@ fn what_the_scene_view_shows_is_written_as_a_picture_of_any_size() {
     let picture = image::open(&png).unwrap().to_rgba8();
     assert_eq!(picture.dimensions(), (1920, 1080));
     let [r, g, b, opacity] = picture.get_pixel(960, 540).0;
-    assert!(opacity == 255 && r > 150 && g < 70 && b < 70, "{r} {g} {b} {opacity}");
+    assert!(
+        opacity == 255 && r > 150 && g < 70 && b < 70,
+        "{r} {g} {b} {opacity}"
+    );
     assert_eq!(picture.get_pixel(3, 3).0[3], 0);
 }

@@ -45,7 +45,10 @@ fn a_drag_over_cells_chooses_what_a_button_deletes() {
     harness.get_by_label("Delete label over range").click();
     harness.run_steps(2);
     let request = asked(&harness);
-    assert_eq!((request.labels, request.from, request.to), (vec![LEAF], 3, 7));
+    assert_eq!(
+        (request.labels, request.from, request.to),
+        (vec![LEAF], 3, 7)
+    );
     assert_eq!(request.change, RangeChange::Delete);
 }
 
@@ -56,7 +59,10 @@ fn a_click_goes_to_label_and_frame_and_drops_the_range() {
     let at = cell(&harness, "pot", 5);
     click_at(&mut harness, at, PointerButton::Primary);
     let view = &harness.state().shell.view;
-    assert_eq!((view.label, view.frame, view.range), (Some(LabelId(3)), 5, None));
+    assert_eq!(
+        (view.label, view.frame, view.range),
+        (Some(LabelId(3)), 5, None)
+    );
 }
 
 #[test]
@@ -74,10 +80,21 @@ fn the_range_is_set_and_changed_by_keys_alone() {
         assert_eq!((request.from, request.to, request.change), (1, 3, change));
     }
     let said = FrameSet::from(vec![(0, 5)]);
-    harness.state_mut().project.marks.insert(LEAF, Marks { locked: said.clone(), hidden: said, ..Marks::default() });
+    harness.state_mut().project.marks.insert(
+        LEAF,
+        Marks {
+            locked: said.clone(),
+            hidden: said,
+            ..Marks::default()
+        },
+    );
     for (key, change) in [(Key::K, RangeChange::Unlock), (Key::H, RangeChange::Show)] {
         press(&mut harness, NONE, key);
-        assert_eq!(asked(&harness).change, change, "a second time takes it back");
+        assert_eq!(
+            asked(&harness).change,
+            change,
+            "a second time takes it back"
+        );
     }
 }
 
@@ -87,21 +104,38 @@ fn a_label_appears_here_and_is_gone_from_here() {
     harness.state_mut().shell.view.go_to(5);
     press(&mut harness, NONE, Key::Comma);
     let request = asked(&harness);
-    assert_eq!((request.from, request.to, request.change), (1, 4, RangeChange::Delete), "frame 0 is an anchor with it");
+    assert_eq!(
+        (request.from, request.to, request.change),
+        (1, 4, RangeChange::Delete),
+        "frame 0 is an anchor with it"
+    );
     press(&mut harness, NONE, Key::Period);
     let request = asked(&harness);
-    assert_eq!((request.from, request.to, request.change), (5, 11, RangeChange::Delete));
+    assert_eq!(
+        (request.from, request.to, request.change),
+        (5, 11, RangeChange::Delete)
+    );
 }
 
 #[test]
 fn a_merge_asks_for_the_other_label_and_a_key_chooses_it() {
     let mut harness = with_leaf();
     press(&mut harness, NONE, Key::J);
-    assert!(matches!(harness.state().shell.view.dialog, Some(Dialog::Into(_))));
+    assert!(matches!(
+        harness.state().shell.view.dialog,
+        Some(Dialog::Into(_))
+    ));
     press(&mut harness, NONE, Key::Num3);
-    assert_eq!(asked(&harness).change, RangeChange::Merge { into: LabelId(3) });
+    assert_eq!(
+        asked(&harness).change,
+        RangeChange::Merge { into: LabelId(3) }
+    );
     assert_eq!(harness.state().shell.view.dialog, None);
-    assert_eq!(harness.state().shell.view.label, Some(LEAF), "the key did not choose another label");
+    assert_eq!(
+        harness.state().shell.view.label,
+        Some(LEAF),
+        "the key did not choose another label"
+    );
 }
 
 #[test]
@@ -113,8 +147,18 @@ fn the_piece_under_the_pointer_is_split_off() {
     press(&mut harness, SHIFT, Key::J);
     harness.get_by_label("Give to pot").click();
     harness.run_steps(2);
-    let RangeChange::Split { frame: 0, at_px, into: LabelId(3) } = asked(&harness).change else { panic!() };
-    assert!(at_px.distance(glam::DVec2::new(30.0, 20.0)) < 1.0, "{at_px}");
+    let RangeChange::Split {
+        frame: 0,
+        at_px,
+        into: LabelId(3),
+    } = asked(&harness).change
+    else {
+        panic!()
+    };
+    assert!(
+        at_px.distance(glam::DVec2::new(30.0, 20.0)) < 1.0,
+        "{at_px}"
+    );
 }
 
 #[test]
@@ -124,7 +168,10 @@ fn a_mask_is_copied_from_frame_to_frame() {
     press(&mut harness, NONE, Key::End);
     press(&mut harness, SHIFT, Key::V);
     let request = asked(&harness);
-    assert_eq!((request.from, request.to, request.change), (11, 11, RangeChange::Copy { frame: 0 }));
+    assert_eq!(
+        (request.from, request.to, request.change),
+        (11, 11, RangeChange::Copy { frame: 0 })
+    );
 }
 
 #[test]
@@ -142,7 +189,10 @@ fn a_label_that_was_lost_is_a_frame_to_check() {
     let project = &mut harness.state_mut().project;
     let seen = project.masks[&1].clone();
     let empty = ostra_project::FrameMask {
-        runs: std::sync::Arc::new(ostra_masks::RunMask::empty(seen.runs.width, seen.runs.height)),
+        runs: std::sync::Arc::new(ostra_masks::RunMask::empty(
+            seen.runs.width,
+            seen.runs.height,
+        )),
         confidence: Default::default(),
         ..seen.clone()
     };
@@ -151,8 +201,18 @@ fn a_label_that_was_lost_is_a_frame_to_check() {
     press(&mut harness, NONE, Key::D);
     assert_eq!(harness.state().shell.view.frame, 3);
     let absent = FrameSet::from(vec![(3, 11)]);
-    harness.state_mut().project.marks.insert(LEAF, Marks { absent, ..Marks::default() });
+    harness.state_mut().project.marks.insert(
+        LEAF,
+        Marks {
+            absent,
+            ..Marks::default()
+        },
+    );
     press(&mut harness, NONE, Key::Home);
     press(&mut harness, NONE, Key::D);
-    assert_eq!(harness.state().shell.view.frame, 5, "what is known to be gone is not lost");
+    assert_eq!(
+        harness.state().shell.view.frame,
+        5,
+        "what is known to be gone is not lost"
+    );
 }

@@ -10,7 +10,11 @@ use crate::desk::Desk;
 /// A desk where a grounder is installed, or none is.
 fn desk(installed: bool) -> Desk {
     let mut desk = Desk::sample();
-    for engine in desk.engines.iter_mut().filter(|engine| engine.kind == EngineKind::Grounder) {
+    for engine in desk
+        .engines
+        .iter_mut()
+        .filter(|engine| engine.kind == EngineKind::Grounder)
+    {
         engine.installed = installed;
     }
     desk
@@ -19,7 +23,12 @@ fn desk(installed: bool) -> Desk {
 #[test]
 fn without_a_network_there_is_nothing_to_type_into() {
     let harness = desk(false).shown();
-    assert!(harness.get_by_label("Words to look for").accesskit_node().is_disabled());
+    assert!(
+        harness
+            .get_by_label("Words to look for")
+            .accesskit_node()
+            .is_disabled()
+    );
 }
 
 #[test]
@@ -27,25 +36,56 @@ fn what_words_found_is_taken_one_by_one_or_all_at_once() {
     let mut harness = desk(true).shown();
     harness.get_by_label("Words to look for").focus();
     harness.run_steps(2);
-    harness.get_by_label("Words to look for").type_text("leaf; stem ;");
+    harness
+        .get_by_label("Words to look for")
+        .type_text("leaf; stem ;");
     harness.run_steps(2);
     harness.get_by_label("Look").click();
     harness.run_steps(2);
     let phrases = vec!["leaf".to_owned(), "stem".to_owned()];
-    let ground = GroundRequest { frame: 0, phrases, threshold: Some(0.1), grounder: "auto".into() };
+    let ground = GroundRequest {
+        frame: 0,
+        phrases,
+        threshold: Some(0.1),
+        grounder: "auto".into(),
+    };
     assert_eq!(harness.state().asked, [Command::Ground(ground)]);
 
-    let extent = |x: f64| PxBox { min_px: DVec2::new(x, 2.0), max_px: DVec2::new(x + 8.0, 20.0) };
-    let thing = |phrase: &str, score, x| FoundThing { phrase: phrase.into(), extent: extent(x), score };
-    let things = vec![thing("leaf", 0.9, 3.0), thing("stem", 0.4, 20.0), thing("leaf", 0.2, 40.0)];
-    harness.state_mut().grounding = Some(Grounding { frame: 0, grounder: "yolox", things });
+    let extent = |x: f64| PxBox {
+        min_px: DVec2::new(x, 2.0),
+        max_px: DVec2::new(x + 8.0, 20.0),
+    };
+    let thing = |phrase: &str, score, x| FoundThing {
+        phrase: phrase.into(),
+        extent: extent(x),
+        score,
+    };
+    let things = vec![
+        thing("leaf", 0.9, 3.0),
+        thing("stem", 0.4, 20.0),
+        thing("leaf", 0.2, 40.0),
+    ];
+    harness.state_mut().grounding = Some(Grounding {
+        frame: 0,
+        grounder: "yolox",
+        things,
+    });
     harness.run_steps(2);
-    assert!(harness.query_by_label("Take leaf 3").is_none(), "not as sure as asked for");
+    assert!(
+        harness.query_by_label("Take leaf 3").is_none(),
+        "not as sure as asked for"
+    );
     harness.get_by_label("Take stem 2").click();
     harness.run_steps(2);
     harness.get_by_label("Take all").click();
     harness.run_steps(2);
-    let take = |things| Command::TakeFound(TakeRequest { frame: 0, things, segmenter: "auto".into() });
+    let take = |things| {
+        Command::TakeFound(TakeRequest {
+            frame: 0,
+            things,
+            segmenter: "auto".into(),
+        })
+    };
     let stem = ("stem".to_owned(), extent(20.0));
     let all = vec![("leaf".to_owned(), extent(3.0)), stem.clone()];
     assert_eq!(harness.state().asked[1..], [take(vec![stem]), take(all)]);
@@ -54,5 +94,8 @@ fn what_words_found_is_taken_one_by_one_or_all_at_once() {
     assert!(harness.query_by_label("Take leaf 3").is_some());
     harness.state_mut().shell.view.go_to(1);
     harness.run_steps(2);
-    assert!(harness.query_by_label("Take all").is_none(), "another frame");
+    assert!(
+        harness.query_by_label("Take all").is_none(),
+        "another frame"
+    );
 }

@@ -10,7 +10,9 @@ use ostra_cloud::select::{Eye, SeenRegion, SelectStep};
 use ostra_masks::LabelId;
 use ostra_project::FuseRequest;
 use ostra_session::Event;
-use ostra_session::{AdoptRequest, CloudChange, CloudCorrection, Command, RangeChange, RangeRequest, Session};
+use ostra_session::{
+    AdoptRequest, CloudChange, CloudCorrection, Command, RangeChange, RangeRequest, Session,
+};
 
 use super::command_line::{done, refused};
 use super::session::perform;
@@ -22,7 +24,11 @@ fn plant(out: &Path) -> Session {
         .arg(out)
         .output()
         .unwrap();
-    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    assert!(
+        run.status.success(),
+        "{}",
+        String::from_utf8_lossy(&run.stderr)
+    );
     let mut session = opened(&out.join("project"));
     perform(&mut session, Command::Fuse(FuseRequest::default())).unwrap();
     perform(&mut session, Command::Adopt(AdoptRequest::default())).unwrap();
@@ -39,7 +45,11 @@ fn opened(root: &Path) -> Session {
 }
 
 fn of_label(cloud: &LabelledCloud, label: LabelId) -> Vec<Vec3> {
-    let labelled = cloud.positions.iter().zip(&cloud.labels).filter(|(_, id)| **id == label);
+    let labelled = cloud
+        .positions
+        .iter()
+        .zip(&cloud.labels)
+        .filter(|(_, id)| **id == label);
     labelled.map(|(position, _)| *position).collect()
 }
 
@@ -53,14 +63,22 @@ fn clear_tip(session: &mut Session, leaf: LabelId, stem: LabelId) {
     let stem = of_label(cloud, stem);
     let middle = stem.iter().sum::<Vec3>() / stem.len() as f32;
     let far = |point: &Vec3| point.distance_squared(middle);
-    let tip = of_label(cloud, leaf).into_iter().max_by(|a, b| far(a).total_cmp(&far(b))).unwrap().as_dvec3();
+    let tip = of_label(cloud, leaf)
+        .into_iter()
+        .max_by(|a, b| far(a).total_cmp(&far(b)))
+        .unwrap()
+        .as_dvec3();
     let frames = session.project().unwrap().frames.clone();
     let seen_in = |frame: usize| -> Option<DVec2> {
         let (camera, pose) = frames[frame].posed_camera()?;
-        camera.project(pose.transform(tip)).filter(|at_px| camera.contains(*at_px))
+        camera
+            .project(pose.transform(tip))
+            .filter(|at_px| camera.contains(*at_px))
     };
     let cleared = (0..frames.len()).find(|&frame| {
-        let Some(at_px) = seen_in(frame) else { return false };
+        let Some(at_px) = seen_in(frame) else {
+            return false;
+        };
         let seen = SeenRegion {
             eye: Eye::Frame(frame),
             points_px: vec![at_px],
@@ -71,8 +89,16 @@ fn clear_tip(session: &mut Session, leaf: LabelId, stem: LabelId) {
             doubtful_below: None,
             cube_from_world: None,
         };
-        let select = vec![SelectStep::Seen(seen), SelectStep::Only(leaf), SelectStep::Piece(0)];
-        let correction = CloudCorrection { select, change: CloudChange::Clear, as_anchors: false };
+        let select = vec![
+            SelectStep::Seen(seen),
+            SelectStep::Only(leaf),
+            SelectStep::Piece(0),
+        ];
+        let correction = CloudCorrection {
+            select,
+            change: CloudChange::Clear,
+            as_anchors: false,
+        };
         perform(session, Command::CorrectCloud(correction)).is_ok()
     });
     assert!(cleared.is_some(), "some frame sees the tip");
@@ -99,27 +125,63 @@ fn a_leafs_tip_that_no_mask_has_goes_to_the_leaf() {
     assert!(refused(&["adopt", project, "--radius", "0.5"]).contains("radius"));
     let said = done(&["adopt", project]);
     assert!(said.contains("adopted: leaf 1 piece of "), "{said}");
-    assert!(done(&["adopt", project]).contains("nothing without a label hangs"), "it is done");
+    assert!(
+        done(&["adopt", project]).contains("nothing without a label hangs"),
+        "it is done"
+    );
 
     let mut session = opened(&root);
     let healed = count(&session, leaf);
-    assert!(healed - cut >= (whole - cut) * 9 / 10, "{cut}, {healed} of {whole}");
+    assert!(
+        healed - cut >= (whole - cut) * 9 / 10,
+        "{cut}, {healed} of {whole}"
+    );
     assert_eq!(session.undo_title(), Some("Adopt hanging pieces"));
     let has_mask = |session: &Session| session.project().unwrap().masks.contains_key(&bare);
-    assert!(!has_mask(&session), "a frame without a mask gets none: it would vote for nothing but the tip");
+    assert!(
+        !has_mask(&session),
+        "a frame without a mask gets none: it would vote for nothing but the tip"
+    );
     perform(&mut session, Command::Undo).unwrap();
-    assert!(**session.project().unwrap() == *before, "one undo takes all of it back");
+    assert!(
+        **session.project().unwrap() == *before,
+        "one undo takes all of it back"
+    );
 
-    let depths = before.frames.iter().filter_map(|frame| frame.depth.as_ref()?.sensor_path());
+    let depths = before
+        .frames
+        .iter()
+        .filter_map(|frame| frame.depth.as_ref()?.sensor_path());
     depths.for_each(|path| std::fs::write(path, "").unwrap());
     let events = perform(&mut session, Command::Adopt(AdoptRequest::default())).unwrap();
-    let warnings = events.iter().filter_map(|event| if let Event::Warning(text) = event { Some(text) } else { None });
-    assert_eq!(warnings.filter(|text| text.contains("depth that cannot be read")).count(), 1, "{events:?}");
-    assert!(**session.project().unwrap() != *before, "depths that cannot be read stop nothing");
+    let warnings = events.iter().filter_map(|event| {
+        if let Event::Warning(text) = event {
+            Some(text)
+        } else {
+            None
+        }
+    });
+    assert_eq!(
+        warnings
+            .filter(|text| text.contains("depth that cannot be read"))
+            .count(),
+        1,
+        "{events:?}"
+    );
+    assert!(
+        **session.project().unwrap() != *before,
+        "depths that cannot be read stop nothing"
+    );
     perform(&mut session, Command::Undo).unwrap();
 
     let to = before.frames.len() - 1;
-    let hide = RangeRequest { labels: vec![leaf], from: 0, to, change: RangeChange::Hide, replace: false };
+    let hide = RangeRequest {
+        labels: vec![leaf],
+        from: 0,
+        to,
+        change: RangeChange::Hide,
+        replace: false,
+    };
     perform(&mut session, Command::Range(hide)).unwrap();
     let hidden = session.project().unwrap().clone();
     perform(&mut session, Command::Adopt(AdoptRequest::default())).unwrap();

@@ -11,11 +11,26 @@ const WORDS: &[(&str, &[&str])] = &[
     ("process::exit", &["cli/"]),
     ("ExitCode", &["cli/", "main.rs"]),
     // Stereo without a graphics card must not need the modules of its GPU twin.
-    ("ostra_compute::gpu", &["compute/", "reconstruct/stereo/gpu/", "reconstruct/stereo/error.rs", "session/"]),
+    (
+        "ostra_compute::gpu",
+        &[
+            "compute/",
+            "reconstruct/stereo/gpu/",
+            "reconstruct/stereo/error.rs",
+            "session/",
+        ],
+    ),
 ];
 
 /// Words that geometry, being pure, must not say.
-const IMPURE: &[&str] = &["std::fs", "std::thread", "rayon", "std::time", "Instant", "image::"];
+const IMPURE: &[&str] = &[
+    "std::fs",
+    "std::thread",
+    "rayon",
+    "std::time",
+    "Instant",
+    "image::",
+];
 
 /// The part of geometry that shares rayon's pool; its result is the same for any number of threads.
 const POOLED: &str = "geometry/bundle/";
@@ -25,6 +40,7 @@ struct Source {
     path: String,
     /// Without comments and test modules.
     code: String,
+    /// Without test modules.
     lines: usize,
 }
 
@@ -42,10 +58,22 @@ fn sources() -> Vec<Source> {
                 folders.push(path);
             } else if path.extension().is_some_and(|ending| ending == "rs") {
                 let text = std::fs::read_to_string(&path).unwrap();
-                let below = path.strip_prefix(src()).unwrap().to_string_lossy().replace('\\', "/");
+                let below = path
+                    .strip_prefix(src())
+                    .unwrap()
+                    .to_string_lossy()
+                    .replace('\\', "/");
                 let is_test = is_test_module(&path);
-                let code = if is_test { String::new() } else { product_code(&text) };
-                found.push(Source { path: below, code, lines: text.lines().count() });
+                let product = if is_test {
+                    ""
+                } else {
+                    text.split("#[cfg(test)]").next().unwrap_or_default()
+                };
+                found.push(Source {
+                    path: below,
+                    code: without_comments(product),
+                    lines: product.lines().count(),
+                });
             }
         }
     }
@@ -56,19 +84,34 @@ fn sources() -> Vec<Source> {
 
 /// Whether the module, or a folder it lies in, is declared under `#[cfg(test)]`.
 fn is_test_module(path: &Path) -> bool {
-    let named = |path: &Path| path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
-    path.ancestors().take_while(|above| *above != src()).any(|above| {
-        let declared_in = ["mod.rs", "lib.rs"].map(|name| above.parent().map(|folder| folder.join(name)));
-        let owners = declared_in.into_iter().flatten().filter(|file| file != above);
-        let declared = format!("#[cfg(test)]\nmod {};", named(above));
-        owners.filter_map(|file| std::fs::read_to_string(file).ok()).any(|text| text.contains(&declared))
-    })
+    let named = |path: &Path| {
+        path.file_stem()
+            .map(|stem| stem.to_string_lossy().into_owned())
+            .unwrap_or_default()
+    };
+    path.ancestors()
+        .take_while(|above| *above != src())
+        .any(|above| {
+            let folder = above.parent().unwrap_or(above);
+            let owners = [
+                folder.join("mod.rs"),
+                folder.join("lib.rs"),
+                folder.with_extension("rs"),
+            ];
+            let owners = owners.into_iter().filter(|file| file != above);
+            let declared = format!("#[cfg(test)]\nmod {};", named(above));
+            owners
+                .filter_map(|file| std::fs::read_to_string(file).ok())
+                .any(|text| text.contains(&declared))
+        })
 }
 
-/// The code without comment lines and without what follows `#[cfg(test)]`.
-fn product_code(text: &str) -> String {
-    let code = text.split("#[cfg(test)]").next().unwrap_or_default();
-    code.lines().filter(|line| !line.trim_start().starts_with("//")).collect::<Vec<_>>().join("\n")
+/// The code without comment lines.
+fn without_comments(text: &str) -> String {
+    text.lines()
+        .filter(|line| !line.trim_start().starts_with("//"))
+        .collect::<Vec<_>>()
+        .join("\n")
 }
 
 #[test]
@@ -77,8 +120,9 @@ fn words_stay_where_they_belong() {
     for source in sources() {
         for (word, homes) in WORDS {
             let said = source.code.match_indices(word).any(|(at, _)| {
-                !source.code[..at]
-                    .ends_with(|c: char| c.is_alphanumeric() || c == '_' || (c == 'e' && *word == "print!"))
+                !source.code[..at].ends_with(|c: char| {
+                    c.is_alphanumeric() || c == '_' || (c == 'e' && *word == "print!")
+                })
             });
             let home = homes.iter().any(|home| source.path.starts_with(home));
             if said && !home {
@@ -110,13 +154,24 @@ fn files_are_short() {
 
 #[test]
 fn module_roots_hold_documentation_and_declarations_alone() {
-    let is_root = |source: &&Source| ["mod.rs", "lib.rs"].iter().any(|name| source.path.ends_with(name));
+    let is_root = |source: &&Source| {
+        ["mod.rs", "lib.rs"]
+            .iter()
+            .any(|name| source.path.ends_with(name))
+    };
     for source in sources().iter().filter(is_root) {
         let text = std::fs::read_to_string(src().join(&source.path)).unwrap();
-        assert!(text.starts_with("//!"), "src/{} says nothing of what it holds", source.path);
-        let defines = ["fn ", "struct ", "enum ", "impl "]
-            .iter()
-            .any(|word| source.code.lines().any(|line| line.trim_start_matches("pub ").starts_with(word)));
+        assert!(
+            text.starts_with("//!"),
+            "src/{} says nothing of what it holds",
+            source.path
+        );
+        let defines = ["fn ", "struct ", "enum ", "impl "].iter().any(|word| {
+            source
+                .code
+                .lines()
+                .any(|line| line.trim_start_matches("pub ").starts_with(word))
+        });
         assert!(!defines, "src/{}: code lives in named files", source.path);
     }
 }
@@ -126,12 +181,28 @@ fn shaders() -> Vec<(String, String)> {
     let mut found = Vec::new();
     let mut folders = vec![src()];
     while let Some(folder) = folders.pop() {
-        let mut paths: Vec<PathBuf> = std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+        let mut paths: Vec<PathBuf> = std::fs::read_dir(&folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .collect();
         paths.sort();
-        let texts = paths.iter().filter(|path| path.extension().is_some_and(|ending| ending == "wgsl"));
-        let texts = texts.map(|path| (path.display().to_string(), std::fs::read_to_string(path).unwrap()));
-        if folder.parent().is_some_and(|above| above.ends_with("shaders")) {
-            found.push((folder.display().to_string(), texts.map(|(_, text)| text).collect()));
+        let texts = paths
+            .iter()
+            .filter(|path| path.extension().is_some_and(|ending| ending == "wgsl"));
+        let texts = texts.map(|path| {
+            (
+                path.display().to_string(),
+                std::fs::read_to_string(path).unwrap(),
+            )
+        });
+        if folder
+            .parent()
+            .is_some_and(|above| above.ends_with("shaders"))
+        {
+            found.push((
+                folder.display().to_string(),
+                texts.map(|(_, text)| text).collect(),
+            ));
         } else {
             found.extend(texts);
         }
@@ -143,17 +214,29 @@ fn shaders() -> Vec<(String, String)> {
 #[test]
 fn every_shader_is_valid() {
     let shaders = shaders();
-    assert!(shaders.len() >= 4, "the shaders are found: {}", shaders.len());
+    assert!(
+        shaders.len() >= 4,
+        "the shaders are found: {}",
+        shaders.len()
+    );
     for (path, text) in shaders {
-        let module = naga::front::wgsl::parse_str(&text).unwrap_or_else(|error| panic!("{path}: {error}"));
-        let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), Default::default());
-        validator.validate(&module).unwrap_or_else(|error| panic!("{path}: {error:?}"));
+        let module =
+            naga::front::wgsl::parse_str(&text).unwrap_or_else(|error| panic!("{path}: {error}"));
+        let mut validator =
+            naga::valid::Validator::new(naga::valid::ValidationFlags::all(), Default::default());
+        validator
+            .validate(&module)
+            .unwrap_or_else(|error| panic!("{path}: {error:?}"));
     }
 }
 
 /// Whether a licence expression of Cargo is met by allowed licences: `OR` (also written `/`) of `AND`s, with parentheses.
 fn is_allowed(expression: &str, allowed: &BTreeSet<&str>) -> bool {
-    let text = expression.replace('/', " OR ").replace('(', " ( ").replace(')', " ) ").replace(" WITH ", "+WITH+");
+    let text = expression
+        .replace('/', " OR ")
+        .replace('(', " ( ")
+        .replace(')', " ) ")
+        .replace(" WITH ", "+WITH+");
     let words: Vec<&str> = text.split_whitespace().collect();
     let (met, rest) = any_of(&words, allowed);
     assert!(rest.is_empty(), "{expression} is not understood");
@@ -175,7 +258,10 @@ fn all_of<'w, 'a>(words: &'a [&'w str], allowed: &BTreeSet<&str>) -> (bool, &'a 
             let (met, rest) = any_of(inner, allowed);
             (met, &rest[1..])
         }
-        [name, rest @ ..] => (allowed.contains(name.replace("+WITH+", " WITH ").as_str()), rest),
+        [name, rest @ ..] => (
+            allowed.contains(name.replace("+WITH+", " WITH ").as_str()),
+            rest,
+        ),
         [] => (false, words),
     };
     let (mut met, mut rest) = one(words);
@@ -190,25 +276,65 @@ fn all_of<'w, 'a>(words: &'a [&'w str], allowed: &BTreeSet<&str>) -> (bool, &'a 
 #[test]
 fn dependencies_have_allowed_licences_and_come_from_the_registry() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let rules: toml::Table = std::fs::read_to_string(root.join(".deny.toml")).unwrap().parse().unwrap();
-    let allowed: BTreeSet<&str> =
-        rules["licenses"]["allow"].as_array().unwrap().iter().map(|name| name.as_str().unwrap()).collect();
-    assert!(is_allowed("(MIT OR GPL-2.0-only) AND Unicode-3.0", &allowed) && is_allowed("GPL-2.0-only/MIT", &allowed));
-    assert!(!is_allowed("MIT AND GPL-2.0-only", &allowed) && !is_allowed("(GPL-2.0-only)", &allowed));
-    let target = if cfg!(windows) { "x86_64-pc-windows-msvc" } else { "x86_64-unknown-linux-gnu" };
+    let rules: toml::Table = std::fs::read_to_string(root.join(".deny.toml"))
+        .unwrap()
+        .parse()
+        .unwrap();
+    let allowed: BTreeSet<&str> = rules["licenses"]["allow"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|name| name.as_str().unwrap())
+        .collect();
+    assert!(
+        is_allowed("(MIT OR GPL-2.0-only) AND Unicode-3.0", &allowed)
+            && is_allowed("GPL-2.0-only/MIT", &allowed)
+    );
+    assert!(
+        !is_allowed("MIT AND GPL-2.0-only", &allowed) && !is_allowed("(GPL-2.0-only)", &allowed)
+    );
+    let target = if cfg!(windows) {
+        "x86_64-pc-windows-msvc"
+    } else {
+        "x86_64-unknown-linux-gnu"
+    };
     let output = std::process::Command::new(env!("CARGO"))
-        .args(["metadata", "--format-version", "1", "--locked", "--offline", "--filter-platform", target])
+        .args([
+            "metadata",
+            "--format-version",
+            "1",
+            "--locked",
+            "--offline",
+            "--filter-platform",
+            target,
+        ])
         .current_dir(root)
         .output()
         .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let packages = metadata["packages"].as_array().unwrap();
     assert!(packages.len() > 100);
-    for package in packages.iter().filter(|package| !package["name"].as_str().unwrap().starts_with("ostra")) {
-        let (name, license) = (&package["name"], package["license"].as_str().unwrap_or("none"));
-        assert!(is_allowed(license, &allowed), "{name}: its licence {license} is not in .deny.toml");
+    for package in packages
+        .iter()
+        .filter(|package| !package["name"].as_str().unwrap().starts_with("ostra"))
+    {
+        let (name, license) = (
+            &package["name"],
+            package["license"].as_str().unwrap_or("none"),
+        );
+        assert!(
+            is_allowed(license, &allowed),
+            "{name}: its licence {license} is not in .deny.toml"
+        );
         let source = package["source"].as_str().unwrap_or("a path");
-        assert!(source.starts_with("registry+https://github.com/rust-lang/crates.io-index"), "{name} is from {source}");
+        assert!(
+            source.starts_with("registry+https://github.com/rust-lang/crates.io-index"),
+            "{name} is from {source}"
+        );
     }
 }

@@ -37,10 +37,24 @@ struct Correction {
 }
 
 fn click(project: &str, label: &str, clicks: &Clicks) {
-    let mut args: Vec<String> =
-        ["prompt", project, "--frame", "0", "--label", label, "--segmenter", "builtin"].map(String::from).to_vec();
+    let mut args: Vec<String> = [
+        "prompt",
+        project,
+        "--frame",
+        "0",
+        "--label",
+        label,
+        "--segmenter",
+        "builtin",
+    ]
+    .map(String::from)
+    .to_vec();
     for (option, places) in [("--click", &clicks.include), ("--not", &clicks.exclude)] {
-        args.extend(places.iter().flat_map(|[x, y]| [option.to_owned(), format!("{x},{y}")]));
+        args.extend(
+            places
+                .iter()
+                .flat_map(|[x, y]| [option.to_owned(), format!("{x},{y}")]),
+        );
     }
     done(&args.iter().map(String::as_str).collect::<Vec<_>>());
 }
@@ -48,11 +62,28 @@ fn click(project: &str, label: &str, clicks: &Clicks) {
 /// Takes the boy off a frame, draws him, and tracks him anew between the neighbouring anchors.
 fn correct(project: &str, recipe: &Path, Correction { frame, polygons }: &Correction) {
     let paint = |points: &Value, erase: bool| json!({"paint": {"frame": frame, "label": BOY, "points_px": points, "radius_px": 0, "erase": erase, "replace": !erase}});
-    let mut commands = vec![json!({"open": project}), paint(&json!([[0, 0], [960, 0], [960, 540], [0, 540]]), true)];
+    let mut commands = vec![
+        json!({"open": project}),
+        paint(&json!([[0, 0], [960, 0], [960, 540], [0, 540]]), true),
+    ];
     commands.extend(polygons.iter().map(|polygon| paint(&json!(polygon), false)));
-    std::fs::write(recipe, json!({"format": 1, "commands": commands}).to_string()).unwrap();
+    std::fs::write(
+        recipe,
+        json!({"format": 1, "commands": commands}).to_string(),
+    )
+    .unwrap();
     done(&["run", recipe.to_str().unwrap()]);
-    done(&["track", project, "--tracker", "flow", "--label", "boy", "--around", &frame.to_string(), "--replace"]);
+    done(&[
+        "track",
+        project,
+        "--tracker",
+        "flow",
+        "--label",
+        "boy",
+        "--around",
+        &frame.to_string(),
+        "--replace",
+    ]);
 }
 
 /// Of the points on a child or beside both: how many, those found, and those that another has taken.
@@ -76,11 +107,21 @@ impl Count {
 /// Counts over the frames that nobody labelled by hand.
 fn counts(project: &Path, script: &Script) -> BTreeMap<String, Count> {
     let mut counts: BTreeMap<String, Count> = BTreeMap::new();
-    let by_hand = |frame: usize| frame == 0 || script.corrections.iter().any(|correction| correction.frame == frame);
+    let by_hand = |frame: usize| {
+        frame == 0
+            || script
+                .corrections
+                .iter()
+                .any(|correction| correction.frame == frame)
+    };
     for (frame, points) in script.points.iter().filter(|(frame, _)| !by_hand(**frame)) {
-        let mask = read_palette_png(&project.join(format!("masks/bedroom/{frame:05}.png"))).unwrap();
+        let mask =
+            read_palette_png(&project.join(format!("masks/bedroom/{frame:05}.png"))).unwrap();
         for (what, points) in points {
-            let id = LABELS.iter().position(|label| label == what).map_or(LabelId::NONE, |at| LabelId(at as u16 + 1));
+            let id = LABELS
+                .iter()
+                .position(|label| label == what)
+                .map_or(LabelId::NONE, |at| LabelId(at as u16 + 1));
             let count = counts.entry(what.clone()).or_default();
             for &[x, y] in points {
                 let is = mask.ids[y * mask.width as usize + x];
@@ -120,5 +161,8 @@ fn two_children_are_kept_apart_with_six_corrections() {
     assert!(after["girl"].found() >= 0.97 && after["girl"].taken() <= 0.01);
     assert!(after["boy"].found() >= 0.82 && after["boy"].taken() <= 0.1);
     assert!(after["neither"].found() >= 0.93);
-    assert!(after["boy"].found() >= before["boy"].found() + 0.3, "corrections are carried on");
+    assert!(
+        after["boy"].found() >= before["boy"].found() + 0.3,
+        "corrections are carried on"
+    );
 }

@@ -27,8 +27,13 @@ fn carried(frames: &[Frame], anchor: usize, mask: LabelMask) -> BTreeMap<usize, 
     let mut take = |tracked: ostra_masks::TrackedFrame| {
         masks.insert(tracked.frame, tracked.mask);
     };
-    GeometryTracker::default().track(&request, &mut take, &Progress::default()).unwrap();
-    assert!(!masks.contains_key(&anchor), "an anchor is never brought a mask");
+    GeometryTracker::default()
+        .track(&request, &mut take, &Progress::default())
+        .unwrap();
+    assert!(
+        !masks.contains_key(&anchor),
+        "an anchor is never brought a mask"
+    );
     masks
 }
 
@@ -38,7 +43,11 @@ fn mean_iou(results: &BTreeMap<usize, LabelMask>, truths: &[LabelMask], label: L
         let pairs = || result.ids.iter().zip(&truths[*frame].ids);
         let both = pairs().filter(|&(a, b)| *a == label && *b == label).count();
         let either = pairs().filter(|&(a, b)| *a == label || *b == label).count();
-        if either == 0 { 1.0 } else { both as f64 / either as f64 }
+        if either == 0 {
+            1.0
+        } else {
+            both as f64 / either as f64
+        }
     };
     results.iter().map(iou).sum::<f64>() / results.len() as f64
 }
@@ -47,33 +56,62 @@ fn mean_iou(results: &BTreeMap<usize, LabelMask>, truths: &[LabelMask], label: L
 fn one_true_mask_of_a_real_shelf_reaches_the_other_frames() {
     let Some(data) = data_dir() else { return };
     let set = data.join("apc_shelf_rgbd_labels");
-    let source = FrameFolder { frames: set.join("color"), depth: Some(set.join("depth")) };
-    let request = OpenRequest { sources: vec![source], ..OpenRequest::default() };
+    let source = FrameFolder {
+        frames: set.join("color"),
+        depth: Some(set.join("depth")),
+    };
+    let request = OpenRequest {
+        sources: vec![source],
+        ..OpenRequest::default()
+    };
     let mut frames = open(&request, &Progress::default()).unwrap().frames;
-    GivenCameras::read(&set.join("sparse")).unwrap().match_to(&mut frames).unwrap();
+    GivenCameras::read(&set.join("sparse"))
+        .unwrap()
+        .match_to(&mut frames)
+        .unwrap();
     let truth = |frame: &Frame| read_palette_png(&set.join("labels").join(&frame.name)).unwrap();
     let truths: Vec<LabelMask> = frames.iter().map(truth).collect();
     let masks = carried(&frames, 7, truths[7].clone());
     assert_eq!(masks.len(), frames.len() - 1);
-    let ious: Vec<f64> = (1..=4).map(|id| mean_iou(&masks, &truths, LabelId(id))).collect();
+    let ious: Vec<f64> = (1..=4)
+        .map(|id| mean_iou(&masks, &truths, LabelId(id)))
+        .collect();
     println!("apc shelf, true mask of frame 7 carried to the other 14: IoU {ious:.3?}");
     let mean = ious.iter().sum::<f64>() / 4.0;
-    assert!(mean >= 0.78, "mean IoU {mean:.3}; a mask carried with nearest fill reaches 0.72");
+    assert!(
+        mean >= 0.78,
+        "mean IoU {mean:.3}; a mask carried with nearest fill reaches 0.72"
+    );
 }
 
 #[test]
 fn the_made_plant_keeps_its_organs_across_the_arc() {
-    let options = SceneOptions { views: 12, ..SceneOptions::default() };
+    let options = SceneOptions {
+        views: 12,
+        ..SceneOptions::default()
+    };
     let scene = Scene::build(&options).unwrap();
     let dir = tempfile::tempdir().unwrap();
     scene.write(dir.path(), &Progress::default()).unwrap();
-    let source = FrameFolder { frames: dir.path().join("color"), depth: Some(dir.path().join("depth")) };
-    let request = OpenRequest { sources: vec![source], depth_unit: Scene::DEPTH_UNIT_M, ..OpenRequest::default() };
+    let source = FrameFolder {
+        frames: dir.path().join("color"),
+        depth: Some(dir.path().join("depth")),
+    };
+    let request = OpenRequest {
+        sources: vec![source],
+        depth_unit: Scene::DEPTH_UNIT_M,
+        ..OpenRequest::default()
+    };
     let mut frames = open(&request, &Progress::default()).unwrap().frames;
-    GivenCameras::read(&dir.path().join("sparse")).unwrap().match_to(&mut frames).unwrap();
+    GivenCameras::read(&dir.path().join("sparse"))
+        .unwrap()
+        .match_to(&mut frames)
+        .unwrap();
     let truth = |frame: &Frame| {
         let mut mask = read_palette_png(&dir.path().join("truth/masks").join(&frame.name)).unwrap();
-        mask.ids.iter_mut().for_each(|id| *id = scene.tree().at_level(*id, Scene::CLASS_LEVEL));
+        mask.ids
+            .iter_mut()
+            .for_each(|id| *id = scene.tree().at_level(*id, Scene::CLASS_LEVEL));
         mask
     };
     let truths: Vec<LabelMask> = frames.iter().map(truth).collect();

@@ -21,7 +21,11 @@ pub(super) fn ostra(args: &[&str]) -> Output {
 
 pub(super) fn done(args: &[&str]) -> String {
     let output = ostra(args);
-    assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        output.status.success(),
+        "{args:?}: {}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     String::from_utf8(output.stdout).unwrap()
 }
 
@@ -30,7 +34,10 @@ pub(super) fn refused(args: &[&str]) -> String {
     let output = ostra(args);
     let text = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "{args:?}: {text}");
-    let errors: Vec<&str> = text.lines().filter(|line| line.starts_with("ostra: ")).collect();
+    let errors: Vec<&str> = text
+        .lines()
+        .filter(|line| line.starts_with("ostra: "))
+        .collect();
     assert_eq!(errors.len(), 1, "{args:?} says one line: {text}");
     errors[0].to_owned()
 }
@@ -50,17 +57,35 @@ impl Recording {
         for k in 0..4_u32 {
             // The camera is k · 2 cm to the right; f = 60 px: the square moves by 1.2 px a frame.
             let left = 20.0 - 1.2 * f64::from(k);
-            let inside = |x: u32, y: u32| (f64::from(x) + 0.5 - left).abs() < 8.0 && (14..34).contains(&y);
+            let inside =
+                |x: u32, y: u32| (f64::from(x) + 0.5 - left).abs() < 8.0 && (14..34).contains(&y);
             let color = RgbImage::from_fn(64, 48, |x, y| {
-                if inside(x, y) { image::Rgb([210, 40, 30]) } else { image::Rgb([90, 90, 96 + (x + 7 * k) as u8 % 3]) }
+                if inside(x, y) {
+                    image::Rgb([210, 40, 30])
+                } else {
+                    image::Rgb([90, 90, 96 + (x + 7 * k) as u8 % 3])
+                }
             });
-            color.save(dir.path().join(format!("color/{k}.png"))).unwrap();
-            let depth: ImageBuffer<Luma<u16>, Vec<u16>> =
-                ImageBuffer::from_fn(64, 48, |x, y| Luma([if inside(x, y) { 1000 } else { 2000 }]));
-            depth.save(dir.path().join(format!("depth/{k}.png"))).unwrap();
-            images += &format!("{} 1 0 0 0 {} 0 0 1 {k}.png\n\n", k + 1, -0.02 * f64::from(k));
+            color
+                .save(dir.path().join(format!("color/{k}.png")))
+                .unwrap();
+            let depth: ImageBuffer<Luma<u16>, Vec<u16>> = ImageBuffer::from_fn(64, 48, |x, y| {
+                Luma([if inside(x, y) { 1000 } else { 2000 }])
+            });
+            depth
+                .save(dir.path().join(format!("depth/{k}.png")))
+                .unwrap();
+            images += &format!(
+                "{} 1 0 0 0 {} 0 0 1 {k}.png\n\n",
+                k + 1,
+                -0.02 * f64::from(k)
+            );
         }
-        std::fs::write(dir.path().join("sparse/cameras.txt"), "1 PINHOLE 64 48 60 60 32 24\n").unwrap();
+        std::fs::write(
+            dir.path().join("sparse/cameras.txt"),
+            "1 PINHOLE 64 48 60 60 32 24\n",
+        )
+        .unwrap();
         std::fs::write(dir.path().join("sparse/images.txt"), images).unwrap();
         std::fs::write(dir.path().join("sparse/points3D.txt"), "").unwrap();
         Self { dir }
@@ -77,7 +102,10 @@ impl Recording {
         for k in 0..4_u32 {
             let left = 20.0 - 1.2 * f64::from(k);
             let mask = GrayImage::from_fn(64, 48, |x, y| {
-                Luma([u8::from((f64::from(x) + 0.5 - left).abs() < 8.0 && (14..34).contains(&y)) * 255])
+                Luma([
+                    u8::from((f64::from(x) + 0.5 - left).abs() < 8.0 && (14..34).contains(&y))
+                        * 255,
+                ])
             });
             mask.save(format!("{truth}/{k}.png")).unwrap();
         }
@@ -87,7 +115,16 @@ impl Recording {
     pub(super) fn project(&self) -> String {
         let project = self.path("project");
         let [color, depth, sparse] = ["color", "depth", "sparse"].map(|name| self.path(name));
-        done(&["new", &project, "--frames", &color, "--depth", &depth, "--cameras", &sparse]);
+        done(&[
+            "new",
+            &project,
+            "--frames",
+            &color,
+            "--depth",
+            &depth,
+            "--cameras",
+            &sparse,
+        ]);
         project
     }
 }
@@ -116,7 +153,9 @@ fn the_whole_way_on_the_command_line() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing", "--color", "#d02818"]);
-    done(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    done(&[
+        "prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24",
+    ]);
     done(&["track", &project, "--tracker", "geometry"]);
     done(&["fuse", &project, "--voxel", "0.01"]);
     let cloud = recording.path("cloud.ply");
@@ -135,26 +174,42 @@ fn the_whole_way_on_the_command_line() {
     ]);
     let shot = recording.path("shot.png");
     for model in ["cloud", "mesh", "voxels"] {
-        done(&["shot", &project, &shot, "--color", "labels", "--model", model]);
+        done(&[
+            "shot", &project, &shot, "--color", "labels", "--model", model,
+        ]);
         let picture = image::open(&shot).unwrap().to_rgb8();
-        let of_thing = picture.pixels().filter(|pixel| pixel.0[0] > 90 && pixel.0[1] < 60).count();
-        assert!(of_thing > 500, "{model}: the thing is drawn in its colour, on {of_thing} pixels");
+        let of_thing = picture
+            .pixels()
+            .filter(|pixel| pixel.0[0] > 90 && pixel.0[1] < 60)
+            .count();
+        assert!(
+            of_thing > 500,
+            "{model}: the thing is drawn in its colour, on {of_thing} pixels"
+        );
     }
 
     let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
-    let states: Vec<&str> =
-        info["frames"].as_array().unwrap().iter().map(|frame| frame["mask"].as_str().unwrap()).collect();
+    let states: Vec<&str> = info["frames"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|frame| frame["mask"].as_str().unwrap())
+        .collect();
     assert_eq!(states, ["tracked", "anchor", "tracked", "tracked"]);
     assert_eq!(info["labels"][0]["name"], "thing");
     assert_eq!(info["labels"][0]["color"], "#d02818");
     assert_eq!(info["results"]["cloud"]["stale"], false);
 
     let truth = recording.truth();
-    let score: Value =
-        serde_json::from_str(&done(&["eval", "masks", "--truth", &truth, "--result", &masks, "--json"])).unwrap();
+    let score: Value = serde_json::from_str(&done(&[
+        "eval", "masks", "--truth", &truth, "--result", &masks, "--json",
+    ]))
+    .unwrap();
     assert!(score["j"].as_f64().unwrap() > 0.9, "{score}");
 
-    let same = done(&["eval", "cloud", "--truth", &cloud, "--result", &cloud, "--within", "0.001"]);
+    let same = done(&[
+        "eval", "cloud", "--truth", &cloud, "--result", &cloud, "--within", "0.001",
+    ]);
     assert!(same.contains("thing"), "{same}");
     let cameras: Value = serde_json::from_str(&done(&[
         "eval",
@@ -167,13 +222,22 @@ fn the_whole_way_on_the_command_line() {
     ]))
     .unwrap();
     assert_eq!(cameras["error"]["count"], 4);
-    assert!(cameras["error"]["centre"]["max"].as_f64().unwrap() < 1e-9, "{cameras}");
+    assert!(
+        cameras["error"]["centre"]["max"].as_f64().unwrap() < 1e-9,
+        "{cameras}"
+    );
 }
 
 /// Colours and labels of the project's cloud and of its mesh's vertices.
 fn fused(project: &str) -> [(Vec<[u8; 3]>, Vec<LabelId>); 2] {
-    let of = |file: &str| read_ply(&Path::new(project).join(file), &Progress::default()).unwrap().cloud;
-    ["cloud.ply", "mesh.ply"].map(of).map(|cloud| (cloud.colors, cloud.labels))
+    let of = |file: &str| {
+        read_ply(&Path::new(project).join(file), &Progress::default())
+            .unwrap()
+            .cloud
+    };
+    ["cloud.ply", "mesh.ply"]
+        .map(of)
+        .map(|cloud| (cloud.colors, cloud.labels))
 }
 
 #[test]
@@ -181,36 +245,56 @@ fn after_a_correction_only_masks_vote_and_what_comes_is_what_all_anew_gives() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing"]);
-    done(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    done(&[
+        "prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24",
+    ]);
     done(&["track", &project, "--tracker", "geometry"]);
     done(&["fuse", &project, "--voxel", "0.01"]);
     let first = fused(&project);
 
     // A point's colour is made from pictures alone: if it stays what we make it, no picture was read.
     let versions = Path::new(&project).join("versions");
-    let file = std::fs::read_dir(versions).unwrap().map(|entry| entry.unwrap().path());
-    let file = file.into_iter().find(|path| path.to_str().unwrap().contains("cloud-")).unwrap();
+    let file = std::fs::read_dir(versions)
+        .unwrap()
+        .map(|entry| entry.unwrap().path());
+    let file = file
+        .into_iter()
+        .find(|path| path.to_str().unwrap().contains("cloud-"))
+        .unwrap();
     let mut marked = read_ply(&file, &Progress::default()).unwrap().cloud;
     marked.colors[7] = [1, 2, 3];
     save_ply(&file, &marked, Coloring::Picture, &Progress::default()).unwrap();
 
     for frame in ["0", "2", "3"] {
-        done(&["prompt", &project, "--frame", frame, "--label", "thing", "--click", "50,10"]);
+        done(&[
+            "prompt", &project, "--frame", frame, "--label", "thing", "--click", "50,10",
+        ]);
     }
     done(&["fuse", &project, "--voxel", "0.01"]);
     let voted = fused(&project);
     assert_eq!(voted[0].0[7], [1, 2, 3]);
-    assert!(voted[0].1 != first[0].1 && voted[1].1 != first[1].1, "other masks, other labels");
+    assert!(
+        voted[0].1 != first[0].1 && voted[1].1 != first[1].1,
+        "other masks, other labels"
+    );
 
     // A depth file that was written again may be another one: points are made anew.
-    let depth = std::fs::File::options().append(true).open(recording.path("depth/2.png")).unwrap();
-    depth.set_modified(std::time::SystemTime::UNIX_EPOCH).unwrap();
+    let depth = std::fs::File::options()
+        .append(true)
+        .open(recording.path("depth/2.png"))
+        .unwrap();
+    depth
+        .set_modified(std::time::SystemTime::UNIX_EPOCH)
+        .unwrap();
     done(&["fuse", &project, "--voxel", "0.01"]);
     let anew = fused(&project);
     assert_eq!(anew[0].0[7], first[0].0[7]);
     assert!(anew[0].1 == voted[0].1 && anew[1] == voted[1]);
     done(&["fuse", &project, "--voxel", "0.02"]);
-    assert!(fused(&project)[0].1.len() < anew[0].1.len(), "another voxel size, other points");
+    assert!(
+        fused(&project)[0].1.len() < anew[0].1.len(),
+        "another voxel size, other points"
+    );
 }
 
 #[test]
@@ -218,11 +302,18 @@ fn a_prompt_sets_what_is_given_and_an_anchor_is_not_overwritten() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing"]);
-    done(&["prompt", &project, "--frame", "0", "--label", "thing", "--click", "20,24"]);
+    done(&[
+        "prompt", &project, "--frame", "0", "--label", "thing", "--click", "20,24",
+    ]);
     let anchor = std::fs::read(Path::new(&project).join("masks/0.png")).unwrap();
-    done(&["prompt", &project, "--frame", "3", "--label", "thing", "--click", "16,24"]);
+    done(&[
+        "prompt", &project, "--frame", "3", "--label", "thing", "--click", "16,24",
+    ]);
     done(&["track", &project]);
-    assert_eq!(std::fs::read(Path::new(&project).join("masks/0.png")).unwrap(), anchor);
+    assert_eq!(
+        std::fs::read(Path::new(&project).join("masks/0.png")).unwrap(),
+        anchor
+    );
 }
 
 /// The label numbers of a frame's mask as it lies in the project.
@@ -236,19 +327,50 @@ fn a_thin_thing_is_traced_through_two_points_and_one_is_not_enough() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing"]);
-    let one = refused(&["trace", &project, "--frame", "1", "--label", "thing", "--point", "19,16"]);
+    let one = refused(&[
+        "trace", &project, "--frame", "1", "--label", "thing", "--point", "19,16",
+    ]);
     assert!(one.contains("two different points"), "{one}");
     let points = ["--point", "19,16", "--point", "19,32"];
-    done(&[&["trace", &project, "--frame", "1", "--label", "thing"][..], &points].concat());
+    done(
+        &[
+            &["trace", &project, "--frame", "1", "--label", "thing"][..],
+            &points,
+        ]
+        .concat(),
+    );
     let traced = ids(&project, 1);
     let (inside, beside) = (traced[24 * 64 + 19], traced[24 * 64 + 40]);
     assert_eq!((inside, beside), (1, 0));
     let area = traced.iter().filter(|&&id| id == 1).count();
-    assert!((16 * 12..16 * 21).contains(&area), "{area} pixels of a bar 16 wide");
+    assert!(
+        (16 * 12..16 * 21).contains(&area),
+        "{area} pixels of a bar 16 wide"
+    );
     done(&["label", &project, "other"]);
-    done(&[&["trace", &project, "--frame", "1", "--label", "other"][..], &points].concat());
+    done(
+        &[
+            &["trace", &project, "--frame", "1", "--label", "other"][..],
+            &points,
+        ]
+        .concat(),
+    );
     assert_eq!(ids(&project, 1), traced, "another label's pixels stay");
-    done(&[&["trace", &project, "--frame", "1", "--label", "other", "--replace"][..], &points].concat());
+    done(
+        &[
+            &[
+                "trace",
+                &project,
+                "--frame",
+                "1",
+                "--label",
+                "other",
+                "--replace",
+            ][..],
+            &points,
+        ]
+        .concat(),
+    );
     assert_eq!(ids(&project, 1)[24 * 64 + 19], 2);
     let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
     assert_eq!(info["frames"][1]["mask"], "anchor");
@@ -264,22 +386,48 @@ fn holes_are_filled_and_islands_removed() {
     let hole = |x: u32, y: u32| (20..22).contains(&x) && (20..22).contains(&y);
     let island = |x: u32, y: u32| (50..53).contains(&x) && y == 5;
     let inside = |x: u32, y: u32| (12..28).contains(&x) && (14..34).contains(&y);
-    GrayImage::from_fn(64, 48, |x, y| Luma([u8::from((inside(x, y) && !hole(x, y)) || island(x, y))]))
-        .save(format!("{masks}/1.png"))
-        .unwrap();
+    GrayImage::from_fn(64, 48, |x, y| {
+        Luma([u8::from((inside(x, y) && !hole(x, y)) || island(x, y))])
+    })
+    .save(format!("{masks}/1.png"))
+    .unwrap();
     done(&["masks", &project, "import", &masks]);
     let area = || ids(&project, 1).iter().filter(|&&id| id == 1).count();
-    let tidy =
-        |options: &[&str]| done(&[&["tidy", &project, "--frame", "1", "--label", "thing"][..], options].concat());
+    let tidy = |options: &[&str]| {
+        done(
+            &[
+                &["tidy", &project, "--frame", "1", "--label", "thing"][..],
+                options,
+            ]
+            .concat(),
+        )
+    };
     assert!(tidy(&["--holes-below", "4", "--islands-below", "3"]).contains("no holes or islands"));
     assert_eq!(area(), 16 * 20 - 4 + 3);
     tidy(&["--holes-below", "5"]);
     assert_eq!(area(), 16 * 20 + 3);
     tidy(&["--islands-below", "1000"]);
     assert_eq!(area(), 16 * 20, "the largest piece stays");
-    let elsewhere = refused(&["tidy", &project, "--frame", "2", "--label", "thing", "--islands-below", "5"]);
-    assert!(elsewhere.contains("'thing' on frame 2") && elsewhere.contains("not on this frame"), "{elsewhere}");
-    assert_eq!(ostra(&["tidy", &project, "--frame", "1", "--label", "thing"]).status.code(), Some(2));
+    let elsewhere = refused(&[
+        "tidy",
+        &project,
+        "--frame",
+        "2",
+        "--label",
+        "thing",
+        "--islands-below",
+        "5",
+    ]);
+    assert!(
+        elsewhere.contains("'thing' on frame 2") && elsewhere.contains("not on this frame"),
+        "{elsewhere}"
+    );
+    assert_eq!(
+        ostra(&["tidy", &project, "--frame", "1", "--label", "thing"])
+            .status
+            .code(),
+        Some(2)
+    );
 }
 
 /// Writes a mask file in which `thing` (1) and `wall` (2) are given as columns of the rows 14 to 33.
@@ -310,40 +458,89 @@ fn one_label_is_tracked_anew_and_the_others_stay() {
     let region = |k: u32, id: u16| mask(k).region(ostra_masks::LabelId(id));
     let state = || -> Vec<String> {
         let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
-        info["frames"].as_array().unwrap().iter().map(|frame| frame["mask"].as_str().unwrap().to_owned()).collect()
+        info["frames"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|frame| frame["mask"].as_str().unwrap().to_owned())
+            .collect()
     };
     import("first", 1, 12..26, 36..56);
     done(&["track", &project]);
     // The anchor is corrected in both labels, one of them is tracked anew on one frame.
     import("corrected", 1, 12..20, 36..42);
     let (before, walls) = (bytes(), [0, 2, 3].map(|k| region(k, 2)));
-    done(&["track", &project, "--label", "thing", "--from", "2", "--to", "2"]);
+    done(&[
+        "track", &project, "--label", "thing", "--from", "2", "--to", "2",
+    ]);
     let after = bytes();
-    assert_eq!([0, 1, 3].map(|k: usize| after[k] == before[k]), [true; 3], "outside the range and on the anchor");
+    assert_eq!(
+        [0, 1, 3].map(|k: usize| after[k] == before[k]),
+        [true; 3],
+        "outside the range and on the anchor"
+    );
     assert_eq!(state(), ["stale", "anchor", "tracked", "stale"]);
-    assert!((100..=200).contains(&region(2, 1).area()), "{}", region(2, 1).area());
+    assert!(
+        (100..=200).contains(&region(2, 1).area()),
+        "{}",
+        region(2, 1).area()
+    );
     assert_eq!(region(2, 2), walls[1]);
     let areas = [region(0, 1).area(), walls[1].area()];
-    assert!(areas[0] > 220 && areas[1] > 200, "the tracker would have made both smaller: {areas:?}");
+    assert!(
+        areas[0] > 220 && areas[1] > 200,
+        "the tracker would have made both smaller: {areas:?}"
+    );
 
     // Around the anchor: all frames.
     done(&["track", &project, "--label", "thing", "--around", "1"]);
     assert_eq!([0, 2, 3].map(|k| region(k, 2)), walls);
-    assert!([0, 2, 3].iter().all(|&k| (100..=200).contains(&region(k, 1).area())));
-    assert_eq!((bytes()[1].clone(), bytes()[2].clone()), (after[1].clone(), after[2].clone()), "the same answer");
+    assert!(
+        [0, 2, 3]
+            .iter()
+            .all(|&k| (100..=200).contains(&region(k, 1).area()))
+    );
+    assert_eq!(
+        (bytes()[1].clone(), bytes()[2].clone()),
+        (after[1].clone(), after[2].clone()),
+        "the same answer"
+    );
 
     // What the anchor gives to the thing is taken from the wall only on request.
     import("over", 1, 12..48, 0..0);
     done(&["track", &project, "--label", "thing", "--around", "1"]);
     assert_eq!([0, 2, 3].map(|k| region(k, 2)), walls);
-    done(&["track", &project, "--label", "thing", "--around", "1", "--replace"]);
-    assert!([0, 2, 3].iter().all(|&k| region(k, 2).area() <= walls[0].area() / 2 && region(k, 1).area() > 550));
+    done(&[
+        "track",
+        &project,
+        "--label",
+        "thing",
+        "--around",
+        "1",
+        "--replace",
+    ]);
+    assert!(
+        [0, 2, 3]
+            .iter()
+            .all(|&k| region(k, 2).area() <= walls[0].area() / 2 && region(k, 1).area() > 550)
+    );
 
     let before = contents(Path::new(&project));
     assert!(refused(&["track", &project, "--label", "sky"]).contains("'sky'"));
-    assert!(refused(&["track", &project, "--label", "thing", "--around", "2"]).contains("frame 2 is no anchor"));
-    assert_eq!(ostra(&["track", &project, "--around", "1", "--from", "0"]).status.code(), Some(2));
-    assert_eq!(ostra(&["track", &project, "--replace"]).status.code(), Some(2));
+    assert!(
+        refused(&["track", &project, "--label", "thing", "--around", "2"])
+            .contains("frame 2 is no anchor")
+    );
+    assert_eq!(
+        ostra(&["track", &project, "--around", "1", "--from", "0"])
+            .status
+            .code(),
+        Some(2)
+    );
+    assert_eq!(
+        ostra(&["track", &project, "--replace"]).status.code(),
+        Some(2)
+    );
     assert_eq!(contents(Path::new(&project)), before);
 }
 
@@ -352,21 +549,58 @@ fn a_robot_user_counts_the_clicks_that_tracking_saves() {
     let recording = Recording::new();
     let (project, truth) = (recording.project(), recording.truth());
     let before = contents(Path::new(&project));
-    let play = ["eval", "interact", "--frames", &project, "--truth", &truth, "--tracker", "geometry"];
+    let play = [
+        "eval",
+        "interact",
+        "--frames",
+        &project,
+        "--truth",
+        &truth,
+        "--tracker",
+        "geometry",
+    ];
     let report: Value = serde_json::from_str(&done(&[&play[..], &["--json"]].concat())).unwrap();
-    assert_eq!((&report["tracker"], &report["segmenter"]), (&"geometry".into(), &"builtin".into()));
-    assert_eq!((&report["frames"], &report["labels"]), (&4.into(), &1.into()));
+    assert_eq!(
+        (&report["tracker"], &report["segmenter"]),
+        (&"geometry".into(), &"builtin".into())
+    );
+    assert_eq!(
+        (&report["frames"], &report["labels"]),
+        (&4.into(), &1.into())
+    );
     assert!(report["mean_iou"].as_f64().unwrap() >= 0.9, "{report}");
     let clicks = report["reached"][1]["clicks"].as_u64().unwrap();
-    assert!((1..4).contains(&clicks) && report["frame_by_frame"]["clicks"].as_u64().unwrap() >= 4, "{report}");
+    assert!(
+        (1..4).contains(&clicks) && report["frame_by_frame"]["clicks"].as_u64().unwrap() >= 4,
+        "{report}"
+    );
     assert!(done(&play).contains(&format!("clicks to mean IoU 0.90 {clicks:>8}")));
     assert!(
-        done(&[&play[..], &["--jitter", "1.5", "--seed", "7"]].concat()).contains("that the first tracking failed")
+        done(&[&play[..], &["--jitter", "1.5", "--seed", "7"]].concat())
+            .contains("that the first tracking failed")
     );
-    assert_eq!(ostra(&[&play[..], &["--jitter", "far"]].concat()).status.code(), Some(2));
-    assert_eq!(contents(Path::new(&project)), before, "the project is only read");
+    assert_eq!(
+        ostra(&[&play[..], &["--jitter", "far"]].concat())
+            .status
+            .code(),
+        Some(2)
+    );
+    assert_eq!(
+        contents(Path::new(&project)),
+        before,
+        "the project is only read"
+    );
     let color = recording.path("color");
-    let refusal = refused(&["eval", "interact", "--frames", &color, "--truth", &truth, "--tracker", "geometry"]);
+    let refusal = refused(&[
+        "eval",
+        "interact",
+        "--frames",
+        &color,
+        "--truth",
+        &truth,
+        "--tracker",
+        "geometry",
+    ]);
     assert!(refusal.contains("depth"), "{refusal}");
 }
 
@@ -378,28 +612,63 @@ fn what_comes_later_says_what_it_needs() {
     assert!(refused(&["models", "install", "xfeat"]).contains("ostra models add xfeat FILE"));
     assert!(refused(&["reconstruct", &project, "--method", "sfm"]).len() > 30);
     done(&["label", &project, "thing"]);
-    done(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    done(&[
+        "prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24",
+    ]);
     assert!(refused(&["track", &project, "--tracker", "xmem"]).contains("xmem"));
-    let said = refused(&["track", &project, "--tracker", "flow", "--short-side", "480"]);
-    assert!(said.contains("'xmem' and 'deaot'") && said.contains("'flow'"), "{said}");
+    let said = refused(&[
+        "track",
+        &project,
+        "--tracker",
+        "flow",
+        "--short-side",
+        "480",
+    ]);
+    assert!(
+        said.contains("'xmem' and 'deaot'") && said.contains("'flow'"),
+        "{said}"
+    );
     assert_eq!(ostra(&["prompt"]).status.code(), Some(2));
-    assert_eq!(ostra(&["frobnicate"]).status.code(), Some(1), "a path that is not there cannot be opened");
+    assert_eq!(
+        ostra(&["frobnicate"]).status.code(),
+        Some(1),
+        "a path that is not there cannot be opened"
+    );
 }
 
 #[test]
 fn an_option_that_a_score_has_no_use_for_is_refused() {
     let score = |of: &str, option: &[&str]| {
-        refused(&[&["eval", of, "--truth", "truth", "--result", "result"], option].concat())
+        refused(
+            &[
+                &["eval", of, "--truth", "truth", "--result", "result"],
+                option,
+            ]
+            .concat(),
+        )
     };
     assert!(score("cameras", &["--turns"]).contains("--align se3"));
     for of in ["masks", "cloud"] {
-        assert!(score(of, &["--turns"]).contains("--turns means nothing"), "{of}");
+        assert!(
+            score(of, &["--turns"]).contains("--turns means nothing"),
+            "{of}"
+        );
     }
     assert!(score("cameras", &["--skip-first"]).contains("--skip-first means nothing"));
     for of in ["masks", "cameras"] {
-        assert!(score(of, &["--frames", "frames"]).contains("--frames means nothing"), "{of}");
+        assert!(
+            score(of, &["--frames", "frames"]).contains("--frames means nothing"),
+            "{of}"
+        );
     }
-    let cameras = ["--cameras", "sparse", "--min-views", "3", "--frames", "frames"];
+    let cameras = [
+        "--cameras",
+        "sparse",
+        "--min-views",
+        "3",
+        "--frames",
+        "frames",
+    ];
     assert!(score("cloud", &cameras).contains("--within"));
     assert!(score("cloud", &["--within", "1", "--frames", "frames"]).contains("--cameras"));
 }
@@ -417,12 +686,26 @@ fn broken_input_is_one_line_and_changes_nothing() {
 
     let nan = recording.path("nan");
     std::fs::create_dir(&nan).unwrap();
-    std::fs::copy(format!("{sparse}/cameras.txt"), format!("{nan}/cameras.txt")).unwrap();
+    std::fs::copy(
+        format!("{sparse}/cameras.txt"),
+        format!("{nan}/cameras.txt"),
+    )
+    .unwrap();
     std::fs::write(format!("{nan}/points3D.txt"), "").unwrap();
     std::fs::write(format!("{nan}/images.txt"), "1 nan 0 0 0 0 0 0 1 0.png\n\n").unwrap();
-    assert!(new(&["--cameras", &nan]).contains("0.png: the pose has a value that is not a finite number"));
-    std::fs::write(format!("{nan}/images.txt"), "1 1 0 0 0 0 0 0 1 other.png\n\n").unwrap();
-    assert!(new(&["--cameras", &nan]).contains("other"), "names that match no frame are told");
+    assert!(
+        new(&["--cameras", &nan])
+            .contains("0.png: the pose has a value that is not a finite number")
+    );
+    std::fs::write(
+        format!("{nan}/images.txt"),
+        "1 1 0 0 0 0 0 0 1 other.png\n\n",
+    )
+    .unwrap();
+    assert!(
+        new(&["--cameras", &nan]).contains("other"),
+        "names that match no frame are told"
+    );
 
     let small = recording.path("small");
     std::fs::create_dir(&small).unwrap();
@@ -436,7 +719,10 @@ fn broken_input_is_one_line_and_changes_nothing() {
     assert!(!Path::new(&project).exists(), "nothing was made");
     let output = ostra(&["new", &project, "--frames", &color, "--depth", &depth]);
     let warning = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success() && warning.contains("1 of 4 images") && warning.contains("2.png"), "{warning}");
+    assert!(
+        output.status.success() && warning.contains("1 of 4 images") && warning.contains("2.png"),
+        "{warning}"
+    );
 }
 
 #[test]
@@ -449,18 +735,32 @@ fn a_project_is_as_before_after_a_refusal() {
 
     let wrong = recording.path("wrong");
     std::fs::create_dir(&wrong).unwrap();
-    GrayImage::new(10, 10).save(format!("{wrong}/0.png")).unwrap();
+    GrayImage::new(10, 10)
+        .save(format!("{wrong}/0.png"))
+        .unwrap();
     let error = refused(&["masks", &project, "import", &wrong]);
     assert!(error.contains("10") && error.contains("64"), "{error}");
     assert!(refused(&["label", &project, "thing"]).contains("thing"));
-    assert!(refused(&["prompt", &project, "--frame", "99", "--label", "thing", "--click", "1,1"]).contains("99"));
-    assert!(refused(&["prompt", &project, "--frame", "0", "--label", "nothing", "--click", "1,1"]).contains("nothing"));
+    assert!(
+        refused(&[
+            "prompt", &project, "--frame", "99", "--label", "thing", "--click", "1,1"
+        ])
+        .contains("99")
+    );
+    assert!(
+        refused(&[
+            "prompt", &project, "--frame", "0", "--label", "nothing", "--click", "1,1"
+        ])
+        .contains("nothing")
+    );
     assert!(refused(&["fuse", &project, "--onto", "/nowhere.ply"]).contains("nowhere.ply"));
     assert!(refused(&["export", &project, "--cloud", &recording.path("c.ply")]).contains("fuse"));
     assert_eq!(contents(Path::new(&project)), before);
 
     let toml = Path::new(&project).join("project.toml");
-    let newer = std::fs::read_to_string(&toml).unwrap().replacen("format = 1", "format = 2", 1);
+    let newer = std::fs::read_to_string(&toml)
+        .unwrap()
+        .replacen("format = 1", "format = 2", 1);
     std::fs::write(&toml, &newer).unwrap();
     assert!(refused(&["info", &project]).contains('2'));
     assert_eq!(std::fs::read_to_string(&toml).unwrap(), newer);
@@ -471,7 +771,9 @@ fn a_recipe_makes_an_equal_project() {
     let recording = Recording::new();
     let by_hand = recording.project();
     done(&["label", &by_hand, "thing"]);
-    done(&["prompt", &by_hand, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    done(&[
+        "prompt", &by_hand, "--frame", "1", "--label", "thing", "--click", "20,24",
+    ]);
     done(&["track", &by_hand, "--tracker", "geometry"]);
     let by_recipe = recording.path("by_recipe");
     let recipe = serde_json::json!({ "format": 1, "commands": [
@@ -486,7 +788,9 @@ fn a_recipe_makes_an_equal_project() {
     std::fs::write(&path, recipe.to_string()).unwrap();
     done(&["run", &path]);
     for k in 0..4 {
-        let mask = |project: &str| std::fs::read(Path::new(project).join(format!("masks/{k}.png"))).unwrap();
+        let mask = |project: &str| {
+            std::fs::read(Path::new(project).join(format!("masks/{k}.png"))).unwrap()
+        };
         assert_eq!(mask(&by_hand), mask(&by_recipe), "frame {k}");
     }
     let info = |project: &str| -> Value {
@@ -498,10 +802,17 @@ fn a_recipe_makes_an_equal_project() {
     // What four calls did is kept as one recipe too.
     let again = recording.path("again");
     let kept = std::fs::read_to_string(Path::new(&by_hand).join("recipe.jsonl")).unwrap();
-    let mut commands: Vec<Value> =
-        kept.lines().filter(|line| !line.is_empty()).map(|line| serde_json::from_str(line).unwrap()).collect();
+    let mut commands: Vec<Value> = kept
+        .lines()
+        .filter(|line| !line.is_empty())
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
     commands[0]["new"]["root"] = again.clone().into();
-    std::fs::write(&path, serde_json::json!({ "format": 1, "commands": commands }).to_string()).unwrap();
+    std::fs::write(
+        &path,
+        serde_json::json!({ "format": 1, "commands": commands }).to_string(),
+    )
+    .unwrap();
     done(&["run", &path]);
     assert_eq!(info(&by_hand), info(&again));
 }

@@ -12,7 +12,11 @@ use crate::support::data_dir;
 
 /// What the program said on standard output and standard error.
 fn done(words: &[&str], folder: &Path) -> (String, String) {
-    let out = Command::new(env!("CARGO_BIN_EXE_ostra")).args(words).current_dir(folder).output().unwrap();
+    let out = Command::new(env!("CARGO_BIN_EXE_ostra"))
+        .args(words)
+        .current_dir(folder)
+        .output()
+        .unwrap();
     let [said, told] = [out.stdout, out.stderr].map(|text| String::from_utf8(text).unwrap());
     assert!(out.status.success(), "{words:?}: {told}");
     (said, told)
@@ -30,10 +34,25 @@ fn tracked(folder: &Path, new: &[&str], truth: &Path, constrain: bool) -> (f64, 
     done(&[&["new", project], new].concat(), folder);
     done(&["masks", project, "import", "anchor"], folder);
     let track = ["track", project, "--tracker", "flow"];
-    let (_, told) = done(&if constrain { [&track[..], &["--constrain"]].concat() } else { track.to_vec() }, folder);
+    let (_, told) = done(
+        &if constrain {
+            [&track[..], &["--constrain"]].concat()
+        } else {
+            track.to_vec()
+        },
+        folder,
+    );
     let masks = format!("{project}-masks");
     done(&["masks", project, "export", &masks], folder);
-    let eval = ["eval", "masks", "--truth", truth.to_str().unwrap(), "--result", &masks, "--json"];
+    let eval = [
+        "eval",
+        "masks",
+        "--truth",
+        truth.to_str().unwrap(),
+        "--result",
+        &masks,
+        "--json",
+    ];
     let score: Value = serde_json::from_str(&done(&eval, folder).0).unwrap();
     (score["j"].as_f64().unwrap(), told)
 }
@@ -42,19 +61,38 @@ fn tracked(folder: &Path, new: &[&str], truth: &Path, constrain: bool) -> (f64, 
 fn flow_on_a_made_recording_gains_by_it() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let options = SceneOptions { views: 8, width: 300, height: 400, arc_deg: 40.0, ..SceneOptions::default() };
+    let options = SceneOptions {
+        views: 8,
+        width: 300,
+        height: 400,
+        arc_deg: 40.0,
+        ..SceneOptions::default()
+    };
     let scene = Scene::build(&options).unwrap();
     scene.write(folder, &Progress::default()).unwrap();
     // Stems and leaves one by one.
     for entry in std::fs::read_dir(folder.join("truth/masks")).unwrap() {
         let path: PathBuf = entry.unwrap().path();
         let mask = RunMask::encode(&read_palette_png(&path).unwrap().at_level(scene.tree(), 3));
-        std::fs::write(&path, encode_palette_png(&mask, &LabelTree::default()).unwrap()).unwrap();
+        std::fs::write(
+            &path,
+            encode_palette_png(&mask, &LabelTree::default()).unwrap(),
+        )
+        .unwrap();
     }
     let truth = folder.join("truth/masks");
     give_anchor(folder, &truth, "000.png");
     let depth_unit = Scene::DEPTH_UNIT_M.to_string();
-    let new = ["--frames", "color", "--depth", "depth", "--depth-unit", &depth_unit, "--cameras", "sparse"];
+    let new = [
+        "--frames",
+        "color",
+        "--depth",
+        "depth",
+        "--depth-unit",
+        &depth_unit,
+        "--cameras",
+        "sparse",
+    ];
     let (free, _) = tracked(folder, &new, &truth, false);
     let (held, told) = tracked(folder, &new, &truth, true);
     println!("made plant, flow from one true mask: J {free:.3}, constrained {held:.3}\n{told}");
@@ -72,14 +110,20 @@ fn flow_on_a_real_shelf_gains_by_it() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let truth = set.join("labels");
-    let mut names: Vec<_> = std::fs::read_dir(&truth).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    let mut names: Vec<_> = std::fs::read_dir(&truth)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name())
+        .collect();
     names.sort();
     give_anchor(folder, &truth, names[7].to_str().unwrap());
-    let [color, depth, sparse] = ["color", "depth", "sparse"].map(|part| set.join(part).to_str().unwrap().to_owned());
+    let [color, depth, sparse] =
+        ["color", "depth", "sparse"].map(|part| set.join(part).to_str().unwrap().to_owned());
     let new = ["--frames", &color, "--depth", &depth, "--cameras", &sparse];
     let (free, _) = tracked(folder, &new, &truth, false);
     let (held, told) = tracked(folder, &new, &truth, true);
-    println!("apc shelf, flow from the true mask of frame 7: J {free:.3}, constrained {held:.3}\n{told}");
+    println!(
+        "apc shelf, flow from the true mask of frame 7: J {free:.3}, constrained {held:.3}\n{told}"
+    );
     assert!(held > free, "J {free:.3}, constrained {held:.3}");
 }
 
@@ -89,13 +133,34 @@ fn without_depth_and_cameras_it_says_what_to_add() {
     let folder = folder.path();
     std::fs::create_dir(folder.join("frames")).unwrap();
     let picture = image::RgbImage::from_pixel(40, 30, image::Rgb([90, 120, 60]));
-    ["0.png", "1.png"].iter().for_each(|name| picture.save(folder.join("frames").join(name)).unwrap());
+    ["0.png", "1.png"]
+        .iter()
+        .for_each(|name| picture.save(folder.join("frames").join(name)).unwrap());
     done(&["new", "p", "--frames", "frames"], folder);
     done(&["label", "p", "leaf"], folder);
-    done(&["prompt", "p", "--frame", "0", "--label", "leaf", "--box", "5,5,20,20"], folder);
+    done(
+        &[
+            "prompt",
+            "p",
+            "--frame",
+            "0",
+            "--label",
+            "leaf",
+            "--box",
+            "5,5,20,20",
+        ],
+        folder,
+    );
     let track = ["track", "p", "--tracker", "flow", "--constrain"];
-    let out = Command::new(env!("CARGO_BIN_EXE_ostra")).args(track).current_dir(folder).output().unwrap();
+    let out = Command::new(env!("CARGO_BIN_EXE_ostra"))
+        .args(track)
+        .current_dir(folder)
+        .output()
+        .unwrap();
     let told = String::from_utf8(out.stderr).unwrap();
     assert_eq!(out.status.code(), Some(1), "{told}");
-    assert!(told.contains("--constrain needs frames with depth and cameras"), "{told}");
+    assert!(
+        told.contains("--constrain needs frames with depth and cameras"),
+        "{told}"
+    );
 }

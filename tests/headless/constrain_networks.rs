@@ -34,18 +34,47 @@ const ANCHOR: usize = 0;
 impl Recording {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let options = SceneOptions { views: 8, width: 180, height: 240, arc_deg: 40.0, ..SceneOptions::default() };
+        let options = SceneOptions {
+            views: 8,
+            width: 180,
+            height: 240,
+            arc_deg: 40.0,
+            ..SceneOptions::default()
+        };
         let scene = Scene::build(&options).unwrap();
         scene.write(folder.path(), &Progress::default()).unwrap();
-        let class = |view| Arc::new(scene.render_exact(view).mask.at_level(scene.tree(), Scene::CLASS_LEVEL));
+        let class = |view| {
+            Arc::new(
+                scene
+                    .render_exact(view)
+                    .mask
+                    .at_level(scene.tree(), Scene::CLASS_LEVEL),
+            )
+        };
         let truth = scene.views().iter().map(class).collect();
         let path = |part: &str| folder.path().join(part);
-        let sources = vec![FrameFolder { frames: path("color"), depth: Some(path("depth")) }];
-        let open = OpenRequest { sources, depth_unit: Scene::DEPTH_UNIT_M, ..OpenRequest::default() };
-        let new = NewProject { root: path("project"), open, cameras: Some(path("sparse")), intrinsics: None };
+        let sources = vec![FrameFolder {
+            frames: path("color"),
+            depth: Some(path("depth")),
+        }];
+        let open = OpenRequest {
+            sources,
+            depth_unit: Scene::DEPTH_UNIT_M,
+            ..OpenRequest::default()
+        };
+        let new = NewProject {
+            root: path("project"),
+            open,
+            cameras: Some(path("sparse")),
+            intrinsics: None,
+        };
         let mut session = Session::new();
         perform(&mut session, Command::New(new)).unwrap();
-        Self { session, truth, _folder: folder }
+        Self {
+            session,
+            truth,
+            _folder: folder,
+        }
     }
 
     fn request(&self) -> TrackRequest {
@@ -64,16 +93,32 @@ impl Recording {
     fn tracked(&self, tracker: &dyn Tracker) -> (f64, String) {
         let mut masks = BTreeMap::new();
         let mut take = |tracked: TrackedFrame| drop(masks.insert(tracked.frame, tracked.mask));
-        let told = tracker.track(&self.request(), &mut take, &Progress::default()).unwrap();
+        let told = tracker
+            .track(&self.request(), &mut take, &Progress::default())
+            .unwrap();
         assert_eq!(masks.len(), self.truth.len() - 1);
         let pair = |(frame, result): (usize, LabelMask)| {
             let truth = RunMask::encode(&self.truth[frame]);
-            FramePair { name: frame.to_string(), truth, result: RunMask::encode(&result) }
+            FramePair {
+                name: frame.to_string(),
+                truth,
+                result: RunMask::encode(&result),
+            }
         };
         let pairs: Vec<FramePair> = masks.into_iter().map(pair).collect();
-        let labels: BTreeSet<_> = self.truth[ANCHOR].ids.iter().copied().filter(|id| id.0 > 0).collect();
+        let labels: BTreeSet<_> = self.truth[ANCHOR]
+            .ids
+            .iter()
+            .copied()
+            .filter(|id| id.0 > 0)
+            .collect();
         assert_eq!(labels.len(), 3);
-        (score_pairs(&pairs, &labels, &Progress::default()).unwrap().j, told.join("\n"))
+        (
+            score_pairs(&pairs, &labels, &Progress::default())
+                .unwrap()
+                .j,
+            told.join("\n"),
+        )
     }
 }
 
@@ -94,7 +139,10 @@ impl<T: Tracker> Tracker for Noting<T> {
         emit: &mut dyn FnMut(TrackedFrame),
         progress: &Progress,
     ) -> Result<Vec<String>, MaskError> {
-        self.begun.lock().unwrap().push(request.anchors.keys().copied().collect());
+        self.begun
+            .lock()
+            .unwrap()
+            .push(request.anchors.keys().copied().collect());
         self.tracker.track(request, emit, progress)
     }
 }
@@ -102,10 +150,20 @@ impl<T: Tracker> Tracker for Noting<T> {
 /// Networks of a folder of fixtures; `None`, after a printed line, without ONNX Runtime, which `CI` does not allow.
 fn networks<const N: usize>(name: &str, parts: [&str; N]) -> Option<[Network; N]> {
     let runtime = Runtime::find();
-    assert!(runtime.is_ok() || std::env::var_os("CI").is_none(), "{}", runtime.unwrap_err());
-    let runtime = runtime.inspect_err(|error| println!("skipped: {error}")).ok()?;
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/parity").join(name);
-    let load = |part: &str| Network::load(&runtime, &folder.join(format!("{name}-{part}.onnx")), None).unwrap();
+    assert!(
+        runtime.is_ok() || std::env::var_os("CI").is_none(),
+        "{}",
+        runtime.unwrap_err()
+    );
+    let runtime = runtime
+        .inspect_err(|error| println!("skipped: {error}"))
+        .ok()?;
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/parity")
+        .join(name);
+    let load = |part: &str| {
+        Network::load(&runtime, &folder.join(format!("{name}-{part}.onnx")), None).unwrap()
+    };
     Some(parts.map(load))
 }
 
@@ -113,18 +171,36 @@ fn gains_by_geometry<T: Tracker + 'static>(tracker: T) {
     let recording = Recording::new();
     let (tracker, begun) = (Arc::new(tracker), Arc::new(Mutex::new(Vec::new())));
     let (free, _) = recording.tracked(&*tracker);
-    let noting = Noting { tracker: Arc::clone(&tracker), begun: Arc::clone(&begun) };
-    let options = ConstrainOptions { rest: 2, ..ConstrainOptions::default() };
-    let constrained = ConstrainedTracker { tracker: Box::new(noting), options };
+    let noting = Noting {
+        tracker: Arc::clone(&tracker),
+        begun: Arc::clone(&begun),
+    };
+    let options = ConstrainOptions {
+        rest: 2,
+        ..ConstrainOptions::default()
+    };
+    let constrained = ConstrainedTracker {
+        tracker: Box::new(noting),
+        options,
+    };
     assert_eq!(constrained.name(), tracker.name());
     let (held, told) = recording.tracked(&constrained);
     let (geometry, _) = recording.tracked(&GeometryTracker::default());
     let begun = begun.lock().unwrap().clone();
-    println!("{}: J {free:.3}, constrained {held:.3}, geometry {geometry:.3}; from {begun:?}\n{told}", tracker.name());
+    println!(
+        "{}: J {free:.3}, constrained {held:.3}, geometry {geometry:.3}; from {begun:?}\n{told}",
+        tracker.name()
+    );
     assert!(free < 0.3, "random weights know nothing: J {free:.3}");
     // Where geometry abstains, as in what no anchor sees, the tracker's answer stands.
-    assert!(held > free + 0.4 && held > 0.6 * geometry, "J {free:.3}, constrained {held:.3}, geometry {geometry:.3}");
-    assert!(told.contains("geometry mended") && told.contains("were given to the tracker anew on"), "{told}");
+    assert!(
+        held > free + 0.4 && held > 0.6 * geometry,
+        "J {free:.3}, constrained {held:.3}, geometry {geometry:.3}"
+    );
+    assert!(
+        told.contains("geometry mended") && told.contains("were given to the tracker anew on"),
+        "{told}"
+    );
     // From the anchor, then from mended masks besides, each further on.
     assert_eq!(begun[0], [ANCHOR]);
     assert!(begun.len() > 1, "{begun:?}");
@@ -136,7 +212,9 @@ fn gains_by_geometry<T: Tracker + 'static>(tracker: T) {
 #[test]
 fn xmem_gains_by_geometry_and_begins_anew_from_mended_masks() {
     let parts = ["key-encoder", "value-encoder", "decoder"];
-    let Some(networks) = networks("xmem-tiny", parts) else { return };
+    let Some(networks) = networks("xmem-tiny", parts) else {
+        return;
+    };
     let mut xmem = XMem::new(networks).unwrap();
     xmem.options.short_side = None;
     gains_by_geometry(xmem);
@@ -145,6 +223,8 @@ fn xmem_gains_by_geometry_and_begins_anew_from_mended_masks() {
 #[test]
 fn deaot_gains_by_geometry_and_begins_anew_from_mended_masks() {
     let parts = ["encoder", "remember", "propagate", "identify"];
-    let Some(networks) = networks("deaot-tiny", parts) else { return };
+    let Some(networks) = networks("deaot-tiny", parts) else {
+        return;
+    };
     gains_by_geometry(Deaot::new(networks).unwrap());
 }

@@ -27,24 +27,48 @@ pub(super) fn wrongly_labelled(data: &Path, folder: &Path) -> Session {
     let mut session = Session::new();
     perform(&mut session, new_project(data, &folder.join("shelf"))).unwrap();
     for name in ["stems", "bunny", "tissues", "jokes"] {
-        perform(&mut session, Command::AddLabel { name: name.into(), parent: None, color: None }).unwrap();
+        perform(
+            &mut session,
+            Command::AddLabel {
+                name: name.into(),
+                parent: None,
+                color: None,
+            },
+        )
+        .unwrap();
     }
     let masks = folder.join("masks");
     std::fs::create_dir(&masks).unwrap();
     for frame in 0..FRAMES {
-        let wrong = RunMask::encode(&truth(data, frame)).map_ids(|id| if id == TISSUES { JOKES } else { id });
+        let wrong = RunMask::encode(&truth(data, frame))
+            .map_ids(|id| if id == TISSUES { JOKES } else { id });
         let png = encode_palette_png(&wrong, &session.project().unwrap().labels).unwrap();
         std::fs::write(masks.join(format!("{frame:06}.png")), png).unwrap();
     }
-    perform(&mut session, Command::ImportMasks { dir: masks, format: "davis".into() }).unwrap();
-    let fuse = FuseRequest { voxel: Some(0.004), ..FuseRequest::default() };
+    perform(
+        &mut session,
+        Command::ImportMasks {
+            dir: masks,
+            format: "davis".into(),
+        },
+    )
+    .unwrap();
+    let fuse = FuseRequest {
+        voxel: Some(0.004),
+        ..FuseRequest::default()
+    };
     perform(&mut session, Command::Fuse(fuse)).unwrap();
     session
 }
 
 /// Around the box as frame 7 sees it, over all layers that noisy depths gave its faces, its largest piece.
 fn the_box() -> Vec<SelectStep> {
-    let corners = [[215.0, 190.0], [355.0, 190.0], [355.0, 345.0], [215.0, 345.0]];
+    let corners = [
+        [215.0, 190.0],
+        [355.0, 190.0],
+        [355.0, 345.0],
+        [215.0, 345.0],
+    ];
     let seen = SeenRegion {
         eye: Eye::Frame(7),
         points_px: corners.map(DVec2::from_array).to_vec(),
@@ -55,12 +79,30 @@ fn the_box() -> Vec<SelectStep> {
         doubtful_below: None,
         cube_from_world: None,
     };
-    let (only, likeness) = (SelectStep::Only(JOKES), Likeness { normal_deg: 180.0, color: 50.0 });
-    vec![SelectStep::Seen(seen), only.clone(), SelectStep::Grow(likeness), only, SelectStep::Piece(0)]
+    let (only, likeness) = (
+        SelectStep::Only(JOKES),
+        Likeness {
+            normal_deg: 180.0,
+            color: 50.0,
+        },
+    );
+    vec![
+        SelectStep::Seen(seen),
+        only.clone(),
+        SelectStep::Grow(likeness),
+        only,
+        SelectStep::Piece(0),
+    ]
 }
 
 fn share(inside: &Region, mask: &LabelMask, label: LabelId) -> f64 {
-    let hit = mask.region(label).inside.iter().zip(&inside.inside).filter(|(a, b)| **a && **b).count();
+    let hit = mask
+        .region(label)
+        .inside
+        .iter()
+        .zip(&inside.inside)
+        .filter(|(a, b)| **a && **b)
+        .count();
     hit as f64 / inside.area().max(1) as f64
 }
 
@@ -68,8 +110,13 @@ fn share(inside: &Region, mask: &LabelMask, label: LabelId) -> f64 {
 fn shown_bytes(session: &mut Session) -> Vec<Vec<u8>> {
     session.save().unwrap();
     let root = session.root().unwrap().to_owned();
-    let mut bytes: Vec<Vec<u8>> = contents(&root.join("masks")).into_iter().map(|(_, bytes)| bytes).collect();
-    bytes.extend(["cloud.ply", "votes.bin", "mesh.ply"].map(|name| std::fs::read(root.join(name)).unwrap()));
+    let mut bytes: Vec<Vec<u8>> = contents(&root.join("masks"))
+        .into_iter()
+        .map(|(_, bytes)| bytes)
+        .collect();
+    bytes.extend(
+        ["cloud.ply", "votes.bin", "mesh.ply"].map(|name| std::fs::read(root.join(name)).unwrap()),
+    );
     bytes
 }
 
@@ -78,31 +125,58 @@ fn a_lasso_in_3d_moves_a_wrongly_labelled_part_in_all_masks_and_undo_brings_back
     let Some(data) = data_dir() else { return };
     let folder = tempfile::tempdir().unwrap();
     let mut session = wrongly_labelled(&data, folder.path());
-    let (before, bytes) = (session.project().unwrap().clone(), shown_bytes(&mut session));
-    let correction = CloudCorrection { select: the_box(), change: CloudChange::Assign(TISSUES), as_anchors: true };
+    let (before, bytes) = (
+        session.project().unwrap().clone(),
+        shown_bytes(&mut session),
+    );
+    let correction = CloudCorrection {
+        select: the_box(),
+        change: CloudChange::Assign(TISSUES),
+        as_anchors: true,
+    };
     perform(&mut session, Command::CorrectCloud(correction)).unwrap();
     assert_eq!(session.undo_title(), Some("Assign tissues in 3-D"));
     let after = session.project().unwrap().clone();
     let mut mean = 0.0;
     for frame in 0..FRAMES {
         let (truth, mask) = (truth(&data, frame), after.masks[&frame].runs.decode());
-        let (moved, kept) = (share(&truth.region(TISSUES), &mask, TISSUES), share(&truth.region(JOKES), &mask, JOKES));
+        let (moved, kept) = (
+            share(&truth.region(TISSUES), &mask, TISSUES),
+            share(&truth.region(JOKES), &mask, JOKES),
+        );
         println!("frame {frame}: {moved:.3} moved, {kept:.3} kept");
-        assert!(moved > 0.8, "frame {frame}: {moved} of the box has its label");
-        assert!(kept > 0.99, "frame {frame}: {kept} of the book keeps its own");
+        assert!(
+            moved > 0.8,
+            "frame {frame}: {moved} of the box has its label"
+        );
+        assert!(
+            kept > 0.99,
+            "frame {frame}: {kept} of the book keeps its own"
+        );
         mean += moved / FRAMES as f64;
         assert_eq!(after.masks[&frame].origin, MaskOrigin::Anchor);
     }
     assert!(mean > 0.93, "{mean}");
-    assert!(after.results.values().all(|record| !record.stale), "{:?}", after.results);
-    assert!(session.cloud().unwrap().labels.contains(&TISSUES), "the cloud is labelled at once");
+    assert!(
+        after.results.values().all(|record| !record.stale),
+        "{:?}",
+        after.results
+    );
+    assert!(
+        session.cloud().unwrap().labels.contains(&TISSUES),
+        "the cloud is labelled at once"
+    );
     perform(&mut session, Command::Undo).unwrap();
     assert_eq!(session.project().unwrap(), &before);
-    assert!(shown_bytes(&mut session) == bytes, "the same bytes as before");
+    assert!(
+        shown_bytes(&mut session) == bytes,
+        "the same bytes as before"
+    );
 }
 
 fn square() -> String {
-    r#"{"seen":{"eye":{"frame":0},"points_px":[[10,12],[30,12],[30,36],[10,36]]}},{"only":1}"#.into()
+    r#"{"seen":{"eye":{"frame":0},"points_px":[[10,12],[30,12],[30,36],[10,36]]}},{"only":1}"#
+        .into()
 }
 
 /// A project of the recording in which the square is labelled `thing` on all frames, and fused.
@@ -111,7 +185,9 @@ fn labelled(recording: &Recording) -> String {
     for label in ["thing", "other"] {
         done(&["label", &project, label]);
     }
-    done(&["prompt", &project, "--frame", "0", "--label", "thing", "--click", "20,24"]);
+    done(&[
+        "prompt", &project, "--frame", "0", "--label", "thing", "--click", "20,24",
+    ]);
     done(&["track", &project, "--tracker", "geometry"]);
     done(&["fuse", &project, "--voxel", "0.01"]);
     project
@@ -119,7 +195,10 @@ fn labelled(recording: &Recording) -> String {
 
 fn recipe(recording: &Recording, project: &str, commands: &str) -> String {
     let path = recording.path("recipe.json");
-    let text = format!(r#"{{"format":1,"commands":[{{"open":{}}},{commands}]}}"#, serde_json::json!(project));
+    let text = format!(
+        r#"{{"format":1,"commands":[{{"open":{}}},{commands}]}}"#,
+        serde_json::json!(project)
+    );
     std::fs::write(&path, text).unwrap();
     path
 }
@@ -134,15 +213,28 @@ fn a_recipe_corrects_through_a_frames_camera() {
     let recording = Recording::new();
     let project = labelled(&recording);
     let things: Vec<usize> = (0..4).map(|frame| pixels(&project, frame, 1)).collect();
-    let assign = format!(r#"{{"correct_cloud":{{"select":[{}],"change":{{"assign":2}}}}}}"#, square());
+    let assign = format!(
+        r#"{{"correct_cloud":{{"select":[{}],"change":{{"assign":2}}}}}}"#,
+        square()
+    );
     done(&["run", &recipe(&recording, &project, &assign)]);
     for (frame, &thing) in things.iter().enumerate() {
         let (left, moved) = (pixels(&project, frame, 1), pixels(&project, frame, 2));
-        assert!(left == 0 && moved.abs_diff(thing) * 20 <= thing, "frame {frame}: {left} left, {moved} of {thing}");
+        assert!(
+            left == 0 && moved.abs_diff(thing) * 20 <= thing,
+            "frame {frame}: {left} left, {moved} of {thing}"
+        );
     }
-    let info: serde_json::Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
-    let masks: Vec<&str> = (0..4).map(|frame| info["frames"][frame]["mask"].as_str().unwrap()).collect();
-    assert_eq!(masks, ["anchor", "tracked", "tracked", "tracked"], "each stays what it was");
+    let info: serde_json::Value =
+        serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
+    let masks: Vec<&str> = (0..4)
+        .map(|frame| info["frames"][frame]["mask"].as_str().unwrap())
+        .collect();
+    assert_eq!(
+        masks,
+        ["anchor", "tracked", "tracked", "tracked"],
+        "each stays what it was"
+    );
     assert_eq!(info["results"]["cloud"]["stale"], false);
 
     let clear = r#"{"correct_cloud":{"select":[{"label":2}],"change":"clear","as_anchors":true}}"#;
@@ -161,11 +253,17 @@ fn a_depth_that_cannot_be_read_stops_no_correction() {
     let project = labelled(&recording);
     let things: Vec<usize> = (0..4).map(|frame| pixels(&project, frame, 1)).collect();
     std::fs::write(recording.path("depth/2.png"), "").unwrap();
-    let assign = format!(r#"{{"correct_cloud":{{"select":[{}],"change":{{"assign":2}}}}}}"#, square());
+    let assign = format!(
+        r#"{{"correct_cloud":{{"select":[{}],"change":{{"assign":2}}}}}}"#,
+        square()
+    );
     let output = ostra(&["run", &recipe(&recording, &project, &assign)]);
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{said}");
-    assert!(said.contains("1 frames have a depth that cannot be read") && said.contains("2.png"), "{said}");
+    assert!(
+        said.contains("1 frames have a depth that cannot be read") && said.contains("2.png"),
+        "{said}"
+    );
     for (frame, &thing) in things.iter().enumerate() {
         let moved = pixels(&project, frame, 2);
         assert!(2 * moved > thing, "frame {frame}: {moved} of {thing}");
@@ -178,13 +276,26 @@ fn locked_labels_stay_and_absent_ones_do_not_come_back() {
     let project = labelled(&recording);
     let things: Vec<usize> = (0..4).map(|frame| pixels(&project, frame, 1)).collect();
     let mark = |label: u16, frame: usize, change: &str| {
-        format!(r#"{{"range":{{"labels":[{label}],"from":{frame},"to":{frame},"change":"{change}"}}}}"#)
+        format!(
+            r#"{{"range":{{"labels":[{label}],"from":{frame},"to":{frame},"change":"{change}"}}}}"#
+        )
     };
-    let assign = format!(r#"{{"correct_cloud":{{"select":[{}],"change":{{"assign":2}}}}}}"#, square());
+    let assign = format!(
+        r#"{{"correct_cloud":{{"select":[{}],"change":{{"assign":2}}}}}}"#,
+        square()
+    );
     let commands = [mark(1, 1, "lock"), mark(2, 2, "delete"), assign].join(",");
     done(&["run", &recipe(&recording, &project, &commands)]);
-    assert_eq!((pixels(&project, 1, 1), pixels(&project, 1, 2)), (things[1], 0), "locked");
-    assert_eq!((pixels(&project, 2, 1), pixels(&project, 2, 2)), (0, 0), "not there");
+    assert_eq!(
+        (pixels(&project, 1, 1), pixels(&project, 1, 2)),
+        (things[1], 0),
+        "locked"
+    );
+    assert_eq!(
+        (pixels(&project, 2, 1), pixels(&project, 2, 2)),
+        (0, 0),
+        "not there"
+    );
     assert!(pixels(&project, 3, 2) > 0);
 }
 
@@ -196,7 +307,10 @@ fn points_that_were_corrected_have_their_label_when_fused_again() {
     let mut session = Session::new();
     perform(&mut session, Command::Open(project.into())).unwrap();
     for (from, to) in [(12.0, 20.0), (15.0, 28.0), (2.0, 40.0)] {
-        let (before, bytes) = (session.project().unwrap().clone(), shown_bytes(&mut session));
+        let (before, bytes) = (
+            session.project().unwrap().clone(),
+            shown_bytes(&mut session),
+        );
         let corners = [[from, 10.0], [to, 10.0], [to, 30.0], [from, 30.0]].map(DVec2::from_array);
         let seen = SeenRegion {
             eye: Eye::Frame(1),
@@ -209,19 +323,41 @@ fn points_that_were_corrected_have_their_label_when_fused_again() {
             cube_from_world: None,
         };
         let steps = vec![SelectStep::Seen(seen)];
-        assert!(session.cloud().is_some() || session.votes().is_none(), "loaded when asked for");
+        assert!(
+            session.cloud().is_some() || session.votes().is_none(),
+            "loaded when asked for"
+        );
         session.settle(|_| std::ops::ControlFlow::Continue(()));
         session.select(&steps);
         session.settle(|_| std::ops::ControlFlow::Continue(()));
         let chosen = session.selected().unwrap().unwrap().clone();
         assert!(!chosen.points.is_empty());
         let change = CloudChange::Assign(LabelId(2));
-        let correction = CloudCorrection { select: steps, change, as_anchors: false };
+        let correction = CloudCorrection {
+            select: steps,
+            change,
+            as_anchors: false,
+        };
         perform(&mut session, Command::CorrectCloud(correction)).unwrap();
         let labels = session.cloud().unwrap().labels.clone();
-        let moved = chosen.points.iter().filter(|&&point| labels[point as usize] == LabelId(2)).count();
-        assert!(moved * 100 >= chosen.points.len() * 98, "{moved} of {}", chosen.points.len());
-        perform(&mut session, Command::Fuse(FuseRequest { voxel: Some(0.01), ..FuseRequest::default() })).unwrap();
+        let moved = chosen
+            .points
+            .iter()
+            .filter(|&&point| labels[point as usize] == LabelId(2))
+            .count();
+        assert!(
+            moved * 100 >= chosen.points.len() * 98,
+            "{moved} of {}",
+            chosen.points.len()
+        );
+        perform(
+            &mut session,
+            Command::Fuse(FuseRequest {
+                voxel: Some(0.01),
+                ..FuseRequest::default()
+            }),
+        )
+        .unwrap();
         assert_eq!(session.cloud().unwrap().labels, labels, "fused again");
         perform(&mut session, Command::Undo).unwrap();
         perform(&mut session, Command::Undo).unwrap();
@@ -232,7 +368,10 @@ fn points_that_were_corrected_have_their_label_when_fused_again() {
 
 /// The labels that the mesh in force carries.
 fn surface_labels(session: &mut Session) -> BTreeSet<LabelId> {
-    assert!(session.mesh().is_some() || session.surface_voxel().is_some(), "the surface is gone");
+    assert!(
+        session.mesh().is_some() || session.surface_voxel().is_some(),
+        "the surface is gone"
+    );
     session.settle(|_| std::ops::ControlFlow::Continue(()));
     let mesh = session.mesh().expect("a mesh");
     assert!(!mesh.triangles.is_empty());
@@ -242,7 +381,11 @@ fn surface_labels(session: &mut Session) -> BTreeSet<LabelId> {
 /// All points of the thing get another label.
 fn thing_to(label: LabelId) -> CloudCorrection {
     let select = vec![SelectStep::Label(LabelId(1))];
-    CloudCorrection { select, change: CloudChange::Assign(label), as_anchors: false }
+    CloudCorrection {
+        select,
+        change: CloudChange::Assign(label),
+        as_anchors: false,
+    }
 }
 
 #[test]
@@ -253,21 +396,47 @@ fn mesh_and_voxels_of_labelled_points_alone_stay_when_labels_change() {
     let mut session = Session::new();
     perform(&mut session, Command::Open((&project).into())).unwrap();
     assert_eq!(surface_labels(&mut session), BTreeSet::from([LabelId(1)]));
-    let options = InstanceOptions { min_points: 4, ..InstanceOptions::default() };
-    let instances = Command::Instances(InstancesRequest { label: LabelId(1), options });
-    let merge = Command::MergeLabels { label: LabelId(1), into: LabelId(2) };
-    for (command, after) in [(Command::CorrectCloud(thing_to(LabelId(2))), 2), (merge, 2), (instances, 3)] {
+    let options = InstanceOptions {
+        min_points: 4,
+        ..InstanceOptions::default()
+    };
+    let instances = Command::Instances(InstancesRequest {
+        label: LabelId(1),
+        options,
+    });
+    let merge = Command::MergeLabels {
+        label: LabelId(1),
+        into: LabelId(2),
+    };
+    for (command, after) in [
+        (Command::CorrectCloud(thing_to(LabelId(2))), 2),
+        (merge, 2),
+        (instances, 3),
+    ] {
         let title = format!("{command:?}");
         perform(&mut session, command).unwrap();
         assert_eq!(session.surface_voxel(), Some(0.01), "{title}");
-        assert!(surface_labels(&mut session).contains(&LabelId(after)), "{title}");
-        assert!(session.surface(Surface::Voxels).is_none(), "made when first asked for");
+        assert!(
+            surface_labels(&mut session).contains(&LabelId(after)),
+            "{title}"
+        );
+        assert!(
+            session.surface(Surface::Voxels).is_none(),
+            "made when first asked for"
+        );
         session.settle(|_| std::ops::ControlFlow::Continue(()));
         let voxels = session.surface(Surface::Voxels).expect("voxels");
         assert!(voxels.vertices.labels.contains(&LabelId(after)), "{title}");
-        assert!(!session.project().unwrap().results[&ResultKind::Cloud].stale, "{title}");
+        assert!(
+            !session.project().unwrap().results[&ResultKind::Cloud].stale,
+            "{title}"
+        );
         perform(&mut session, Command::Undo).unwrap();
-        assert_eq!(surface_labels(&mut session), BTreeSet::from([LabelId(1)]), "{title}");
+        assert_eq!(
+            surface_labels(&mut session),
+            BTreeSet::from([LabelId(1)]),
+            "{title}"
+        );
     }
 }
 
@@ -298,16 +467,33 @@ fn merged_labels_are_one_in_masks_and_cloud_and_the_other_goes() {
     let mut session = Session::new();
     perform(&mut session, Command::Open((&project).into())).unwrap();
     let before = session.project().unwrap().clone();
-    perform(&mut session, Command::MergeLabels { label: LabelId(1), into: LabelId(2) }).unwrap();
+    perform(
+        &mut session,
+        Command::MergeLabels {
+            label: LabelId(1),
+            into: LabelId(2),
+        },
+    )
+    .unwrap();
     assert_eq!(session.undo_title(), Some("Merge thing into other"));
     let cloud = session.cloud().unwrap();
     assert!(cloud.labels.contains(&LabelId(2)) && !cloud.labels.contains(&LabelId(1)));
     let after = session.project().unwrap().clone();
-    assert!(after.labels.get(LabelId(1)).is_none() && after.prompts.keys().all(|(_, label)| *label == LabelId(2)));
+    assert!(
+        after.labels.get(LabelId(1)).is_none()
+            && after.prompts.keys().all(|(_, label)| *label == LabelId(2))
+    );
     let area = |frame: &usize| after.masks[frame].runs.region(LabelId(2)).area();
     assert_eq!((0..4).map(|frame| area(&frame)).collect::<Vec<_>>(), things);
     perform(&mut session, Command::Undo).unwrap();
     assert_eq!(session.project().unwrap(), &before);
-    let error = perform(&mut session, Command::MergeLabels { label: LabelId(1), into: LabelId(1) }).unwrap_err();
+    let error = perform(
+        &mut session,
+        Command::MergeLabels {
+            label: LabelId(1),
+            into: LabelId(1),
+        },
+    )
+    .unwrap_err();
     assert!(error.to_string().contains("itself"), "{error}");
 }

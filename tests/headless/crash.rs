@@ -40,10 +40,15 @@ fn opened(root: &Path) -> Session {
     let mut session = Session::new();
     session.act(Command::Open(root.to_owned())).unwrap();
     let events = session.settle(|_| ControlFlow::Continue(()));
-    assert!(events.iter().any(|event| matches!(event, Event::Opened(_))), "{events:?}");
+    assert!(
+        events.iter().any(|event| matches!(event, Event::Opened(_))),
+        "{events:?}"
+    );
     // A kill in the middle of a line is reported; nothing else is out of order.
     let is_torn = |text: &String| text.contains("journal.jsonl: its last line is incomplete");
-    let warnings = events.iter().filter(|event| matches!(event, Event::Warning(text) if !is_torn(text)));
+    let warnings = events
+        .iter()
+        .filter(|event| matches!(event, Event::Warning(text) if !is_torn(text)));
     assert_eq!(warnings.count(), 0, "{events:?}");
     session
 }
@@ -52,12 +57,25 @@ fn made(folder: &Path) -> PathBuf {
     let pictures = folder.join("pictures");
     std::fs::create_dir(&pictures).unwrap();
     for k in 0..4 {
-        image::RgbImage::new(48, 32).save(pictures.join(format!("{k}.png"))).unwrap();
+        image::RgbImage::new(48, 32)
+            .save(pictures.join(format!("{k}.png")))
+            .unwrap();
     }
     let root = folder.join("project");
-    let sources = vec![FrameFolder { frames: pictures, depth: None }];
-    let open = OpenRequest { sources, ..OpenRequest::default() };
-    let new = NewProject { root: root.clone(), open, cameras: None, intrinsics: None };
+    let sources = vec![FrameFolder {
+        frames: pictures,
+        depth: None,
+    }];
+    let open = OpenRequest {
+        sources,
+        ..OpenRequest::default()
+    };
+    let new = NewProject {
+        root: root.clone(),
+        open,
+        cameras: None,
+        intrinsics: None,
+    };
     let mut session = Session::new();
     session.act(Command::New(new)).unwrap();
     session.settle(|_| ControlFlow::Continue(()));
@@ -69,17 +87,28 @@ fn made(folder: &Path) -> PathBuf {
 fn random_command(project: &Project, random: &mut Pcg64Mcg) -> Command {
     let frame = random.random_range(0..project.frames.len());
     let labels: Vec<LabelId> = project.labels.iter().map(|label| label.id).collect();
-    let label = labels.get(random.random_range(0..labels.len().max(1))).copied().unwrap_or_default();
+    let label = labels
+        .get(random.random_range(0..labels.len().max(1)))
+        .copied()
+        .unwrap_or_default();
     match random.random_range(0..20) {
-        0 => Command::AddLabel { name: format!("label {}", random.random_range(0..30)), parent: None, color: None },
+        0 => Command::AddLabel {
+            name: format!("label {}", random.random_range(0..30)),
+            parent: None,
+            color: None,
+        },
         1 => Command::RemoveLabel(label),
         2 => Command::ClearMask { frame },
         3..7 => Command::Undo,
         7..10 => Command::Redo,
         10..13 => random_range(project, frame, label, random),
         _ => {
-            let point =
-                |random: &mut Pcg64Mcg| DVec2::new(random.random_range(0.0..48.0), random.random_range(0.0..32.0));
+            let point = |random: &mut Pcg64Mcg| {
+                DVec2::new(
+                    random.random_range(0.0..48.0),
+                    random.random_range(0.0..32.0),
+                )
+            };
             let points_px = (0..6).map(|_| point(random)).collect();
             let radius_px = random.random_range(0.5..6.0);
             Command::Paint(PaintRequest {
@@ -104,16 +133,26 @@ fn random_range(project: &Project, from: usize, label: LabelId, random: &mut Pcg
         3 => RangeChange::Unlock,
         4 => RangeChange::Hide,
         5 => RangeChange::Show,
-        _ => RangeChange::Copy { frame: random.random_range(0..project.frames.len()) },
+        _ => RangeChange::Copy {
+            frame: random.random_range(0..project.frames.len()),
+        },
     };
     let to = project.frames.len() - 1;
-    Command::Range(RangeRequest { labels: vec![label], from, to, change, replace: false })
+    Command::Range(RangeRequest {
+        labels: vec![label],
+        from,
+        to,
+        change,
+        replace: false,
+    })
 }
 
 /// The child: nothing to do unless the parent asks.
 #[test]
 fn child() {
-    let Some(root) = std::env::var_os(ROOT) else { return };
+    let Some(root) = std::env::var_os(ROOT) else {
+        return;
+    };
     let seed = std::process::id().into();
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let mut session = opened(Path::new(&root));
@@ -140,16 +179,31 @@ fn child() {
 
 fn start(root: &Path, shell: Option<&str>) -> Child {
     let exe = std::env::current_exe().unwrap();
-    let args = ["crash::child", "--exact", "--nocapture", "--test-threads", "1"];
+    let args = [
+        "crash::child",
+        "--exact",
+        "--nocapture",
+        "--test-threads",
+        "1",
+    ];
     let mut process = match shell {
         None => Process::new(&exe),
         Some(before) => {
             let mut process = Process::new("sh");
-            process.arg("-c").arg(format!("{before}; exec \"$0\" \"$@\"")).arg(&exe);
+            process
+                .arg("-c")
+                .arg(format!("{before}; exec \"$0\" \"$@\""))
+                .arg(&exe);
             process
         }
     };
-    process.args(args).env(ROOT, root).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap()
+    process
+        .args(args)
+        .env(ROOT, root)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap()
 }
 
 /// Reads what the child says until `enough`, kills it, and gives all its lines.
@@ -175,7 +229,9 @@ fn kill_when(child: &mut Child, mut enough: impl FnMut(&str) -> bool) -> Vec<Str
 /// The last state that the child was told is safe; a torn last line does not count.
 fn last_safe(lines: &[String]) -> Option<u64> {
     let whole = lines.iter().rev().filter(|line| line.ends_with('\n'));
-    whole.filter_map(|line| line.split("safe ").nth(1)?.trim().parse().ok()).next()
+    whole
+        .filter_map(|line| line.split("safe ").nth(1)?.trim().parse().ok())
+        .next()
 }
 
 /// What is left must be the state that was safe, or one step from it: the step that was in flight.
@@ -185,7 +241,10 @@ fn check(root: &Path, safe: u64) {
     if found == safe {
         return;
     }
-    for (there, back) in [(Command::Undo, Command::Redo), (Command::Redo, Command::Undo)] {
+    for (there, back) in [
+        (Command::Undo, Command::Redo),
+        (Command::Redo, Command::Undo),
+    ] {
         if session.act(there).is_ok() {
             let near = state(&session);
             session.act(back).unwrap();
@@ -209,7 +268,10 @@ fn killed_at_any_moment_nothing_is_lost_but_the_edit_in_flight() {
         let mut begun = None;
         let mut child = start(&root, None);
         let lines = kill_when(&mut child, |line| {
-            begun.is_none() && line.contains("safe ") && begun.replace(Instant::now()).is_none() && until.is_zero()
+            begun.is_none()
+                && line.contains("safe ")
+                && begun.replace(Instant::now()).is_none()
+                && until.is_zero()
                 || begun.is_some_and(|begun: Instant| begun.elapsed() >= until)
         });
         told += lines.len();
@@ -217,7 +279,10 @@ fn killed_at_any_moment_nothing_is_lost_but_the_edit_in_flight() {
         check(&root, safe);
         safe = state(&opened(&root));
     }
-    assert!(told as u64 > 5 * KILLS, "the child was at work: {told} lines");
+    assert!(
+        told as u64 > 5 * KILLS,
+        "the child was at work: {told} lines"
+    );
 }
 
 /// A limit on the size of files stands for a full disk: writes fail in the middle.

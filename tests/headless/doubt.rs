@@ -11,7 +11,12 @@ use super::command_line::{Recording, done, ostra, refused};
 
 fn ranked(project: &str) -> Vec<(u64, f64)> {
     let told: Value = serde_json::from_str(&done(&["doubt", project, "--json"])).unwrap();
-    let row = |row: &Value| (row["frame"].as_u64().unwrap(), row["share"].as_f64().unwrap());
+    let row = |row: &Value| {
+        (
+            row["frame"].as_u64().unwrap(),
+            row["share"].as_f64().unwrap(),
+        )
+    };
     told["frames"].as_array().unwrap().iter().map(row).collect()
 }
 
@@ -30,7 +35,11 @@ fn contradicted(project: &str, frame: usize) -> Vec<bool> {
         let _ = (session.cloud(), session.contradicted(frame));
     }
     session.settle(|_| ControlFlow::Continue(()));
-    session.contradicted(frame).expect("nobody said what is contradicted").inside.clone()
+    session
+        .contradicted(frame)
+        .expect("nobody said what is contradicted")
+        .inside
+        .clone()
 }
 
 #[test]
@@ -41,27 +50,53 @@ fn a_wrong_mask_is_the_most_doubtful_and_the_vote_puts_it_right() {
     for label in ["thing", "other"] {
         done(&["label", &project, label]);
     }
-    done(&["prompt", &project, "--frame", "0", "--label", "thing", "--click", "20,24"]);
+    done(&[
+        "prompt", &project, "--frame", "0", "--label", "thing", "--click", "20,24",
+    ]);
     done(&["track", &project, "--tracker", "geometry"]);
     let right = pixels(&project, 2, 1);
     // On frame 2 the thing gets another name.
     done(&["prompt", &project, "--frame", "2", "--label", "thing"]);
-    done(&["prompt", &project, "--frame", "2", "--label", "other", "--click", "18,24"]);
+    done(&[
+        "prompt", &project, "--frame", "2", "--label", "other", "--click", "18,24",
+    ]);
     done(&["fuse", &project, "--voxel", "0.01"]);
     let before = ranked(&project);
     assert_eq!((before[0].0, before.len()), (2, 4));
     assert!(before[0].1 > 0.8 && before[1].1 < 0.02, "{before:?}");
-    assert!(done(&["doubt", &project]).lines().nth(1).unwrap().ends_with("2 2.png"));
+    assert!(
+        done(&["doubt", &project])
+            .lines()
+            .nth(1)
+            .unwrap()
+            .ends_with("2 2.png")
+    );
 
-    let wrong: Vec<bool> = right.iter().zip(pixels(&project, 2, 2)).map(|(right, other)| *right || other).collect();
+    let wrong: Vec<bool> = right
+        .iter()
+        .zip(pixels(&project, 2, 2))
+        .map(|(right, other)| *right || other)
+        .collect();
     let contradicted = contradicted(&project, 2);
-    let missed = wrong.iter().zip(&contradicted).filter(|(a, b)| a != b).count();
-    assert!(missed < 16, "{missed} of {} pixels", wrong.iter().filter(|inside| **inside).count());
+    let missed = wrong
+        .iter()
+        .zip(&contradicted)
+        .filter(|(a, b)| a != b)
+        .count();
+    assert!(
+        missed < 16,
+        "{missed} of {} pixels",
+        wrong.iter().filter(|inside| **inside).count()
+    );
     assert!(refused(&["doubt", &project, "--accept", "2", "--label", "nobody"]).contains("nobody"));
     done(&["doubt", &project, "--accept", "2"]);
     let repaired = pixels(&project, 2, 1);
     let differ = repaired.iter().zip(&right).filter(|(a, b)| a != b).count();
-    assert!(differ < 16, "{differ} of {} pixels differ", right.iter().filter(|inside| **inside).count());
+    assert!(
+        differ < 16,
+        "{differ} of {} pixels differ",
+        right.iter().filter(|inside| **inside).count()
+    );
     assert!(!pixels(&project, 2, 2).contains(&true));
     let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
     assert_eq!(info["frames"][2]["mask"], "anchor");
@@ -73,17 +108,25 @@ fn a_depth_that_cannot_be_read_does_not_keep_votes_from_being_accepted() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing"]);
-    done(&["prompt", &project, "--frame", "0", "--label", "thing", "--click", "20,24"]);
+    done(&[
+        "prompt", &project, "--frame", "0", "--label", "thing", "--click", "20,24",
+    ]);
     done(&["track", &project, "--tracker", "geometry"]);
     done(&["fuse", &project, "--voxel", "0.01"]);
     std::fs::write(recording.path("depth/1.png"), "").unwrap();
     let output = ostra(&["doubt", &project, "--accept", "1", "--accept", "2"]);
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{said}");
-    assert!(said.contains("1 frames have a depth that cannot be read") && said.contains("1.png"), "{said}");
+    assert!(
+        said.contains("1 frames have a depth that cannot be read") && said.contains("1.png"),
+        "{said}"
+    );
     let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
     for frame in [1, 2] {
         assert_eq!(info["frames"][frame]["mask"], "anchor");
-        assert!(pixels(&project, frame as u32, 1).contains(&true), "frame {frame}");
+        assert!(
+            pixels(&project, frame as u32, 1).contains(&true),
+            "frame {frame}"
+        );
     }
 }

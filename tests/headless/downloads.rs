@@ -18,8 +18,14 @@ fn install(folder: &Path, name: &str, path: &str) -> Output {
     let cwd = folder.join("cwd");
     std::fs::create_dir_all(&cwd).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_ostra"));
-    command.args(["models", "install", name]).current_dir(cwd).env("PATH", path);
-    command.env("XDG_DATA_HOME", folder.join("data")).env("HOME", folder).env_remove("ORT_DYLIB_PATH");
+    command
+        .args(["models", "install", name])
+        .current_dir(cwd)
+        .env("PATH", path);
+    command
+        .env("XDG_DATA_HOME", folder.join("data"))
+        .env("HOME", folder)
+        .env_remove("ORT_DYLIB_PATH");
     command.output().unwrap()
 }
 
@@ -38,9 +44,16 @@ fn junk_is_refused_for_every_network_and_the_library() {
         assert_eq!(output.status.code(), Some(1), "{name}: {error}");
         assert!(error.contains("SHA-256"), "{name}: {error}");
         let log = std::fs::read_to_string(folder.path().join("curl.log")).unwrap();
-        assert!(log.contains("--proto =https --proto-redir =https") && log.starts_with("--disable"), "{log}");
+        assert!(
+            log.contains("--proto =https --proto-redir =https") && log.starts_with("--disable"),
+            "{log}"
+        );
         let models = folder.path().join("data/ostra/models");
-        let installed = std::fs::read_dir(models).unwrap().flatten().filter(|entry| entry.path().is_file()).count();
+        let installed = std::fs::read_dir(models)
+            .unwrap()
+            .flatten()
+            .filter(|entry| entry.path().is_file())
+            .count();
         assert_eq!(installed, 0, "{name}");
     }
 }
@@ -56,9 +69,15 @@ fn a_package_from_pip_is_verified_before_it_is_used() {
     program(&bin, "python3", pip);
     let output = install(folder.path(), "onnxruntime", bin.to_str().unwrap());
     let error = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(folder.path().join("pip.log").exists() && output.status.code() == Some(1), "{error}");
+    assert!(
+        folder.path().join("pip.log").exists() && output.status.code() == Some(1),
+        "{error}"
+    );
     assert!(error.contains("SHA-256"), "{error}");
-    assert!(!folder.path().join("curl.log").exists(), "a wrong package is an error, not a reason to try elsewhere");
+    assert!(
+        !folder.path().join("curl.log").exists(),
+        "a wrong package is an error, not a reason to try elsewhere"
+    );
 }
 
 #[test]
@@ -69,24 +88,58 @@ fn programs_and_modules_of_the_current_folder_are_not_run() {
     for name in ["curl", "python3", "python", "ffmpeg", "ffprobe"] {
         program(&cwd, name, &format!("echo ran > '{}'", mark.display()));
     }
-    std::fs::write(cwd.join("pip.py"), format!("open('{}', 'w')", mark.display())).unwrap();
+    std::fs::write(
+        cwd.join("pip.py"),
+        format!("open('{}', 'w')", mark.display()),
+    )
+    .unwrap();
     program(&bin, "curl", JUNK);
-    for path in [format!(":.:{}", bin.display()), format!("{}:", bin.display()), ":".to_owned(), "../cwd".to_owned()] {
-        assert_eq!(install(folder.path(), "yolox", &path).status.code(), Some(1), "{path}");
-        assert_eq!(install(folder.path(), "onnxruntime", &path).status.code(), Some(1), "{path}");
+    for path in [
+        format!(":.:{}", bin.display()),
+        format!("{}:", bin.display()),
+        ":".to_owned(),
+        "../cwd".to_owned(),
+    ] {
+        assert_eq!(
+            install(folder.path(), "yolox", &path).status.code(),
+            Some(1),
+            "{path}"
+        );
+        assert_eq!(
+            install(folder.path(), "onnxruntime", &path).status.code(),
+            Some(1),
+            "{path}"
+        );
         let mut new = Command::new(env!("CARGO_BIN_EXE_ostra"));
         std::fs::write(cwd.join("video.mp4"), "not a video").unwrap();
-        let output =
-            new.args(["new", "p", "--frames", "video.mp4"]).current_dir(&cwd).env("PATH", &path).output().unwrap();
+        let output = new
+            .args(["new", "p", "--frames", "video.mp4"])
+            .current_dir(&cwd)
+            .env("PATH", &path)
+            .output()
+            .unwrap();
         assert_eq!(output.status.code(), Some(1));
         assert!(!mark.exists(), "{path}");
     }
     // The real python3, where there is one, does not take pip from the current folder.
-    let real =
-        ["/usr/bin", "/usr/local/bin"].map(|at| Path::new(at).join("python3")).into_iter().find(|at| at.exists());
-    let Some(real) = real else { return eprintln!("skipped: no python3") };
+    let real = ["/usr/bin", "/usr/local/bin"]
+        .map(|at| Path::new(at).join("python3"))
+        .into_iter()
+        .find(|at| at.exists());
+    let Some(real) = real else {
+        return eprintln!("skipped: no python3");
+    };
     // Without an index, so that nothing is fetched.
-    program(&bin, "python3", &format!("PIP_NO_INDEX=1 exec {} \"$@\"", real.display()));
-    assert_eq!(install(folder.path(), "onnxruntime", bin.to_str().unwrap()).status.code(), Some(1));
+    program(
+        &bin,
+        "python3",
+        &format!("PIP_NO_INDEX=1 exec {} \"$@\"", real.display()),
+    );
+    assert_eq!(
+        install(folder.path(), "onnxruntime", bin.to_str().unwrap())
+            .status
+            .code(),
+        Some(1)
+    );
     assert!(!mark.exists());
 }

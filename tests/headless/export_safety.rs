@@ -11,7 +11,16 @@ use super::command_line::{Recording, contents, done, ostra, refused};
 fn fused(recording: &Recording) -> String {
     let project = recording.project();
     done(&["label", &project, "Stängel 名前"]);
-    done(&["prompt", &project, "--frame", "1", "--label", "Stängel 名前", "--click", "20,24"]);
+    done(&[
+        "prompt",
+        &project,
+        "--frame",
+        "1",
+        "--label",
+        "Stängel 名前",
+        "--click",
+        "20,24",
+    ]);
     done(&["track", &project, "--tracker", "geometry"]);
     done(&["fuse", &project, "--voxel", "0.02"]);
     project
@@ -22,7 +31,8 @@ fn exports_over_sources_and_into_projects_are_refused() {
     let recording = Recording::new();
     let project = fused(&recording);
     let before = contents(Path::new(&recording.path("")));
-    let [color, depth, sparse, whole] = ["color", "depth", "sparse", ""].map(|name| recording.path(name));
+    let [color, depth, sparse, whole] =
+        ["color", "depth", "sparse", ""].map(|name| recording.path(name));
     let inside = |name: &str| format!("{project}/{name}");
     let image = format!("{color}/0.png");
     let attempts: &[&[&str]] = &[
@@ -44,10 +54,17 @@ fn exports_over_sources_and_into_projects_are_refused() {
     for attempt in attempts {
         for more in [&[][..], &["--overwrite"]] {
             let error = refused(&[attempt, more].concat());
-            assert!(error.contains("choose") || error.contains("known export"), "{attempt:?}: {error}");
+            assert!(
+                error.contains("choose") || error.contains("known export"),
+                "{attempt:?}: {error}"
+            );
         }
     }
-    assert_eq!(contents(Path::new(&whole)), before, "nothing was changed or added");
+    assert_eq!(
+        contents(Path::new(&whole)),
+        before,
+        "nothing was changed or added"
+    );
 }
 
 #[cfg(unix)]
@@ -63,10 +80,28 @@ fn exports_through_links_and_hard_links_to_sources_are_refused() {
     std::os::unix::fs::symlink(&image, format!("{out}/s.png")).unwrap();
     std::fs::hard_link(&image, format!("{out}/t.csv")).unwrap();
     std::os::unix::fs::symlink(&project, format!("{out}/p")).unwrap();
-    refused(&["masks", &project, "export", &format!("{out}/masks"), "--overwrite"]);
+    refused(&[
+        "masks",
+        &project,
+        "export",
+        &format!("{out}/masks"),
+        "--overwrite",
+    ]);
     refused(&["shot", &project, &format!("{out}/s.png"), "--overwrite"]);
-    refused(&["export", &project, "--traits", &format!("{out}/t.csv"), "--overwrite"]);
-    refused(&["export", &project, "--cloud", &format!("{out}/p/cloud.ply"), "--overwrite"]);
+    refused(&[
+        "export",
+        &project,
+        "--traits",
+        &format!("{out}/t.csv"),
+        "--overwrite",
+    ]);
+    refused(&[
+        "export",
+        &project,
+        "--cloud",
+        &format!("{out}/p/cloud.ply"),
+        "--overwrite",
+    ]);
     assert_eq!(std::fs::read(&image).unwrap(), before);
 }
 
@@ -74,7 +109,8 @@ fn exports_through_links_and_hard_links_to_sources_are_refused() {
 fn earlier_exports_are_replaced_and_edited_ones_are_kept() {
     let recording = Recording::new();
     let project = fused(&recording);
-    let [csv, masks, other] = ["out/t.csv", "out/masks", "out/other.csv"].map(|name| recording.path(name));
+    let [csv, masks, other] =
+        ["out/t.csv", "out/masks", "out/other.csv"].map(|name| recording.path(name));
     let traits = || done(&["export", &project, "--traits", &csv]);
     traits();
     traits();
@@ -87,8 +123,14 @@ fn earlier_exports_are_replaced_and_edited_ones_are_kept() {
     done(&["export", &project, "--traits", &csv, "--overwrite"]);
     for _ in 0..2 {
         let mut run = Command::new(env!("CARGO_BIN_EXE_ostra"));
-        let output = run.current_dir(recording.path("out")).args(["export", &project, "--traits", "here.csv"]).output();
-        assert!(output.unwrap().status.success(), "a name without a folder is known again");
+        let output = run
+            .current_dir(recording.path("out"))
+            .args(["export", &project, "--traits", "here.csv"])
+            .output();
+        assert!(
+            output.unwrap().status.success(),
+            "a name without a folder is known again"
+        );
     }
     std::fs::write(&other, "mine").unwrap();
     refused(&["export", &project, "--traits", &other, "--overwrite"]);
@@ -111,13 +153,33 @@ fn outputs_of_one_export_never_share_a_file() {
 fn demo_keeps_files_of_others_and_edits_in_its_project() {
     let recording = Recording::new();
     let out = recording.path("demo");
-    for file in ["recording/day1.bag", "truth/measured.csv", "project/thesis.tex"] {
+    for file in [
+        "recording/day1.bag",
+        "truth/measured.csv",
+        "project/thesis.tex",
+    ] {
         let path = Path::new(&out).join(file);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         std::fs::write(path, file).unwrap();
     }
-    let demo = |out: &str| ["demo", out, "--headless", "--frames", "6", "--size", "96x128"].map(str::to_owned);
-    let run = |args: [String; 7]| args.iter().map(String::as_str).collect::<Vec<_>>().join("\n");
+    let demo = |out: &str| {
+        [
+            "demo",
+            out,
+            "--headless",
+            "--frames",
+            "6",
+            "--size",
+            "96x128",
+        ]
+        .map(str::to_owned)
+    };
+    let run = |args: [String; 7]| {
+        args.iter()
+            .map(String::as_str)
+            .collect::<Vec<_>>()
+            .join("\n")
+    };
     let args = run(demo(&out));
     refused(&args.split('\n').collect::<Vec<_>>());
     assert_eq!(contents(Path::new(&out)).len(), 3);
@@ -138,26 +200,64 @@ fn names_with_spaces_get_through_colmap_text() {
     let spaced = recording.path("spaced");
     std::fs::create_dir(&spaced).unwrap();
     for k in 0..3 {
-        std::fs::copy(recording.path(&format!("color/{k}.png")), format!("{spaced}/DJI 2024 {k}.png")).unwrap();
+        std::fs::copy(
+            recording.path(&format!("color/{k}.png")),
+            format!("{spaced}/DJI 2024 {k}.png"),
+        )
+        .unwrap();
     }
-    std::fs::copy(recording.path("color/3.png"), format!("{spaced}/DJI_2024_2.png")).unwrap();
+    std::fs::copy(
+        recording.path("color/3.png"),
+        format!("{spaced}/DJI_2024_2.png"),
+    )
+    .unwrap();
     let images = std::fs::read_to_string(recording.path("sparse/images.txt")).unwrap();
     let images = images.replace("3.png", "DJI_2024_2.png");
-    let images = (0..3).fold(images, |text, k| text.replace(&format!(" {k}.png"), &format!(" DJI 2024 {k}.png")));
+    let images = (0..3).fold(images, |text, k| {
+        text.replace(&format!(" {k}.png"), &format!(" DJI 2024 {k}.png"))
+    });
     std::fs::write(recording.path("sparse/images.txt"), images).unwrap();
     let project = recording.path("p");
-    done(&["new", &project, "--frames", &spaced, "--cameras", &recording.path("sparse")]);
+    done(&[
+        "new",
+        &project,
+        "--frames",
+        &spaced,
+        "--cameras",
+        &recording.path("sparse"),
+    ]);
     let [text, binary] = ["text", "binary"].map(|name| recording.path(name));
     let mut run = Command::new(env!("CARGO_BIN_EXE_ostra"));
-    let output = run.args(["export", &project, "--cameras", &text]).output().unwrap();
+    let output = run
+        .args(["export", &project, "--cameras", &text])
+        .output()
+        .unwrap();
     let warning = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success() && warning.contains("--binary"), "{warning}");
+    assert!(
+        output.status.success() && warning.contains("--binary"),
+        "{warning}"
+    );
     let written = std::fs::read_to_string(format!("{text}/images.txt")).unwrap();
-    let names: Vec<&str> =
-        written.lines().filter(|line| line.ends_with(".png")).map(|line| line.rsplit(' ').next().unwrap()).collect();
+    let names: Vec<&str> = written
+        .lines()
+        .filter(|line| line.ends_with(".png"))
+        .map(|line| line.rsplit(' ').next().unwrap())
+        .collect();
     assert_eq!(names.len(), 4);
-    assert_eq!(names.iter().collect::<std::collections::BTreeSet<_>>().len(), 4, "{names:?}");
-    assert!(written.lines().filter(|line| line.ends_with(".png")).all(|line| line.split(' ').count() == 10));
+    assert_eq!(
+        names
+            .iter()
+            .collect::<std::collections::BTreeSet<_>>()
+            .len(),
+        4,
+        "{names:?}"
+    );
+    assert!(
+        written
+            .lines()
+            .filter(|line| line.ends_with(".png"))
+            .all(|line| line.split(' ').count() == 10)
+    );
     done(&["export", &project, "--cameras", &binary, "--binary"]);
     let bytes = std::fs::read(format!("{binary}/images.bin")).unwrap();
     assert!(bytes.windows(15).any(|name| name == b"DJI 2024 0.png\0"));
@@ -180,15 +280,30 @@ fn names_of_others_neither_steer_terminals_nor_spreadsheets() {
     let strange = text.replacen("color/0.png", "color/0\\u001b]0;OWNED\\u0007.png", 1);
     std::fs::write(&toml, strange).unwrap();
     let warning = String::from_utf8(ostra(&["info", &project]).stderr).unwrap();
-    assert!(warning.contains("OWNED") && !warning.contains(['\u{1b}', '\u{7}']), "{warning:?}");
+    assert!(
+        warning.contains("OWNED") && !warning.contains(['\u{1b}', '\u{7}']),
+        "{warning:?}"
+    );
     std::fs::write(&toml, text).unwrap();
     done(&["label", &project, "=HYPERLINK(\"http://x\",\"y\")"]);
-    done(&["prompt", &project, "--frame", "1", "--label", "=HYPERLINK(\"http://x\",\"y\")", "--click", "50,40"]);
+    done(&[
+        "prompt",
+        &project,
+        "--frame",
+        "1",
+        "--label",
+        "=HYPERLINK(\"http://x\",\"y\")",
+        "--click",
+        "50,40",
+    ]);
     done(&["fuse", &project, "--voxel", "0.02"]);
     let csv = recording.path("t.csv");
     done(&["export", &project, "--traits", &csv]);
     let table = std::fs::read_to_string(&csv).unwrap();
-    assert!(table.contains("\"'=HYPERLINK") && !table.contains("\n=") && !table.contains("\n\"="), "{table}");
+    assert!(
+        table.contains("\"'=HYPERLINK") && !table.contains("\n=") && !table.contains("\n\"="),
+        "{table}"
+    );
 }
 
 #[cfg(target_os = "linux")]
@@ -196,18 +311,37 @@ fn names_of_others_neither_steer_terminals_nor_spreadsheets() {
 fn output_that_cannot_be_written_is_an_error() {
     let recording = Recording::new();
     let project = fused(&recording);
-    for args in [&["info", &project][..], &["info", &project, "--json"], &["doubt", &project, "--json"]] {
-        let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    for args in [
+        &["info", &project][..],
+        &["info", &project, "--json"],
+        &["doubt", &project, "--json"],
+    ] {
+        let full = std::fs::OpenOptions::new()
+            .write(true)
+            .open("/dev/full")
+            .unwrap();
         let mut run = Command::new(env!("CARGO_BIN_EXE_ostra"));
-        let output = run.args(args).stdout(full).stderr(Stdio::piped()).output().unwrap();
+        let output = run
+            .args(args)
+            .stdout(full)
+            .stderr(Stdio::piped())
+            .output()
+            .unwrap();
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(1), "{args:?}: {text}");
         assert!(text.contains("standard output"), "{text}");
     }
     // Progress and warnings are only words: the work is done without them.
     std::fs::write(recording.path("color/1.png"), "").unwrap();
-    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
-    let status = Command::new(env!("CARGO_BIN_EXE_ostra")).args(["fuse", &project]).stderr(full).status().unwrap();
+    let full = std::fs::OpenOptions::new()
+        .write(true)
+        .open("/dev/full")
+        .unwrap();
+    let status = Command::new(env!("CARGO_BIN_EXE_ostra"))
+        .args(["fuse", &project])
+        .stderr(full)
+        .status()
+        .unwrap();
     assert!(status.success(), "{status:?}");
 }
 
@@ -222,14 +356,31 @@ fn files_of_labels_that_the_project_has_no_longer_replace_no_other_files() {
         done(&["run", &recipe]);
     };
     session(json!({ "remove_label": 1 }));
-    done(&["export", &project, "--cloud", &recording.path("out/c.ply"), "--per-label"]);
-    let names = std::fs::read_dir(recording.path("out")).unwrap().map(|entry| entry.unwrap().file_name());
+    done(&[
+        "export",
+        &project,
+        "--cloud",
+        &recording.path("out/c.ply"),
+        "--per-label",
+    ]);
+    let names = std::fs::read_dir(recording.path("out"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name());
     let names: Vec<String> = names.map(|name| name.into_string().unwrap()).collect();
-    let name = names.iter().find(|name| name.contains("Stängel")).expect("the cloud still has the label");
+    let name = names
+        .iter()
+        .find(|name| name.contains("Stängel"))
+        .expect("the cloud still has the label");
     let (cloud, mine) = (recording.path("c.ply"), recording.path(name));
     std::fs::write(&mine, "mine").unwrap();
     for more in [&[][..], &["--overwrite"]] {
-        refused(&[&["export", &project, "--cloud", &cloud, "--per-label"], more].concat());
+        refused(
+            &[
+                &["export", &project, "--cloud", &cloud, "--per-label"],
+                more,
+            ]
+            .concat(),
+        );
         assert_eq!(std::fs::read_to_string(&mine).unwrap(), "mine");
     }
 }
@@ -281,23 +432,77 @@ fn common_libraries_read_every_export() {
             std::env::var_os("CI").is_none(),
             "python3 with plyfile, open3d, trimesh, pycolmap, laspy[lazrs], pycocotools"
         );
-        eprintln!("skipped: python3 lacks one of plyfile, open3d, trimesh, pycolmap, laspy, lazrs, pycocotools");
+        eprintln!(
+            "skipped: python3 lacks one of plyfile, open3d, trimesh, pycolmap, laspy, lazrs, pycocotools"
+        );
         return;
     }
     let recording = Recording::new();
     let project = fused(&recording);
     let out = recording.path("out");
     let at = |name: &str| format!("{out}/{name}");
-    done(&["export", &project, "--cloud", &at("c.ply"), "--twin", "--mesh", &at("m.ply"), "--voxels", &at("v.ply")]);
-    done(&["export", &project, "--cloud", &at("c.las"), "--mesh", &at("m.glb"), "--cameras", &at("cameras")]);
-    done(&["export", &project, "--cloud", &at("c.laz"), "--mesh", &at("m.obj"), "--undistorted", &at("undistorted")]);
-    done(&["export", &project, "--cloud", &at("c.pcd"), "--cameras", &at("cameras-binary"), "--binary"]);
+    done(&[
+        "export",
+        &project,
+        "--cloud",
+        &at("c.ply"),
+        "--twin",
+        "--mesh",
+        &at("m.ply"),
+        "--voxels",
+        &at("v.ply"),
+    ]);
+    done(&[
+        "export",
+        &project,
+        "--cloud",
+        &at("c.las"),
+        "--mesh",
+        &at("m.glb"),
+        "--cameras",
+        &at("cameras"),
+    ]);
+    done(&[
+        "export",
+        &project,
+        "--cloud",
+        &at("c.laz"),
+        "--mesh",
+        &at("m.obj"),
+        "--undistorted",
+        &at("undistorted"),
+    ]);
+    done(&[
+        "export",
+        &project,
+        "--cloud",
+        &at("c.pcd"),
+        "--cameras",
+        &at("cameras-binary"),
+        "--binary",
+    ]);
     done(&["masks", &project, "export", &at("coco"), "--format", "coco"]);
     let progress = ostra_core::job::Progress::default();
-    let cloud = ostra_cloud::ply::read_ply(Path::new(&at("c.ply")), &progress).unwrap().cloud;
+    let cloud = ostra_cloud::ply::read_ply(Path::new(&at("c.ply")), &progress)
+        .unwrap()
+        .cloud;
     let labelled = cloud.labels.iter().filter(|label| label.0 == 1).count();
     assert!(labelled > 0);
-    let output = python(&["-c", READERS, &out, &cloud.len().to_string(), &labelled.to_string()]).unwrap();
-    let text = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success() && text.contains("all read"), "{text}");
+    let output = python(&[
+        "-c",
+        READERS,
+        &out,
+        &cloud.len().to_string(),
+        &labelled.to_string(),
+    ])
+    .unwrap();
+    let text = format!(
+        "{}{}",
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    );
+    assert!(
+        output.status.success() && text.contains("all read"),
+        "{text}"
+    );
 }

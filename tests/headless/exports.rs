@@ -19,7 +19,9 @@ fn fused() -> (Recording, String) {
     done(&["label", &project, "object"]);
     done(&["label", &project, "thing", "--parent", "object"]);
     done(&["label", &project, "nothing"]);
-    done(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    done(&[
+        "prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24",
+    ]);
     done(&["track", &project, "--tracker", "geometry"]);
     done(&["fuse", &project, "--voxel", "0.01"]);
     (recording, project)
@@ -28,30 +30,48 @@ fn fused() -> (Recording, String) {
 /// Deepest label and class of every point.
 fn las_labels(path: &str) -> Vec<(u16, u8)> {
     let points = las::Reader::from_path(path).unwrap().read_all().unwrap();
-    let label = |point: &las::Point| u16::from_le_bytes([point.extra_bytes[0], point.extra_bytes[1]]);
-    points.points().map(Result::unwrap).map(|point| (label(&point), u8::from(point.classification))).collect()
+    let label =
+        |point: &las::Point| u16::from_le_bytes([point.extra_bytes[0], point.extra_bytes[1]]);
+    points
+        .points()
+        .map(Result::unwrap)
+        .map(|point| (label(&point), u8::from(point.classification)))
+        .collect()
 }
 
 #[test]
 fn clouds_are_written_for_other_programs() {
     let (recording, project) = fused();
-    let [las, laz, pcd, ply] = ["c.las", "c.laz", "c.pcd", "c.ply"].map(|name| recording.path(&format!("out/{name}")));
+    let [las, laz, pcd, ply] =
+        ["c.las", "c.laz", "c.pcd", "c.ply"].map(|name| recording.path(&format!("out/{name}")));
     done(&["export", &project, "--cloud", &las, "--twin", "--per-label"]);
     for other in [&laz, &pcd, &ply] {
         done(&["export", &project, "--cloud", other]);
     }
     let labels = las_labels(&las);
     assert!(labels.len() > 500);
-    assert_eq!(labels.iter().copied().collect::<BTreeSet<_>>(), BTreeSet::from([(0, 0), (2, 64)]));
+    assert_eq!(
+        labels.iter().copied().collect::<BTreeSet<_>>(),
+        BTreeSet::from([(0, 0), (2, 64)])
+    );
     assert_eq!(las_labels(&laz), labels);
     let of_thing = labels.iter().filter(|(label, _)| *label == 2).count();
-    assert_eq!(las_labels(&recording.path("out/c_thing.las")).len(), of_thing);
-    assert_eq!(las_labels(&recording.path("out/c_labels.las")).len(), labels.len());
+    assert_eq!(
+        las_labels(&recording.path("out/c_thing.las")).len(),
+        of_thing
+    );
+    assert_eq!(
+        las_labels(&recording.path("out/c_labels.las")).len(),
+        labels.len()
+    );
     let head = String::from_utf8_lossy(&std::fs::read(&pcd).unwrap()).into_owned();
     assert!(head.contains(&format!("\nPOINTS {}\n", labels.len())));
     let classes = std::fs::read_to_string(recording.path("out/c.classes.json")).unwrap();
     let classes: serde_json::Value = serde_json::from_str(&classes).unwrap();
-    assert_eq!((&classes[1]["name"], &classes[1]["las_class"]), (&"thing".into(), &64.into()));
+    assert_eq!(
+        (&classes[1]["name"], &classes[1]["las_class"]),
+        (&"thing".into(), &64.into())
+    );
 
     done(&["export", &project, "--cloud", &las, "--level", "1"]);
     assert!(las_labels(&las).contains(&(1, 64)), "read at the top level");
@@ -62,14 +82,38 @@ fn files_without_a_folder_are_written_where_one_stands() {
     let (recording, project) = fused();
     let here = recording.path("here");
     std::fs::create_dir(&here).unwrap();
-    let files = ["--cloud", "c.ply", "--mesh", "m.glb", "--voxels", "v.npz", "--traits", "t.csv", "--masks", "masks"];
-    let more = ["--cameras", "sparse", "--undistorted", "flat", "--depths", "depths"];
+    let files = [
+        "--cloud", "c.ply", "--mesh", "m.glb", "--voxels", "v.npz", "--traits", "t.csv", "--masks",
+        "masks",
+    ];
+    let more = [
+        "--cameras",
+        "sparse",
+        "--undistorted",
+        "flat",
+        "--depths",
+        "depths",
+    ];
     let mut run = Process::new(env!("CARGO_BIN_EXE_ostra"));
-    let output = run.current_dir(&here).args(["export", &project]).args(files).args(more).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let output = run
+        .current_dir(&here)
+        .args(["export", &project])
+        .args(files)
+        .args(more)
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     let there = |name: &&str| Path::new(&here).join(name).exists();
     let names = files.iter().chain(&more).skip(1).step_by(2);
-    assert!(names.clone().all(there), "{:?}", names.filter(|name| !there(name)).collect::<Vec<_>>());
+    assert!(
+        names.clone().all(there),
+        "{:?}",
+        names.filter(|name| !there(name)).collect::<Vec<_>>()
+    );
 }
 
 #[test]
@@ -84,7 +128,9 @@ fn what_cannot_be_exported_is_one_line_and_leaves_nothing() {
     let traits = recording.path("t.csv");
     let wrong = refused(&["export", &project, "--traits", &traits, "--ground", "table"]);
     assert!(wrong.contains("no label 'table'"), "{wrong}");
-    let wrong = refused(&["export", &project, "--traits", &traits, "--ground", "nothing"]);
+    let wrong = refused(&[
+        "export", &project, "--traits", &traits, "--ground", "nothing",
+    ]);
     assert!(wrong.contains("'nothing' has no points"), "{wrong}");
     assert!(!Path::new(&traits).exists() && !Path::new(&recording.path("out")).exists());
 }
@@ -98,20 +144,33 @@ fn measures_come_in_the_unit_asked_for_with_their_points() {
         std::fs::read_to_string(path).unwrap()
     };
     let found = |csv: &str, name: &str| {
-        let row = csv.lines().find(|line| line.starts_with(&format!("thing,object › thing,0,{name},"))).unwrap();
+        let row = csv
+            .lines()
+            .find(|line| line.starts_with(&format!("thing,object › thing,0,{name},")))
+            .unwrap();
         let cells: Vec<&str> = row.split(',').collect();
-        (cells[4].parse::<f64>().unwrap(), cells[5].to_owned(), cells[cells.len() - 1].parse::<usize>().unwrap())
+        (
+            cells[4].parse::<f64>().unwrap(),
+            cells[5].to_owned(),
+            cells[cells.len() - 1].parse::<usize>().unwrap(),
+        )
     };
     // The square is 16 × 20 pixels of 1/60 m; the plane z = 2 lies behind it.
     let plain = csv(&[]);
     assert!(plain.starts_with("label,path,instance,trait,value,unit,definition,points\n"));
     let (area, unit, points) = found(&plain, "area");
-    assert!((area / (16.0 * 20.0 / 3600.0) - 1.0).abs() < 0.15 && unit == "m^2" && points > 100, "{area} {unit}");
+    assert!(
+        (area / (16.0 * 20.0 / 3600.0) - 1.0).abs() < 0.15 && unit == "m^2" && points > 100,
+        "{area} {unit}"
+    );
     let (width, _, _) = found(&plain, "box_x");
     assert!((width - 16.0 / 60.0).abs() < 0.03, "{width}");
     let given = csv(&["--ground", "0,0,-1,-2", "--unit", "mm"]);
     let (height, unit, _) = found(&given, "height_max");
-    assert!((height - 1000.0).abs() < 15.0 && unit == "mm", "{height} {unit}");
+    assert!(
+        (height - 1000.0).abs() < 15.0 && unit == "mm",
+        "{height} {unit}"
+    );
     let (fine, unit, _) = found(&given, "area");
     assert!((fine / 1e6 / area - 1.0).abs() < 1e-4 && unit == "mm^2");
 }
@@ -123,7 +182,8 @@ fn a_round_of_the_cloud_that_was_measured_goes_when_another_comes() {
     session.act(Command::Open(project.into())).unwrap();
     session.settle(|_| ControlFlow::Continue(()));
     let wish = MeasureWish::default();
-    let pair = ["thing", "nothing"].map(|name| session.project().unwrap().labels.by_name(name).unwrap().id);
+    let pair = ["thing", "nothing"]
+        .map(|name| session.project().unwrap().labels.by_name(name).unwrap().id);
     for _ in 0..3 {
         let _ = (session.traits(wish), session.angles([pair]));
         session.settle(|_| ControlFlow::Continue(()));
@@ -131,7 +191,12 @@ fn a_round_of_the_cloud_that_was_measured_goes_when_another_comes() {
     assert!(session.traits(wish).is_some());
     assert!(session.angles([pair])[&pair].is_err());
     let former = Arc::downgrade(session.cloud().unwrap());
-    session.act(Command::Fuse(FuseRequest { voxel: Some(0.02), ..FuseRequest::default() })).unwrap();
+    session
+        .act(Command::Fuse(FuseRequest {
+            voxel: Some(0.02),
+            ..FuseRequest::default()
+        }))
+        .unwrap();
     session.settle(|_| ControlFlow::Continue(()));
     assert!(session.cloud().is_some());
     assert!(former.upgrade().is_none(), "nobody needs it any more");
@@ -142,12 +207,17 @@ fn angles_that_cannot_be_told_are_one_line() {
     let (recording, project) = fused();
     let csv = recording.path("traits.csv");
     let refused = |pair: [&str; 2]| {
-        let told = refused(&["export", &project, "--traits", &csv, "--angle", pair[0], pair[1]]);
+        let told = refused(&[
+            "export", &project, "--traits", &csv, "--angle", pair[0], pair[1],
+        ]);
         assert!(!Path::new(&csv).exists(), "{told}");
         told
     };
     for (pair, expected) in [
-        (["thing", "table"], "there is no label 'table' (there is: object, thing, nothing)"),
+        (
+            ["thing", "table"],
+            "there is no label 'table' (there is: object, thing, nothing)",
+        ),
         (["thing", "thing"], "'thing' was given twice"),
         (["object", "thing"], "'thing' is a part of 'object'"),
         (["thing", "nothing"], "'nothing': it has no points"),
@@ -156,7 +226,10 @@ fn angles_that_cannot_be_told_are_one_line() {
         assert!(told.contains(expected), "{told}");
     }
     let mut run = Process::new(env!("CARGO_BIN_EXE_ostra"));
-    let one = run.args(["export", &project, "--traits", &csv, "--angle", "thing"]).output().unwrap();
+    let one = run
+        .args(["export", &project, "--traits", &csv, "--angle", "thing"])
+        .output()
+        .unwrap();
     assert_eq!(one.status.code(), Some(2), "an angle has two labels");
 }
 
@@ -166,17 +239,28 @@ fn a_job_measures_what_is_looked_at() {
     let mut session = Session::new();
     session.act(Command::Open(project.into())).unwrap();
     let mut asked = |level| {
-        let wish = MeasureWish { level, ..MeasureWish::default() };
+        let wish = MeasureWish {
+            level,
+            ..MeasureWish::default()
+        };
         let mut answered = 0;
         // First the cloud is loaded, then it is measured.
         while session.traits(wish).is_none() && answered < 4 {
             session.settle(|_| ControlFlow::Continue(()));
             answered += 1;
         }
-        assert_eq!(session.length_unit(), LengthUnit::Metre, "depths tell the scale");
+        assert_eq!(
+            session.length_unit(),
+            LengthUnit::Metre,
+            "depths tell the scale"
+        );
         assert!(answered > 0, "what was measured otherwise is not shown");
         let rows = session.traits(wish).expect("it is measured");
-        rows.iter().map(|row| row.label.clone()).collect::<BTreeSet<String>>().into_iter().collect::<Vec<_>>()
+        rows.iter()
+            .map(|row| row.label.clone())
+            .collect::<BTreeSet<String>>()
+            .into_iter()
+            .collect::<Vec<_>>()
     };
     assert_eq!(asked(None), ["object", "thing"]);
     assert_eq!(asked(Some(1)), ["object"]);

@@ -12,10 +12,25 @@ const SIZE: (u32, u32) = (96, 64);
 
 /// A film whose picture k shows k: the left half k / 10, the right half k mod 10, as grey.
 fn make_film(path: &Path, options: &str) {
-    film::make_film(path, &Making { size: SIZE, pixels: "gray", count: COUNT, options }, |k| {
-        let grey = |x: u32| if x < SIZE.0 / 2 { 30 + 20 * (k / 10) as u8 } else { 30 + 20 * (k % 10) as u8 };
-        (0..SIZE.0 * SIZE.1).map(|at| grey(at % SIZE.0)).collect()
-    });
+    film::make_film(
+        path,
+        &Making {
+            size: SIZE,
+            pixels: "gray",
+            count: COUNT,
+            options,
+        },
+        |k| {
+            let grey = |x: u32| {
+                if x < SIZE.0 / 2 {
+                    30 + 20 * (k / 10) as u8
+                } else {
+                    30 + 20 * (k % 10) as u8
+                }
+            };
+            (0..SIZE.0 * SIZE.1).map(|at| grey(at % SIZE.0)).collect()
+        },
+    );
 }
 
 /// Which picture of [`make_film`] a frame shows.
@@ -23,12 +38,18 @@ fn shown(store: &FrameStore, frame: &Frame) -> u64 {
     let image = store.image(frame).unwrap();
     let digit = |x| (f64::from(image.at(x, image.height / 2)[1]) - 30.0) / 20.0;
     let (tens, ones) = (digit(image.width / 4), digit(image.width * 3 / 4));
-    assert!((tens - tens.round()).abs() < 0.3 && (ones - ones.round()).abs() < 0.3, "{tens} {ones}");
+    assert!(
+        (tens - tens.round()).abs() < 0.3 && (ones - ones.round()).abs() < 0.3,
+        "{tens} {ones}"
+    );
     tens.round() as u64 * 10 + ones.round() as u64
 }
 
 fn open_film(path: &Path) -> Opened {
-    let request = OpenRequest { sources: vec![FrameFolder::from(path.to_path_buf())], ..OpenRequest::default() };
+    let request = OpenRequest {
+        sources: vec![FrameFolder::from(path.to_path_buf())],
+        ..OpenRequest::default()
+    };
     open(&request, &Progress::default()).unwrap()
 }
 
@@ -39,23 +60,41 @@ fn every_index_gives_its_picture_in_any_order_and_container() {
     }
     let folder = tempfile::tempdir().unwrap();
     let kinds = [
-        ("b-frames.mp4", "-c:v libx264 -preset ultrafast -bf 3 -g 30 -pix_fmt yuv420p"),
-        ("uneven.mkv", "-vf setpts=N*N*20 -fps_mode passthrough -enc_time_base -1 -c:v libx264 -g 20 -pix_fmt yuv420p"),
+        (
+            "b-frames.mp4",
+            "-c:v libx264 -preset ultrafast -bf 3 -g 30 -pix_fmt yuv420p",
+        ),
+        (
+            "uneven.mkv",
+            "-vf setpts=N*N*20 -fps_mode passthrough -enc_time_base -1 -c:v libx264 -g 20 -pix_fmt yuv420p",
+        ),
         ("old.avi", "-c:v mpeg4 -q:v 2 -bf 2"),
         ("broadcast.ts", "-c:v mpeg2video -q:v 2 -bf 2"),
-        ("hidden.webm", "-c:v libvpx -b:v 1M -auto-alt-ref 1 -lag-in-frames 16"),
+        (
+            "hidden.webm",
+            "-c:v libvpx -b:v 1M -auto-alt-ref 1 -lag-in-frames 16",
+        ),
     ];
     for (name, options) in kinds {
         let path = folder.path().join(name);
         make_film(&path, options);
         let opened = open_film(&path);
-        assert_eq!(opened.frames.len() as u64, COUNT, "{name}: {:?}", opened.warnings);
+        assert_eq!(
+            opened.frames.len() as u64,
+            COUNT,
+            "{name}: {:?}",
+            opened.warnings
+        );
         let stem = name.split('.').next().unwrap();
         assert_eq!(opened.frames[7].name, format!("{stem}/000007"));
         assert_eq!((opened.frames[7].width, opened.frames[7].height), SIZE);
         let store = FrameStore::new(1 << 20);
         for index in [50, 3, 79, 4, 5, 20, 0, 78] {
-            assert_eq!(shown(&store, &opened.frames[index]), index as u64, "{name} at random");
+            assert_eq!(
+                shown(&store, &opened.frames[index]),
+                index as u64,
+                "{name} at random"
+            );
         }
         let fresh = FrameStore::new(1 << 20);
         for (index, frame) in opened.frames.iter().enumerate() {
@@ -71,7 +110,10 @@ fn threads_that_read_one_film_at_once_get_the_right_pictures() {
     }
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("film.mp4");
-    make_film(&path, "-c:v libx264 -preset ultrafast -g 20 -pix_fmt yuv420p");
+    make_film(
+        &path,
+        "-c:v libx264 -preset ultrafast -g 20 -pix_fmt yuv420p",
+    );
     let frames = open_film(&path).frames;
     let store = FrameStore::new(100 << 10);
     std::thread::scope(|scope| {
@@ -94,24 +136,48 @@ fn a_cut_film_is_read_as_far_as_it_goes_and_a_broken_one_is_refused() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let (path, cut) = (folder.path().join("whole.mp4"), folder.path().join("cut.mp4"));
-    make_film(&path, "-c:v libx264 -g 10 -pix_fmt yuv420p -movflags +faststart");
+    let (path, cut) = (
+        folder.path().join("whole.mp4"),
+        folder.path().join("cut.mp4"),
+    );
+    make_film(
+        &path,
+        "-c:v libx264 -g 10 -pix_fmt yuv420p -movflags +faststart",
+    );
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&cut, &bytes[..bytes.len() * 7 / 10]).unwrap();
     let opened = open_film(&cut);
     assert!((10..COUNT as usize).contains(&opened.frames.len()));
-    assert!(opened.warnings[0].contains("cut.mp4: damaged"), "{:?}", opened.warnings);
+    assert!(
+        opened.warnings[0].contains("cut.mp4: damaged"),
+        "{:?}",
+        opened.warnings
+    );
     let store = FrameStore::new(1 << 20);
     assert_eq!(shown(&store, &opened.frames[9]), 9);
     for broken in [&bytes[..40], b"no film at all"] {
         std::fs::write(&cut, broken).unwrap();
-        let request = OpenRequest { sources: vec![FrameFolder::from(cut.clone())], ..OpenRequest::default() };
-        let error = open(&request, &Progress::default()).unwrap_err().to_string();
-        assert!(error.contains("cut.mp4: ffmpeg cannot read this as a video"), "{error}");
+        let request = OpenRequest {
+            sources: vec![FrameFolder::from(cut.clone())],
+            ..OpenRequest::default()
+        };
+        let error = open(&request, &Progress::default())
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("cut.mp4: ffmpeg cannot read this as a video"),
+            "{error}"
+        );
     }
     let gone = store.image(&open_film(&path).frames[3]).map(|_| ());
     assert!(gone.is_ok());
     let frame = open_film(&path).frames.remove(4);
     std::fs::remove_file(&path).unwrap();
-    assert!(store.image(&frame).unwrap_err().to_string().contains("whole.mp4: is not there"));
+    assert!(
+        store
+            .image(&frame)
+            .unwrap_err()
+            .to_string()
+            .contains("whole.mp4: is not there")
+    );
 }

@@ -17,7 +17,9 @@ use super::session::{new_project, perform, track};
 use crate::support::data_dir;
 
 fn score(truth: &LabelledCloud, result: &LabelledCloud, options: &CloudScoreOptions) -> LabelScore {
-    score_cloud(truth, result, options, &Progress::default()).unwrap().labels
+    score_cloud(truth, result, options, &Progress::default())
+        .unwrap()
+        .labels
 }
 
 /// The default demo as a user runs it: eight clicks an organ class at most.
@@ -25,10 +27,25 @@ fn score(truth: &LabelledCloud, result: &LabelledCloud, options: &CloudScoreOpti
 fn the_demo_by_eight_clicks_a_class() {
     let out = tempfile::tempdir().unwrap();
     let folder = out.path().join("demo");
-    let run = Process::new(env!("CARGO_BIN_EXE_ostra")).arg("demo").arg("--headless").arg(&folder).output().unwrap();
-    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let run = Process::new(env!("CARGO_BIN_EXE_ostra"))
+        .arg("demo")
+        .arg("--headless")
+        .arg(&folder)
+        .output()
+        .unwrap();
+    assert!(
+        run.status.success(),
+        "{}",
+        String::from_utf8_lossy(&run.stderr)
+    );
     println!("{}", String::from_utf8_lossy(&run.stdout));
-    for made in ["cloud.ply", "shot.png", "truth/cloud.ply", "truth/traits.csv", "truth/labels.json"] {
+    for made in [
+        "cloud.ply",
+        "shot.png",
+        "truth/cloud.ply",
+        "truth/traits.csv",
+        "truth/labels.json",
+    ] {
         assert!(folder.join(made).is_file(), "{made} is missing");
     }
     let report: serde_json::Value =
@@ -39,9 +56,17 @@ fn the_demo_by_eight_clicks_a_class() {
         assert!(iou >= floor, "{class}: {iou}");
         assert!(report["clicks"][class].as_u64().unwrap() <= 8);
     }
-    assert!(cloud["accuracy"].as_f64().unwrap() >= 0.95, "{}", cloud["accuracy"]);
+    assert!(
+        cloud["accuracy"].as_f64().unwrap() >= 0.95,
+        "{}",
+        cloud["accuracy"]
+    );
     assert!(cloud["median_distance_mm"].as_f64().unwrap() < 1.0);
-    assert!(cloud["parts"]["sheath"].as_f64().unwrap() > 0.8, "{}", cloud["parts"]);
+    assert!(
+        cloud["parts"]["sheath"].as_f64().unwrap() > 0.8,
+        "{}",
+        cloud["parts"]
+    );
 }
 
 /// What the demo reports of a way to find cameras.
@@ -53,7 +78,11 @@ fn demo_report(method: &str) -> serde_json::Value {
         .arg(&folder)
         .output()
         .unwrap();
-    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    assert!(
+        run.status.success(),
+        "{}",
+        String::from_utf8_lossy(&run.stderr)
+    );
     println!("{}", String::from_utf8_lossy(&run.stdout));
     serde_json::from_slice(&std::fs::read(folder.join("report.json")).unwrap()).unwrap()
 }
@@ -63,22 +92,40 @@ fn assert_cloud(cloud: &serde_json::Value, ious: [(&str, f64); 3], accuracy: f64
         let iou = cloud["iou"][class].as_f64().unwrap();
         assert!(iou >= floor, "{class}: {iou}");
     }
-    assert!(cloud["accuracy"].as_f64().unwrap() >= accuracy, "{}", cloud["accuracy"]);
-    assert!(cloud["median_distance_mm"].as_f64().unwrap() < median_mm, "{}", cloud["median_distance_mm"]);
+    assert!(
+        cloud["accuracy"].as_f64().unwrap() >= accuracy,
+        "{}",
+        cloud["accuracy"]
+    );
+    assert!(
+        cloud["median_distance_mm"].as_f64().unwrap() < median_mm,
+        "{}",
+        cloud["median_distance_mm"]
+    );
 }
 
 /// The same from pictures alone: cameras and depths are made too. The aim is an accuracy of 0.95.
 #[test]
 fn the_demo_from_pictures_alone() {
     let report = demo_report("mvs");
-    assert_cloud(&report["cloud"], [("panicle", 0.91), ("leaf", 0.91), ("stem", 0.80)], 0.945, 0.8);
+    assert_cloud(
+        &report["cloud"],
+        [("panicle", 0.91), ("leaf", 0.91), ("stem", 0.80)],
+        0.945,
+        0.8,
+    );
 }
 
 /// The same from pictures and a sensor's depth, whose poses are not known.
 #[test]
 fn the_demo_without_cameras() {
     let report = demo_report("rgbd");
-    assert_cloud(&report["cloud"], [("panicle", 0.95), ("leaf", 0.92), ("stem", 0.82)], 0.95, 0.6);
+    assert_cloud(
+        &report["cloud"],
+        [("panicle", 0.95), ("leaf", 0.92), ("stem", 0.82)],
+        0.95,
+        0.6,
+    );
 }
 
 /// The same job by true masks on four anchors in place of clicks: what carrying and voting lose.
@@ -90,27 +137,63 @@ fn the_demo_by_true_masks_on_the_anchors() {
     scene.write(&recording, &Progress::default()).unwrap();
     let masks = dir.path().join("masks");
     std::fs::create_dir(&masks).unwrap();
-    std::fs::copy(recording.join("truth/labels.json"), masks.join("labels.json")).unwrap();
+    std::fs::copy(
+        recording.join("truth/labels.json"),
+        masks.join("labels.json"),
+    )
+    .unwrap();
     for view in scene.views().iter().skip(3).step_by(6) {
         let file = Path::new(&view.name).with_extension("png");
         std::fs::copy(recording.join("truth/masks").join(&file), masks.join(&file)).unwrap();
     }
-    let source = FrameFolder { frames: recording.join("color"), depth: Some(recording.join("depth")) };
-    let open = OpenRequest { sources: vec![source], depth_unit: Scene::DEPTH_UNIT_M, ..OpenRequest::default() };
+    let source = FrameFolder {
+        frames: recording.join("color"),
+        depth: Some(recording.join("depth")),
+    };
+    let open = OpenRequest {
+        sources: vec![source],
+        depth_unit: Scene::DEPTH_UNIT_M,
+        ..OpenRequest::default()
+    };
     let root = dir.path().join("project");
-    let new = NewProject { root, open, cameras: Some(recording.join("sparse")), intrinsics: None };
+    let new = NewProject {
+        root,
+        open,
+        cameras: Some(recording.join("sparse")),
+        intrinsics: None,
+    };
     let mut session = Session::new();
     perform(&mut session, Command::New(new)).unwrap();
-    perform(&mut session, Command::ImportMasks { dir: masks, format: "davis".into() }).unwrap();
+    perform(
+        &mut session,
+        Command::ImportMasks {
+            dir: masks,
+            format: "davis".into(),
+        },
+    )
+    .unwrap();
     perform(&mut session, track()).unwrap();
     perform(&mut session, Command::Fuse(FuseRequest::default())).unwrap();
-    let visible = TruthOptions { surroundings_m: None, ..TruthOptions::default() };
+    let visible = TruthOptions {
+        surroundings_m: None,
+        ..TruthOptions::default()
+    };
     let truth = scene.cloud(&visible, &Progress::default()).unwrap();
-    let options =
-        CloudScoreOptions { within: vec![0.003], level: Some(Scene::CLASS_LEVEL), ..CloudScoreOptions::default() };
+    let options = CloudScoreOptions {
+        within: vec![0.003],
+        level: Some(Scene::CLASS_LEVEL),
+        ..CloudScoreOptions::default()
+    };
     let labels = score(&truth, session.cloud().unwrap(), &options);
-    println!("made plant by true anchors: {:?}, accuracy {}", labels.iou, labels.accuracy);
-    assert!(labels.iou.len() == 3 && labels.iou.iter().all(|label| label.iou >= 0.95), "{:?}", labels.iou);
+    println!(
+        "made plant by true anchors: {:?}, accuracy {}",
+        labels.iou, labels.accuracy
+    );
+    assert!(
+        labels.iou.len() == 3 && labels.iou.iter().all(|label| label.iou >= 0.95),
+        "{:?}",
+        labels.iou
+    );
     assert!(labels.accuracy >= 0.98, "{}", labels.accuracy);
 }
 
@@ -128,7 +211,11 @@ fn the_shelf_by_two_clicks_an_object() {
 #[test]
 fn the_shelf_by_clicks_on_three_frames() {
     let Some(data) = data_dir() else { return };
-    let largest = |truths: &[LabelMask], id| (0..truths.len()).max_by_key(|&at| truths[at].region(id).area()).unwrap();
+    let largest = |truths: &[LabelMask], id| {
+        (0..truths.len())
+            .max_by_key(|&at| truths[at].region(id).area())
+            .unwrap()
+    };
     let (cloud_iou, mask_iou) = shelf(&data, largest);
     assert!(cloud_iou >= 0.69, "3-D IoU {cloud_iou}");
     assert!(mask_iou >= 0.55, "mask IoU {mask_iou}");
@@ -140,24 +227,45 @@ fn shelf(data: &Path, clicked: impl Fn(&[LabelMask], LabelId) -> usize) -> (f64,
     let shelf = data.join("apc_shelf_rgbd_labels");
     let mut session = Session::new();
     perform(&mut session, new_project(data, &dir.path().join("shelf"))).unwrap();
-    let truths: Vec<LabelMask> =
-        (0..15).map(|frame| read_palette_png(&shelf.join(format!("labels/{frame:06}.png"))).unwrap()).collect();
+    let truths: Vec<LabelMask> = (0..15)
+        .map(|frame| read_palette_png(&shelf.join(format!("labels/{frame:06}.png"))).unwrap())
+        .collect();
     for id in OBJECTS {
-        perform(&mut session, Command::AddLabel { name: id.0.to_string(), parent: None, color: None }).unwrap();
+        perform(
+            &mut session,
+            Command::AddLabel {
+                name: id.0.to_string(),
+                parent: None,
+                color: None,
+            },
+        )
+        .unwrap();
         let frame = clicked(&truths, id);
         click_twice(&mut session, frame, id, &truths[frame].region(id));
     }
     perform(&mut session, track()).unwrap();
     perform(&mut session, Command::Fuse(FuseRequest::default())).unwrap();
-    let truth = read_ply(&shelf.join("reference_labelled_cloud.ply"), &Progress::default()).unwrap().cloud;
-    let options = CloudScoreOptions { within: vec![0.005], ..CloudScoreOptions::default() };
+    let truth = read_ply(
+        &shelf.join("reference_labelled_cloud.ply"),
+        &Progress::default(),
+    )
+    .unwrap()
+    .cloud;
+    let options = CloudScoreOptions {
+        within: vec![0.005],
+        ..CloudScoreOptions::default()
+    };
     let labels = score(&truth, session.cloud().unwrap(), &options);
     let project = session.project().unwrap();
     let iou = |frame: usize, id: LabelId| {
-        let result = project.masks.get(&frame).map_or_else(|| LabelMask::empty(640, 480), |mask| mask.runs.decode());
+        let result = project
+            .masks
+            .get(&frame)
+            .map_or_else(|| LabelMask::empty(640, 480), |mask| mask.runs.decode());
         result.region(id).iou(&truths[frame].region(id))
     };
-    let of_object = |id| (0..truths.len()).map(|frame| iou(frame, id)).sum::<f64>() / truths.len() as f64;
+    let of_object =
+        |id| (0..truths.len()).map(|frame| iou(frame, id)).sum::<f64>() / truths.len() as f64;
     let masks = OBJECTS.map(of_object);
     println!("shelf: 3-D {:?}, masks {masks:.3?}", labels.iou);
     (labels.mean_iou, masks.iter().sum::<f64>() / 4.0)
@@ -167,23 +275,51 @@ const OBJECTS: [LabelId; 4] = [LabelId(1), LabelId(2), LabelId(3), LabelId(4)];
 
 /// The frame on which no object is much smaller than where it is largest.
 fn shows_all(truths: &[LabelMask]) -> usize {
-    let areas: Vec<[usize; 4]> = truths.iter().map(|truth| OBJECTS.map(|id| truth.region(id).area())).collect();
+    let areas: Vec<[usize; 4]> = truths
+        .iter()
+        .map(|truth| OBJECTS.map(|id| truth.region(id).area()))
+        .collect();
     let largest = [0, 1, 2, 3].map(|object| areas.iter().map(|areas| areas[object]).max().unwrap());
     let least = |frame: usize| {
-        areas[frame].iter().zip(largest).map(|(&area, largest)| area as f64 / largest as f64).fold(1.0, f64::min)
+        areas[frame]
+            .iter()
+            .zip(largest)
+            .map(|(&area, largest)| area as f64 / largest as f64)
+            .fold(1.0, f64::min)
     };
-    (0..truths.len()).max_by(|&a, &b| least(a).total_cmp(&least(b))).unwrap()
+    (0..truths.len())
+        .max_by(|&a, &b| least(a).total_cmp(&least(b)))
+        .unwrap()
 }
 
 /// Two clicks of the robot user on one frame.
 fn click_twice(session: &mut Session, frame: usize, label: LabelId, truth: &Region) {
     let mut clicks = Vec::new();
     for _ in 0..2 {
-        let mask = session.project().unwrap().masks.get(&frame).map(|mask| mask.runs.decode());
-        let current = mask.map_or_else(|| Region::empty(truth.width, truth.height), |mask| mask.region(label));
+        let mask = session
+            .project()
+            .unwrap()
+            .masks
+            .get(&frame)
+            .map(|mask| mask.runs.decode());
+        let current = mask.map_or_else(
+            || Region::empty(truth.width, truth.height),
+            |mask| mask.region(label),
+        );
         clicks.extend(next_click(truth, &current));
-        let prompt = Prompt { clicks: clicks.clone(), ..Prompt::default() };
-        perform(session, Command::Prompt(PromptRequest { frame, label, prompt, segmenter: "geometry".into() }))
-            .unwrap();
+        let prompt = Prompt {
+            clicks: clicks.clone(),
+            ..Prompt::default()
+        };
+        perform(
+            session,
+            Command::Prompt(PromptRequest {
+                frame,
+                label,
+                prompt,
+                segmenter: "geometry".into(),
+            }),
+        )
+        .unwrap();
     }
 }

@@ -8,8 +8,8 @@ use ostra_core::job::Progress;
 use ostra_frames::{FrameFolder, FrameStore, OpenRequest, open};
 use ostra_masks::builtin::BuiltinSegmenter;
 use ostra_masks::{
-    Direction, LabelId, LabelMask, Prompt, RunMask, SegmentRequest, Segmenter, TrackRequest, TrackedFrame, Tracker,
-    next_click,
+    Direction, LabelId, LabelMask, Prompt, RunMask, SegmentRequest, Segmenter, TrackRequest,
+    TrackedFrame, Tracker, next_click,
 };
 use ostra_masks::{FramePair, score_pairs};
 use ostra_tracking::XFeatCells;
@@ -18,7 +18,15 @@ use ostra_tracking::flow::{Describer, FlowTracker};
 use super::sfm_learned::{Needs, ostra};
 use crate::support::data_dir;
 
-const CLIPS: [&str; 7] = ["blackswan", "bmx-trees", "car-shadow", "dance-twirl", "dog", "libby", "scooter-black"];
+const CLIPS: [&str; 7] = [
+    "blackswan",
+    "bmx-trees",
+    "car-shadow",
+    "dance-twirl",
+    "dog",
+    "libby",
+    "scooter-black",
+];
 
 /// A clip with its true masks, and what was made of those of every `every`-th frame from the first on.
 struct Carried {
@@ -28,14 +36,34 @@ struct Carried {
 }
 
 fn carried(tracker: &FlowTracker, data: &Path, clip: &str, every: usize) -> Carried {
-    let source = FrameFolder { frames: data.join("davis2016/JPEGImages").join(clip), depth: None };
-    let frames =
-        open(&OpenRequest { sources: vec![source], ..OpenRequest::default() }, &Progress::default()).unwrap().frames;
+    let source = FrameFolder {
+        frames: data.join("davis2016/JPEGImages").join(clip),
+        depth: None,
+    };
+    let frames = open(
+        &OpenRequest {
+            sources: vec![source],
+            ..OpenRequest::default()
+        },
+        &Progress::default(),
+    )
+    .unwrap()
+    .frames;
     let truth = |name: &str| {
-        let path = data.join("davis2016/Annotations").join(clip).join(Path::new(name).with_extension("png"));
+        let path = data
+            .join("davis2016/Annotations")
+            .join(clip)
+            .join(Path::new(name).with_extension("png"));
         let grey = image::open(path).unwrap().to_luma8();
-        let ids = grey.pixels().map(|pixel| LabelId(u16::from(pixel.0[0] > 127))).collect();
-        LabelMask { width: grey.width(), height: grey.height(), ids }
+        let ids = grey
+            .pixels()
+            .map(|pixel| LabelId(u16::from(pixel.0[0] > 127)))
+            .collect();
+        LabelMask {
+            width: grey.width(),
+            height: grey.height(),
+            ids,
+        }
     };
     let truths: Vec<LabelMask> = frames.iter().map(|frame| truth(&frame.name)).collect();
     let request = TrackRequest {
@@ -43,7 +71,13 @@ fn carried(tracker: &FlowTracker, data: &Path, clip: &str, every: usize) -> Carr
         to: frames.len() - 1,
         frames: Arc::new(frames),
         store: Arc::new(FrameStore::new(64 << 20)),
-        anchors: truths.iter().cloned().map(Arc::new).enumerate().step_by(every).collect(),
+        anchors: truths
+            .iter()
+            .cloned()
+            .map(Arc::new)
+            .enumerate()
+            .step_by(every)
+            .collect(),
         direction: Direction::Both,
         labels: None,
     };
@@ -51,14 +85,26 @@ fn carried(tracker: &FlowTracker, data: &Path, clip: &str, every: usize) -> Carr
     let mut take = |frame: TrackedFrame| {
         tracked.insert(frame.frame, frame.mask);
     };
-    tracker.track(&request, &mut take, &Progress::default()).unwrap();
-    assert_eq!(tracked.len(), truths.len() - truths.len().div_ceil(every), "{clip}: every frame but the anchors");
-    Carried { request, truths, tracked }
+    tracker
+        .track(&request, &mut take, &Progress::default())
+        .unwrap();
+    assert_eq!(
+        tracked.len(),
+        truths.len() - truths.len().div_ceil(every),
+        "{clip}: every frame but the anchors"
+    );
+    Carried {
+        request,
+        truths,
+        tracked,
+    }
 }
 
 /// Mean J and F of a clip with true masks on every `every`-th frame from the first on, those frames left out.
 fn scores(tracker: &FlowTracker, data: &Path, clip: &str, every: usize) -> (f64, f64) {
-    let Carried { truths, tracked, .. } = carried(tracker, data, clip, every);
+    let Carried {
+        truths, tracked, ..
+    } = carried(tracker, data, clip, every);
     let pair = |(frame, result): (usize, LabelMask)| FramePair {
         name: frame.to_string(),
         truth: RunMask::encode(&truths[frame]),
@@ -72,15 +118,21 @@ fn scores(tracker: &FlowTracker, data: &Path, clip: &str, every: usize) -> (f64,
 #[test]
 fn the_first_true_mask_is_carried_through_seven_films() {
     let Some(data) = data_dir() else { return };
-    let of_clips: Vec<(f64, f64)> =
-        CLIPS.iter().map(|clip| scores(&FlowTracker::default(), &data, clip, usize::MAX)).collect();
+    let of_clips: Vec<(f64, f64)> = CLIPS
+        .iter()
+        .map(|clip| scores(&FlowTracker::default(), &data, clip, usize::MAX))
+        .collect();
     for (clip, (j, f)) in CLIPS.iter().zip(&of_clips) {
         println!("{clip}: J {j:.3}, F {f:.3}");
     }
-    let mean = |of: fn(&(f64, f64)) -> f64| of_clips.iter().map(of).sum::<f64>() / CLIPS.len() as f64;
+    let mean =
+        |of: fn(&(f64, f64)) -> f64| of_clips.iter().map(of).sum::<f64>() / CLIPS.len() as f64;
     let (j, f) = (mean(|of| of.0), mean(|of| of.1));
     println!("davis2016, first mask carried by flow: J {j:.3}, F {f:.3}");
-    assert!(j >= 0.61 && f >= 0.62, "J {j:.3}, F {f:.3}; flow alone reaches 0.42 and 0.41");
+    assert!(
+        j >= 0.61 && f >= 0.62,
+        "J {j:.3}, F {f:.3}; flow alone reaches 0.42 and 0.41"
+    );
 }
 
 /// A running dog whose tail, ears and legs are a few pixels wide; with motion at half size J was 0.818 here, without votes of
@@ -98,19 +150,35 @@ fn thin_parts_are_kept_between_anchors() {
 #[test]
 fn a_click_on_a_tracked_mask_betters_it() {
     let Some(data) = data_dir() else { return };
-    let Carried { request, truths, tracked } = carried(&FlowTracker::default(), &data, "bmx-trees", 4);
+    let Carried {
+        request,
+        truths,
+        tracked,
+    } = carried(&FlowTracker::default(), &data, "bmx-trees", 4);
     let mut gains = [Vec::new(), Vec::new()];
     for (frame, mask) in tracked.iter().step_by(3) {
         let truth = truths[*frame].region(LabelId(1));
         let image = request.store.image(&request.frames[*frame]).unwrap();
-        let ready = BuiltinSegmenter.prepare(&image, None, &Progress::default()).unwrap();
+        let ready = BuiltinSegmenter
+            .prepare(&image, None, &Progress::default())
+            .unwrap();
         for (corrects, gains) in [true, false].into_iter().zip(&mut gains) {
-            let mut prompt = Prompt { corrects, ..Prompt::default() };
+            let mut prompt = Prompt {
+                corrects,
+                ..Prompt::default()
+            };
             let mut answer = mask.region(LabelId(1));
             for _ in 0..4 {
-                let Some(click) = next_click(&truth, &answer).filter(|_| answer.iou(&truth) < 0.9) else { break };
+                let Some(click) = next_click(&truth, &answer).filter(|_| answer.iou(&truth) < 0.9)
+                else {
+                    break;
+                };
                 prompt.clicks.push(click);
-                let asked = SegmentRequest { prompt: &prompt, previous: Some(&answer), taken: None };
+                let asked = SegmentRequest {
+                    prompt: &prompt,
+                    previous: Some(&answer),
+                    taken: None,
+                };
                 let next = ready.segment(&asked, &Progress::default()).unwrap();
                 gains.push(next.iou(&truth) - answer.iou(&truth));
                 answer = next;
@@ -125,26 +193,44 @@ fn a_click_on_a_tracked_mask_betters_it() {
     println!(
         "bmx-trees, clicks, share for the better, mean gain of IoU: {mends:.4?}; as clicks that build {builds:.4?}"
     );
-    assert!(mends.0 > 40 && mends.1 >= 0.7 && mends.2 >= 0.003, "{mends:.4?}");
-    assert!(builds.1 < mends.1 && builds.2 < 0.0, "{builds:.4?}: answered so, clicks lower the IoU");
+    assert!(
+        mends.0 > 40 && mends.1 >= 0.7 && mends.2 >= 0.003,
+        "{mends:.4?}"
+    );
+    assert!(
+        builds.1 < mends.1 && builds.2 < 0.0,
+        "{builds:.4?}: answered so, clicks lower the IoU"
+    );
 }
 
 /// Over all seven films the mean J grows by 0.022 and F by 0.028 (`cargo bench --bench flow -- --memory`).
 #[test]
 fn what_is_remembered_by_learned_features_is_found_again() {
-    let Some(Needs { networks, .. }) = Needs::find("davis2016") else { return };
+    let Some(Needs { networks, .. }) = Needs::find("davis2016") else {
+        return;
+    };
     let Some(data) = data_dir() else { return };
     let folder = tempfile::tempdir().unwrap();
     let file = networks.join("xfeat.onnx").to_string_lossy().into_owned();
     let runtime = std::env::var_os("ORT_DYLIB_PATH").unwrap();
-    let (code, _, err) = ostra(folder.path(), Some(Path::new(&runtime)), &["models", "add", "xfeat", &file]);
+    let (code, _, err) = ostra(
+        folder.path(),
+        Some(Path::new(&runtime)),
+        &["models", "add", "xfeat", &file],
+    );
     assert_eq!(code, Some(0), "{err}");
     let cells = XFeatCells::load(&folder.path().join("ostra/models")).unwrap();
-    let remembering = FlowTracker { describer: Some(Arc::new(cells) as Arc<dyn Describer>), ..FlowTracker::default() };
+    let remembering = FlowTracker {
+        describer: Some(Arc::new(cells) as Arc<dyn Describer>),
+        ..FlowTracker::default()
+    };
     for clip in ["blackswan", "car-shadow", "dance-twirl"] {
         let (without, _) = scores(&FlowTracker::default(), &data, clip, usize::MAX);
         let (with, _) = scores(&remembering, &data, clip, usize::MAX);
         println!("{clip}: J {without:.3} without, {with:.3} with memory");
-        assert!(with >= without + 0.02, "{clip}: J {without:.3} without, {with:.3} with memory");
+        assert!(
+            with >= without + 0.02,
+            "{clip}: J {without:.3} without, {with:.3} with memory"
+        );
     }
 }

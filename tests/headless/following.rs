@@ -21,18 +21,33 @@ fn put_right(session: &mut Session, data: &Path, folder: &Path, frames: std::ops
     let masks = folder.join(format!("right-{}", frames.start));
     std::fs::create_dir(&masks).unwrap();
     for frame in frames {
-        let png =
-            encode_palette_png(&RunMask::encode(&truth(data, frame)), &session.project().unwrap().labels).unwrap();
+        let png = encode_palette_png(
+            &RunMask::encode(&truth(data, frame)),
+            &session.project().unwrap().labels,
+        )
+        .unwrap();
         std::fs::write(masks.join(format!("{frame:06}.png")), png).unwrap();
     }
-    perform(session, Command::ImportMasks { dir: masks, format: "davis".into() }).unwrap();
+    perform(
+        session,
+        Command::ImportMasks {
+            dir: masks,
+            format: "davis".into(),
+        },
+    )
+    .unwrap();
 }
 
 /// Lets the cloud follow the masks, and waits for it.
 fn followed(session: &mut Session) -> Arc<LabelledCloud> {
     session.follow_masks();
     let events = session.settle(|_| ControlFlow::Continue(()));
-    assert!(!events.iter().any(|event| matches!(event, Event::Failed { .. } | Event::Warning(_))), "{events:?}");
+    assert!(
+        !events
+            .iter()
+            .any(|event| matches!(event, Event::Failed { .. } | Event::Warning(_))),
+        "{events:?}"
+    );
     Arc::clone(session.cloud().unwrap())
 }
 
@@ -43,11 +58,18 @@ fn count(cloud: &LabelledCloud, label: LabelId) -> usize {
 fn doubts(session: &mut Session) -> BTreeMap<usize, f32> {
     let _ = session.doubts();
     session.settle(|_| ControlFlow::Continue(()));
-    session.doubts().iter().map(|(&frame, doubt)| (frame, doubt.share())).collect()
+    session
+        .doubts()
+        .iter()
+        .map(|(&frame, doubt)| (frame, doubt.share()))
+        .collect()
 }
 
 fn fuse() -> Command {
-    Command::Fuse(FuseRequest { voxel: Some(0.004), ..FuseRequest::default() })
+    Command::Fuse(FuseRequest {
+        voxel: Some(0.004),
+        ..FuseRequest::default()
+    })
 }
 
 #[test]
@@ -56,32 +78,64 @@ fn labels_of_the_cloud_follow_the_masks_and_are_those_of_a_new_fusion() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = wrongly_labelled(&data, folder.path());
     let file = session.root().unwrap().join("cloud.ply");
-    let (wrong, written) = (Arc::clone(session.cloud().unwrap()), std::fs::read(&file).unwrap());
-    assert!(Arc::ptr_eq(&followed(&mut session), &wrong), "nothing changed since the points voted");
+    let (wrong, written) = (
+        Arc::clone(session.cloud().unwrap()),
+        std::fs::read(&file).unwrap(),
+    );
+    assert!(
+        Arc::ptr_eq(&followed(&mut session), &wrong),
+        "nothing changed since the points voted"
+    );
     assert!(doubts(&mut session).values().all(|&doubt| doubt < 0.1));
     // One frame is outvoted: only shares change. Ten of the fifteen win.
     put_right(&mut session, &data, folder.path(), 7..8);
     let one = followed(&mut session);
     assert!(one.labels != wrong.labels || one.confidence != wrong.confidence);
-    assert!(count(&one, TISSUES) < count(&one, JOKES) / 10, "{} points", count(&one, TISSUES));
+    assert!(
+        count(&one, TISSUES) < count(&one, JOKES) / 10,
+        "{} points",
+        count(&one, TISSUES)
+    );
     put_right(&mut session, &data, folder.path(), 0..10);
     let ten = followed(&mut session);
-    assert!(count(&ten, TISSUES) > 1000, "{} points", count(&ten, TISSUES));
+    assert!(
+        count(&ten, TISSUES) > 1000,
+        "{} points",
+        count(&ten, TISSUES)
+    );
     let doubts = doubts(&mut session);
-    assert!(doubts[&14] > 0.1 && doubts[&3] < 0.1, "the five that are still wrong are doubtful now: {doubts:?}");
+    assert!(
+        doubts[&14] > 0.1 && doubts[&3] < 0.1,
+        "the five that are still wrong are doubtful now: {doubts:?}"
+    );
     for surface in [Surface::Voxels, Surface::Mesh] {
         let _ = session.surface(surface);
         session.settle(|_| ControlFlow::Continue(()));
-        assert!(session.surface(surface).unwrap().vertices.labels.contains(&TISSUES), "{surface:?}");
+        assert!(
+            session
+                .surface(surface)
+                .unwrap()
+                .vertices
+                .labels
+                .contains(&TISSUES),
+            "{surface:?}"
+        );
     }
     assert!(session.project().unwrap().results[&ResultKind::Cloud].stale);
-    assert!(std::fs::read(&file).unwrap() == written, "files are made anew by a fusion only");
+    assert!(
+        std::fs::read(&file).unwrap() == written,
+        "files are made anew by a fusion only"
+    );
     exported(&mut session, folder.path(), &ten);
     opened_again(&mut session, &ten);
     let votes = Arc::clone(session.votes().unwrap());
     perform(&mut session, fuse()).unwrap();
     let fused = session.cloud().unwrap();
-    assert!(fused.labels == ten.labels && fused.confidence == ten.confidence && **session.votes().unwrap() == *votes);
+    assert!(
+        fused.labels == ten.labels
+            && fused.confidence == ten.confidence
+            && **session.votes().unwrap() == *votes
+    );
     // Before that fusion, and before ten masks were right: the cloud that is read again follows as well.
     for _ in 0..2 {
         perform(&mut session, Command::Undo).unwrap();
@@ -98,16 +152,37 @@ fn exported(session: &mut Session, folder: &Path, seen: &LabelledCloud) {
     let (cloud, mesh) = (folder.join("followed.ply"), folder.join("mesh.ply"));
     let warnings = |session: &mut Session, request: ExportRequest| -> Vec<String> {
         let events = perform(session, Command::Export(request)).unwrap();
-        let warning = |event| if let Event::Warning(text) = event { Some(text) } else { None };
+        let warning = |event| {
+            if let Event::Warning(text) = event {
+                Some(text)
+            } else {
+                None
+            }
+        };
         events.into_iter().filter_map(warning).collect()
     };
-    let of_cloud = ExportRequest { cloud: Some(cloud.clone()), ..ExportRequest::default() };
+    let of_cloud = ExportRequest {
+        cloud: Some(cloud.clone()),
+        ..ExportRequest::default()
+    };
     let told = warnings(session, of_cloud);
-    assert!(told.len() == 1 && told[0].contains("the labels of now but the points that were fused"), "{told:?}");
-    assert_eq!(read_ply(&cloud, &Default::default()).unwrap().cloud.labels, seen.labels);
-    let of_mesh = ExportRequest { mesh: Some(mesh), ..ExportRequest::default() };
+    assert!(
+        told.len() == 1 && told[0].contains("the labels of now but the points that were fused"),
+        "{told:?}"
+    );
+    assert_eq!(
+        read_ply(&cloud, &Default::default()).unwrap().cloud.labels,
+        seen.labels
+    );
+    let of_mesh = ExportRequest {
+        mesh: Some(mesh),
+        ..ExportRequest::default()
+    };
     let told = warnings(session, of_mesh);
-    assert!(told.len() == 1 && told[0].contains("the mesh is written as it was fused"), "{told:?}");
+    assert!(
+        told.len() == 1 && told[0].contains("the mesh is written as it was fused"),
+        "{told:?}"
+    );
 }
 
 /// Another session finds the cloud as it was written, and lets it follow.
@@ -118,18 +193,38 @@ fn opened_again(session: &mut Session, before: &LabelledCloud) {
     let _ = session.cloud();
     session.settle(|_| ControlFlow::Continue(()));
     assert!(session.cloud().unwrap().labels != before.labels);
-    let of_cloud = ExportRequest { cloud: Some(root.with_extension("ply")), ..ExportRequest::default() };
+    let of_cloud = ExportRequest {
+        cloud: Some(root.with_extension("ply")),
+        ..ExportRequest::default()
+    };
     let events = perform(session, Command::Export(of_cloud)).unwrap();
     let tells = |event: &Event| matches!(event, Event::Warning(text) if text.contains("written as it was fused"));
     assert!(events.iter().any(tells), "{events:?}");
     // What is done with the vote does not depend on whether somebody looks on.
-    perform(session, Command::AcceptVote { frame: 14, labels: Vec::new() }).unwrap();
+    perform(
+        session,
+        Command::AcceptVote {
+            frame: 14,
+            labels: Vec::new(),
+        },
+    )
+    .unwrap();
     let accepted = session.project().unwrap().masks[&14].runs.clone();
     perform(session, Command::Undo).unwrap();
     assert_eq!(followed(session).labels, before.labels);
-    perform(session, Command::AcceptVote { frame: 14, labels: Vec::new() }).unwrap();
+    perform(
+        session,
+        Command::AcceptVote {
+            frame: 14,
+            labels: Vec::new(),
+        },
+    )
+    .unwrap();
     assert_eq!(session.project().unwrap().masks[&14].runs, accepted);
-    assert!(accepted.decode().ids.contains(&TISSUES), "by the ten that are right");
+    assert!(
+        accepted.decode().ids.contains(&TISSUES),
+        "by the ten that are right"
+    );
     perform(session, Command::Undo).unwrap();
     assert_eq!(followed(session).labels, before.labels);
 }

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use ostra_cloud::fuse::{ChangedMask, FuseOptions, Fused, OntoOptions, Views, fuse, relabel, vote_onto, write_votes};
+use ostra_cloud::fuse::{
+    ChangedMask, FuseOptions, Fused, OntoOptions, Views, fuse, relabel, vote_onto, write_votes,
+};
 use ostra_cloud::ply::{Coloring, read_ply, write_ply};
 use ostra_cloud::points::Neighbours;
 use ostra_cloud::{LabelledCloud, SceneError};
@@ -29,31 +31,57 @@ fn score(truth: &LabelledCloud, result: &LabelledCloud, options: &CloudScoreOpti
 }
 
 fn within(distance: f64) -> CloudScoreOptions {
-    CloudScoreOptions { within: vec![distance], ..CloudScoreOptions::default() }
+    CloudScoreOptions {
+        within: vec![distance],
+        ..CloudScoreOptions::default()
+    }
 }
 
 fn shelf() -> Option<(Recording, LabelledCloud)> {
     let set = data_dir()?.join("apc_shelf_rgbd_labels");
-    let truth = read_ply(&set.join("reference_labelled_cloud.ply"), &Progress::default()).unwrap().cloud;
-    Some((Recording::open(&set, "color", Some("depth"), Some("labels"), CACHE_BYTES), truth))
+    let truth = read_ply(
+        &set.join("reference_labelled_cloud.ply"),
+        &Progress::default(),
+    )
+    .unwrap()
+    .cloud;
+    Some((
+        Recording::open(&set, "color", Some("depth"), Some("labels"), CACHE_BYTES),
+        truth,
+    ))
 }
 
 /// The vote by true masks gives the labels of the reference cloud.
 #[test]
 fn shelf_by_true_masks() {
-    let Some((shelf, truth)) = shelf() else { return };
+    let Some((shelf, truth)) = shelf() else {
+        return;
+    };
     let result = fused(&shelf, &FuseOptions::default());
     println!("{:?}", result.report);
-    assert_eq!((result.report.frames_fused, result.report.frames_voted), (15, 15));
+    assert_eq!(
+        (result.report.frames_fused, result.report.frames_voted),
+        (15, 15)
+    );
     let labels = score(&truth, &result.cloud, &within(0.005)).labels;
     assert!(labels.mean_iou > 0.97, "mean IoU {}", labels.mean_iou);
-    assert!(labels.iou.iter().all(|label| label.iou > 0.96), "{:?}", labels.iou);
+    assert!(
+        labels.iou.iter().all(|label| label.iou > 0.96),
+        "{:?}",
+        labels.iou
+    );
     assert!(labels.accuracy > 0.985, "accuracy {}", labels.accuracy);
 }
 
 fn bytes(fused: &Fused) -> (Vec<u8>, Vec<u8>) {
     let (mut cloud, mut votes) = (Vec::new(), Vec::new());
-    write_ply(&mut cloud, &fused.cloud, Coloring::Picture, &Progress::default()).unwrap();
+    write_ply(
+        &mut cloud,
+        &fused.cloud,
+        Coloring::Picture,
+        &Progress::default(),
+    )
+    .unwrap();
     write_votes(&mut votes, &fused.votes).unwrap();
     (cloud, votes)
 }
@@ -61,9 +89,16 @@ fn bytes(fused: &Fused) -> (Vec<u8>, Vec<u8>) {
 #[test]
 fn the_same_bytes_with_any_number_of_threads() {
     let Some((shelf, _)) = shelf() else { return };
-    let options = FuseOptions { voxel: Some(0.004), drop_unlabelled: true, ..FuseOptions::default() };
+    let options = FuseOptions {
+        voxel: Some(0.004),
+        drop_unlabelled: true,
+        ..FuseOptions::default()
+    };
     let with = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
         pool.install(|| bytes(&fused(&shelf, &options)))
     };
     let one = with(1);
@@ -74,10 +109,17 @@ fn the_same_bytes_with_any_number_of_threads() {
 #[test]
 fn a_mask_taken_back_and_given_again() {
     let Some((shelf, _)) = shelf() else { return };
-    let whole = fused(&shelf, &FuseOptions { voxel: Some(0.004), ..FuseOptions::default() });
+    let whole = fused(
+        &shelf,
+        &FuseOptions {
+            voxel: Some(0.004),
+            ..FuseOptions::default()
+        },
+    );
     let (tree, progress) = (LabelTree::default(), Progress::default());
     let change = |mask| [ChangedMask { frame: 7, mask }];
-    let (fewer, votes) = relabel(&whole.cloud, &whole.votes, &change(None), &tree, &progress).unwrap();
+    let (fewer, votes) =
+        relabel(&whole.cloud, &whole.votes, &change(None), &tree, &progress).unwrap();
     assert!(votes != whole.votes && fewer.labels != whole.cloud.labels);
     let (again, votes) = relabel(&fewer, &votes, &change(shelf.mask(7)), &tree, &progress).unwrap();
     assert!(votes == whole.votes && again == whole.cloud);
@@ -85,18 +127,33 @@ fn a_mask_taken_back_and_given_again() {
 
 fn plant() -> Option<(Recording, LabelledCloud)> {
     let set = data_dir()?.join("romi_virtual_plant_labels");
-    let truth = read_ply(&set.join("gt_labelled_cloud.ply"), &Progress::default()).unwrap().cloud;
-    Some((Recording::open(&set, "images", None, Some("labels"), CACHE_BYTES), truth))
+    let truth = read_ply(&set.join("gt_labelled_cloud.ply"), &Progress::default())
+        .unwrap()
+        .cloud;
+    Some((
+        Recording::open(&set, "images", None, Some("labels"), CACHE_BYTES),
+        truth,
+    ))
 }
 
 fn onto(views: &Recording, cloud: &LabelledCloud) -> LabelledCloud {
-    vote_onto(cloud, views, &LabelTree::default(), &OntoOptions::default(), &Progress::default()).unwrap().cloud
+    vote_onto(
+        cloud,
+        views,
+        &LabelTree::default(),
+        &OntoOptions::default(),
+        &Progress::default(),
+    )
+    .unwrap()
+    .cloud
 }
 
 /// Masks of organs 1 to 3 pixels thin vote on a given cloud. The floor is the first honest run.
 #[test]
 fn plant_organs_onto_a_given_cloud() {
-    let Some((plant, truth)) = plant() else { return };
+    let Some((plant, truth)) = plant() else {
+        return;
+    };
     let labels = score(&truth, &onto(&plant, &truth), &within(0.001)).labels;
     assert!(labels.mean_iou > 0.885, "mean IoU {}", labels.mean_iou);
     assert!(labels.accuracy > 0.955, "accuracy {}", labels.accuracy);
@@ -106,10 +163,15 @@ fn plant_organs_onto_a_given_cloud() {
 /// 448.5. With the true one the same masks give more, so half a pixel within the vote would show here.
 #[test]
 fn plant_organs_with_the_principal_point_in_the_middle() {
-    let Some((mut plant, truth)) = plant() else { return };
+    let Some((mut plant, truth)) = plant() else {
+        return;
+    };
     for frame in &mut plant.frames {
         let camera = &mut frame.camera.as_mut().unwrap().intrinsics;
-        *camera = Camera { principal_px: glam::DVec2::new(448.0, 448.0), ..*camera };
+        *camera = Camera {
+            principal_px: glam::DVec2::new(448.0, 448.0),
+            ..*camera
+        };
     }
     let labels = score(&truth, &onto(&plant, &truth), &within(0.001)).labels;
     assert!(labels.mean_iou > 0.935, "mean IoU {}", labels.mean_iou);
@@ -124,17 +186,27 @@ struct Made {
 
 impl Made {
     fn new(scene: &Scene) -> Self {
-        let views: Vec<RenderedView> = scene.views().iter().map(|view| scene.render(view)).collect();
+        let views: Vec<RenderedView> = scene
+            .views()
+            .iter()
+            .map(|view| scene.render(view))
+            .collect();
         let frame = |(name, view): (String, &RenderedView)| Frame {
             name,
             width: view.image.width,
             height: view.image.height,
-            picture: PictureSource::File { path: "none".into(), orientation: Orientation(1) },
+            picture: PictureSource::File {
+                path: "none".into(),
+                orientation: Orientation(1),
+            },
             depth: None,
             camera: Some(view.camera),
         };
         let names = scene.views().iter().map(|view| view.name.clone());
-        Self { frames: names.zip(&views).map(frame).collect(), views }
+        Self {
+            frames: names.zip(&views).map(frame).collect(),
+            views,
+        }
     }
 }
 
@@ -162,26 +234,50 @@ impl Views for Made {
 
 /// Organs of the tiller by true masks: IoU of each, accuracy.
 fn tiller(noise: Option<SensorNoise>) -> (Vec<f64>, f64) {
-    let scene = Scene::build(&SceneOptions { noise, ..SceneOptions::default() }).unwrap();
-    let result = fuse(&Made::new(&scene), scene.tree(), &FuseOptions::default(), &Progress::default()).unwrap();
+    let scene = Scene::build(&SceneOptions {
+        noise,
+        ..SceneOptions::default()
+    })
+    .unwrap();
+    let result = fuse(
+        &Made::new(&scene),
+        scene.tree(),
+        &FuseOptions::default(),
+        &Progress::default(),
+    )
+    .unwrap();
     println!("{:?}", result.report);
-    let truth = scene.cloud(&TruthOptions::default(), &Progress::default()).unwrap();
-    let options = CloudScoreOptions { level: Some(2), ..within(0.005) };
+    let truth = scene
+        .cloud(&TruthOptions::default(), &Progress::default())
+        .unwrap();
+    let options = CloudScoreOptions {
+        level: Some(2),
+        ..within(0.005)
+    };
     let labels = score(&truth, &result.cloud, &options).labels;
-    (labels.iou.iter().map(|label| label.iou).collect(), labels.accuracy)
+    (
+        labels.iou.iter().map(|label| label.iou).collect(),
+        labels.accuracy,
+    )
 }
 
 #[test]
 fn tiller_by_true_masks() {
     let (iou, accuracy) = tiller(None);
-    assert!(iou.len() >= 3 && iou.iter().all(|&iou| iou > 0.97), "{iou:?}");
+    assert!(
+        iou.len() >= 3 && iou.iter().all(|&iou| iou > 0.97),
+        "{iou:?}"
+    );
     assert!(accuracy > 0.99, "{accuracy}");
 }
 
 #[test]
 fn tiller_from_a_noisy_sensor_by_true_masks() {
     let (iou, accuracy) = tiller(Some(SensorNoise::default()));
-    assert!(iou.len() >= 3 && iou.iter().all(|&iou| iou > 0.93), "{iou:?}");
+    assert!(
+        iou.len() >= 3 && iou.iter().all(|&iou| iou > 0.93),
+        "{iou:?}"
+    );
     assert!(accuracy > 0.985, "{accuracy}");
 }
 
@@ -197,9 +293,16 @@ struct Lie {
 fn lie(fused: &Fused, truth: &Neighbours, eyes: &[glam::Vec3]) -> Lie {
     let mut lie = Lie::default();
     for (point, &position) in fused.cloud.positions.iter().enumerate() {
-        let depth = eyes.iter().map(|eye| eye.distance(position)).fold(f32::MAX, f32::min);
+        let depth = eyes
+            .iter()
+            .map(|eye| eye.distance(position))
+            .fold(f32::MAX, f32::min);
         let (_, away) = truth.nearest(position);
-        let voted = fused.votes.histogram(point).iter().any(|&(label, _)| label != LabelId::NONE);
+        let voted = fused
+            .votes
+            .histogram(point)
+            .iter()
+            .any(|&(label, _)| label != LabelId::NONE);
         lie.background += usize::from(away > 0.02 * depth && !voted);
         lie.contour += usize::from(away > 0.02 * depth && voted);
         lie.true_points += usize::from(away < 0.002);
@@ -209,22 +312,48 @@ fn lie(fused: &Fused, truth: &Neighbours, eyes: &[glam::Vec3]) -> Lie {
 
 #[test]
 fn the_noise_filter_takes_what_lies_off_and_leaves_what_is_true() {
-    let scene = Scene::build(&SceneOptions { noise: Some(SensorNoise::default()), ..SceneOptions::default() }).unwrap();
+    let scene = Scene::build(&SceneOptions {
+        noise: Some(SensorNoise::default()),
+        ..SceneOptions::default()
+    })
+    .unwrap();
     let (made, progress) = (Made::new(&scene), Progress::default());
-    let options = TruthOptions { surroundings_m: None, min_views: 0, ..TruthOptions::default() };
+    let options = TruthOptions {
+        surroundings_m: None,
+        min_views: 0,
+        ..TruthOptions::default()
+    };
     let truth = Neighbours::new(&scene.cloud(&options, &progress).unwrap().positions).unwrap();
-    let eyes: Vec<glam::Vec3> =
-        made.frames.iter().map(|frame| frame.posed_camera().unwrap().1.centre().as_vec3()).collect();
+    let eyes: Vec<glam::Vec3> = made
+        .frames
+        .iter()
+        .map(|frame| frame.posed_camera().unwrap().1.centre().as_vec3())
+        .collect();
     let fused = |drop_unlabelled| {
-        let options = FuseOptions { drop_unlabelled, ..FuseOptions::default() };
+        let options = FuseOptions {
+            drop_unlabelled,
+            ..FuseOptions::default()
+        };
         fuse(&made, scene.tree(), &options, &progress).unwrap()
     };
     let (all, filtered) = (fused(false), fused(true));
     let (before, after) = (lie(&all, &truth, &eyes), lie(&filtered, &truth, &eyes));
     println!("{before:?} -> {after:?}, {:?}", filtered.report.dropped);
-    assert!(before.background > 100_000 && before.contour > 1000, "{before:?}");
-    assert!(after.background * 10 <= before.background && after.contour * 10 <= before.contour, "{after:?}");
-    assert!(after.true_points * 100 >= before.true_points * 99, "{after:?} of {before:?}");
+    assert!(
+        before.background > 100_000 && before.contour > 1000,
+        "{before:?}"
+    );
+    assert!(
+        after.background * 10 <= before.background && after.contour * 10 <= before.contour,
+        "{after:?}"
+    );
+    assert!(
+        after.true_points * 100 >= before.true_points * 99,
+        "{after:?} of {before:?}"
+    );
     let dropped = filtered.report.dropped;
-    assert_eq!(dropped.background + dropped.contour, all.cloud.len() - filtered.cloud.len());
+    assert_eq!(
+        dropped.background + dropped.contour,
+        all.cloud.len() - filtered.cloud.len()
+    );
 }

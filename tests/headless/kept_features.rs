@@ -21,20 +21,32 @@ fn model(project: &str) -> Vec<(PathBuf, Vec<u8>)> {
 fn a_repeated_reconstruction_looks_for_no_feature_again_and_gives_the_same_bytes() {
     let photos = Photos::new(5);
     let [once, twice] = ["once", "twice"].map(|name| photos.project(name, &[]));
-    let sfm = |project: &str| done_with_both(&["reconstruct", project, "--method", "sfm"].map(str::to_owned));
+    let sfm = |project: &str| {
+        done_with_both(&["reconstruct", project, "--method", "sfm"].map(str::to_owned))
+    };
     let first = sfm(&once);
     assert!(!first.contains("earlier run"), "{first}");
     let again = sfm(&once);
-    assert!(again.contains("features of 5 of 5 images and matches of 10 of 10 pairs were there"), "{again}");
+    assert!(
+        again.contains("features of 5 of 5 images and matches of 10 of 10 pairs were there"),
+        "{again}"
+    );
     sfm(&twice);
-    let bytes = |project: &str| model(project).into_iter().map(|(_, bytes)| bytes).collect::<Vec<_>>();
+    let bytes = |project: &str| {
+        model(project)
+            .into_iter()
+            .map(|(_, bytes)| bytes)
+            .collect::<Vec<_>>()
+    };
     let kept = bytes(&once);
     assert!(kept == bytes(&twice), "with what was kept as without");
     std::fs::remove_dir_all(Path::new(&once).join("cache")).unwrap();
     assert!(!sfm(&once).contains("earlier run"));
     assert!(bytes(&once) == kept);
     // An image that changed is looked at again, with all that it is matched with.
-    let mut image = image::open(photos.path("color/4.png")).unwrap().into_luma8();
+    let mut image = image::open(photos.path("color/4.png"))
+        .unwrap()
+        .into_luma8();
     image.put_pixel(9, 9, Luma([255 - image.get_pixel(9, 9).0[0]]));
     image.save(photos.path("color/4.png")).unwrap();
     let changed = sfm(&twice);
@@ -47,12 +59,21 @@ fn a_run_that_was_stopped_goes_on_with_what_it_found() {
     let project = photos.project("project", &[]);
     let mut session = Session::new();
     perform(&mut session, Command::Open(project.into())).unwrap();
-    let request = ReconstructRequest { method: ReconstructMethod::Sfm, ..ReconstructRequest::default() };
+    let request = ReconstructRequest {
+        method: ReconstructMethod::Sfm,
+        ..ReconstructRequest::default()
+    };
     let run = |session: &mut Session, stop_at: Option<&str>| {
         session.act(Command::Reconstruct(request.clone())).unwrap();
         session.settle(|jobs| {
-            let reached = jobs.iter().any(|job| Some(job.report.stage.as_str()) == stop_at);
-            if reached { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            let reached = jobs
+                .iter()
+                .any(|job| Some(job.report.stage.as_str()) == stop_at);
+            if reached {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
         })
     };
     let notices = |events: &[Event]| {
@@ -63,11 +84,21 @@ fn a_run_that_was_stopped_goes_on_with_what_it_found() {
         notices.collect::<Vec<_>>().join("\n")
     };
     let stopped = run(&mut session, Some("match"));
-    let ended = stopped.iter().any(|event| matches!(event, Event::Stopped { .. } | Event::Finished { .. }));
+    let ended = stopped
+        .iter()
+        .any(|event| matches!(event, Event::Stopped { .. } | Event::Finished { .. }));
     assert!(ended, "{stopped:?}");
     let finished = run(&mut session, None);
-    assert!(finished.iter().any(|event| matches!(event, Event::Finished { .. })), "{finished:?}");
-    assert!(notices(&finished).contains("features of 5 of 5 images"), "{finished:?}");
+    assert!(
+        finished
+            .iter()
+            .any(|event| matches!(event, Event::Finished { .. })),
+        "{finished:?}"
+    );
+    assert!(
+        notices(&finished).contains("features of 5 of 5 images"),
+        "{finished:?}"
+    );
 }
 
 #[test]
@@ -75,19 +106,28 @@ fn stereo_takes_the_cameras_that_are_there_though_images_were_left_out() {
     let photos = Photos::new(5);
     // Two images that show nothing of the carpet.
     for k in [5_u32, 6] {
-        GrayImage::from_fn(WIDTH, HEIGHT, |x, y| Luma([((x / 9 + k * y / 7) * 31) as u8]))
-            .save(photos.path(&format!("color/{k}.png")))
-            .unwrap();
+        GrayImage::from_fn(WIDTH, HEIGHT, |x, y| {
+            Luma([((x / 9 + k * y / 7) * 31) as u8])
+        })
+        .save(photos.path(&format!("color/{k}.png")))
+        .unwrap();
     }
     let project = photos.project("project", &[]);
     let reconstruct = |more: &[&str]| {
-        let words = [&["reconstruct", &project, "--device", "cpu", "--method"][..], more].concat();
+        let words = [
+            &["reconstruct", &project, "--device", "cpu", "--method"][..],
+            more,
+        ]
+        .concat();
         done_with_both(&words.into_iter().map(str::to_owned).collect::<Vec<_>>())
     };
     let found = reconstruct(&["sfm"]);
     assert!(found.contains("5.png has no camera"), "{found}");
     let cameras = model(&project);
     let said = reconstruct(&["mvs", "--max-side", "96"]);
-    assert!(!said.contains("cameras:") && said.contains("5.png has no depth"), "{said}");
+    assert!(
+        !said.contains("cameras:") && said.contains("5.png has no depth"),
+        "{said}"
+    );
     assert_eq!(model(&project), cameras, "the cameras stay as they are");
 }

@@ -21,26 +21,88 @@ struct Job {
 }
 
 const JOBS: [Job; 14] = [
-    Job { name: "prompt", args: &["prompt", "P", "--frame", "3", "--label", "rice", "--click", "48,64"] },
-    Job { name: "track by flow", args: &["track", "P", "--tracker", "flow"] },
-    Job { name: "track by geometry", args: &["track", "P", "--tracker", "geometry"] },
-    Job { name: "stereo", args: &["reconstruct", "Q", "--method", "mvs"] },
-    Job { name: "registration", args: &["reconstruct", "P", "--method", "rgbd"] },
-    Job { name: "structure from motion", args: &["reconstruct", "Q", "--method", "sfm"] },
-    Job { name: "fuse", args: &["fuse", "P", "--voxel", "0.004"] },
+    Job {
+        name: "prompt",
+        args: &[
+            "prompt", "P", "--frame", "3", "--label", "rice", "--click", "48,64",
+        ],
+    },
+    Job {
+        name: "track by flow",
+        args: &["track", "P", "--tracker", "flow"],
+    },
+    Job {
+        name: "track by geometry",
+        args: &["track", "P", "--tracker", "geometry"],
+    },
+    Job {
+        name: "stereo",
+        args: &["reconstruct", "Q", "--method", "mvs"],
+    },
+    Job {
+        name: "registration",
+        args: &["reconstruct", "P", "--method", "rgbd"],
+    },
+    Job {
+        name: "structure from motion",
+        args: &["reconstruct", "Q", "--method", "sfm"],
+    },
+    Job {
+        name: "fuse",
+        args: &["fuse", "P", "--voxel", "0.004"],
+    },
     Job {
         name: "export cloud and mesh",
-        args: &["export", "P", "--cloud", "O/c.ply", "--mesh", "O/m.glb", "--per-label"],
+        args: &[
+            "export",
+            "P",
+            "--cloud",
+            "O/c.ply",
+            "--mesh",
+            "O/m.glb",
+            "--per-label",
+        ],
     },
-    Job { name: "export voxels", args: &["export", "P", "--voxels", "O/v.npz", "--solid"] },
+    Job {
+        name: "export voxels",
+        args: &["export", "P", "--voxels", "O/v.npz", "--solid"],
+    },
     Job {
         name: "export undistorted",
-        args: &["export", "P", "--undistorted", "O/undistorted", "--depths", "O/depths"],
+        args: &[
+            "export",
+            "P",
+            "--undistorted",
+            "O/undistorted",
+            "--depths",
+            "O/depths",
+        ],
     },
-    Job { name: "export masks", args: &["masks", "P", "export", "O/masks"] },
-    Job { name: "import masks", args: &["masks", "P", "import", "R/labels"] },
-    Job { name: "shot", args: &["shot", "P", "O/s.png", "--size", "1024x1024"] },
-    Job { name: "new", args: &["new", "O/new", "--frames", "R/color", "--depth", "R/depth", "--cameras", "R/sparse"] },
+    Job {
+        name: "export masks",
+        args: &["masks", "P", "export", "O/masks"],
+    },
+    Job {
+        name: "import masks",
+        args: &["masks", "P", "import", "R/labels"],
+    },
+    Job {
+        name: "shot",
+        args: &["shot", "P", "O/s.png", "--size", "1024x1024"],
+    },
+    Job {
+        name: "new",
+        args: &[
+            "new",
+            "O/new",
+            "--frames",
+            "R/color",
+            "--depth",
+            "R/depth",
+            "--cameras",
+            "R/sparse",
+        ],
+    },
 ];
 
 /// Projects in which jobs are killed.
@@ -52,11 +114,21 @@ impl Bench {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let bench = Self { folder };
-        bench.done(&["demo", "D", "--headless", "--frames", "6", "--size", "96x128"]);
+        bench.done(&[
+            "demo",
+            "D",
+            "--headless",
+            "--frames",
+            "6",
+            "--size",
+            "96x128",
+        ]);
         bench.done(&["masks", "P", "export", "R/labels"]);
         bench.done(&["new", "Q", "--frames", "R/color", "--cameras", "R/sparse"]);
         bench.done(&["label", "Q", "rice"]);
-        bench.done(&["prompt", "Q", "--frame", "0", "--label", "rice", "--click", "48,64"]);
+        bench.done(&[
+            "prompt", "Q", "--frame", "0", "--label", "rice", "--click", "48,64",
+        ]);
         bench
     }
 
@@ -66,13 +138,27 @@ impl Bench {
 
     /// The command with the letters of its arguments replaced by paths.
     fn command(&self, args: &[&str]) -> Command {
-        let places = [("D", "demo"), ("P", "demo/project"), ("Q", "images"), ("R", "demo/recording"), ("O", "out")];
+        let places = [
+            ("D", "demo"),
+            ("P", "demo/project"),
+            ("Q", "images"),
+            ("R", "demo/recording"),
+            ("O", "out"),
+        ];
         let mut command = Command::new(env!("CARGO_BIN_EXE_ostra"));
-        command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+            .env_remove("DISPLAY")
+            .env_remove("WAYLAND_DISPLAY")
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
         for arg in args {
-            let (first, rest) = arg.split_once('/').map_or((*arg, None), |(first, rest)| (first, Some(rest)));
+            let (first, rest) = arg
+                .split_once('/')
+                .map_or((*arg, None), |(first, rest)| (first, Some(rest)));
             match places.iter().find(|(letter, _)| *letter == first) {
-                Some((_, place)) => command.arg(rest.map_or(self.path(place), |rest| self.path(place).join(rest))),
+                Some((_, place)) => {
+                    command.arg(rest.map_or(self.path(place), |rest| self.path(place).join(rest)))
+                }
                 None => command.arg(arg),
             };
         }
@@ -81,7 +167,11 @@ impl Bench {
 
     fn done(&self, args: &[&str]) -> String {
         let output = self.command(args).output().unwrap();
-        assert!(output.status.success(), "{args:?}: {}", String::from_utf8_lossy(&output.stderr));
+        assert!(
+            output.status.success(),
+            "{args:?}: {}",
+            String::from_utf8_lossy(&output.stderr)
+        );
         String::from_utf8(output.stdout).unwrap()
     }
 
@@ -91,7 +181,11 @@ impl Bench {
         let output = self.command(job.args).output().unwrap();
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
         // Six small views may be too few for a method.
-        assert!(matches!(output.status.code(), Some(0 | 1)), "{}: {text}", job.name);
+        assert!(
+            matches!(output.status.code(), Some(0 | 1)),
+            "{}: {text}",
+            job.name
+        );
         assert!(!text.contains("panic"), "{}: {text}", job.name);
         begun.elapsed()
     }
@@ -99,14 +193,26 @@ impl Bench {
     /// What must survive: the labels, and the masks of the keyframes as an export writes them.
     fn kept(&self, project: &str) -> (Vec<String>, BTreeMap<String, Vec<u8>>) {
         let info: Value = serde_json::from_str(&self.done(&["info", project, "--json"])).unwrap();
-        let labels = info["labels"].as_array().unwrap().iter().map(|label| label["name"].to_string()).collect();
+        let labels = info["labels"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|label| label["name"].to_string())
+            .collect();
         let kept = self.path("kept");
         let _ = std::fs::remove_dir_all(&kept);
         self.done(&["masks", project, "export", kept.to_str().unwrap()]);
-        let keyframes = info["frames"].as_array().unwrap().iter().filter(|frame| frame["mask"] == "anchor");
+        let keyframes = info["frames"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .filter(|frame| frame["mask"] == "anchor");
         let masks = keyframes.map(|frame| {
             let name = Path::new(frame["name"].as_str().unwrap()).with_extension("png");
-            (frame["name"].to_string(), std::fs::read(kept.join(name)).unwrap())
+            (
+                frame["name"].to_string(),
+                std::fs::read(kept.join(name)).unwrap(),
+            )
         });
         (labels, masks.collect())
     }
@@ -116,7 +222,9 @@ impl Bench {
 fn check_outputs(folder: &Path) {
     let mut folders = vec![folder.to_owned()];
     while let Some(folder) = folders.pop() {
-        let Ok(entries) = std::fs::read_dir(&folder) else { continue };
+        let Ok(entries) = std::fs::read_dir(&folder) else {
+            continue;
+        };
         for entry in entries {
             let path = entry.unwrap().path();
             let name = path.file_name().unwrap().to_string_lossy().into_owned();
@@ -136,15 +244,25 @@ fn check_outputs(folder: &Path) {
                     }
                     Some("glb") => {
                         bytes.len() >= 12
-                            && u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize == bytes.len()
+                            && u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize
+                                == bytes.len()
                     }
-                    Some("npz") => bytes.windows(4).rev().take(1 << 16).any(|at| at == b"PK\x05\x06"),
+                    Some("npz") => bytes
+                        .windows(4)
+                        .rev()
+                        .take(1 << 16)
+                        .any(|at| at == b"PK\x05\x06"),
                     Some("tiff") => tiff::decoder::Decoder::new(std::io::Cursor::new(&bytes))
                         .and_then(|mut decoder| decoder.read_image())
                         .is_ok(),
                     _ => !bytes.is_empty() || name == "points3D.txt",
                 };
-                assert!(is_whole, "{} is not whole ({} bytes)", path.display(), bytes.len());
+                assert!(
+                    is_whole,
+                    "{} is not whole ({} bytes)",
+                    path.display(),
+                    bytes.len()
+                );
             }
         }
     }
@@ -152,7 +270,8 @@ fn check_outputs(folder: &Path) {
 
 #[test]
 fn kills_of_every_kind_of_job_lose_nothing() {
-    let kills: usize = std::env::var("OSTRA_KILLS").map_or(2 * JOBS.len(), |text| text.parse().unwrap());
+    let kills: usize =
+        std::env::var("OSTRA_KILLS").map_or(2 * JOBS.len(), |text| text.parse().unwrap());
     let bench = Bench::new();
     let mut random = Pcg64Mcg::seed_from_u64(41);
     let mut hit = BTreeMap::new();
@@ -164,8 +283,14 @@ fn kills_of_every_kind_of_job_lose_nothing() {
         let project = if job.args.contains(&"Q") { "Q" } else { "P" };
         bench.done(&["label", project, &format!("before kill {kill}")]);
         let before = bench.kept(project);
-        let mut child = bench.command(job.args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-        let until = Instant::now() + durations[kill % JOBS.len()].mul_f64(random.random_range(0.0..0.95));
+        let mut child = bench
+            .command(job.args)
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let until =
+            Instant::now() + durations[kill % JOBS.len()].mul_f64(random.random_range(0.0..0.95));
         let mut ended = None;
         while ended.is_none() && Instant::now() < until {
             ended = child.try_wait().unwrap();
@@ -175,10 +300,21 @@ fn kills_of_every_kind_of_job_lose_nothing() {
         child.wait().unwrap();
         *hit.entry(job.name).or_insert(0_usize) += usize::from(ended.is_none());
         let after = bench.kept(project);
-        assert!(after.0.starts_with(&before.0), "{}: labels {:?} became {:?}", job.name, before.0, after.0);
+        assert!(
+            after.0.starts_with(&before.0),
+            "{}: labels {:?} became {:?}",
+            job.name,
+            before.0,
+            after.0
+        );
         if job.name != "import masks" && job.name != "prompt" {
             for (frame, mask) in &before.1 {
-                assert_eq!(after.1.get(frame), Some(mask), "{}: keyframe {frame}", job.name);
+                assert_eq!(
+                    after.1.get(frame),
+                    Some(mask),
+                    "{}: keyframe {frame}",
+                    job.name
+                );
             }
         }
         check_outputs(&bench.path("out"));
@@ -195,11 +331,18 @@ fn kills_of_every_kind_of_job_lose_nothing() {
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(folder).unwrap() {
             let entry = entry.unwrap();
-            assert!(!ostra_core::disk::is_temporary(&entry.file_name()), "{:?}", entry.path());
+            assert!(
+                !ostra_core::disk::is_temporary(&entry.file_name()),
+                "{:?}",
+                entry.path()
+            );
             if entry.file_type().unwrap().is_dir() {
                 folders.push(entry.path());
             }
         }
     }
-    assert!(hit.values().sum::<usize>() * 2 > kills, "most kills hit a running job: {hit:?}");
+    assert!(
+        hit.values().sum::<usize>() * 2 > kills,
+        "most kills hit a running job: {hit:?}"
+    );
 }

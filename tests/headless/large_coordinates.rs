@@ -36,7 +36,9 @@ fn fused(by: DVec3) -> (Recording, String) {
 
 fn label_and_fuse(project: &str) {
     done(&["label", project, "thing"]);
-    done(&["prompt", project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    done(&[
+        "prompt", project, "--frame", "1", "--label", "thing", "--click", "20,24",
+    ]);
     done(&["track", project, "--tracker", "geometry"]);
     done(&["fuse", project, "--voxel", "0.01"]);
 }
@@ -52,7 +54,10 @@ fn json(path: &str) -> Value {
 }
 
 fn global(cloud: &LabelledCloud) -> impl Iterator<Item = DVec3> {
-    cloud.positions.iter().map(|at| at.as_dvec3() + cloud.origin)
+    cloud
+        .positions
+        .iter()
+        .map(|at| at.as_dvec3() + cloud.origin)
 }
 
 /// The same points with the same labels, to the millimetre.
@@ -68,19 +73,37 @@ fn assert_same(near: &LabelledCloud, far: &LabelledCloud, by: DVec3) {
 fn clouds_meshes_and_exports_in_utm_and_ecef_are_those_at_the_origin() {
     let progress = Progress::default();
     let (home, near) = fused(NEAR);
-    let near_cloud = read_ply(export(&home, &near, "--cloud", "c.ply").as_ref(), &progress).unwrap().cloud;
-    let near_mesh = read_mesh(export(&home, &near, "--mesh", "m.ply").as_ref(), &progress).unwrap().vertices;
-    assert!(!std::fs::exists(home.path("c.ply.origin.json")).unwrap(), "small coordinates are left as they are");
+    let near_cloud = read_ply(export(&home, &near, "--cloud", "c.ply").as_ref(), &progress)
+        .unwrap()
+        .cloud;
+    let near_mesh = read_mesh(export(&home, &near, "--mesh", "m.ply").as_ref(), &progress)
+        .unwrap()
+        .vertices;
+    assert!(
+        !std::fs::exists(home.path("c.ply.origin.json")).unwrap(),
+        "small coordinates are left as they are"
+    );
     for by in [UTM, ECEF] {
         let (recording, project) = fused(NEAR + by);
         let path = export(&recording, &project, "--cloud", "c.ply");
         let cloud = read_ply(path.as_ref(), &progress).unwrap().cloud;
         assert_same(&near_cloud, &cloud, by);
-        let mesh = read_mesh(export(&recording, &project, "--mesh", "m.ply").as_ref(), &progress).unwrap().vertices;
+        let mesh = read_mesh(
+            export(&recording, &project, "--mesh", "m.ply").as_ref(),
+            &progress,
+        )
+        .unwrap()
+        .vertices;
         assert_same(&near_mesh, &mesh, by);
-        let voxels = read_ply(export(&recording, &project, "--voxels", "v.ply").as_ref(), &progress).unwrap().cloud;
+        let voxels = read_ply(
+            export(&recording, &project, "--voxels", "v.ply").as_ref(),
+            &progress,
+        )
+        .unwrap()
+        .cloud;
         assert_eq!(voxels.origin, cloud.origin);
-        let origin: Vec<f64> = serde_json::from_value(json(&format!("{path}.origin.json"))["origin"].clone()).unwrap();
+        let origin: Vec<f64> =
+            serde_json::from_value(json(&format!("{path}.origin.json"))["origin"].clone()).unwrap();
         assert_eq!(origin, cloud.origin.to_array());
         let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
         assert_eq!(info["origin"], serde_json::json!(origin));
@@ -88,15 +111,23 @@ fn clouds_meshes_and_exports_in_utm_and_ecef_are_those_at_the_origin() {
         let las = export(&recording, &project, "--cloud", "c.las");
         let points = las::Reader::from_path(las).unwrap().read_all().unwrap();
         for (point, at) in points.points().map(Result::unwrap).zip(global(&cloud)) {
-            assert!(DVec3::new(point.x, point.y, point.z).abs_diff_eq(at, 1e-4), "{point:?} and {at}");
+            assert!(
+                DVec3::new(point.x, point.y, point.z).abs_diff_eq(at, 1e-4),
+                "{point:?} and {at}"
+            );
         }
         let cameras = export(&recording, &project, "--cameras", "out");
         let own = format!("{project}/sparse");
         for result in [cameras, own] {
             let truth = recording.path("sparse");
-            let score = done(&["eval", "cameras", "--truth", &truth, "--result", &result, "--json"]);
+            let score = done(&[
+                "eval", "cameras", "--truth", &truth, "--result", &result, "--json",
+            ]);
             let score: Value = serde_json::from_str(&score).unwrap();
-            assert!(score["error"]["centre"]["max"].as_f64().unwrap() < 1e-6, "{score}");
+            assert!(
+                score["error"]["centre"]["max"].as_f64().unwrap() < 1e-6,
+                "{score}"
+            );
         }
     }
 }
@@ -115,8 +146,13 @@ fn a_foreign_ply_of_doubles_scores_to_the_millimetre() {
     let foreign = recording.path("foreign.ply");
     std::fs::write(&foreign, text).unwrap();
     for [truth, result] in [[&foreign, &path], [&path, &foreign]] {
-        let score = done(&["eval", "cloud", "--truth", truth, "--result", result, "--within", "0.001", "--json"]);
-        assert!(score.contains("\"recall\":1.0") || score.contains("\"completeness\":1.0"), "{score}");
+        let score = done(&[
+            "eval", "cloud", "--truth", truth, "--result", result, "--within", "0.001", "--json",
+        ]);
+        assert!(
+            score.contains("\"recall\":1.0") || score.contains("\"completeness\":1.0"),
+            "{score}"
+        );
     }
 }
 
@@ -127,16 +163,26 @@ fn scale_multiplies_global_coordinates_and_frames_added_later_fit() {
     let [color, sparse] = ["color", "sparse"].map(|name| recording.path(name));
     done(&["new", &project, "--frames", &color, "--cameras", &sparse]);
     let centres = |name: &str| -> Vec<DVec3> {
-        let text = std::fs::read_to_string(format!("{}/images.txt", export(&recording, &project, "--cameras", name)));
+        let text = std::fs::read_to_string(format!(
+            "{}/images.txt",
+            export(&recording, &project, "--cameras", name)
+        ));
         let lines = text.unwrap();
         let of_images = lines.lines().filter(|line| line.ends_with(".png"));
         // The cameras are not turned.
-        let number = |line: &str, at: usize| -line.split(' ').nth(at).unwrap().parse::<f64>().unwrap();
-        of_images.map(|line| DVec3::new(number(line, 5), number(line, 6), number(line, 7))).collect()
+        let number =
+            |line: &str, at: usize| -line.split(' ').nth(at).unwrap().parse::<f64>().unwrap();
+        of_images
+            .map(|line| DVec3::new(number(line, 5), number(line, 6), number(line, 7)))
+            .collect()
     };
     let before = centres("before");
-    let seen = |frame: u32, from_px: f64| format!("{frame},{},20", from_px - 2.0 * f64::from(frame));
-    let (near, far) = ([seen(0, 20.0), seen(3, 20.0)], [seen(0, 30.0), seen(3, 30.0)]);
+    let seen =
+        |frame: u32, from_px: f64| format!("{frame},{},20", from_px - 2.0 * f64::from(frame));
+    let (near, far) = (
+        [seen(0, 20.0), seen(3, 20.0)],
+        [seen(0, 30.0), seen(3, 30.0)],
+    );
     let from = ["--from", near[0].as_str(), "--from", near[1].as_str()];
     let to = ["--to", far[0].as_str(), "--to", far[1].as_str()];
     done(&[&["scale", &project, "--length", "0.5"][..], &from, &to].concat());
@@ -144,13 +190,19 @@ fn scale_multiplies_global_coordinates_and_frames_added_later_fit() {
     let factor = after[0].y / before[0].y;
     assert!((factor - 1.0).abs() > 0.1, "{factor}");
     for (before, after) in before.iter().zip(&after) {
-        assert!(after.abs_diff_eq(*before * factor, 1e-3), "{before} times {factor} is {after}");
+        assert!(
+            after.abs_diff_eq(*before * factor, 1e-3),
+            "{before} times {factor} is {after}"
+        );
     }
     done(&["add", &project, "--frames", &color, "--cameras", &sparse]);
     let added = centres("added");
     assert_eq!(added.len(), 8);
     for at in &added {
-        assert!(after.iter().any(|known| known.abs_diff_eq(*at, 1e-3)), "{at} is none of {after:?}");
+        assert!(
+            after.iter().any(|known| known.abs_diff_eq(*at, 1e-3)),
+            "{at} is none of {after:?}"
+        );
     }
 }
 
@@ -162,12 +214,28 @@ fn frames_added_later_are_relative_to_the_same_origin() {
     done(&["new", &project, "--frames", &color]);
     // Frames without cameras have no coordinates: the origin comes with the first cameras.
     assert!(done(&["info", &project, "--json"]).contains("\"origin\":[0.0,0.0,0.0]"));
-    let more = ["add", &project, "--frames", &color, "--depth", &depth, "--cameras", &sparse];
+    let more = [
+        "add",
+        &project,
+        "--frames",
+        &color,
+        "--depth",
+        &depth,
+        "--cameras",
+        &sparse,
+    ];
     done(&more);
     let manifest = || std::fs::read_to_string(format!("{project}/project.toml")).unwrap();
     assert!(done(&["info", &project, "--json"]).contains("\"origin\":[500000.0,5400000.0,300.0]"));
     done(&more);
-    let centres: BTreeSet<String> =
-        manifest().lines().filter(|line| line.starts_with("translation")).map(str::to_owned).collect();
-    assert_eq!(centres.len(), 4, "the same cameras are the same in both: {centres:?}");
+    let centres: BTreeSet<String> = manifest()
+        .lines()
+        .filter(|line| line.starts_with("translation"))
+        .map(str::to_owned)
+        .collect();
+    assert_eq!(
+        centres.len(),
+        4,
+        "the same cameras are the same in both: {centres:?}"
+    );
 }

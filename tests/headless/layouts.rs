@@ -16,28 +16,40 @@ const FRAMES: u32 = 4;
 
 fn picture(path: PathBuf) {
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    RgbImage::from_pixel(64, 48, Rgb([90, 120, 60])).save(path).unwrap();
+    RgbImage::from_pixel(64, 48, Rgb([90, 120, 60]))
+        .save(path)
+        .unwrap();
 }
 
 fn depth_picture(path: PathBuf) {
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    ImageBuffer::<Luma<u16>, Vec<u16>>::from_pixel(64, 48, Luma([1500])).save(path).unwrap();
+    ImageBuffer::<Luma<u16>, Vec<u16>>::from_pixel(64, 48, Luma([1500]))
+        .save(path)
+        .unwrap();
 }
 
 /// Camera-to-world of a frame, row by row.
 fn matrix(frame: u32) -> String {
-    format!("1 0 0 {}\n0 1 0 0.25\n0 0 1 0\n0 0 0 1\n", 0.1 * f64::from(frame))
+    format!(
+        "1 0 0 {}\n0 1 0 0.25\n0 0 1 0\n0 0 0 1\n",
+        0.1 * f64::from(frame)
+    )
 }
 
 /// A `.log` trajectory that counts from `first`.
 fn log(first: u32) -> String {
-    (0..FRAMES).map(|k| format!("{0} {0} {1}\n{2}", k + first, k + first + 1, matrix(k))).collect()
+    (0..FRAMES)
+        .map(|k| format!("{0} {0} {1}\n{2}", k + first, k + first + 1, matrix(k)))
+        .collect()
 }
 
 /// Opens a recording and checks that each frame has its depth, and the camera of its own number or none.
 fn opens(root: &Path, color: &str, depth: &str, more: &[&str], lost: &[usize]) {
     let [color, depth] = [color, depth].map(|name| root.join(name).display().to_string());
-    let project = Project::new(Path::new(&color), &[&["--depth", &depth][..], more].concat());
+    let project = Project::new(
+        Path::new(&color),
+        &[&["--depth", &depth][..], more].concat(),
+    );
     let info = project.info();
     for (number, frame) in info["frames"].as_array().unwrap().iter().enumerate() {
         assert_eq!(frame["depth"], true, "{frame}");
@@ -46,13 +58,19 @@ fn opens(root: &Path, color: &str, depth: &str, more: &[&str], lost: &[usize]) {
     let out = root.join("out").display().to_string();
     project.done(&["export", &project.root(), "--cameras", &out]);
     let images = std::fs::read_to_string(Path::new(&out).join("images.txt")).unwrap();
-    let lines: Vec<&str> = images.lines().filter(|line| line.contains(['j', 'p']) && !line.starts_with('#')).collect();
+    let lines: Vec<&str> = images
+        .lines()
+        .filter(|line| line.contains(['j', 'p']) && !line.starts_with('#'))
+        .collect();
     assert_eq!(lines.len(), FRAMES as usize - lost.len(), "{images}");
     for line in lines {
         // The number in the picture's name and the shift of its camera are one; the first number may be 0 or 1.
         let words: Vec<&str> = line.split_whitespace().collect();
-        let number = (0..FRAMES).find(|&k| (words[5].parse::<f64>().unwrap() + 0.1 * f64::from(k)).abs() < 1e-9);
-        let name = info["frames"][number.unwrap() as usize]["name"].as_str().unwrap();
+        let number = (0..FRAMES)
+            .find(|&k| (words[5].parse::<f64>().unwrap() + 0.1 * f64::from(k)).abs() < 1e-9);
+        let name = info["frames"][number.unwrap() as usize]["name"]
+            .as_str()
+            .unwrap();
         assert_eq!(words[9], name, "{line}");
     }
 }
@@ -64,7 +82,8 @@ fn write(path: &Path, text: &str) -> String {
 }
 
 const NUMBERS: [&str; 2] = ["--intrinsics", "60,60,32,24"];
-const OPEN3D: &str = r#"{"width": 64, "height": 48, "intrinsic_matrix": [60, 0, 0, 0, 60, 0, 31.5, 23.5, 1]}"#;
+const OPEN3D: &str =
+    r#"{"width": 64, "height": 48, "intrinsic_matrix": [60, 0, 0, 0, 60, 0, 31.5, 23.5, 1]}"#;
 
 #[test]
 fn scenenn() {
@@ -74,7 +93,13 @@ fn scenenn() {
         depth_picture(root.path().join(format!("depth/depth{k:05}.png")));
     }
     let trajectory = write(&root.path().join("trajectory.log"), &log(0));
-    opens(root.path(), "image", "depth", &[&["--cameras", &trajectory][..], &NUMBERS].concat(), &[]);
+    opens(
+        root.path(),
+        "image",
+        "depth",
+        &[&["--cameras", &trajectory][..], &NUMBERS].concat(),
+        &[],
+    );
 }
 
 #[test]
@@ -91,8 +116,14 @@ fn stanford_and_redwood() {
 
     // Redwood's scans: number and time, the times of both not quite the same.
     for k in 1..=FRAMES {
-        picture(root.path().join(format!("scan/rgb/{k:07}-{:012}.jpg", 33_369 * (k - 1))));
-        depth_picture(root.path().join(format!("scan/depth/{k:07}-{:012}.png", 33_369 * (k - 1) + 11)));
+        picture(
+            root.path()
+                .join(format!("scan/rgb/{k:07}-{:012}.jpg", 33_369 * (k - 1))),
+        );
+        depth_picture(root.path().join(format!(
+            "scan/depth/{k:07}-{:012}.png",
+            33_369 * (k - 1) + 11
+        )));
     }
     opens(root.path(), "scan/rgb", "scan/depth", &cameras, &[]);
 }
@@ -104,12 +135,24 @@ fn scannet() {
         picture(root.path().join(format!("color/{k}.jpg")));
         depth_picture(root.path().join(format!("depth/{k}.png")));
         let lost = "-inf -inf -inf -inf\n".repeat(4);
-        write(&root.path().join(format!("pose/{k}.txt")), &if k == 2 { lost } else { matrix(k) });
+        write(
+            &root.path().join(format!("pose/{k}.txt")),
+            &if k == 2 { lost } else { matrix(k) },
+        );
     }
     let intrinsics = "60 0 31.5 0\n0 60 23.5 0\n0 0 1 0\n0 0 0 1\n";
-    let intrinsics = write(&root.path().join("intrinsic/intrinsic_color.txt"), intrinsics);
+    let intrinsics = write(
+        &root.path().join("intrinsic/intrinsic_color.txt"),
+        intrinsics,
+    );
     let poses = root.path().join("pose").display().to_string();
-    opens(root.path(), "color", "depth", &["--cameras", &poses, "--intrinsics", &intrinsics], &[2]);
+    opens(
+        root.path(),
+        "color",
+        "depth",
+        &["--cameras", &poses, "--intrinsics", &intrinsics],
+        &[2],
+    );
 }
 
 /// As ScanNet's and RealSense's frames lie on the disk before anything is aligned.
@@ -119,37 +162,82 @@ fn depths_of_a_camera_of_their_own() {
     let path = |name: &str| root.path().join(name);
     std::fs::create_dir_all(path("color")).unwrap();
     std::fs::create_dir_all(path("depth")).unwrap();
-    RgbImage::from_pixel(128, 96, Rgb([90, 120, 60])).save(path("color/0.png")).unwrap();
+    RgbImage::from_pixel(128, 96, Rgb([90, 120, 60]))
+        .save(path("color/0.png"))
+        .unwrap();
     // A board before a wall.
     let is_board = |x: u32, y: u32| (24..40).contains(&x) && (16..32).contains(&y);
     let depth = |x, y| Luma([if is_board(x, y) { 1500 } else { 3000 }]);
-    ImageBuffer::<Luma<u16>, Vec<u16>>::from_fn(64, 48, depth).save(path("depth/0.png")).unwrap();
+    ImageBuffer::<Luma<u16>, Vec<u16>>::from_fn(64, 48, depth)
+        .save(path("depth/0.png"))
+        .unwrap();
     let matrix = |focal, x, y| format!("{focal} 0 {x} 0\n0 {focal} {y} 0\n0 0 1 0\n0 0 0 1\n");
-    let of_color = write(&path("intrinsic/intrinsic_color.txt"), &matrix(120, 63.5, 47.5));
-    let of_depth = write(&path("intrinsic/intrinsic_depth.txt"), &matrix(60, 31.5, 23.5));
-    let aside = write(&path("depth_to_color.txt"), "1 0 0 0.05\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
-    let (color, depths) = (path("color").display().to_string(), path("depth").display().to_string());
-    let asked =
-        ["--depth", &depths, "--intrinsics", &of_color, "--depth-intrinsics", &of_depth, "--depth-pose", &aside];
+    let of_color = write(
+        &path("intrinsic/intrinsic_color.txt"),
+        &matrix(120, 63.5, 47.5),
+    );
+    let of_depth = write(
+        &path("intrinsic/intrinsic_depth.txt"),
+        &matrix(60, 31.5, 23.5),
+    );
+    let aside = write(
+        &path("depth_to_color.txt"),
+        "1 0 0 0.05\n0 1 0 0\n0 0 1 0\n0 0 0 1\n",
+    );
+    let (color, depths) = (
+        path("color").display().to_string(),
+        path("depth").display().to_string(),
+    );
+    let asked = [
+        "--depth",
+        &depths,
+        "--intrinsics",
+        &of_color,
+        "--depth-intrinsics",
+        &of_depth,
+        "--depth-pose",
+        &aside,
+    ];
     let project = Project::new(&path("color"), &asked);
 
     // The sensor lay on its side: what it stored is shown a quarter turn to the right, its depths with it.
     std::fs::create_dir_all(path("aside")).unwrap();
     let mut encoder = JpegEncoder::new(File::create(path("aside/0.jpg")).unwrap());
     encoder.set_exif_metadata(exif(6)).unwrap();
-    RgbImage::from_pixel(128, 96, Rgb([90, 120, 60])).write_with_encoder(encoder).unwrap();
+    RgbImage::from_pixel(128, 96, Rgb([90, 120, 60]))
+        .write_with_encoder(encoder)
+        .unwrap();
     let turned = path("aside").display().to_string();
     project.done(&[&["add", &project.root(), "--frames", &turned][..], &asked].concat());
 
     let mut session = Session::new();
     perform(&mut session, Command::Open(project.root().into())).unwrap();
     let frames = session.project().unwrap().frames.clone();
-    let [seen, turned] = [0, 1].map(|frame| session.store().depth(&frames[frame]).unwrap().unwrap());
-    assert_eq!([(seen.width, seen.height), (turned.width, turned.height)], [(128, 96), (96, 128)]);
+    let [seen, turned] =
+        [0, 1].map(|frame| session.store().depth(&frames[frame]).unwrap().unwrap());
+    assert_eq!(
+        [(seen.width, seen.height), (turned.width, turned.height)],
+        [(128, 96), (96, 128)]
+    );
     // The board moves by 4 px to the right, the wall by 2; what the board hides from the depth camera stays unknown.
-    for (x, depth) in [(45, 3.0), (51, 0.0), (54, 1.5), (68, 1.5), (82, 1.5), (86, 3.0)] {
-        assert!((seen.at(x, 48) - depth).abs() < 1e-3, "{x}: {} is not {depth}", seen.at(x, 48));
-        assert!((turned.at(47, x) - depth).abs() < 1e-3, "{x}, turned: {} is not {depth}", turned.at(47, x));
+    for (x, depth) in [
+        (45, 3.0),
+        (51, 0.0),
+        (54, 1.5),
+        (68, 1.5),
+        (82, 1.5),
+        (86, 3.0),
+    ] {
+        assert!(
+            (seen.at(x, 48) - depth).abs() < 1e-3,
+            "{x}: {} is not {depth}",
+            seen.at(x, 48)
+        );
+        assert!(
+            (turned.at(47, x) - depth).abs() < 1e-3,
+            "{x}, turned: {} is not {depth}",
+            turned.at(47, x)
+        );
     }
 
     let place = path("refused").display().to_string();
@@ -159,8 +247,13 @@ fn depths_of_a_camera_of_their_own() {
         String::from_utf8_lossy(&refused.stderr).into_owned()
     };
     assert!(refused(&asked[..4]).contains("--depth-intrinsics"));
-    assert!(refused(&["--depth", &depths, "--depth-intrinsics", &of_depth]).contains("--intrinsics, or --cameras"));
-    assert!(refused(&["--intrinsics", &of_color, "--depth-intrinsics", &of_depth]).contains("--depth)"));
+    assert!(
+        refused(&["--depth", &depths, "--depth-intrinsics", &of_depth])
+            .contains("--intrinsics, or --cameras")
+    );
+    assert!(
+        refused(&["--intrinsics", &of_color, "--depth-intrinsics", &of_depth]).contains("--depth)")
+    );
     assert!(!path("refused").exists());
 }
 
@@ -173,12 +266,26 @@ fn frames_of_an_azure_kinect_or_realsense_recorder_without_poses() {
     }
     let json = write(&root.path().join("intrinsic.json"), OPEN3D);
     let depth = root.path().join("depth").display().to_string();
-    let project = Project::new(&root.path().join("color"), &["--depth", &depth, "--intrinsics", &json]);
-    assert!(project.info()["frames"].as_array().unwrap().iter().all(|frame| frame["depth"] == true));
+    let project = Project::new(
+        &root.path().join("color"),
+        &["--depth", &depth, "--intrinsics", &json],
+    );
+    assert!(
+        project.info()["frames"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .all(|frame| frame["depth"] == true)
+    );
 
-    let other = write(&root.path().join("other.json"), &OPEN3D.replace("64", "1280"));
-    let (place, color) =
-        (root.path().join("p2").display().to_string(), root.path().join("color").display().to_string());
+    let other = write(
+        &root.path().join("other.json"),
+        &OPEN3D.replace("64", "1280"),
+    );
+    let (place, color) = (
+        root.path().join("p2").display().to_string(),
+        root.path().join("color").display().to_string(),
+    );
     let refused = ostra(&["new", &place, "--frames", &color, "--intrinsics", &other]);
     let text = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert_eq!(refused.status.code(), Some(1), "{text}");

@@ -1,7 +1,10 @@
 //! Long films tracked by flow: memory does not grow with their length, a stop is quick, and a kill loses nothing that
 //! was reported done.
 
-#![expect(clippy::disallowed_methods, reason = "these tests watch other processes and measure time")]
+#![expect(
+    clippy::disallowed_methods,
+    reason = "these tests watch other processes and measure time"
+)]
 
 use std::io::{BufRead, BufReader, Write};
 use std::ops::ControlFlow;
@@ -25,12 +28,17 @@ const DISK_RADIUS: f64 = 20.0;
 fn centre((width, height): (u32, u32), k: u64) -> DVec2 {
     let (width, height) = (f64::from(width), f64::from(height));
     let phase = k as f64 / 40.0;
-    DVec2::new(width * (0.5 + 0.3 * phase.sin()), height * (0.5 + 0.1 * (1.7 * phase).cos()))
+    DVec2::new(
+        width * (0.5 + 0.3 * phase.sin()),
+        height * (0.5 + 0.1 * (1.7 * phase).cos()),
+    )
 }
 
 /// Noise that stays where it is, 0–63.
 fn grain(x: i64, y: i64) -> u8 {
-    let mixed = (x / 3).wrapping_mul(0x9E37_79B1).wrapping_add((y / 3).wrapping_mul(0x85EB_CA77));
+    let mixed = (x / 3)
+        .wrapping_mul(0x9E37_79B1)
+        .wrapping_add((y / 3).wrapping_mul(0x85EB_CA77));
     ((mixed ^ (mixed >> 15)).wrapping_mul(0x2C1B_3C6D) >> 20) as u8 & 63
 }
 
@@ -53,23 +61,63 @@ fn picture(size: (u32, u32), k: u64) -> Vec<u8> {
 fn perform(session: &mut Session, command: Command) {
     session.act(command).unwrap();
     let events = session.settle(|_| ControlFlow::Continue(()));
-    assert!(!events.iter().any(|event| matches!(event, Event::Failed { .. })), "{events:?}");
+    assert!(
+        !events
+            .iter()
+            .any(|event| matches!(event, Event::Failed { .. })),
+        "{events:?}"
+    );
 }
 
 /// A project on a new film, with the disk painted on `anchor`.
 fn project(folder: &Path, size: (u32, u32), count: u64, anchor: u64) -> PathBuf {
     let film = folder.join("film.mp4");
     let options = "-c:v libx264 -preset ultrafast -crf 20 -pix_fmt yuv420p";
-    make_film(&film, &Making { size, pixels: "rgb24", count, options }, |k| picture(size, k));
+    make_film(
+        &film,
+        &Making {
+            size,
+            pixels: "rgb24",
+            count,
+            options,
+        },
+        |k| picture(size, k),
+    );
     let root = folder.join("project");
-    let open = OpenRequest { sources: vec![FrameFolder::from(film)], ..OpenRequest::default() };
+    let open = OpenRequest {
+        sources: vec![FrameFolder::from(film)],
+        ..OpenRequest::default()
+    };
     let mut session = Session::new();
-    perform(&mut session, Command::New(NewProject { root: root.clone(), open, cameras: None, intrinsics: None }));
+    perform(
+        &mut session,
+        Command::New(NewProject {
+            root: root.clone(),
+            open,
+            cameras: None,
+            intrinsics: None,
+        }),
+    );
     assert_eq!(session.project().unwrap().frames.len() as u64, count);
-    perform(&mut session, Command::AddLabel { name: "disk".into(), parent: None, color: None });
+    perform(
+        &mut session,
+        Command::AddLabel {
+            name: "disk".into(),
+            parent: None,
+            color: None,
+        },
+    );
     let points_px = vec![centre(size, anchor)];
     let (frame, label, radius_px) = (anchor as usize, LabelId(1), DISK_RADIUS);
-    let paint = PaintRequest { frame, label, points_px, radius_px, erase: false, replace: true, snap: false };
+    let paint = PaintRequest {
+        frame,
+        label,
+        points_px,
+        radius_px,
+        erase: false,
+        replace: true,
+        snap: false,
+    };
     perform(&mut session, Command::Paint(paint));
     root
 }
@@ -81,7 +129,10 @@ fn opened(root: &Path) -> Session {
 }
 
 fn track() -> Command {
-    Command::Track(TrackSettings { tracker: "flow".into(), ..TrackSettings::default() })
+    Command::Track(TrackSettings {
+        tracker: "flow".into(),
+        ..TrackSettings::default()
+    })
 }
 
 /// A line of `/proc/PID/status` in KiB; `None` once the process has ended.
@@ -89,7 +140,11 @@ fn track() -> Command {
 fn memory_kib(process: u32, line: &str) -> Option<u64> {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = status.lines().find_map(|text| text.strip_prefix(line))?;
-    line.trim_start_matches(':').trim().trim_end_matches(" kB").parse().ok()
+    line.trim_start_matches(':')
+        .trim()
+        .trim_end_matches(" kB")
+        .parse()
+        .ok()
 }
 
 /// Pictures are wide and low: more of them than the cache of 256 MiB holds by a third of the film, and little to
@@ -105,7 +160,11 @@ fn three_thousand_frames_need_no_more_memory_than_a_thousand() {
     let folder = tempfile::tempdir().unwrap();
     let root = project(folder.path(), SIZE, COUNT, 0);
     let mut process = Process::new(env!("CARGO_BIN_EXE_ostra"));
-    process.arg("track").arg(&root).args(["--tracker", "flow"]).stderr(Stdio::null());
+    process
+        .arg("track")
+        .arg(&root)
+        .args(["--tracker", "flow"])
+        .stderr(Stdio::null());
     let mut child = process.spawn().unwrap();
     let begun = Instant::now();
     let (mut used, mut peak) = (Vec::new(), 0);
@@ -119,9 +178,15 @@ fn three_thousand_frames_need_no_more_memory_than_a_thousand() {
     let third = used.len() / 3;
     let (second, last) = (most(&used[third..2 * third]), most(&used[2 * third..]));
     let took = begun.elapsed();
-    println!("{COUNT} frames: peak {} MiB; second third {second}, last third {last} MiB; {took:.0?}", peak / 1024);
+    println!(
+        "{COUNT} frames: peak {} MiB; second third {second}, last third {last} MiB; {took:.0?}",
+        peak / 1024
+    );
     assert!(peak / 1024 < 1500, "{peak} KiB");
-    assert!(last < second + 64, "it grows: {second} MiB in the second third, {last} MiB in the last");
+    assert!(
+        last < second + 64,
+        "it grows: {second} MiB in the second third, {last} MiB in the last"
+    );
     let session = opened(&root);
     let masks = &session.project().unwrap().masks;
     assert_eq!(masks.len() as u64, COUNT);
@@ -137,7 +202,9 @@ fn a_stop_is_answered_within_a_fifth_of_a_second() {
     // From the middle, both ways: stops fall into walks forwards and backwards.
     let root = project(folder.path(), SIZE, 40, 20);
     let mut session = opened(&root);
-    let mut waits: Vec<Duration> = (0..9).map(|turn| stopped_after(&mut session, 150 * turn)).collect();
+    let mut waits: Vec<Duration> = (0..9)
+        .map(|turn| stopped_after(&mut session, 150 * turn))
+        .collect();
     waits.sort();
     println!("stops answered after {waits:?}");
     assert!(waits[4] < Duration::from_millis(200), "{waits:?}");
@@ -155,10 +222,18 @@ fn stopped_after(session: &mut Session, ms: u64) -> Duration {
     session.act(Command::Stop).unwrap();
     loop {
         let events = session.poll();
-        if events.iter().any(|event| matches!(event, Event::Stopped { .. })) {
+        if events
+            .iter()
+            .any(|event| matches!(event, Event::Stopped { .. }))
+        {
             return asked.elapsed();
         }
-        assert!(!events.iter().any(|event| matches!(event, Event::Finished { .. })), "done before it was stopped");
+        assert!(
+            !events
+                .iter()
+                .any(|event| matches!(event, Event::Finished { .. })),
+            "done before it was stopped"
+        );
         std::thread::sleep(Duration::from_millis(1));
     }
 }
@@ -173,7 +248,11 @@ fn an_interrupt_ends_the_program_with_130_and_keeps_what_is_done() {
     let folder = tempfile::tempdir().unwrap();
     let root = project(folder.path(), (320, 180), 400, 0);
     let mut process = Process::new(env!("CARGO_BIN_EXE_ostra"));
-    process.arg("track").arg(&root).args(["--tracker", "flow"]).stderr(Stdio::piped());
+    process
+        .arg("track")
+        .arg(&root)
+        .args(["--tracker", "flow"])
+        .stderr(Stdio::piped());
     let written = || std::fs::metadata(root.join("journal.jsonl")).map_or(0, |file| file.len());
     let before = written();
     let mut child = process.spawn().unwrap();
@@ -181,31 +260,53 @@ fn an_interrupt_ends_the_program_with_130_and_keeps_what_is_done() {
         std::thread::sleep(Duration::from_millis(20));
     }
     let asked = Instant::now();
-    assert!(Process::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert!(
+        Process::new("kill")
+            .args(["-INT", &child.id().to_string()])
+            .status()
+            .unwrap()
+            .success()
+    );
     let code = child.wait().unwrap().code();
     println!("ended {:?} after the interrupt", asked.elapsed());
     assert_eq!(code, Some(130));
     let session = opened(&root);
     let masks = &session.project().unwrap().masks;
     let tracked: Vec<usize> = masks.keys().copied().filter(|&frame| frame > 0).collect();
-    assert!(!tracked.is_empty() && tracked.len() < 399, "{}", tracked.len());
-    assert_eq!(tracked, (1..=tracked.len()).collect::<Vec<_>>(), "without a hole");
+    assert!(
+        !tracked.is_empty() && tracked.len() < 399,
+        "{}",
+        tracked.len()
+    );
+    assert_eq!(
+        tracked,
+        (1..=tracked.len()).collect::<Vec<_>>(),
+        "without a hole"
+    );
 }
 
 /// The child: tracks and says which frames are safe. Nothing to do unless the parent asks.
 #[test]
 fn child() {
-    let Some(root) = std::env::var_os(ROOT) else { return };
+    let Some(root) = std::env::var_os(ROOT) else {
+        return;
+    };
     let mut session = opened(Path::new(&root));
     session.act(track()).unwrap();
     let mut out = std::io::stdout();
     loop {
         let events = session.poll();
         let masks = &session.project().unwrap().masks;
-        let done = masks.iter().filter(|(_, mask)| mask.origin == MaskOrigin::Tracked).map(|(frame, _)| frame);
+        let done = masks
+            .iter()
+            .filter(|(_, mask)| mask.origin == MaskOrigin::Tracked)
+            .map(|(frame, _)| frame);
         let done: Vec<String> = done.map(ToString::to_string).collect();
         writeln!(out, "safe {}", done.join(" ")).unwrap();
-        if events.iter().any(|event| matches!(event, Event::Finished { .. })) {
+        if events
+            .iter()
+            .any(|event| matches!(event, Event::Finished { .. }))
+        {
             return;
         }
         std::thread::sleep(Duration::from_millis(20));
@@ -215,15 +316,31 @@ fn child() {
 /// Lets a child track until so many frames are safe, kills it, and gives those that it last said are.
 fn killed_at(root: &Path, enough: usize) -> Vec<usize> {
     let exe = std::env::current_exe().unwrap();
-    let args = ["long_films::child", "--exact", "--nocapture", "--test-threads", "1"];
+    let args = [
+        "long_films::child",
+        "--exact",
+        "--nocapture",
+        "--test-threads",
+        "1",
+    ];
     let mut process = Process::new(exe);
-    let mut child: Child =
-        process.args(args).env(ROOT, root).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+    let mut child: Child = process
+        .args(args)
+        .env(ROOT, root)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
     let mut safe = Vec::new();
     for line in BufReader::new(child.stdout.take().unwrap()).lines() {
         let line = line.unwrap();
-        let Some((_, frames)) = line.split_once("safe ") else { continue };
-        safe = frames.split_whitespace().map(|frame| frame.parse().unwrap()).collect();
+        let Some((_, frames)) = line.split_once("safe ") else {
+            continue;
+        };
+        safe = frames
+            .split_whitespace()
+            .map(|frame| frame.parse().unwrap())
+            .collect();
         if safe.len() >= enough {
             break;
         }
@@ -245,12 +362,23 @@ fn a_kill_while_tracking_keeps_every_frame_that_was_done() {
     assert_eq!(anchored(), 1);
     let killed = [10, 30, 75].map(|enough| {
         let safe = killed_at(&root, enough);
-        assert!((enough..COUNT - 1).contains(&safe.len()), "{} of {enough}", safe.len());
+        assert!(
+            (enough..COUNT - 1).contains(&safe.len()),
+            "{} of {enough}",
+            safe.len()
+        );
         let mut session = opened(&root);
         let masks = session.project().unwrap().masks.clone();
-        assert!(safe.iter().all(|frame| masks.contains_key(frame)), "frames that were done are lost: {safe:?}");
+        assert!(
+            safe.iter().all(|frame| masks.contains_key(frame)),
+            "frames that were done are lost: {safe:?}"
+        );
         session.act(Command::Undo).unwrap();
-        assert_eq!(session.project().unwrap().masks.len(), 1, "the run is one step");
+        assert_eq!(
+            session.project().unwrap().masks.len(),
+            1,
+            "the run is one step"
+        );
         session.save().unwrap();
         masks
     });
@@ -259,6 +387,11 @@ fn a_kill_while_tracking_keeps_every_frame_that_was_done() {
     let whole = &session.project().unwrap().masks;
     assert_eq!(whole.len(), COUNT);
     for masks in killed {
-        assert!(masks.iter().all(|(frame, mask)| mask.runs == whole[frame].runs), "the same as of a whole run");
+        assert!(
+            masks
+                .iter()
+                .all(|(frame, mask)| mask.runs == whole[frame].runs),
+            "the same as of a whole run"
+        );
     }
 }

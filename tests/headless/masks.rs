@@ -4,8 +4,8 @@ use std::path::Path;
 
 use ostra_core::job::Progress;
 use ostra_masks::{
-    Label, LabelId, LabelMask, LabelTree, MaskFormat, MaskFrame, RunMask, deepest_point, export_masks, import_masks,
-    read_palette_png,
+    Label, LabelId, LabelMask, LabelTree, MaskFormat, MaskFrame, RunMask, deepest_point,
+    export_masks, import_masks, read_palette_png,
 };
 use ostra_masks::{ScoreOptions, score_masks};
 
@@ -20,13 +20,27 @@ fn frame_names() -> Vec<String> {
 
 fn imported(dir: &Path, format: MaskFormat, names: &[String]) -> Vec<(usize, RunMask)> {
     let frames: Vec<MaskFrame<'_>> = frames(names);
-    let read = import_masks(dir, format, &frames, &LabelTree::default(), &Progress::default()).unwrap();
+    let read = import_masks(
+        dir,
+        format,
+        &frames,
+        &LabelTree::default(),
+        &Progress::default(),
+    )
+    .unwrap();
     assert!(read.warnings.is_empty(), "{:?}", read.warnings);
     read.masks.into_iter().collect()
 }
 
 fn frames(names: &[String]) -> Vec<MaskFrame<'_>> {
-    names.iter().map(|name| MaskFrame { name, width: SIZE.0, height: SIZE.1 }).collect()
+    names
+        .iter()
+        .map(|name| MaskFrame {
+            name,
+            width: SIZE.0,
+            height: SIZE.1,
+        })
+        .collect()
 }
 
 fn shifted(mask: &LabelMask, by: usize) -> LabelMask {
@@ -43,7 +57,10 @@ fn a_shifted_truth_scores_as_computed_elsewhere() {
     let Some(data) = data_dir() else { return };
     let names = frame_names();
     let masks = imported(&data.join(CLIP), MaskFormat::Davis, &names);
-    let options = ScoreOptions { skip_first: true, level: None };
+    let options = ScoreOptions {
+        skip_first: true,
+        level: None,
+    };
     // J and F of the same shifts, computed in NumPy from the definition.
     for (by, j, f) in [
         (0, 1.0, 1.0),
@@ -52,12 +69,28 @@ fn a_shifted_truth_scores_as_computed_elsewhere() {
         (20, 0.646_413_440_698, 0.463_587_172_318),
     ] {
         let dir = tempfile::tempdir().unwrap();
-        let moved = masks.iter().map(|(frame, mask)| (*frame, RunMask::encode(&shifted(&mask.decode(), by))));
+        let moved = masks
+            .iter()
+            .map(|(frame, mask)| (*frame, RunMask::encode(&shifted(&mask.decode(), by))));
         let tree = LabelTree::default();
-        export_masks(dir.path(), MaskFormat::Davis, &frames(&names), moved, &tree, &Progress::default()).unwrap();
-        let score = score_masks(&data.join(CLIP), dir.path(), &options, &Progress::default()).unwrap();
+        export_masks(
+            dir.path(),
+            MaskFormat::Davis,
+            &frames(&names),
+            moved,
+            &tree,
+            &Progress::default(),
+        )
+        .unwrap();
+        let score =
+            score_masks(&data.join(CLIP), dir.path(), &options, &Progress::default()).unwrap();
         assert_eq!((score.frames, score.labels.len()), (42, 1));
-        assert!((score.j - j).abs() < 1e-9 && (score.f - f).abs() < 1e-9, "{by}: {} {}", score.j, score.f);
+        assert!(
+            (score.j - j).abs() < 1e-9 && (score.f - f).abs() < 1e-9,
+            "{by}: {} {}",
+            score.j,
+            score.f
+        );
     }
 }
 
@@ -68,11 +101,25 @@ fn real_masks_survive_every_format() {
     let masks = imported(&data.join(CLIP), MaskFormat::Davis, &names);
     let mut tree = LabelTree::default();
     let id = LabelId(1);
-    tree.set(Label { id, name: "scooter".to_owned(), color: LabelTree::color_for(id), parent: None }).unwrap();
+    tree.set(Label {
+        id,
+        name: "scooter".to_owned(),
+        color: LabelTree::color_for(id),
+        parent: None,
+    })
+    .unwrap();
     for format in MaskFormat::ALL {
         let dir = tempfile::tempdir().unwrap();
         let held = masks.iter().map(|(frame, mask)| (*frame, mask));
-        export_masks(dir.path(), format, &frames(&names), held, &tree, &Progress::default()).unwrap();
+        export_masks(
+            dir.path(),
+            format,
+            &frames(&names),
+            held,
+            &tree,
+            &Progress::default(),
+        )
+        .unwrap();
         assert_eq!(imported(dir.path(), format, &names), masks, "{format:?}");
     }
 }

@@ -6,12 +6,20 @@ use std::process::{Command, Output};
 use image::{Rgb, RgbImage};
 
 fn ostra(words: &[&str], folder: &Path) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_ostra")).args(words).current_dir(folder).output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_ostra"))
+        .args(words)
+        .current_dir(folder)
+        .output()
+        .unwrap()
 }
 
 fn done(words: &str, folder: &Path) {
     let out = ostra(&words.split(' ').collect::<Vec<_>>(), folder);
-    assert!(out.status.success(), "{words}: {}", String::from_utf8_lossy(&out.stderr));
+    assert!(
+        out.status.success(),
+        "{words}: {}",
+        String::from_utf8_lossy(&out.stderr)
+    );
 }
 
 /// Six frames on which a red box moves to the right and a blue one stands still.
@@ -23,12 +31,17 @@ fn project(folder: &Path) {
             (80..110, 45..75) => Rgb([40, 60, 200]),
             _ => Rgb([120, 130, 110]),
         });
-        picture.save(folder.join(format!("frames/{frame}.png"))).unwrap();
+        picture
+            .save(folder.join(format!("frames/{frame}.png")))
+            .unwrap();
     }
     done("new p --frames frames", folder);
     for (name, at) in [("red", "25,25"), ("blue", "95,60")] {
         done(&format!("label p {name}"), folder);
-        done(&format!("prompt p --frame 0 --label {name} --click {at}"), folder);
+        done(
+            &format!("prompt p --frame 0 --label {name} --click {at}"),
+            folder,
+        );
     }
 }
 
@@ -51,7 +64,12 @@ fn labels_are_changed_over_a_range() {
     done("range p copy --frame 0 --label blue --from 1", folder);
     done("range p interpolate --label red", folder);
     let whole = areas(folder);
-    assert!(whole.iter().all(|area| area.iter().all(|&area| (800..1000).contains(&area))), "{whole:?}");
+    assert!(
+        whole
+            .iter()
+            .all(|area| area.iter().all(|&area| (800..1000).contains(&area))),
+        "{whole:?}"
+    );
     done("range p hide --label blue --from 4", folder);
     done("range p delete --label red --from 2 --to 3", folder);
     done("range p merge --label blue --into red --to 1", folder);
@@ -77,7 +95,14 @@ fn a_tracker_neither_brings_back_what_was_deleted_nor_changes_what_is_locked() {
     done("track p --tracker flow", folder);
     let seen = areas(folder);
     let is_seen = seen.map(|[red, blue]| [red > 400, blue > 400]);
-    let expected = [[true, true], [true, true], [false, true], [false, true], [true, true], [true, false]];
+    let expected = [
+        [true, true],
+        [true, true],
+        [false, true],
+        [false, true],
+        [true, true],
+        [true, false],
+    ];
     assert_eq!(is_seen, expected, "{seen:?}");
 }
 
@@ -89,19 +114,37 @@ fn what_cannot_be_done_is_said_in_one_line() {
     for (words, code, says) in [
         ("range p merge --label red", 2, "--into"),
         ("range p split --label red --into blue --frame 0", 2, "--at"),
-        ("range p merge --label red --into red", 1, "merged into itself"),
+        (
+            "range p merge --label red --into red",
+            1,
+            "merged into itself",
+        ),
         ("range p delete --label green", 1, "no label 'green'"),
-        ("range p delete --from 4 --to 2", 1, "frame 4 comes after frame 2"),
+        (
+            "range p delete --from 4 --to 2",
+            1,
+            "frame 4 comes after frame 2",
+        ),
         ("range p lock --to 9", 1, "frames 0 to 5"),
         ("range p copy --frame 3", 1, "frame 3 has no mask"),
         ("range p show", 1, "nothing to change"),
-        ("range p split --label red --into blue --frame 0 --at 95,60", 1, "is not label 'red'"),
+        (
+            "range p split --label red --into blue --frame 0 --at 95,60",
+            1,
+            "is not label 'red'",
+        ),
     ] {
         let before = std::fs::read(folder.join("p/project.toml")).unwrap();
         let out = ostra(&words.split(' ').collect::<Vec<_>>(), folder);
         let text = String::from_utf8_lossy(&out.stderr);
         assert_eq!(out.status.code(), Some(code), "{words}: {text}");
-        assert!(text.contains(says) && (code == 2 || text.trim_end().lines().count() == 1), "{words}: {text}");
-        assert_eq!(std::fs::read(folder.join("p/project.toml")).unwrap(), before);
+        assert!(
+            text.contains(says) && (code == 2 || text.trim_end().lines().count() == 1),
+            "{words}: {text}"
+        );
+        assert_eq!(
+            std::fs::read(folder.join("p/project.toml")).unwrap(),
+            before
+        );
     }
 }

@@ -21,7 +21,14 @@ pub(super) const WIDTH: u32 = 240;
 pub(super) const HEIGHT: u32 = 180;
 
 fn camera() -> Camera {
-    Camera::pinhole(WIDTH, HEIGHT, 225.0, 225.0, f64::from(WIDTH) / 2.0, f64::from(HEIGHT) / 2.0)
+    Camera::pinhole(
+        WIDTH,
+        HEIGHT,
+        225.0,
+        225.0,
+        f64::from(WIDTH) / 2.0,
+        f64::from(HEIGHT) / 2.0,
+    )
 }
 
 /// A camera above a speckled carpet that looks at its middle; degrees.
@@ -30,14 +37,19 @@ fn pose(azimuth: f64) -> Pose {
     let centre = 3.6 * DVec3::new(around.sin() * up.cos(), -around.cos() * up.cos(), up.sin());
     let forward = -centre.normalize();
     let right = forward.cross(DVec3::Z).normalize();
-    let rotation = DQuat::from_mat3(&DMat3::from_cols(right, forward.cross(right), forward).transpose());
-    Pose { rotation, translation: -(rotation * centre) }
+    let rotation =
+        DQuat::from_mat3(&DMat3::from_cols(right, forward.cross(right), forward).transpose());
+    Pose {
+        rotation,
+        translation: -(rotation * centre),
+    }
 }
 
 /// Shade of a speckled surface, 0 to 1.
 fn speckles(x: f64, y: f64) -> f64 {
     let corner = |x: f64, y: f64| {
-        let mut mixed = (x as i64).wrapping_mul(0x9E37_79B9) ^ (y as i64).wrapping_mul(0x85EB_CA6B) ^ 77;
+        let mut mixed =
+            (x as i64).wrapping_mul(0x9E37_79B9) ^ (y as i64).wrapping_mul(0x85EB_CA6B) ^ 77;
         mixed = (mixed ^ (mixed >> 15)).wrapping_mul(0x2C1B_3C6D);
         mixed = (mixed ^ (mixed >> 12)).wrapping_mul(0x297A_2D39);
         ((mixed ^ (mixed >> 15)) & 0xffff) as f64 / 65535.0
@@ -54,10 +66,17 @@ fn speckles(x: f64, y: f64) -> f64 {
 
 /// What a ray from a camera meets: the place on the carpet, and whether it lies on the sheet above its middle.
 fn seen(pose: &Pose, at_px: DVec2) -> (DVec3, bool) {
-    let (from, along) = (pose.centre(), pose.rotation.inverse() * camera().unproject(at_px).extend(1.0));
+    let (from, along) = (
+        pose.centre(),
+        pose.rotation.inverse() * camera().unproject(at_px).extend(1.0),
+    );
     let at = |height: f64| from + along * ((height - from.z) / along.z);
     let sheet = at(0.4);
-    if sheet.x.abs().max(sheet.y.abs()) < 0.6 { (sheet, true) } else { (at(0.0), false) }
+    if sheet.x.abs().max(sheet.y.abs()) < 0.6 {
+        (sheet, true)
+    } else {
+        (at(0.0), false)
+    }
 }
 
 /// Photos of a sheet of 1.2 × 1.2 above a carpet, with cameras as a COLMAP model and masks of the sheet.
@@ -68,8 +87,10 @@ pub(super) struct Photos {
 
 impl Photos {
     pub(super) fn new(count: u32) -> Self {
-        let photos =
-            Self { dir: TempDir::new().unwrap(), poses: (0..count).map(|i| pose(14.0 * f64::from(i))).collect() };
+        let photos = Self {
+            dir: TempDir::new().unwrap(),
+            poses: (0..count).map(|i| pose(14.0 * f64::from(i))).collect(),
+        };
         for folder in ["color", "masks", "sparse"] {
             std::fs::create_dir(photos.dir.path().join(folder)).unwrap();
         }
@@ -77,21 +98,40 @@ impl Photos {
         for (k, pose) in photos.poses.iter().enumerate() {
             let middle = |x: u32, y: u32| DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             let shade = |x: u32, y: u32| {
-                let offsets = (0..4).map(|i| DVec2::new(f64::from(i % 2) - 0.5, f64::from(i / 2) - 0.5) / 2.0);
+                let offsets = (0..4)
+                    .map(|i| DVec2::new(f64::from(i % 2) - 0.5, f64::from(i / 2) - 0.5) / 2.0);
                 let shades = offsets.map(|offset| match seen(pose, middle(x, y) + offset) {
                     (at, true) => speckles(at.x + 40.0, at.y),
                     (at, false) => speckles(at.x, at.y),
                 });
                 Luma([(255.0 * shades.sum::<f64>() / 4.0).round() as u8])
             };
-            GrayImage::from_fn(WIDTH, HEIGHT, shade).save(photos.path(&format!("color/{k}.png"))).unwrap();
-            GrayImage::from_fn(WIDTH, HEIGHT, |x, y| Luma([u8::from(seen(pose, middle(x, y)).1)]))
-                .save(photos.path(&format!("masks/{k}.png")))
+            GrayImage::from_fn(WIDTH, HEIGHT, shade)
+                .save(photos.path(&format!("color/{k}.png")))
                 .unwrap();
+            GrayImage::from_fn(WIDTH, HEIGHT, |x, y| {
+                Luma([u8::from(seen(pose, middle(x, y)).1)])
+            })
+            .save(photos.path(&format!("masks/{k}.png")))
+            .unwrap();
             let (q, t) = (pose.rotation, pose.translation);
-            images += &format!("{} {} {} {} {} {} {} {} 1 {k}.png\n\n", k + 1, q.w, q.x, q.y, q.z, t.x, t.y, t.z);
+            images += &format!(
+                "{} {} {} {} {} {} {} {} 1 {k}.png\n\n",
+                k + 1,
+                q.w,
+                q.x,
+                q.y,
+                q.z,
+                t.x,
+                t.y,
+                t.z
+            );
         }
-        let intrinsics = format!("1 PINHOLE {WIDTH} {HEIGHT} 225 225 {} {}\n", WIDTH / 2, HEIGHT / 2);
+        let intrinsics = format!(
+            "1 PINHOLE {WIDTH} {HEIGHT} 225 225 {} {}\n",
+            WIDTH / 2,
+            HEIGHT / 2
+        );
         std::fs::write(photos.path("sparse/cameras.txt"), intrinsics).unwrap();
         std::fs::write(photos.path("sparse/images.txt"), images).unwrap();
         std::fs::write(photos.path("sparse/points3D.txt"), "").unwrap();
@@ -104,7 +144,13 @@ impl Photos {
 
     pub(super) fn project(&self, name: &str, more: &[&str]) -> String {
         let project = self.path(name);
-        done(&[&["new", &project, "--frames", &self.path("color")][..], more].concat());
+        done(
+            &[
+                &["new", &project, "--frames", &self.path("color")][..],
+                more,
+            ]
+            .concat(),
+        );
         project
     }
 
@@ -118,7 +164,16 @@ impl Photos {
         }
         let photos = Arc::new(Self::new(4));
         let project = photos.project("project", &["--cameras", &photos.path("sparse")]);
-        done(&["reconstruct", &project, "--method", "mvs", "--device", "cpu", "--max-side", "120"]);
+        done(&[
+            "reconstruct",
+            &project,
+            "--method",
+            "mvs",
+            "--device",
+            "cpu",
+            "--max-side",
+            "120",
+        ]);
         done(&["label", &project, "sheet"]);
         done(&["masks", &project, "import", &photos.path("masks")]);
         done(&["fuse", &project]);
@@ -130,11 +185,16 @@ impl Photos {
     fn ends(&self) -> Vec<String> {
         let sees = |frame: usize, x: f64| {
             let pose = &self.poses[frame];
-            let at_px = camera().project(pose.transform(DVec3::new(x, 0.0, 0.4))).unwrap();
+            let at_px = camera()
+                .project(pose.transform(DVec3::new(x, 0.0, 0.4)))
+                .unwrap();
             format!("{frame},{},{}", at_px.x, at_px.y)
         };
         let ends = [("--from", -0.5), ("--to", 0.5)];
-        ends.iter().flat_map(|&(end, x)| [0, 2].map(|frame| [end.to_owned(), sees(frame, x)])).flatten().collect()
+        ends.iter()
+            .flat_map(|&(end, x)| [0, 2].map(|frame| [end.to_owned(), sees(frame, x)]))
+            .flatten()
+            .collect()
     }
 }
 
@@ -146,7 +206,10 @@ struct Fused {
 
 impl Fused {
     fn new() -> Self {
-        let fused = Self { photos: Photos::fused(), dir: TempDir::new().unwrap() };
+        let fused = Self {
+            photos: Photos::fused(),
+            dir: TempDir::new().unwrap(),
+        };
         let from = fused.photos.dir.path().join("project");
         for (path, bytes) in contents(&from) {
             let to = Path::new(&fused.project()).join(path.strip_prefix(&from).unwrap());
@@ -163,7 +226,11 @@ impl Fused {
     /// The words that set the length of the line on the sheet.
     fn scale(&self, more: &[&str]) -> Vec<String> {
         let project = self.project();
-        let words: Vec<String> = [&["scale", &project][..], more].concat().into_iter().map(str::to_owned).collect();
+        let words: Vec<String> = [&["scale", &project][..], more]
+            .concat()
+            .into_iter()
+            .map(str::to_owned)
+            .collect();
         [words, self.photos.ends()].concat()
     }
 
@@ -171,10 +238,20 @@ impl Fused {
     fn export(&self, name: &str) -> Exported {
         let (project, folder) = (self.project(), self.dir.path().join(name));
         let path = |name: &str| folder.join(name).display().to_string();
-        let [cloud, las, mesh, voxels] = ["cloud.ply", "cloud.las", "mesh.ply", "voxels.ply"].map(path);
+        let [cloud, las, mesh, voxels] =
+            ["cloud.ply", "cloud.las", "mesh.ply", "voxels.ply"].map(path);
         let [cameras, depths, traits] = ["cameras", "depths", "traits.csv"].map(path);
-        let of_points = ["--cloud", &cloud, "--mesh", &mesh, "--voxels", &voxels, "--traits", &traits];
-        done(&[&["export", &project][..], &of_points, &["--cameras", &cameras, "--depths", &depths]].concat());
+        let of_points = [
+            "--cloud", &cloud, "--mesh", &mesh, "--voxels", &voxels, "--traits", &traits,
+        ];
+        done(
+            &[
+                &["export", &project][..],
+                &of_points,
+                &["--cameras", &cameras, "--depths", &depths],
+            ]
+            .concat(),
+        );
         done(&["export", &project, "--cloud", &las]);
         Exported { folder }
     }
@@ -186,27 +263,49 @@ struct Exported {
 
 impl Exported {
     fn cloud(&self) -> Vec<Vec3> {
-        read_ply(&self.folder.join("cloud.ply"), &Progress::default()).unwrap().cloud.positions
+        read_ply(&self.folder.join("cloud.ply"), &Progress::default())
+            .unwrap()
+            .cloud
+            .positions
     }
 
     fn las(&self) -> Vec<DVec3> {
-        let points = las::Reader::from_path(self.folder.join("cloud.las")).unwrap().read_all().unwrap();
-        points.points().map(Result::unwrap).map(|point| DVec3::new(point.x, point.y, point.z)).collect()
+        let points = las::Reader::from_path(self.folder.join("cloud.las"))
+            .unwrap()
+            .read_all()
+            .unwrap();
+        points
+            .points()
+            .map(Result::unwrap)
+            .map(|point| DVec3::new(point.x, point.y, point.z))
+            .collect()
     }
 
     fn mesh(&self) -> Vec<Vec3> {
-        read_mesh(&self.folder.join("mesh.ply"), &Progress::default()).unwrap().vertices.positions
+        read_mesh(&self.folder.join("mesh.ply"), &Progress::default())
+            .unwrap()
+            .vertices
+            .positions
     }
 
     fn voxels(&self) -> Vec<Vec3> {
-        read_ply(&self.folder.join("voxels.ply"), &Progress::default()).unwrap().cloud.positions
+        read_ply(&self.folder.join("voxels.ply"), &Progress::default())
+            .unwrap()
+            .cloud
+            .positions
     }
 
     fn translations(&self) -> Vec<DVec3> {
         let text = std::fs::read_to_string(self.folder.join("cameras/images.txt")).unwrap();
         let poses = text.lines().filter(|line| line.ends_with(".png"));
-        let numbers = poses.map(|line| line.split(' ').map_while(|word| word.parse().ok()).collect::<Vec<f64>>());
-        numbers.map(|words| DVec3::new(words[5], words[6], words[7])).collect()
+        let numbers = poses.map(|line| {
+            line.split(' ')
+                .map_while(|word| word.parse().ok())
+                .collect::<Vec<f64>>()
+        });
+        numbers
+            .map(|words| DVec3::new(words[5], words[6], words[7]))
+            .collect()
     }
 
     fn depths(&self) -> Vec<f32> {
@@ -216,21 +315,41 @@ impl Exported {
     /// (trait, instance, value, unit) of each row.
     fn traits(&self) -> Vec<(String, String, f64, String)> {
         let text = std::fs::read_to_string(self.folder.join("traits.csv")).unwrap();
-        let rows = text.lines().skip(1).map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
-        rows.map(|cells| (cells[3].clone(), cells[2].clone(), cells[4].parse().unwrap(), cells[5].clone())).collect()
+        let rows = text
+            .lines()
+            .skip(1)
+            .map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+        rows.map(|cells| {
+            (
+                cells[3].clone(),
+                cells[2].clone(),
+                cells[4].parse().unwrap(),
+                cells[5].clone(),
+            )
+        })
+        .collect()
     }
 }
 
 fn depths_in(path: &Path) -> Vec<f32> {
     let mut decoder = tiff::decoder::Decoder::new(std::fs::File::open(path).unwrap()).unwrap();
-    let tiff::decoder::DecodingResult::F32(depths) = decoder.read_image().unwrap() else { panic!("32-bit floats") };
+    let tiff::decoder::DecodingResult::F32(depths) = decoder.read_image().unwrap() else {
+        panic!("32-bit floats")
+    };
     depths
 }
 
 fn assert_scaled(what: &str, before: &[Vec3], after: &[Vec3], factor: f32) {
     assert_eq!(before.len(), after.len(), "{what}");
-    let off = before.iter().zip(after).map(|(a, b)| (factor * *a).distance(*b)).fold(0.0, f32::max);
-    assert!(off < 1e-5 * factor.max(1.0) && before.len() > 50, "{what}: off by {off}");
+    let off = before
+        .iter()
+        .zip(after)
+        .map(|(a, b)| (factor * *a).distance(*b))
+        .fold(0.0, f32::max);
+    assert!(
+        off < 1e-5 * factor.max(1.0) && before.len() > 50,
+        "{what}: off by {off}"
+    );
 }
 
 /// Every length, area and volume of the table is multiplied by the power of the factor that belongs to it.
@@ -247,10 +366,16 @@ fn assert_traits_scaled(before: &Exported, after: &Exported, factor: f64) {
             _ => 0,
         };
         let expected = value * factor.powi(power);
-        assert!((scaled - expected).abs() <= 0.02 * expected.abs() + 1e-6, "{name}: {scaled} instead of {expected}");
+        assert!(
+            (scaled - expected).abs() <= 0.02 * expected.abs() + 1e-6,
+            "{name}: {scaled} instead of {expected}"
+        );
         powers[power as usize] += 1;
     }
-    assert!(powers.iter().all(|&count| count > 0), "lengths, areas, volumes and plain numbers: {powers:?}");
+    assert!(
+        powers.iter().all(|&count| count > 0),
+        "lengths, areas, volumes and plain numbers: {powers:?}"
+    );
 }
 
 fn assert_all_scaled(before: &Exported, after: &Exported, factor: f64) {
@@ -266,19 +391,29 @@ fn assert_all_scaled(before: &Exported, after: &Exported, factor: f64) {
         .fold(0.0, f32::max);
     assert!(off < 2e-3 * factor_32.max(1.0), "LAS steps: {off}");
     for (a, b) in before.translations().iter().zip(&after.translations()) {
-        assert!((factor * *a).distance(*b) < 1e-6 * b.length(), "cameras: {a} and {b}");
+        assert!(
+            (factor * *a).distance(*b) < 1e-6 * b.length(),
+            "cameras: {a} and {b}"
+        );
     }
     let (a, b) = (before.depths(), after.depths());
     assert!(a.iter().filter(|depth| **depth > 0.0).count() > 1000);
-    assert!(a.iter().zip(&b).all(|(a, b)| (factor_32 * a - b).abs() <= 1e-5 * b), "depths");
+    assert!(
+        a.iter()
+            .zip(&b)
+            .all(|(a, b)| (factor_32 * a - b).abs() <= 1e-5 * b),
+        "depths"
+    );
     assert_traits_scaled(before, after, factor);
 }
 
 /// The bytes of what stands in a project's folder under plain names.
 fn published(project: &str) -> Vec<(PathBuf, Vec<u8>)> {
     let root = Path::new(project);
-    let mut all: Vec<(PathBuf, Vec<u8>)> =
-        ["depths", "sparse"].iter().flat_map(|name| contents(&root.join(name))).collect();
+    let mut all: Vec<(PathBuf, Vec<u8>)> = ["depths", "sparse"]
+        .iter()
+        .flat_map(|name| contents(&root.join(name)))
+        .collect();
     for name in ["cloud.ply", "mesh.ply", "votes.bin"] {
         all.push((root.join(name), std::fs::read(root.join(name)).unwrap()));
     }
@@ -303,20 +438,39 @@ fn every_result_is_scaled_in_one_step_and_undo_brings_the_bytes_back() {
     let (files, votes) = (published(&project), votes_of(&project));
     let info = done(&["info", &project, "--json"]);
     let said = done_with_both(&fused.scale(&["--length", "30", "--unit", "cm"]));
-    assert!(said.contains("scaled by 0.300000") && !said.contains("warning"), "{said}");
+    assert!(
+        said.contains("scaled by 0.300000") && !said.contains("warning"),
+        "{said}"
+    );
     let after = fused.export("after");
     assert_all_scaled(&before, &after, 0.3);
-    let stale = |text: &str| text.matches("\"stale\": true").count() + text.matches("\"stale\":true").count();
-    assert_eq!(stale(&done(&["info", &project, "--json"])), stale(&info), "what fitted before fits as before");
+    let stale = |text: &str| {
+        text.matches("\"stale\": true").count() + text.matches("\"stale\":true").count()
+    };
+    assert_eq!(
+        stale(&done(&["info", &project, "--json"])),
+        stale(&info),
+        "what fitted before fits as before"
+    );
     // What lies under plain names for other programs is scaled, too.
     let root = Path::new(&project);
-    let plain = read_ply(&root.join("cloud.ply"), &Progress::default()).unwrap().cloud.positions;
+    let plain = read_ply(&root.join("cloud.ply"), &Progress::default())
+        .unwrap()
+        .cloud
+        .positions;
     assert_scaled("cloud.ply", &before.cloud(), &plain, 0.3);
     let first = |all: &[(PathBuf, Vec<u8>)]| {
-        all.iter().find(|(path, _)| path.ends_with("depths/1.png.tiff")).unwrap().0.clone()
+        all.iter()
+            .find(|(path, _)| path.ends_with("depths/1.png.tiff"))
+            .unwrap()
+            .0
+            .clone()
     };
     let map = |depths: Vec<f32>| {
-        depths.into_iter().filter(|depth| *depth > 0.0).fold(0.0_f64, |sum, depth| sum + f64::from(depth))
+        depths
+            .into_iter()
+            .filter(|depth| *depth > 0.0)
+            .fold(0.0_f64, |sum, depth| sum + f64::from(depth))
     };
     let scaled_map = map(depths_in(&first(&files)));
     assert_eq!(votes_of(&project), votes);
@@ -332,7 +486,11 @@ fn every_result_is_scaled_in_one_step_and_undo_brings_the_bytes_back() {
 pub(super) fn done_with_both(args: &[String]) -> String {
     let args: Vec<&str> = args.iter().map(String::as_str).collect();
     let output = ostra(&args);
-    let text = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    let text = format!(
+        "{}{}",
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    );
     assert!(output.status.success(), "{args:?}: {text}");
     text
 }
@@ -357,15 +515,33 @@ fn work_goes_on_in_the_new_scale() {
     assert!(!said.contains("warning"), "{said}");
     assert_eq!(fused.export("again").cloud(), points);
     // A frame whose given camera is added now stands where it stood among the others.
-    let again = Exported { folder: fused.dir.path().join("again") };
-    done(&["add", &project, "--frames", &fused.photos.path("color"), "--cameras", &fused.photos.path("sparse")]);
+    let again = Exported {
+        folder: fused.dir.path().join("again"),
+    };
+    done(&[
+        "add",
+        &project,
+        "--frames",
+        &fused.photos.path("color"),
+        "--cameras",
+        &fused.photos.path("sparse"),
+    ]);
     let poses = fused.export("added").translations();
     assert_eq!(poses.len(), 2 * again.translations().len());
-    assert!(poses.chunks(4).all(|poses| poses[3].distance(again.translations()[3]) < 1e-6), "{poses:?}");
+    assert!(
+        poses
+            .chunks(4)
+            .all(|poses| poses[3].distance(again.translations()[3]) < 1e-6),
+        "{poses:?}"
+    );
     // Made from nothing, points and surface have the size that the cameras have.
     done(&["fuse", &project, "--min-confidence", "0.1"]);
     let made = fused.export("made");
-    let extent = |points: &[Vec3]| points.iter().fold(0.0_f32, |most, point| most.max(point.length()));
+    let extent = |points: &[Vec3]| {
+        points
+            .iter()
+            .fold(0.0_f32, |most, point| most.max(point.length()))
+    };
     let (old, new) = (extent(&points), extent(&made.cloud()));
     assert!((new / old - 1.0).abs() < 0.05, "{new} and {old}");
 }
@@ -378,12 +554,24 @@ fn what_cannot_be_scaled_is_refused_and_nothing_changes() {
     let info = || done(&["info", &project, "--json"]);
     let before = info();
     let version = |start: &str| {
-        let entries = std::fs::read_dir(root.join("versions")).unwrap().map(|entry| entry.unwrap().path());
-        entries.filter(|path| path.file_name().unwrap().to_str().unwrap().starts_with(start)).max().unwrap()
+        let entries = std::fs::read_dir(root.join("versions"))
+            .unwrap()
+            .map(|entry| entry.unwrap().path());
+        entries
+            .filter(|path| {
+                path.file_name()
+                    .unwrap()
+                    .to_str()
+                    .unwrap()
+                    .starts_with(start)
+            })
+            .max()
+            .unwrap()
     };
-    for (start, damaged, says) in
-        [("cloud-", version("cloud-"), "fuse again"), ("mesh-", version("mesh-"), "fuse again")]
-    {
+    for (start, damaged, says) in [
+        ("cloud-", version("cloud-"), "fuse again"),
+        ("mesh-", version("mesh-"), "fuse again"),
+    ] {
         let whole = std::fs::read(&damaged).unwrap();
         for bytes in [None, Some(&whole[..whole.len() / 2])] {
             let _ = std::fs::remove_file(&damaged);
@@ -399,14 +587,28 @@ fn what_cannot_be_scaled_is_refused_and_nothing_changes() {
     }
     for length in ["1e-30", "1e30", "1e300"] {
         let said = refused_scale(&fused.scale(&["--length", length]));
-        assert!(said.contains("a million times") || said.contains("is not possible"), "{said}");
+        assert!(
+            said.contains("a million times") || said.contains("is not possible"),
+            "{said}"
+        );
     }
     for length in ["0", "-1", "nan", "inf"] {
         let words = fused.scale(&["--length", length]);
-        assert_eq!(ostra(&words.iter().map(String::as_str).collect::<Vec<_>>()).status.code(), Some(2), "{length}");
+        assert_eq!(
+            ostra(&words.iter().map(String::as_str).collect::<Vec<_>>())
+                .status
+                .code(),
+            Some(2),
+            "{length}"
+        );
     }
     let inches = fused.scale(&["--length", "2", "--unit", "inch"]);
-    assert_eq!(ostra(&inches.iter().map(String::as_str).collect::<Vec<_>>()).status.code(), Some(2));
+    assert_eq!(
+        ostra(&inches.iter().map(String::as_str).collect::<Vec<_>>())
+            .status
+            .code(),
+        Some(2)
+    );
     assert_eq!(info(), before);
 }
 
@@ -414,25 +616,48 @@ fn what_cannot_be_scaled_is_refused_and_nothing_changes() {
 fn one_damaged_depth_map_does_not_stop_the_scale() {
     let fused = Fused::new();
     let project = fused.project();
-    let map = |version: u32| PathBuf::from(&project).join(format!("versions/depths-{version}/maps/2.png.tiff"));
+    let map = |version: u32| {
+        PathBuf::from(&project).join(format!("versions/depths-{version}/maps/2.png.tiff"))
+    };
     let damaged = (0..100).map(map).find(|map| map.exists()).unwrap();
     std::fs::write(&damaged, "cut off").unwrap();
     let before = fused.export("before").translations();
     let said = done_with_both(&fused.scale(&["--length", "2"]));
-    assert!(said.contains("1 depth maps cannot be read") && said.contains("2.png"), "{said}");
+    assert!(
+        said.contains("1 depth maps cannot be read") && said.contains("2.png"),
+        "{said}"
+    );
     let after = fused.export("after").translations();
-    assert!(before.iter().zip(&after).all(|(before, after)| after.abs_diff_eq(*before * 2.0, 1e-9)));
+    assert!(
+        before
+            .iter()
+            .zip(&after)
+            .all(|(before, after)| after.abs_diff_eq(*before * 2.0, 1e-9))
+    );
     let info = done(&["info", &project, "--json"]);
     let info: serde_json::Value = serde_json::from_str(&info).unwrap();
-    let has_depth = |frame: &&serde_json::Value| frame["depth"].as_bool() == Some(true) || frame["depth"].is_object();
-    assert_eq!(info["frames"].as_array().unwrap().iter().filter(has_depth).count(), 3, "{info}");
+    let has_depth = |frame: &&serde_json::Value| {
+        frame["depth"].as_bool() == Some(true) || frame["depth"].is_object()
+    };
+    assert_eq!(
+        info["frames"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .filter(has_depth)
+            .count(),
+        3,
+        "{info}"
+    );
 }
 
 #[test]
 fn a_sensor_gives_the_scale() {
     let recording = Recording::new();
     let project = recording.project();
-    let ends = ["--from", "0,20,20", "--from", "3,16,20", "--to", "0,30,20", "--to", "3,26,20"];
+    let ends = [
+        "--from", "0,20,20", "--from", "3,16,20", "--to", "0,30,20", "--to", "3,26,20",
+    ];
     let said = refused(&[&["scale", &project, "--length", "2"][..], &ends].concat());
     assert!(said.contains("--depth-unit"), "{said}");
 }
@@ -442,11 +667,20 @@ fn a_given_cloud_is_voted_on_at_the_size_it_was_scaled_to() {
     let fused = Fused::new();
     let project = fused.project();
     fused.export("given");
-    let given = fused.dir.path().join("given/cloud.ply").display().to_string();
+    let given = fused
+        .dir
+        .path()
+        .join("given/cloud.ply")
+        .display()
+        .to_string();
     let options = ["--min-confidence", "0.05"];
     done(&["fuse", &project, "--onto", &given]);
     done_with_both(&fused.scale(&["--length", "0.5"]));
-    let positions = || read_ply(&Path::new(&project).join("cloud.ply"), &Progress::default()).unwrap().cloud;
+    let positions = || {
+        read_ply(&Path::new(&project).join("cloud.ply"), &Progress::default())
+            .unwrap()
+            .cloud
+    };
     let scaled = positions();
     // With other options the file is read again, whose points are those of before.
     done(&[&["fuse", &project, "--onto", &given][..], &options].concat());
@@ -467,24 +701,37 @@ fn lengths_have_a_unit_only_at_the_scale_that_was_set() {
     done(&["label", &project, "sheet"]);
     done(&["masks", &project, "import", &photos.path("masks")]);
     let given = photos.path("points.ply");
-    std::fs::copy(Path::new(&project).join("sparse/points3D.txt"), photos.path("points.txt")).unwrap();
+    std::fs::copy(
+        Path::new(&project).join("sparse/points3D.txt"),
+        photos.path("points.txt"),
+    )
+    .unwrap();
     write_points(&photos.path("points.txt"), &given);
     done(&["fuse", &project, "--onto", &given]);
     let csv = photos.path("traits.csv");
     let unit = || {
         done(&["export", &project, "--traits", &csv]);
-        std::fs::read_to_string(&csv).unwrap().lines().find_map(|line| {
-            let unit = line.split(',').nth(5)?;
-            ["units", "m"].contains(&unit).then(|| unit.to_owned())
-        })
+        std::fs::read_to_string(&csv)
+            .unwrap()
+            .lines()
+            .find_map(|line| {
+                let unit = line.split(',').nth(5)?;
+                ["units", "m"].contains(&unit).then(|| unit.to_owned())
+            })
     };
     assert_eq!(unit().as_deref(), Some("units"));
     let said = refused(&["export", &project, "--traits", &csv, "--unit", "mm"]);
-    assert!(said.contains("the scale of the cloud is not known") && said.contains("ostra scale"), "{said}");
+    assert!(
+        said.contains("the scale of the cloud is not known") && said.contains("ostra scale"),
+        "{said}"
+    );
     let mut session = Session::new();
     perform(&mut session, Command::Open(project.clone().into())).unwrap();
     assert_eq!(session.length_unit(), LengthUnit::World);
-    let request = ScaleRequest { ends: [world(0.0), world(1.0)], length: 0.25 };
+    let request = ScaleRequest {
+        ends: [world(0.0), world(1.0)],
+        length: 0.25,
+    };
     perform(&mut session, Command::Scale(request.clone())).unwrap();
     assert_eq!(session.length_unit(), LengthUnit::Metre);
     perform(&mut session, Command::Undo).unwrap();
@@ -501,7 +748,10 @@ fn lengths_have_a_unit_only_at_the_scale_that_was_set() {
     let refused = perform(&mut session, Command::Scale(request)).unwrap_err();
     assert!(refused.to_string().contains("fuse again"), "{refused}");
     drop(session);
-    assert_eq!(std::fs::read(Path::new(&project).join("cloud.ply")).unwrap(), cloud);
+    assert_eq!(
+        std::fs::read(Path::new(&project).join("cloud.ply")).unwrap(),
+        cloud
+    );
 }
 
 /// The points of a COLMAP text file as a PLY.
@@ -510,7 +760,13 @@ fn write_points(points: &str, ply: &str) {
     let rows: Vec<String> = text
         .lines()
         .filter(|line| !line.starts_with('#'))
-        .map(|line| line.split(' ').skip(1).take(3).collect::<Vec<_>>().join(" "))
+        .map(|line| {
+            line.split(' ')
+                .skip(1)
+                .take(3)
+                .collect::<Vec<_>>()
+                .join(" ")
+        })
         .collect();
     let header = format!(
         "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\nend_header\n",

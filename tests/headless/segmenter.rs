@@ -20,7 +20,10 @@ fn frames(root: &Path) -> Vec<(PathBuf, PathBuf)> {
     for clip in sorted(&root.join("JPEGImages")) {
         let pictures = sorted(&clip);
         for at in [0, pictures.len() / 2, pictures.len() - 1] {
-            let truth = root.join("Annotations").join(clip.file_name().unwrap()).join(format!("{at:05}.png"));
+            let truth = root
+                .join("Annotations")
+                .join(clip.file_name().unwrap())
+                .join(format!("{at:05}.png"));
             frames.push((pictures[at].clone(), truth));
         }
     }
@@ -28,7 +31,10 @@ fn frames(root: &Path) -> Vec<(PathBuf, PathBuf)> {
 }
 
 fn sorted(folder: &Path) -> Vec<PathBuf> {
-    let mut paths: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let mut paths: Vec<PathBuf> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
     paths.sort();
     paths
 }
@@ -37,15 +43,30 @@ fn sorted(folder: &Path) -> Vec<PathBuf> {
 fn play((picture, truth): &(PathBuf, PathBuf)) -> Vec<f64> {
     let image = image::open(picture).unwrap().to_rgb8();
     let (width, height) = image.dimensions();
-    let image = Arc::new(Image { width, height, pixels: image.pixels().map(|pixel| pixel.0).collect() });
+    let image = Arc::new(Image {
+        width,
+        height,
+        pixels: image.pixels().map(|pixel| pixel.0).collect(),
+    });
     let truth = image::open(truth).unwrap().to_luma8();
-    let truth = Region { width, height, inside: truth.pixels().map(|pixel| pixel.0[0] > 127).collect() };
-    let frame = BuiltinSegmenter.prepare(&image, None, &Progress::default()).unwrap();
-    let (mut prompt, mut answer, mut ious) = (Prompt::default(), Region::empty(width, height), Vec::new());
+    let truth = Region {
+        width,
+        height,
+        inside: truth.pixels().map(|pixel| pixel.0[0] > 127).collect(),
+    };
+    let frame = BuiltinSegmenter
+        .prepare(&image, None, &Progress::default())
+        .unwrap();
+    let (mut prompt, mut answer, mut ious) =
+        (Prompt::default(), Region::empty(width, height), Vec::new());
     while let Some(click) = next_click(&truth, &answer).filter(|_| ious.len() < CAP) {
         prompt.clicks.push(click);
         let previous = (prompt.clicks.len() > 1).then_some(&answer);
-        let request = SegmentRequest { prompt: &prompt, previous, taken: None };
+        let request = SegmentRequest {
+            prompt: &prompt,
+            previous,
+            taken: None,
+        };
         answer = frame.segment(&request, &Progress::default()).unwrap();
         ious.push(iou(&truth, &answer));
     }
@@ -62,14 +83,34 @@ fn iou(a: &Region, b: &Region) -> f64 {
 #[test]
 fn a_robot_user_needs_few_clicks_and_in_the_mean_no_further_one_harms() {
     let Some(data) = data_dir() else { return };
-    let runs: Vec<Vec<f64>> = frames(&data.join("davis2016")).par_iter().map(play).collect();
+    let runs: Vec<Vec<f64>> = frames(&data.join("davis2016"))
+        .par_iter()
+        .map(play)
+        .collect();
     let count = runs.len() as f64;
-    let clicks: Vec<Option<usize>> = runs.iter().map(|ious| ious.iter().position(|&iou| iou >= 0.85)).collect();
-    let to_goal = clicks.iter().map(|at| at.map_or(CAP, |at| at + 1) as f64).sum::<f64>() / count;
+    let clicks: Vec<Option<usize>> = runs
+        .iter()
+        .map(|ious| ious.iter().position(|&iou| iou >= 0.85))
+        .collect();
+    let to_goal = clicks
+        .iter()
+        .map(|at| at.map_or(CAP, |at| at + 1) as f64)
+        .sum::<f64>()
+        / count;
     let failed = clicks.iter().filter(|at| at.is_none()).count();
-    let means: Vec<f64> = (0..CAP).map(|after| runs.iter().map(|ious| ious[after]).sum::<f64>() / count).collect();
-    println!("clicks to 0.85: {to_goal:.2}, {failed} of {count} failed; mean IoU after each click {means:.3?}");
-    assert!(to_goal <= 10.5 && failed <= 5, "{to_goal} clicks, {failed} failed");
+    let means: Vec<f64> = (0..CAP)
+        .map(|after| runs.iter().map(|ious| ious[after]).sum::<f64>() / count)
+        .collect();
+    println!(
+        "clicks to 0.85: {to_goal:.2}, {failed} of {count} failed; mean IoU after each click {means:.3?}"
+    );
+    assert!(
+        to_goal <= 10.5 && failed <= 5,
+        "{to_goal} clicks, {failed} failed"
+    );
     assert!(means[2] >= 0.70 && means[CAP - 1] >= 0.88, "{means:?}");
-    assert!(means.is_sorted(), "a further click lowers the mean: {means:?}");
+    assert!(
+        means.is_sorted(),
+        "a further click lowers the mean: {means:?}"
+    );
 }

@@ -29,21 +29,45 @@ pub fn perform(session: &mut Session, command: Command) -> anyhow::Result<Vec<Ev
 
 pub fn new_project(data: &Path, root: &Path) -> Command {
     let shelf = data.join("apc_shelf_rgbd_labels");
-    let sources = vec![FrameFolder { frames: shelf.join("color"), depth: Some(shelf.join("depth")) }];
-    let open = OpenRequest { sources, ..OpenRequest::default() };
-    Command::New(NewProject { root: root.into(), open, cameras: Some(shelf.join("sparse")), intrinsics: None })
+    let sources = vec![FrameFolder {
+        frames: shelf.join("color"),
+        depth: Some(shelf.join("depth")),
+    }];
+    let open = OpenRequest {
+        sources,
+        ..OpenRequest::default()
+    };
+    Command::New(NewProject {
+        root: root.into(),
+        open,
+        cameras: Some(shelf.join("sparse")),
+        intrinsics: None,
+    })
 }
 
 /// A click on the deepest point of each true object on frame 0, and one on frame 8.
 fn clicks(data: &Path) -> Vec<PromptRequest> {
     let mut clicks = Vec::new();
     for (frame, labels) in [(0, [1, 3]), (8, [2, 4])] {
-        let truth = read_palette_png(&data.join(format!("apc_shelf_rgbd_labels/labels/{frame:06}.png"))).unwrap();
+        let truth =
+            read_palette_png(&data.join(format!("apc_shelf_rgbd_labels/labels/{frame:06}.png")))
+                .unwrap();
         for label in labels.map(LabelId) {
             let (x, y) = deepest_point(&truth.region(label)).unwrap();
             let at_px = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-            let prompt = Prompt { clicks: vec![Click { at_px, include: true }], ..Prompt::default() };
-            clicks.push(PromptRequest { frame, label, prompt, segmenter: "auto".into() });
+            let prompt = Prompt {
+                clicks: vec![Click {
+                    at_px,
+                    include: true,
+                }],
+                ..Prompt::default()
+            };
+            clicks.push(PromptRequest {
+                frame,
+                label,
+                prompt,
+                segmenter: "auto".into(),
+            });
         }
     }
     clicks
@@ -54,7 +78,10 @@ pub fn track() -> Command {
 }
 
 fn fuse() -> Command {
-    Command::Fuse(FuseRequest { voxel: Some(0.006), ..FuseRequest::default() })
+    Command::Fuse(FuseRequest {
+        voxel: Some(0.006),
+        ..FuseRequest::default()
+    })
 }
 
 /// Opens the shelf, prompts four objects, tracks and fuses.
@@ -62,13 +89,24 @@ fn way_through(data: &Path, root: &Path) -> Session {
     let mut session = Session::new();
     perform(&mut session, new_project(data, root)).unwrap();
     for name in ["stems", "bunny", "tissues", "jokes"] {
-        perform(&mut session, Command::AddLabel { name: name.into(), parent: None, color: None }).unwrap();
+        perform(
+            &mut session,
+            Command::AddLabel {
+                name: name.into(),
+                parent: None,
+                color: None,
+            },
+        )
+        .unwrap();
     }
     for prompt in clicks(data) {
         perform(&mut session, Command::Prompt(prompt)).unwrap();
     }
     let events = perform(&mut session, track()).unwrap();
-    assert!(events.contains(&Event::Notice("tracker: geometry".into())), "{events:?}");
+    assert!(
+        events.contains(&Event::Notice("tracker: geometry".into())),
+        "{events:?}"
+    );
     let reconstruct = ReconstructRequest::default();
     perform(&mut session, Command::Reconstruct(reconstruct)).unwrap();
     perform(&mut session, fuse()).unwrap();
@@ -83,11 +121,24 @@ fn the_way_through_can_be_undone_repeated_and_opened_again() {
     let mut session = way_through(&data, &root);
     let end = session.project().unwrap().clone();
     assert_eq!(end.masks.len(), 15);
-    assert_eq!(end.masks.values().filter(|mask| mask.origin == MaskOrigin::Anchor).count(), 2);
-    assert!(end.results.values().all(|record| !record.stale), "{:?}", end.results);
+    assert_eq!(
+        end.masks
+            .values()
+            .filter(|mask| mask.origin == MaskOrigin::Anchor)
+            .count(),
+        2
+    );
+    assert!(
+        end.results.values().all(|record| !record.stale),
+        "{:?}",
+        end.results
+    );
     assert_eq!(end.results[&ResultKind::Cameras].engine, "given");
     let cloud = session.cloud().unwrap().clone();
-    assert!((1..=4).all(|id| cloud.labels.contains(&LabelId(id))), "every object is in the cloud");
+    assert!(
+        (1..=4).all(|id| cloud.labels.contains(&LabelId(id))),
+        "every object is in the cloud"
+    );
     assert_eq!(session.votes().unwrap().len(), cloud.len());
 
     exports(&mut session, folder.path());
@@ -118,14 +169,25 @@ fn exports(session: &mut Session, folder: &Path) {
         ..ExportRequest::default()
     };
     perform(session, Command::Export(request)).unwrap();
-    for name in ["cloud.ply", "cloud_labels.ply", "cloud_bunny.ply", "sparse/images.txt", "masks/000003.png"] {
+    for name in [
+        "cloud.ply",
+        "cloud_labels.ply",
+        "cloud_bunny.ply",
+        "sparse/images.txt",
+        "masks/000003.png",
+    ] {
         assert!(out.join(name).is_file(), "{name}");
     }
     let file = std::fs::File::open(out.join("depths/000003.tiff")).unwrap();
     let mut depth = tiff::decoder::Decoder::new(file).unwrap();
     assert_eq!(depth.dimensions().unwrap(), (640, 480));
-    let tiff::decoder::DecodingResult::F32(depth) = depth.read_image().unwrap() else { panic!("32-bit floats") };
-    assert!(depth.iter().any(|depth| (0.2..3.0).contains(depth)), "depth in metres");
+    let tiff::decoder::DecodingResult::F32(depth) = depth.read_image().unwrap() else {
+        panic!("32-bit floats")
+    };
+    assert!(
+        depth.iter().any(|depth| (0.2..3.0).contains(depth)),
+        "depth in metres"
+    );
     let traits = std::fs::read_to_string(out.join("traits.csv")).unwrap();
     assert!(traits.contains("bunny"), "{traits}");
     surface(session, &out);
@@ -146,16 +208,29 @@ fn surface(session: &mut Session, out: &Path) {
     let label = |vertex: u32| mesh.vertices.labels[vertex as usize];
     assert!(
         mesh.triangles.len() > 1000
-            && mesh.triangles.iter().all(|&[a, b, c]| label(a) == label(b) && label(b) == label(c))
+            && mesh
+                .triangles
+                .iter()
+                .all(|&[a, b, c]| label(a) == label(b) && label(b) == label(c))
     );
     let part = read_mesh(&out.join("mesh_bunny.ply"), &progress).unwrap();
     assert!(!part.triangles.is_empty() && part.triangles.len() < mesh.triangles.len());
     let voxel = session.surface_voxel().unwrap();
     let voxels = read_ply(&out.join("voxels.ply"), &progress).unwrap().cloud;
     let cloud = session.cloud().unwrap();
-    assert!(voxels.len() > 500 && voxels.len() <= cloud.len(), "{} of {}", voxels.len(), cloud.len());
+    assert!(
+        voxels.len() > 500 && voxels.len() <= cloud.len(),
+        "{} of {}",
+        voxels.len(),
+        cloud.len()
+    );
     let centred = |along: f32| (f64::from(along) / voxel - 0.5).rem_euclid(1.0);
-    assert!(voxels.positions[7].to_array().iter().all(|&along| centred(along).min(1.0 - centred(along)) < 0.01));
+    assert!(
+        voxels.positions[7]
+            .to_array()
+            .iter()
+            .all(|&along| centred(along).min(1.0 - centred(along)) < 0.01)
+    );
     other_formats(session, out, mesh.triangles.len(), voxels.len());
 }
 
@@ -172,20 +247,37 @@ fn other_formats(session: &mut Session, out: &Path, triangles: usize, voxels: us
     };
     perform(session, Command::Export(export("small.glb", "small.vox"))).unwrap();
     perform(session, Command::Export(export("small.obj", "small.npz"))).unwrap();
-    for name in
-        ["small_labels.glb", "small_bunny.glb", "small_bunny.vox", "small.mtl", "small_labels.npz", "small_bunny.npz"]
-    {
+    for name in [
+        "small_labels.glb",
+        "small_bunny.glb",
+        "small_bunny.vox",
+        "small.mtl",
+        "small_labels.npz",
+        "small_bunny.npz",
+    ] {
         assert!(out.join(name).is_file(), "{name}");
     }
-    assert!(!out.join("small_labels.vox").exists(), "a .vox has the labels' colours already");
+    assert!(
+        !out.join("small_labels.vox").exists(),
+        "a .vox has the labels' colours already"
+    );
     let obj = std::fs::read_to_string(out.join("small.obj")).unwrap();
     let faces = obj.lines().filter(|line| line.starts_with("f ")).count();
-    assert!(faces > triangles / 10 && faces < triangles * 6 / 10, "{faces} of {triangles}");
+    assert!(
+        faces > triangles / 10 && faces < triangles * 6 / 10,
+        "{faces} of {triangles}"
+    );
     assert!(obj.contains("\no bunny\nusemtl bunny\n"));
-    assert!(std::fs::read(out.join("small.glb")).unwrap().starts_with(b"glTF"));
+    assert!(
+        std::fs::read(out.join("small.glb"))
+            .unwrap()
+            .starts_with(b"glTF")
+    );
     assert!(std::fs::metadata(out.join("small.npz")).unwrap().len() > 21 * voxels as u64);
     for wrong in [export("mesh.stl", "v.ply"), export("mesh.ply", "v.obj")] {
-        let error = perform(session, Command::Export(wrong)).unwrap_err().to_string();
+        let error = perform(session, Command::Export(wrong))
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("a name that ends in .ply, "), "{error}");
     }
 }
@@ -205,20 +297,40 @@ fn repeated(session: &Session, data: &Path, folder: &Path) {
         perform(&mut again, command).unwrap();
     }
     let (first, second) = (session.project().unwrap(), again.project().unwrap());
-    assert_eq!((&first.frames, &first.labels), (&second.frames, &second.labels));
-    assert_eq!((&first.prompts, &first.masks), (&second.prompts, &second.masks));
-    assert_eq!(first.results.keys().collect::<Vec<_>>(), second.results.keys().collect::<Vec<_>>());
-    let bytes = |session: &Session| std::fs::read(session.root().unwrap().join("cloud.ply")).unwrap();
+    assert_eq!(
+        (&first.frames, &first.labels),
+        (&second.frames, &second.labels)
+    );
+    assert_eq!(
+        (&first.prompts, &first.masks),
+        (&second.prompts, &second.masks)
+    );
+    assert_eq!(
+        first.results.keys().collect::<Vec<_>>(),
+        second.results.keys().collect::<Vec<_>>()
+    );
+    let bytes =
+        |session: &Session| std::fs::read(session.root().unwrap().join("cloud.ply")).unwrap();
     assert!(bytes(session) == bytes(&again), "equal bytes");
 }
 
 fn undone_and_redone(session: &mut Session, end: &ostra_project::Project) {
     let cloud_file = session.root().unwrap().join("cloud.ply");
     let first = std::fs::read(&cloud_file).unwrap();
-    perform(session, Command::Fuse(FuseRequest { voxel: Some(0.02), ..FuseRequest::default() })).unwrap();
+    perform(
+        session,
+        Command::Fuse(FuseRequest {
+            voxel: Some(0.02),
+            ..FuseRequest::default()
+        }),
+    )
+    .unwrap();
     assert_ne!(std::fs::read(&cloud_file).unwrap(), first);
     perform(session, Command::Undo).unwrap();
-    assert!(std::fs::read(&cloud_file).unwrap() == first, "undo brings the earlier cloud back");
+    assert!(
+        std::fs::read(&cloud_file).unwrap() == first,
+        "undo brings the earlier cloud back"
+    );
     assert!(session.cloud().is_none());
     session.settle(|_| ControlFlow::Continue(()));
     assert!(session.cloud().is_some_and(|cloud| cloud.len() > 10_000));
@@ -227,7 +339,11 @@ fn undone_and_redone(session: &mut Session, end: &ostra_project::Project) {
         perform(session, Command::Undo).unwrap();
         steps += 1;
     }
-    assert_eq!(steps, 4 + 4 + 3, "labels, prompts, track, reconstruct, fuse");
+    assert_eq!(
+        steps,
+        4 + 4 + 3,
+        "labels, prompts, track, reconstruct, fuse"
+    );
     assert!(session.project().unwrap().masks.is_empty() && !cloud_file.exists());
     for _ in 0..steps {
         perform(session, Command::Redo).unwrap();
@@ -241,8 +357,20 @@ fn a_stopped_tracking_keeps_what_it_has() {
     let Some(data) = data_dir() else { return };
     let folder = tempfile::tempdir().unwrap();
     let mut session = Session::new();
-    perform(&mut session, new_project(&data, &folder.path().join("shelf"))).unwrap();
-    perform(&mut session, Command::AddLabel { name: "stems".into(), parent: None, color: None }).unwrap();
+    perform(
+        &mut session,
+        new_project(&data, &folder.path().join("shelf")),
+    )
+    .unwrap();
+    perform(
+        &mut session,
+        Command::AddLabel {
+            name: "stems".into(),
+            parent: None,
+            color: None,
+        },
+    )
+    .unwrap();
     perform(&mut session, Command::Prompt(clicks(&data).swap_remove(0))).unwrap();
     session.act(track()).unwrap();
     assert!(session.act(track()).is_err(), "one long job at a time");
@@ -250,16 +378,32 @@ fn a_stopped_tracking_keeps_what_it_has() {
     let events = session.settle(|jobs| {
         glances += 1;
         let begun = jobs.iter().any(|job| job.report.done > 0);
-        if begun { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if begun {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
     });
-    let stopped = events.iter().any(|event| matches!(event, Event::Stopped { title, .. } if title == "Track"));
-    let finished = events.iter().any(|event| matches!(event, Event::Finished { title, .. } if title == "Track"));
+    let stopped = events
+        .iter()
+        .any(|event| matches!(event, Event::Stopped { title, .. } if title == "Track"));
+    let finished = events
+        .iter()
+        .any(|event| matches!(event, Event::Finished { title, .. } if title == "Track"));
     assert!(stopped || finished, "{events:?}");
     let tracked = session.project().unwrap().masks.len() - 1;
-    let told = session.project().unwrap().results.get(&ResultKind::Tracking).map_or(0, |record| record.frames);
+    let told = session
+        .project()
+        .unwrap()
+        .results
+        .get(&ResultKind::Tracking)
+        .map_or(0, |record| record.frames);
     assert_eq!(told, tracked);
     perform(&mut session, Command::Undo).unwrap();
-    assert_eq!(session.project().unwrap().masks.len(), if tracked > 0 { 1 } else { 0 });
+    assert_eq!(
+        session.project().unwrap().masks.len(),
+        if tracked > 0 { 1 } else { 0 }
+    );
 }
 
 #[test]
@@ -267,13 +411,16 @@ fn the_steps_that_a_project_lists_make_it_again_elsewhere() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["label", &project, "thing"]);
-    done(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    done(&[
+        "prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24",
+    ]);
     let (steps, again) = (recording.path("steps.jsonl"), recording.path("again"));
     let text = std::fs::read_to_string(format!("{project}/recipe.jsonl")).unwrap();
     std::fs::write(&steps, text.replacen(&project, &again, 1)).unwrap();
     done(&["run", &steps]);
     let described = |project: &str| {
-        let info: serde_json::Value = serde_json::from_str(&done(&["info", project, "--json"])).unwrap();
+        let info: serde_json::Value =
+            serde_json::from_str(&done(&["info", project, "--json"])).unwrap();
         (info["labels"].clone(), info["frames"].clone())
     };
     assert_eq!(described(&again), described(&project));

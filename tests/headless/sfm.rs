@@ -12,7 +12,10 @@ use tempfile::TempDir;
 use crate::support::data_dir;
 
 pub(super) fn ostra<S: AsRef<std::ffi::OsStr>>(args: &[S]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_ostra")).args(args).output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_ostra"))
+        .args(args)
+        .output()
+        .unwrap()
 }
 
 /// A project in a folder of its own.
@@ -22,7 +25,9 @@ pub(super) struct Project {
 
 impl Project {
     pub(super) fn new(frames: &Path, more: &[&str]) -> Self {
-        let project = Self { dir: TempDir::new().unwrap() };
+        let project = Self {
+            dir: TempDir::new().unwrap(),
+        };
         let root = project.root();
         let args = ["new", &root, "--frames", frames.to_str().unwrap()];
         project.done(&[&args[..], more].concat());
@@ -36,7 +41,11 @@ impl Project {
     /// Runs the program; both outputs.
     pub(super) fn done(&self, args: &[&str]) -> String {
         let output = ostra(args);
-        let text = format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        let text = format!(
+            "{}{}",
+            String::from_utf8_lossy(&output.stdout),
+            String::from_utf8_lossy(&output.stderr)
+        );
         assert!(output.status.success(), "{args:?}: {text}");
         text
     }
@@ -48,11 +57,19 @@ impl Project {
 
     pub(super) fn info(&self) -> Value {
         // Warnings follow.
-        serde_json::from_str(self.done(&["info", &self.root(), "--json"]).lines().next().unwrap()).unwrap()
+        serde_json::from_str(
+            self.done(&["info", &self.root(), "--json"])
+                .lines()
+                .next()
+                .unwrap(),
+        )
+        .unwrap()
     }
 
     pub(super) fn placed(&self) -> usize {
-        self.info()["results"]["cameras"]["frames"].as_u64().unwrap() as usize
+        self.info()["results"]["cameras"]["frames"]
+            .as_u64()
+            .unwrap() as usize
     }
 
     /// Cameras against the truth after Sim(3).
@@ -64,7 +81,14 @@ impl Project {
     pub(super) fn errors_after(&self, align: &[&str], truth: &Path) -> Value {
         let out = self.dir.path().join("cameras");
         self.done(&["export", &self.root(), "--cameras", out.to_str().unwrap()]);
-        let eval = ["eval", "cameras", "--truth", truth.to_str().unwrap(), "--result", out.to_str().unwrap()];
+        let eval = [
+            "eval",
+            "cameras",
+            "--truth",
+            truth.to_str().unwrap(),
+            "--result",
+            out.to_str().unwrap(),
+        ];
         let text = self.done(&[&eval[..], &["--json"], align].concat());
         serde_json::from_str(text.lines().last().unwrap()).unwrap()
     }
@@ -73,8 +97,14 @@ impl Project {
 /// Centre error (rmse) in percent of the extent, rotation median in degrees.
 fn accuracy(name: &str, errors: &Value) -> (f64, f64) {
     let number = |path: &str| errors.pointer(path).and_then(Value::as_f64).unwrap();
-    let (centre, rotation) = (number("/centre_percent"), number("/error/rotation_deg/median"));
-    println!("{name}: {} cameras, centre {centre:.3} %, rotation {rotation:.3}°", errors["result"]);
+    let (centre, rotation) = (
+        number("/centre_percent"),
+        number("/error/rotation_deg/median"),
+    );
+    println!(
+        "{name}: {} cameras, centre {centre:.3} %, rotation {rotation:.3}°",
+        errors["result"]
+    );
     (centre, rotation)
 }
 
@@ -82,7 +112,10 @@ fn accuracy(name: &str, errors: &Value) -> (f64, f64) {
 fn fountain_with_given_intrinsics() {
     let Some(data) = data_dir() else { return };
     let set = data.join("strecha_fountain_P11");
-    let project = Project::new(&set.join("images"), &["--cameras", set.join("sparse").to_str().unwrap()]);
+    let project = Project::new(
+        &set.join("images"),
+        &["--cameras", set.join("sparse").to_str().unwrap()],
+    );
     let said = project.reconstruct(&[]);
     assert!(said.contains("11 of 11 frames by sift + nearest"), "{said}");
     let (centre, rotation) = accuracy("fountain, given", &project.errors(&set.join("sparse")));
@@ -104,7 +137,10 @@ fn fountain_with_unknown_intrinsics() {
 fn dtu_with_given_intrinsics() {
     let Some(data) = data_dir() else { return };
     let set = data.join("dtu_scan24");
-    let project = Project::new(&set.join("images"), &["--cameras", set.join("sparse").to_str().unwrap()]);
+    let project = Project::new(
+        &set.join("images"),
+        &["--cameras", set.join("sparse").to_str().unwrap()],
+    );
     project.reconstruct(&[]);
     let (centre, rotation) = accuracy("dtu, given", &project.errors(&set.join("sparse")));
     assert_eq!(project.placed(), 49);
@@ -150,23 +186,45 @@ fn set_point_error(project: &Project, set: &Path) -> f64 {
     let found = cameras(project);
     let mut pairs = Vec::new();
     for frame in told["frames"].as_array().unwrap() {
-        let name = Path::new(frame["image"].as_str().unwrap()).file_name().unwrap().to_str().unwrap().to_owned();
-        let at = |i: usize| frame["approximate_pose_x_y_z_mm_pan_tilt_deg"][i].as_f64().unwrap();
-        let centre = found.iter().find(|(known, _)| *known == name).unwrap().1.centre();
+        let name = Path::new(frame["image"].as_str().unwrap())
+            .file_name()
+            .unwrap()
+            .to_str()
+            .unwrap()
+            .to_owned();
+        let at = |i: usize| {
+            frame["approximate_pose_x_y_z_mm_pan_tilt_deg"][i]
+                .as_f64()
+                .unwrap()
+        };
+        let centre = found
+            .iter()
+            .find(|(known, _)| *known == name)
+            .unwrap()
+            .1
+            .centre();
         pairs.push((centre, glam::DVec3::new(at(0), at(1), at(2))));
     }
     let (found, told): (Vec<_>, Vec<_>) = pairs.into_iter().unzip();
     let alignment = Similarity::align(&found, &told, Alignment::Sim3).unwrap();
     let middle = told.iter().sum::<glam::DVec3>() / told.len() as f64;
     let extent = told.iter().map(|x| x.distance(middle)).fold(0.0, f64::max);
-    let errors = found.iter().zip(&told).map(|(found, told)| alignment.transform(*found).distance_squared(*told));
+    let errors = found
+        .iter()
+        .zip(&told)
+        .map(|(found, told)| alignment.transform(*found).distance_squared(*told));
     100.0 * (errors.sum::<f64>() / told.len() as f64).sqrt() / extent
 }
 
 /// Names and poses of the frames that have a camera.
 pub(super) fn cameras(project: &Project) -> Vec<(String, Pose)> {
     let out = project.dir.path().join("read back");
-    project.done(&["export", &project.root(), "--cameras", out.to_str().unwrap()]);
+    project.done(&[
+        "export",
+        &project.root(),
+        "--cameras",
+        out.to_str().unwrap(),
+    ]);
     poses(&out)
 }
 
@@ -177,7 +235,15 @@ fn poses(path: &Path) -> Vec<(String, Pose)> {
         other => panic!("a camera without a name: {other:?}"),
     };
     let cameras = GivenCameras::read(path).unwrap().cameras;
-    cameras.iter().map(|camera| (named(&camera.key), camera.camera_from_world.clone().unwrap())).collect()
+    cameras
+        .iter()
+        .map(|camera| {
+            (
+                named(&camera.key),
+                camera.camera_from_world.clone().unwrap(),
+            )
+        })
+        .collect()
 }
 
 /// 56 of 167 frames make the map, the others are placed in it; colour only.
@@ -185,17 +251,32 @@ fn poses(path: &Path) -> Vec<(String, Pose)> {
 fn every_third_frame_of_a_kitchen_makes_the_map() {
     let Some(data) = data_dir() else { return };
     let set = data.join("redkitchen_rgbd_a");
-    for (name, more) in [("given", vec!["--cameras", "sparse"]), ("unknown", Vec::new())] {
+    for (name, more) in [
+        ("given", vec!["--cameras", "sparse"]),
+        ("unknown", Vec::new()),
+    ] {
         let more: Vec<String> = more
             .iter()
-            .map(|word| if *word == "sparse" { set.join(word).display().to_string() } else { (*word).to_owned() })
+            .map(|word| {
+                if *word == "sparse" {
+                    set.join(word).display().to_string()
+                } else {
+                    (*word).to_owned()
+                }
+            })
             .collect();
-        let project = Project::new(&set.join("color"), &more.iter().map(String::as_str).collect::<Vec<_>>());
+        let project = Project::new(
+            &set.join("color"),
+            &more.iter().map(String::as_str).collect::<Vec<_>>(),
+        );
         project.reconstruct(&["--every", "3"]);
         assert_eq!(project.placed(), 167);
         let errors = project.errors(&set.join("sparse"));
         accuracy(&format!("kitchen, {name}"), &errors);
-        let rmse = errors.pointer("/error/centre/rmse").and_then(Value::as_f64).unwrap();
+        let rmse = errors
+            .pointer("/error/centre/rmse")
+            .and_then(Value::as_f64)
+            .unwrap();
         println!("kitchen, {name}: {:.1} cm", 100.0 * rmse);
         assert!(rmse <= 0.04);
     }
@@ -212,9 +293,15 @@ fn close_ups_are_added_to_a_standing_model() {
     for k in 0..11 {
         let name = format!("{k:04}.jpg");
         let image = image::open(set.join("images").join(&name)).unwrap();
-        image.resize_exact(384, 256, FilterType::Triangle).save(small.join(name.replace("jpg", "png"))).unwrap();
+        image
+            .resize_exact(384, 256, FilterType::Triangle)
+            .save(small.join(name.replace("jpg", "png")))
+            .unwrap();
         if [2, 5, 8].contains(&k) {
-            image.crop_imm(500, 300, 640, 480).save(crops.join(name.replace("jpg", "png"))).unwrap();
+            image
+                .crop_imm(500, 300, 640, 480)
+                .save(crops.join(name.replace("jpg", "png")))
+                .unwrap();
         }
     }
     let project = Project::new(&small, &[]);
@@ -224,7 +311,14 @@ fn close_ups_are_added_to_a_standing_model() {
     assert_eq!(project.placed(), 14, "{said}");
     let found = cameras(&project);
     let truth = poses(&set.join("sparse"));
-    let stem = |name: &str| Path::new(name).file_stem().unwrap().to_str().unwrap().to_owned();
+    let stem = |name: &str| {
+        Path::new(name)
+            .file_stem()
+            .unwrap()
+            .to_str()
+            .unwrap()
+            .to_owned()
+    };
     let pairs = found.iter().filter_map(|(name, pose)| {
         let (_, truth) = truth.iter().find(|(known, _)| stem(known) == stem(name))?;
         Some((*pose, *truth))
@@ -242,8 +336,10 @@ fn close_ups_are_added_to_a_standing_model() {
 fn two_cameras_in_one_set() {
     let Some(data) = data_dir() else { return };
     let dir = TempDir::new().unwrap();
-    let mut files: Vec<PathBuf> =
-        std::fs::read_dir(data.join("banana/images")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let mut files: Vec<PathBuf> = std::fs::read_dir(data.join("banana/images"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
     files.sort();
     for (number, file) in files.iter().enumerate() {
         let image = image::open(file).unwrap();
@@ -251,18 +347,30 @@ fn two_cameras_in_one_set() {
         let half = if number % 2 == 0 {
             image
         } else {
-            image.crop_imm(width / 8, height / 8, width * 3 / 4, height * 3 / 4).rotate90()
+            image
+                .crop_imm(width / 8, height / 8, width * 3 / 4, height * 3 / 4)
+                .rotate90()
         };
-        half.save(dir.path().join(format!("{number:02}.png"))).unwrap();
+        half.save(dir.path().join(format!("{number:02}.png")))
+            .unwrap();
     }
     let project = Project::new(dir.path(), &[]);
     let said = project.reconstruct(&[]);
     // DSC_0434, taken from low over the carpet, is recognised only under simulated tilts.
     assert_eq!(project.placed(), files.len(), "{said}");
     let out = dir.path().join("cameras");
-    project.done(&["export", &project.root(), "--cameras", out.to_str().unwrap()]);
+    project.done(&[
+        "export",
+        &project.root(),
+        "--cameras",
+        out.to_str().unwrap(),
+    ]);
     let list = std::fs::read_to_string(out.join("cameras.txt")).unwrap();
-    assert_eq!(list.lines().filter(|line| !line.starts_with('#')).count(), 2, "{list}");
+    assert_eq!(
+        list.lines().filter(|line| !line.starts_with('#')).count(),
+        2,
+        "{list}"
+    );
 }
 
 /// Pictures of the fountain, 384 pixels wide.
@@ -272,14 +380,18 @@ fn small_fountain(numbers: &[usize]) -> Option<TempDir> {
     for number in numbers {
         let image = image::open(images.join(format!("{number:04}.jpg"))).unwrap();
         let small = image.resize_exact(384, 256, FilterType::Triangle);
-        small.save(dir.path().join(format!("{number:04}.png"))).unwrap();
+        small
+            .save(dir.path().join(format!("{number:04}.png")))
+            .unwrap();
     }
     Some(dir)
 }
 
 #[test]
 fn the_model_is_the_same_for_any_number_of_threads() {
-    let Some(pictures) = small_fountain(&[2, 3, 4, 5, 6]) else { return };
+    let Some(pictures) = small_fountain(&[2, 3, 4, 5, 6]) else {
+        return;
+    };
     let model = |threads: &str| {
         let project = Project::new(pictures.path(), &[]);
         let run = Command::new(env!("CARGO_BIN_EXE_ostra"))
@@ -289,30 +401,49 @@ fn the_model_is_the_same_for_any_number_of_threads() {
             .unwrap();
         assert!(run.success());
         let sparse = project.dir.path().join("project/sparse");
-        ["cameras.txt", "images.txt", "points3D.txt"].map(|name| std::fs::read_to_string(sparse.join(name)).unwrap())
+        ["cameras.txt", "images.txt", "points3D.txt"]
+            .map(|name| std::fs::read_to_string(sparse.join(name)).unwrap())
     };
     assert!(model("1") == model("3"));
 }
 
 #[test]
 fn a_known_length_gives_the_unit() {
-    let Some(pictures) = small_fountain(&[2, 3, 4, 5]) else { return };
+    let Some(pictures) = small_fountain(&[2, 3, 4, 5]) else {
+        return;
+    };
     let project = Project::new(pictures.path(), &[]);
     project.reconstruct(&[]);
     let out = project.dir.path().join("before");
-    project.done(&["export", &project.root(), "--cameras", out.to_str().unwrap()]);
+    project.done(&[
+        "export",
+        &project.root(),
+        "--cameras",
+        out.to_str().unwrap(),
+    ]);
     // Two points of the model, each seen by frames 1 and 2, as the ends of a ruler.
     let (ends, distance) = two_points(&out);
     let pixels = |end: &[(usize, [f64; 2])], option: &str| -> Vec<String> {
-        end.iter().flat_map(|(frame, [x, y])| [option.to_owned(), format!("{frame},{x},{y}")]).collect()
+        end.iter()
+            .flat_map(|(frame, [x, y])| [option.to_owned(), format!("{frame},{x},{y}")])
+            .collect()
     };
     let more = [pixels(&ends[0], "--from"), pixels(&ends[1], "--to")].concat();
     let root = project.root();
     let args = ["scale", &root, "--length", "250"];
-    project.done(&[&args[..], &more.iter().map(String::as_str).collect::<Vec<_>>()].concat());
+    project.done(
+        &[
+            &args[..],
+            &more.iter().map(String::as_str).collect::<Vec<_>>(),
+        ]
+        .concat(),
+    );
     let centres = |poses: Vec<(String, Pose)>| poses[0].1.centre().distance(poses[3].1.centre());
     let factor = centres(cameras(&project)) / centres(poses(&out));
-    assert!((factor * distance / 250.0 - 1.0).abs() < 0.01, "{factor} · {distance}");
+    assert!(
+        (factor * distance / 250.0 - 1.0).abs() < 0.01,
+        "{factor} · {distance}"
+    );
 }
 
 /// Frames and the pixels at which they see a point.
@@ -322,25 +453,54 @@ type Sightings = Vec<(usize, [f64; 2])>;
 fn two_points(model: &Path) -> ([Sightings; 2], f64) {
     let lines = |name: &str| -> Vec<String> {
         let text = std::fs::read_to_string(model.join(name)).unwrap();
-        text.lines().filter(|line| !line.starts_with('#')).map(str::to_owned).collect()
+        text.lines()
+            .filter(|line| !line.starts_with('#'))
+            .map(str::to_owned)
+            .collect()
     };
     let images = lines("images.txt");
     let seen = |frame: usize| -> Vec<(i64, [f64; 2])> {
-        let words: Vec<f64> = images[2 * frame + 1].split(' ').map(|word| word.parse().unwrap()).collect();
-        words.chunks(3).map(|word| (word[2] as i64, [word[0], word[1]])).collect()
+        let words: Vec<f64> = images[2 * frame + 1]
+            .split(' ')
+            .map(|word| word.parse().unwrap())
+            .collect();
+        words
+            .chunks(3)
+            .map(|word| (word[2] as i64, [word[0], word[1]]))
+            .collect()
     };
     let (first, second) = (seen(1), seen(2));
     let both: Vec<(i64, [f64; 2], [f64; 2])> = first
         .iter()
         .filter(|(point, _)| *point > 0)
-        .filter_map(|&(point, at)| Some((point, at, second.iter().find(|(other, _)| *other == point)?.1)))
+        .filter_map(|&(point, at)| {
+            Some((
+                point,
+                at,
+                second.iter().find(|(other, _)| *other == point)?.1,
+            ))
+        })
         .collect();
-    let left = both.iter().min_by(|a, b| a.1[0].total_cmp(&b.1[0])).unwrap();
-    let right = both.iter().max_by(|a, b| a.1[0].total_cmp(&b.1[0])).unwrap();
+    let left = both
+        .iter()
+        .min_by(|a, b| a.1[0].total_cmp(&b.1[0]))
+        .unwrap();
+    let right = both
+        .iter()
+        .max_by(|a, b| a.1[0].total_cmp(&b.1[0]))
+        .unwrap();
     let position = |point: i64| -> glam::DVec3 {
         let points = lines("points3D.txt");
-        let line = points.iter().find(|line| line.starts_with(&format!("{point} "))).unwrap();
-        let words: Vec<f64> = line.split(' ').skip(1).take(3).map(|word| word.parse().unwrap()).collect();
+        let line = points
+            .iter()
+            .find(|line| line.starts_with(&format!("{point} ")))
+            .unwrap();
+        let words: Vec<f64> = line
+            .split(' ')
+            .skip(1)
+            .take(3)
+            .map(|word| word.parse().unwrap())
+            .collect();
         glam::DVec3::new(words[0], words[1], words[2])
     };
     let ends = [left, right].map(|&(_, a, b)| vec![(1, a), (2, b)]);
@@ -352,29 +512,69 @@ fn depth_gives_the_scale() {
     let Some(data) = data_dir() else { return };
     let set = data.join("redkitchen_rgbd_a");
     let depth = set.join("depth").display().to_string();
-    let more = ["--depth", &depth, "--intrinsics", "585,585,320.5,240.5", "--to", "60", "--every", "3"];
+    let more = [
+        "--depth",
+        &depth,
+        "--intrinsics",
+        "585,585,320.5,240.5",
+        "--to",
+        "60",
+        "--every",
+        "3",
+    ];
     let project = Project::new(&set.join("color"), &more);
     let said = project.reconstruct(&[]);
     assert!(said.contains("scale from"), "{said}");
     let out = project.dir.path().join("cameras");
-    project.done(&["export", &project.root(), "--cameras", out.to_str().unwrap()]);
+    project.done(&[
+        "export",
+        &project.root(),
+        "--cameras",
+        out.to_str().unwrap(),
+    ]);
     let truth = set.join("sparse");
-    let eval = ["eval", "cameras", "--truth", truth.to_str().unwrap(), "--result", out.to_str().unwrap()];
+    let eval = [
+        "eval",
+        "cameras",
+        "--truth",
+        truth.to_str().unwrap(),
+        "--result",
+        out.to_str().unwrap(),
+    ];
     let text = project.done(&[&eval[..], &["--align", "sim3", "--json"]].concat());
     let score: Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
-    let scale = score.pointer("/error/alignment/scale").and_then(Value::as_f64).unwrap();
+    let scale = score
+        .pointer("/error/alignment/scale")
+        .and_then(Value::as_f64)
+        .unwrap();
     println!("kitchen, scale from depth: {scale:.4} of the truth");
     assert!((scale - 1.0).abs() < 0.03, "{scale}");
 }
 
 #[test]
 fn undistorted_pictures_come_with_pinhole_cameras() {
-    let Some(pictures) = small_fountain(&[3, 4, 5]) else { return };
+    let Some(pictures) = small_fountain(&[3, 4, 5]) else {
+        return;
+    };
     let project = Project::new(pictures.path(), &[]);
     project.reconstruct(&[]);
     let out = project.dir.path().join("plain");
-    project.done(&["export", &project.root(), "--undistorted", out.to_str().unwrap()]);
+    project.done(&[
+        "export",
+        &project.root(),
+        "--undistorted",
+        out.to_str().unwrap(),
+    ]);
     let cameras = std::fs::read_to_string(out.join("sparse/cameras.txt")).unwrap();
-    assert!(cameras.lines().any(|line| line.contains(" PINHOLE 384 256 ")) && !cameras.contains("RADIAL"), "{cameras}");
-    assert_eq!(image::image_dimensions(out.join("images/0004.png")).unwrap(), (384, 256));
+    assert!(
+        cameras
+            .lines()
+            .any(|line| line.contains(" PINHOLE 384 256 "))
+            && !cameras.contains("RADIAL"),
+        "{cameras}"
+    );
+    assert_eq!(
+        image::image_dimensions(out.join("images/0004.png")).unwrap(),
+        (384, 256)
+    );
 }

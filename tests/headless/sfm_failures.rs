@@ -26,7 +26,10 @@ struct Pictures {
 impl Pictures {
     /// `None` where there is no real data.
     fn new() -> Option<Self> {
-        Some(Self { dir: TempDir::new().unwrap(), data: data_dir()? })
+        Some(Self {
+            dir: TempDir::new().unwrap(),
+            data: data_dir()?,
+        })
     }
 
     fn folder(&self) -> &Path {
@@ -40,7 +43,9 @@ impl Pictures {
     /// A picture of the real data, made small.
     fn small(&self, from: &str) -> RgbImage {
         let picture = image::open(self.data.join(from)).unwrap();
-        picture.resize_exact(WIDTH, HEIGHT, FilterType::Triangle).to_rgb8()
+        picture
+            .resize_exact(WIDTH, HEIGHT, FilterType::Triangle)
+            .to_rgb8()
     }
 
     fn put(&self, from: &str, name: &str) {
@@ -54,13 +59,18 @@ impl Pictures {
     /// Pictures of the fountain, one beside the other.
     fn fountain(&self, count: usize) {
         for k in 0..count {
-            self.put(&format!("strecha_fountain_P11/images/{k:04}.jpg"), &format!("fountain{k}.png"));
+            self.put(
+                &format!("strecha_fountain_P11/images/{k:04}.jpg"),
+                &format!("fountain{k}.png"),
+            );
         }
     }
 
     /// Views of a camera with a focal length of `focal` picture widths that turns on the spot by `step` degrees a view.
     fn turned(&self, views: u32, focal: f64, step: f64) {
-        let from = image::open(self.data.join("strecha_fountain_P11/images/0004.jpg")).unwrap().to_rgb8();
+        let from = image::open(self.data.join("strecha_fountain_P11/images/0004.jpg"))
+            .unwrap()
+            .to_rgb8();
         let focal_px = focal * f64::from(WIDTH);
         let from_focal_px = focal_px * f64::from(from.width()) / f64::from(WIDTH) / 1.6;
         for view in 0..views {
@@ -71,7 +81,8 @@ impl Pictures {
                 let across = (f64::from(x) + 0.5 - 0.5 * f64::from(WIDTH)) / focal_px;
                 let down = (f64::from(y) + 0.5 - 0.5 * f64::from(HEIGHT)) / focal_px;
                 let ray = turn * DVec3::new(across, down, 1.0);
-                let at = |along: f64, side: u32| from_focal_px * along / ray.z + 0.5 * f64::from(side);
+                let at =
+                    |along: f64, side: u32| from_focal_px * along / ray.z + 0.5 * f64::from(side);
                 between(&from, at(ray.x, from.width()), at(ray.y, from.height()))
             });
             picture.save(self.path(&format!("{view}.png"))).unwrap();
@@ -96,7 +107,10 @@ fn between(picture: &RgbImage, x: f64, y: f64) -> image::Rgb<u8> {
 /// Runs what must fail: exit code 1, nothing said of a result, no panic, and one line that tells why.
 fn refused(args: &[&str]) -> String {
     let output = ostra(args);
-    let (said, why) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
+    let (said, why) = (
+        String::from_utf8(output.stdout).unwrap(),
+        String::from_utf8(output.stderr).unwrap(),
+    );
     assert_eq!(output.status.code(), Some(1), "{args:?}: {said}{why}");
     assert!(said.is_empty() && !why.contains("panicked"), "{said}{why}");
     let mut lines = why.lines().filter(|line| line.starts_with("ostra: "));
@@ -109,7 +123,11 @@ fn refused(args: &[&str]) -> String {
 fn no_cameras(pictures: &Path, more: &[&str]) -> String {
     let project = Project::new(pictures, more);
     let why = refused(&["reconstruct", &project.root(), "--method", "sfm"]);
-    assert!(project.info()["results"]["cameras"].is_null(), "{}", project.info());
+    assert!(
+        project.info()["results"]["cameras"].is_null(),
+        "{}",
+        project.info()
+    );
     why
 }
 
@@ -117,56 +135,86 @@ fn no_cameras(pictures: &Path, more: &[&str]) -> String {
 fn reason<'a>(said: &'a str, frame: &str) -> &'a str {
     let begin = format!("warning: {frame} has no camera: ");
     let mut told = said.lines().filter_map(|line| line.strip_prefix(&begin));
-    let first = told.next().unwrap_or_else(|| panic!("nothing is said of {frame}: {said}"));
+    let first = told
+        .next()
+        .unwrap_or_else(|| panic!("nothing is said of {frame}: {said}"));
     assert_eq!(told.next(), None, "{said}");
     first
 }
 
 fn left_out(said: &str) -> usize {
-    said.lines().filter(|line| line.contains(" has no camera: ")).count()
+    said.lines()
+        .filter(|line| line.contains(" has no camera: "))
+        .count()
 }
 
 #[test]
 fn pictures_of_different_things_are_refused_with_the_two_nearest() {
-    let Some(pictures) = Pictures::new() else { return };
+    let Some(pictures) = Pictures::new() else {
+        return;
+    };
     let things = [
         ("strecha_fountain_P11/images", "fountain.png"),
         ("sceaux_castle/images", "castle.png"),
         ("redkitchen_rgbd_a/color", "kitchen.png"),
     ];
     for (folder, name) in &things {
-        pictures.put(first_in(&pictures.data.join(folder)).to_str().unwrap(), name);
+        pictures.put(
+            first_in(&pictures.data.join(folder)).to_str().unwrap(),
+            name,
+        );
     }
     let why = no_cameras(pictures.folder(), &[]);
-    assert!(why.starts_with("ostra: no two pictures show the same: the nearest are "), "{why}");
-    assert!(things.iter().filter(|(_, name)| why.contains(name)).count() == 2, "{why}");
+    assert!(
+        why.starts_with("ostra: no two pictures show the same: the nearest are "),
+        "{why}"
+    );
+    assert!(
+        things.iter().filter(|(_, name)| why.contains(name)).count() == 2,
+        "{why}"
+    );
     assert!(why.contains("take pictures that overlap"), "{why}");
 }
 
 fn first_in(folder: &Path) -> PathBuf {
-    let mut files: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let mut files: Vec<PathBuf> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
     files.sort();
     files.swap_remove(0)
 }
 
 #[test]
 fn copies_of_one_picture_are_told_from_a_movement() {
-    let Some(pictures) = Pictures::new() else { return };
+    let Some(pictures) = Pictures::new() else {
+        return;
+    };
     for name in ["a.png", "b.png", "c.png"] {
         pictures.put("strecha_fountain_P11/images/0004.jpg", name);
     }
     let why = no_cameras(pictures.folder(), &[]);
-    assert!(why.contains("did not move at all: no pair of 3 that show the same (best a.png and b.png, "), "{why}");
+    assert!(
+        why.contains(
+            "did not move at all: no pair of 3 that show the same (best a.png and b.png, "
+        ),
+        "{why}"
+    );
     assert!(why.contains("move sideways between pictures"), "{why}");
 }
 
 #[test]
 fn a_camera_that_only_turned_is_told_so() {
-    let Some(pictures) = Pictures::new() else { return };
+    let Some(pictures) = Pictures::new() else {
+        return;
+    };
     pictures.turned(5, 1.08, 5.0);
     for more in [&[][..], &["--intrinsics", "518.4,518.4,240,160"]] {
         let why = no_cameras(pictures.folder(), more);
-        assert!(why.contains("the camera only turned, or did not move at all: no pair of 10"), "{more:?}: {why}");
+        assert!(
+            why.contains("the camera only turned, or did not move at all: no pair of 10"),
+            "{more:?}: {why}"
+        );
     }
 }
 
@@ -174,50 +222,83 @@ fn a_camera_that_only_turned_is_told_so() {
 #[test]
 fn a_camera_that_only_turned_is_told_so_far_from_the_guessed_focal_length() {
     for focal in [0.7, 0.9, 1.8] {
-        let Some(pictures) = Pictures::new() else { return };
+        let Some(pictures) = Pictures::new() else {
+            return;
+        };
         pictures.turned(6, focal, 5.0);
         let why = no_cameras(pictures.folder(), &[]);
-        assert!(why.contains("the camera only turned"), "focal {focal}: {why}");
+        assert!(
+            why.contains("the camera only turned"),
+            "focal {focal}: {why}"
+        );
     }
 }
 
 #[test]
 fn of_two_scenes_the_larger_is_kept_and_the_other_told() {
-    let Some(pictures) = Pictures::new() else { return };
+    let Some(pictures) = Pictures::new() else {
+        return;
+    };
     pictures.fountain(5);
     for k in 0..3 {
-        pictures.put(&format!("sceaux_castle/images/100_710{k}.jpg"), &format!("castle{k}.png"));
+        pictures.put(
+            &format!("sceaux_castle/images/100_710{k}.jpg"),
+            &format!("castle{k}.png"),
+        );
     }
     let project = Project::new(pictures.folder(), &[]);
     let said = project.reconstruct(&[]);
     assert_eq!(project.placed(), 5, "{said}");
-    assert!(cameras(&project).iter().all(|(name, _)| name.starts_with("fountain")), "{said}");
+    assert!(
+        cameras(&project)
+            .iter()
+            .all(|(name, _)| name.starts_with("fountain")),
+        "{said}"
+    );
     assert!(said.contains("5 of 8 frames by sift + nearest"), "{said}");
     for k in 0..3 {
         let why = reason(&said, &format!("castle{k}.png"));
-        assert!(why.starts_with("lies in model 2 of 3 images, which nothing joins with the one kept"), "{why}");
+        assert!(
+            why.starts_with("lies in model 2 of 3 images, which nothing joins with the one kept"),
+            "{why}"
+        );
     }
     assert_eq!(left_out(&said), 3, "{said}");
 }
 
 #[test]
 fn a_cut_off_image_is_named_from_the_start() {
-    let Some(pictures) = Pictures::new() else { return };
+    let Some(pictures) = Pictures::new() else {
+        return;
+    };
     pictures.fountain(2);
     pictures.put("strecha_fountain_P11/images/0002.jpg", "cut.jpg");
     let whole = std::fs::read(pictures.path("cut.jpg")).unwrap();
     std::fs::write(pictures.path("cut.jpg"), &whole[..whole.len() / 2]).unwrap();
     let at = TempDir::new().unwrap();
     let root = at.path().join("project").display().to_string();
-    let output = ostra(&["new", &root, "--frames", pictures.folder().to_str().unwrap()]);
+    let output = ostra(&[
+        "new",
+        &root,
+        "--frames",
+        pictures.folder().to_str().unwrap(),
+    ]);
     let warning = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success() && warning.contains("1 of 3 images cannot be read"), "{warning}");
-    assert!(warning.contains("cut.jpg: the image is damaged or cut off"), "{warning}");
+    assert!(
+        output.status.success() && warning.contains("1 of 3 images cannot be read"),
+        "{warning}"
+    );
+    assert!(
+        warning.contains("cut.jpg: the image is damaged or cut off"),
+        "{warning}"
+    );
 }
 
 #[test]
 fn pictures_that_go_bad_or_show_nothing_are_told_and_the_others_placed() {
-    let Some(pictures) = Pictures::new() else { return };
+    let Some(pictures) = Pictures::new() else {
+        return;
+    };
     pictures.fountain(4);
     pictures.black("black.png");
     for name in ["cut.jpg", "garbage.jpg", "gone.jpg", "resized.png"] {
@@ -228,15 +309,23 @@ fn pictures_that_go_bad_or_show_nothing_are_told_and_the_others_placed() {
     std::fs::write(pictures.path("cut.jpg"), &whole[..whole.len() / 2]).unwrap();
     std::fs::write(pictures.path("garbage.jpg"), "no picture").unwrap();
     std::fs::remove_file(pictures.path("gone.jpg")).unwrap();
-    RgbImage::new(300, 200).save(pictures.path("resized.png")).unwrap();
+    RgbImage::new(300, 200)
+        .save(pictures.path("resized.png"))
+        .unwrap();
     let said = project.reconstruct(&[]);
     assert_eq!(project.placed(), 4, "{said}");
     for (name, words) in [
-        ("black.png", "only 0 features; the picture is blurred, dark, without texture or masked"),
+        (
+            "black.png",
+            "only 0 features; the picture is blurred, dark, without texture or masked",
+        ),
         ("cut.jpg", "the image is damaged or cut off"),
         ("garbage.jpg", "this is not a JPEG, PNG, TIFF or WebP image"),
         ("gone.jpg", "is not there"),
-        ("resized.png", "it is 300 × 200 pixels now but was 480 × 320"),
+        (
+            "resized.png",
+            "it is 300 × 200 pixels now but was 480 × 320",
+        ),
     ] {
         let why = reason(&said, name);
         assert!(why.contains(words), "{name}: {why}");
@@ -246,89 +335,160 @@ fn pictures_that_go_bad_or_show_nothing_are_told_and_the_others_placed() {
 
 #[test]
 fn one_picture_is_too_few_and_two_are_enough() {
-    let Some(pictures) = Pictures::new() else { return };
+    let Some(pictures) = Pictures::new() else {
+        return;
+    };
     pictures.fountain(1);
     let why = no_cameras(pictures.folder(), &[]);
-    assert!(why.contains("no two pictures could be compared; give at least two pictures of the same scene"), "{why}");
+    assert!(
+        why.contains(
+            "no two pictures could be compared; give at least two pictures of the same scene"
+        ),
+        "{why}"
+    );
     pictures.fountain(2);
     let project = Project::new(pictures.folder(), &[]);
     let said = project.reconstruct(&[]);
     assert_eq!((project.placed(), left_out(&said)), (2, 0), "{said}");
     // Every 100th of two frames is one.
-    let why = refused(&["reconstruct", &project.root(), "--method", "sfm", "--every", "100"]);
+    let why = refused(&[
+        "reconstruct",
+        &project.root(),
+        "--method",
+        "sfm",
+        "--every",
+        "100",
+    ]);
     assert!(why.contains("no two pictures could be compared"), "{why}");
     assert_eq!(project.placed(), 2);
 }
 
 #[test]
 fn pictures_of_a_few_pixels_and_black_ones_do_no_harm() {
-    let Some(pictures) = Pictures::new() else { return };
+    let Some(pictures) = Pictures::new() else {
+        return;
+    };
     for k in 0..4 {
-        let small = image::imageops::thumbnail(&pictures.small("strecha_fountain_P11/images/0004.jpg"), 16, 16);
+        let small = image::imageops::thumbnail(
+            &pictures.small("strecha_fountain_P11/images/0004.jpg"),
+            16,
+            16,
+        );
         small.save(pictures.path(&format!("small{k}.png"))).unwrap();
         pictures.black(&format!("black{k}.png"));
     }
     for (name, width, height) in [("dot.png", 1, 1), ("line.png", 900, 1), ("bar.png", 2, 400)] {
-        RgbImage::from_fn(width, height, |x, y| image::Rgb([(7 * x + 11 * y) as u8; 3]))
-            .save(pictures.path(name))
-            .unwrap();
+        RgbImage::from_fn(width, height, |x, y| {
+            image::Rgb([(7 * x + 11 * y) as u8; 3])
+        })
+        .save(pictures.path(name))
+        .unwrap();
     }
     no_cameras(pictures.folder(), &[]);
 }
 
 #[test]
 fn pictures_without_features_are_told_so() {
-    let Some(pictures) = Pictures::new() else { return };
+    let Some(pictures) = Pictures::new() else {
+        return;
+    };
     (0..3).for_each(|k| pictures.black(&format!("{k}.png")));
     let why = no_cameras(pictures.folder(), &[]);
-    assert!(why.contains("features") && !why.contains("0 matches that do not agree"), "{why}");
+    assert!(
+        why.contains("features") && !why.contains("0 matches that do not agree"),
+        "{why}"
+    );
 }
 
 #[test]
 fn unrelated_pictures_added_to_a_model_change_nothing_of_it() {
-    let Some(pictures) = Pictures::new() else { return };
+    let Some(pictures) = Pictures::new() else {
+        return;
+    };
     pictures.fountain(5);
     let project = Project::new(pictures.folder(), &[]);
     project.reconstruct(&[]);
     let before = cameras(&project);
     assert_eq!(before.len(), 5);
-    let Some(others) = Pictures::new() else { return };
+    let Some(others) = Pictures::new() else {
+        return;
+    };
     let names = ["castle.png", "kitchen.png", "black.png"];
-    for (folder, name) in [("sceaux_castle/images", names[0]), ("redkitchen_rgbd_a/color", names[1])] {
+    for (folder, name) in [
+        ("sceaux_castle/images", names[0]),
+        ("redkitchen_rgbd_a/color", names[1]),
+    ] {
         others.put(first_in(&others.data.join(folder)).to_str().unwrap(), name);
     }
     others.black(names[2]);
-    project.done(&["add", &project.root(), "--frames", others.folder().to_str().unwrap()]);
+    project.done(&[
+        "add",
+        &project.root(),
+        "--frames",
+        others.folder().to_str().unwrap(),
+    ]);
     let said = project.done(&["reconstruct", &project.root()]);
     assert_eq!(project.info()["frames"].as_array().unwrap().len(), 8);
     assert!(said.contains("5 of 8 frames by sift + nearest"), "{said}");
     assert_eq!(cameras(&project), before, "{said}");
     for name in &names[..2] {
         let why = reason(&said, name);
-        assert!(why.contains("the nearest, do not agree with one camera movement"), "{why}");
+        assert!(
+            why.contains("the nearest, do not agree with one camera movement"),
+            "{why}"
+        );
     }
-    assert!(reason(&said, names[2]).starts_with("only 0 features"), "{said}");
+    assert!(
+        reason(&said, names[2]).starts_with("only 0 features"),
+        "{said}"
+    );
     assert_eq!(left_out(&said), 3, "{said}");
     // What fails leaves the model as it was.
-    refused(&["reconstruct", &project.root(), "--method", "sfm", "--only-labelled"]);
+    refused(&[
+        "reconstruct",
+        &project.root(),
+        "--method",
+        "sfm",
+        "--only-labelled",
+    ]);
     assert_eq!(cameras(&project), before);
 }
 
 /// Reconstructs and stops as soon as so many frames are in the map; gives how many have cameras then.
 fn stopped_with(session: &mut Session, enough: usize) -> usize {
-    let request = ReconstructRequest { method: ReconstructMethod::Sfm, ..ReconstructRequest::default() };
+    let request = ReconstructRequest {
+        method: ReconstructMethod::Sfm,
+        ..ReconstructRequest::default()
+    };
     session.act(Request::Reconstruct(request)).unwrap();
     let events = session.settle(|jobs| {
         let is_enough = |job: &JobView| job.report.stage == "map" && job.report.done >= enough;
-        if jobs.iter().any(is_enough) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if jobs.iter().any(is_enough) {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
     });
-    assert!(events.iter().any(|event| matches!(event, Event::Stopped { .. })), "{events:?}");
-    session.project().unwrap().frames.iter().filter(|frame| frame.posed_camera().is_some()).count()
+    assert!(
+        events
+            .iter()
+            .any(|event| matches!(event, Event::Stopped { .. })),
+        "{events:?}"
+    );
+    session
+        .project()
+        .unwrap()
+        .frames
+        .iter()
+        .filter(|frame| frame.posed_camera().is_some())
+        .count()
 }
 
 #[test]
 fn a_run_that_is_stopped_keeps_what_it_placed_but_replaces_nothing_larger() {
-    let Some(pictures) = Pictures::new() else { return };
+    let Some(pictures) = Pictures::new() else {
+        return;
+    };
     pictures.fountain(11);
     let project = Project::new(pictures.folder(), &[]);
     let mut session = Session::new();
@@ -336,9 +496,20 @@ fn a_run_that_is_stopped_keeps_what_it_placed_but_replaces_nothing_larger() {
     session.settle(|_| ControlFlow::Continue(()));
     let kept = stopped_with(&mut session, 4);
     assert!((4..11).contains(&kept), "{kept}");
-    assert_eq!(stopped_with(&mut session, 0), kept, "stopped before it had as many");
+    assert_eq!(
+        stopped_with(&mut session, 0),
+        kept,
+        "stopped before it had as many"
+    );
     session.act(Request::Undo).unwrap();
-    assert!(session.project().unwrap().frames.iter().all(|frame| frame.posed_camera().is_none()));
+    assert!(
+        session
+            .project()
+            .unwrap()
+            .frames
+            .iter()
+            .all(|frame| frame.posed_camera().is_none())
+    );
     session.act(Request::Redo).unwrap();
     session.save().unwrap();
     drop(session);

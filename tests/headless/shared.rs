@@ -7,7 +7,11 @@ fn each_data_set_says_what_it_is() {
     let Some(data) = data_dir() else { return };
     for entry in std::fs::read_dir(data).unwrap() {
         let path = entry.unwrap().path();
-        assert!(!path.is_dir() || path.join("README.md").is_file(), "{} has no README.md", path.display());
+        assert!(
+            !path.is_dir() || path.join("README.md").is_file(),
+            "{} has no README.md",
+            path.display()
+        );
     }
 }
 
@@ -16,6 +20,10 @@ fn no_network_is_an_empty_file() {
     let Some(models) = models_dir() else { return };
     for entry in std::fs::read_dir(models).unwrap() {
         let path = entry.unwrap().path();
-        assert!(path.metadata().unwrap().len() > 0, "{} is empty", path.display());
+        assert!(
+            path.metadata().unwrap().len() > 0,
+            "{} is empty",
+            path.display()
+        );
     }
 }

@@ -10,7 +10,9 @@ use crate::support::film::has_ffmpeg;
 fn voted(recording: &Recording) -> String {
     let project = recording.project();
     done(&["label", &project, "thing", "--color", "#d02818"]);
-    done(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    done(&[
+        "prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24",
+    ]);
     done(&["track", &project, "--tracker", "geometry"]);
     assert!(refused(&["shot", &project, &recording.path("early.png")]).contains("fuse"));
     done(&["fuse", &project, "--voxel", "0.01"]);
@@ -31,17 +33,29 @@ fn every_colour_shows_what_it_says_in_the_middle_of_the_thing() {
         ("normals", [128, 128, 0]),
     ];
     for (color, wanted) in wanted {
-        done(&["shot", &project, &shot, "--color", color, "--size", "200x160"]);
+        done(&[
+            "shot", &project, &shot, "--color", color, "--size", "200x160",
+        ]);
         let picture = image::open(&shot).unwrap().to_rgb8();
         assert_eq!(picture.dimensions(), (200, 160));
         let middle = picture.get_pixel(100, 80).0;
-        assert!(middle.iter().zip(wanted).all(|(a, b)| a.abs_diff(b) <= 8), "{color}: {middle:?}");
+        assert!(
+            middle.iter().zip(wanted).all(|(a, b)| a.abs_diff(b) <= 8),
+            "{color}: {middle:?}"
+        );
     }
-    done(&["shot", &project, &shot, "--color", "height", "--size", "200x160"]);
+    done(&[
+        "shot", &project, &shot, "--color", "height", "--size", "200x160",
+    ]);
     let picture = image::open(&shot).unwrap().to_rgb8();
     let [above, below] = [55, 105].map(|y| picture.get_pixel(100, y).0);
-    assert!(above[0] > below[0] && above[1] > below[1], "yellow {above:?} is above violet {below:?}");
-    let said = refused(&["shot", &project, &shot, "--color", "views", "--model", "mesh"]);
+    assert!(
+        above[0] > below[0] && above[1] > below[1],
+        "yellow {above:?} is above violet {below:?}"
+    );
+    let said = refused(&[
+        "shot", &project, &shot, "--color", "views", "--model", "mesh",
+    ]);
     assert!(said.contains("--model cloud"), "{said}");
 }
 
@@ -51,12 +65,31 @@ fn a_transparent_picture_covers_what_is_drawn_and_nothing_else() {
     let project = voted(&recording);
     for (model, partly) in [("cloud", false), ("mesh", true)] {
         let shot = recording.path("shot.png");
-        done(&["shot", &project, &shot, "--model", model, "--transparent", "--size", "400x100"]);
+        done(&[
+            "shot",
+            &project,
+            &shot,
+            "--model",
+            model,
+            "--transparent",
+            "--size",
+            "400x100",
+        ]);
         let picture = image::open(&shot).unwrap();
         assert!(picture.color().has_alpha(), "{model}");
         let picture = picture.to_rgba8();
-        assert_eq!((picture.get_pixel(200, 50).0[3], picture.get_pixel(2, 50).0[3]), (255, 0), "{model}");
-        let between = picture.pixels().filter(|pixel| !matches!(pixel.0[3], 0 | 255)).count();
+        assert_eq!(
+            (
+                picture.get_pixel(200, 50).0[3],
+                picture.get_pixel(2, 50).0[3]
+            ),
+            (255, 0),
+            "{model}"
+        );
+        let between = picture
+            .pixels()
+            .filter(|pixel| !matches!(pixel.0[3], 0 | 255))
+            .count();
         assert_eq!(between > 0, partly, "{model}: borders of a mesh are smooth");
     }
 }
@@ -66,18 +99,44 @@ fn a_turntable_film_has_the_pictures_asked_for_and_names_what_is_missing() {
     let recording = Recording::new();
     let project = voted(&recording);
     let (shot, film) = (recording.path("shot.png"), recording.path("turn.mp4"));
-    let words = ["shot", &project, &shot, "--size", "161x120", "--turntable", &film, "--seconds", "1", "--fps", "6"];
-    let without = Command::new(env!("CARGO_BIN_EXE_ostra")).args(words).env("PATH", "").output().unwrap();
+    let words = [
+        "shot",
+        &project,
+        &shot,
+        "--size",
+        "161x120",
+        "--turntable",
+        &film,
+        "--seconds",
+        "1",
+        "--fps",
+        "6",
+    ];
+    let without = Command::new(env!("CARGO_BIN_EXE_ostra"))
+        .args(words)
+        .env("PATH", "")
+        .output()
+        .unwrap();
     let said = String::from_utf8_lossy(&without.stderr).into_owned();
-    assert!(without.status.code() == Some(1) && said.contains("install ffmpeg"), "{said}");
+    assert!(
+        without.status.code() == Some(1) && said.contains("install ffmpeg"),
+        "{said}"
+    );
     if !has_ffmpeg() {
         return;
     }
     done(&words);
-    let count =
-        "-v error -count_frames -select_streams v:0 -show_entries stream=width,height,nb_read_frames -of csv=p=0";
-    let probed = Command::new("ffprobe").args(count.split(' ')).arg(&film).output().unwrap();
-    assert_eq!(String::from_utf8_lossy(&probed.stdout).trim(), "162,120,6", "odd sides get a column more");
+    let count = "-v error -count_frames -select_streams v:0 -show_entries stream=width,height,nb_read_frames -of csv=p=0";
+    let probed = Command::new("ffprobe")
+        .args(count.split(' '))
+        .arg(&film)
+        .output()
+        .unwrap();
+    assert_eq!(
+        String::from_utf8_lossy(&probed.stdout).trim(),
+        "162,120,6",
+        "odd sides get a column more"
+    );
     assert!(!Path::new(&recording.path("turn.part.mp4")).exists());
 }
 
@@ -100,15 +159,34 @@ fn a_film_that_was_cut_short_is_an_error() {
          head -c 1500 \"$file\" > \"$file.short\"\nmv \"$file.short\" \"$file\"\n"
     );
     std::fs::write(format!("{programs}/ffmpeg"), short).unwrap();
-    std::fs::set_permissions(format!("{programs}/ffmpeg"), PermissionsExt::from_mode(0o755)).unwrap();
-    let words = ["shot", &project, &shot, "--size", "160x120", "--turntable", &film, "--seconds", "1", "--fps", "6"];
+    std::fs::set_permissions(
+        format!("{programs}/ffmpeg"),
+        PermissionsExt::from_mode(0o755),
+    )
+    .unwrap();
+    let words = [
+        "shot",
+        &project,
+        &shot,
+        "--size",
+        "160x120",
+        "--turntable",
+        &film,
+        "--seconds",
+        "1",
+        "--fps",
+        "6",
+    ];
     let output = Command::new(env!("CARGO_BIN_EXE_ostra"))
         .args(words)
         .env("PATH", format!("{programs}:{path}"))
         .output()
         .unwrap();
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.code() == Some(1) && said.contains("of 6 pictures"), "{said}");
+    assert!(
+        output.status.code() == Some(1) && said.contains("of 6 pictures"),
+        "{said}"
+    );
     assert!(!Path::new(&film).exists());
     done(&words);
 }

@@ -18,11 +18,21 @@ use crate::support::data_dir;
 fn project(set: &Path, frames: usize) -> Project {
     let last = (frames - 1).to_string();
     let cameras = set.join("sparse");
-    Project::new(&set.join("images"), &["--cameras", cameras.to_str().unwrap(), "--to", &last])
+    Project::new(
+        &set.join("images"),
+        &["--cameras", cameras.to_str().unwrap(), "--to", &last],
+    )
 }
 
 fn stereo(project: &Project, side: u32) -> String {
-    project.done(&["reconstruct", &project.root(), "--method", "mvs", "--max-side", &side.to_string()])
+    project.done(&[
+        "reconstruct",
+        &project.root(),
+        "--method",
+        "mvs",
+        "--max-side",
+        &side.to_string(),
+    ])
 }
 
 /// The fused cloud against the set's reference points, at three distances. The pictures tell what each camera sees.
@@ -30,24 +40,54 @@ fn score(project: &Project, set: &Path, within: &str) -> Value {
     let dir = TempDir::new().unwrap();
     let cloud = dir.path().join("cloud.ply");
     project.done(&["fuse", &project.root()]);
-    project.done(&["export", &project.root(), "--cloud", cloud.to_str().unwrap()]);
+    project.done(&[
+        "export",
+        &project.root(),
+        "--cloud",
+        cloud.to_str().unwrap(),
+    ]);
     let (truth, cameras) = (set.join("sparse_reference.ply"), dir.path().join("cameras"));
-    project.done(&["export", &project.root(), "--cameras", cameras.to_str().unwrap()]);
+    project.done(&[
+        "export",
+        &project.root(),
+        "--cameras",
+        cameras.to_str().unwrap(),
+    ]);
     let [truth, cloud, cameras] = [&truth, &cloud, &cameras].map(|path| path.to_str().unwrap());
     let root = project.root();
     let seen = ["--within", within, "--cameras", cameras, "--min-views", "3"];
     let scored = |how: &[&str]| -> Value {
-        let text = project.done(&[&["eval", "cloud", "--truth", truth, "--result", cloud, "--json"], how].concat());
+        let text = project.done(
+            &[
+                &[
+                    "eval", "cloud", "--truth", truth, "--result", cloud, "--json",
+                ],
+                how,
+            ]
+            .concat(),
+        );
         serde_json::from_str(text.lines().last().unwrap()).unwrap()
     };
-    let (told, guessed) = (scored(&[&seen[..], &["--frames", &root]].concat()), scored(&seen));
+    let (told, guessed) = (
+        scored(&[&seen[..], &["--frames", &root]].concat()),
+        scored(&seen),
+    );
     assert_ne!(told["compared_in_depth"], guessed["compared_in_depth"]);
-    assert_eq!(completeness(&told), completeness(&guessed), "pictures tell of the share in depth alone");
+    assert_eq!(
+        completeness(&told),
+        completeness(&guessed),
+        "pictures tell of the share in depth alone"
+    );
     told
 }
 
 fn completeness(score: &Value) -> Vec<f64> {
-    score["surface"].as_array().unwrap().iter().map(|at| at["completeness"].as_f64().unwrap()).collect()
+    score["surface"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|at| at["completeness"].as_f64().unwrap())
+        .collect()
 }
 
 /// Pairs below which a share in depth tells little.
@@ -57,9 +97,15 @@ const LEAST_PAIRS: u64 = 2000;
 fn shares(score: &Value) -> (Vec<f64>, f64) {
     let surface = score["surface"].as_array().unwrap();
     let pairs = score["compared_in_depth"].as_u64().unwrap();
-    println!("{} points; {pairs} pairs in depth; {surface:?}", score["result_points"]);
+    println!(
+        "{} points; {pairs} pairs in depth; {surface:?}",
+        score["result_points"]
+    );
     assert!(pairs > LEAST_PAIRS, "{pairs} pairs compared in depth");
-    (completeness(score), surface.last().unwrap()["in_depth"].as_f64().unwrap())
+    (
+        completeness(score),
+        surface.last().unwrap()["in_depth"].as_f64().unwrap(),
+    )
 }
 
 #[test]
@@ -84,14 +130,21 @@ fn fountain_with_true_cameras() {
     stereo(&project, 640);
     let score = score(&project, &set, "0.01,0.02,0.05,0.03");
     let (complete, in_depth) = shares(&score);
-    assert!(complete[0] >= 0.72 && complete[1] >= 0.92 && complete[2] >= 0.98, "{complete:?}");
+    assert!(
+        complete[0] >= 0.72 && complete[1] >= 0.92 && complete[2] >= 0.98,
+        "{complete:?}"
+    );
     assert!(in_depth >= 0.955, "{in_depth}");
     assert!(score["result_points"].as_f64().unwrap() <= 1.5 * 393_656.0);
 }
 
 fn request() -> Command {
     let method = ReconstructMethod::Mvs;
-    Command::Reconstruct(ReconstructRequest { method, max_side: Some(200), ..ReconstructRequest::default() })
+    Command::Reconstruct(ReconstructRequest {
+        method,
+        max_side: Some(200),
+        ..ReconstructRequest::default()
+    })
 }
 
 /// Runs stereo and stops it in a stage after so many views, looking without a pause; gives what was said.
@@ -99,7 +152,11 @@ fn stopped(session: &mut Session, stage: &str, views: usize) -> Vec<Event> {
     session.act(request()).unwrap();
     let mut events = Vec::new();
     while !session.jobs().is_empty() {
-        if session.jobs().iter().any(|job| job.report.stage == stage && job.report.done >= views) {
+        if session
+            .jobs()
+            .iter()
+            .any(|job| job.report.stage == stage && job.report.done >= views)
+        {
             session.act(Command::Stop).unwrap();
         }
         events.extend(session.poll());
@@ -114,31 +171,50 @@ fn stopped(session: &mut Session, stage: &str, views: usize) -> Vec<Event> {
 fn stopped_in_turn(parts: &Project) -> Option<Session> {
     const DAMAGED_BYTES: u64 = 100;
     let mut session = opened(parts);
-    let (mut first, mut damaged): (Vec<(PathBuf, SystemTime)>, Option<PathBuf>) = (Vec::new(), None);
+    let (mut first, mut damaged): (Vec<(PathBuf, SystemTime)>, Option<PathBuf>) =
+        (Vec::new(), None);
     for (stage, views) in [("depth", 2), ("consistent depth", 1), ("complete", 1)] {
         let events = stopped(&mut session, stage, views);
-        if !events.iter().any(|event| matches!(event, Event::Stopped { .. })) {
+        if !events
+            .iter()
+            .any(|event| matches!(event, Event::Stopped { .. }))
+        {
             println!("{stage}: {events:?}");
             return None;
         }
         let frames = &session.project().unwrap().frames;
-        assert!(frames.iter().all(|frame| frame.depth.is_none()), "depths stand when they are done");
+        assert!(
+            frames.iter().all(|frame| frame.depth.is_none()),
+            "depths stand when they are done"
+        );
         let kept = rounds(&parts.root());
-        let is_later = |(path, _): &(PathBuf, SystemTime)| !path.parent().unwrap().ends_with("rounds/0");
+        let is_later =
+            |(path, _): &(PathBuf, SystemTime)| !path.parent().unwrap().ends_with("rounds/0");
         if kept.is_empty() || stage == "depth" && kept.iter().any(is_later) {
             println!("{stage}: stopped too late");
             return None;
         }
-        let again = first.iter().find(|(path, made)| kept.iter().any(|(other, now)| other == path && now != made));
+        let again = first
+            .iter()
+            .find(|(path, made)| kept.iter().any(|(other, now)| other == path && now != made));
         assert!(again.is_none(), "{stage}: made anew: {again:?}");
         first = kept;
         if stage == "depth" {
             let (path, _) = first.remove(0);
-            std::fs::OpenOptions::new().write(true).open(&path).unwrap().set_len(DAMAGED_BYTES).unwrap();
+            std::fs::OpenOptions::new()
+                .write(true)
+                .open(&path)
+                .unwrap()
+                .set_len(DAMAGED_BYTES)
+                .unwrap();
             damaged = Some(path);
         } else {
-            let is_damaged = |path: &PathBuf| path.metadata().is_ok_and(|now| now.len() == DAMAGED_BYTES);
-            assert!(!damaged.as_ref().is_some_and(is_damaged), "{stage}: left as it was: {damaged:?}");
+            let is_damaged =
+                |path: &PathBuf| path.metadata().is_ok_and(|now| now.len() == DAMAGED_BYTES);
+            assert!(
+                !damaged.as_ref().is_some_and(is_damaged),
+                "{stage}: left as it was: {damaged:?}"
+            );
         }
     }
     Some(session)
@@ -155,7 +231,12 @@ fn depth_maps(root: &str) -> Vec<(String, Vec<u8>)> {
     let files = std::fs::read_dir(Path::new(root).join("depths")).unwrap();
     let mut maps: Vec<(String, Vec<u8>)> = files
         .map(|file| file.unwrap().path())
-        .map(|path| (path.file_name().unwrap().to_string_lossy().into_owned(), std::fs::read(&path).unwrap()))
+        .map(|path| {
+            (
+                path.file_name().unwrap().to_string_lossy().into_owned(),
+                std::fs::read(&path).unwrap(),
+            )
+        })
         .collect();
     maps.sort();
     maps
@@ -164,11 +245,18 @@ fn depth_maps(root: &str) -> Vec<(String, Vec<u8>)> {
 /// The depth maps of all rounds and of the filter that lie there, and when they were made.
 fn rounds(root: &str) -> Vec<(PathBuf, SystemTime)> {
     let folder = Path::new(root).join("versions/depths-1/rounds");
-    let stages = (0..9).map(|round| round.to_string()).chain(["filtered".to_owned()]);
+    let stages = (0..9)
+        .map(|round| round.to_string())
+        .chain(["filtered".to_owned()]);
     let rounds = stages.filter_map(|stage| std::fs::read_dir(folder.join(stage)).ok());
     // What is being written has another ending, and may be gone at the next look.
-    let files = rounds.flatten().map(|file| file.unwrap().path()).filter(|path| path.extension().unwrap() == "tiff");
-    files.map(|path| (path.clone(), path.metadata().unwrap().modified().unwrap())).collect()
+    let files = rounds
+        .flatten()
+        .map(|file| file.unwrap().path())
+        .filter(|path| path.extension().unwrap() == "tiff");
+    files
+        .map(|path| (path.clone(), path.metadata().unwrap().modified().unwrap()))
+        .collect()
 }
 
 #[test]
@@ -186,12 +274,19 @@ fn a_stopped_run_goes_on_where_it_was_and_comes_to_the_same() {
         let parts = project(&set, 5);
         stopped_in_turn(&parts).map(|session| (parts, session))
     };
-    let (parts, mut session) = (0..8).find_map(in_turn).expect("a run can be stopped in every stage");
+    let (parts, mut session) = (0..8)
+        .find_map(in_turn)
+        .expect("a run can be stopped in every stage");
     session.act(request()).unwrap();
     session.settle(|_| ControlFlow::Continue(()));
     session.save().unwrap();
     let project = session.project().unwrap();
-    assert!(project.frames.iter().all(|frame| matches!(frame.depth, Some(DepthSource::Made { .. }))));
+    assert!(
+        project
+            .frames
+            .iter()
+            .all(|frame| matches!(frame.depth, Some(DepthSource::Made { .. })))
+    );
     drop(session);
     let (once, twice) = (depth_maps(&whole.root()), depth_maps(&parts.root()));
     assert_eq!(once.len(), 5);
@@ -203,17 +298,29 @@ fn a_killed_run_goes_on_and_comes_to_the_same() {
     let Some(data) = data_dir() else { return };
     let set = data.join("strecha_fountain_P11");
     let (whole, killed) = (project(&set, 4), project(&set, 4));
-    let args = |root: &str| ["reconstruct", root, "--method", "mvs", "--max-side", "320"].map(str::to_owned);
+    let args = |root: &str| {
+        ["reconstruct", root, "--method", "mvs", "--max-side", "320"].map(str::to_owned)
+    };
     assert!(ostra(&args(&whole.root())).status.success());
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ostra"));
-    let mut child = command.args(args(&killed.root())).stderr(std::process::Stdio::null()).spawn().unwrap();
+    let mut child = command
+        .args(args(&killed.root()))
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
     while rounds(&killed.root()).len() < 2 {
-        assert!(child.try_wait().unwrap().is_none(), "it was done before it could be killed");
+        assert!(
+            child.try_wait().unwrap().is_none(),
+            "it was done before it could be killed"
+        );
         std::thread::yield_now();
     }
     child.kill().unwrap();
     child.wait().unwrap();
-    assert!(killed.info()["results"]["depths"].is_null(), "depths stand when they are done");
+    assert!(
+        killed.info()["results"]["depths"].is_null(),
+        "depths stand when they are done"
+    );
     assert!(ostra(&args(&killed.root())).status.success());
     let (once, twice) = (depth_maps(&whole.root()), depth_maps(&killed.root()));
     assert_eq!(once.len(), 4);
@@ -242,7 +349,10 @@ fn a_cloud_grows_while_depth_is_made() {
     }
     assert_eq!((seen[0], session.growing_cloud()), (0, None), "{seen:?}");
     let rising = seen.windows(2).filter(|pair| pair[1] > pair[0]).count();
-    assert!(rising >= 3 && seen.iter().any(|&points| points > 10_000), "{seen:?}");
+    assert!(
+        rising >= 3 && seen.iter().any(|&points| points > 10_000),
+        "{seen:?}"
+    );
 }
 
 #[test]
@@ -261,10 +371,20 @@ fn what_cannot_have_depth_is_told_and_the_rest_is_done() {
     std::fs::remove_file(pictures.path().join("0004.jpg")).unwrap();
     let said = stereo(&project, 200);
     assert!(said.contains("3 of 5 views"), "{said}");
-    assert!(said.contains("0003.jpg has no depth: all its pixels are alike"), "{said}");
-    assert!(said.contains("0004.jpg has no depth") && said.contains("is not there"), "{said}");
-    let depths: Vec<bool> =
-        project.info()["frames"].as_array().unwrap().iter().map(|frame| frame["depth"].as_bool().unwrap()).collect();
+    assert!(
+        said.contains("0003.jpg has no depth: all its pixels are alike"),
+        "{said}"
+    );
+    assert!(
+        said.contains("0004.jpg has no depth") && said.contains("is not there"),
+        "{said}"
+    );
+    let depths: Vec<bool> = project.info()["frames"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|frame| frame["depth"].as_bool().unwrap())
+        .collect();
     assert_eq!(depths, [true, true, true, false, false]);
 }
 
@@ -278,13 +398,21 @@ fn two_views_are_enough_and_one_is_not() {
     let fused = two.done(&["fuse", &two.root()]);
     let header = std::fs::read(Path::new(&two.root()).join("cloud.ply")).unwrap();
     let header = String::from_utf8_lossy(&header[..400]).into_owned();
-    let points = header.lines().find_map(|line| line.strip_prefix("element vertex ")?.parse::<usize>().ok());
-    assert!(points.is_some_and(|points| points > 3000), "{fused}{header}");
+    let points = header
+        .lines()
+        .find_map(|line| line.strip_prefix("element vertex ")?.parse::<usize>().ok());
+    assert!(
+        points.is_some_and(|points| points > 3000),
+        "{fused}{header}"
+    );
     let one = project(&set, 1);
     let output = ostra(&["reconstruct", &one.root(), "--method", "mvs"]);
     let why = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(1), "{why}");
-    assert!(why.contains("no frame got depth: 0000.jpg has no depth: it shares too little"), "{why}");
+    assert!(
+        why.contains("no frame got depth: 0000.jpg has no depth: it shares too little"),
+        "{why}"
+    );
 }
 
 #[test]
@@ -296,16 +424,32 @@ fn depths_are_scaled_with_the_scene_and_made_anew_where_cameras_change() {
     let median = |to: &str| {
         let folder = TempDir::new().unwrap();
         let path = folder.path().join(to);
-        project.done(&["export", &project.root(), "--depths", path.to_str().unwrap()]);
+        project.done(&[
+            "export",
+            &project.root(),
+            "--depths",
+            path.to_str().unwrap(),
+        ]);
         let file = std::fs::File::open(path.join("0001.tiff")).unwrap();
         let mut decoder = tiff::decoder::Decoder::new(std::io::BufReader::new(file)).unwrap();
-        let tiff::decoder::DecodingResult::F32(mut depths) = decoder.read_image().unwrap() else { panic!() };
+        let tiff::decoder::DecodingResult::F32(mut depths) = decoder.read_image().unwrap() else {
+            panic!()
+        };
         depths.retain(|&depth| depth > 0.0);
         depths.sort_unstable_by(f32::total_cmp);
         f64::from(depths[depths.len() / 2])
     };
     let before = median("before");
-    let ends = ["--from", "0,700,500", "--from", "1,650,500", "--to", "0,900,700", "--to", "1,850,700"];
+    let ends = [
+        "--from",
+        "0,700,500",
+        "--from",
+        "1,650,500",
+        "--to",
+        "0,900,700",
+        "--to",
+        "1,850,700",
+    ];
     project.done(&[&["scale", &project.root(), "--length", "10"][..], &ends].concat());
     let factor = median("scaled") / before;
     assert!((factor - 1.0).abs() > 0.1, "{factor}");
@@ -318,6 +462,9 @@ fn depths_are_scaled_with_the_scene_and_made_anew_where_cameras_change() {
     // Other cameras: what was fused of the standing depths is stale, and that is said.
     project.done(&["reconstruct", &project.root(), "--method", "sfm"]);
     let said = project.done(&["fuse", &project.root()]);
-    assert!(said.contains("the depths were made with other cameras"), "{said}");
+    assert!(
+        said.contains("the depths were made with other cameras"),
+        "{said}"
+    );
     assert_eq!(project.info()["results"]["cloud"]["stale"], true);
 }

@@ -16,7 +16,9 @@ use super::sfm::Project;
 
 fn depth_of(file: &Path) -> Vec<f32> {
     let mut file = tiff::decoder::Decoder::new(std::fs::File::open(file).unwrap()).unwrap();
-    let tiff::decoder::DecodingResult::F32(depths) = file.read_image().unwrap() else { panic!("32-bit floats") };
+    let tiff::decoder::DecodingResult::F32(depths) = file.read_image().unwrap() else {
+        panic!("32-bit floats")
+    };
     depths
 }
 
@@ -43,44 +45,95 @@ fn share_near(points: impl Iterator<Item = glam::Vec3>, surface: &LabelledCloud)
     away.iter().filter(|&&away| away <= 0.002).count() as f64 / away.len() as f64
 }
 
-fn with_label(cloud: &LabelledCloud, wanted: impl Fn(LabelId) -> bool) -> impl Iterator<Item = glam::Vec3> {
-    cloud.positions.iter().zip(&cloud.labels).filter(move |(_, label)| wanted(**label)).map(|(&position, _)| position)
+fn with_label(
+    cloud: &LabelledCloud,
+    wanted: impl Fn(LabelId) -> bool,
+) -> impl Iterator<Item = glam::Vec3> {
+    cloud
+        .positions
+        .iter()
+        .zip(&cloud.labels)
+        .filter(move |(_, label)| wanted(**label))
+        .map(|(&position, _)| position)
 }
 
 #[test]
 fn the_made_scene_with_true_cameras_and_masks() {
     let dir = TempDir::new().unwrap();
     let path = |name: &str| dir.path().join(name).display().to_string();
-    let (scene, progress) = (Scene::build(&SceneOptions::default()).unwrap(), Progress::default());
+    let (scene, progress) = (
+        Scene::build(&SceneOptions::default()).unwrap(),
+        Progress::default(),
+    );
     scene.write(dir.path(), &progress).unwrap();
     let project = Project::new(&dir.path().join("color"), &["--cameras", &path("sparse")]);
     let root = project.root();
     project.done(&["reconstruct", &root, "--method", "mvs", "--max-side", "640"]);
     project.done(&["masks", &root, "import", &path("truth/masks")]);
     project.done(&["fuse", &root, "--drop-unlabelled"]);
-    let exports = ["--cloud", &path("cloud.ply"), "--mesh", &path("mesh.ply"), "--depths", &path("depths")];
+    let exports = [
+        "--cloud",
+        &path("cloud.ply"),
+        "--mesh",
+        &path("mesh.ply"),
+        "--depths",
+        &path("depths"),
+    ];
     project.done(&[&["export", &root][..], &exports].concat());
 
     let in_depth = share_in_depth(&scene, &dir.path().join("depths"));
-    let options = TruthOptions { surroundings_m: None, spacing_m: 0.0005, min_views: 0 };
+    let options = TruthOptions {
+        surroundings_m: None,
+        spacing_m: 0.0005,
+        min_views: 0,
+    };
     let surface = scene.cloud(&options, &progress).unwrap();
-    let cloud = read_ply(&dir.path().join("cloud.ply"), &progress).unwrap().cloud;
+    let cloud = read_ply(&dir.path().join("cloud.ply"), &progress)
+        .unwrap()
+        .cloud;
     let near = share_near(cloud.positions.iter().copied(), &surface);
-    let visible = TruthOptions { surroundings_m: None, ..TruthOptions::default() };
+    let visible = TruthOptions {
+        surroundings_m: None,
+        ..TruthOptions::default()
+    };
     let truth = scene.cloud(&visible, &progress).unwrap();
-    let options = CloudScoreOptions { within: vec![0.003], level: Some(Scene::CLASS_LEVEL), ..Default::default() };
+    let options = CloudScoreOptions {
+        within: vec![0.003],
+        level: Some(Scene::CLASS_LEVEL),
+        ..Default::default()
+    };
     let score = score_cloud(&truth, &cloud, &options, &progress).unwrap();
-    let iou: BTreeMap<&str, f64> = score.labels.iou.iter().map(|label| (label.name.as_str(), label.iou)).collect();
-    let is_stem =
-        |id: LabelId| scene.tree().path(id).iter().any(|&above| truth.tree.get(above).unwrap().name == "stem");
+    let iou: BTreeMap<&str, f64> = score
+        .labels
+        .iou
+        .iter()
+        .map(|label| (label.name.as_str(), label.iou))
+        .collect();
+    let is_stem = |id: LabelId| {
+        scene
+            .tree()
+            .path(id)
+            .iter()
+            .any(|&above| truth.tree.get(above).unwrap().name == "stem")
+    };
     let stems = share_near(with_label(&truth, is_stem), &cloud);
     println!("in depth {in_depth:.3}, within 2 mm {near:.4}, IoU {iou:?}, stems {stems:.3}");
     assert!(in_depth >= 0.93 && near >= 0.95 && stems >= 0.85);
-    assert!(iou.len() == 3 && iou.values().all(|&iou| iou >= 0.95), "{iou:?}");
+    assert!(
+        iou.len() == 3 && iou.values().all(|&iou| iou >= 0.95),
+        "{iou:?}"
+    );
 
-    let mesh = read_mesh(&dir.path().join("mesh.ply"), &progress).unwrap().vertices;
-    let (near, leaves) =
-        (share_near(mesh.positions.iter().copied(), &surface), share_near(with_label(&truth, |_| true), &mesh));
-    println!("mesh: {} vertices, within 2 mm {near:.4}, completeness {leaves:.4}", mesh.len());
+    let mesh = read_mesh(&dir.path().join("mesh.ply"), &progress)
+        .unwrap()
+        .vertices;
+    let (near, leaves) = (
+        share_near(mesh.positions.iter().copied(), &surface),
+        share_near(with_label(&truth, |_| true), &mesh),
+    );
+    println!(
+        "mesh: {} vertices, within 2 mm {near:.4}, completeness {leaves:.4}",
+        mesh.len()
+    );
     assert!(near >= 0.93 && leaves >= 0.90, "{near} {leaves}");
 }

@@ -16,7 +16,9 @@ use super::command_line::{Recording, contents, done, refused};
 fn fused(recording: &Recording) -> String {
     let project = recording.project();
     done(&["label", &project, "thing", "--color", "#d02818"]);
-    done(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    done(&[
+        "prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24",
+    ]);
     done(&["track", &project, "--tracker", "geometry"]);
     done(&["fuse", &project, "--voxel", "0.004"]);
     project
@@ -34,10 +36,19 @@ fn start(args: &[&str], folder: &Path) -> Child {
 
 #[cfg(unix)]
 fn interrupt(child: &Child) {
-    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert!(
+        Command::new("kill")
+            .args(["-INT", &child.id().to_string()])
+            .status()
+            .unwrap()
+            .success()
+    );
 }
 
-#[expect(clippy::disallowed_methods, reason = "a moment in the middle of another process's work")]
+#[expect(
+    clippy::disallowed_methods,
+    reason = "a moment in the middle of another process's work"
+)]
 fn pause(milliseconds: u64) {
     std::thread::sleep(Duration::from_millis(milliseconds));
 }
@@ -52,7 +63,9 @@ fn is_stopped_or_done(status: ExitStatus) -> bool {
 
 fn temporary_files(folder: &Path) -> Vec<String> {
     let all = contents(folder).into_iter().map(|(path, _)| path);
-    all.filter(|path| path.iter().any(is_temporary)).map(|path| path.display().to_string()).collect()
+    all.filter(|path| path.iter().any(is_temporary))
+        .map(|path| path.display().to_string())
+        .collect()
 }
 
 #[cfg(unix)]
@@ -66,18 +79,55 @@ fn every_command_ends_at_an_interrupt_and_leaves_whole_files_only() {
     std::fs::create_dir(&scratch).unwrap();
     let commands: [&[&str]; 13] = [
         &["shot", &project, "a.png", "--size", "8192x8192"],
-        &["shot", &project, "b.png", "--model", "voxels", "--size", "4096x4096"],
-        &["shot", &project, "c.png", "--model", "mesh", "--size", "4096x4096"],
+        &[
+            "shot",
+            &project,
+            "b.png",
+            "--model",
+            "voxels",
+            "--size",
+            "4096x4096",
+        ],
+        &[
+            "shot",
+            &project,
+            "c.png",
+            "--model",
+            "mesh",
+            "--size",
+            "4096x4096",
+        ],
         &["export", &project, "--voxels", "v.npz", "--solid"],
-        &["export", &project, "--cloud", "d.ply", "--mesh", "d.glb", "--depths", "depths", "--undistorted", "flat"],
+        &[
+            "export",
+            &project,
+            "--cloud",
+            "d.ply",
+            "--mesh",
+            "d.glb",
+            "--depths",
+            "depths",
+            "--undistorted",
+            "flat",
+        ],
         &["export", &project, "--traits", "t.csv"],
-        &["eval", "cloud", "--truth", &cloud, "--result", &cloud, "--within", "0.01"],
+        &[
+            "eval", "cloud", "--truth", &cloud, "--result", &cloud, "--within", "0.01",
+        ],
         &["eval", "masks", "--truth", &masks, "--result", &masks],
         &["masks", &project, "import", &masks],
         &["fuse", &project, "--voxel", "0.003"],
         &["doubt", &project],
         &["info", &project],
-        &["demo", "demo", "--headless", "--frames", "6", "--size", "96x128"],
+        &[
+            "demo",
+            "demo",
+            "--headless",
+            "--frames",
+            "6",
+            "--size",
+            "96x128",
+        ],
     ];
     for (number, command) in commands.into_iter().enumerate() {
         let mut stopped = 0;
@@ -86,9 +136,17 @@ fn every_command_ends_at_an_interrupt_and_leaves_whole_files_only() {
             pause(moment);
             interrupt(&child);
             let mut text = String::new();
-            child.stderr.take().unwrap().read_to_string(&mut text).unwrap();
+            child
+                .stderr
+                .take()
+                .unwrap()
+                .read_to_string(&mut text)
+                .unwrap();
             let status = child.wait().unwrap();
-            assert!(is_stopped_or_done(status), "{command:?} after {moment} ms: {status:?} {text}");
+            assert!(
+                is_stopped_or_done(status),
+                "{command:?} after {moment} ms: {status:?} {text}"
+            );
             if status.code() == Some(130) {
                 assert!(text.contains("ostra: stopped"), "{command:?}: {text}");
                 stopped += 1;
@@ -96,10 +154,16 @@ fn every_command_ends_at_an_interrupt_and_leaves_whole_files_only() {
             done(&["info", &project]);
         }
         // The largest image and the whole demo last longer than the moments.
-        assert!(stopped > 0 || !matches!(number, 0 | 12), "{command:?} went on after every interrupt");
+        assert!(
+            stopped > 0 || !matches!(number, 0 | 12),
+            "{command:?} went on after every interrupt"
+        );
     }
     done(&["export", &project, "--cloud", &recording.path("after.ply")]);
-    assert_eq!(temporary_files(Path::new(&recording.path(""))), [] as [String; 0]);
+    assert_eq!(
+        temporary_files(Path::new(&recording.path(""))),
+        [] as [String; 0]
+    );
 }
 
 /// A project of a stranger can name a pipe that has no writer: reading it would wait for ever.
@@ -111,9 +175,20 @@ fn a_pipe_in_the_place_of_an_image_is_refused() {
     done(&["label", &project, "thing"]);
     let pipe = recording.path("color/1.png");
     std::fs::remove_file(&pipe).unwrap();
-    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-    let said = refused(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
-    assert!(said.contains("1.png") && said.contains("a named pipe"), "{said}");
+    assert!(
+        Command::new("mkfifo")
+            .arg(&pipe)
+            .status()
+            .unwrap()
+            .success()
+    );
+    let said = refused(&[
+        "prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24",
+    ]);
+    assert!(
+        said.contains("1.png") && said.contains("a named pipe"),
+        "{said}"
+    );
 }
 
 /// A project and a fake ffmpeg that writes half a video and goes on; `make` starts a turntable with it.
@@ -130,29 +205,53 @@ impl Video {
     fn new() -> Self {
         use std::os::unix::fs::PermissionsExt;
         let recording = Recording::new();
-        let (project, programs, id) = (fused(&recording), recording.path("programs"), recording.path("id"));
+        let (project, programs, id) = (
+            fused(&recording),
+            recording.path("programs"),
+            recording.path("id"),
+        );
         std::fs::create_dir(&programs).unwrap();
         let ffmpeg = format!("{programs}/ffmpeg");
         // The last argument is the file that ffmpeg writes.
         let script = "#!/bin/sh\nfor last; do :; done\necho half > \"${last#file:}\"\n";
-        let script = format!("{script}echo $$ > '{id}.new'; mv '{id}.new' '{id}'\nexec sleep 600\n");
+        let script =
+            format!("{script}echo $$ > '{id}.new'; mv '{id}.new' '{id}'\nexec sleep 600\n");
         std::fs::write(&ffmpeg, script).unwrap();
         std::fs::set_permissions(&ffmpeg, std::fs::Permissions::from_mode(0o755)).unwrap();
-        Self { recording, project, programs, id }
+        Self {
+            recording,
+            project,
+            programs,
+            id,
+        }
     }
 
     /// Starts a turntable and waits until ffmpeg writes.
     fn make(&self) -> Child {
-        let path = format!("{}:{}", self.programs, std::env::var("PATH").unwrap_or_default());
+        let path = format!(
+            "{}:{}",
+            self.programs,
+            std::env::var("PATH").unwrap_or_default()
+        );
         let mut child = Command::new(env!("CARGO_BIN_EXE_ostra"))
             .args(["shot", &self.project, &self.recording.path("s.png")])
-            .args(["--turntable", &self.recording.path("t.mp4"), "--size", "640x480", "--seconds", "60"])
+            .args([
+                "--turntable",
+                &self.recording.path("t.mp4"),
+                "--size",
+                "640x480",
+                "--seconds",
+                "60",
+            ])
             .env("PATH", path)
             .stderr(Stdio::null())
             .spawn()
             .unwrap();
         while !Path::new(&self.id).exists() {
-            assert!(child.try_wait().unwrap().is_none(), "it ended before it made a video");
+            assert!(
+                child.try_wait().unwrap().is_none(),
+                "it ended before it made a video"
+            );
             pause(10);
         }
         child
@@ -172,9 +271,15 @@ fn helper_programs_end_with_the_command() {
     interrupt(&child);
     assert_eq!(child.wait().unwrap().code(), Some(130));
     let id = std::fs::read_to_string(&video.id).unwrap();
-    let state = Command::new("ps").args(["-o", "stat=", "-p", id.trim()]).output().unwrap();
+    let state = Command::new("ps")
+        .args(["-o", "stat=", "-p", id.trim()])
+        .output()
+        .unwrap();
     let state = String::from_utf8_lossy(&state.stdout).trim().to_owned();
-    assert!(state.is_empty() || state.starts_with('Z'), "ffmpeg is still there: {state}");
+    assert!(
+        state.is_empty() || state.starts_with('Z'),
+        "ffmpeg is still there: {state}"
+    );
     assert_eq!(video.temporary_files(), [] as [String; 0]);
     assert!(!Path::new(&video.recording.path("t.mp4")).exists());
 }
@@ -187,9 +292,21 @@ fn what_a_killed_video_left_goes_with_the_next_export() {
     child.kill().unwrap();
     child.wait().unwrap();
     let id = std::fs::read_to_string(&video.id).unwrap();
-    assert!(Command::new("kill").args(["-KILL", id.trim()]).status().unwrap().success());
+    assert!(
+        Command::new("kill")
+            .args(["-KILL", id.trim()])
+            .status()
+            .unwrap()
+            .success()
+    );
     assert!(!video.temporary_files().is_empty());
-    done(&["shot", &video.project, &video.recording.path("again.png"), "--size", "64x64"]);
+    done(&[
+        "shot",
+        &video.project,
+        &video.recording.path("again.png"),
+        "--size",
+        "64x64",
+    ]);
     assert_eq!(video.temporary_files(), [] as [String; 0]);
 }
 
@@ -210,19 +327,26 @@ fn recipes_with_numbers_out_of_range_are_refused() {
     for far in [4_294_967_296.0, 1e13, -1e300] {
         let points = json!([[5.0, far], [30.0, 40.0]]);
         for (radius, snap) in [(4.0, true), (4.0, false), (0.0, false)] {
-            commands.push(json!({ "paint": { "frame": 1, "label": 1, "points_px": points, "radius_px": radius,
-                "erase": false, "replace": true, "snap": snap } }));
+            commands.push(
+                json!({ "paint": { "frame": 1, "label": 1, "points_px": points, "radius_px": radius,
+                "erase": false, "replace": true, "snap": snap } }),
+            );
         }
         commands.push(json!({ "trace": { "frame": 1, "label": 1, "points_px": points } }));
-        commands.push(json!({ "pull": { "frame": 1, "label": 1, "from_px": [1.0, 1.0], "to_px": [1.0, far],
-            "replace": true } }));
+        commands.push(
+            json!({ "pull": { "frame": 1, "label": 1, "from_px": [1.0, 1.0], "to_px": [1.0, far],
+            "replace": true } }),
+        );
         let prompt = json!({ "clicks": [{ "at_px": [far, 3.0], "include": true }] });
         commands.push(json!({ "prompt": { "frame": 1, "label": 1, "prompt": prompt, "segmenter": "builtin" } }));
     }
     let count = commands.len();
     for command in commands {
         let said = refused(&["run", &recipe(&recording, &project, &command)]);
-        assert!(said.contains("too far outside frame 1 (64x48)"), "{command}: {said}");
+        assert!(
+            said.contains("too far outside frame 1 (64x48)"),
+            "{command}: {said}"
+        );
     }
     assert_eq!(count, 18);
     let stroke = |radius: f64| {
@@ -232,7 +356,10 @@ fn recipes_with_numbers_out_of_range_are_refused() {
     for (command, range) in [
         (stroke(1e13), "0 to 100000"),
         (json!({ "fuse": { "voxel": -1.0 } }), "above 0"),
-        (json!({ "track": { "tracker": "geometry", "short_side": 4_000_000_000u32 } }), "64 to 4096"),
+        (
+            json!({ "track": { "tracker": "geometry", "short_side": 4_000_000_000u32 } }),
+            "64 to 4096",
+        ),
         (
             json!({ "paint": { "frame": 99, "label": 1, "points_px": [[5.0, 5.0]], "radius_px": 3.0, "erase": false,
             "replace": true } }),
@@ -254,12 +381,24 @@ fn fusion_reports_the_voxel_size_that_it_chose() {
     let project = recording.project();
     let said = done(&["fuse", &project]);
     // The wall is 2 m away and the focal length 60 px; all four frames see nearly the same.
-    assert!(said.contains("voxel 0.033 (chosen: a pixel covers 0.033"), "{said}");
-    assert!(said.contains("a place is seen by 4 frames") && said.contains("surface voxel 0.033"), "{said}");
+    assert!(
+        said.contains("voxel 0.033 (chosen: a pixel covers 0.033"),
+        "{said}"
+    );
+    assert!(
+        said.contains("a place is seen by 4 frames") && said.contains("surface voxel 0.033"),
+        "{said}"
+    );
     let cloud = recording.path("cloud.ply");
     done(&["export", &project, "--cloud", &cloud]);
-    let points = read_ply(Path::new(&cloud), &Progress::default()).unwrap().cloud.len();
+    let points = read_ply(Path::new(&cloud), &Progress::default())
+        .unwrap()
+        .cloud
+        .len();
     assert!(said.contains(&format!("fused {points} points")), "{said}");
     let given = done(&["fuse", &project, "--voxel", "0.05"]);
-    assert!(given.contains("voxel 0.05") && !given.contains("chosen"), "{given}");
+    assert!(
+        given.contains("voxel 0.05") && !given.contains("chosen"),
+        "{given}"
+    );
 }

@@ -9,14 +9,25 @@ const SIZE: (u32, u32) = (320, 240);
 
 fn ostra(words: &str, folder: &Path) -> String {
     let words: Vec<&str> = words.split(' ').collect();
-    let out = Command::new(env!("CARGO_BIN_EXE_ostra")).args(&words).current_dir(folder).output().unwrap();
-    assert!(out.status.success(), "{words:?}: {}", String::from_utf8_lossy(&out.stderr));
+    let out = Command::new(env!("CARGO_BIN_EXE_ostra"))
+        .args(&words)
+        .current_dir(folder)
+        .output()
+        .unwrap();
+    assert!(
+        out.status.success(),
+        "{words:?}: {}",
+        String::from_utf8_lossy(&out.stderr)
+    );
     String::from_utf8(out.stdout).unwrap()
 }
 
 /// A grain of 5 px that is the same wherever it is asked for.
 fn grain(x: u32, y: u32, salt: u32) -> u8 {
-    let cell = (x / 5).wrapping_mul(7_349).wrapping_add((y / 5).wrapping_mul(9_151)).wrapping_add(salt);
+    let cell = (x / 5)
+        .wrapping_mul(7_349)
+        .wrapping_add((y / 5).wrapping_mul(9_151))
+        .wrapping_add(salt);
     (cell.wrapping_mul(cell) >> 7 & 127) as u8
 }
 
@@ -39,11 +50,27 @@ fn picture(frame: u32) -> RgbImage {
 
 /// Frame and pixel of each line.
 fn found(text: &str) -> Vec<(u32, u32, u32)> {
-    let moves = text.lines().filter(|line| line.contains("moves on its own"));
+    let moves = text
+        .lines()
+        .filter(|line| line.contains("moves on its own"));
     let numbers = moves.map(|line| {
-        let frame = line.strip_prefix("frame ").unwrap().split(':').next().unwrap();
-        let (x, y) = line.rsplit_once(", at ").unwrap().1.split_once(',').unwrap();
-        (frame.parse().unwrap(), x.parse().unwrap(), y.parse().unwrap())
+        let frame = line
+            .strip_prefix("frame ")
+            .unwrap()
+            .split(':')
+            .next()
+            .unwrap();
+        let (x, y) = line
+            .rsplit_once(", at ")
+            .unwrap()
+            .1
+            .split_once(',')
+            .unwrap();
+        (
+            frame.parse().unwrap(),
+            x.parse().unwrap(),
+            y.parse().unwrap(),
+        )
     });
     numbers.collect()
 }
@@ -54,19 +81,30 @@ fn a_thing_that_moves_on_its_own_is_offered_until_a_label_explains_it() {
     let folder = folder.path();
     std::fs::create_dir(folder.join("frames")).unwrap();
     for frame in 0..6 {
-        picture(frame).save(folder.join(format!("frames/{frame}.png"))).unwrap();
+        picture(frame)
+            .save(folder.join(format!("frames/{frame}.png")))
+            .unwrap();
     }
     ostra("new p --frames frames", folder);
     ostra("label p ground", folder);
     ostra("label p box", folder);
-    ostra("trace p --frame 0 --label ground --point 20,200 --point 60,200", folder);
+    ostra(
+        "trace p --frame 0 --label ground --point 20,200 --point 60,200",
+        folder,
+    );
     let offered = found(&ostra("suggest p", folder));
     assert_eq!(offered.len(), 1, "{offered:?}");
     let (frame, x, y) = offered[0];
     let left = box_left(frame);
-    assert!(frame == 0 && (left + 10..left + 50).contains(&x) && (90..120).contains(&y), "{offered:?}");
+    assert!(
+        frame == 0 && (left + 10..left + 50).contains(&x) && (90..120).contains(&y),
+        "{offered:?}"
+    );
     let corners = format!("{},80,{},130", box_left(0), box_left(0) + 60);
-    ostra(&format!("prompt p --frame 0 --label box --click {x},{y} --box {corners}"), folder);
+    ostra(
+        &format!("prompt p --frame 0 --label box --click {x},{y} --box {corners}"),
+        folder,
+    );
     assert_eq!(found(&ostra("suggest p", folder)), []);
 }
 
@@ -76,27 +114,46 @@ fn frames_that_cannot_be_read_are_named_in_one_line() {
     let folder = folder.path();
     std::fs::create_dir(folder.join("frames")).unwrap();
     for frame in 0..6 {
-        picture(frame).save(folder.join(format!("frames/{frame}.png"))).unwrap();
+        picture(frame)
+            .save(folder.join(format!("frames/{frame}.png")))
+            .unwrap();
     }
     ostra("new p --frames frames", folder);
     ostra("label p ground", folder);
     for frame in [0, 2, 5] {
-        ostra(&format!("trace p --frame {frame} --label ground --point 20,200 --point 60,200"), folder);
+        ostra(
+            &format!("trace p --frame {frame} --label ground --point 20,200 --point 60,200"),
+            folder,
+        );
     }
     for frame in [0, 5] {
         std::fs::write(folder.join(format!("frames/{frame}.png")), "").unwrap();
     }
-    let suggest =
-        || Command::new(env!("CARGO_BIN_EXE_ostra")).args(["suggest", "p"]).current_dir(folder).output().unwrap();
+    let suggest = || {
+        Command::new(env!("CARGO_BIN_EXE_ostra"))
+            .args(["suggest", "p"])
+            .current_dir(folder)
+            .output()
+            .unwrap()
+    };
     let out = suggest();
     let said = String::from_utf8_lossy(&out.stderr);
-    let lines: Vec<&str> = said.lines().filter(|line| line.contains("passed over")).collect();
+    let lines: Vec<&str> = said
+        .lines()
+        .filter(|line| line.contains("passed over"))
+        .collect();
     assert!(out.status.success() && lines.len() == 1, "{said}");
-    assert!(lines[0].contains("2 frames cannot be read") && lines[0].contains("0.png, 5.png"), "{said}");
+    assert!(
+        lines[0].contains("2 frames cannot be read") && lines[0].contains("0.png, 5.png"),
+        "{said}"
+    );
     std::fs::write(folder.join("frames/2.png"), "").unwrap();
     let out = suggest();
     let said = String::from_utf8_lossy(&out.stderr);
-    assert!(out.status.code() == Some(1) && said.contains("0.png: the file is empty"), "none is left: {said}");
+    assert!(
+        out.status.code() == Some(1) && said.contains("0.png: the file is empty"),
+        "none is left: {said}"
+    );
 }
 
 #[test]
@@ -109,7 +166,15 @@ fn proposals_say_what_they_need() {
     let program = || Command::new(env!("CARGO_BIN_EXE_ostra"));
     let asked = ["suggest", "p", "--frame", "0"];
     // Nothing is installed in this folder.
-    let out = program().args(asked).current_dir(folder).env("XDG_DATA_HOME", folder).output().unwrap();
+    let out = program()
+        .args(asked)
+        .current_dir(folder)
+        .env("XDG_DATA_HOME", folder)
+        .output()
+        .unwrap();
     let said = String::from_utf8_lossy(&out.stderr);
-    assert!(out.status.code() == Some(1) && said.contains("install Segment Anything"), "{said}");
+    assert!(
+        out.status.code() == Some(1) && said.contains("install Segment Anything"),
+        "{said}"
+    );
 }

@@ -17,7 +17,13 @@ fn steps_from(region: &Region, start: usize) -> Vec<Option<u32>> {
         let (x, y) = (at as i64 % width, at as i64 / width);
         for (u, v) in (-2..=2).flat_map(|dy| (-2..=2).map(move |dx| (x + dx, y + dy))) {
             let next = (v * width + u) as usize;
-            if u >= 0 && v >= 0 && u < width && v < height && region.inside[next] && steps[next].is_none() {
+            if u >= 0
+                && v >= 0
+                && u < width
+                && v < height
+                && region.inside[next]
+                && steps[next].is_none()
+            {
                 steps[next] = Some(step + 1);
                 open.push_back((next, step + 1));
             }
@@ -37,21 +43,33 @@ fn along(region: &Region, count: usize) -> Option<Vec<DVec2>> {
     }
     let depth = squared_depth_in(region);
     let point = |k: usize| {
-        let wanted = (f64::from(last) * (0.02 + 0.96 * k as f64 / (count - 1) as f64)).round() as u32;
+        let wanted =
+            (f64::from(last) * (0.02 + 0.96 * k as f64 / (count - 1) as f64)).round() as u32;
         let near = |at: &usize| steps[*at].is_some_and(|step| step.abs_diff(wanted) <= 1);
         let at = (0..steps.len()).filter(near).max_by_key(|&at| depth[at])?;
         let width = region.width as usize;
-        Some(DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5))
+        Some(DVec2::new(
+            (at % width) as f64 + 0.5,
+            (at / width) as f64 + 0.5,
+        ))
     };
     (0..count).map(point).collect()
 }
 
 /// The parts of the plant that are in one piece and long: blades, and culms with the sheaths around them.
 fn parts(scene: &Scene, mask: &LabelMask) -> Vec<(String, Region)> {
-    let named = |wanted: &'static str| scene.tree().iter().filter(move |label| label.name.ends_with(wanted));
+    let named = |wanted: &'static str| {
+        scene
+            .tree()
+            .iter()
+            .filter(move |label| label.name.ends_with(wanted))
+    };
     let blades = named("blade").map(|label| (label.name.clone(), mask.region(label.id)));
     let green: Vec<LabelId> = named("sheath").map(|label| label.id).collect();
-    let stems = scene.tree().iter().filter(|label| label.name.starts_with("stem "));
+    let stems = scene
+        .tree()
+        .iter()
+        .filter(|label| label.name.starts_with("stem "));
     let culms = stems.map(|stem| {
         let own = mask.region(stem.id);
         let mut all = own.clone();
@@ -65,16 +83,25 @@ fn parts(scene: &Scene, mask: &LabelMask) -> Vec<(String, Region)> {
         }
         (stem.name.clone(), all)
     });
-    blades.chain(culms).filter(|(_, region)| region.area() >= 250).collect()
+    blades
+        .chain(culms)
+        .filter(|(_, region)| region.area() >= 250)
+        .collect()
 }
 
 fn score(scene: &Scene, view: &RenderedView, scores: &mut Vec<f64>) {
     for (name, truth) in parts(scene, &view.mask) {
-        let Some(points) = along(&truth, 3) else { continue };
+        let Some(points) = along(&truth, 3) else {
+            continue;
+        };
         let began = Instant::now();
         let found = trace(&view.image, &points).unwrap();
         let iou = found.iou(&truth);
-        println!("{name}: IoU {iou:.3} of {} px, {:.0} ms", truth.area(), began.elapsed().as_secs_f64() * 1e3);
+        println!(
+            "{name}: IoU {iou:.3} of {} px, {:.0} ms",
+            truth.area(),
+            began.elapsed().as_secs_f64() * 1e3
+        );
         scores.push(iou);
     }
 }
@@ -89,34 +116,69 @@ fn three_points_give_a_blade_or_culm_of_the_made_plant() {
     scores.sort_by(f64::total_cmp);
     let mean = scores.iter().sum::<f64>() / scores.len() as f64;
     let median = scores[scores.len() / 2];
-    println!("{} blades and culms by three points: IoU mean {mean:.3}, median {median:.3}", scores.len());
+    println!(
+        "{} blades and culms by three points: IoU mean {mean:.3}, median {median:.3}",
+        scores.len()
+    );
     assert!(scores.len() >= 20, "{}", scores.len());
-    assert!(mean >= 0.75 && median >= 0.84, "mean {mean:.3}, median {median:.3}");
+    assert!(
+        mean >= 0.75 && median >= 0.84,
+        "mean {mean:.3}, median {median:.3}"
+    );
 }
 
 /// The middle of the first, the middle and the last row of a region.
 fn upright(region: &Region) -> Option<[DVec2; 3]> {
-    let rows: Vec<u32> = (0..region.height).filter(|&y| (0..region.width).any(|x| region.at(x, y))).collect();
+    let rows: Vec<u32> = (0..region.height)
+        .filter(|&y| (0..region.width).any(|x| region.at(x, y)))
+        .collect();
     let middle = |y: u32| {
-        let inside: Vec<f64> = (0..region.width).filter(|&x| region.at(x, y)).map(f64::from).collect();
-        DVec2::new(inside.iter().sum::<f64>() / inside.len() as f64, f64::from(y)) + 0.5
+        let inside: Vec<f64> = (0..region.width)
+            .filter(|&x| region.at(x, y))
+            .map(f64::from)
+            .collect();
+        DVec2::new(
+            inside.iter().sum::<f64>() / inside.len() as f64,
+            f64::from(y),
+        ) + 0.5
     };
-    Some([middle(*rows.first()?), middle(rows[rows.len() / 2]), middle(*rows.last()?)])
+    Some([
+        middle(*rows.first()?),
+        middle(rows[rows.len() / 2]),
+        middle(*rows.last()?),
+    ])
 }
 
 #[test]
 fn a_long_culm_in_a_large_picture_is_traced_while_one_waits() {
-    let options = SceneOptions { width: 1280, height: 720, ..SceneOptions::default() };
+    let options = SceneOptions {
+        width: 1280,
+        height: 720,
+        ..SceneOptions::default()
+    };
     let scene = Scene::build(&options).unwrap();
     let view = scene.render(&scene.views()[12]);
-    let culms = parts(&scene, &view.mask).into_iter().filter(|(name, _)| name.starts_with("stem"));
-    let longest =
-        culms.filter_map(|(_, truth)| upright(&truth)).max_by(|a, b| (a[2].y - a[0].y).total_cmp(&(b[2].y - b[0].y)));
+    let culms = parts(&scene, &view.mask)
+        .into_iter()
+        .filter(|(name, _)| name.starts_with("stem"));
+    let longest = culms
+        .filter_map(|(_, truth)| upright(&truth))
+        .max_by(|a, b| (a[2].y - a[0].y).total_cmp(&(b[2].y - b[0].y)));
     let points = longest.unwrap();
     let began = Instant::now();
     let found = trace(&view.image, &points).unwrap();
-    let (length, ms) = (points[0].distance(points[2]), began.elapsed().as_secs_f64() * 1e3);
-    println!("a culm of {length:.0} px in 1280 × 720: {} px in {ms:.0} ms", found.area());
-    assert!(length > 380.0 && found.area() > 1000, "{length:.0} px long, {} px", found.area());
+    let (length, ms) = (
+        points[0].distance(points[2]),
+        began.elapsed().as_secs_f64() * 1e3,
+    );
+    println!(
+        "a culm of {length:.0} px in 1280 × 720: {} px in {ms:.0} ms",
+        found.area()
+    );
+    assert!(
+        length > 380.0 && found.area() > 1000,
+        "{length:.0} px long, {} px",
+        found.area()
+    );
     assert!(ms < 1000.0, "{ms:.0} ms");
 }

@@ -21,14 +21,36 @@ fn fused(scene: &Scene, folder: &Path) -> Session {
     scene.write(folder, &Progress::default()).unwrap();
     let masks = folder.join("truth/masks");
     std::fs::copy(folder.join("truth/labels.json"), masks.join("labels.json")).unwrap();
-    let sources = vec![FrameFolder { frames: folder.join("color"), depth: Some(folder.join("depth")) }];
-    let open = OpenRequest { sources, depth_unit: Scene::DEPTH_UNIT_M, ..OpenRequest::default() };
+    let sources = vec![FrameFolder {
+        frames: folder.join("color"),
+        depth: Some(folder.join("depth")),
+    }];
+    let open = OpenRequest {
+        sources,
+        depth_unit: Scene::DEPTH_UNIT_M,
+        ..OpenRequest::default()
+    };
     let cameras = Some(folder.join("sparse"));
     let mut session = Session::new();
-    let new = NewProject { root: folder.join("project"), open, cameras, intrinsics: None };
+    let new = NewProject {
+        root: folder.join("project"),
+        open,
+        cameras,
+        intrinsics: None,
+    };
     perform(&mut session, Command::New(new)).unwrap();
-    perform(&mut session, Command::ImportMasks { dir: masks, format: "davis".into() }).unwrap();
-    let fuse = FuseRequest { drop_unlabelled: true, ..FuseRequest::default() };
+    perform(
+        &mut session,
+        Command::ImportMasks {
+            dir: masks,
+            format: "davis".into(),
+        },
+    )
+    .unwrap();
+    let fuse = FuseRequest {
+        drop_unlabelled: true,
+        ..FuseRequest::default()
+    };
     perform(&mut session, Command::Fuse(fuse)).unwrap();
     session
 }
@@ -52,15 +74,29 @@ fn exported_angles(folder: &Path, leaves: &[String]) -> Vec<(String, f64)> {
     let project = folder.join("project").display().to_string();
     let csv = folder.join("angles.csv");
     let path = csv.display().to_string();
-    let angles = leaves.iter().flat_map(|leaf| ["--angle", leaf.as_str(), "stem"]);
-    let words = ["export", &project, "--traits", &path].into_iter().chain(angles);
-    let output = Process::new(env!("CARGO_BIN_EXE_ostra")).args(words).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let angles = leaves
+        .iter()
+        .flat_map(|leaf| ["--angle", leaf.as_str(), "stem"]);
+    let words = ["export", &project, "--traits", &path]
+        .into_iter()
+        .chain(angles);
+    let output = Process::new(env!("CARGO_BIN_EXE_ostra"))
+        .args(words)
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     let read = || {
         let text = std::fs::read_to_string(&csv).unwrap();
-        let rows = text.lines().map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
+        let rows = text
+            .lines()
+            .map(|line| line.split(',').map(str::to_owned).collect::<Vec<_>>());
         let rows = rows.filter(|cells| cells[3] == "angle_to_stem" && cells[2] == "1");
-        rows.map(|cells| (cells[0].clone(), cells[4].parse().unwrap())).collect::<Vec<(String, f64)>>()
+        rows.map(|cells| (cells[0].clone(), cells[4].parse().unwrap()))
+            .collect::<Vec<(String, f64)>>()
     };
     let rows = read();
     // The same from within a session, whose recipe keeps it.
@@ -69,7 +105,11 @@ fn exported_angles(folder: &Path, leaves: &[String]) -> Vec<(String, f64)> {
     perform(&mut session, Command::Open(project.into())).unwrap();
     let id = |name: &str| session.project().unwrap().labels.by_name(name).unwrap().id;
     let angles = leaves.iter().map(|leaf| [id(leaf), id("stem")]).collect();
-    let export = Command::Export(ExportRequest { traits: Some(csv.clone()), angles, ..ExportRequest::default() });
+    let export = Command::Export(ExportRequest {
+        traits: Some(csv.clone()),
+        angles,
+        ..ExportRequest::default()
+    });
     perform(&mut session, export.clone()).unwrap();
     assert_eq!(read(), rows);
     assert_eq!(session.recipe().commands.last(), Some(&export));
@@ -79,7 +119,10 @@ fn exported_angles(folder: &Path, leaves: &[String]) -> Vec<(String, f64)> {
 fn class_points(cloud: &LabelledCloud, name: &str) -> Vec<Vec3> {
     let class = cloud.tree.by_name(name).unwrap().id;
     let is_of = |point: &usize| cloud.tree.path(cloud.labels[*point]).contains(&class);
-    (0..cloud.len()).filter(is_of).map(|point| cloud.positions[point]).collect()
+    (0..cloud.len())
+        .filter(is_of)
+        .map(|point| cloud.positions[point])
+        .collect()
 }
 
 #[test]
@@ -91,34 +134,72 @@ fn traits_of_the_fused_cloud_are_the_true_ones_and_its_leaves_are_counted() {
     session.settle(|_| ControlFlow::Continue(()));
     let measured = session.traits(MeasureWish::default()).unwrap().clone();
     let mut compared = 0;
-    for (truth, allowed) in scene.traits().iter().filter_map(|truth| Some((truth, allowed(truth)?))) {
-        let same =
-            |row: &&TraitRow| (&row.label, row.instance, &row.name) == (&truth.label, truth.instance, &truth.name);
-        let found = measured.iter().find(same).unwrap_or_else(|| panic!("{} of {}", truth.name, truth.label));
-        let off = (found.value - truth.value).abs() / if truth.name == "insertion_angle" { 1.0 } else { truth.value };
-        println!("{} of {}: {} instead of {}", truth.name, truth.label, found.value, truth.value);
-        assert!(off <= allowed, "{} of {}: {} instead of {}", truth.name, truth.label, found.value, truth.value);
+    for (truth, allowed) in scene
+        .traits()
+        .iter()
+        .filter_map(|truth| Some((truth, allowed(truth)?)))
+    {
+        let same = |row: &&TraitRow| {
+            (&row.label, row.instance, &row.name) == (&truth.label, truth.instance, &truth.name)
+        };
+        let found = measured
+            .iter()
+            .find(same)
+            .unwrap_or_else(|| panic!("{} of {}", truth.name, truth.label));
+        let off = (found.value - truth.value).abs()
+            / if truth.name == "insertion_angle" {
+                1.0
+            } else {
+                truth.value
+            };
+        println!(
+            "{} of {}: {} instead of {}",
+            truth.name, truth.label, found.value, truth.value
+        );
+        assert!(
+            off <= allowed,
+            "{} of {}: {} instead of {}",
+            truth.name,
+            truth.label,
+            found.value,
+            truth.value
+        );
         compared += 1;
     }
     // Three stems, eight leaves of blade and sheath, a panicle.
     assert_eq!(compared, 3 * 2 + 8 * (1 + 5 + 1) + 1);
     let leaves = class_points(session.cloud().unwrap(), "leaf");
-    let instances = find_instances(&leaves, &InstanceOptions::default(), &Progress::default()).unwrap();
+    let instances =
+        find_instances(&leaves, &InstanceOptions::default(), &Progress::default()).unwrap();
     assert_eq!(instances.sizes.len(), 8, "{:?}", instances.sizes);
     let blades: Vec<String> = (1..=8).map(|k| format!("leaf {k} blade")).collect();
     // What the window asks for is the same.
-    let pair = ["leaf 3 blade", "stem"].map(|name| session.project().unwrap().labels.by_name(name).unwrap().id);
+    let pair = ["leaf 3 blade", "stem"]
+        .map(|name| session.project().unwrap().labels.by_name(name).unwrap().id);
     assert!(session.angles([pair]).is_empty());
     session.settle(|_| ControlFlow::Continue(()));
     let asked = session.angles([pair])[&pair].clone().unwrap()[0].value;
     drop(session);
     let angles = exported_angles(folder.path(), &blades);
-    assert_eq!(angles.iter().map(|(label, _)| label.clone()).collect::<Vec<_>>(), blades);
-    assert!((angles[2].1 - asked).abs() < 1e-3, "{} and {asked}", angles[2].1);
+    assert_eq!(
+        angles
+            .iter()
+            .map(|(label, _)| label.clone())
+            .collect::<Vec<_>>(),
+        blades
+    );
+    assert!(
+        (angles[2].1 - asked).abs() < 1e-3,
+        "{} and {asked}",
+        angles[2].1
+    );
     for (label, degrees) in angles {
         let is_truth = |row: &&TraitRow| row.label == label && row.name == "insertion_angle";
         let truth = scene.traits().iter().find(is_truth).unwrap().value;
         println!("angle of {label} to its stem: {degrees} instead of {truth}");
-        assert!((degrees - truth).abs() < 3.0, "{label}: {degrees} instead of {truth}");
+        assert!(
+            (degrees - truth).abs() < 3.0,
+            "{label}: {degrees} instead of {truth}"
+        );
     }
 }

@@ -12,12 +12,29 @@ use super::command_line::{Recording, done, refused};
 fn together(commands: &[Vec<&str>]) -> Vec<(Option<i32>, String)> {
     let start = |args: &Vec<&str>| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_ostra"));
-        command.args(args).env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY");
-        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+        command
+            .args(args)
+            .env_remove("DISPLAY")
+            .env_remove("WAYLAND_DISPLAY");
+        command
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap()
     };
     let running: Vec<_> = commands.iter().map(start).collect();
-    let ended = running.into_iter().map(|child| child.wait_with_output().unwrap());
-    ended.map(|output| (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())).collect()
+    let ended = running
+        .into_iter()
+        .map(|child| child.wait_with_output().unwrap());
+    ended
+        .map(|output| {
+            (
+                output.status.code(),
+                String::from_utf8_lossy(&output.stderr).into_owned(),
+            )
+        })
+        .collect()
 }
 
 #[test]
@@ -25,24 +42,40 @@ fn of_processes_that_make_the_same_project_one_makes_it() {
     let recording = Recording::new();
     fs::create_dir(recording.path("fewer")).unwrap();
     for name in ["0.png", "1.png"] {
-        fs::copy(recording.path("color") + "/" + name, recording.path("fewer") + "/" + name).unwrap();
+        fs::copy(
+            recording.path("color") + "/" + name,
+            recording.path("fewer") + "/" + name,
+        )
+        .unwrap();
     }
     let folders = [recording.path("color"), recording.path("fewer")];
     for round in 0..6 {
         // Also where a folder above is missing, which the slower one must not take away.
         let project = recording.path(&format!("above-{round}/project"));
         let command = |frames| vec!["new", project.as_str(), "--frames", frames];
-        let commands: Vec<Vec<&str>> = (0..4).map(|number| command(folders[number % 2].as_str())).collect();
+        let commands: Vec<Vec<&str>> = (0..4)
+            .map(|number| command(folders[number % 2].as_str()))
+            .collect();
         let ended = together(&commands);
-        let made: Vec<usize> = (0..4).filter(|&number| ended[number].0 == Some(0)).collect();
+        let made: Vec<usize> = (0..4)
+            .filter(|&number| ended[number].0 == Some(0))
+            .collect();
         assert_eq!(made.len(), 1, "round {round}: {ended:?}");
         for (_, said) in ended.iter().filter(|(code, _)| *code != Some(0)) {
-            let is_clear = ["already holds a project", "is not empty", "is open in another"];
+            let is_clear = [
+                "already holds a project",
+                "is not empty",
+                "is open in another",
+            ];
             assert!(is_clear.iter().any(|words| said.contains(words)), "{said}");
         }
         let info: Value = serde_json::from_str(&done(&["info", &project, "--json"])).unwrap();
         let frames = info["frames"].as_array().unwrap().len();
-        assert_eq!(frames, if made[0].is_multiple_of(2) { 4 } else { 2 }, "the frames of the one that made it");
+        assert_eq!(
+            frames,
+            if made[0].is_multiple_of(2) { 4 } else { 2 },
+            "the frames of the one that made it"
+        );
     }
 }
 
@@ -52,7 +85,9 @@ fn a_place_that_another_export_writes_to_is_refused_until_it_has_ended() {
     let project = recording.project();
     done(&["fuse", &project, "--voxel", "0.02"]);
     done(&["label", &project, "thing"]);
-    done(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
+    done(&[
+        "prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24",
+    ]);
     let (cloud, masks) = (recording.path("out/c.ply"), recording.path("out/masks"));
     fs::create_dir_all(&masks).unwrap();
     // What a running export holds: a list of its files, locked.
@@ -75,8 +110,15 @@ fn a_place_that_another_export_writes_to_is_refused_until_it_has_ended() {
     drop((of_cloud, of_masks));
     done(&["export", &project, "--cloud", &cloud]);
     done(&["masks", &project, "export", &masks]);
-    let left: Vec<_> = fs::read_dir(recording.path("out")).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-    assert!(left.iter().all(|name| !name.to_string_lossy().ends_with(".tmp")), "{left:?}");
+    let left: Vec<_> = fs::read_dir(recording.path("out"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name())
+        .collect();
+    assert!(
+        left.iter()
+            .all(|name| !name.to_string_lossy().ends_with(".tmp")),
+        "{left:?}"
+    );
 }
 
 #[test]
@@ -84,9 +126,13 @@ fn exports_of_other_names_run_at_once() {
     let recording = Recording::new();
     let project = recording.project();
     done(&["fuse", &project, "--voxel", "0.02"]);
-    let clouds: Vec<String> = (0..4).map(|number| recording.path(&format!("out/{number}.ply"))).collect();
-    let commands: Vec<Vec<&str>> =
-        clouds.iter().map(|cloud| vec!["export", project.as_str(), "--cloud", cloud.as_str()]).collect();
+    let clouds: Vec<String> = (0..4)
+        .map(|number| recording.path(&format!("out/{number}.ply")))
+        .collect();
+    let commands: Vec<Vec<&str>> = clouds
+        .iter()
+        .map(|cloud| vec!["export", project.as_str(), "--cloud", cloud.as_str()])
+        .collect();
     for _ in 0..3 {
         // The second time each finds its own export in the record of all.
         let ended = together(&commands);

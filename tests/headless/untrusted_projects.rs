@@ -21,8 +21,12 @@ fn finished() -> &'static (Recording, String) {
         let recording = Recording::new();
         let project = recording.project();
         done(&["label", &project, "thing"]);
-        done(&["prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24"]);
-        done(&["prompt", &project, "--frame", "2", "--label", "thing", "--click", "20,24"]);
+        done(&[
+            "prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24",
+        ]);
+        done(&[
+            "prompt", &project, "--frame", "2", "--label", "thing", "--click", "20,24",
+        ]);
         done(&["fuse", &project, "--voxel", "0.03"]);
         (recording, project)
     })
@@ -41,7 +45,10 @@ impl Copy {
         copy_folder(Path::new(&finished().1), &project);
         fs::create_dir(dir.path().join("theirs")).unwrap();
         fs::write(dir.path().join("theirs/notes"), "export X=1\n").unwrap();
-        Self { project: project.to_str().unwrap().to_owned(), dir }
+        Self {
+            project: project.to_str().unwrap().to_owned(),
+            dir,
+        }
     }
 
     fn file(&self, name: &str) -> PathBuf {
@@ -54,17 +61,31 @@ impl Copy {
 
     fn assert_theirs_untouched(&self, case: &str) {
         let theirs = contents(&self.dir.path().join("theirs"));
-        assert_eq!(theirs, [(self.theirs("notes"), b"export X=1\n".to_vec())], "{case}");
+        assert_eq!(
+            theirs,
+            [(self.theirs("notes"), b"export X=1\n".to_vec())],
+            "{case}"
+        );
     }
 
     /// Makes steps whose records stay in the journal, as after a kill.
     fn make_steps(&self, labels: &[&str]) {
-        let before: Vec<_> = ["project.toml", "history.jsonl"].map(|name| fs::read(self.file(name)).unwrap()).into();
+        let before: Vec<_> = ["project.toml", "history.jsonl"]
+            .map(|name| fs::read(self.file(name)).unwrap())
+            .into();
         let mut session = Session::new();
-        session.act(Command::Open(self.project.clone().into())).unwrap();
+        session
+            .act(Command::Open(self.project.clone().into()))
+            .unwrap();
         session.settle(|_| ControlFlow::Continue(()));
         for label in labels {
-            session.act(Command::AddLabel { name: (*label).into(), parent: None, color: None }).unwrap();
+            session
+                .act(Command::AddLabel {
+                    name: (*label).into(),
+                    parent: None,
+                    color: None,
+                })
+                .unwrap();
         }
         let journal = fs::read(self.file("journal.jsonl")).unwrap();
         drop(session);
@@ -95,7 +116,10 @@ fn stderr(output: &Output) -> String {
 fn warned(args: &[&str]) -> (String, String) {
     let output = ostra(args);
     assert!(output.status.success(), "{args:?}: {}", stderr(&output));
-    (String::from_utf8_lossy(&output.stdout).into_owned(), stderr(&output))
+    (
+        String::from_utf8_lossy(&output.stdout).into_owned(),
+        stderr(&output),
+    )
 }
 
 #[test]
@@ -135,13 +159,23 @@ fn links_that_leave_the_project_are_neither_read_nor_written_through() {
         }
         symlink(&outside, &path).unwrap();
         let before = contents(copy.dir.path());
-        for args in [vec!["info", &copy.project], vec!["label", &copy.project, "mine"], vec!["doubt", &copy.project]] {
+        for args in [
+            vec!["info", &copy.project],
+            vec!["label", &copy.project, "mine"],
+            vec!["doubt", &copy.project],
+        ] {
             let error = refused(&args);
-            assert!(error.contains(name) && error.contains("leads out of the project's folder"), "{name}: {error}");
+            assert!(
+                error.contains(name) && error.contains("leads out of the project's folder"),
+                "{name}: {error}"
+            );
         }
         fs::remove_file(&path).unwrap();
         symlink(copy.theirs("missing"), &path).unwrap();
-        assert!(refused(&["label", &copy.project, "mine"]).contains("remove the link"), "{name}");
+        assert!(
+            refused(&["label", &copy.project, "mine"]).contains("remove the link"),
+            "{name}"
+        );
         fs::remove_file(&path).unwrap();
         symlink(&outside, &path).unwrap();
         assert_eq!(contents(copy.dir.path()), before, "{name}");
@@ -157,8 +191,16 @@ fn links_inside_the_project_are_followed_but_not_out_of_it() {
     fs::rename(copy.file("masks"), copy.file("other")).unwrap();
     symlink("other", copy.file("masks")).unwrap();
     symlink("..", copy.file("versions/circle")).unwrap();
-    let masks = |text: String| text.lines().find(|line| line.starts_with("masks")).unwrap().to_owned();
-    assert_eq!(masks(done(&["info", &copy.project])), masks(done(&["info", &finished().1])));
+    let masks = |text: String| {
+        text.lines()
+            .find(|line| line.starts_with("masks"))
+            .unwrap()
+            .to_owned()
+    };
+    assert_eq!(
+        masks(done(&["info", &copy.project])),
+        masks(done(&["info", &finished().1]))
+    );
     symlink(copy.theirs("notes"), copy.file("other/0.png")).unwrap();
     assert!(refused(&["info", &copy.project]).contains("other/0.png: is a link that leads out"));
     copy.assert_theirs_untouched("through a link inside");
@@ -173,17 +215,38 @@ fn files_with_a_second_name_elsewhere_and_temporary_names_are_no_way_out() {
         let _ = fs::remove_file(copy.file(name));
         fs::hard_link(copy.theirs("notes"), copy.file(name)).unwrap();
     }
-    for name in [".lock.tmp", "project.toml.tmp", "journal.jsonl.tmp", "history.jsonl.tmp", "recipe.jsonl.tmp"] {
+    for name in [
+        ".lock.tmp",
+        "project.toml.tmp",
+        "journal.jsonl.tmp",
+        "history.jsonl.tmp",
+        "recipe.jsonl.tmp",
+    ] {
         symlink(copy.theirs("notes"), copy.file(name)).unwrap();
     }
     let (_, warnings) = warned(&["info", &copy.project]);
-    assert!(warnings.contains("journal.jsonl") && warnings.contains("history.jsonl"), "{warnings}");
+    assert!(
+        warnings.contains("journal.jsonl") && warnings.contains("history.jsonl"),
+        "{warnings}"
+    );
     copy.assert_theirs_untouched("info");
     done(&["label", &copy.project, "mine"]);
-    done(&["prompt", &copy.project, "--frame", "0", "--label", "mine", "--click", "20,24"]);
+    done(&[
+        "prompt",
+        &copy.project,
+        "--frame",
+        "0",
+        "--label",
+        "mine",
+        "--click",
+        "20,24",
+    ]);
     copy.assert_theirs_untouched("edits");
     assert!(done(&["info", &copy.project]).contains("mine"));
-    assert!(fs::symlink_metadata(copy.file("project.toml.tmp")).is_err(), "what killed runs left is removed");
+    assert!(
+        fs::symlink_metadata(copy.file("project.toml.tmp")).is_err(),
+        "what killed runs left is removed"
+    );
 }
 
 #[test]
@@ -203,11 +266,18 @@ fn names_in_a_project_lead_to_no_file_outside() {
     }
     let copy = Copy::new();
     let text = fs::read_to_string(copy.file("project.toml")).unwrap();
-    let (start, end) = (text.find("[frames.depth]").unwrap(), text.find("[frames.camera").unwrap());
+    let (start, end) = (
+        text.find("[frames.depth]").unwrap(),
+        text.find("[frames.camera").unwrap(),
+    );
     // Only the project's own folders are checked for links.
     for place in ["../theirs/notes", "theirs/notes"] {
         let made = format!("[frames.depth]\nmade = \"{place}\"\nscale = 1.0\n\n");
-        fs::write(copy.file("project.toml"), [&text[..start], &made, &text[end..]].concat()).unwrap();
+        fs::write(
+            copy.file("project.toml"),
+            [&text[..start], &made, &text[end..]].concat(),
+        )
+        .unwrap();
         assert!(refused(&["info", &copy.project]).contains("must lie among those of the project"));
         copy.assert_theirs_untouched("depth");
     }
@@ -228,13 +298,25 @@ fn looking_at_a_project_writes_nothing() {
         vec!["info", &copy.project],
         vec!["info", &copy.project, "--json"],
         vec!["shot", &copy.project, &out("shot.png"), "--size", "64x48"],
-        vec!["export", &copy.project, "--cloud", &out("c.ply"), "--masks", &out("m"), "--depths", &out("d")],
+        vec![
+            "export",
+            &copy.project,
+            "--cloud",
+            &out("c.ply"),
+            "--masks",
+            &out("m"),
+            "--depths",
+            &out("d"),
+        ],
         vec!["masks", &copy.project, "export", &out("m2")],
         vec!["doubt", &copy.project],
         vec!["suggest", &copy.project],
     ] {
         let (_, warnings) = warned(&args);
-        assert!(warnings.contains("last line is incomplete"), "{args:?}: {warnings}");
+        assert!(
+            warnings.contains("last line is incomplete"),
+            "{args:?}: {warnings}"
+        );
         assert_eq!(contents(Path::new(&copy.project)), before, "{args:?}");
     }
     let listed = done(&["info", &copy.project]);
@@ -242,7 +324,10 @@ fn looking_at_a_project_writes_nothing() {
     let (_, warnings) = warned(&["label", &copy.project, "three"]);
     assert!(warnings.contains("last line is incomplete"), "{warnings}");
     let (listed, warnings) = warned(&["info", &copy.project]);
-    assert!(listed.contains("two") && listed.contains("three") && warnings.is_empty(), "{listed} {warnings}");
+    assert!(
+        listed.contains("two") && listed.contains("three") && warnings.is_empty(),
+        "{listed} {warnings}"
+    );
     assert!(!copy.file("versions/.ostra-cloud.ply.x.tmp").exists());
 }
 
@@ -258,19 +343,33 @@ impl<'a> ReadOnly<'a> {
     /// `None` where neither is possible: an administrator who may not mount.
     fn new(folder: &'a str) -> Option<Self> {
         let mount = |args: &[&str]| {
-            std::process::Command::new("mount").args(args).output().is_ok_and(|out| out.status.success())
+            std::process::Command::new("mount")
+                .args(args)
+                .output()
+                .is_ok_and(|out| out.status.success())
         };
-        let made = Self { folder, is_mounted: mount(&["--bind", folder, folder]) };
+        let made = Self {
+            folder,
+            is_mounted: mount(&["--bind", folder, folder]),
+        };
         if made.is_mounted {
             mount(&["-o", "remount,ro,bind", folder]);
         } else {
             made.permit("a-w");
         }
-        std::fs::write(format!("{folder}/probe"), "").is_err().then_some(made)
+        std::fs::write(format!("{folder}/probe"), "")
+            .is_err()
+            .then_some(made)
     }
 
     fn permit(&self, mode: &str) {
-        assert!(std::process::Command::new("chmod").args(["-R", mode, self.folder]).status().unwrap().success());
+        assert!(
+            std::process::Command::new("chmod")
+                .args(["-R", mode, self.folder])
+                .status()
+                .unwrap()
+                .success()
+        );
     }
 }
 
@@ -278,7 +377,13 @@ impl<'a> ReadOnly<'a> {
 impl Drop for ReadOnly<'_> {
     fn drop(&mut self) {
         if self.is_mounted {
-            assert!(std::process::Command::new("umount").arg(self.folder).status().unwrap().success());
+            assert!(
+                std::process::Command::new("umount")
+                    .arg(self.folder)
+                    .status()
+                    .unwrap()
+                    .success()
+            );
         } else {
             self.permit("u+w");
         }
@@ -296,19 +401,41 @@ fn a_project_on_read_only_media_can_be_viewed_but_not_changed() {
     let shot = copy.dir.path().join("shot.png");
     let outcomes = [
         ostra(&["info", &copy.project]),
-        ostra(&["shot", &copy.project, shot.to_str().unwrap(), "--size", "64x48"]),
+        ostra(&[
+            "shot",
+            &copy.project,
+            shot.to_str().unwrap(),
+            "--size",
+            "64x48",
+        ]),
         ostra(&["label", &copy.project, "mine"]),
     ];
     let mut session = Session::new();
-    session.act(Command::Open(copy.project.clone().into())).unwrap();
+    session
+        .act(Command::Open(copy.project.clone().into()))
+        .unwrap();
     let events = session.settle(|_| ControlFlow::Continue(()));
-    let (frames, reason) =
-        (session.project().map(|project| project.frames.len()), session.view_reason().map(str::to_owned));
-    let step = session.act(Command::AddLabel { name: "mine".into(), parent: None, color: None });
+    let (frames, reason) = (
+        session.project().map(|project| project.frames.len()),
+        session.view_reason().map(str::to_owned),
+    );
+    let step = session.act(Command::AddLabel {
+        name: "mine".into(),
+        parent: None,
+        color: None,
+    });
     drop(session);
     drop(read_only);
-    assert_eq!(outcomes.each_ref().map(|out| out.status.code()), [Some(0), Some(0), Some(1)], "{outcomes:?}");
-    assert!(stderr(&outcomes[2]).contains("cannot be written"), "{}", stderr(&outcomes[2]));
+    assert_eq!(
+        outcomes.each_ref().map(|out| out.status.code()),
+        [Some(0), Some(0), Some(1)],
+        "{outcomes:?}"
+    );
+    assert!(
+        stderr(&outcomes[2]).contains("cannot be written"),
+        "{}",
+        stderr(&outcomes[2])
+    );
     assert!(frames == Some(4) && reason.is_some(), "{events:?}");
     assert!(format!("{:#}", step.unwrap_err()).contains("open for viewing"));
 }
@@ -317,9 +444,18 @@ fn a_project_on_read_only_media_can_be_viewed_but_not_changed() {
 fn damaged_journal_costs_the_steps_from_there_on_and_is_kept() {
     type Spoil = fn(&mut Vec<u8>, usize);
     let spoils: [(Spoil, &str); 3] = [
-        (|bytes, line| bytes[line + 20] ^= 0x55, "line 2 is damaged; this step and the one after it are left out"),
-        (|bytes, line| bytes.drain(..line).for_each(drop), "lacks step"),
-        (|bytes, line| drop(bytes.splice(line..line, *b"\0\0\0\n")), "line 2 is damaged; this step and the 2 after it"),
+        (
+            |bytes, line| bytes[line + 20] ^= 0x55,
+            "line 2 is damaged; this step and the one after it are left out",
+        ),
+        (
+            |bytes, line| bytes.drain(..line).for_each(drop),
+            "lacks step",
+        ),
+        (
+            |bytes, line| drop(bytes.splice(line..line, *b"\0\0\0\n")),
+            "line 2 is damaged; this step and the 2 after it",
+        ),
     ];
     for (spoil, says) in spoils {
         let copy = Copy::new();
@@ -328,7 +464,12 @@ fn damaged_journal_costs_the_steps_from_there_on_and_is_kept() {
         let second = bytes.iter().position(|&byte| byte == b'\n').unwrap() + 1;
         if says == "lacks step" {
             // The second of three lines is gone.
-            let third = second + bytes[second..].iter().position(|&byte| byte == b'\n').unwrap() + 1;
+            let third = second
+                + bytes[second..]
+                    .iter()
+                    .position(|&byte| byte == b'\n')
+                    .unwrap()
+                + 1;
             bytes.drain(second..third);
         } else {
             spoil(&mut bytes, second);
@@ -336,16 +477,34 @@ fn damaged_journal_costs_the_steps_from_there_on_and_is_kept() {
         fs::write(copy.file("journal.jsonl"), &bytes).unwrap();
         let before = contents(Path::new(&copy.project));
         let (listed, warnings) = warned(&["info", &copy.project]);
-        assert!(listed.contains("one") && !listed.contains("two") && !listed.contains("three"), "{listed}");
-        assert!(warnings.contains(says) && warnings.contains("nothing was changed"), "{warnings}");
+        assert!(
+            listed.contains("one") && !listed.contains("two") && !listed.contains("three"),
+            "{listed}"
+        );
+        assert!(
+            warnings.contains(says) && warnings.contains("nothing was changed"),
+            "{warnings}"
+        );
         assert_eq!(contents(Path::new(&copy.project)), before);
         fs::write(copy.file("journal.jsonl.damaged"), "of an earlier time").unwrap();
         let (_, warnings) = warned(&["label", &copy.project, "four"]);
-        assert!(warnings.contains(says) && warnings.contains("kept as journal.jsonl.damaged-2"), "{warnings}");
-        assert_eq!(fs::read(copy.file("journal.jsonl.damaged-2")).unwrap(), bytes);
-        assert_eq!(fs::read(copy.file("journal.jsonl.damaged")).unwrap(), b"of an earlier time");
+        assert!(
+            warnings.contains(says) && warnings.contains("kept as journal.jsonl.damaged-2"),
+            "{warnings}"
+        );
+        assert_eq!(
+            fs::read(copy.file("journal.jsonl.damaged-2")).unwrap(),
+            bytes
+        );
+        assert_eq!(
+            fs::read(copy.file("journal.jsonl.damaged")).unwrap(),
+            b"of an earlier time"
+        );
         let (listed, warnings) = warned(&["info", &copy.project]);
-        assert!(listed.contains("one") && listed.contains("four") && warnings.is_empty(), "{listed} {warnings}");
+        assert!(
+            listed.contains("one") && listed.contains("four") && warnings.is_empty(),
+            "{listed} {warnings}"
+        );
     }
 }
 
@@ -354,7 +513,10 @@ fn damaged_journal_costs_the_steps_from_there_on_and_is_kept() {
 fn journals_that_cannot_be_used_at_all_are_kept_aside() {
     type Spoil = fn(&str) -> String;
     let spoils: [(Spoil, &str); 2] = [
-        (|journal| journal.lines().last().unwrap().to_owned() + "\n", "lacks step"),
+        (
+            |journal| journal.lines().last().unwrap().to_owned() + "\n",
+            "lacks step",
+        ),
         (|journal| journal.replace('\n', "\r"), "line 1 is damaged"),
     ];
     for (spoil, says) in spoils {
@@ -364,12 +526,24 @@ fn journals_that_cannot_be_used_at_all_are_kept_aside() {
         fs::write(copy.file("journal.jsonl"), &spoilt).unwrap();
         let before = contents(Path::new(&copy.project));
         let (listed, warnings) = warned(&["info", &copy.project]);
-        assert!(!listed.contains("alpha") && !listed.contains("beta"), "{listed}");
-        assert!(warnings.contains(says) && warnings.contains("nothing was changed"), "{warnings}");
+        assert!(
+            !listed.contains("alpha") && !listed.contains("beta"),
+            "{listed}"
+        );
+        assert!(
+            warnings.contains(says) && warnings.contains("nothing was changed"),
+            "{warnings}"
+        );
         assert_eq!(contents(Path::new(&copy.project)), before);
         let (_, warnings) = warned(&["label", &copy.project, "mine"]);
-        assert!(warnings.contains("kept as journal.jsonl.damaged"), "{warnings}");
-        assert_eq!(fs::read_to_string(copy.file("journal.jsonl.damaged")).unwrap(), spoilt);
+        assert!(
+            warnings.contains("kept as journal.jsonl.damaged"),
+            "{warnings}"
+        );
+        assert_eq!(
+            fs::read_to_string(copy.file("journal.jsonl.damaged")).unwrap(),
+            spoilt
+        );
         assert!(done(&["info", &copy.project]).contains("mine"));
     }
 }
@@ -381,74 +555,141 @@ fn masks_of_another_size_are_refused_by_their_header() {
     let mut bomb = Vec::new();
     let mut encoder = png::Encoder::new(&mut bomb, 16_000, 16_000);
     encoder.set_depth(png::BitDepth::One);
-    encoder.write_header().unwrap().write_image_data(&vec![0; 16_000 * 2_000]).unwrap();
+    encoder
+        .write_header()
+        .unwrap()
+        .write_image_data(&vec![0; 16_000 * 2_000])
+        .unwrap();
     fs::write(copy.file("masks/1.png"), &bomb).unwrap();
     // 300 MB of address space for everything; decoded it would take more than 500.
-    let script = format!("ulimit -v 400000; exec {} info {}", env!("CARGO_BIN_EXE_ostra"), copy.project);
-    let output = std::process::Command::new("sh").arg("-c").arg(script).output().unwrap();
+    let script = format!(
+        "ulimit -v 400000; exec {} info {}",
+        env!("CARGO_BIN_EXE_ostra"),
+        copy.project
+    );
+    let output = std::process::Command::new("sh")
+        .arg("-c")
+        .arg(script)
+        .output()
+        .unwrap();
     let text = stderr(&output);
-    assert!(output.status.success() && text.contains("1.png") && text.contains("16000"), "{text}");
+    assert!(
+        output.status.success() && text.contains("1.png") && text.contains("16000"),
+        "{text}"
+    );
 }
 
 #[test]
 fn damaged_history_costs_the_undo_and_is_kept() {
     let whole = fs::read(Path::new(&finished().1).join("history.jsonl")).unwrap();
     let first = whole.iter().position(|&byte| byte == b'\n').unwrap() + 1;
-    let second = first + whole[first..].iter().position(|&byte| byte == b'\n').unwrap() + 1;
-    let flipped: Vec<u8> =
-        whole.iter().enumerate().map(|(k, &byte)| if k == 30 { byte ^ 0x55 } else { byte }).collect();
+    let second = first
+        + whole[first..]
+            .iter()
+            .position(|&byte| byte == b'\n')
+            .unwrap()
+        + 1;
+    let flipped: Vec<u8> = whole
+        .iter()
+        .enumerate()
+        .map(|(k, &byte)| if k == 30 { byte ^ 0x55 } else { byte })
+        .collect();
     let without_a_step = [&whole[..first], &whole[second..]].concat();
     for damaged in [flipped, whole[..whole.len() - 9].to_vec(), without_a_step] {
         let copy = Copy::new();
         fs::write(copy.file("history.jsonl"), &damaged).unwrap();
         let before = contents(Path::new(&copy.project));
         let (_, warnings) = warned(&["info", &copy.project]);
-        assert!(warnings.contains("history.jsonl: ") && warnings.contains("cannot be undone"), "{warnings}");
+        assert!(
+            warnings.contains("history.jsonl: ") && warnings.contains("cannot be undone"),
+            "{warnings}"
+        );
         assert_eq!(contents(Path::new(&copy.project)), before);
         let (_, warnings) = warned(&["label", &copy.project, "mine"]);
-        assert!(warnings.contains("kept as history.jsonl.damaged"), "{warnings}");
-        assert_eq!(fs::read(copy.file("history.jsonl.damaged")).unwrap(), damaged);
+        assert!(
+            warnings.contains("kept as history.jsonl.damaged"),
+            "{warnings}"
+        );
+        assert_eq!(
+            fs::read(copy.file("history.jsonl.damaged")).unwrap(),
+            damaged
+        );
         assert_eq!(warned(&["info", &copy.project]).1, "");
     }
 }
 
 #[test]
 fn damaged_masks_and_origins_are_reported_and_kept() {
-    let masks = |listed: &str| listed.lines().find(|line| line.starts_with("masks")).unwrap().to_owned();
+    let masks = |listed: &str| {
+        listed
+            .lines()
+            .find(|line| line.starts_with("masks"))
+            .unwrap()
+            .to_owned()
+    };
     let whole = masks(&done(&["info", &finished().1]));
     assert!(whole.contains("2 anchors"), "{whole}");
     let empty_png = |width, height| {
         let mut bytes = std::io::Cursor::new(Vec::new());
-        image::GrayImage::new(width, height).write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+        image::GrayImage::new(width, height)
+            .write_to(&mut bytes, image::ImageFormat::Png)
+            .unwrap();
         bytes.into_inner()
     };
     for (name, damaged, count, says) in [
-        ("masks/origins.json", b"{\"0.png\":".to_vec(), "2 anchors", "2 masks count as anchors"),
+        (
+            "masks/origins.json",
+            b"{\"0.png\":".to_vec(),
+            "2 anchors",
+            "2 masks count as anchors",
+        ),
         (
             "masks/origins.json",
             b"{\"1.png\":{\"origin\":\"x\"},\"2.png\":{\"origin\":\"anchor\"}}".to_vec(),
             "2 anchors",
             "1 of its entries",
         ),
-        ("masks/1.png", b"no image".to_vec(), "1 anchors", "frame 1 (1.png) has no mask now"),
-        ("masks/1.png", empty_png(10, 10), "1 anchors", "frame 1 (1.png) has no mask now"),
+        (
+            "masks/1.png",
+            b"no image".to_vec(),
+            "1 anchors",
+            "frame 1 (1.png) has no mask now",
+        ),
+        (
+            "masks/1.png",
+            empty_png(10, 10),
+            "1 anchors",
+            "frame 1 (1.png) has no mask now",
+        ),
     ] {
         let copy = Copy::new();
         fs::write(copy.file(name), &damaged).unwrap();
         let before = contents(Path::new(&copy.project));
         let (listed, warnings) = warned(&["info", &copy.project]);
-        assert!(masks(&listed).contains(count) && warnings.contains(says) && warnings.contains(name), "{warnings}");
+        assert!(
+            masks(&listed).contains(count) && warnings.contains(says) && warnings.contains(name),
+            "{warnings}"
+        );
         assert_eq!(contents(Path::new(&copy.project)), before);
         let (_, warnings) = warned(&["label", &copy.project, "mine"]);
         assert!(warnings.contains("the file is kept as"), "{warnings}");
-        assert_eq!(fs::read(copy.file(&format!("{name}.damaged"))).unwrap(), damaged);
+        assert_eq!(
+            fs::read(copy.file(&format!("{name}.damaged"))).unwrap(),
+            damaged
+        );
         let (listed, warnings) = warned(&["info", &copy.project]);
-        assert!(masks(&listed).contains(count) && warnings.is_empty(), "{name}: {listed} {warnings}");
+        assert!(
+            masks(&listed).contains(count) && warnings.is_empty(),
+            "{name}: {listed} {warnings}"
+        );
     }
     let copy = Copy::new();
     fs::remove_file(copy.file("masks/origins.json")).unwrap();
     let (listed, warnings) = warned(&["info", &copy.project]);
-    assert!(masks(&listed).contains("2 anchors") && warnings.contains("origins.json: is missing"), "{warnings}");
+    assert!(
+        masks(&listed).contains("2 anchors") && warnings.contains("origins.json: is missing"),
+        "{warnings}"
+    );
 }
 
 #[test]
@@ -456,12 +697,22 @@ fn votes_of_another_cloud_are_refused_until_it_is_fused_again() {
     let copy = Copy::new();
     let path = copy.file("versions/cloud-1.ply");
     let cloud = read_ply(&path, &Progress::default()).unwrap().cloud;
-    let fewer =
-        LabelledCloud { tree: cloud.tree.clone(), ..LabelledCloud::from_positions(cloud.positions[9..].to_vec()) };
+    let fewer = LabelledCloud {
+        tree: cloud.tree.clone(),
+        ..LabelledCloud::from_positions(cloud.positions[9..].to_vec())
+    };
     save_ply(&path, &fewer, Coloring::Picture, &Progress::default()).unwrap();
-    let votes = format!("has votes on {} points, but there are {}", cloud.len(), fewer.len());
+    let votes = format!(
+        "has votes on {} points, but there are {}",
+        cloud.len(),
+        fewer.len()
+    );
     let out = ostra(&["doubt", &copy.project]);
-    assert!(out.status.code() == Some(1) && stderr(&out).contains(&votes), "{}", stderr(&out));
+    assert!(
+        out.status.code() == Some(1) && stderr(&out).contains(&votes),
+        "{}",
+        stderr(&out)
+    );
     for args in [
         vec!["instances", &copy.project, "--label", "thing"],
         vec!["adopt", &copy.project],
@@ -470,9 +721,25 @@ fn votes_of_another_cloud_are_refused_until_it_is_fused_again() {
         assert!(refused(&args).contains(&votes), "{args:?}");
     }
     let voxels = copy.dir.path().join("v.ply");
-    assert_ne!(ostra(&["export", &copy.project, "--voxels", voxels.to_str().unwrap()]).status.code(), Some(101));
+    assert_ne!(
+        ostra(&[
+            "export",
+            &copy.project,
+            "--voxels",
+            voxels.to_str().unwrap()
+        ])
+        .status
+        .code(),
+        Some(101)
+    );
     let shot = copy.dir.path().join("shot.png");
-    warned(&["shot", &copy.project, shot.to_str().unwrap(), "--size", "64x48"]);
+    warned(&[
+        "shot",
+        &copy.project,
+        shot.to_str().unwrap(),
+        "--size",
+        "64x48",
+    ]);
     // Masks voting again need no new points, but these cannot be used.
     done(&["fuse", &copy.project, "--voxel", "0.03"]);
     assert_eq!(warned(&["doubt", &copy.project]).1, "");
@@ -488,7 +755,13 @@ fn whatever_file_is_damaged_nothing_is_lost_silently() {
     let root = Path::new(&finished().1);
     let files: Vec<String> = contents(root)
         .into_iter()
-        .map(|(path, _)| path.strip_prefix(root).unwrap().to_str().unwrap().to_owned())
+        .map(|(path, _)| {
+            path.strip_prefix(root)
+                .unwrap()
+                .to_str()
+                .unwrap()
+                .to_owned()
+        })
         .filter(|name| !name.starts_with("depths"))
         .collect();
     type Spoil = fn(&Path, &Path);
@@ -500,7 +773,11 @@ fn whatever_file_is_damaged_nothing_is_lost_silently() {
             fs::write(path, bytes).unwrap();
         }),
         ("truncate", |path, _| {
-            fs::write(path, &fs::read(path).unwrap()[..fs::metadata(path).unwrap().len() as usize / 2]).unwrap();
+            fs::write(
+                path,
+                &fs::read(path).unwrap()[..fs::metadata(path).unwrap().len() as usize / 2],
+            )
+            .unwrap();
         }),
         ("folder", |path, _| {
             fs::remove_file(path).unwrap();
@@ -508,7 +785,13 @@ fn whatever_file_is_damaged_nothing_is_lost_silently() {
         }),
         ("pipe", |path, _| {
             fs::remove_file(path).unwrap();
-            assert!(std::process::Command::new("mkfifo").arg(path).status().unwrap().success());
+            assert!(
+                std::process::Command::new("mkfifo")
+                    .arg(path)
+                    .status()
+                    .unwrap()
+                    .success()
+            );
         }),
         ("link", |path, theirs| {
             fs::remove_file(path).unwrap();
@@ -518,8 +801,12 @@ fn whatever_file_is_damaged_nothing_is_lost_silently() {
     ];
     for name in &files {
         // Results are read when they are asked for; two kinds of damage stand for all there.
-        let is_result = name.starts_with("versions") || name.ends_with(".ply") || name.ends_with(".bin");
-        for (kind, spoil) in spoils.into_iter().filter(|(kind, _)| !is_result || matches!(*kind, "flip" | "pipe")) {
+        let is_result =
+            name.starts_with("versions") || name.ends_with(".ply") || name.ends_with(".bin");
+        for (kind, spoil) in spoils
+            .into_iter()
+            .filter(|(kind, _)| !is_result || matches!(*kind, "flip" | "pipe"))
+        {
             let case = format!("{name}: {kind}");
             let copy = Copy::new();
             spoil(&copy.file(name), &copy.theirs("notes"));
@@ -529,11 +816,20 @@ fn whatever_file_is_damaged_nothing_is_lost_silently() {
                 .map(|_| fs::read(copy.file(name)).unwrap());
             let info = ostra(&["info", &copy.project, "--json"]);
             let (code, text) = (info.status.code(), stderr(&info));
-            assert!(matches!(code, Some(0 | 1)) && !text.contains("panicked"), "{case}: {text}");
-            assert!(info.stdout == whole.as_bytes() || !text.trim().is_empty(), "{case}: it is lost silently");
+            assert!(
+                matches!(code, Some(0 | 1)) && !text.contains("panicked"),
+                "{case}: {text}"
+            );
+            assert!(
+                info.stdout == whole.as_bytes() || !text.trim().is_empty(),
+                "{case}: it is lost silently"
+            );
             let label = ostra(&["label", &copy.project, "mine"]);
             let text = stderr(&label);
-            assert!(matches!(label.status.code(), Some(0 | 1)) && !text.contains("panicked"), "{case}: {text}");
+            assert!(
+                matches!(label.status.code(), Some(0 | 1)) && !text.contains("panicked"),
+                "{case}: {text}"
+            );
             copy.assert_theirs_untouched(&case);
             let is_kept = |damaged: Vec<u8>| {
                 let bytes = |path: &Path| fs::read(path).unwrap();
@@ -543,8 +839,12 @@ fn whatever_file_is_damaged_nothing_is_lost_silently() {
             };
             // A torn line and plain names of results may go: the one is no step, the others are copies.
             let is_copy = !name.contains('/') && !name.ends_with(".jsonl");
-            let kept = damaged.is_none_or(|damaged| kind == "truncate" || is_copy || is_kept(damaged));
-            assert!(kept || name.starts_with("sparse"), "{case}: the damaged file is gone");
+            let kept =
+                damaged.is_none_or(|damaged| kind == "truncate" || is_copy || is_kept(damaged));
+            assert!(
+                kept || name.starts_with("sparse"),
+                "{case}: the damaged file is gone"
+            );
         }
     }
 }
@@ -566,7 +866,10 @@ fn a_project_moved_with_its_images_simply_opens() {
     let project = recording.project();
     done(&["label", &project, "thing"]);
     let toml = fs::read_to_string(Path::new(&project).join("project.toml")).unwrap();
-    assert!(toml.contains("path = \"../color/0.png\"") && toml.contains("path = \"../depth/0.png\""), "{toml}");
+    assert!(
+        toml.contains("path = \"../color/0.png\"") && toml.contains("path = \"../depth/0.png\""),
+        "{toml}"
+    );
     let elsewhere = TempDir::new().unwrap();
     let set = elsewhere.path().join("deep/set");
     fs::create_dir_all(set.parent().unwrap()).unwrap();
@@ -594,29 +897,45 @@ fn sources_of_an_older_project_are_found_next_to_it_but_no_others_are_taken() {
         .map(|line| line.replace("path = \"..", &format!("path = \"{}", parent.display())))
         .collect();
     fs::write(&toml, older.join("\n") + "\n").unwrap();
-    assert_eq!(warned(&["info", &project]).1, "", "absolute paths are read as before");
+    assert_eq!(
+        warned(&["info", &project]).1,
+        "",
+        "absolute paths are read as before"
+    );
     let elsewhere = TempDir::new().unwrap();
     let set = elsewhere.path().join("set");
     fs::rename(&parent, &set).unwrap();
     let moved = set.join("project").to_str().unwrap().to_owned();
     let (_, warnings) = warned(&["fuse", &moved, "--voxel", "0.03"]);
-    assert!(warnings.contains("were found in") && warnings.contains(set.join("color").to_str().unwrap()), "{warnings}");
+    assert!(
+        warnings.contains("were found in")
+            && warnings.contains(set.join("color").to_str().unwrap()),
+        "{warnings}"
+    );
     assert_eq!(warned(&["info", &moved]).1, "");
 
     // Other images of the same names are not taken.
     let other = elsewhere.path().join("other");
     fs::create_dir_all(other.join("color")).unwrap();
-    (0..4).for_each(|k| image::RgbImage::new(32, 32).save(other.join(format!("color/{k}.png"))).unwrap());
+    (0..4).for_each(|k| {
+        image::RgbImage::new(32, 32)
+            .save(other.join(format!("color/{k}.png")))
+            .unwrap()
+    });
     fs::rename(set.join("project"), other.join("project")).unwrap();
     fs::rename(&set, elsewhere.path().join("renamed")).unwrap();
     let project = other.join("project").to_str().unwrap().to_owned();
     let (_, warnings) = warned(&["info", &project]);
     assert!(
-        warnings.contains("source files of the frames are missing") && warnings.contains("ostra relocate"),
+        warnings.contains("source files of the frames are missing")
+            && warnings.contains("ostra relocate"),
         "{warnings}"
     );
     let error = refused(&["fuse", &project, "--voxel", "0.03"]);
-    assert!(error.contains("is not there") && error.contains("ostra relocate"), "{error}");
+    assert!(
+        error.contains("is not there") && error.contains("ostra relocate"),
+        "{error}"
+    );
     fs::create_dir(&parent).unwrap();
 }
 
@@ -629,13 +948,31 @@ fn relocate_points_frames_to_the_same_files_elsewhere() {
     fs::rename(recording.path("color"), to("images")).unwrap();
     assert!(refused(&["fuse", &project]).contains("ostra relocate PROJECT OLD NEW"));
     let error = refused(&["relocate", &project, "/nowhere", &to("images")]);
-    assert!(error.contains(&recording.path("color")) && error.contains(&recording.path("depth")), "{error}");
-    assert!(refused(&["relocate", &project, &recording.path("color"), &to("none")]).contains("0.png: is missing"));
+    assert!(
+        error.contains(&recording.path("color")) && error.contains(&recording.path("depth")),
+        "{error}"
+    );
+    assert!(
+        refused(&["relocate", &project, &recording.path("color"), &to("none")])
+            .contains("0.png: is missing")
+    );
     fs::create_dir(to("small")).unwrap();
-    (0..4).for_each(|k| image::RgbImage::new(32, 32).save(format!("{}/{k}.png", to("small"))).unwrap());
+    (0..4).for_each(|k| {
+        image::RgbImage::new(32, 32)
+            .save(format!("{}/{k}.png", to("small")))
+            .unwrap()
+    });
     let error = refused(&["relocate", &project, &recording.path("color"), &to("small")]);
-    assert!(error.contains("it has 32 × 32 pixels") && error.contains("64 × 48"), "{error}");
-    let said = done(&["relocate", &project, &format!("{}/", recording.path("color")), &to("images")]);
+    assert!(
+        error.contains("it has 32 × 32 pixels") && error.contains("64 × 48"),
+        "{error}"
+    );
+    let said = done(&[
+        "relocate",
+        &project,
+        &format!("{}/", recording.path("color")),
+        &to("images"),
+    ]);
     assert!(said.contains("4 frames are read from"), "{said}");
     assert_eq!(warned(&["fuse", &project, "--voxel", "0.03"]).1, "");
     // One image was deleted on the way: the others are found all the same.
@@ -643,7 +980,10 @@ fn relocate_points_frames_to_the_same_files_elsewhere() {
     fs::remove_file(format!("{}/2.png", to("moved"))).unwrap();
     let (said, warnings) = warned(&["relocate", &project, &to("images"), &to("moved")]);
     assert!(said.contains("3 frames are read from"), "{said}");
-    assert!(warnings.contains("1 frames stay as they were") && warnings.contains("2.png"), "{warnings}");
+    assert!(
+        warnings.contains("1 frames stay as they were") && warnings.contains("2.png"),
+        "{warnings}"
+    );
 }
 
 /// A limit on the size of files stands for a full disk: the step fits into the journal, the checkpoint does not fit.
@@ -653,20 +993,38 @@ fn a_step_that_was_made_is_not_reported_as_failed() {
     let copy = Copy::new();
     let size = fs::metadata(copy.file("project.toml")).unwrap().len();
     assert!(size > 2048, "{size}");
-    let script = format!("trap '' XFSZ; ulimit -f 2; exec {} label {} full", env!("CARGO_BIN_EXE_ostra"), copy.project);
-    let out = std::process::Command::new("sh").arg("-c").arg(script).output().unwrap();
+    let script = format!(
+        "trap '' XFSZ; ulimit -f 2; exec {} label {} full",
+        env!("CARGO_BIN_EXE_ostra"),
+        copy.project
+    );
+    let out = std::process::Command::new("sh")
+        .arg("-c")
+        .arg(script)
+        .output()
+        .unwrap();
     let text = stderr(&out);
     assert!(
-        out.status.success() && text.contains("warning") && text.contains("safe in the project's journal"),
+        out.status.success()
+            && text.contains("warning")
+            && text.contains("safe in the project's journal"),
         "{text}"
     );
     assert!(done(&["info", &copy.project]).contains("full"));
     let mut all = Vec::new();
     files_below(Path::new(&copy.project), &mut all);
-    let left = all.iter().filter(|path| path.extension().is_some_and(|ending| ending == "tmp" || ending == "part"));
+    let left = all.iter().filter(|path| {
+        path.extension()
+            .is_some_and(|ending| ending == "tmp" || ending == "part")
+    });
     assert_eq!(left.count(), 0, "{all:?}");
     done(&["label", &copy.project, "more"]);
-    assert!(fs::read_to_string(copy.file("project.toml")).unwrap().contains("full"), "the rest was written");
+    assert!(
+        fs::read_to_string(copy.file("project.toml"))
+            .unwrap()
+            .contains("full"),
+        "the rest was written"
+    );
 }
 
 #[test]
@@ -683,11 +1041,19 @@ fn leftovers_of_killed_runs_are_removed_and_nothing_else() {
         "masks/.ostra-1.png.Ab3.tmp",
     ];
     let theirs = ["notes.tmp", "paper.part", "versions/cloud-7.ply"];
-    left.iter().chain(&theirs).for_each(|name| fs::write(copy.file(name), "half").unwrap());
+    left.iter()
+        .chain(&theirs)
+        .for_each(|name| fs::write(copy.file(name), "half").unwrap());
     done(&["info", &copy.project]);
-    assert!(left.iter().all(|name| copy.file(name).exists()), "looking removes nothing");
+    assert!(
+        left.iter().all(|name| copy.file(name).exists()),
+        "looking removes nothing"
+    );
     done(&["label", &copy.project, "mine"]);
-    let still: Vec<_> = left.iter().filter(|name| copy.file(name).exists()).collect();
+    let still: Vec<_> = left
+        .iter()
+        .filter(|name| copy.file(name).exists())
+        .collect();
     assert!(still.is_empty(), "{still:?}");
     assert!(theirs.iter().all(|name| copy.file(name).exists()));
 }
@@ -696,15 +1062,26 @@ fn leftovers_of_killed_runs_are_removed_and_nothing_else() {
 fn a_reader_next_to_a_writer_sees_its_steps() {
     let copy = Copy::new();
     let mut session = Session::new();
-    session.act(Command::Open(copy.project.clone().into())).unwrap();
+    session
+        .act(Command::Open(copy.project.clone().into()))
+        .unwrap();
     session.settle(|_| ControlFlow::Continue(()));
     for (number, save) in [false, true, false].into_iter().enumerate() {
-        session.act(Command::AddLabel { name: format!("label {number}"), parent: None, color: None }).unwrap();
+        session
+            .act(Command::AddLabel {
+                name: format!("label {number}"),
+                parent: None,
+                color: None,
+            })
+            .unwrap();
         if save {
             session.save().unwrap();
         }
         let (listed, warnings) = warned(&["info", &copy.project]);
-        assert!(listed.contains(&format!("label {number}")) && warnings.is_empty(), "{listed} {warnings}");
+        assert!(
+            listed.contains(&format!("label {number}")) && warnings.is_empty(),
+            "{listed} {warnings}"
+        );
     }
     assert!(refused(&["label", &copy.project, "mine"]).contains("close it there first"));
 }
@@ -715,9 +1092,18 @@ fn output_to_a_full_disk_is_an_error() {
     let copy = Copy::new();
     let info = |output: fs::File| {
         let mut process = std::process::Command::new(env!("CARGO_BIN_EXE_ostra"));
-        process.args(["info", &copy.project]).stdout(output).output().unwrap()
+        process
+            .args(["info", &copy.project])
+            .stdout(output)
+            .output()
+            .unwrap()
     };
-    let out = info(fs::OpenOptions::new().write(true).open("/dev/full").unwrap());
+    let out = info(
+        fs::OpenOptions::new()
+            .write(true)
+            .open("/dev/full")
+            .unwrap(),
+    );
     assert!(
         out.status.code() == Some(1) && stderr(&out).contains("standard output cannot be written"),
         "{}",

@@ -20,12 +20,27 @@ impl Bananas {
     fn new() -> Option<Self> {
         let needs = Needs::find("banana")?;
         let project = Project::new(&needs.set.join("images"), &[]);
-        Some(Self { needs, data: TempDir::new().unwrap(), project })
+        Some(Self {
+            needs,
+            data: TempDir::new().unwrap(),
+            project,
+        })
     }
 
     fn ground(&self, words: &str) -> Vec<String> {
         let root = self.project.root();
-        ["ground", &root, "--frame", "3", "--text", words, "--segmenter", "builtin"].map(str::to_owned).to_vec()
+        [
+            "ground",
+            &root,
+            "--frame",
+            "3",
+            "--text",
+            words,
+            "--segmenter",
+            "builtin",
+        ]
+        .map(str::to_owned)
+        .to_vec()
     }
 
     fn done(&self, args: &[String]) -> String {
@@ -40,28 +55,55 @@ impl Bananas {
     }
 
     fn add_network(&self) {
-        let file = self.needs.networks.join("yolox_nano.onnx").display().to_string();
+        let file = self
+            .needs
+            .networks
+            .join("yolox_nano.onnx")
+            .display()
+            .to_string();
         self.done(&["models", "add", "yolox", &file].map(str::to_owned));
     }
 }
 
 #[test]
 fn bananas_are_found_by_their_name() {
-    let Some(bananas) = Bananas::new() else { return };
+    let Some(bananas) = Bananas::new() else {
+        return;
+    };
     let said = bananas.refused(&bananas.ground("banana"));
-    assert!(said.contains("yolox") && said.contains("ostra models add"), "{said}");
+    assert!(
+        said.contains("yolox") && said.contains("ostra models add"),
+        "{said}"
+    );
     bananas.add_network();
     let said = bananas.refused(&bananas.ground("banana; panicle"));
-    assert!(said.contains("'panicle'") && said.contains("toothbrush"), "it tells the words that it knows: {said}");
+    assert!(
+        said.contains("'panicle'") && said.contains("toothbrush"),
+        "it tells the words that it knows: {said}"
+    );
     let said = bananas.refused(&bananas.ground("zebra"));
-    assert!(said.contains("zebra") && said.contains("--threshold"), "{said}");
-    assert_eq!(bananas.project.info()["labels"].as_array().unwrap().len(), 0, "nothing changed so far");
+    assert!(
+        said.contains("zebra") && said.contains("--threshold"),
+        "{said}"
+    );
+    assert_eq!(
+        bananas.project.info()["labels"].as_array().unwrap().len(),
+        0,
+        "nothing changed so far"
+    );
 
     let said = bananas.done(&bananas.ground("banana"));
-    assert!(said.contains("grounder: yolox") && said.contains("banana: "), "{said}");
+    assert!(
+        said.contains("grounder: yolox") && said.contains("banana: "),
+        "{said}"
+    );
     let info = bananas.project.info();
-    let names: Vec<&str> =
-        info["labels"].as_array().unwrap().iter().map(|label| label["name"].as_str().unwrap()).collect();
+    let names: Vec<&str> = info["labels"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|label| label["name"].as_str().unwrap())
+        .collect();
     assert_eq!(names[..2], ["banana", "banana 1"]);
     assert_eq!(
         (&info["labels"][1]["parent"], &info["frames"][3]["mask"]),
@@ -69,7 +111,12 @@ fn bananas_are_found_by_their_name() {
     );
     let name = info["frames"][3]["name"].as_str().unwrap();
     let stem = Path::new(name).with_extension("png");
-    let mask = read_palette_png(&Path::new(&bananas.project.root()).join("masks").join(stem)).unwrap();
-    let share = mask.ids.iter().filter(|&&id| id != LabelId::NONE).count() as f64 / mask.ids.len() as f64;
-    assert!((0.01..0.4).contains(&share), "the bunch is a part of the picture: {share}");
+    let mask =
+        read_palette_png(&Path::new(&bananas.project.root()).join("masks").join(stem)).unwrap();
+    let share =
+        mask.ids.iter().filter(|&&id| id != LabelId::NONE).count() as f64 / mask.ids.len() as f64;
+    assert!(
+        (0.01..0.4).contains(&share),
+        "the bunch is a part of the picture: {share}"
+    );
 }

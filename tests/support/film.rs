@@ -7,7 +7,10 @@ use std::process::{Command, Stdio};
 /// Whether ffmpeg is there; where it is not, that is a failure when `CI` is set.
 pub fn has_ffmpeg() -> bool {
     let found = Command::new("ffmpeg").arg("-version").output().is_ok();
-    assert!(found || std::env::var_os("CI").is_none(), "ffmpeg is missing");
+    assert!(
+        found || std::env::var_os("CI").is_none(),
+        "ffmpeg is missing"
+    );
     if !found {
         eprintln!("skipped: ffmpeg is missing");
     }
@@ -45,7 +48,10 @@ pub fn make_film(path: &Path, making: &Making<'_>, picture: impl Fn(u64) -> Vec<
         "-i",
         "-",
     ]);
-    command.args(making.options.split_whitespace()).arg(path).stdin(Stdio::piped());
+    command
+        .args(making.options.split_whitespace())
+        .arg(path)
+        .stdin(Stdio::piped());
     let mut child = command.spawn().unwrap();
     let mut input = child.stdin.take().unwrap();
     for k in 0..making.count {

@@ -22,16 +22,37 @@ pub struct Recording {
 impl Recording {
     /// Opens the pictures of a data set's folder, with the folder of depths and of masks where given; pictures and
     /// depths are kept up to `cache_bytes`.
-    pub fn open(set: &Path, pictures: &str, depths: Option<&str>, masks: Option<&str>, cache_bytes: usize) -> Self {
-        let source = FrameFolder { frames: set.join(pictures), depth: depths.map(|folder| set.join(folder)) };
-        let request = OpenRequest { sources: vec![source], ..OpenRequest::default() };
+    pub fn open(
+        set: &Path,
+        pictures: &str,
+        depths: Option<&str>,
+        masks: Option<&str>,
+        cache_bytes: usize,
+    ) -> Self {
+        let source = FrameFolder {
+            frames: set.join(pictures),
+            depth: depths.map(|folder| set.join(folder)),
+        };
+        let request = OpenRequest {
+            sources: vec![source],
+            ..OpenRequest::default()
+        };
         let mut frames = open(&request, &Progress::default()).unwrap().frames;
-        GivenCameras::read(&set.join("sparse")).unwrap().match_to(&mut frames).unwrap();
+        GivenCameras::read(&set.join("sparse"))
+            .unwrap()
+            .match_to(&mut frames)
+            .unwrap();
         let mask = |frame: &Frame| {
-            let path = set.join(masks?).join(Path::new(&frame.name).with_extension("png"));
+            let path = set
+                .join(masks?)
+                .join(Path::new(&frame.name).with_extension("png"));
             Some(Arc::new(read_palette_png(&path).unwrap()))
         };
-        Self { masks: frames.iter().map(mask).collect(), frames, store: FrameStore::new(cache_bytes) }
+        Self {
+            masks: frames.iter().map(mask).collect(),
+            frames,
+            store: FrameStore::new(cache_bytes),
+        }
     }
 }
 

@@ -25,7 +25,14 @@ pub enum Tool {
 
 impl Tool {
     /// All tools in the order of the tool bar.
-    pub const ALL: [Self; 6] = [Self::Click, Self::Brush, Self::Eraser, Self::Polygon, Self::Pull, Self::Thin];
+    pub const ALL: [Self; 6] = [
+        Self::Click,
+        Self::Brush,
+        Self::Eraser,
+        Self::Polygon,
+        Self::Pull,
+        Self::Thin,
+    ];
 
     /// What the tool bar shows.
     #[must_use]
@@ -132,8 +139,16 @@ impl Draft {
     #[must_use]
     pub fn prompt(&self, project: &Project, frame: usize, label: LabelId) -> Prompt {
         match &self.sent_prompt {
-            Some((sent_frame, sent_label, prompt)) if (*sent_frame, *sent_label) == (frame, label) => prompt.clone(),
-            _ => project.prompts.get(&(frame, label)).cloned().unwrap_or_default(),
+            Some((sent_frame, sent_label, prompt))
+                if (*sent_frame, *sent_label) == (frame, label) =>
+            {
+                prompt.clone()
+            }
+            _ => project
+                .prompts
+                .get(&(frame, label))
+                .cloned()
+                .unwrap_or_default(),
         }
     }
 
@@ -150,19 +165,30 @@ impl Draft {
 
     /// Remembers a stroke that was sent.
     pub fn sent_stroke(&mut self, stroke: Stroke, project: &Project) {
-        let over = project.masks.get(&stroke.frame).map(|mask| Arc::clone(&mask.runs));
+        let over = project
+            .masks
+            .get(&stroke.frame)
+            .map(|mask| Arc::clone(&mask.runs));
         self.sent_stroke = Some((stroke, over));
     }
 
     /// Forgets what was sent and has arrived in the project.
     pub fn follow(&mut self, project: &Project) {
         if let Some((frame, label, prompt)) = &self.sent_prompt
-            && project.prompts.get(&(*frame, *label)).unwrap_or(&Prompt::default()).gives_as(prompt)
+            && project
+                .prompts
+                .get(&(*frame, *label))
+                .unwrap_or(&Prompt::default())
+                .gives_as(prompt)
         {
             self.sent_prompt = None;
         }
-        let is_of =
-            |held: &HeldBorder| project.masks.get(&held.frame).is_some_and(|now| Arc::ptr_eq(&now.runs, &held.of));
+        let is_of = |held: &HeldBorder| {
+            project
+                .masks
+                .get(&held.frame)
+                .is_some_and(|now| Arc::ptr_eq(&now.runs, &held.of))
+        };
         if !self.held.as_ref().is_none_or(is_of) {
             self.held = None;
         }
@@ -182,7 +208,10 @@ impl Draft {
     /// The strokes to show over the mask of a frame.
     pub fn strokes(&self, frame: usize) -> impl Iterator<Item = &Stroke> {
         let sent = self.sent_stroke.as_ref().map(|(stroke, _)| stroke);
-        self.stroke.iter().chain(sent).filter(move |stroke| stroke.frame == frame)
+        self.stroke
+            .iter()
+            .chain(sent)
+            .filter(move |stroke| stroke.frame == frame)
     }
 }
 
@@ -195,14 +224,29 @@ mod tests {
     fn clicks_build_on_what_was_sent_until_the_project_has_it() {
         let (mut draft, mut project) = (Draft::default(), Project::default());
         let label = LabelId(1);
-        let one = Prompt { clicks: vec![Click { at_px: DVec2::ONE, include: true }], ..Prompt::default() };
+        let one = Prompt {
+            clicks: vec![Click {
+                at_px: DVec2::ONE,
+                include: true,
+            }],
+            ..Prompt::default()
+        };
         draft.sent(3, label, one.clone());
         assert_eq!(draft.prompt(&project, 3, label), one);
         assert!(draft.prompt(&project, 4, label).is_empty());
         // The project notes beside it what the clicks were given on.
-        project.prompts.insert((3, label), Prompt { corrects: true, ..one });
+        project.prompts.insert(
+            (3, label),
+            Prompt {
+                corrects: true,
+                ..one
+            },
+        );
         draft.follow(&project);
         project.prompts.remove(&(3, label));
-        assert!(draft.prompt(&project, 3, label).is_empty(), "undo is believed");
+        assert!(
+            draft.prompt(&project, 3, label).is_empty(),
+            "undo is believed"
+        );
     }
 }

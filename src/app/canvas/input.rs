@@ -3,7 +3,9 @@ use glam::DVec2;
 
 use super::draft::{Stroke, Tool};
 use super::map::CanvasMap;
-use super::prompts::{box_of, chosen_label, click_at, fill_polygon, hold_border, paint, pull_border, trace_thin};
+use super::prompts::{
+    box_of, chosen_label, click_at, fill_polygon, hold_border, paint, pull_border, trace_thin,
+};
 use crate::trail::trail;
 use crate::{Look, ViewState};
 use ostra_session::Command;
@@ -32,8 +34,11 @@ pub(super) fn canvas_input(
 
 /// Wheel: zoom at the pointer; with Shift the size of the brush.
 fn wheel(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) {
-    let Some(at) = response.hover_pos() else { return };
-    let (scroll, pinch, shift) = ui.input(|i| (i.smooth_scroll_delta(), i.zoom_delta(), i.modifiers.shift));
+    let Some(at) = response.hover_pos() else {
+        return;
+    };
+    let (scroll, pinch, shift) =
+        ui.input(|i| (i.smooth_scroll_delta(), i.zoom_delta(), i.modifiers.shift));
     let turn = scroll.x + scroll.y;
     if shift && matches!(view.tool, Tool::Brush | Tool::Eraser) {
         let size = view.prefs.brush_px * f64::from((turn / 200.0).exp());
@@ -46,7 +51,8 @@ fn wheel(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) {
 /// Middle drag or Space + drag; whether the pointer is taken for it.
 fn pan(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) -> bool {
     let space = response.hovered() && ui.input(|i| i.key_down(Key::Space));
-    let dragging = response.dragged_by(PointerButton::Middle) || (space && response.dragged_by(PointerButton::Primary));
+    let dragging = response.dragged_by(PointerButton::Middle)
+        || (space && response.dragged_by(PointerButton::Primary));
     if dragging {
         view.zoom.pan(map, response.drag_delta());
         ui.ctx().set_cursor_icon(egui::CursorIcon::Grabbing);
@@ -64,10 +70,19 @@ fn position(response: &Response, map: &CanvasMap) -> Option<DVec2> {
 fn drag_began(response: &Response, map: &CanvasMap) -> Option<DVec2> {
     let began = response.drag_started_by(PointerButton::Primary);
     let moved = response.total_drag_delta().unwrap_or_default();
-    response.interact_pointer_pos().filter(|_| began).map(|at| map.to_px(at - moved))
+    response
+        .interact_pointer_pos()
+        .filter(|_| began)
+        .map(|at| map.to_px(at - moved))
 }
 
-fn click_tool(response: &Response, map: &CanvasMap, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+fn click_tool(
+    response: &Response,
+    map: &CanvasMap,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+) {
     let at = position(response, map);
     if response.clicked() || response.secondary_clicked() {
         if let Some(at_px) = at.and_then(|at| map.inside(at)) {
@@ -99,10 +114,19 @@ fn brush_tool(
 ) {
     const BUTTONS: [PointerButton; 2] = [PointerButton::Primary, PointerButton::Secondary];
     let (pressed, is_over, ctrl) = ui.input(|i| {
-        let down = BUTTONS.into_iter().any(|button| i.pointer.button_down(button));
+        let down = BUTTONS
+            .into_iter()
+            .any(|button| i.pointer.button_down(button));
         let pressed = BUTTONS.map(|button| i.pointer.button_pressed(button));
-        let is_let_go = BUTTONS.into_iter().any(|button| i.pointer.button_released(button)) && pressed == [false; 2];
-        (pressed, is_let_go || !down || !i.pointer.has_pointer(), i.modifiers.command)
+        let is_let_go = BUTTONS
+            .into_iter()
+            .any(|button| i.pointer.button_released(button))
+            && pressed == [false; 2];
+        (
+            pressed,
+            is_let_go || !down || !i.pointer.has_pointer(),
+            i.modifiers.command,
+        )
     });
     let places = trail(ui, &BUTTONS);
     if pressed.contains(&true) {
@@ -112,16 +136,32 @@ fn brush_tool(
         let is_swift = is_over && response.contains_pointer();
         if response.is_pointer_button_down_on() || is_tap || is_swift {
             let erase = view.tool == Tool::Eraser || pressed[1] || ctrl;
-            let Some(label) = chosen_label(look, view, out) else { return };
+            let Some(label) = chosen_label(look, view, out) else {
+                return;
+            };
             let (radius_px, snap) = (view.prefs.brush_px, view.prefs.snap);
-            let begin = places.first().map(|&at| map.to_px(at)).or_else(|| position(response, map));
+            let begin = places
+                .first()
+                .map(|&at| map.to_px(at))
+                .or_else(|| position(response, map));
             let points_px = Vec::from_iter(begin);
-            view.draft.stroke = Some(Stroke { frame: view.frame, label, erase, points_px, radius_px, snap });
+            view.draft.stroke = Some(Stroke {
+                frame: view.frame,
+                label,
+                erase,
+                points_px,
+                radius_px,
+                snap,
+            });
         }
     }
     if let Some(stroke) = &mut view.draft.stroke {
         for at in places.into_iter().map(|at| map.to_px(at)) {
-            if stroke.points_px.last().is_none_or(|last| last.distance(at) >= 0.5) {
+            if stroke
+                .points_px
+                .last()
+                .is_none_or(|last| last.distance(at) >= 0.5)
+            {
                 stroke.points_px.push(at);
             }
         }
@@ -141,7 +181,13 @@ fn end_stroke(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
 const HOLD_POINTS: f64 = 12.0;
 
 /// A border is dragged to where it belongs.
-fn pull_tool(response: &Response, map: &CanvasMap, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+fn pull_tool(
+    response: &Response,
+    map: &CanvasMap,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+) {
     if let Some(begin) = drag_began(response, map) {
         hold_border(look, view, begin, HOLD_POINTS / f64::from(map.scale));
     }
@@ -169,7 +215,10 @@ fn corners_tool(
     {
         let near_start = |first: &DVec2| map.to_screen(*first).distance(map.to_screen(at)) < 8.0;
         let corners = &mut view.draft.corners;
-        if view.tool == Tool::Polygon && corners.len() >= 3 && corners.first().is_some_and(near_start) {
+        if view.tool == Tool::Polygon
+            && corners.len() >= 3
+            && corners.first().is_some_and(near_start)
+        {
             finished = true;
         } else {
             corners.push(map.clamped(at));
@@ -198,8 +247,13 @@ fn lasso(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) ->
     if pressed && response.is_pointer_button_down_on() && view.draft.corners.is_empty() {
         view.draft.lasso = Some(Vec::new());
     }
-    let Some(line) = &mut view.draft.lasso else { return false };
-    for at in trail(ui, &[PointerButton::Primary]).into_iter().map(|at| map.clamped(map.to_px(at))) {
+    let Some(line) = &mut view.draft.lasso else {
+        return false;
+    };
+    for at in trail(ui, &[PointerButton::Primary])
+        .into_iter()
+        .map(|at| map.clamped(map.to_px(at)))
+    {
         if line.last().is_none_or(|last| last.distance(at) >= 0.5) {
             line.push(at);
         }

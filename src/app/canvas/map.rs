@@ -34,8 +34,18 @@ impl ZoomState {
     pub fn map(&self, pane: Rect, size_px: [u32; 2]) -> CanvasMap {
         let middle = DVec2::new(f64::from(size_px[0]), f64::from(size_px[1])) / 2.0;
         match self.scale {
-            Some(scale) => CanvasMap { pane, size_px, scale, centre_px: self.centre_px },
-            None => CanvasMap { pane, size_px, scale: fit_scale(pane, size_px), centre_px: middle },
+            Some(scale) => CanvasMap {
+                pane,
+                size_px,
+                scale,
+                centre_px: self.centre_px,
+            },
+            None => CanvasMap {
+                pane,
+                size_px,
+                scale: fit_scale(pane, size_px),
+                centre_px: middle,
+            },
         }
     }
 
@@ -46,19 +56,24 @@ impl ZoomState {
         let scale = (map.scale * factor).clamp(least, MAX_SCALE);
         let offset = at - map.pane.center();
         self.scale = Some(scale);
-        self.centre_px = fixed - DVec2::new(f64::from(offset.x), f64::from(offset.y)) / f64::from(scale);
+        self.centre_px =
+            fixed - DVec2::new(f64::from(offset.x), f64::from(offset.y)) / f64::from(scale);
         self.keep_in_sight(map.size_px);
     }
 
     /// Moves the picture by a pointer movement in screen points.
     pub fn pan(&mut self, map: &CanvasMap, delta: Vec2) {
         self.scale = Some(map.scale);
-        self.centre_px = map.centre_px - DVec2::new(f64::from(delta.x), f64::from(delta.y)) / f64::from(map.scale);
+        self.centre_px = map.centre_px
+            - DVec2::new(f64::from(delta.x), f64::from(delta.y)) / f64::from(map.scale);
         self.keep_in_sight(map.size_px);
     }
 
     fn keep_in_sight(&mut self, size_px: [u32; 2]) {
-        self.centre_px = self.centre_px.clamp(DVec2::ZERO, DVec2::new(f64::from(size_px[0]), f64::from(size_px[1])));
+        self.centre_px = self.centre_px.clamp(
+            DVec2::ZERO,
+            DVec2::new(f64::from(size_px[0]), f64::from(size_px[1])),
+        );
     }
 }
 
@@ -67,7 +82,8 @@ impl CanvasMap {
     #[must_use]
     pub fn to_px(&self, at: Pos2) -> DVec2 {
         let offset = at - self.pane.center();
-        self.centre_px + DVec2::new(f64::from(offset.x), f64::from(offset.y)) / f64::from(self.scale)
+        self.centre_px
+            + DVec2::new(f64::from(offset.x), f64::from(offset.y)) / f64::from(self.scale)
     }
 
     /// The place on the screen of a picture position.
@@ -108,7 +124,10 @@ fn fit_scale(pane: Rect, size_px: [u32; 2]) -> f32 {
 mod tests {
     use super::*;
 
-    const PANE: Rect = Rect { min: Pos2::new(100.0, 50.0), max: Pos2::new(900.0, 650.0) };
+    const PANE: Rect = Rect {
+        min: Pos2::new(100.0, 50.0),
+        max: Pos2::new(900.0, 650.0),
+    };
 
     #[test]
     fn fit_shows_the_whole_picture_in_the_middle() {
@@ -119,7 +138,10 @@ mod tests {
 
     #[test]
     fn screen_and_picture_positions_are_inverse() {
-        let zoom = ZoomState { scale: Some(3.7), centre_px: DVec2::new(100.0, 80.0) };
+        let zoom = ZoomState {
+            scale: Some(3.7),
+            centre_px: DVec2::new(100.0, 80.0),
+        };
         let map = zoom.map(PANE, [640, 480]);
         let at = DVec2::new(12.5, 300.25);
         assert!((map.to_px(map.to_screen(at)) - at).length() < 1e-4);
@@ -138,10 +160,15 @@ mod tests {
 
     #[test]
     fn panning_moves_with_the_pointer() {
-        let mut zoom = ZoomState { scale: Some(2.0), centre_px: DVec2::new(320.0, 240.0) };
+        let mut zoom = ZoomState {
+            scale: Some(2.0),
+            centre_px: DVec2::new(320.0, 240.0),
+        };
         let map = zoom.map(PANE, [640, 480]);
         zoom.pan(&map, Vec2::new(30.0, -10.0));
-        let moved = zoom.map(PANE, [640, 480]).to_screen(DVec2::new(320.0, 240.0));
+        let moved = zoom
+            .map(PANE, [640, 480])
+            .to_screen(DVec2::new(320.0, 240.0));
         assert_eq!(moved, PANE.center() + Vec2::new(30.0, -10.0));
     }
 }

@@ -7,7 +7,10 @@ use crate::{Look, ViewState};
 use ostra_masks::{LabelId, Prompt};
 use ostra_session::{FoundThing, Suggestion};
 
-const UV: Rect = Rect { min: Pos2::ZERO, max: Pos2::new(1.0, 1.0) };
+const UV: Rect = Rect {
+    min: Pos2::ZERO,
+    max: Pos2::new(1.0, 1.0),
+};
 
 /// A picture or mask texture in its place.
 pub(super) fn texture(painter: &Painter, map: &CanvasMap, id: TextureId) {
@@ -23,21 +26,43 @@ pub(super) fn prompts_and_draft(
     view: &ViewState,
     pointer: Option<Pos2>,
 ) {
-    for label in look.project.labels.iter().filter(|label| !view.hidden.contains(&label.id)) {
+    for label in look
+        .project
+        .labels
+        .iter()
+        .filter(|label| !view.hidden.contains(&label.id))
+    {
         let prompt = view.draft.prompt(look.project, view.frame, label.id);
-        prompt_marks(painter, map, &prompt, color_of(look, label.id), view.label == Some(label.id));
+        prompt_marks(
+            painter,
+            map,
+            &prompt,
+            color_of(look, label.id),
+            view.label == Some(label.id),
+        );
     }
     for (number, thing) in offered(look, view) {
         found_box(painter, map, number, thing);
     }
-    for (number, found) in (1..).zip(look.suggestions).filter(|(_, found)| found.frame == view.frame) {
+    for (number, found) in (1..)
+        .zip(look.suggestions)
+        .filter(|(_, found)| found.frame == view.frame)
+    {
         if !is_explained(look, found) {
             suggestion(painter, map, number, found);
         }
     }
-    let color = view.label.map_or(Color32::WHITE, |label| color_of(look, label));
+    let color = view
+        .label
+        .map_or(Color32::WHITE, |label| color_of(look, label));
     for stroke in view.draft.strokes(view.frame) {
-        brush_stroke(painter, map, stroke, color_of(look, stroke.label), view.prefs.opacity);
+        brush_stroke(
+            painter,
+            map,
+            stroke,
+            color_of(look, stroke.label),
+            view.prefs.opacity,
+        );
     }
     if let (Some(from), Some(to)) = (view.draft.box_from, pointer) {
         outlined_rect(painter, Rect::from_two_pos(map.to_screen(from), to), color);
@@ -50,12 +75,21 @@ pub(super) fn prompts_and_draft(
 
 /// A thing that words found, with its number.
 fn found_box(painter: &Painter, map: &CanvasMap, number: usize, thing: &FoundThing) {
-    let rect = Rect::from_two_pos(map.to_screen(thing.extent.min_px), map.to_screen(thing.extent.max_px));
+    let rect = Rect::from_two_pos(
+        map.to_screen(thing.extent.min_px),
+        map.to_screen(thing.extent.max_px),
+    );
     let color = Color32::from_rgb(255, 235, 90);
     outlined_rect(painter, rect, color);
     let text = format!("{number}  {} {:.0} %", thing.phrase, 100.0 * thing.score);
     let at = rect.left_top() + Vec2::splat(4.0);
-    painter.text(at, egui::Align2::LEFT_TOP, text, egui::FontId::proportional(13.0), color);
+    painter.text(
+        at,
+        egui::Align2::LEFT_TOP,
+        text,
+        egui::FontId::proportional(13.0),
+        color,
+    );
 }
 
 /// The border of a thing that no label explains, with its number in the list.
@@ -68,8 +102,20 @@ fn suggestion(painter: &Painter, map: &CanvasMap, number: usize, found: &Suggest
     }
     let font = egui::FontId::proportional(13.0);
     let at = map.to_screen(found.at_px);
-    painter.text(at + Vec2::splat(1.0), egui::Align2::CENTER_CENTER, number.to_string(), font.clone(), Color32::BLACK);
-    painter.text(at, egui::Align2::CENTER_CENTER, number.to_string(), font, Color32::WHITE);
+    painter.text(
+        at + Vec2::splat(1.0),
+        egui::Align2::CENTER_CENTER,
+        number.to_string(),
+        font.clone(),
+        Color32::BLACK,
+    );
+    painter.text(
+        at,
+        egui::Align2::CENTER_CENTER,
+        number.to_string(),
+        font,
+        Color32::WHITE,
+    );
 }
 
 /// A line of text over the upper edge of the pane.
@@ -85,7 +131,10 @@ pub(super) fn banner(painter: &Painter, map: &CanvasMap, text: &str) {
 /// Where the frame sees the point that was asked about.
 pub(super) fn sight(painter: &Painter, map: &CanvasMap, at_px: glam::DVec2) {
     let at = map.to_screen(at_px);
-    for (width, color) in [(3.5, Color32::from_black_alpha(160)), (1.5, Color32::from_rgb(255, 235, 90))] {
+    for (width, color) in [
+        (3.5, Color32::from_black_alpha(160)),
+        (1.5, Color32::from_rgb(255, 235, 90)),
+    ] {
         painter.circle_stroke(at, 9.0, Line::new(width, color));
         for side in [Vec2::X, -Vec2::X, Vec2::Y, -Vec2::Y] {
             painter.line_segment([at + 5.0 * side, at + 14.0 * side], Line::new(width, color));
@@ -97,13 +146,21 @@ pub(super) fn sight(painter: &Painter, map: &CanvasMap, at_px: glam::DVec2) {
 pub(super) fn brush_circle(painter: &Painter, map: &CanvasMap, view: &ViewState, pointer: Pos2) {
     if matches!(view.tool, Tool::Brush | Tool::Eraser) {
         let radius = view.prefs.brush_px as f32 * map.scale;
-        painter.circle_stroke(pointer, radius + 0.5, Line::new(1.5, Color32::from_black_alpha(160)));
+        painter.circle_stroke(
+            pointer,
+            radius + 0.5,
+            Line::new(1.5, Color32::from_black_alpha(160)),
+        );
         painter.circle_stroke(pointer, radius, Line::new(1.0, Color32::WHITE));
     }
 }
 
 fn color_of(look: &Look<'_>, label: LabelId) -> Color32 {
-    let [r, g, b] = look.project.labels.get(label).map_or([230; 3], |label| label.color);
+    let [r, g, b] = look
+        .project
+        .labels
+        .get(label)
+        .map_or([230; 3], |label| label.color);
     Color32::from_rgb(r, g, b)
 }
 
@@ -116,7 +173,11 @@ fn prompt_marks(painter: &Painter, map: &CanvasMap, prompt: &Prompt, color: Colo
     for click in &prompt.clicks {
         let at = map.to_screen(click.at_px);
         painter.circle(at, radius, color, Line::new(1.5, Color32::WHITE));
-        painter.circle_stroke(at, radius + 1.2, Line::new(1.0, Color32::from_black_alpha(170)));
+        painter.circle_stroke(
+            at,
+            radius + 1.2,
+            Line::new(1.0, Color32::from_black_alpha(170)),
+        );
         let arm = radius * 0.55;
         let sign = Line::new(1.6, Color32::WHITE);
         painter.line_segment([at - Vec2::X * arm, at + Vec2::X * arm], sign);
@@ -127,14 +188,28 @@ fn prompt_marks(painter: &Painter, map: &CanvasMap, prompt: &Prompt, color: Colo
 }
 
 fn outlined_rect(painter: &Painter, rect: Rect, color: Color32) {
-    painter.rect_stroke(rect, 0.0, Line::new(3.0, Color32::from_black_alpha(140)), egui::StrokeKind::Middle);
+    painter.rect_stroke(
+        rect,
+        0.0,
+        Line::new(3.0, Color32::from_black_alpha(140)),
+        egui::StrokeKind::Middle,
+    );
     painter.rect_stroke(rect, 0.0, Line::new(1.5, color), egui::StrokeKind::Middle);
 }
 
 fn brush_stroke(painter: &Painter, map: &CanvasMap, stroke: &Stroke, color: Color32, opacity: f32) {
     let radius = stroke.radius_px as f32 * map.scale;
-    let fill = if stroke.erase { Color32::from_gray(30) } else { color }.gamma_multiply(opacity.max(0.35));
-    let points: Vec<Pos2> = stroke.points_px.iter().map(|&at| map.to_screen(at)).collect();
+    let fill = if stroke.erase {
+        Color32::from_gray(30)
+    } else {
+        color
+    }
+    .gamma_multiply(opacity.max(0.35));
+    let points: Vec<Pos2> = stroke
+        .points_px
+        .iter()
+        .map(|&at| map.to_screen(at))
+        .collect();
     if let [only] = points[..] {
         painter.circle_filled(only, radius, fill);
     } else {
@@ -144,21 +219,38 @@ fn brush_stroke(painter: &Painter, map: &CanvasMap, stroke: &Stroke, color: Colo
 
 /// The border as it will be when it is let go, with what gives way for it.
 fn held_border(painter: &Painter, map: &CanvasMap, held: &HeldBorder, to: Pos2, color: Color32) {
-    let Some(to_px) = held.to_px(map.to_px(to)) else { return };
-    let Some(pull) = held.borders.pull(held.from_px, to_px) else { return };
+    let Some(to_px) = held.to_px(map.to_px(to)) else {
+        return;
+    };
+    let Some(pull) = held.borders.pull(held.from_px, to_px) else {
+        return;
+    };
     let to = map.to_screen(to_px);
     let old: Vec<Pos2> = pull.gives_way.iter().map(|&at| map.to_screen(at)).collect();
-    let (Some(&begin), Some(&end)) = (old.first(), old.last()) else { return };
+    let (Some(&begin), Some(&end)) = (old.first(), old.last()) else {
+        return;
+    };
     painter.add(Shape::line(old, Line::new(1.0, Color32::WHITE)));
     outlined_line(painter, vec![begin, to, end], color);
     painter.circle(to, 4.0, color, Line::new(1.0, Color32::WHITE));
 }
 
 /// The polygon or thin structure so far, with what is being drawn around.
-fn corners(painter: &Painter, map: &CanvasMap, draft: &Draft, pointer: Option<Pos2>, color: Color32) {
+fn corners(
+    painter: &Painter,
+    map: &CanvasMap,
+    draft: &Draft,
+    pointer: Option<Pos2>,
+    color: Color32,
+) {
     let mut points: Vec<Pos2> = draft.corners.iter().map(|&at| map.to_screen(at)).collect();
     for (index, &at) in points.iter().enumerate() {
-        painter.circle(at, if index == 0 { 5.0 } else { 3.0 }, color, Line::new(1.0, Color32::WHITE));
+        painter.circle(
+            at,
+            if index == 0 { 5.0 } else { 3.0 },
+            color,
+            Line::new(1.0, Color32::WHITE),
+        );
     }
     points.extend(draft.lasso.iter().flatten().map(|&at| map.to_screen(at)));
     let begun = !points.is_empty();
@@ -169,6 +261,9 @@ fn corners(painter: &Painter, map: &CanvasMap, draft: &Draft, pointer: Option<Po
 }
 
 fn outlined_line(painter: &Painter, points: Vec<Pos2>, color: Color32) {
-    painter.add(Shape::line(points.clone(), Line::new(3.0, Color32::from_black_alpha(140))));
+    painter.add(Shape::line(
+        points.clone(),
+        Line::new(3.0, Color32::from_black_alpha(140)),
+    ));
     painter.add(Shape::line(points, Line::new(1.5, color)));
 }

@@ -19,20 +19,31 @@ pub(crate) fn picture_pane_ui(
     out: &mut Vec<Command>,
     wishes: &mut Vec<Action>,
 ) {
-    let Some(frame) = look.project.frames.get(view.frame) else { return };
+    let Some(frame) = look.project.frames.get(view.frame) else {
+        return;
+    };
     let size_px = [frame.width.max(1), frame.height.max(1)];
     view.picture_middle_px = glam::DVec2::new(f64::from(size_px[0]), f64::from(size_px[1])) / 2.0;
-    let zoom_percent = view.zoom.map(ui.available_rect_before_wrap(), size_px).scale * ui.pixels_per_point() * 100.0;
-    egui::Frame::new().inner_margin(egui::Margin::symmetric(8, 4)).show(ui, |ui| {
-        toolbar_ui(ui, look, view, zoom_percent, wishes);
-    });
+    let zoom_percent = view
+        .zoom
+        .map(ui.available_rect_before_wrap(), size_px)
+        .scale
+        * ui.pixels_per_point()
+        * 100.0;
+    egui::Frame::new()
+        .inner_margin(egui::Margin::symmetric(8, 4))
+        .show(ui, |ui| {
+            toolbar_ui(ui, look, view, zoom_percent, wishes);
+        });
     let (pane, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
     let name = format!("Picture {}", frame.name);
     response.widget_info(|| WidgetInfo::labeled(Role::Image, ui.is_enabled(), &name));
     let map = view.zoom.map(pane, size_px);
     canvas_input(ui, &response, &map, look, view, out);
     let map = view.zoom.map(pane, size_px);
-    view.pointer_px = response.hover_pos().and_then(|at| map.inside(map.to_px(at)));
+    view.pointer_px = response
+        .hover_pos()
+        .and_then(|at| map.inside(map.to_px(at)));
     if view.pointer_px.is_some() && !ui.input(|i| i.key_down(egui::Key::Space)) {
         ui.ctx().set_cursor_icon(egui::CursorIcon::Crosshair);
     }
@@ -44,7 +55,10 @@ fn draw(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, map
     let painter = ui.painter_at(map.pane);
     painter.rect_filled(map.pane, 0.0, ui.visuals().extreme_bg_color);
     if view.layer == Layer::Photo {
-        match look.pictures.and_then(|pictures| pictures.picture(view.frame)) {
+        match look
+            .pictures
+            .and_then(|pictures| pictures.picture(view.frame))
+        {
             Some(image) => paint::texture(&painter, map, textures.picture(ui.ctx(), &image).id()),
             None => placeholder(ui, look, view, map),
         }
@@ -53,25 +67,48 @@ fn draw(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, map
     }
     let before = look.before.filter(|_| view.compare).cloned();
     if view.compare {
-        paint::banner(&painter, map, if before.is_some() { "Before the last change" } else { "Nothing changed here" });
+        paint::banner(
+            &painter,
+            map,
+            if before.is_some() {
+                "Before the last change"
+            } else {
+                "Nothing changed here"
+            },
+        );
     }
     if view.masks_shown
         && let Some(runs) = before.or_else(|| look.project.mask_in_play(view.frame))
     {
         let prefs = &view.prefs;
-        let style = OverlayStyle { opacity: prefs.opacity, outlines: prefs.outlines, hidden: view.hidden.clone() };
+        let style = OverlayStyle {
+            opacity: prefs.opacity,
+            outlines: prefs.outlines,
+            hidden: view.hidden.clone(),
+        };
         let texture = textures.mask(ui.ctx(), &runs, &look.project.labels, &style);
         paint::texture(&painter, map, texture.id());
     }
-    if let Some(region) = look.contradicted.filter(|_| view.masks_shown && !view.compare) {
+    if let Some(region) = look
+        .contradicted
+        .filter(|_| view.masks_shown && !view.compare)
+    {
         paint::texture(&painter, map, textures.contradicted(ui.ctx(), region).id());
     }
     if let Some(mask) = look.hovered.filter(|_| view.hover_wish.is_some()) {
-        paint::texture(&painter, map, textures.hovered(ui.ctx(), mask, &look.project.labels).id());
+        paint::texture(
+            &painter,
+            map,
+            textures.hovered(ui.ctx(), mask, &look.project.labels).id(),
+        );
     }
     let pointer = view.pointer_px.map(|at| map.to_screen(at));
     paint::prompts_and_draft(&painter, map, look, view, pointer);
-    if let Some(at_px) = view.asked.as_ref().and_then(|asked| asked.seen_in(view.frame)) {
+    if let Some(at_px) = view
+        .asked
+        .as_ref()
+        .and_then(|asked| asked.seen_in(view.frame))
+    {
         paint::sight(&painter, map, at_px);
     }
     if let Some(at) = pointer {
@@ -82,12 +119,21 @@ fn draw(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, map
 /// Depth or the like in the photo's place, with its legend.
 fn layer(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, map: &CanvasMap) {
     let warn = ui.visuals().error_fg_color;
-    match look.layers.and_then(|layers| layers.get(&(view.frame, view.layer))) {
+    match look
+        .layers
+        .and_then(|layers| layers.get(&(view.frame, view.layer)))
+    {
         Some(Ok(Some(drawn))) => {
-            paint::texture(&ui.painter_at(map.pane), map, textures.picture(ui.ctx(), &drawn.image).id());
+            paint::texture(
+                &ui.painter_at(map.pane),
+                map,
+                textures.picture(ui.ctx(), &drawn.image).id(),
+            );
             if let Some(range) = drawn.range {
                 let title = match view.layer {
-                    Layer::Depth => format!("Depth, {}", look.project.depth_unit(view.frame).sign()),
+                    Layer::Depth => {
+                        format!("Depth, {}", look.project.depth_unit(view.frame).sign())
+                    }
                     other => other.text().into(),
                 };
                 legend(ui, map, &title, range);
@@ -107,7 +153,9 @@ fn layer(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, ma
 
 /// What stands in the picture's place while it loads, or when it cannot be loaded.
 fn placeholder(ui: &Ui, look: &Look<'_>, view: &ViewState, map: &CanvasMap) {
-    let failure = look.pictures.and_then(|pictures| pictures.failure(view.frame));
+    let failure = look
+        .pictures
+        .and_then(|pictures| pictures.failure(view.frame));
     let (text, color) = match failure {
         Some(failure) => (failure, ui.visuals().error_fg_color),
         None => ("Loading…".into(), ui.visuals().weak_text_color()),
@@ -118,6 +166,11 @@ fn placeholder(ui: &Ui, look: &Look<'_>, view: &ViewState, map: &CanvasMap) {
 fn say(ui: &Ui, map: &CanvasMap, text: String, color: egui::Color32) {
     let painter = ui.painter_at(map.pane);
     painter.rect_filled(map.picture_rect(), 0.0, ui.visuals().faint_bg_color);
-    let galley = painter.layout(text, egui::FontId::proportional(14.0), color, (map.pane.width() - 40.0).max(50.0));
+    let galley = painter.layout(
+        text,
+        egui::FontId::proportional(14.0),
+        color,
+        (map.pane.width() - 40.0).max(50.0),
+    );
     painter.galley(map.pane.center() - galley.size() / 2.0, galley, color);
 }

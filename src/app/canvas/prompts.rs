@@ -9,19 +9,40 @@ use ostra_session::{Command, PaintRequest, PromptRequest, PullRequest, TraceRequ
 use super::draft::{HeldBorder, Stroke};
 
 /// Adds a click for the chosen label.
-pub(crate) fn click_at(look: &Look<'_>, view: &mut ViewState, at_px: DVec2, include: bool, out: &mut Vec<Command>) {
-    add(look, view, out, |prompt| prompt.clicks.push(Click { at_px, include }));
+pub(crate) fn click_at(
+    look: &Look<'_>,
+    view: &mut ViewState,
+    at_px: DVec2,
+    include: bool,
+    out: &mut Vec<Command>,
+) {
+    add(look, view, out, |prompt| {
+        prompt.clicks.push(Click { at_px, include })
+    });
 }
 
 /// Adds a box for the chosen label.
-pub(super) fn box_of(look: &Look<'_>, view: &mut ViewState, corners: [DVec2; 2], out: &mut Vec<Command>) {
+pub(super) fn box_of(
+    look: &Look<'_>,
+    view: &mut ViewState,
+    corners: [DVec2; 2],
+    out: &mut Vec<Command>,
+) {
     let [a, b] = corners;
-    add(look, view, out, |prompt| prompt.boxes.push(PxBox { min_px: a.min(b), max_px: a.max(b) }));
+    add(look, view, out, |prompt| {
+        prompt.boxes.push(PxBox {
+            min_px: a.min(b),
+            max_px: a.max(b),
+        })
+    });
 }
 
 /// Takes the chosen label's prompt and pixels off the shown frame.
 pub(crate) fn clear_label(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
-    if let Some(label) = view.label.filter(|&label| look.project.labels.get(label).is_some()) {
+    if let Some(label) = view
+        .label
+        .filter(|&label| look.project.labels.get(label).is_some())
+    {
         send(view, label, Prompt::default(), out);
     }
 }
@@ -41,13 +62,20 @@ pub(super) fn paint(look: &Look<'_>, view: &mut ViewState, stroke: Stroke, out: 
 }
 
 /// Fills the polygon drawn so far with the label, or takes that away inside; fewer than three different corners are dropped.
-pub(super) fn fill_polygon(look: &Look<'_>, view: &mut ViewState, erase: bool, out: &mut Vec<Command>) {
+pub(super) fn fill_polygon(
+    look: &Look<'_>,
+    view: &mut ViewState,
+    erase: bool,
+    out: &mut Vec<Command>,
+) {
     let mut points_px = std::mem::take(&mut view.draft.corners);
     points_px.dedup_by(|a, b| a.distance(*b) < 0.5);
     if points_px.len() < 3 {
         return;
     }
-    let Some(label) = chosen_label(look, view, out) else { return };
+    let Some(label) = chosen_label(look, view, out) else {
+        return;
+    };
     out.push(Command::Paint(PaintRequest {
         frame: view.frame,
         label,
@@ -67,10 +95,18 @@ pub(super) fn hold_border(look: &Look<'_>, view: &mut ViewState, pressed_px: DVe
     }
 }
 
-fn held_border(look: &Look<'_>, view: &ViewState, pressed_px: DVec2, near_px: f64) -> Result<HeldBorder, &'static str> {
+fn held_border(
+    look: &Look<'_>,
+    view: &ViewState,
+    pressed_px: DVec2,
+    near_px: f64,
+) -> Result<HeldBorder, &'static str> {
     const BESIDE: &str = "Press on the border of the chosen label and drag it to where it belongs";
     let frame = view.frame;
-    let (label, mask) = view.label.zip(look.project.masks.get(&frame)).ok_or(BESIDE)?;
+    let (label, mask) = view
+        .label
+        .zip(look.project.masks.get(&frame))
+        .ok_or(BESIDE)?;
     if view.hidden.contains(&label) {
         return Err("The chosen label is hidden; show it to pull its border");
     }
@@ -78,16 +114,36 @@ fn held_border(look: &Look<'_>, view: &ViewState, pressed_px: DVec2, near_px: f6
         return Err("The chosen label is locked on this frame; unlock it there first");
     }
     let borders = ElasticBorders::of(&mask.runs.decode().region(label));
-    let near = borders.nearest(pressed_px).filter(|from| from.distance(pressed_px) <= near_px);
+    let near = borders
+        .nearest(pressed_px)
+        .filter(|from| from.distance(pressed_px) <= near_px);
     let from_px = near.ok_or(BESIDE)?;
-    Ok(HeldBorder { frame, label, borders, from_px, pressed_px, of: Arc::clone(&mask.runs) })
+    Ok(HeldBorder {
+        frame,
+        label,
+        borders,
+        from_px,
+        pressed_px,
+        of: Arc::clone(&mask.runs),
+    })
 }
 
 /// Pulls the border in hand to where the pointer is.
 pub(super) fn pull_border(held: &HeldBorder, pointer_px: DVec2, out: &mut Vec<Command>) {
-    let HeldBorder { frame, label, from_px, .. } = *held;
+    let HeldBorder {
+        frame,
+        label,
+        from_px,
+        ..
+    } = *held;
     if let Some(to_px) = held.to_px(pointer_px) {
-        out.push(Command::Pull(PullRequest { frame, label, from_px, to_px, replace: true }));
+        out.push(Command::Pull(PullRequest {
+            frame,
+            label,
+            from_px,
+            to_px,
+            replace: true,
+        }));
     }
 }
 
@@ -99,13 +155,24 @@ pub(super) fn trace_thin(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Co
         view.note = "A thin structure needs two points or more: click along it".into();
         return;
     }
-    let Some(label) = chosen_label(look, view, out) else { return };
+    let Some(label) = chosen_label(look, view, out) else {
+        return;
+    };
     view.draft.corners.clear();
-    out.push(Command::Trace(TraceRequest { frame: view.frame, label, points_px, replace: true }));
+    out.push(Command::Trace(TraceRequest {
+        frame: view.frame,
+        label,
+        points_px,
+        replace: true,
+    }));
 }
 
 /// The label in hand; the first click of all makes one.
-pub(super) fn chosen_label(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) -> Option<LabelId> {
+pub(super) fn chosen_label(
+    look: &Look<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+) -> Option<LabelId> {
     let known = |label: &LabelId| look.project.labels.get(*label).is_some();
     if let Some(label) = view.label.filter(known) {
         return Some(label);
@@ -114,14 +181,22 @@ pub(super) fn chosen_label(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<
         return None;
     }
     let label = look.project.labels.next_id();
-    out.push(Command::AddLabel { name: format!("object {}", label.0), parent: None, color: None });
+    out.push(Command::AddLabel {
+        name: format!("object {}", label.0),
+        parent: None,
+        color: None,
+    });
     view.label = Some(label);
     Some(label)
 }
 
 /// The label at a picture position.
 pub(crate) fn id_at(mask: &RunMask, at_px: DVec2) -> LabelId {
-    if at_px.x < 0.0 || at_px.y < 0.0 || at_px.x >= f64::from(mask.width) || at_px.y >= f64::from(mask.height) {
+    if at_px.x < 0.0
+        || at_px.y < 0.0
+        || at_px.x >= f64::from(mask.width)
+        || at_px.y >= f64::from(mask.height)
+    {
         return LabelId::NONE;
     }
     let mut left = at_px.y as u64 * u64::from(mask.width) + at_px.x as u64;
@@ -134,8 +209,15 @@ pub(crate) fn id_at(mask: &RunMask, at_px: DVec2) -> LabelId {
     LabelId::NONE
 }
 
-fn add(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>, change: impl FnOnce(&mut Prompt)) {
-    let Some(label) = chosen_label(look, view, out) else { return };
+fn add(
+    look: &Look<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+    change: impl FnOnce(&mut Prompt),
+) {
+    let Some(label) = chosen_label(look, view, out) else {
+        return;
+    };
     let mut prompt = view.draft.prompt(look.project, view.frame, label);
     change(&mut prompt);
     send(view, label, prompt, out);
@@ -144,7 +226,12 @@ fn add(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>, change: im
 fn send(view: &mut ViewState, label: LabelId, prompt: Prompt, out: &mut Vec<Command>) {
     view.draft.sent(view.frame, label, prompt.clone());
     let segmenter = view.segmenter.clone();
-    out.push(Command::Prompt(PromptRequest { frame: view.frame, label, prompt, segmenter }));
+    out.push(Command::Prompt(PromptRequest {
+        frame: view.frame,
+        label,
+        prompt,
+        segmenter,
+    }));
 }
 
 #[cfg(test)]
@@ -153,7 +240,11 @@ mod tests {
 
     #[test]
     fn id_at_walks_the_runs() {
-        let mask = RunMask { width: 4, height: 2, runs: vec![(LabelId(0), 3), (LabelId(7), 3), (LabelId(2), 2)] };
+        let mask = RunMask {
+            width: 4,
+            height: 2,
+            runs: vec![(LabelId(0), 3), (LabelId(7), 3), (LabelId(2), 2)],
+        };
         assert_eq!(id_at(&mask, DVec2::new(3.9, 0.5)), LabelId(7));
         assert_eq!(id_at(&mask, DVec2::new(2.0, 1.0)), LabelId(2));
         assert_eq!(id_at(&mask, DVec2::new(4.0, 0.0)), LabelId::NONE);

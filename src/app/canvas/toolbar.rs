@@ -29,30 +29,56 @@ pub(super) fn toolbar_ui(
 fn tools_ui(ui: &mut Ui, view: &mut ViewState) {
     for tool in Tool::ALL {
         let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::UseTool(tool));
-        if ui.selectable_label(view.tool == tool, tool.text()).on_hover_text(tip).clicked() {
+        if ui
+            .selectable_label(view.tool == tool, tool.text())
+            .on_hover_text(tip)
+            .clicked()
+        {
             view.tool = tool;
             view.draft.drop_half_made();
         }
     }
     let brush = matches!(view.tool, Tool::Brush | Tool::Eraser);
-    let size =
-        egui::DragValue::new(&mut view.prefs.brush_px).range(0.5..=500.0).speed(0.2).suffix(" px").max_decimals(1);
+    let size = egui::DragValue::new(&mut view.prefs.brush_px)
+        .range(0.5..=500.0)
+        .speed(0.2)
+        .suffix(" px")
+        .max_decimals(1);
     let tip = "Radius of the brush (Shift+wheel over the picture)";
-    ui.add_enabled(brush, size).on_hover_text(tip).on_disabled_hover_text(tip).accessible_name("Brush radius");
+    ui.add_enabled(brush, size)
+        .on_hover_text(tip)
+        .on_disabled_hover_text(tip)
+        .accessible_name("Brush radius");
     let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::ToggleSnap);
     let snap = Checkbox::new(&mut view.prefs.snap, "Snap");
-    ui.add_enabled(brush, snap).on_hover_text(&tip).on_disabled_hover_text(tip).accessible_name("Snap brush to edges");
+    ui.add_enabled(brush, snap)
+        .on_hover_text(&tip)
+        .on_disabled_hover_text(tip)
+        .accessible_name("Snap brush to edges");
 }
 
 /// Buttons that tidy the chosen label, with the size below which holes and islands go.
 fn tidy_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
-    for (action, text) in [(Action::FillHoles, "Fill"), (Action::RemoveIslands, "Clean")] {
-        let button = action_button(ui, &view.prefs.shortcuts, action, text, is_possible(action, look, view));
+    for (action, text) in [
+        (Action::FillHoles, "Fill"),
+        (Action::RemoveIslands, "Clean"),
+    ] {
+        let button = action_button(
+            ui,
+            &view.prefs.shortcuts,
+            action,
+            text,
+            is_possible(action, look, view),
+        );
         if button.accessible_name(action.text()).clicked() {
             wishes.push(action);
         }
     }
-    let size = egui::DragValue::new(&mut view.prefs.tidy_px).range(2..=1_000_000).speed(1.0).prefix("< ").suffix(" px");
+    let size = egui::DragValue::new(&mut view.prefs.tidy_px)
+        .range(2..=1_000_000)
+        .speed(1.0)
+        .prefix("< ")
+        .suffix(" px");
     ui.add(size)
         .on_hover_text("Holes and islands of fewer pixels are filled and removed")
         .accessible_name("Size of holes and islands");
@@ -72,11 +98,18 @@ fn zoom_ui(ui: &mut Ui, view: &ViewState, zoom_percent: f32, wishes: &mut Vec<Ac
 fn mask_look_ui(ui: &mut Ui, view: &mut ViewState) {
     let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::ToggleMasks);
     together(ui, 150.0, |ui| {
-        ui.checkbox(&mut view.masks_shown, "Masks").on_hover_text(tip);
+        ui.checkbox(&mut view.masks_shown, "Masks")
+            .on_hover_text(tip);
         let slider = Slider::new(&mut view.prefs.opacity, 0.0..=1.0).show_value(false);
         ui.spacing_mut().slider_width = 70.0;
-        ui.add_enabled(view.masks_shown, slider).on_hover_text("Opacity of the masks").accessible_name("Mask opacity");
+        ui.add_enabled(view.masks_shown, slider)
+            .on_hover_text("Opacity of the masks")
+            .accessible_name("Mask opacity");
     });
     let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::ToggleOutlines);
-    ui.add_enabled(view.masks_shown, Checkbox::new(&mut view.prefs.outlines, "Outlines")).on_hover_text(tip);
+    ui.add_enabled(
+        view.masks_shown,
+        Checkbox::new(&mut view.prefs.outlines, "Outlines"),
+    )
+    .on_hover_text(tip);
 }

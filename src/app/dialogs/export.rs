@@ -79,10 +79,22 @@ impl Available {
     fn of(look: &Look<'_>) -> Self {
         Self {
             cloud: look.cloud.is_some(),
-            surface: look.project.results.get(&ResultKind::Cloud).is_some_and(|cloud| cloud.voxel.is_some()),
+            surface: look
+                .project
+                .results
+                .get(&ResultKind::Cloud)
+                .is_some_and(|cloud| cloud.voxel.is_some()),
             masks: !look.project.masks.is_empty(),
-            cameras: look.project.frames.iter().any(|frame| frame.posed_camera().is_some()),
-            depths: look.project.frames.iter().any(|frame| frame.depth.is_some()),
+            cameras: look
+                .project
+                .frames
+                .iter()
+                .any(|frame| frame.posed_camera().is_some()),
+            depths: look
+                .project
+                .frames
+                .iter()
+                .any(|frame| frame.depth.is_some()),
         }
     }
 }
@@ -91,13 +103,15 @@ impl ExportForm {
     /// Traits have the unit, the ground and the angles of the window of measures.
     fn request(&self, has: &Available, measures: &MeasureView) -> Option<ExportRequest> {
         let into = typed_path(&self.into)?;
-        let path = |wanted: bool, there: bool, name: &str| (wanted && there).then(|| into.join(name));
+        let path =
+            |wanted: bool, there: bool, name: &str| (wanted && there).then(|| into.join(name));
         let request = ExportRequest {
             cloud: path(self.cloud, has.cloud, &self.cloud_name()),
             mesh: path(self.mesh, has.surface, &self.mesh_name()),
             voxels: path(self.voxels, has.surface, &self.voxels_name()),
             masks: path(self.masks, has.masks, "masks"),
-            mask_format: (self.masks && has.masks).then(|| mask_format_name(self.mask_format).into()),
+            mask_format: (self.masks && has.masks)
+                .then(|| mask_format_name(self.mask_format).into()),
             cameras: path(self.cameras, has.cameras, "sparse"),
             camera_encoding: self.camera_encoding,
             undistorted: path(self.undistorted, has.cameras, "undistorted"),
@@ -105,16 +119,40 @@ impl ExportForm {
             solid: self.solid && self.voxels && has.surface,
             traits: path(self.traits, has.cloud, "traits.csv"),
             ground: measures.wish.ground,
-            angles: if self.traits { measures.pairs().collect() } else { Vec::new() },
+            angles: if self.traits {
+                measures.pairs().collect()
+            } else {
+                Vec::new()
+            },
             unit: measures.unit,
             level: (self.level > 0).then_some(self.level),
             twin: self.twin,
             per_label: self.per_label,
-            simplify: (self.mesh && has.surface && self.kept < 100).then(|| f64::from(self.kept) / 100.0),
+            simplify: (self.mesh && has.surface && self.kept < 100)
+                .then(|| f64::from(self.kept) / 100.0),
             overwrite: self.overwrite,
         };
-        let ExportRequest { cloud, mesh, voxels, masks, cameras, undistorted, depths, traits, .. } = &request;
-        let anything = [cloud, mesh, voxels, masks, cameras, undistorted, depths, traits];
+        let ExportRequest {
+            cloud,
+            mesh,
+            voxels,
+            masks,
+            cameras,
+            undistorted,
+            depths,
+            traits,
+            ..
+        } = &request;
+        let anything = [
+            cloud,
+            mesh,
+            voxels,
+            masks,
+            cameras,
+            undistorted,
+            depths,
+            traits,
+        ];
         let anything = anything.iter().any(|path| path.is_some());
         anything.then_some(request)
     }
@@ -168,16 +206,55 @@ pub(crate) fn export_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, out: &mu
 }
 
 fn what_ui(ui: &mut Ui, form: &mut ExportForm, has: &Available) {
-    let cloud = format!("{}, what its labels are in a file beside it", form.cloud_name());
+    let cloud = format!(
+        "{}, what its labels are in a file beside it",
+        form.cloud_name()
+    );
     let mesh = format!("{}, each triangle in one label", form.mesh_name());
     let voxels = format!("{}, cubes that hold points", form.voxels_name());
     let rows = [
-        (&mut form.cloud, has.cloud, "Labelled cloud", cloud.as_str(), "Fuse first"),
-        (&mut form.mesh, has.surface, "Mesh", mesh.as_str(), "Fuse depths first"),
-        (&mut form.voxels, has.surface, "Voxels", voxels.as_str(), "Fuse depths first"),
-        (&mut form.traits, has.cloud, "Traits", "traits.csv, measures of each label", "Fuse first"),
-        (&mut form.masks, has.masks, "Masks", "masks/, a file a frame or one for all", "There are no masks yet"),
-        (&mut form.cameras, has.cameras, "Cameras", "sparse/ COLMAP model", "There are no cameras yet"),
+        (
+            &mut form.cloud,
+            has.cloud,
+            "Labelled cloud",
+            cloud.as_str(),
+            "Fuse first",
+        ),
+        (
+            &mut form.mesh,
+            has.surface,
+            "Mesh",
+            mesh.as_str(),
+            "Fuse depths first",
+        ),
+        (
+            &mut form.voxels,
+            has.surface,
+            "Voxels",
+            voxels.as_str(),
+            "Fuse depths first",
+        ),
+        (
+            &mut form.traits,
+            has.cloud,
+            "Traits",
+            "traits.csv, measures of each label",
+            "Fuse first",
+        ),
+        (
+            &mut form.masks,
+            has.masks,
+            "Masks",
+            "masks/, a file a frame or one for all",
+            "There are no masks yet",
+        ),
+        (
+            &mut form.cameras,
+            has.cameras,
+            "Cameras",
+            "sparse/ COLMAP model",
+            "There are no cameras yet",
+        ),
         (
             &mut form.undistorted,
             has.cameras,
@@ -185,12 +262,20 @@ fn what_ui(ui: &mut Ui, form: &mut ExportForm, has: &Available) {
             "undistorted/ pictures and masks without lens distortion, with cameras",
             "There are no cameras yet",
         ),
-        (&mut form.depths, has.depths, "Depths", "depths/ 32-bit float TIFFs", "There are no depths yet"),
+        (
+            &mut form.depths,
+            has.depths,
+            "Depths",
+            "depths/ 32-bit float TIFFs",
+            "There are no depths yet",
+        ),
     ];
     for (wanted, there, name, what, missing) in rows {
         ui.add_enabled_ui(there, |ui| {
             ui.horizontal(|ui| {
-                ui.checkbox(wanted, name).on_hover_text(format!("Writes {what}")).on_disabled_hover_text(missing);
+                ui.checkbox(wanted, name)
+                    .on_hover_text(format!("Writes {what}"))
+                    .on_disabled_hover_text(missing);
                 ui.weak(if there { what } else { missing });
             });
         });
@@ -200,13 +285,15 @@ fn what_ui(ui: &mut Ui, form: &mut ExportForm, has: &Available) {
 /// Asks whether earlier exports may be replaced that were changed since.
 pub(super) fn replace_ui(ui: &mut Ui, overwrite: &mut bool) {
     let tip = "Replaces files of an earlier export that were changed since, e.g. in a spreadsheet";
-    ui.checkbox(overwrite, "Replace changed exports").on_hover_text(tip);
+    ui.checkbox(overwrite, "Replace changed exports")
+        .on_hover_text(tip);
 }
 
 fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
     replace_ui(ui, &mut form.overwrite);
     let tip = "Writes the same points or mesh in the colours of the labels beside the file";
-    ui.checkbox(&mut form.twin, "Twin in label colours").on_hover_text(tip);
+    ui.checkbox(&mut form.twin, "Twin in label colours")
+        .on_hover_text(tip);
     ui.checkbox(&mut form.per_label, "One file per label too")
         .on_hover_text("Writes each label's points into a file of their own");
     ui.horizontal(|ui| {
@@ -215,20 +302,43 @@ fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
     });
     ui.horizontal(|ui| {
         ui.label("Cloud as");
-        format_ui(ui, "Cloud format", &mut form.cloud_format, CloudFormat::ALL, CloudFormat::ending);
+        format_ui(
+            ui,
+            "Cloud format",
+            &mut form.cloud_format,
+            CloudFormat::ALL,
+            CloudFormat::ending,
+        );
     });
     ui.horizontal(|ui| {
         ui.label("Mesh as");
-        format_ui(ui, "Mesh format", &mut form.mesh_format, MeshFormat::ALL, MeshFormat::ending);
+        format_ui(
+            ui,
+            "Mesh format",
+            &mut form.mesh_format,
+            MeshFormat::ALL,
+            MeshFormat::ending,
+        );
         ui.label("with");
-        let drag = DragValue::new(&mut form.kept).range(1..=100).speed(0.5).suffix(" %");
+        let drag = DragValue::new(&mut form.kept)
+            .range(1..=100)
+            .speed(0.5)
+            .suffix(" %");
         let tip = "Fewer triangles, where that changes the surface least; borders of labels stay";
-        ui.add(drag).on_hover_text(tip).accessible_name("Triangles kept");
+        ui.add(drag)
+            .on_hover_text(tip)
+            .accessible_name("Triangles kept");
         ui.label("of its triangles");
     });
     ui.horizontal(|ui| {
         ui.label("Voxels as");
-        format_ui(ui, "Voxel format", &mut form.voxel_format, VoxelFormat::ALL, VoxelFormat::ending);
+        format_ui(
+            ui,
+            "Voxel format",
+            &mut form.voxel_format,
+            VoxelFormat::ALL,
+            VoxelFormat::ending,
+        );
         ui.checkbox(&mut form.solid, "solid")
             .on_hover_text("Fills voxels with what they enclose and no view saw empty");
     });
@@ -242,9 +352,17 @@ fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
     ui.horizontal(|ui| {
         ui.label("Label level");
         let drag = DragValue::new(&mut form.level).range(0..=16).speed(0.05);
-        let drag = drag.custom_formatter(|n, _| if n < 1.0 { "deepest".into() } else { format!("{n:.0}") });
+        let drag = drag.custom_formatter(|n, _| {
+            if n < 1.0 {
+                "deepest".into()
+            } else {
+                format!("{n:.0}")
+            }
+        });
         let tip = "Labels deeper than this are read as their ancestor there; 1 = top";
-        ui.add(drag).on_hover_text(tip).accessible_name("Label level");
+        ui.add(drag)
+            .on_hover_text(tip)
+            .accessible_name("Label level");
     });
 }
 
@@ -257,27 +375,38 @@ fn format_ui<T: Copy + PartialEq, const N: usize>(
     ending: fn(T) -> &'static str,
 ) {
     let text = ending(*chosen).to_uppercase();
-    let choice = egui::ComboBox::from_id_salt(name).selected_text(text).width(70.0).show_ui(ui, |ui| {
-        for format in all {
-            ui.selectable_value(chosen, format, ending(format).to_uppercase());
-        }
-    });
-    choice.response.on_hover_text("The kind of file").accessible_name(name);
+    let choice = egui::ComboBox::from_id_salt(name)
+        .selected_text(text)
+        .width(70.0)
+        .show_ui(ui, |ui| {
+            for format in all {
+                ui.selectable_value(chosen, format, ending(format).to_uppercase());
+            }
+        });
+    choice
+        .response
+        .on_hover_text("The kind of file")
+        .accessible_name(name);
 }
 
 fn end_ui(ui: &mut Ui, view: &mut ViewState, has: &Available, out: &mut Vec<Command>) {
     let request = view.export.request(has, &view.measures);
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Min), |ui| {
         let button = ui.add_enabled(request.is_some(), egui::Button::new("Write files"));
-        let button =
-            button.on_hover_text("Writes what is ticked").on_disabled_hover_text("Tick something and name a folder");
+        let button = button
+            .on_hover_text("Writes what is ticked")
+            .on_disabled_hover_text("Tick something and name a folder");
         if button.clicked()
             && let Some(request) = request
         {
             out.push(Command::Export(request));
             view.dialog = None;
         }
-        if ui.button("Cancel").on_hover_text("Closes the dialog (Esc)").clicked() {
+        if ui
+            .button("Cancel")
+            .on_hover_text("Closes the dialog (Esc)")
+            .clicked()
+        {
             view.dialog = None;
         }
     });
@@ -292,33 +421,80 @@ mod tests {
 
     #[test]
     fn only_what_is_there_and_ticked_is_written() {
-        let mut form =
-            ExportForm { into: "/out".into(), masks: true, depths: true, mesh: true, ..ExportForm::default() };
-        let has = Available { cloud: true, surface: false, masks: true, cameras: true, depths: false };
+        let mut form = ExportForm {
+            into: "/out".into(),
+            masks: true,
+            depths: true,
+            mesh: true,
+            ..ExportForm::default()
+        };
+        let has = Available {
+            cloud: true,
+            surface: false,
+            masks: true,
+            cameras: true,
+            depths: false,
+        };
         let measures = MeasureView::default();
         let request = form.request(&has, &measures).unwrap();
         assert_eq!(request.cloud, Some("/out/cloud.ply".into()));
         assert_eq!(request.masks, Some("/out/masks".into()));
-        assert_eq!((request.cameras, request.depths, request.level), (None, None, None));
+        assert_eq!(
+            (request.cameras, request.depths, request.level),
+            (None, None, None)
+        );
         assert_eq!(request.mesh, None, "the cloud has no surface");
         (form.mesh_format, form.kept) = (MeshFormat::Glb, 25);
-        assert_eq!(form.request(&has, &measures).unwrap().simplify, None, "there is no mesh to simplify");
-        let request = form.request(&Available { surface: true, ..has }, &measures).unwrap();
-        assert_eq!((request.mesh, request.simplify), (Some("/out/mesh.glb".into()), Some(0.25)));
-        let has = Available { cloud: true, surface: false, masks: true, cameras: true, depths: false };
+        assert_eq!(
+            form.request(&has, &measures).unwrap().simplify,
+            None,
+            "there is no mesh to simplify"
+        );
+        let request = form
+            .request(
+                &Available {
+                    surface: true,
+                    ..has
+                },
+                &measures,
+            )
+            .unwrap();
+        assert_eq!(
+            (request.mesh, request.simplify),
+            (Some("/out/mesh.glb".into()), Some(0.25))
+        );
+        let has = Available {
+            cloud: true,
+            surface: false,
+            masks: true,
+            cameras: true,
+            depths: false,
+        };
         (form.mask_format, form.traits) = (MaskFormat::Coco, true);
         let request = form.request(&has, &measures).unwrap();
-        assert_eq!((request.mask_format.as_deref(), request.traits), (Some("coco"), Some("/out/traits.csv".into())));
+        assert_eq!(
+            (request.mask_format.as_deref(), request.traits),
+            (Some("coco"), Some("/out/traits.csv".into()))
+        );
         form.cloud_format = CloudFormat::Laz;
-        assert_eq!(form.request(&has, &measures).unwrap().cloud, Some("/out/cloud.laz".into()));
+        assert_eq!(
+            form.request(&has, &measures).unwrap().cloud,
+            Some("/out/cloud.laz".into())
+        );
         (form.undistorted, form.camera_encoding) = (true, ModelEncoding::Binary);
         let ground = GroundChoice::Label(LabelId(3));
-        let wish = MeasureWish { ground, ..MeasureWish::default() };
+        let wish = MeasureWish {
+            ground,
+            ..MeasureWish::default()
+        };
         let mut measures = MeasureView::default();
         (measures.wish, measures.unit) = (wish, Some(LengthUnit::Millimetre));
         let request = form.request(&has, &measures).unwrap();
         assert_eq!(request.undistorted, Some("/out/undistorted".into()));
-        assert_eq!((request.camera_encoding, request.ground), (ModelEncoding::Binary, ground));
+        assert_eq!(
+            (request.camera_encoding, request.ground),
+            (ModelEncoding::Binary, ground)
+        );
         assert_eq!(request.unit, Some(LengthUnit::Millimetre));
         form.into.clear();
         assert!(form.request(&has, &measures).is_none());

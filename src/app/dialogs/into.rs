@@ -8,7 +8,13 @@ use ostra_masks::LabelId;
 use ostra_session::{Command, RangeChange, RangeRequest};
 
 /// Asks for the label that gets the pixels of a merge or split; keys 1–9 choose as in the label list.
-pub(crate) fn into_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, wish: IntoWish, out: &mut Vec<Command>) {
+pub(crate) fn into_ui(
+    ui: &Ui,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    wish: IntoWish,
+    out: &mut Vec<Command>,
+) {
     let Some(label) = look.project.labels.get(wish.label) else {
         view.dialog = None;
         return;
@@ -18,7 +24,11 @@ pub(crate) fn into_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, wish: Into
         None => ("Merge", "all of it"),
         Some(_) => ("Split", "the piece under the pointer"),
     };
-    let frames = if from == to { format!("frame {from}") } else { format!("frames {from} to {to}") };
+    let frames = if from == to {
+        format!("frame {from}")
+    } else {
+        format!("frames {from} to {to}")
+    };
     let mut chosen = None;
     let response = modal(ui, "into", 320.0, |ui| {
         ui.heading(format!("{verb} {}", label.name));
@@ -26,14 +36,22 @@ pub(crate) fn into_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, wish: Into
         ui.add_space(6.0);
         chosen = choice_ui(ui, look, label.id);
         ui.add_space(6.0);
-        ui.button("Cancel").on_hover_text("Changes nothing (Esc)").clicked()
+        ui.button("Cancel")
+            .on_hover_text("Changes nothing (Esc)")
+            .clicked()
     });
     if let Some(into) = chosen {
         let change = match wish.piece {
             None => RangeChange::Merge { into },
             Some((frame, at_px)) => RangeChange::Split { frame, at_px, into },
         };
-        out.push(Command::Range(RangeRequest { labels: vec![label.id], from, to, change, replace: false }));
+        out.push(Command::Range(RangeRequest {
+            labels: vec![label.id],
+            from,
+            to,
+            change,
+            replace: false,
+        }));
     }
     if chosen.is_some() || response.should_close() || response.inner {
         view.dialog = None;
@@ -50,11 +68,17 @@ fn choice_ui(ui: &mut Ui, look: &Look<'_>, but: LabelId) -> Option<LabelId> {
             ui.add_space(depth as f32 * 14.0);
             let [r, g, b] = label.color;
             let (rect, _) = ui.allocate_exact_size(egui::vec2(12.0, 12.0), egui::Sense::hover());
-            ui.painter().rect_filled(rect, 2.0, egui::Color32::from_rgb(r, g, b));
+            ui.painter()
+                .rect_filled(rect, 2.0, egui::Color32::from_rgb(r, g, b));
             let key = Key::from_name(&number.to_string()).filter(|_| number < 10);
-            let tip = key.map_or("Chooses the label".into(), |key| format!("Chooses the label ({})", key.name()));
+            let tip = key.map_or("Chooses the label".into(), |key| {
+                format!("Chooses the label ({})", key.name())
+            });
             let pressed = key.is_some_and(|key| ui.input(|input| input.key_pressed(key)));
-            let button = ui.button(&label.name).on_hover_text(tip).accessible_name(format!("Give to {}", label.name));
+            let button = ui
+                .button(&label.name)
+                .on_hover_text(tip)
+                .accessible_name(format!("Give to {}", label.name));
             if button.clicked() || pressed {
                 chosen = Some(label.id);
             }

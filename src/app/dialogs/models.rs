@@ -25,7 +25,11 @@ pub(crate) fn models_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, out: &mu
             ui.heading("Networks");
             ui.weak("Each makes one step better");
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                if ui.button("Close").on_hover_text("Closes the list (Esc); downloads go on").clicked() {
+                if ui
+                    .button("Close")
+                    .on_hover_text("Closes the list (Esc); downloads go on")
+                    .clicked()
+                {
                     view.dialog = None;
                 }
                 provider_ui(ui, view);
@@ -33,15 +37,16 @@ pub(crate) fn models_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, out: &mu
         });
         ui.add_space(6.0);
         let height = (ui.ctx().content_rect().height() - 150.0).max(200.0);
-        ScrollArea::vertical().max_height(height).min_scrolled_height(height).auto_shrink([false, true]).show(
-            ui,
-            |ui| {
+        ScrollArea::vertical()
+            .max_height(height)
+            .min_scrolled_height(height)
+            .auto_shrink([false, true])
+            .show(ui, |ui| {
                 for row in look.models {
                     ui.separator();
                     row_ui(ui, look, view, row, out);
                 }
-            },
-        );
+            });
     });
     if response.should_close() {
         view.dialog = None;
@@ -52,15 +57,24 @@ pub(crate) fn models_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, out: &mu
 fn provider_ui(ui: &mut Ui, view: &mut ViewState) {
     let chosen = Provider::chosen();
     let tip = "What networks run on that are loaded from now on; where it does not start, the processor does it";
-    let choice = ComboBox::from_id_salt("provider").selected_text(text(chosen)).width(110.0).show_ui(ui, |ui| {
-        for provider in Provider::ALL {
-            if ui.selectable_label(provider == chosen, text(provider)).clicked() {
-                provider.choose();
-                view.prefs.provider = provider;
+    let choice = ComboBox::from_id_salt("provider")
+        .selected_text(text(chosen))
+        .width(110.0)
+        .show_ui(ui, |ui| {
+            for provider in Provider::ALL {
+                if ui
+                    .selectable_label(provider == chosen, text(provider))
+                    .clicked()
+                {
+                    provider.choose();
+                    view.prefs.provider = provider;
+                }
             }
-        }
-    });
-    choice.response.on_hover_text(tip).accessible_name("Run networks on");
+        });
+    choice
+        .response
+        .on_hover_text(tip)
+        .accessible_name("Run networks on");
     ui.label("Run on");
 }
 
@@ -96,30 +110,54 @@ fn row_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, row: &Row, out: &m
 /// Where it lies and how large it is.
 fn state_ui(ui: &mut Ui, row: &Row) {
     let Some(installed) = &row.installed else {
-        ui.weak("not installed").on_hover_text(format!("It comes from {}", row.source));
+        ui.weak("not installed")
+            .on_hover_text(format!("It comes from {}", row.source));
         return;
     };
-    let paths: Vec<String> = installed.paths.iter().map(|path| path.display().to_string()).collect();
-    ui.label(format!("installed, {:.1} MB", installed.bytes as f64 / 1e6)).on_hover_text(paths.join("\n"));
+    let paths: Vec<String> = installed
+        .paths
+        .iter()
+        .map(|path| path.display().to_string())
+        .collect();
+    ui.label(format!("installed, {:.1} MB", installed.bytes as f64 / 1e6))
+        .on_hover_text(paths.join("\n"));
 }
 
 fn buttons_ui(ui: &mut Ui, view: &mut ViewState, row: &Row, out: &mut Vec<Command>) {
     let name = &row.name;
-    let mut ask = |task| out.push(Command::Model(ModelRequest { name: name.clone(), task }));
-    let add = ui.button("Add…").on_hover_text(format!("Takes it from files: {}", row.files.join(", ")));
+    let mut ask = |task| {
+        out.push(Command::Model(ModelRequest {
+            name: name.clone(),
+            task,
+        }))
+    };
+    let add = ui
+        .button("Add…")
+        .on_hover_text(format!("Takes it from files: {}", row.files.join(", ")));
     if add.accessible_name(format!("Add {name}")).clicked() {
-        view.models.adding = if view.models.adding.as_ref() == Some(name) { None } else { Some(name.clone()) };
+        view.models.adding = if view.models.adding.as_ref() == Some(name) {
+            None
+        } else {
+            Some(name.clone())
+        };
         view.models.path.clear();
     }
     if row.installed.is_some() {
-        let check = ui.button("Check").on_hover_text("Loads it and holds it against what is expected");
+        let check = ui
+            .button("Check")
+            .on_hover_text("Loads it and holds it against what is expected");
         if check.accessible_name(format!("Check {name}")).clicked() {
             ask(ModelTask::Check);
         }
     } else {
         let tip = format!("Gets it from the net, under the licence {}", row.licence);
-        let install = ui.add_enabled(row.has_address, Button::new("Install")).on_hover_text(tip);
-        let install = install.on_disabled_hover_text(format!("Has no address to be fetched from; see {}", row.source));
+        let install = ui
+            .add_enabled(row.has_address, Button::new("Install"))
+            .on_hover_text(tip);
+        let install = install.on_disabled_hover_text(format!(
+            "Has no address to be fetched from; see {}",
+            row.source
+        ));
         if install.accessible_name(format!("Install {name}")).clicked() {
             ask(ModelTask::Install);
         }
@@ -128,8 +166,12 @@ fn buttons_ui(ui: &mut Ui, view: &mut ViewState, row: &Row, out: &mut Vec<Comman
 
 fn running_ui(ui: &mut Ui, job: &JobView) {
     let share = job.report.done as f32 / job.report.total.max(1) as f32;
-    let bar = ProgressBar::new(share).desired_width(110.0).desired_height(6.0).animate(job.report.total == 0);
-    ui.add(bar).accessible_name(format!("Progress of {}", job.title));
+    let bar = ProgressBar::new(share)
+        .desired_width(110.0)
+        .desired_height(6.0)
+        .animate(job.report.total == 0);
+    ui.add(bar)
+        .accessible_name(format!("Progress of {}", job.title));
     ui.weak(progress_text(job));
 }
 
@@ -143,12 +185,23 @@ fn adding_ui(ui: &mut Ui, view: &mut ViewState, row: &Row, out: &mut Vec<Command
     ui.weak(format!("Files: {}", row.files.join(", ")));
     ui.horizontal(|ui| {
         let form = &mut view.models;
-        path_field_ui(ui, &mut view.picker, ("Network files", hint), &mut form.path, (pick, PickTarget::Network));
+        path_field_ui(
+            ui,
+            &mut view.picker,
+            ("Network files", hint),
+            &mut form.path,
+            (pick, PickTarget::Network),
+        );
         let path = typed_path(&form.path);
-        let add = ui.add_enabled(path.is_some(), Button::new("Take")).on_hover_text("Checks the files and copies them");
+        let add = ui
+            .add_enabled(path.is_some(), Button::new("Take"))
+            .on_hover_text("Checks the files and copies them");
         if let Some(path) = path.filter(|_| add.clicked()) {
             let task = ModelTask::Add(vec![path]);
-            out.push(Command::Model(ModelRequest { name: row.name.clone(), task }));
+            out.push(Command::Model(ModelRequest {
+                name: row.name.clone(),
+                task,
+            }));
             view.models = ModelsForm::default();
         }
     });
@@ -156,9 +209,17 @@ fn adding_ui(ui: &mut Ui, view: &mut ViewState, row: &Row, out: &mut Vec<Command
 
 /// What is being done with a network.
 fn job_of<'a>(look: &Look<'a>, name: &str) -> Option<&'a JobView> {
-    let tasks = [ModelTask::Install, ModelTask::Add(Vec::<PathBuf>::new()), ModelTask::Check];
+    let tasks = [
+        ModelTask::Install,
+        ModelTask::Add(Vec::<PathBuf>::new()),
+        ModelTask::Check,
+    ];
     tasks.into_iter().find_map(|task| {
-        let title = ModelRequest { name: name.to_owned(), task }.title();
+        let title = ModelRequest {
+            name: name.to_owned(),
+            task,
+        }
+        .title();
         look.jobs.iter().find(|job| job.title == title)
     })
 }

@@ -84,7 +84,11 @@ impl NewProjectForm {
             return Err("Choose a folder of pictures or a film".into());
         }
         let root = typed_path(&self.root).or_else(|| self.suggested_root());
-        let root = if needs_root { root.ok_or("Choose a folder for the project")? } else { PathBuf::new() };
+        let root = if needs_root {
+            root.ok_or("Choose a folder for the project")?
+        } else {
+            PathBuf::new()
+        };
         if let (Some(from), Some(to)) = (self.from, self.to)
             && from > to
         {
@@ -96,7 +100,11 @@ impl NewProjectForm {
                 sources,
                 depth_unit: self.depth_unit,
                 // Floats are metres unless another unit than that of most integers is chosen.
-                float_depth_unit: if self.depth_unit == 0.001 { 1.0 } else { self.depth_unit },
+                float_depth_unit: if self.depth_unit == 0.001 {
+                    1.0
+                } else {
+                    self.depth_unit
+                },
                 depth_camera: self.depth_camera()?,
                 every: self.every,
                 from: self.from,
@@ -108,7 +116,10 @@ impl NewProjectForm {
     }
 
     fn tells_of_depth(&self) -> bool {
-        self.sources.iter().any(|source| !source.depth.trim().is_empty()) || self.has_depth_camera()
+        self.sources
+            .iter()
+            .any(|source| !source.depth.trim().is_empty())
+            || self.has_depth_camera()
     }
 
     fn has_depth_camera(&self) -> bool {
@@ -117,7 +128,8 @@ impl NewProjectForm {
 
     fn depth_camera(&self) -> Result<Option<DepthCameraSource>, String> {
         let pose = typed_path(&self.depth_pose);
-        let given = intrinsics(&self.depth_intrinsics).map_err(|what| format!("Depth camera: {what}"))?;
+        let given =
+            intrinsics(&self.depth_intrinsics).map_err(|what| format!("Depth camera: {what}"))?;
         if given.is_none() && pose.is_some() {
             return Err("Give the depth camera's intrinsics with its pose".into());
         }
@@ -135,12 +147,24 @@ fn intrinsics(text: &str) -> Result<Option<IntrinsicsSource>, String> {
 }
 
 /// The dialog for a new project, or for more frames in the open one.
-pub(crate) fn new_project_ui(ui: &Ui, view: &mut ViewState, dialog: Dialog, out: &mut Vec<Command>) {
+pub(crate) fn new_project_ui(
+    ui: &Ui,
+    view: &mut ViewState,
+    dialog: Dialog,
+    out: &mut Vec<Command>,
+) {
     let new = dialog == Dialog::NewProject;
     let response = modal(ui, "new project", 600.0, |ui| {
-        ui.heading(if new { "New project from frames" } else { "Add frames" });
+        ui.heading(if new {
+            "New project from frames"
+        } else {
+            "Add frames"
+        });
         ui.add_space(8.0);
-        Grid::new("sources").num_columns(2).spacing([12.0, 8.0]).show(ui, |ui| form_ui(ui, view, new));
+        Grid::new("sources")
+            .num_columns(2)
+            .spacing([12.0, 8.0])
+            .show(ui, |ui| form_ui(ui, view, new));
         ui.add_space(8.0);
         range_ui(ui, &mut view.new_project);
         ui.add_space(12.0);
@@ -157,45 +181,87 @@ fn form_ui(ui: &mut Ui, view: &mut ViewState, new: bool) {
     if form.tells_of_depth() {
         depth_ui(ui, picker, form);
     }
-    ui.label("Cameras")
-        .on_hover_text("COLMAP model, transforms.json, TUM or Redwood trajectory, pose files; may stay empty");
+    ui.label("Cameras").on_hover_text(
+        "COLMAP model, transforms.json, TUM or Redwood trajectory, pose files; may stay empty",
+    );
     ui.horizontal(|ui| {
         let target = (Pick::Folder, PickTarget::Cameras);
-        path_field_ui(ui, picker, ("Cameras file or folder", "none"), &mut form.cameras, target);
+        path_field_ui(
+            ui,
+            picker,
+            ("Cameras file or folder", "none"),
+            &mut form.cameras,
+            target,
+        );
     });
     ui.end_row();
     intrinsics_ui(
         ui,
-        ("Intrinsics", "fx, fy, cx, cy in pixels for every frame; may stay empty"),
+        (
+            "Intrinsics",
+            "fx, fy, cx, cy in pixels for every frame; may stay empty",
+        ),
         "fx, fy, cx, cy, or a file of them",
         &mut form.intrinsics,
     );
     if new {
-        let hint = form.suggested_root().map_or("folder of the project".into(), |path| path.display().to_string());
-        ui.label("Project folder").on_hover_text("Where the project is kept; pictures stay where they are");
+        let hint = form
+            .suggested_root()
+            .map_or("folder of the project".into(), |path| {
+                path.display().to_string()
+            });
+        ui.label("Project folder")
+            .on_hover_text("Where the project is kept; pictures stay where they are");
         ui.horizontal(|ui| {
             let target = (Pick::Folder, PickTarget::Root);
-            path_field_ui(ui, picker, ("Project folder", &hint), &mut form.root, target);
+            path_field_ui(
+                ui,
+                picker,
+                ("Project folder", &hint),
+                &mut form.root,
+                target,
+            );
         });
         ui.end_row();
     }
 }
 
 fn depth_ui(ui: &mut Ui, picker: &mut PathPicker, form: &mut NewProjectForm) {
-    field(ui, "Depth unit", "World units per step of the 16-bit depth: 0.001 for millimetres", |ui| {
-        ui.add(DragValue::new(&mut form.depth_unit).range(1e-9..=1e6).speed(0.0001).max_decimals(9));
-        ui.weak("metres per step");
-    });
+    field(
+        ui,
+        "Depth unit",
+        "World units per step of the 16-bit depth: 0.001 for millimetres",
+        |ui| {
+            ui.add(
+                DragValue::new(&mut form.depth_unit)
+                    .range(1e-9..=1e6)
+                    .speed(0.0001)
+                    .max_decimals(9),
+            );
+            ui.weak("metres per step");
+        },
+    );
     let tip = "fx, fy, cx, cy of the camera that measured the depths, in their pixels; empty where depths lie on the \
                pictures, pixel for pixel";
-    intrinsics_ui(ui, ("Depth camera", tip), "as the pictures'", &mut form.depth_intrinsics);
+    intrinsics_ui(
+        ui,
+        ("Depth camera", tip),
+        "as the pictures'",
+        &mut form.depth_intrinsics,
+    );
     if form.has_depth_camera() {
         ui.label("Depth pose").on_hover_text(
             "A text of the 4 × 4 matrix that takes points of the depth camera to the pictures', in metres; may stay empty",
         );
         ui.horizontal(|ui| {
             let target = (Pick::File, PickTarget::DepthPose);
-            path_field_ui(ui, picker, ("Depth pose", "in the same place"), &mut form.depth_pose, target);
+            path_field_ui(
+                ui,
+                picker,
+                ("Depth pose", "in the same place"),
+                &mut form.depth_pose,
+                target,
+            );
         });
         ui.end_row();
     }
@@ -203,7 +269,11 @@ fn depth_ui(ui: &mut Ui, picker: &mut PathPicker, form: &mut NewProjectForm) {
 
 fn intrinsics_ui(ui: &mut Ui, (name, tip): (&str, &str), hint: &str, text: &mut String) {
     field(ui, name, tip, |ui| {
-        ui.add(TextEdit::singleline(text).hint_text(hint).desired_width(360.0));
+        ui.add(
+            TextEdit::singleline(text)
+                .hint_text(hint)
+                .desired_width(360.0),
+        );
     });
 }
 
@@ -212,7 +282,9 @@ fn range_ui(ui: &mut Ui, form: &mut NewProjectForm) {
     ui.horizontal(|ui| {
         ui.label("Every");
         let every = ui.add(DragValue::new(&mut form.every).range(1..=10_000).speed(0.1));
-        every.on_hover_text("1 = all frames, 10 = every tenth").accessible_name("Every n-th frame");
+        every
+            .on_hover_text("1 = all frames, 10 = every tenth")
+            .accessible_name("Every n-th frame");
         ui.label("from");
         optional_ui(ui, &mut form.from, "From source frame", "first");
         ui.label("to");
@@ -226,8 +298,19 @@ fn optional_ui(ui: &mut Ui, value: &mut Option<usize>, name: &str, without: &str
     let drag = DragValue::new(&mut number)
         .range(-1..=10_000_000_i64)
         .speed(0.2)
-        .custom_formatter(move |n, _| if n < 0.0 { without.clone() } else { format!("{n:.0}") });
-    if ui.add(drag).on_hover_text("Frame number, counted from 0").accessible_name(name).changed() {
+        .custom_formatter(move |n, _| {
+            if n < 0.0 {
+                without.clone()
+            } else {
+                format!("{n:.0}")
+            }
+        });
+    if ui
+        .add(drag)
+        .on_hover_text("Frame number, counted from 0")
+        .accessible_name(name)
+        .changed()
+    {
         *value = usize::try_from(number).ok();
     }
 }
@@ -237,16 +320,30 @@ fn end_ui(ui: &mut Ui, view: &mut ViewState, new: bool, out: &mut Vec<Command>) 
     ui.horizontal(|ui| {
         ui.weak(request.as_ref().err().map_or("", String::as_str));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            let (text, tip) =
-                if new { ("Create", "Makes the project and opens it") } else { ("Add", "Adds the frames") };
-            if ui.add_enabled(request.is_ok(), egui::Button::new(text)).on_hover_text(tip).clicked()
+            let (text, tip) = if new {
+                ("Create", "Makes the project and opens it")
+            } else {
+                ("Add", "Adds the frames")
+            };
+            if ui
+                .add_enabled(request.is_ok(), egui::Button::new(text))
+                .on_hover_text(tip)
+                .clicked()
                 && let Ok(request) = request
             {
-                out.push(if new { Command::New(request) } else { Command::AddFrames(request) });
+                out.push(if new {
+                    Command::New(request)
+                } else {
+                    Command::AddFrames(request)
+                });
                 view.dialog = None;
                 view.new_project = NewProjectForm::default();
             }
-            if ui.button("Cancel").on_hover_text("Closes the dialog (Esc)").clicked() {
+            if ui
+                .button("Cancel")
+                .on_hover_text("Closes the dialog (Esc)")
+                .clicked()
+            {
                 view.dialog = None;
             }
         });
@@ -260,7 +357,10 @@ mod tests {
     #[test]
     fn a_project_folder_beside_the_frames_is_suggested() {
         let form = NewProjectForm::with_frames("/photos/rice".into());
-        assert_eq!(form.request(true).unwrap().root, PathBuf::from("/photos/rice-ostra"));
+        assert_eq!(
+            form.request(true).unwrap().root,
+            PathBuf::from("/photos/rice-ostra")
+        );
         assert!(NewProjectForm::default().request(true).is_err());
     }
 
@@ -285,10 +385,18 @@ mod tests {
         assert_eq!(form.request(true).unwrap().open.depth_camera, None);
         form.depth_intrinsics = "580, 580, 320, 240".into();
         let intrinsics = IntrinsicsSource::Values([580.0, 580.0, 320.0, 240.0]);
-        let camera = |pose| Some(DepthCameraSource { intrinsics: intrinsics.clone(), pose });
+        let camera = |pose| {
+            Some(DepthCameraSource {
+                intrinsics: intrinsics.clone(),
+                pose,
+            })
+        };
         assert_eq!(form.request(true).unwrap().open.depth_camera, camera(None));
         form.depth_pose = "/depth.txt".into();
-        assert_eq!(form.request(true).unwrap().open.depth_camera, camera(Some("/depth.txt".into())));
+        assert_eq!(
+            form.request(true).unwrap().open.depth_camera,
+            camera(Some("/depth.txt".into()))
+        );
         form.depth_intrinsics.clear();
         assert!(form.request(true).unwrap_err().contains("intrinsics"));
     }

@@ -21,15 +21,24 @@ pub(crate) fn palette_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, wishes:
             ui.with_layout(egui::Layout::top_down_justified(egui::Align::Min), |ui| {
                 for &action in &found {
                     let keys = view.prefs.shortcuts.text(ui.ctx(), action);
-                    let button = Button::new(text_now(action, look)).shortcut_text(keys).frame_when_inactive(false);
-                    if ui.add_enabled(is_possible(action, look, view), button).on_hover_text(action.tip()).clicked() {
+                    let button = Button::new(text_now(action, look))
+                        .shortcut_text(keys)
+                        .frame_when_inactive(false);
+                    if ui
+                        .add_enabled(is_possible(action, look, view), button)
+                        .on_hover_text(action.tip())
+                        .clicked()
+                    {
                         chosen = Some(action);
                     }
                 }
             });
         });
         if entered {
-            chosen = found.iter().copied().find(|&action| is_possible(action, look, view));
+            chosen = found
+                .iter()
+                .copied()
+                .find(|&action| is_possible(action, look, view));
         }
     });
     if chosen.is_some() || response.should_close() {
@@ -46,8 +55,15 @@ fn matching(typed: &str, look: &Look<'_>, view: &ViewState) -> Vec<Action> {
         let text = format!("{} {}", action.text(), action.tip()).to_lowercase();
         words.iter().all(|word| text.contains(word))
     };
-    let mut found: Vec<_> = Action::all().filter(fits).filter(|action| *action != Action::Palette).collect();
-    let in_text = |action: &Action| words.iter().all(|word| action.text().to_lowercase().contains(word));
+    let mut found: Vec<_> = Action::all()
+        .filter(fits)
+        .filter(|action| *action != Action::Palette)
+        .collect();
+    let in_text = |action: &Action| {
+        words
+            .iter()
+            .all(|word| action.text().to_lowercase().contains(word))
+    };
     found.sort_by_key(|action| (!is_possible(*action, look, view), !in_text(action)));
     found
 }

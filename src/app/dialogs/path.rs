@@ -26,7 +26,10 @@ pub(crate) fn path_ui(ui: &Ui, view: &mut ViewState, wish: PathWish, out: &mut V
         ui.heading(texts.heading);
         ui.add_space(8.0);
         ui.horizontal(|ui| {
-            let (name, target) = ((texts.field, texts.hint), (texts.pick, PickTarget::Path(wish)));
+            let (name, target) = (
+                (texts.field, texts.hint),
+                (texts.pick, PickTarget::Path(wish)),
+            );
             let edit = path_field_ui(ui, &mut view.picker, name, &mut view.path_text, target);
             done = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
         });
@@ -40,8 +43,15 @@ pub(crate) fn path_ui(ui: &Ui, view: &mut ViewState, wish: PathWish, out: &mut V
         ui.add_space(12.0);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Min), |ui| {
             let typed = !view.path_text.trim().is_empty();
-            done |= ui.add_enabled(typed, egui::Button::new(texts.verb)).on_hover_text(texts.heading).clicked();
-            if ui.button("Cancel").on_hover_text("Closes the dialog (Esc)").clicked() {
+            done |= ui
+                .add_enabled(typed, egui::Button::new(texts.verb))
+                .on_hover_text(texts.heading)
+                .clicked();
+            if ui
+                .button("Cancel")
+                .on_hover_text("Closes the dialog (Esc)")
+                .clicked()
+            {
                 view.dialog = None;
             }
         });
@@ -66,18 +76,59 @@ pub(crate) fn path_ui(ui: &Ui, view: &mut ViewState, wish: PathWish, out: &mut V
 fn traits_request(view: &ViewState, path: PathBuf) -> ExportRequest {
     let MeasureWish { level, ground } = view.measures.wish;
     let (angles, unit) = (view.measures.pairs().collect(), view.measures.unit);
-    ExportRequest { traits: Some(path), level, ground, angles, unit, ..ExportRequest::default() }
+    ExportRequest {
+        traits: Some(path),
+        level,
+        ground,
+        angles,
+        unit,
+        ..ExportRequest::default()
+    }
 }
 
 fn texts(wish: PathWish) -> Texts {
     let (heading, field, hint, verb, pick) = match wish {
-        PathWish::OpenProject => ("Open project", "Project folder", "folder with a project.toml", "Open", Pick::Folder),
-        PathWish::InspectPly => ("Inspect PLY", "PLY file", "labelled point cloud (.ply)", "Open", Pick::File),
-        PathWish::ImportMasks => {
-            ("Import masks", "Masks folder", "folder that holds the masks", "Import", Pick::Folder)
-        }
-        PathWish::SaveTraits => ("Export measures", "Table file", "file to write (.csv)", "Save", Pick::Save),
-        PathWish::SaveRecipe => ("Save history as recipe", "Recipe file", "file to write (.json)", "Save", Pick::Save),
+        PathWish::OpenProject => (
+            "Open project",
+            "Project folder",
+            "folder with a project.toml",
+            "Open",
+            Pick::Folder,
+        ),
+        PathWish::InspectPly => (
+            "Inspect PLY",
+            "PLY file",
+            "labelled point cloud (.ply)",
+            "Open",
+            Pick::File,
+        ),
+        PathWish::ImportMasks => (
+            "Import masks",
+            "Masks folder",
+            "folder that holds the masks",
+            "Import",
+            Pick::Folder,
+        ),
+        PathWish::SaveTraits => (
+            "Export measures",
+            "Table file",
+            "file to write (.csv)",
+            "Save",
+            Pick::Save,
+        ),
+        PathWish::SaveRecipe => (
+            "Save history as recipe",
+            "Recipe file",
+            "file to write (.json)",
+            "Save",
+            Pick::Save,
+        ),
     };
-    Texts { heading, field, hint, verb, pick }
+    Texts {
+        heading,
+        field,
+        hint,
+        verb,
+        pick,
+    }
 }

@@ -63,9 +63,18 @@ impl PathPicker {
     fn ask(&mut self, pick: Pick, target: PickTarget) {
         let dialog = rfd::AsyncFileDialog::new();
         let answer: Answer = match pick {
-            Pick::Folder => Box::pin(async { dialog.pick_folder().await.map(|file| file.path().to_owned()) }),
-            Pick::File => Box::pin(async { dialog.pick_file().await.map(|file| file.path().to_owned()) }),
-            Pick::Save => Box::pin(async { dialog.save_file().await.map(|file| file.path().to_owned()) }),
+            Pick::Folder => Box::pin(async {
+                dialog
+                    .pick_folder()
+                    .await
+                    .map(|file| file.path().to_owned())
+            }),
+            Pick::File => {
+                Box::pin(async { dialog.pick_file().await.map(|file| file.path().to_owned()) })
+            }
+            Pick::Save => {
+                Box::pin(async { dialog.save_file().await.map(|file| file.path().to_owned()) })
+            }
         };
         self.asked = Some((target, answer));
     }
@@ -75,7 +84,10 @@ impl PathPicker {
         let (target, answer) = self.asked.as_mut()?;
         let target = *target;
         let waker = Waker::from(Arc::new(Repaint(ctx.clone())));
-        match answer.as_mut().poll(&mut std::task::Context::from_waker(&waker)) {
+        match answer
+            .as_mut()
+            .poll(&mut std::task::Context::from_waker(&waker))
+        {
             Poll::Pending => None,
             Poll::Ready(path) => {
                 self.asked = None;
@@ -96,7 +108,9 @@ impl Wake for Repaint {
 
 /// Puts a chosen path where it was asked for.
 pub(crate) fn take_picked(ctx: &Context, view: &mut ViewState) {
-    let Some((target, path)) = view.picker.poll(ctx) else { return };
+    let Some((target, path)) = view.picker.poll(ctx) else {
+        return;
+    };
     let text = path.display().to_string();
     match target {
         PickTarget::Frames(index) => view.new_project.set_frames(index, text),
@@ -127,10 +141,18 @@ pub(crate) fn path_field_ui(
     (pick, target): (Pick, PickTarget),
 ) -> egui::Response {
     let narrow = ui.available_width() < FIELD_WIDTH;
-    let width = if narrow { (ui.available_width() - BROWSE_WIDTH).max(60.0) } else { FIELD_WIDTH };
-    let edit = TextEdit::singleline(text).hint_text(hint).desired_width(width);
+    let width = if narrow {
+        (ui.available_width() - BROWSE_WIDTH).max(60.0)
+    } else {
+        FIELD_WIDTH
+    };
+    let edit = TextEdit::singleline(text)
+        .hint_text(hint)
+        .desired_width(width);
     let edit = ui.add(edit).accessible_name(name);
-    let browse = ui.button("Browse…").on_hover_text("Opens the system's file chooser");
+    let browse = ui
+        .button("Browse…")
+        .on_hover_text("Opens the system's file chooser");
     if browse.accessible_name(format!("Browse {name}")).clicked() {
         picker.ask(pick, target);
     }

@@ -23,7 +23,15 @@ pub struct PictureForm {
 impl Default for PictureForm {
     fn default() -> Self {
         let size = (1920, 1080);
-        Self { path: String::new(), size, transparent: false, overwrite: false, is_film: false, seconds: 12.0, fps: 30 }
+        Self {
+            path: String::new(),
+            size,
+            transparent: false,
+            overwrite: false,
+            is_film: false,
+            seconds: 12.0,
+            fps: 30,
+        }
     }
 }
 
@@ -64,10 +72,17 @@ impl PictureForm {
     /// Gives a name with the ending of a film that of a picture, and the other way round, as is written now.
     fn follow_take(&mut self) {
         let path = Path::new(self.path.trim_end());
-        let Some(ending) = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()) else { return };
+        let Some(ending) = path
+            .extension()
+            .map(|ending| ending.to_string_lossy().to_lowercase())
+        else {
+            return;
+        };
         let other = match self.is_film {
             true => (ending == "png").then_some("mp4"),
-            false => ["mp4", "mkv", "webm"].contains(&ending.as_str()).then_some("png"),
+            false => ["mp4", "mkv", "webm"]
+                .contains(&ending.as_str())
+                .then_some("png"),
         };
         if let Some(other) = other {
             self.path = path.with_extension(other).to_string_lossy().into_owned();
@@ -80,11 +95,19 @@ impl PictureForm {
         if path.extension().is_none() {
             path.set_extension(if self.is_film { "mp4" } else { "png" });
         }
-        let is_png = |path: &Path| path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
+        let is_png = |path: &Path| {
+            path.extension()
+                .is_some_and(|ending| ending.eq_ignore_ascii_case("png"))
+        };
         let count = (self.seconds * self.fps as f32).round().max(1.0) as usize;
         let take = match self.is_film {
-            true => Take::Turntable { count, fps: self.fps },
-            false => Take::Still { transparent: self.transparent },
+            true => Take::Turntable {
+                count,
+                fps: self.fps,
+            },
+            false => Take::Still {
+                transparent: self.transparent,
+            },
         };
         (self.is_film != is_png(&path)).then_some(PictureWish {
             path,
@@ -103,9 +126,12 @@ pub(crate) fn picture_ui(ui: &Ui, view: &mut ViewState) {
         let form = &mut view.picture;
         ui.horizontal(|ui| {
             let tip = "A PNG of what the view shows, without cameras, lines and signs";
-            let still = ui.radio_value(&mut form.is_film, false, "Picture").on_hover_text(tip);
+            let still = ui
+                .radio_value(&mut form.is_film, false, "Picture")
+                .on_hover_text(tip);
             let film = ui.radio_value(&mut form.is_film, true, "Turntable film");
-            let film = film.on_hover_text("A film of one turn about the vertical, made with ffmpeg");
+            let film =
+                film.on_hover_text("A film of one turn about the vertical, made with ffmpeg");
             if still.union(film).changed() {
                 form.follow_take();
             }
@@ -119,13 +145,23 @@ pub(crate) fn picture_ui(ui: &Ui, view: &mut ViewState) {
             film_ui(ui, form);
         } else {
             let tip = "Leaves the background out";
-            ui.checkbox(&mut form.transparent, "Transparent background").on_hover_text(tip);
+            ui.checkbox(&mut form.transparent, "Transparent background")
+                .on_hover_text(tip);
         }
         ui.add_space(8.0);
         ui.horizontal(|ui| {
-            let name =
-                if form.is_film { ("Film file", "film.mp4, .mkv or .webm") } else { ("Picture file", "picture.png") };
-            path_field_ui(ui, &mut view.picker, name, &mut form.path, (Pick::Save, PickTarget::Picture));
+            let name = if form.is_film {
+                ("Film file", "film.mp4, .mkv or .webm")
+            } else {
+                ("Picture file", "picture.png")
+            };
+            path_field_ui(
+                ui,
+                &mut view.picker,
+                name,
+                &mut form.path,
+                (Pick::Save, PickTarget::Picture),
+            );
         });
         replace_ui(ui, &mut view.picture.overwrite);
         ui.add_space(12.0);
@@ -139,17 +175,28 @@ pub(crate) fn picture_ui(ui: &Ui, view: &mut ViewState) {
 fn size_ui(ui: &mut Ui, side: &mut u32, name: &str) {
     ui.label(name);
     let drag = DragValue::new(side).range(16..=PictureForm::MOST);
-    ui.add(drag).on_hover_text("Of the picture, in pixels").accessible_name(format!("Picture {name}"));
+    ui.add(drag)
+        .on_hover_text("Of the picture, in pixels")
+        .accessible_name(format!("Picture {name}"));
 }
 
 fn film_ui(ui: &mut Ui, form: &mut PictureForm) {
     ui.horizontal(|ui| {
         ui.label("One turn in");
-        let seconds = DragValue::new(&mut form.seconds).range(0.5..=600.0).speed(0.1).suffix(" s");
-        ui.add(seconds).on_hover_text("How long the film is").accessible_name("Film seconds");
+        let seconds = DragValue::new(&mut form.seconds)
+            .range(0.5..=600.0)
+            .speed(0.1)
+            .suffix(" s");
+        ui.add(seconds)
+            .on_hover_text("How long the film is")
+            .accessible_name("Film seconds");
         ui.label("at");
-        let fps = DragValue::new(&mut form.fps).range(1..=120).suffix(" pictures a second");
-        ui.add(fps).on_hover_text("Pictures a second").accessible_name("Film rate");
+        let fps = DragValue::new(&mut form.fps)
+            .range(1..=120)
+            .suffix(" pictures a second");
+        ui.add(fps)
+            .on_hover_text("Pictures a second")
+            .accessible_name("Film rate");
     });
 }
 
@@ -158,7 +205,9 @@ fn end_ui(ui: &mut Ui, view: &mut ViewState) {
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Min), |ui| {
         let button = ui.add_enabled(wish.is_some(), egui::Button::new("Write"));
         let missing = "Name a file: a picture ends in .png, a film in .mp4, .mkv or .webm";
-        let button = button.on_hover_text("Draws what the view shows now").on_disabled_hover_text(missing);
+        let button = button
+            .on_hover_text("Draws what the view shows now")
+            .on_disabled_hover_text(missing);
         if button.clicked() {
             view.picture_wish = wish;
             if view.prefs.panes == Panes::Picture {
@@ -166,7 +215,11 @@ fn end_ui(ui: &mut Ui, view: &mut ViewState) {
             }
             view.dialog = None;
         }
-        if ui.button("Cancel").on_hover_text("Closes the dialog (Esc)").clicked() {
+        if ui
+            .button("Cancel")
+            .on_hover_text("Closes the dialog (Esc)")
+            .clicked()
+        {
             view.dialog = None;
         }
     });
@@ -178,15 +231,28 @@ mod tests {
 
     #[test]
     fn names_get_the_ending_of_what_is_written_and_others_are_refused() {
-        let mut form = PictureForm { path: " /out/plant ".into(), transparent: true, ..PictureForm::default() };
+        let mut form = PictureForm {
+            path: " /out/plant ".into(),
+            transparent: true,
+            ..PictureForm::default()
+        };
         let wish = form.wish().unwrap();
-        assert_eq!((wish.path, wish.take), ("/out/plant.png".into(), Take::Still { transparent: true }));
+        assert_eq!(
+            (wish.path, wish.take),
+            ("/out/plant.png".into(), Take::Still { transparent: true })
+        );
         form.path = "/out/plant.jpg".into();
         assert_eq!(form.wish(), None);
         (form.is_film, form.seconds, form.fps) = (true, 2.0, 25);
         form.path = "/out/plant".into();
         let wish = form.wish().unwrap();
-        assert_eq!((wish.path, wish.take), ("/out/plant.mp4".into(), Take::Turntable { count: 50, fps: 25 }));
+        assert_eq!(
+            (wish.path, wish.take),
+            (
+                "/out/plant.mp4".into(),
+                Take::Turntable { count: 50, fps: 25 }
+            )
+        );
         form.path = "/out/plant.png".into();
         assert_eq!(form.wish(), None);
         form.path = "  ".into();

@@ -20,12 +20,22 @@ impl RelocateForm {
     /// Begins with the folder that all pictures, films and depths of the project lie in.
     #[must_use]
     pub fn of(frames: &[Frame]) -> Self {
-        let common = frames.iter().flat_map(folders).reduce(|a, b| shared(&a, &b)).unwrap_or_default();
-        Self { from: common.display().to_string(), to: String::new() }
+        let common = frames
+            .iter()
+            .flat_map(folders)
+            .reduce(|a, b| shared(&a, &b))
+            .unwrap_or_default();
+        Self {
+            from: common.display().to_string(),
+            to: String::new(),
+        }
     }
 
     fn command(&self) -> Option<Command> {
-        Some(Command::Relocate { from: typed_path(&self.from)?, to: typed_path(&self.to)? })
+        Some(Command::Relocate {
+            from: typed_path(&self.from)?,
+            to: typed_path(&self.to)?,
+        })
     }
 }
 
@@ -34,13 +44,21 @@ fn folders(frame: &Frame) -> impl Iterator<Item = PathBuf> {
         PictureSource::File { path, .. } => path.parent(),
         PictureSource::Film { path, .. } => Some(path.as_path()),
     };
-    let depth = frame.depth.as_ref().and_then(DepthSource::sensor_path).and_then(Path::parent);
+    let depth = frame
+        .depth
+        .as_ref()
+        .and_then(DepthSource::sensor_path)
+        .and_then(Path::parent);
     picture.into_iter().chain(depth).map(Path::to_owned)
 }
 
 /// The part that two paths have in common.
 fn shared(a: &Path, b: &Path) -> PathBuf {
-    a.components().zip(b.components()).take_while(|(a, b)| a == b).map(|(part, _)| part).collect()
+    a.components()
+        .zip(b.components())
+        .take_while(|(a, b)| a == b)
+        .map(|(part, _)| part)
+        .collect()
 }
 
 /// The dialog for frames whose files were moved.
@@ -48,18 +66,37 @@ pub(crate) fn relocate_ui(ui: &Ui, view: &mut ViewState, out: &mut Vec<Command>)
     let response = modal(ui, "relocate", 560.0, |ui| {
         ui.heading("Frames were moved");
         ui.add_space(8.0);
-        Grid::new("relocate").num_columns(2).spacing([8.0, 6.0]).show(ui, |ui| {
-            let form = &mut view.relocate;
-            let places = [
-                ("Was", "The folder (or film) that is gone", &mut form.from, PickTarget::MovedFrom),
-                ("Is now", "Where the same files lie below now", &mut form.to, PickTarget::MovedTo),
-            ];
-            for (name, tip, text, target) in places {
-                field(ui, name, tip, |ui| {
-                    path_field_ui(ui, &mut view.picker, (name, "folder or film"), text, (Pick::Folder, target));
-                });
-            }
-        });
+        Grid::new("relocate")
+            .num_columns(2)
+            .spacing([8.0, 6.0])
+            .show(ui, |ui| {
+                let form = &mut view.relocate;
+                let places = [
+                    (
+                        "Was",
+                        "The folder (or film) that is gone",
+                        &mut form.from,
+                        PickTarget::MovedFrom,
+                    ),
+                    (
+                        "Is now",
+                        "Where the same files lie below now",
+                        &mut form.to,
+                        PickTarget::MovedTo,
+                    ),
+                ];
+                for (name, tip, text, target) in places {
+                    field(ui, name, tip, |ui| {
+                        path_field_ui(
+                            ui,
+                            &mut view.picker,
+                            (name, "folder or film"),
+                            text,
+                            (Pick::Folder, target),
+                        );
+                    });
+                }
+            });
         ui.add_space(12.0);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Min), |ui| {
             let command = view.relocate.command();
@@ -69,7 +106,11 @@ pub(crate) fn relocate_ui(ui: &Ui, view: &mut ViewState, out: &mut Vec<Command>)
                 out.extend(command);
                 view.dialog = None;
             }
-            if ui.button("Cancel").on_hover_text("Closes the dialog (Esc)").clicked() {
+            if ui
+                .button("Cancel")
+                .on_hover_text("Closes the dialog (Esc)")
+                .clicked()
+            {
                 view.dialog = None;
             }
         });
@@ -89,7 +130,10 @@ mod tests {
             name: path.into(),
             width: 4,
             height: 3,
-            picture: PictureSource::File { path: path.into(), orientation: Default::default() },
+            picture: PictureSource::File {
+                path: path.into(),
+                orientation: Default::default(),
+            },
             depth: depth.map(|path| DepthSource::Sensor {
                 path: path.into(),
                 unit: 0.001,
@@ -98,11 +142,20 @@ mod tests {
             }),
             camera: None,
         };
-        let frames = [frame("/a/b/color/0.png", Some("/a/b/depth/0.png")), frame("/a/b/color/more/1.png", None)];
+        let frames = [
+            frame("/a/b/color/0.png", Some("/a/b/depth/0.png")),
+            frame("/a/b/color/more/1.png", None),
+        ];
         let mut form = RelocateForm::of(&frames);
         assert_eq!(form.from, "/a/b");
         assert_eq!(form.command(), None);
         form.to = "/c".into();
-        assert_eq!(form.command(), Some(Command::Relocate { from: "/a/b".into(), to: "/c".into() }));
+        assert_eq!(
+            form.command(),
+            Some(Command::Relocate {
+                from: "/a/b".into(),
+                to: "/c".into()
+            })
+        );
     }
 }

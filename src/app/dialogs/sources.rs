@@ -15,7 +15,10 @@ pub(super) struct SourceForm {
 impl SourceForm {
     /// The source; `None` while no frames are named.
     pub fn source(&self) -> Option<FrameFolder> {
-        Some(FrameFolder { frames: typed_path(&self.frames)?, depth: typed_path(&self.depth) })
+        Some(FrameFolder {
+            frames: typed_path(&self.frames)?,
+            depth: typed_path(&self.depth),
+        })
     }
 }
 
@@ -24,18 +27,35 @@ pub(super) fn sources_ui(ui: &mut Ui, picker: &mut PathPicker, sources: &mut Vec
     let mut removed = None;
     let several = sources.len() > 1;
     for (index, source) in sources.iter_mut().enumerate() {
-        let number = if several { format!(" {}", index + 1) } else { String::new() };
-        ui.label(format!("Frames{number}")).on_hover_text("A folder of pictures, one picture, or a film");
+        let number = if several {
+            format!(" {}", index + 1)
+        } else {
+            String::new()
+        };
+        ui.label(format!("Frames{number}"))
+            .on_hover_text("A folder of pictures, one picture, or a film");
         ui.horizontal(|ui| {
             let name = format!("Frames folder or film{number}");
-            let ends = ("folder of pictures, or a film", (Pick::Folder, PickTarget::Frames(index)));
+            let ends = (
+                "folder of pictures, or a film",
+                (Pick::Folder, PickTarget::Frames(index)),
+            );
             path_field_ui(ui, picker, (&name, ends.0), &mut source.frames, ends.1);
-            if several && icon_button(ui, "×", &format!("Remove source{number}"), "Takes this source out").clicked() {
+            if several
+                && icon_button(
+                    ui,
+                    "×",
+                    &format!("Remove source{number}"),
+                    "Takes this source out",
+                )
+                .clicked()
+            {
                 removed = Some(index);
             }
         });
         ui.end_row();
-        ui.label(format!("Depth{number}")).on_hover_text("Folder of 16-bit depth pictures that belong to these frames");
+        ui.label(format!("Depth{number}"))
+            .on_hover_text("Folder of 16-bit depth pictures that belong to these frames");
         ui.horizontal(|ui| {
             let name = format!("Depth folder{number}");
             let target = (Pick::Folder, PickTarget::Depth(index));
@@ -47,7 +67,11 @@ pub(super) fn sources_ui(ui: &mut Ui, picker: &mut PathPicker, sources: &mut Vec
         sources.remove(index);
     }
     ui.label("");
-    if ui.small_button("+ More frames").on_hover_text("Adds another folder or film to the same project").clicked() {
+    if ui
+        .small_button("+ More frames")
+        .on_hover_text("Adds another folder or film to the same project")
+        .clicked()
+    {
         sources.push(SourceForm::default());
     }
     ui.end_row();

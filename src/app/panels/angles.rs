@@ -21,25 +21,46 @@ const MOST_PIECES: usize = 12;
 
 /// A button that begins another angle, with the chosen label as its first.
 pub(super) fn add_angle_ui(ui: &mut Ui, chosen: Option<LabelId>, angles: &mut Vec<AngleChoice>) {
-    let tip = "Tells the angle between two labels where they meet: a leaf and its stem, two branches";
+    let tip =
+        "Tells the angle between two labels where they meet: a leaf and its stem, two branches";
     if ui.button("Add angle").on_hover_text(tip).clicked() {
         angles.push(AngleChoice([chosen, None]));
     }
 }
 
 /// A line for each angle: its labels, and the angle between them.
-pub(super) fn angles_ui(ui: &mut Ui, look: &Look<'_>, tree: &LabelTree, angles: &mut Vec<AngleChoice>) {
+pub(super) fn angles_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    tree: &LabelTree,
+    angles: &mut Vec<AngleChoice>,
+) {
     let mut removed = None;
     for (place, choice) in angles.iter_mut().enumerate() {
         let number = place + 1;
         ui.horizontal_wrapped(|ui| {
             ui.label("Angle between");
-            label_ui(ui, tree, &format!("First label of angle {number}"), &mut choice.0[0]);
+            label_ui(
+                ui,
+                tree,
+                &format!("First label of angle {number}"),
+                &mut choice.0[0],
+            );
             ui.label("and");
-            label_ui(ui, tree, &format!("Second label of angle {number}"), &mut choice.0[1]);
+            label_ui(
+                ui,
+                tree,
+                &format!("Second label of angle {number}"),
+                &mut choice.0[1],
+            );
             value_ui(ui, look, choice.pair());
-            let button = ui.small_button("×").on_hover_text("Tells this angle no more");
-            if button.accessible_name(format!("Remove angle {number}")).clicked() {
+            let button = ui
+                .small_button("×")
+                .on_hover_text("Tells this angle no more");
+            if button
+                .accessible_name(format!("Remove angle {number}"))
+                .clicked()
+            {
                 removed = Some(place);
             }
         });
@@ -50,13 +71,21 @@ pub(super) fn angles_ui(ui: &mut Ui, look: &Look<'_>, tree: &LabelTree, angles: 
 }
 
 fn label_ui(ui: &mut Ui, tree: &LabelTree, name: &str, chosen: &mut Option<LabelId>) {
-    let text = chosen.and_then(|id| tree.get(id)).map_or("choose…", |label| label.name.as_str());
-    let choice = ComboBox::from_id_salt(name).selected_text(text).width(110.0).show_ui(ui, |ui| {
-        for label in tree.iter() {
-            ui.selectable_value(chosen, Some(label.id), &label.name);
-        }
-    });
-    choice.response.on_hover_text("One of the two labels between which the angle is").accessible_name(name);
+    let text = chosen
+        .and_then(|id| tree.get(id))
+        .map_or("choose…", |label| label.name.as_str());
+    let choice = ComboBox::from_id_salt(name)
+        .selected_text(text)
+        .width(110.0)
+        .show_ui(ui, |ui| {
+            for label in tree.iter() {
+                ui.selectable_value(chosen, Some(label.id), &label.name);
+            }
+        });
+    choice
+        .response
+        .on_hover_text("One of the two labels between which the angle is")
+        .accessible_name(name);
 }
 
 fn value_ui(ui: &mut Ui, look: &Look<'_>, pair: Option<[LabelId; 2]>) {
@@ -85,11 +114,22 @@ fn value_ui(ui: &mut Ui, look: &Look<'_>, pair: Option<[LabelId; 2]>) {
 fn told_ui(ui: &mut Ui, look: &Look<'_>, rows: &[TraitRow]) {
     let Some(first) = rows.first() else { return };
     let text = |row: &TraitRow| look.unit.text(row.value, row.dimension);
-    let mut tip = format!("{} = {}\nFrom {} points", first.name, first.definition, first.points);
+    let mut tip = format!(
+        "{} = {}\nFrom {} points",
+        first.name, first.definition, first.points
+    );
     if rows.len() > 1 {
         let all: Vec<String> = rows.iter().take(MOST_PIECES).map(text).collect();
-        let more = if rows.len() > MOST_PIECES { ", …" } else { "" };
-        tip += &format!("\nOf the largest of {} pieces: {}{more}", rows.len(), all.join(", "));
+        let more = if rows.len() > MOST_PIECES {
+            ", …"
+        } else {
+            ""
+        };
+        tip += &format!(
+            "\nOf the largest of {} pieces: {}{more}",
+            rows.len(),
+            all.join(", ")
+        );
     }
     ui.label(text(first)).on_hover_text(tip);
 }

@@ -32,7 +32,9 @@ impl Asked {
     /// Asks about a point by its number.
     #[must_use]
     pub fn new(cloud: &Arc<LabelledCloud>, votes: Option<&Arc<Votes>>, point: usize) -> Self {
-        let histogram = votes.map(|votes| votes.histogram(point).to_vec()).unwrap_or_default();
+        let histogram = votes
+            .map(|votes| votes.histogram(point).to_vec())
+            .unwrap_or_default();
         let mut voters = votes.map(|votes| votes.voters(point)).unwrap_or_default();
         // Who contradicts is what the user looks for; frames without a mask have nothing to say.
         voters.sort_by_key(|voter| match voter.label {
@@ -40,14 +42,26 @@ impl Asked {
             Some(_) => 1,
             None => 2,
         });
-        Self { cloud: Arc::clone(cloud), point, votes: histogram, voters }
+        Self {
+            cloud: Arc::clone(cloud),
+            point,
+            votes: histogram,
+            voters,
+        }
     }
 
     /// Asks about the point that a frame sees nearest to a place in its picture.
     #[must_use]
-    pub fn seen_at(cloud: &Arc<LabelledCloud>, votes: &Arc<Votes>, frame: usize, at_px: DVec2) -> Option<Self> {
+    pub fn seen_at(
+        cloud: &Arc<LabelledCloud>,
+        votes: &Arc<Votes>,
+        frame: usize,
+        at_px: DVec2,
+    ) -> Option<Self> {
         let off = |x: u32, y: u32| middle(x, y).distance_squared(at_px);
-        let near = votes.sightings(frame).filter(|&(_, x, y)| off(x, y) <= NEAR_PX * NEAR_PX);
+        let near = votes
+            .sightings(frame)
+            .filter(|&(_, x, y)| off(x, y) <= NEAR_PX * NEAR_PX);
         let (point, ..) = near.min_by(|a, b| off(a.1, a.2).total_cmp(&off(b.1, b.2)))?;
         Some(Self::new(cloud, Some(votes), point))
     }
@@ -61,7 +75,10 @@ impl Asked {
     /// Where a frame sees it.
     #[must_use]
     pub fn seen_in(&self, frame: usize) -> Option<DVec2> {
-        self.voters.iter().find(|voter| voter.frame == frame).map(|voter| middle(voter.x, voter.y))
+        self.voters
+            .iter()
+            .find(|voter| voter.frame == frame)
+            .map(|voter| middle(voter.x, voter.y))
     }
 
     /// The same point of the cloud that is there now, with its votes of now; `None` where that has other points.
@@ -102,7 +119,11 @@ pub(super) fn asked_ui(
     look: &Look<'_>,
     view: &mut ViewState,
 ) {
-    view.asked = view.asked.take().zip(look.cloud).and_then(|(asked, cloud)| asked.on(cloud, look.votes));
+    view.asked = view
+        .asked
+        .take()
+        .zip(look.cloud)
+        .and_then(|(asked, cloud)| asked.on(cloud, look.votes));
     let Some(asked) = view.asked.clone() else {
         place.forget();
         return;
@@ -110,43 +131,61 @@ pub(super) fn asked_ui(
     let at = mark(ui, rect, camera, &asked);
     let (mut open, mut to) = (true, None);
     // Small, so that much of the cloud stays in sight.
-    let window = egui::Window::new(egui::RichText::new("Point").strong()).default_width(WIDTH).resizable(false);
-    let window = window.frame(egui::Frame::window(ui.style()).inner_margin(8)).open(&mut open);
-    place.put(window, ui, rect, (asked.place(), at)).constrain_to(rect).show(ui.ctx(), |ui| {
-        let tree = if look.root.is_some() { &look.project.labels } else { &asked.cloud.tree };
-        label_ui(ui, tree, asked.cloud.labels[asked.point]);
-        let at = asked.place().as_dvec3() + asked.cloud.origin;
-        ui.weak(format!("at {:.4}, {:.4}, {:.4}", at.x, at.y, at.z)).on_hover_text("World units");
-        let confidence = asked.cloud.confidence[asked.point];
-        ui.label(format!("{:.0} % of the votes", 100.0 * confidence));
-        if asked.votes.is_empty() {
-            ui.weak("No frame with a mask sees it.");
-        }
-        for &(label, votes) in &asked.votes {
-            ui.horizontal(|ui| {
-                ui.monospace(format!("{votes:>4}"));
-                label_ui(ui, tree, label);
-            });
-        }
-        if !asked.voters.is_empty() {
-            ui.separator();
-            egui::ScrollArea::vertical().max_height(100.0).auto_shrink([false, true]).show(ui, |ui| {
-                for voter in &asked.voters {
-                    ui.horizontal(|ui| {
-                        let text = format!("frame {}", voter.frame);
-                        let row = ui.selectable_label(view.frame == voter.frame, text);
-                        if row.on_hover_text("Shows where this frame sees the point").clicked() {
-                            to = Some((voter.frame, middle(voter.x, voter.y)));
-                        }
-                        match voter.label {
-                            Some(label) => label_ui(ui, tree, label),
-                            None => drop(ui.weak("no mask")),
+    let window = egui::Window::new(egui::RichText::new("Point").strong())
+        .default_width(WIDTH)
+        .resizable(false);
+    let window = window
+        .frame(egui::Frame::window(ui.style()).inner_margin(8))
+        .open(&mut open);
+    place
+        .put(window, ui, rect, (asked.place(), at))
+        .constrain_to(rect)
+        .show(ui.ctx(), |ui| {
+            let tree = if look.root.is_some() {
+                &look.project.labels
+            } else {
+                &asked.cloud.tree
+            };
+            label_ui(ui, tree, asked.cloud.labels[asked.point]);
+            let at = asked.place().as_dvec3() + asked.cloud.origin;
+            ui.weak(format!("at {:.4}, {:.4}, {:.4}", at.x, at.y, at.z))
+                .on_hover_text("World units");
+            let confidence = asked.cloud.confidence[asked.point];
+            ui.label(format!("{:.0} % of the votes", 100.0 * confidence));
+            if asked.votes.is_empty() {
+                ui.weak("No frame with a mask sees it.");
+            }
+            for &(label, votes) in &asked.votes {
+                ui.horizontal(|ui| {
+                    ui.monospace(format!("{votes:>4}"));
+                    label_ui(ui, tree, label);
+                });
+            }
+            if !asked.voters.is_empty() {
+                ui.separator();
+                egui::ScrollArea::vertical()
+                    .max_height(100.0)
+                    .auto_shrink([false, true])
+                    .show(ui, |ui| {
+                        for voter in &asked.voters {
+                            ui.horizontal(|ui| {
+                                let text = format!("frame {}", voter.frame);
+                                let row = ui.selectable_label(view.frame == voter.frame, text);
+                                if row
+                                    .on_hover_text("Shows where this frame sees the point")
+                                    .clicked()
+                                {
+                                    to = Some((voter.frame, middle(voter.x, voter.y)));
+                                }
+                                match voter.label {
+                                    Some(label) => label_ui(ui, tree, label),
+                                    None => drop(ui.weak("no mask")),
+                                }
+                            });
                         }
                     });
-                }
-            });
-        }
-    });
+            }
+        });
     if let Some((frame, at_px)) = to {
         view.go_to(frame);
         view.zoom.centre_px = at_px;
@@ -162,15 +201,24 @@ pub(super) fn asked_ui(
 /// A label's path in its colour.
 pub(super) fn label_ui(ui: &mut Ui, tree: &LabelTree, label: LabelId) {
     let Some(known) = tree.get(label) else {
-        ui.weak(if label == LabelId::NONE { "nothing".to_owned() } else { format!("label {}", label.0) });
+        ui.weak(if label == LabelId::NONE {
+            "nothing".to_owned()
+        } else {
+            format!("label {}", label.0)
+        });
         return;
     };
-    let names: Vec<&str> = tree.path(label).iter().filter_map(|&id| Some(tree.get(id)?.name.as_str())).collect();
+    let names: Vec<&str> = tree
+        .path(label)
+        .iter()
+        .filter_map(|&id| Some(tree.get(id)?.name.as_str()))
+        .collect();
     let [r, g, b] = known.color;
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         let (patch, _) = ui.allocate_exact_size(Vec2::splat(10.0), Sense::hover());
-        ui.painter().rect_filled(patch, 2.0, Color32::from_rgb(r, g, b));
+        ui.painter()
+            .rect_filled(patch, 2.0, Color32::from_rgb(r, g, b));
         ui.label(names.join(" › "));
     });
 }

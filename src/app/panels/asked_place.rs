@@ -41,15 +41,26 @@ impl AskedPlace {
         // egui keeps a window that is dragged by its title where it is, whatever position it is given.
         let window = window.id(id).pivot(pivot).drag_area(WindowDrag::Anywhere);
         // Between two points it stays where the user drags it.
-        if is_moved { window.current_pos(corner) } else { window.default_pos(corner) }
+        if is_moved {
+            window.current_pos(corner)
+        } else {
+            window.default_pos(corner)
+        }
     }
 
     /// Chooses a corner away from another point than the last, or of another view; whether it does.
-    fn turn_away(&mut self, rect: Rect, now: Option<Rect>, (point, at): (Vec3, Option<Pos2>)) -> bool {
+    fn turn_away(
+        &mut self,
+        rect: Rect,
+        now: Option<Rect>,
+        (point, at): (Vec3, Option<Pos2>),
+    ) -> bool {
         let is_new = self.of.replace(point) != Some(point);
         // Beside other panes the view begins or ends elsewhere: what was a corner may be its middle.
         let is_elsewhere = self.within.replace(rect.x_range()) != Some(rect.x_range());
-        let Some(at) = at.filter(|_| is_new || is_elsewhere) else { return false };
+        let Some(at) = at.filter(|_| is_new || is_elsewhere) else {
+            return false;
+        };
         if !is_elsewhere && now.is_some_and(|now| !now.expand(FREE).contains(at)) {
             return false;
         }
@@ -57,7 +68,8 @@ impl AskedPlace {
         self.is_right = at.x < middle.x;
         // In a narrow view both upper corners reach the middle.
         let width = now.map_or(WIDTH, |now| now.width()) + FREE;
-        self.is_low = at.y < middle.y && (at.x - middle.x).abs() < width + MARGIN - 0.5 * rect.width();
+        self.is_low =
+            at.y < middle.y && (at.x - middle.x).abs() < width + MARGIN - 0.5 * rect.width();
         true
     }
 
@@ -94,21 +106,33 @@ mod tests {
         let [left, right, low] = [(150.0, 100.0), (850.0, 100.0), (150.0, 700.0)].map(Pos2::from);
         assert_eq!(after(rect, &[left]).right_top(), Pos2::new(890.0, 60.0));
         assert_eq!(after(rect, &[right]).left_top(), Pos2::new(110.0, 60.0));
-        assert_eq!(after(rect, &[right, low]).left_top(), Pos2::new(110.0, 60.0), "it does not cover that");
-        assert_eq!(after(rect, &[left, right]).left_top(), Pos2::new(110.0, 60.0));
+        assert_eq!(
+            after(rect, &[right, low]).left_top(),
+            Pos2::new(110.0, 60.0),
+            "it does not cover that"
+        );
+        assert_eq!(
+            after(rect, &[left, right]).left_top(),
+            Pos2::new(110.0, 60.0)
+        );
     }
 
     #[test]
     fn it_goes_to_a_corner_of_the_view_among_other_panes() {
-        let (wide, narrow) =
-            (Rect::from_min_max(Pos2::ZERO, Pos2::new(900.0, 700.0)), Rect::everything_right_of(500.0));
+        let (wide, narrow) = (
+            Rect::from_min_max(Pos2::ZERO, Pos2::new(900.0, 700.0)),
+            Rect::everything_right_of(500.0),
+        );
         let narrow = narrow.intersect(wide);
         let (mut place, at) = (AskedPlace::default(), Some(Pos2::new(800.0, 300.0)));
         assert!(place.turn_away(narrow, None, (Vec3::X, at)));
         let (pivot, corner) = place.corner(narrow);
         let now = Some(pivot.anchor_size(corner, Vec2::new(200.0, 250.0)));
         assert!(!place.turn_away(narrow, now, (Vec3::X, at)));
-        assert!(place.turn_away(wide, now, (Vec3::X, at)), "it is not in a corner of that");
+        assert!(
+            place.turn_away(wide, now, (Vec3::X, at)),
+            "it is not in a corner of that"
+        );
         assert_eq!(place.corner(wide).1, Pos2::new(10.0, 10.0));
     }
 

@@ -27,7 +27,10 @@ pub(super) fn chosen_ui(
     view: &mut ViewState,
     wishes: &mut Vec<Action>,
 ) {
-    let chosen = look.chosen.filter(|_| !view.scene_select.steps.is_empty()).and_then(Result::ok);
+    let chosen = look
+        .chosen
+        .filter(|_| !view.scene_select.steps.is_empty())
+        .and_then(Result::ok);
     if let (Some(chosen), Some(cloud)) = (chosen, look.cloud) {
         mark(ui, rect, camera, &cloud.positions, chosen);
     }
@@ -35,8 +38,13 @@ pub(super) fn chosen_ui(
     if !view.scene_select.in_hand {
         return;
     }
-    let window = egui::Window::new("Select points").title_bar(false).resizable(false).default_width(240.0);
-    let window = window.pivot(egui::Align2::LEFT_BOTTOM).default_pos(rect.left_bottom() + Vec2::new(8.0, -8.0));
+    let window = egui::Window::new("Select points")
+        .title_bar(false)
+        .resizable(false)
+        .default_width(240.0);
+    let window = window
+        .pivot(egui::Align2::LEFT_BOTTOM)
+        .default_pos(rect.left_bottom() + Vec2::new(8.0, -8.0));
     window.constrain_to(rect).show(ui.ctx(), |ui| {
         shape_ui(ui, &mut view.scene_select);
         ui.horizontal_wrapped(|ui| count_ui(ui, look, &mut view.scene_select));
@@ -50,8 +58,17 @@ pub(super) fn chosen_ui(
 fn mark(ui: &Ui, rect: Rect, camera: &ViewCamera, positions: &[Vec3], chosen: &Selection) {
     let scale = ui.pixels_per_point();
     let mut mesh = Mesh::default();
-    for &point in chosen.points.iter().step_by(chosen.points.len().div_ceil(MARKED).max(1)) {
-        let Some((at, _)) = positions.get(point as usize).and_then(|&x| camera.project(x)) else { continue };
+    for &point in chosen
+        .points
+        .iter()
+        .step_by(chosen.points.len().div_ceil(MARKED).max(1))
+    {
+        let Some((at, _)) = positions
+            .get(point as usize)
+            .and_then(|&x| camera.project(x))
+        else {
+            continue;
+        };
         let at = rect.min + Vec2::new(at.x, at.y) / scale;
         if rect.contains(at) {
             mesh.add_colored_rect(Rect::from_center_size(at, Vec2::splat(2.0)), COLOR);
@@ -64,7 +81,9 @@ fn draw_outline(ui: &Ui, rect: Rect, select: &SceneSelect) {
     let (painter, stroke) = (ui.painter().with_clip_rect(rect), Stroke::new(1.5, COLOR));
     let outline = select.outline();
     if select.shape == SelectShape::Brush {
-        if let Some(at) = ui.input(|input| input.pointer.hover_pos()).filter(|at| select.in_hand && rect.contains(*at))
+        if let Some(at) = ui
+            .input(|input| input.pointer.hover_pos())
+            .filter(|at| select.in_hand && rect.contains(*at))
         {
             painter.circle_stroke(at, select.brush, stroke);
         }
@@ -84,12 +103,15 @@ fn shape_ui(ui: &mut Ui, select: &mut SceneSelect) {
     ui.horizontal(|ui| {
         for (shape, text, tip) in SHAPES {
             let tip = format!("{tip}; Shift adds, Ctrl takes out. The right button turns the view");
-            ui.selectable_value(&mut select.shape, shape, text).on_hover_text(tip);
+            ui.selectable_value(&mut select.shape, shape, text)
+                .on_hover_text(tip);
         }
     });
     if select.shape == SelectShape::Brush {
         let slider = Slider::new(&mut select.brush, 2.0..=100.0).show_value(false);
-        ui.add(slider).on_hover_text("Radius of the brush").accessible_name("Selection brush size");
+        ui.add(slider)
+            .on_hover_text("Radius of the brush")
+            .accessible_name("Selection brush size");
     }
 }
 
@@ -114,7 +136,10 @@ fn count_ui(ui: &mut Ui, look: &Look<'_>, select: &mut SceneSelect) {
     };
     ui.label(text);
     let back = ui.add_enabled(!select.steps.is_empty(), egui::Button::new("Take back"));
-    if back.on_hover_text("Takes back the last change of the choice").clicked() {
+    if back
+        .on_hover_text("Takes back the last change of the choice")
+        .clicked()
+    {
         select.steps.pop();
     }
 }
@@ -123,30 +148,56 @@ fn count_ui(ui: &mut Ui, look: &Look<'_>, select: &mut SceneSelect) {
 fn steps_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     let (select, label) = (&mut view.scene_select, view.label);
     ui.horizontal(|ui| {
-        if ui.button("Grow").on_hover_text("Adds the points around that are alike").clicked() {
+        if ui
+            .button("Grow")
+            .on_hover_text("Adds the points around that are alike")
+            .clicked()
+        {
             select.steps.push(SelectStep::Grow(select.likeness));
         }
-        let angle = DragValue::new(&mut select.likeness.normal_deg).range(0.0..=180.0).suffix("°").max_decimals(0);
+        let angle = DragValue::new(&mut select.likeness.normal_deg)
+            .range(0.0..=180.0)
+            .suffix("°")
+            .max_decimals(0);
         ui.name_inputs("Angle of normals", |ui| ui.add(angle))
             .on_hover_text("How far the surface may turn from point to point");
-        let color = DragValue::new(&mut select.likeness.color).range(0.0..=100.0).prefix("ΔE ").max_decimals(0);
+        let color = DragValue::new(&mut select.likeness.color)
+            .range(0.0..=100.0)
+            .prefix("ΔE ")
+            .max_decimals(0);
         ui.name_inputs("Difference of colour", |ui| ui.add(color))
             .on_hover_text("How far colours may be from where the growth began");
     });
-    let pieces = look.chosen.and_then(Result::ok).map_or(1, |chosen| chosen.pieces.max(1));
+    let pieces = look
+        .chosen
+        .and_then(Result::ok)
+        .map_or(1, |chosen| chosen.pieces.max(1));
     ui.horizontal(|ui| {
         let keep = ui.add_enabled(pieces > 1, egui::Button::new("Keep piece"));
-        if keep.on_hover_text("Splits the points into what hangs together and keeps one piece").clicked() {
-            select.steps.push(SelectStep::Piece(select.piece.clamp(1, pieces) - 1));
+        if keep
+            .on_hover_text("Splits the points into what hangs together and keeps one piece")
+            .clicked()
+        {
+            select
+                .steps
+                .push(SelectStep::Piece(select.piece.clamp(1, pieces) - 1));
             select.piece = 1;
         }
-        let piece = DragValue::new(&mut select.piece).range(1..=pieces).speed(0.05);
-        ui.name_inputs("Piece", |ui| ui.add(piece)).on_hover_text("1 is the largest");
+        let piece = DragValue::new(&mut select.piece)
+            .range(1..=pieces)
+            .speed(0.05);
+        ui.name_inputs("Piece", |ui| ui.add(piece))
+            .on_hover_text("1 is the largest");
         ui.weak(format!("of {pieces}"));
     });
-    let name = label.and_then(|label| look.project.labels.get(label)).map_or("label", |label| label.name.as_str());
+    let name = label
+        .and_then(|label| look.project.labels.get(label))
+        .map_or("label", |label| label.name.as_str());
     let only = ui.add_enabled(label.is_some(), egui::Button::new(format!("Only {name}")));
-    if only.on_hover_text("Keeps only points of the chosen label").clicked() {
+    if only
+        .on_hover_text("Keeps only points of the chosen label")
+        .clicked()
+    {
         select.steps.extend(label.map(SelectStep::Only));
     }
 }
@@ -157,10 +208,20 @@ fn correct_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut V
         .on_hover_text("Frames whose masks change become anchors, which no tracker overwrites");
     let any = has_chosen(look, view);
     let label = view.label.and_then(|label| look.project.labels.get(label));
-    let text = label.map_or("Assign".to_owned(), |label| format!("Assign to {}", label.name));
+    let text = label.map_or("Assign".to_owned(), |label| {
+        format!("Assign to {}", label.name)
+    });
     let shortcuts = &view.prefs.shortcuts;
     ui.horizontal(|ui| {
-        if action_button(ui, shortcuts, Action::AssignChosen, &text, any && label.is_some()).clicked() {
+        if action_button(
+            ui,
+            shortcuts,
+            Action::AssignChosen,
+            &text,
+            any && label.is_some(),
+        )
+        .clicked()
+        {
             wishes.push(Action::AssignChosen);
         }
         if action_button(ui, shortcuts, Action::ClearChosen, "Clear", any).clicked() {

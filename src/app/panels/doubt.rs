@@ -12,24 +12,42 @@ const LISTED: f32 = 8.0;
 const LEAST: f32 = 0.01;
 
 /// The frames whose masks contradict the vote of all most, and what to do about it.
-pub(crate) fn doubt_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+pub(crate) fn doubt_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    wishes: &mut Vec<Action>,
+) {
     let worst = ranked(look.doubts);
     if worst.is_empty() {
         ui.weak("All masks agree with the cloud.");
         return;
     }
     ui.weak("Share of a mask that the vote of all frames contradicts:");
-    let row = ui.text_style_height(&egui::TextStyle::Body).max(ui.spacing().interact_size.y);
-    let list = ScrollArea::vertical().id_salt("doubtful").max_height(LISTED * (row + ui.spacing().item_spacing.y));
-    list.auto_shrink([false, true]).show_rows(ui, row, worst.len(), |ui, rows| {
-        for &(frame, share) in &worst[rows] {
-            let name = look.project.frames.get(frame).map_or("", |frame| frame.name.as_str());
-            let text = format!("{:>4.1} %  frame {frame}", 100.0 * share);
-            if ui.selectable_label(view.frame == frame, text).on_hover_text(format!("Goes to {name}")).clicked() {
-                view.go_to(frame);
+    let row = ui
+        .text_style_height(&egui::TextStyle::Body)
+        .max(ui.spacing().interact_size.y);
+    let list = ScrollArea::vertical()
+        .id_salt("doubtful")
+        .max_height(LISTED * (row + ui.spacing().item_spacing.y));
+    list.auto_shrink([false, true])
+        .show_rows(ui, row, worst.len(), |ui, rows| {
+            for &(frame, share) in &worst[rows] {
+                let name = look
+                    .project
+                    .frames
+                    .get(frame)
+                    .map_or("", |frame| frame.name.as_str());
+                let text = format!("{:>4.1} %  frame {frame}", 100.0 * share);
+                if ui
+                    .selectable_label(view.frame == frame, text)
+                    .on_hover_text(format!("Goes to {name}"))
+                    .clicked()
+                {
+                    view.go_to(frame);
+                }
             }
-        }
-    });
+        });
     ui.checkbox(&mut view.prefs.contradictions, "Show where")
         .on_hover_text("Stripes over the picture where the vote names another label; accepting the vote changes these, and pixels at borders");
     ui.horizontal_wrapped(|ui| {
@@ -37,7 +55,11 @@ pub(crate) fn doubt_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishe
         for (action, text, enabled) in [
             (Action::NextWorst, "Next worst", true),
             (Action::AcceptVote, "Accept vote", can),
-            (Action::AcceptLabelVote, "For this label", can && view.label.is_some()),
+            (
+                Action::AcceptLabelVote,
+                "For this label",
+                can && view.label.is_some(),
+            ),
         ] {
             if action_button(ui, &view.prefs.shortcuts, action, text, enabled).clicked() {
                 wishes.push(action);
@@ -54,14 +76,18 @@ fn is_worth_a_look(doubt: &FrameDoubt) -> bool {
 impl ViewState {
     /// Whether it is to be shown where the vote contradicts the frame shown.
     pub(crate) fn shows_contradiction(&self, doubts: &BTreeMap<usize, FrameDoubt>) -> bool {
-        self.prefs.contradictions && self.masks_shown && doubts.get(&self.frame).is_some_and(is_worth_a_look)
+        self.prefs.contradictions
+            && self.masks_shown
+            && doubts.get(&self.frame).is_some_and(is_worth_a_look)
     }
 }
 
 /// Frames that are worth a look with their shares, the worst first; of equal ones the earlier.
 fn ranked(doubts: &BTreeMap<usize, FrameDoubt>) -> Vec<(usize, f32)> {
     let listed = doubts.iter().filter(|(_, doubt)| is_worth_a_look(doubt));
-    let mut ranked: Vec<(usize, f32)> = listed.map(|(&frame, doubt)| (frame, doubt.share())).collect();
+    let mut ranked: Vec<(usize, f32)> = listed
+        .map(|(&frame, doubt)| (frame, doubt.share()))
+        .collect();
     ranked.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     ranked
 }
@@ -69,7 +95,10 @@ fn ranked(doubts: &BTreeMap<usize, FrameDoubt>) -> Vec<(usize, f32)> {
 /// The frame after this one in the list of the worst; the worst where this one agrees or is the last.
 pub(crate) fn next_worst(doubts: &BTreeMap<usize, FrameDoubt>, frame: usize) -> Option<usize> {
     let listed: Vec<usize> = ranked(doubts).into_iter().map(|(frame, _)| frame).collect();
-    let next = listed.iter().position(|&other| other == frame).map_or(0, |at| at + 1);
+    let next = listed
+        .iter()
+        .position(|&other| other == frame)
+        .map_or(0, |at| at + 1);
     listed.get(next).or(listed.first()).copied()
 }
 
@@ -80,7 +109,10 @@ mod tests {
 
     #[test]
     fn stripes_are_for_listed_frames_while_they_are_wanted() {
-        let doubt = |against| FrameDoubt { compared: 1000, against };
+        let doubt = |against| FrameDoubt {
+            compared: 1000,
+            against,
+        };
         let doubts = BTreeMap::from([(0, doubt(300)), (1, doubt(3))]);
         let mut view = ViewState::new(Prefs::default());
         assert!(view.shows_contradiction(&doubts));
@@ -94,10 +126,16 @@ mod tests {
 
     #[test]
     fn goes_down_the_list_of_the_worst_and_begins_anew() {
-        let doubt = |against| FrameDoubt { compared: 100, against };
+        let doubt = |against| FrameDoubt {
+            compared: 100,
+            against,
+        };
         let doubts = BTreeMap::from([(0, doubt(5)), (1, doubt(0)), (2, doubt(30)), (7, doubt(5))]);
         assert_eq!(next_worst(&doubts, 1), Some(2));
-        assert_eq!([2, 0, 7].map(|frame| next_worst(&doubts, frame)), [Some(0), Some(7), Some(2)]);
+        assert_eq!(
+            [2, 0, 7].map(|frame| next_worst(&doubts, frame)),
+            [Some(0), Some(7), Some(2)]
+        );
         assert_eq!(next_worst(&BTreeMap::new(), 3), None);
     }
 }

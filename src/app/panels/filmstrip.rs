@@ -1,4 +1,6 @@
-use egui::{Color32, Pos2, Rect, Response, Role, ScrollArea, Sense, Shape, Stroke, Ui, Vec2, WidgetInfo};
+use egui::{
+    Color32, Pos2, Rect, Response, Role, ScrollArea, Sense, Shape, Stroke, Ui, Vec2, WidgetInfo,
+};
 
 use crate::textures::Textures;
 use crate::{Look, ViewState};
@@ -6,7 +8,10 @@ use ostra_project::{FrameMask, MaskOrigin};
 
 const TILE: Vec2 = Vec2::new(108.0, 92.0);
 const GAP: f32 = 4.0;
-const UV: Rect = Rect { min: Pos2::ZERO, max: Pos2::new(1.0, 1.0) };
+const UV: Rect = Rect {
+    min: Pos2::ZERO,
+    max: Pos2::new(1.0, 1.0),
+};
 
 /// What a frame's mask is, for the badge on its thumbnail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,10 +23,17 @@ enum FrameState {
 }
 
 /// Thumbnails of all frames with the state of their masks; only those in sight are made.
-pub(crate) fn filmstrip_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, textures: &mut Textures) {
+pub(crate) fn filmstrip_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    textures: &mut Textures,
+) {
     let count = look.project.frames.len();
     let pitch = TILE.x + GAP;
-    let mut area = ScrollArea::horizontal().id_salt("filmstrip").auto_shrink([false, false]);
+    let mut area = ScrollArea::horizontal()
+        .id_salt("filmstrip")
+        .auto_shrink([false, false]);
     if std::mem::take(&mut view.reveal_frame) {
         area = area.horizontal_scroll_offset(offset_showing(ui, view.frame, pitch));
     }
@@ -32,21 +44,34 @@ pub(crate) fn filmstrip_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, t
         let last = ((sight.max.x / pitch).ceil() as usize).min(count);
         for frame in first..last {
             let at = ui.max_rect().min + Vec2::new(frame as f32 * pitch, 0.0);
-            if tile_ui(ui, Rect::from_min_size(at, TILE), look, view, textures, frame).clicked() {
+            if tile_ui(
+                ui,
+                Rect::from_min_size(at, TILE),
+                look,
+                view,
+                textures,
+                frame,
+            )
+            .clicked()
+            {
                 view.frame = frame;
                 view.draft.drop_half_made();
             }
         }
     });
     ui.data_mut(|data| {
-        data.insert_temp(egui::Id::unique("filmstrip"), (out.state.clamped_offset().x, out.inner_rect.width()))
+        data.insert_temp(
+            egui::Id::unique("filmstrip"),
+            (out.state.clamped_offset().x, out.inner_rect.width()),
+        )
     });
 }
 
 /// The scroll offset that brings the frame into sight, moving no more than needed.
 fn offset_showing(ui: &Ui, frame: usize, pitch: f32) -> f32 {
-    let (offset, width) =
-        ui.data(|data| data.get_temp::<(f32, f32)>(egui::Id::unique("filmstrip"))).unwrap_or((0.0, 0.0));
+    let (offset, width) = ui
+        .data(|data| data.get_temp::<(f32, f32)>(egui::Id::unique("filmstrip")))
+        .unwrap_or((0.0, 0.0));
     let begin = frame as f32 * pitch;
     if begin < offset + pitch {
         (begin - pitch).max(0.0)
@@ -57,7 +82,14 @@ fn offset_showing(ui: &Ui, frame: usize, pitch: f32) -> f32 {
     }
 }
 
-fn tile_ui(ui: &Ui, rect: Rect, look: &Look<'_>, view: &ViewState, textures: &mut Textures, frame: usize) -> Response {
+fn tile_ui(
+    ui: &Ui,
+    rect: Rect,
+    look: &Look<'_>,
+    view: &ViewState,
+    textures: &mut Textures,
+    frame: usize,
+) -> Response {
     let response = ui.interact(rect, ui.scope_id().with(("tile", frame)), Sense::click());
     let mask = look.project.masks.get(&frame);
     let (state, shown) = (state_of(mask), view.frame == frame);
@@ -79,14 +111,20 @@ fn background(ui: &Ui, response: &Response, rect: Rect, shown: bool) {
     };
     ui.painter().rect_filled(rect, 4.0, fill);
     if response.has_focus() {
-        ui.painter().rect_stroke(rect, 4.0, visuals.selection.stroke, egui::StrokeKind::Inside);
+        ui.painter().rect_stroke(
+            rect,
+            4.0,
+            visuals.selection.stroke,
+            egui::StrokeKind::Inside,
+        );
     }
 }
 
 fn picture(ui: &Ui, rect: Rect, look: &Look<'_>, textures: &mut Textures, frame: usize) {
     let place = Rect::from_min_max(rect.min + Vec2::splat(4.0), rect.max - Vec2::new(4.0, 20.0));
     let Some(image) = look.pictures.and_then(|pictures| pictures.thumbnail(frame)) else {
-        ui.painter().rect_filled(place, 2.0, ui.visuals().extreme_bg_color);
+        ui.painter()
+            .rect_filled(place, 2.0, ui.visuals().extreme_bg_color);
         return;
     };
     let texture = textures.thumbnail(ui.ctx(), frame, &image);
@@ -99,22 +137,41 @@ fn picture(ui: &Ui, rect: Rect, look: &Look<'_>, textures: &mut Textures, frame:
 fn caption(ui: &Ui, rect: Rect, frame: usize, state: FrameState, shown: bool) {
     let at = rect.left_bottom() + Vec2::new(11.0, -10.0);
     badge(ui, at, state);
-    let color = if shown { ui.visuals().strong_text_color() } else { ui.visuals().text_color() };
+    let color = if shown {
+        ui.visuals().strong_text_color()
+    } else {
+        ui.visuals().text_color()
+    };
     let font = egui::FontId::proportional(11.0);
-    ui.painter().text(at + Vec2::new(10.0, 0.0), egui::Align2::LEFT_CENTER, frame.to_string(), font, color);
+    ui.painter().text(
+        at + Vec2::new(10.0, 0.0),
+        egui::Align2::LEFT_CENTER,
+        frame.to_string(),
+        font,
+        color,
+    );
 }
 
 /// A mark that differs in shape as well as colour: ring = none, dot = tracked, diamond = anchor, triangle = stale.
 fn badge(ui: &Ui, at: Pos2, state: FrameState) {
     let color = state.color(ui);
     let corners = |points: &[(f32, f32)]| {
-        Shape::convex_polygon(points.iter().map(|&(x, y)| at + Vec2::new(x, y)).collect(), color, Stroke::NONE)
+        Shape::convex_polygon(
+            points.iter().map(|&(x, y)| at + Vec2::new(x, y)).collect(),
+            color,
+            Stroke::NONE,
+        )
     };
     match state {
         FrameState::None => ui.painter().circle_stroke(at, 3.2, Stroke::new(1.2, color)),
         FrameState::Tracked => ui.painter().circle_filled(at, 3.8, color),
-        FrameState::Anchor => ui.painter().add(corners(&[(0.0, -5.2), (5.2, 0.0), (0.0, 5.2), (-5.2, 0.0)])),
-        FrameState::Stale => ui.painter().add(corners(&[(0.0, -4.8), (5.0, 4.0), (-5.0, 4.0)])),
+        FrameState::Anchor => {
+            ui.painter()
+                .add(corners(&[(0.0, -5.2), (5.2, 0.0), (0.0, 5.2), (-5.2, 0.0)]))
+        }
+        FrameState::Stale => ui
+            .painter()
+            .add(corners(&[(0.0, -4.8), (5.0, 4.0), (-5.0, 4.0)])),
     };
 }
 
@@ -122,23 +179,46 @@ fn badge(ui: &Ui, at: Pos2, state: FrameState) {
 fn label_marks(ui: &Ui, rect: Rect, look: &Look<'_>, view: &ViewState, frame: usize) {
     let mut right = rect.right() - 5.0;
     for &label in view.presence.on_frame(frame).iter().rev().take(7) {
-        let [r, g, b] = look.project.labels.get(label).map_or([120; 3], |label| label.color);
-        let bar =
-            Rect::from_min_max(egui::pos2(right - 5.0, rect.bottom() - 14.0), egui::pos2(right, rect.bottom() - 6.0));
-        ui.painter().rect_filled(bar, 1.0, Color32::from_rgb(r, g, b));
+        let [r, g, b] = look
+            .project
+            .labels
+            .get(label)
+            .map_or([120; 3], |label| label.color);
+        let bar = Rect::from_min_max(
+            egui::pos2(right - 5.0, rect.bottom() - 14.0),
+            egui::pos2(right, rect.bottom() - 6.0),
+        );
+        ui.painter()
+            .rect_filled(bar, 1.0, Color32::from_rgb(r, g, b));
         right -= 7.0;
     }
 }
 
-fn tooltip_ui(ui: &mut Ui, look: &Look<'_>, mask: Option<&FrameMask>, frame: usize, state: FrameState) {
-    let Some(shown) = look.project.frames.get(frame) else { return };
+fn tooltip_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    mask: Option<&FrameMask>,
+    frame: usize,
+    state: FrameState,
+) {
+    let Some(shown) = look.project.frames.get(frame) else {
+        return;
+    };
     ui.strong(format!("{frame}  {}", shown.name));
     ui.label(format!("{} × {}", shown.width, shown.height));
     let has = |yes: bool| if yes { "yes" } else { "no" };
-    ui.label(format!("Depth: {}, camera: {}", has(shown.depth.is_some()), has(shown.posed_camera().is_some())));
+    ui.label(format!(
+        "Depth: {}, camera: {}",
+        has(shown.depth.is_some()),
+        has(shown.posed_camera().is_some())
+    ));
     ui.label(format!("Mask: {}", state.text()));
     for (label, sure) in mask.iter().flat_map(|mask| &mask.confidence) {
-        let name = look.project.labels.get(*label).map_or("?", |label| label.name.as_str());
+        let name = look
+            .project
+            .labels
+            .get(*label)
+            .map_or("?", |label| label.name.as_str());
         ui.label(format!("{name}: {:.0} % sure", sure * 100.0));
     }
 }

@@ -39,15 +39,27 @@ pub(super) fn finding_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
 fn registration_ui(ui: &mut Ui, chosen: &mut String) {
     const WAYS: [(&str, &str, &str); 3] = [
         ("auto", "Automatic", "One way after the other"),
-        ("fgr", "FGR", "Fast Global Registration: one robust fit to all matches"),
+        (
+            "fgr",
+            "FGR",
+            "Fast Global Registration: one robust fit to all matches",
+        ),
         ("ransac", "RANSAC", "The best of many fits to a few matches"),
     ];
-    let text = WAYS.iter().find(|row| row.0 == *chosen).map_or(chosen.as_str(), |row| row.1).to_owned();
-    egui::ComboBox::from_id_salt("registration").selected_text(text).width(150.0).show_ui(ui, |ui| {
-        for (value, text, tip) in WAYS {
-            ui.selectable_value(chosen, value.to_owned(), text).on_hover_text(tip);
-        }
-    });
+    let text = WAYS
+        .iter()
+        .find(|row| row.0 == *chosen)
+        .map_or(chosen.as_str(), |row| row.1)
+        .to_owned();
+    egui::ComboBox::from_id_salt("registration")
+        .selected_text(text)
+        .width(150.0)
+        .show_ui(ui, |ui| {
+            for (value, text, tip) in WAYS {
+                ui.selectable_value(chosen, value.to_owned(), text)
+                    .on_hover_text(tip);
+            }
+        });
 }
 
 fn side_ui(ui: &mut Ui, max_side: &mut Option<u32>) {
@@ -66,7 +78,8 @@ pub(crate) fn pairs_in(text: &str) -> Result<Vec<[usize; 2]>, String> {
         let (first, second) = word.split_once(',')?;
         Some([first.parse().ok()?, second.parse().ok()?])
     };
-    let read = |word| pair(word).ok_or_else(|| format!("'{word}' is no pair of frames; write 0,12 3,40"));
+    let read =
+        |word| pair(word).ok_or_else(|| format!("'{word}' is no pair of frames; write 0,12 3,40"));
     text.split_whitespace().map(read).collect()
 }
 

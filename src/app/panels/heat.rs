@@ -19,14 +19,26 @@ pub(crate) fn heat_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     let size = Vec2::new(ui.available_width(), HEAT_HEIGHT);
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
     response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "Confidence over frames"));
-    let columns = Columns { rect, frames: 0..look.project.frames.len() };
-    ui.painter().rect_filled(rect, 2.0, ui.visuals().extreme_bg_color);
+    let columns = Columns {
+        rect,
+        frames: 0..look.project.frames.len(),
+    };
+    ui.painter()
+        .rect_filled(rect, 2.0, ui.visuals().extreme_bg_color);
     columns.paint(ui, |frames| worst(ui, look, view, frames));
-    for frame in [view.range.map(|range| range.0), view.range.map(|range| range.1)].into_iter().flatten() {
+    for frame in [
+        view.range.map(|range| range.0),
+        view.range.map(|range| range.1),
+    ]
+    .into_iter()
+    .flatten()
+    {
         mark(ui, &columns, frame, ui.visuals().selection.stroke.color);
     }
     mark(ui, &columns, view.frame, ui.visuals().strong_text_color());
-    let pointed = response.interact_pointer_pos().filter(|_| response.clicked() || response.dragged());
+    let pointed = response
+        .interact_pointer_pos()
+        .filter(|_| response.clicked() || response.dragged());
     if let Some(frame) = pointed.and_then(|at| columns.frame_at(at)) {
         view.go_to(frame);
     }
@@ -56,9 +68,12 @@ impl Columns {
 
     /// The place of frames (the last included) on the screen, at least a point wide.
     pub(super) fn place(&self, first: usize, last: usize) -> Rect {
-        let x = |frame: usize| self.rect.left() + (frame as f32 - self.frames.start as f32) * self.width();
+        let x = |frame: usize| {
+            self.rect.left() + (frame as f32 - self.frames.start as f32) * self.width()
+        };
         let (left, right) = (x(first), x(last + 1));
-        Rect::from_x_y_ranges(left..=right.max(left + 1.0), self.rect.y_range()).intersect(self.rect)
+        Rect::from_x_y_ranges(left..=right.max(left + 1.0), self.rect.y_range())
+            .intersect(self.rect)
     }
 
     /// Fills every column with the colour of its frames; columns narrower than a point share one. Neighbours of one
@@ -68,7 +83,8 @@ impl Columns {
         let mut run: Option<(usize, usize, Color32)> = None;
         let flush = |run: Option<(usize, usize, Color32)>| {
             if let Some((first, last, color)) = run {
-                ui.painter().rect_filled(self.place(first, last), 0.0, color);
+                ui.painter()
+                    .rect_filled(self.place(first, last), 0.0, color);
             }
         };
         for first in self.frames.clone().step_by(step) {
@@ -90,7 +106,11 @@ impl Columns {
 pub(super) fn mark(ui: &Ui, columns: &Columns, frame: usize, color: Color32) {
     if columns.frames.contains(&frame) {
         let place = columns.place(frame, frame);
-        ui.painter().vline(place.center().x, columns.rect.y_range(), Stroke::new(2.0, color));
+        ui.painter().vline(
+            place.center().x,
+            columns.rect.y_range(),
+            Stroke::new(2.0, color),
+        );
     }
 }
 
@@ -103,7 +123,11 @@ pub(super) fn heat(sure: f32) -> Color32 {
         (1.0, [52.0, 92.0, 104.0]),
     ];
     let sure = sure.clamp(0.0, 1.0);
-    let after = STOPS.iter().position(|stop| stop.0 >= sure).unwrap_or(STOPS.len() - 1).max(1);
+    let after = STOPS
+        .iter()
+        .position(|stop| stop.0 >= sure)
+        .unwrap_or(STOPS.len() - 1)
+        .max(1);
     let ((from, a), (to, b)) = (STOPS[after - 1], STOPS[after]);
     let share = (sure - from) / (to - from);
     let [r, g, b] = [0, 1, 2].map(|k| lerp(a[k]..=b[k], share) as u8);
@@ -119,14 +143,27 @@ fn worst(ui: &Ui, look: &Look<'_>, view: &ViewState, frames: Range<usize>) -> Op
             None => anchor = Some(Color32::from_rgb(80, 190, 110)),
         }
     }
-    let stale = |sure: f32| if sure < 0.0 { ui.visuals().warn_fg_color } else { heat(sure) };
-    least.filter(|&sure| sure < view.prefs.doubt_below).map(stale).or(anchor).or(least.map(stale))
+    let stale = |sure: f32| {
+        if sure < 0.0 {
+            ui.visuals().warn_fg_color
+        } else {
+            heat(sure)
+        }
+    };
+    least
+        .filter(|&sure| sure < view.prefs.doubt_below)
+        .map(stale)
+        .or(anchor)
+        .or(least.map(stale))
 }
 
 /// How sure a frame is at its least: 0 where a label was lost, below 0 where it is stale; `None` for an anchor that the vote
 /// of all does not contradict.
 fn sureness(look: &Look<'_>, view: &ViewState, frame: usize, mask: &FrameMask) -> Option<f32> {
-    let by_vote = look.doubts.get(&frame).map_or(1.0, |doubt| (1.0 - doubt.share() / WORST_SHARE).max(0.0));
+    let by_vote = look
+        .doubts
+        .get(&frame)
+        .map_or(1.0, |doubt| (1.0 - doubt.share() / WORST_SHARE).max(0.0));
     if mask.origin == MaskOrigin::Anchor {
         return Some(by_vote).filter(|&sure| sure < view.prefs.doubt_below);
     }
@@ -144,9 +181,17 @@ fn sureness(look: &Look<'_>, view: &ViewState, frame: usize, mask: &FrameMask) -
 fn tip_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, frame: usize) {
     ui.strong(format!("Frame {frame}"));
     if let Some(doubt) = look.doubts.get(&frame) {
-        ui.label(format!("{:.1} % contradicted by the 3-D vote", 100.0 * doubt.share()));
+        ui.label(format!(
+            "{:.1} % contradicted by the 3-D vote",
+            100.0 * doubt.share()
+        ));
     }
-    let name = |label: LabelId| look.project.labels.get(label).map_or("?", |label| label.name.as_str());
+    let name = |label: LabelId| {
+        look.project
+            .labels
+            .get(label)
+            .map_or("?", |label| label.name.as_str())
+    };
     match look.project.masks.get(&frame) {
         None => drop(ui.weak("no mask")),
         Some(mask) if mask.origin == MaskOrigin::Anchor => drop(ui.label("anchor")),
@@ -158,7 +203,10 @@ fn tip_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, frame: usize) {
                 ui.label(format!("{}: {:.0} % sure", name(label), sure * 100.0));
             }
             for label in lost_on(look.project, view, frame) {
-                ui.colored_label(ui.visuals().warn_fg_color, format!("{}: no longer seen", name(label)));
+                ui.colored_label(
+                    ui.visuals().warn_fg_color,
+                    format!("{}: no longer seen", name(label)),
+                );
             }
         }
     }
@@ -172,13 +220,22 @@ mod tests {
     fn columns_and_frames_agree() {
         let rect = Rect::from_min_size(Pos2::new(10.0, 0.0), Vec2::new(200.0, 9.0));
         for frames in [0..7, 3..40, 0..3000] {
-            let columns = Columns { rect, frames: frames.clone() };
+            let columns = Columns {
+                rect,
+                frames: frames.clone(),
+            };
             for frame in frames.step_by(13) {
                 let place = columns.place(frame, frame);
                 let found = columns.frame_at(place.center()).unwrap();
-                assert!(found.abs_diff(frame) <= (1.0 / columns.width()) as usize, "{frame} {found}");
+                assert!(
+                    found.abs_diff(frame) <= (1.0 / columns.width()) as usize,
+                    "{frame} {found}"
+                );
             }
-            assert_eq!(columns.frame_at(Pos2::new(9999.0, 0.0)), Some(columns.frames.end - 1));
+            assert_eq!(
+                columns.frame_at(Pos2::new(9999.0, 0.0)),
+                Some(columns.frames.end - 1)
+            );
         }
         assert_eq!(Columns { rect, frames: 0..0 }.frame_at(rect.center()), None);
     }

@@ -17,8 +17,11 @@ pub(crate) fn jobs_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &m
         });
         let report = &job.report;
         let share = report.done as f32 / report.total.max(1) as f32;
-        let bar = ProgressBar::new(share).desired_height(6.0).animate(report.total == 0);
-        ui.add(bar).accessible_name(format!("Progress of {}", job.title));
+        let bar = ProgressBar::new(share)
+            .desired_height(6.0)
+            .animate(report.total == 0);
+        ui.add(bar)
+            .accessible_name(format!("Progress of {}", job.title));
     }
     if action_button(ui, &view.prefs.shortcuts, Action::Stop, "Stop all", true).clicked() {
         wishes.push(Action::Stop);
@@ -34,11 +37,18 @@ pub(super) fn run_button_ui(
     enabled: bool,
     wishes: &mut Vec<Action>,
 ) {
-    let (action, text) = if look.running(title).is_some() { (Action::Stop, "Stop") } else { (action, title) };
+    let (action, text) = if look.running(title).is_some() {
+        (Action::Stop, "Stop")
+    } else {
+        (action, title)
+    };
     let strong = egui::RichText::new(text).strong();
     let button = egui::Button::new(strong).min_size(egui::vec2(92.0, 24.0));
     let tip = view.prefs.shortcuts.tip(ui.ctx(), action);
-    let response = ui.add_enabled(enabled, button).on_hover_text(&tip).on_disabled_hover_text(tip);
+    let response = ui
+        .add_enabled(enabled, button)
+        .on_hover_text(&tip)
+        .on_disabled_hover_text(tip);
     if response.clicked() {
         wishes.push(action);
     }

@@ -5,9 +5,17 @@ use ostra_masks::{Label, LabelId, LabelTree};
 use ostra_session::Command;
 
 /// A label's row can be dragged onto another one, whose part it becomes; never onto itself or what is below it.
-pub(super) fn drag_ui(ui: &Ui, look: &Look<'_>, out: &mut Vec<Command>, row: &Response, label: &Label) {
+pub(super) fn drag_ui(
+    ui: &Ui,
+    look: &Look<'_>,
+    out: &mut Vec<Command>,
+    row: &Response,
+    label: &Label,
+) {
     row.dnd_set_drag_payload(label.id);
-    let Some(dragged) = row.dnd_hover_payload::<LabelId>() else { return };
+    let Some(dragged) = row.dnd_hover_payload::<LabelId>() else {
+        return;
+    };
     if *dragged == label.id {
         return;
     }
@@ -17,7 +25,8 @@ pub(super) fn drag_ui(ui: &Ui, look: &Look<'_>, out: &mut Vec<Command>, row: &Re
         return;
     }
     let stroke = egui::Stroke::new(1.5, ui.visuals().selection.stroke.color);
-    ui.painter().rect_stroke(row.rect, 3.0, stroke, egui::StrokeKind::Inside);
+    ui.painter()
+        .rect_stroke(row.rect, 3.0, stroke, egui::StrokeKind::Inside);
     if row.dnd_release_payload::<LabelId>().is_some() {
         out.extend(moved(tree, *dragged, Some(label.id)));
     }
@@ -44,5 +53,8 @@ fn can_be_below(tree: &LabelTree, id: LabelId, parent: LabelId) -> bool {
 /// The command that moves a label; `None` where it is there already.
 fn moved(tree: &LabelTree, id: LabelId, parent: Option<LabelId>) -> Option<Command> {
     let label = tree.get(id).filter(|label| label.parent != parent)?;
-    Some(Command::EditLabel(Label { parent, ..label.clone() }))
+    Some(Command::EditLabel(Label {
+        parent,
+        ..label.clone()
+    }))
 }

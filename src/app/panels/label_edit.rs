@@ -24,31 +24,58 @@ impl LabelEditing {
 }
 
 /// The row for a new label below the list.
-pub(super) fn new_label_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
-    let parent = view.labels.parent.and_then(|id| look.project.labels.get(id));
-    let hint = parent.map_or("New label".into(), |parent| format!("New label under {}", parent.name));
+pub(super) fn new_label_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+) {
+    let parent = view
+        .labels
+        .parent
+        .and_then(|id| look.project.labels.get(id));
+    let hint = parent.map_or("New label".into(), |parent| {
+        format!("New label under {}", parent.name)
+    });
     let parent = parent.map(|parent| parent.name.clone());
     ui.horizontal(|ui| {
         let add_width = 46.0;
         let width = ui.available_width() - add_width - ui.spacing().item_spacing.x;
-        let edit = TextEdit::singleline(&mut view.labels.new_name).hint_text(&hint).desired_width(width);
-        let edit = ui.add(edit).on_hover_text("Name of a new label; Enter adds it").accessible_name("New label name");
+        let edit = TextEdit::singleline(&mut view.labels.new_name)
+            .hint_text(&hint)
+            .desired_width(width);
+        let edit = ui
+            .add(edit)
+            .on_hover_text("Name of a new label; Enter adds it")
+            .accessible_name("New label name");
         let entered = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
         let typed = !view.labels.new_name.trim().is_empty();
-        let add =
-            ui.add_enabled(typed, egui::Button::new("Add")).on_hover_text("Adds the label and chooses it (Enter)");
+        let add = ui
+            .add_enabled(typed, egui::Button::new("Add"))
+            .on_hover_text("Adds the label and chooses it (Enter)");
         if typed && (entered || add.clicked()) {
             let name = std::mem::take(&mut view.labels.new_name).trim().to_owned();
             view.label = Some(look.project.labels.next_id());
             view.labels.parent = None;
-            out.push(Command::AddLabel { name, parent, color: None });
+            out.push(Command::AddLabel {
+                name,
+                parent,
+                color: None,
+            });
         }
     });
 }
 
 /// The name as an edit field while it is being renamed; `false` when it is not.
-pub(super) fn rename_ui(ui: &mut Ui, view: &mut ViewState, out: &mut Vec<Command>, label: &Label) -> bool {
-    let Some((id, text)) = &mut view.labels.renaming else { return false };
+pub(super) fn rename_ui(
+    ui: &mut Ui,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+    label: &Label,
+) -> bool {
+    let Some((id, text)) = &mut view.labels.renaming else {
+        return false;
+    };
     if *id != label.id {
         return false;
     }
@@ -60,7 +87,10 @@ pub(super) fn rename_ui(ui: &mut Ui, view: &mut ViewState, out: &mut Vec<Command
         let name = text.trim().to_owned();
         let given_up = ui.input(|i| i.key_pressed(Key::Escape));
         if !given_up && !name.is_empty() && name != label.name {
-            out.push(Command::EditLabel(Label { name, ..label.clone() }));
+            out.push(Command::EditLabel(Label {
+                name,
+                ..label.clone()
+            }));
         }
         view.labels.renaming = None;
     }
@@ -68,11 +98,25 @@ pub(super) fn rename_ui(ui: &mut Ui, view: &mut ViewState, out: &mut Vec<Command
 }
 
 /// Everything that can be done with a label.
-pub(super) fn label_menu_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>, label: &Label) {
-    if ui.button("Rename").on_hover_text("Gives the label another name (double click)").clicked() {
+pub(super) fn label_menu_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+    label: &Label,
+) {
+    if ui
+        .button("Rename")
+        .on_hover_text("Gives the label another name (double click)")
+        .clicked()
+    {
         view.labels.rename(label.id, &label.name);
     }
-    if ui.button("Add label below it").on_hover_text("The next new label becomes a part of this one").clicked() {
+    if ui
+        .button("Add label below it")
+        .on_hover_text("The next new label becomes a part of this one")
+        .clicked()
+    {
         view.labels.parent = Some(label.id);
     }
     ui.menu_button("Move under", |ui| move_ui(ui, look, out, label))
@@ -80,43 +124,83 @@ pub(super) fn label_menu_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, 
         .on_hover_text("Makes it a part of another label");
     let merge = ui.menu_button("Merge into", |ui| {
         let into = chosen_ui(ui, &look.project.labels, |other| other.id != label.id);
-        out.extend(into.map(|into| Command::MergeLabels { label: label.id, into }));
+        out.extend(into.map(|into| Command::MergeLabels {
+            label: label.id,
+            into,
+        }));
     });
-    merge.response.on_hover_text("All its pixels, clicks and points become another label's, on every frame and in 3-D");
-    let find = ui.add_enabled(look.root.is_some() && look.cloud.is_some(), egui::Button::new("Find instances"));
+    merge.response.on_hover_text(
+        "All its pixels, clicks and points become another label's, on every frame and in 3-D",
+    );
+    let find = ui.add_enabled(
+        look.root.is_some() && look.cloud.is_some(),
+        egui::Button::new("Find instances"),
+    );
     let find = find.on_hover_text("Tells things of this class apart by what hangs together in 3-D");
-    if find.on_disabled_hover_text("Fuse first: instances are found in the cloud").clicked() {
-        view.instances = Some(InstancesRequest { label: label.id, options: InstanceOptions::default() });
+    if find
+        .on_disabled_hover_text("Fuse first: instances are found in the cloud")
+        .clicked()
+    {
+        view.instances = Some(InstancesRequest {
+            label: label.id,
+            options: InstanceOptions::default(),
+        });
     }
     ui.separator();
-    let has_children = look.project.labels.iter().any(|other| other.parent == Some(label.id));
+    let has_children = look
+        .project
+        .labels
+        .iter()
+        .any(|other| other.parent == Some(label.id));
     let remove = ui.add_enabled(!has_children, egui::Button::new("Remove"));
-    let remove =
-        remove.on_hover_text("Removes the label with its clicks; its pixels become unlabelled (can be undone)");
-    if remove.on_disabled_hover_text("Remove or move the labels below it first").clicked() {
+    let remove = remove.on_hover_text(
+        "Removes the label with its clicks; its pixels become unlabelled (can be undone)",
+    );
+    if remove
+        .on_disabled_hover_text("Remove or move the labels below it first")
+        .clicked()
+    {
         out.push(Command::RemoveLabel(label.id));
     }
 }
 
 fn move_ui(ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>, label: &Label) {
     let tree = &look.project.labels;
-    if ui.add_enabled(label.parent.is_some(), egui::Button::new("Top level")).clicked() {
-        out.push(Command::EditLabel(Label { parent: None, ..label.clone() }));
+    if ui
+        .add_enabled(label.parent.is_some(), egui::Button::new("Top level"))
+        .clicked()
+    {
+        out.push(Command::EditLabel(Label {
+            parent: None,
+            ..label.clone()
+        }));
     }
-    let is_allowed = |other: &Label| Some(other.id) != label.parent && !tree.path(other.id).contains(&label.id);
+    let is_allowed =
+        |other: &Label| Some(other.id) != label.parent && !tree.path(other.id).contains(&label.id);
     let parent = chosen_ui(ui, tree, is_allowed);
-    out.extend(parent.map(|parent| Command::EditLabel(Label { parent: Some(parent), ..label.clone() })));
+    out.extend(parent.map(|parent| {
+        Command::EditLabel(Label {
+            parent: Some(parent),
+            ..label.clone()
+        })
+    }));
 }
 
 /// A button for each label that is allowed; the one that is clicked.
-fn chosen_ui(ui: &mut Ui, tree: &LabelTree, is_allowed: impl Fn(&Label) -> bool) -> Option<LabelId> {
+fn chosen_ui(
+    ui: &mut Ui,
+    tree: &LabelTree,
+    is_allowed: impl Fn(&Label) -> bool,
+) -> Option<LabelId> {
     let mut chosen = None;
-    egui::ScrollArea::vertical().max_height(320.0).show(ui, |ui| {
-        for (other, _) in listed(tree) {
-            if is_allowed(&other) && ui.button(&other.name).clicked() {
-                chosen = Some(other.id);
+    egui::ScrollArea::vertical()
+        .max_height(320.0)
+        .show(ui, |ui| {
+            for (other, _) in listed(tree) {
+                if is_allowed(&other) && ui.button(&other.name).clicked() {
+                    chosen = Some(other.id);
+                }
             }
-        }
-    });
+        });
     chosen
 }

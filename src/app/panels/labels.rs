@@ -9,10 +9,17 @@ use ostra_masks::{Label, LabelId, LabelTree};
 use ostra_session::Command;
 
 /// The tree of labels: choose, show and hide, rename, recolour, move, add and remove.
-pub(crate) fn labels_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+pub(crate) fn labels_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+) {
     ui.horizontal(|ui| {
         section_heading(ui, "Labels");
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| show_all_ui(ui, look, view));
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            show_all_ui(ui, look, view)
+        });
     });
     let rows = listed(&look.project.labels);
     if rows.is_empty() {
@@ -40,14 +47,25 @@ pub(crate) fn listed(tree: &LabelTree) -> Vec<(Label, usize)> {
 pub(crate) fn add_label(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     let tree = &look.project.labels;
     let id = tree.next_id();
-    let name = (id.0..).map(|n| format!("object {n}")).find(|name| tree.by_name(name).is_none());
+    let name = (id.0..)
+        .map(|n| format!("object {n}"))
+        .find(|name| tree.by_name(name).is_none());
     let Some(name) = name else { return };
-    out.push(Command::AddLabel { name: name.clone(), parent: None, color: None });
+    out.push(Command::AddLabel {
+        name: name.clone(),
+        parent: None,
+        color: None,
+    });
     view.label = Some(id);
     view.labels.rename(id, &name);
 }
 
-fn push_children(tree: &LabelTree, parent: Option<LabelId>, depth: usize, rows: &mut Vec<(Label, usize)>) {
+fn push_children(
+    tree: &LabelTree,
+    parent: Option<LabelId>,
+    depth: usize,
+    rows: &mut Vec<(Label, usize)>,
+) {
     for label in tree.iter().filter(|label| label.parent == parent) {
         rows.push((label.clone(), depth));
         push_children(tree, Some(label.id), depth + 1, rows);
@@ -59,10 +77,21 @@ fn show_all_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
         return;
     }
     let all_hidden = !view.hidden.is_empty();
-    let (text, tip) = if all_hidden { ("Show all", "Shows all labels") } else { ("Hide all", "Hides all labels") };
-    if ui.add(egui::Button::new(RichText::new(text).weak().size(11.0)).frame(false)).on_hover_text(tip).clicked() {
-        view.hidden =
-            if all_hidden { Default::default() } else { look.project.labels.iter().map(|label| label.id).collect() };
+    let (text, tip) = if all_hidden {
+        ("Show all", "Shows all labels")
+    } else {
+        ("Hide all", "Hides all labels")
+    };
+    if ui
+        .add(egui::Button::new(RichText::new(text).weak().size(11.0)).frame(false))
+        .on_hover_text(tip)
+        .clicked()
+    {
+        view.hidden = if all_hidden {
+            Default::default()
+        } else {
+            look.project.labels.iter().map(|label| label.id).collect()
+        };
     }
 }
 
@@ -94,14 +123,33 @@ fn label_row_ui(
 fn color_ui(ui: &mut Ui, label: &Label, out: &mut Vec<Command>) {
     let mut color = label.color;
     ui.spacing_mut().interact_size = egui::vec2(16.0, 16.0);
-    let response = ui.color_edit_button_srgb(&mut color).on_hover_text("Changes the colour");
-    if response.accessible_name(format!("Colour of {}", label.name)).changed() {
-        out.push(Command::EditLabel(Label { color, ..label.clone() }));
+    let response = ui
+        .color_edit_button_srgb(&mut color)
+        .on_hover_text("Changes the colour");
+    if response
+        .accessible_name(format!("Colour of {}", label.name))
+        .changed()
+    {
+        out.push(Command::EditLabel(Label {
+            color,
+            ..label.clone()
+        }));
     }
 }
 
-fn name_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>, label: &Label, number: usize) {
-    let key = if number < 9 { format!("{}  ", number + 1) } else { String::new() };
+fn name_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+    label: &Label,
+    number: usize,
+) {
+    let key = if number < 9 {
+        format!("{}  ", number + 1)
+    } else {
+        String::new()
+    };
     let response = selectable_row(ui, view.label == Some(label.id), &key, &label.name);
     let tip = if number < 9 {
         format!(
@@ -126,14 +174,19 @@ fn name_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Com
 
 /// A row of the whole width left, with a weak key before the name.
 fn selectable_row(ui: &mut Ui, selected: bool, key: &str, name: &str) -> Response {
-    let (rect, response) = ui.allocate_exact_size(egui::vec2(ui.available_width(), 20.0), Sense::click_and_drag());
+    let (rect, response) = ui.allocate_exact_size(
+        egui::vec2(ui.available_width(), 20.0),
+        Sense::click_and_drag(),
+    );
     response.widget_info(|| WidgetInfo::selected(Role::Button, true, selected, name));
     let visuals = ui.style().interact_selectable(&response, selected);
     if selected || response.hovered() || response.has_focus() {
         ui.painter().rect_filled(rect, 3.0, visuals.weak_bg_fill);
     }
     let font = egui::TextStyle::Body.resolve(ui.style());
-    let painter = ui.painter().with_clip_rect(rect.shrink2(egui::vec2(4.0, 0.0)));
+    let painter = ui
+        .painter()
+        .with_clip_rect(rect.shrink2(egui::vec2(4.0, 0.0)));
     let weak = ui.visuals().weak_text_color();
     let at = rect.left_center() + egui::vec2(5.0, 0.0);
     let end = painter.text(at, egui::Align2::LEFT_CENTER, key, font.clone(), weak);
@@ -142,23 +195,42 @@ fn selectable_row(ui: &mut Ui, selected: bool, key: &str, name: &str) -> Respons
     let mut job = egui::text::LayoutJob::simple_singleline(name.to_owned(), font, color);
     job.wrap = egui::text::TextWrapping::truncate_at_width(rect.right() - 2.0 - left);
     let galley = painter.layout_job(job);
-    painter.galley(egui::pos2(left, rect.center().y - galley.size().y / 2.0), galley, color);
+    painter.galley(
+        egui::pos2(left, rect.center().y - galley.size().y / 2.0),
+        galley,
+        color,
+    );
     response
 }
 
-fn row_end_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>, label: &Label) {
-    let more = ui.menu_button("…", |ui| label_menu_ui(ui, look, view, out, label)).response;
-    more.on_hover_text("Rename, move, remove").accessible_name(format!("More for {}", label.name));
+fn row_end_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+    label: &Label,
+) {
+    let more = ui
+        .menu_button("…", |ui| label_menu_ui(ui, look, view, out, label))
+        .response;
+    more.on_hover_text("Rename, move, remove")
+        .accessible_name(format!("More for {}", label.name));
     eye_ui(ui, view, label);
     let frames = view.presence.frames_with(label.id);
-    let (mut text, mut tip) = (frames.to_string(), format!("'{}' is on {frames} frames", label.name));
+    let (mut text, mut tip) = (
+        frames.to_string(),
+        format!("'{}' is on {frames} frames", label.name),
+    );
     if let Some(cloud) = look.cloud {
-        let points = view.point_counts.below(cloud, &look.project.labels, label.id);
+        let points = view
+            .point_counts
+            .below(cloud, &look.project.labels, label.id);
         text = format!("{} · {text}", rounded(points));
         tip += &format!("; it and what is below it have {} points", grouped(points));
     }
     ui.add_space(4.0);
-    ui.label(RichText::new(text).weak().size(11.0)).on_hover_text(tip);
+    ui.label(RichText::new(text).weak().size(11.0))
+        .on_hover_text(tip);
 }
 
 /// A number of points in three digits or so.
@@ -173,7 +245,12 @@ fn rounded(points: usize) -> String {
 pub(super) fn eye_ui(ui: &mut Ui, view: &mut ViewState, label: &Label) {
     let shown = !view.hidden.contains(&label.id);
     let name = format!("{} {}", if shown { "Hide" } else { "Show" }, label.name);
-    let response = icon_button(ui, " ", &name, "Shows or hides the label in the picture and in 3-D");
+    let response = icon_button(
+        ui,
+        " ",
+        &name,
+        "Shows or hides the label in the picture and in 3-D",
+    );
     eye_icon(ui, &response, shown);
     if response.clicked() {
         if shown {
@@ -188,7 +265,11 @@ pub(super) fn eye_ui(ui: &mut Ui, view: &mut ViewState, label: &Label) {
 fn eye_icon(ui: &Ui, response: &Response, open: bool) {
     let at = response.rect.center();
     let visuals = ui.style().interact(response);
-    let color = if open { visuals.text_color() } else { ui.visuals().weak_text_color() };
+    let color = if open {
+        visuals.text_color()
+    } else {
+        ui.visuals().weak_text_color()
+    };
     let stroke = egui::Stroke::new(1.2, color);
     let lid = |sign: f32| {
         let points = (-6..=6).map(|k| {
@@ -200,7 +281,8 @@ fn eye_icon(ui: &Ui, response: &Response, open: bool) {
     ui.painter().add(lid(1.0));
     if open {
         ui.painter().add(lid(-1.0));
-        ui.painter().circle(at, 1.8, color, egui::Stroke::new(0.0, Color32::TRANSPARENT));
+        ui.painter()
+            .circle(at, 1.8, color, egui::Stroke::new(0.0, Color32::TRANSPARENT));
     }
 }
 
@@ -213,9 +295,18 @@ mod tests {
         let mut tree = LabelTree::default();
         for (id, parent) in [(1, None), (2, None), (3, Some(1)), (4, Some(3))] {
             let parent = parent.map(LabelId);
-            tree.set(Label { id: LabelId(id), name: format!("l{id}"), color: [0; 3], parent }).unwrap();
+            tree.set(Label {
+                id: LabelId(id),
+                name: format!("l{id}"),
+                color: [0; 3],
+                parent,
+            })
+            .unwrap();
         }
-        let rows: Vec<_> = listed(&tree).into_iter().map(|(label, depth)| (label.id.0, depth)).collect();
+        let rows: Vec<_> = listed(&tree)
+            .into_iter()
+            .map(|(label, depth)| (label.id.0, depth))
+            .collect();
         assert_eq!(rows, [(1, 0), (3, 1), (4, 2), (2, 0)]);
     }
 }

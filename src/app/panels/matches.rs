@@ -20,19 +20,27 @@ pub struct MatchView {
 const LINES: usize = 120;
 /// Reprojection error in pixels from which a line is drawn red.
 const BAD_PX: f64 = 2.0;
-const UV: Rect = Rect { min: Pos2::ZERO, max: Pos2::new(1.0, 1.0) };
+const UV: Rect = Rect {
+    min: Pos2::ZERO,
+    max: Pos2::new(1.0, 1.0),
+};
 
 /// A window with what became of every frame, and lines between what two frames share.
 pub(crate) fn matches_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, textures: &mut Textures) {
     let mut open = view.matches.open;
-    let window = egui::Window::new("Cameras and matches").open(&mut open).default_size([980.0, 560.0]);
+    let window = egui::Window::new("Cameras and matches")
+        .open(&mut open)
+        .default_size([980.0, 560.0]);
     let middle = ui.ctx().content_rect().center() - Vec2::new(490.0, 290.0);
     window.default_pos(middle).show(ui.ctx(), |ui| {
         let Some(sparse) = look.sparse else {
             ui.label("What the cameras were found with is shown here once they were found.");
             return;
         };
-        let margin = egui::Margin { right: 8, ..egui::Margin::ZERO };
+        let margin = egui::Margin {
+            right: 8,
+            ..egui::Margin::ZERO
+        };
         egui::Panel::left("outcomes")
             .frame(egui::Frame::new().inner_margin(margin))
             .resizable(true)
@@ -40,46 +48,82 @@ pub(crate) fn matches_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, texture
             .show(ui, |ui| {
                 outcomes_ui(ui, look, view, sparse);
             });
-        egui::Frame::new().inner_margin(egui::Margin { left: 8, ..egui::Margin::ZERO }).show(ui, |ui| {
-            pair_ui(ui, look, view, textures, sparse);
-        });
+        egui::Frame::new()
+            .inner_margin(egui::Margin {
+                left: 8,
+                ..egui::Margin::ZERO
+            })
+            .show(ui, |ui| {
+                pair_ui(ui, look, view, textures, sparse);
+            });
     });
     view.matches.open = open;
 }
 
-fn pair_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, textures: &mut Textures, sparse: &SparseModel) {
+fn pair_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    textures: &mut Textures,
+    sparse: &SparseModel,
+) {
     let partners = partners(sparse, view.frame);
     let known = |&other: &usize| partners.iter().any(|&(frame, _)| frame == other);
-    let Some(other) = view.matches.other.filter(known).or(partners.first().map(|&(frame, _)| frame)) else {
-        ui.label(format!("Nothing ties frame {} to another frame.", view.frame));
+    let Some(other) = view
+        .matches
+        .other
+        .filter(known)
+        .or(partners.first().map(|&(frame, _)| frame))
+    else {
+        ui.label(format!(
+            "Nothing ties frame {} to another frame.",
+            view.frame
+        ));
         return;
     };
     let by_points = sparse.links.is_empty();
     ui.horizontal(|ui| {
         ui.label(format!("Frame {} with", view.frame));
         other_ui(ui, view, &partners, other);
-        for (error_px, text) in [(0.0, "exact"), (BAD_PX, "2 px off or more")].into_iter().filter(|_| by_points) {
-            ui.colored_label(error_color(error_px), text).on_hover_text("Colour of a line: its point's mean error");
+        for (error_px, text) in [(0.0, "exact"), (BAD_PX, "2 px off or more")]
+            .into_iter()
+            .filter(|_| by_points)
+        {
+            ui.colored_label(error_color(error_px), text)
+                .on_hover_text("Colour of a line: its point's mean error");
         }
     });
     let matches = sparse.matches(view.frame, other);
-    let size = Vec2::new(ui.available_width(), (ui.available_height() - 4.0).max(120.0));
+    let size = Vec2::new(
+        ui.available_width(),
+        (ui.available_height() - 4.0).max(120.0),
+    );
     let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
     let name = format!("Matches of frames {} and {other}", view.frame);
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, &name));
     let places = places(rect, look, view.frame);
     let shown = [view.frame, other];
-    let fitted: [Rect; 2] = std::array::from_fn(|i| picture_ui(ui, look, textures, i, shown[i], places[i]));
+    let fitted: [Rect; 2] =
+        std::array::from_fn(|i| picture_ui(ui, look, textures, i, shown[i], places[i]));
     let at = |i: usize, at_px: DVec2| {
         let frame = &look.project.frames[shown[i]];
-        let share = Vec2::new((at_px.x / f64::from(frame.width)) as f32, (at_px.y / f64::from(frame.height)) as f32);
+        let share = Vec2::new(
+            (at_px.x / f64::from(frame.width)) as f32,
+            (at_px.y / f64::from(frame.height)) as f32,
+        );
         fitted[i].min + share * fitted[i].size()
     };
     for &(first, second, point) in matches.iter().step_by(matches.len().div_ceil(LINES).max(1)) {
-        let error_px = sparse.points.points.get(point as usize).and_then(|point| point.error_px).unwrap_or(0.0);
+        let error_px = sparse
+            .points
+            .points
+            .get(point as usize)
+            .and_then(|point| point.error_px)
+            .unwrap_or(0.0);
         let color = error_color(error_px);
         let ends = [at(0, first), at(1, second)];
-        ui.painter().line_segment(ends, Stroke::new(1.0, color.gamma_multiply(0.4)));
+        ui.painter()
+            .line_segment(ends, Stroke::new(1.0, color.gamma_multiply(0.4)));
         for end in ends {
             ui.painter().circle_filled(end, 2.0, color);
         }
@@ -95,8 +139,18 @@ fn partners(sparse: &SparseModel, frame: usize) -> Vec<(usize, String)> {
             LinkKind::Overlap => "see the same",
             LinkKind::Shape => "shapes fit",
         };
-        let verdict = if link.holds { "" } else { ", contradicted by others" };
-        (other, format!("frame {other}: {kind}, {:.0} % agrees{verdict}", 100.0 * link.consistent))
+        let verdict = if link.holds {
+            ""
+        } else {
+            ", contradicted by others"
+        };
+        (
+            other,
+            format!(
+                "frame {other}: {kind}, {:.0} % agrees{verdict}",
+                100.0 * link.consistent
+            ),
+        )
     };
     if sparse.links.is_empty() {
         let shared = |(other, count)| (other, format!("frame {other}: {count} shared points"));
@@ -113,25 +167,47 @@ fn places(rect: Rect, look: &Look<'_>, frame: usize) -> [Rect; 2] {
     let scale = |place: Vec2| (place.x / size.x).min(place.y / size.y);
     let beside = Vec2::new((rect.width() - 6.0) / 2.0, rect.height());
     let over = Vec2::new(rect.width(), (rect.height() - 6.0) / 2.0);
-    let place = if scale(over) > scale(beside) { over } else { beside };
-    [Rect::from_min_size(rect.min, place), Rect::from_min_size(rect.max - place, place)]
+    let place = if scale(over) > scale(beside) {
+        over
+    } else {
+        beside
+    };
+    [
+        Rect::from_min_size(rect.min, place),
+        Rect::from_min_size(rect.max - place, place),
+    ]
 }
 
 /// The choice of the other frame.
 fn other_ui(ui: &mut Ui, view: &mut ViewState, partners: &[(usize, String)], other: usize) {
-    let chosen = partners.iter().find(|(frame, _)| *frame == other).map_or("", |(_, text)| text);
-    let choice = egui::ComboBox::from_id_salt("other frame").selected_text(chosen).width(260.0).show_ui(ui, |ui| {
-        for (frame, text) in partners {
-            if ui.selectable_label(*frame == other, text).clicked() {
-                view.matches.other = Some(*frame);
+    let chosen = partners
+        .iter()
+        .find(|(frame, _)| *frame == other)
+        .map_or("", |(_, text)| text);
+    let choice = egui::ComboBox::from_id_salt("other frame")
+        .selected_text(chosen)
+        .width(260.0)
+        .show_ui(ui, |ui| {
+            for (frame, text) in partners {
+                if ui.selectable_label(*frame == other, text).clicked() {
+                    view.matches.other = Some(*frame);
+                }
             }
-        }
-    });
-    choice.response.on_hover_text("The frame beside it; the list begins with the one that holds it best");
+        });
+    choice
+        .response
+        .on_hover_text("The frame beside it; the list begins with the one that holds it best");
 }
 
 /// Draws a frame's picture into a place; gives where it lies.
-fn picture_ui(ui: &Ui, look: &Look<'_>, textures: &mut Textures, i: usize, frame: usize, place: Rect) -> Rect {
+fn picture_ui(
+    ui: &Ui,
+    look: &Look<'_>,
+    textures: &mut Textures,
+    i: usize,
+    frame: usize,
+    place: Rect,
+) -> Rect {
     let known = &look.project.frames[frame];
     let size = Vec2::new(known.width as f32, known.height as f32);
     let scale = (place.width() / size.x).min(place.height() / size.y);
@@ -139,10 +215,12 @@ fn picture_ui(ui: &Ui, look: &Look<'_>, textures: &mut Textures, i: usize, frame
     match look.pictures.and_then(|pictures| pictures.picture(frame)) {
         Some(image) => {
             let texture = textures.of_pair(ui.ctx(), i, &image);
-            ui.painter().image(texture.id(), fitted, UV, Color32::from_gray(190));
+            ui.painter()
+                .image(texture.id(), fitted, UV, Color32::from_gray(190));
         }
         None => {
-            ui.painter().rect_filled(fitted, 2.0, ui.visuals().extreme_bg_color);
+            ui.painter()
+                .rect_filled(fitted, 2.0, ui.visuals().extreme_bg_color);
         }
     }
     fitted

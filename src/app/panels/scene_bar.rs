@@ -8,24 +8,57 @@ use ostra_masks::LabelTree;
 use ostra_view::Coloring;
 
 const COLORINGS: [(Coloring, &str, &str); 7] = [
-    (Coloring::Rgb, "Colour", "Points in the colour of the pictures"),
-    (Coloring::Label, "Label", "Points in the colour of their label"),
-    (Coloring::Confidence, "Confidence", "How large a share of the votes each point's label won"),
-    (Coloring::Conflict, "Conflict", "How large a share of the votes went to the strongest other label"),
-    (Coloring::Views, "Views", "How many views voted on each point"),
-    (Coloring::Normals, "Normals", "Which way the surface faces: red along x, green along y, blue along z"),
+    (
+        Coloring::Rgb,
+        "Colour",
+        "Points in the colour of the pictures",
+    ),
+    (
+        Coloring::Label,
+        "Label",
+        "Points in the colour of their label",
+    ),
+    (
+        Coloring::Confidence,
+        "Confidence",
+        "How large a share of the votes each point's label won",
+    ),
+    (
+        Coloring::Conflict,
+        "Conflict",
+        "How large a share of the votes went to the strongest other label",
+    ),
+    (
+        Coloring::Views,
+        "Views",
+        "How many views voted on each point",
+    ),
+    (
+        Coloring::Normals,
+        "Normals",
+        "Which way the surface faces: red along x, green along y, blue along z",
+    ),
     (Coloring::Height, "Height", "How high each point lies"),
 ];
 
 const MODELS: [(Shown, &str, &str); 4] = [
     (Shown::Points, "Points", "The labelled points"),
     (Shown::Mesh, "Mesh", "The surface, lit from where you look"),
-    (Shown::Wireframe, "Wireframe", "The sides of the surface's triangles"),
+    (
+        Shown::Wireframe,
+        "Wireframe",
+        "The sides of the surface's triangles",
+    ),
     (Shown::Voxels, "Voxels", "The cubes that hold points"),
 ];
 
 /// What is shown, what colours show, point size, frusta and where to look from.
-pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+pub(super) fn scene_bar_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    wishes: &mut Vec<Action>,
+) {
     ui.horizontal_wrapped(|ui| {
         if look.has_surface {
             let text = MODELS.iter().find(|(shown, ..)| *shown == view.shown).map_or("Points", |(_, text, _)| text);
@@ -97,48 +130,79 @@ pub(super) fn scene_bar_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, w
 
 /// What colours show, in a word.
 pub(super) fn coloring_text(coloring: Coloring) -> &'static str {
-    COLORINGS.iter().find(|(known, ..)| *known == coloring).map_or("Colour", |(_, text, _)| text)
+    COLORINGS
+        .iter()
+        .find(|(known, ..)| *known == coloring)
+        .map_or("Colour", |(_, text, _)| text)
 }
 
 /// What colours show; of labels, at which level of their tree.
 fn coloring_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
-    let choice =
-        ComboBox::from_id_salt("coloring").selected_text(coloring_text(view.coloring)).width(92.0).show_ui(ui, |ui| {
+    let choice = ComboBox::from_id_salt("coloring")
+        .selected_text(coloring_text(view.coloring))
+        .width(92.0)
+        .show_ui(ui, |ui| {
             for (coloring, text, tip) in COLORINGS {
-                let is_known = !coloring.needs_votes() || (look.votes.is_some() && view.shown == Shown::Points);
+                let is_known = !coloring.needs_votes()
+                    || (look.votes.is_some() && view.shown == Shown::Points);
                 ui.add_enabled_ui(is_known, |ui| {
-                    let choice = ui.selectable_value(&mut view.coloring, coloring, text).on_hover_text(tip);
-                    choice.on_disabled_hover_text("Known for the points of a cloud that this project voted on");
+                    let choice = ui
+                        .selectable_value(&mut view.coloring, coloring, text)
+                        .on_hover_text(tip);
+                    choice.on_disabled_hover_text(
+                        "Known for the points of a cloud that this project voted on",
+                    );
                 });
             }
         });
-    choice.response.on_hover_text("What colours show").accessible_name("Colour by");
+    choice
+        .response
+        .on_hover_text("What colours show")
+        .accessible_name("Colour by");
     let tree = labels_of(look);
-    let deepest = tree.iter().map(|label| tree.depth(label.id)).max().unwrap_or(0);
+    let deepest = tree
+        .iter()
+        .map(|label| tree.depth(label.id))
+        .max()
+        .unwrap_or(0);
     if view.coloring != Coloring::Label || deepest < 2 {
         return;
     }
-    let name = |level: Option<usize>| level.map_or_else(|| "All levels".into(), |level| format!("Level {level}"));
-    let choice = ComboBox::from_id_salt("level").selected_text(name(view.scene.level)).width(84.0).show_ui(ui, |ui| {
-        for level in std::iter::once(None).chain((1..deepest).map(Some)) {
-            ui.selectable_value(&mut view.scene.level, level, name(level));
-        }
-    });
+    let name = |level: Option<usize>| {
+        level.map_or_else(|| "All levels".into(), |level| format!("Level {level}"))
+    };
+    let choice = ComboBox::from_id_salt("level")
+        .selected_text(name(view.scene.level))
+        .width(84.0)
+        .show_ui(ui, |ui| {
+            for level in std::iter::once(None).chain((1..deepest).map(Some)) {
+                ui.selectable_value(&mut view.scene.level, level, name(level));
+            }
+        });
     let tip = "Deeper labels take the colour of what they belong to; level 1 is the top";
-    choice.response.on_hover_text(tip).accessible_name("Level of labels");
+    choice
+        .response
+        .on_hover_text(tip)
+        .accessible_name("Level of labels");
 }
 
 /// What stands out alone, and the way back.
 fn isolated_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     if let Some(below) = view.scene.doubtful_below {
         let text = format!("Only below {:.0} %", 100.0 * below);
-        let button = ui.button(text).on_hover_text("Shows the points again on which frames agree");
+        let button = ui
+            .button(text)
+            .on_hover_text("Shows the points again on which frames agree");
         if button.accessible_name("Show all points").clicked() {
             view.scene.doubtful_below = None;
         }
     }
-    let Some(label) = view.scene.isolated.and_then(|id| labels_of(look).get(id)) else { return };
-    let button = ui.button(format!("Only {}", label.name)).on_hover_text("Shows all labels again");
+    let Some(label) = view.scene.isolated.and_then(|id| labels_of(look).get(id)) else {
+        return;
+    };
+    let button = ui
+        .button(format!("Only {}", label.name))
+        .on_hover_text("Shows all labels again");
     if button.accessible_name("Show all labels").clicked() {
         view.scene.isolated = None;
     }

@@ -19,9 +19,13 @@ pub(super) fn blend(
     textures: &mut Textures,
 ) {
     let opacity = view.prefs.scene.blend;
-    let Some(frame) = view.scene.through.filter(|_| opacity > 0.0) else { return };
+    let Some(frame) = view.scene.through.filter(|_| opacity > 0.0) else {
+        return;
+    };
     let picture = look.pictures.and_then(|pictures| pictures.picture(frame));
-    let (Some(picture), Some(frame)) = (picture, look.project.frames.get(frame)) else { return };
+    let (Some(picture), Some(frame)) = (picture, look.project.frames.get(frame)) else {
+        return;
+    };
     let tint = Color32::WHITE.gamma_multiply(opacity);
     let mut mesh = Mesh::with_texture(textures.picture(ui.ctx(), &picture).id());
     let project = |ray: DVec3| Some(to_screen(rect, camera, camera.project(ray.as_vec3())?.0));
@@ -43,15 +47,26 @@ fn add_cells(
     project: impl Fn(DVec3) -> Option<egui::Pos2>,
     tint: Color32,
 ) -> bool {
-    let Some((camera, pose)) = frame.posed_camera() else { return false };
+    let Some((camera, pose)) = frame.posed_camera() else {
+        return false;
+    };
     let world_from_camera = pose.inverse();
     let share = |k: usize| k as f64 / CELLS as f64;
     for (y, x) in (0..=CELLS).flat_map(|y| (0..=CELLS).map(move |x| (y, x))) {
-        let px = DVec2::new(share(x) * f64::from(camera.width), share(y) * f64::from(camera.height));
+        let px = DVec2::new(
+            share(x) * f64::from(camera.width),
+            share(y) * f64::from(camera.height),
+        );
         let ray = camera.unproject(px).extend(1.0) * depth;
-        let Some(at) = project(world_from_camera.transform(ray)) else { return false };
+        let Some(at) = project(world_from_camera.transform(ray)) else {
+            return false;
+        };
         let uv = egui::pos2(share(x) as f32, share(y) as f32);
-        mesh.vertices.push(egui::epaint::Vertex { pos: at, uv, color: tint });
+        mesh.vertices.push(egui::epaint::Vertex {
+            pos: at,
+            uv,
+            color: tint,
+        });
     }
     let at = |y: usize, x: usize| (y * (CELLS + 1) + x) as u32;
     for (y, x) in (0..CELLS).flat_map(|y| (0..CELLS).map(move |x| (y, x))) {

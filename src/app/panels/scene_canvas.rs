@@ -15,12 +15,18 @@ pub(super) struct SceneCanvas {
 impl SceneCanvas {
     pub fn new(gpu: &egui_wgpu::RenderState) -> Self {
         let view = SceneView::new(&gpu.device, &gpu.queue);
-        Self { gpu: gpu.clone(), view, texture: None, nothing: Model::Cloud(Arc::default()) }
+        Self {
+            gpu: gpu.clone(),
+            view,
+            texture: None,
+            nothing: Model::Cloud(Arc::default()),
+        }
     }
 
     /// Draws a bounded part of the scene and shows what stands; whether the picture is whole.
     pub fn draw(&mut self, ui: &Ui, rect: Rect, model: Option<Model>, scene: &Scene3d) -> bool {
-        self.view.set_model(model.unwrap_or_else(|| self.nothing.clone()));
+        self.view
+            .set_model(model.unwrap_or_else(|| self.nothing.clone()));
         let whole = self.view.draw(scene);
         if let Some(id) = self.texture_id([scene.camera.width, scene.camera.height]) {
             let uv = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));

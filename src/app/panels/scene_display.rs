@@ -54,7 +54,8 @@ pub(super) fn display_ui(ui: &mut Ui, view: &mut ViewState, wishes: &mut Vec<Act
         });
         doubtful_ui(ui, &mut view.scene.doubtful_below);
     });
-    menu.0.on_hover_text("Light, projection, background, and where to look from");
+    menu.0
+        .on_hover_text("Light, projection, background, and where to look from");
 }
 
 /// The share of the votes below which a label is doubtful, when first asked for.
@@ -81,18 +82,28 @@ fn doubtful_ui(ui: &mut Ui, below: &mut Option<f32>) {
 fn background_ui(ui: &mut Ui, background: &mut Option<[u8; 3]>) {
     ui.horizontal(|ui| {
         let mut own = background.is_some();
-        if ui.checkbox(&mut own, "Own background").on_hover_text("A colour in place of the theme's").changed() {
+        if ui
+            .checkbox(&mut own, "Own background")
+            .on_hover_text("A colour in place of the theme's")
+            .changed()
+        {
             *background = own.then_some([255; 3]);
         }
         if let Some(color) = background {
-            ui.color_edit_button_srgb(color).on_hover_text("Changes the colour").accessible_name("Background colour");
+            ui.color_edit_button_srgb(color)
+                .on_hover_text("Changes the colour")
+                .accessible_name("Background colour");
         }
     });
 }
 
 /// The box outside of which nothing is drawn or picked, and a slice of it.
 pub(super) fn clip_ui(ui: &mut Ui, clip: &mut ClipSides) {
-    let text = if *clip == ClipSides::default() { "Clip" } else { "Clip (on)" };
+    let text = if *clip == ClipSides::default() {
+        "Clip"
+    } else {
+        "Clip (on)"
+    };
     let menu = staying(text).ui(ui, |ui| {
         ui.set_min_width(250.0);
         egui::Grid::new("clip sides").num_columns(2).show(ui, |ui| {
@@ -106,35 +117,57 @@ pub(super) fn clip_ui(ui: &mut Ui, clip: &mut ClipSides) {
         ui.separator();
         slice_ui(ui, &mut clip.slice);
         ui.separator();
-        if ui.button("Show everything").on_hover_text("Takes box and slice away").clicked() {
+        if ui
+            .button("Show everything")
+            .on_hover_text("Takes box and slice away")
+            .clicked()
+        {
             *clip = ClipSides::default();
         }
     });
-    menu.0.on_hover_text("A box and a slice; what lies outside is neither drawn nor picked").accessible_name("Clip");
+    menu.0
+        .on_hover_text("A box and a slice; what lies outside is neither drawn nor picked")
+        .accessible_name("Clip");
 }
 
 fn slice_ui(ui: &mut Ui, slice: &mut Option<Slice>) {
     let mut on = slice.is_some();
-    if ui.checkbox(&mut on, "Slice").on_hover_text("Shows only what lies about a plane").changed() {
+    if ui
+        .checkbox(&mut on, "Slice")
+        .on_hover_text("Shows only what lies about a plane")
+        .changed()
+    {
         *slice = on.then(Slice::default);
     }
     let Some(slice) = slice else { return };
-    let choice = ComboBox::from_id_salt("slice axis").selected_text(AXES[slice.axis]).show_ui(ui, |ui| {
-        for (axis, text) in AXES.into_iter().enumerate() {
-            ui.selectable_value(&mut slice.axis, axis, text);
-        }
-    });
-    choice.response.on_hover_text("Which way the slice moves").accessible_name("Slice axis");
+    let choice = ComboBox::from_id_salt("slice axis")
+        .selected_text(AXES[slice.axis])
+        .show_ui(ui, |ui| {
+            for (axis, text) in AXES.into_iter().enumerate() {
+                ui.selectable_value(&mut slice.axis, axis, text);
+            }
+        });
+    choice
+        .response
+        .on_hover_text("Which way the slice moves")
+        .accessible_name("Slice axis");
     egui::Grid::new("slice").num_columns(2).show(ui, |ui| {
         share_ui(ui, &mut slice.at, "Position", "Where the slice is");
-        share_ui(ui, &mut slice.thickness, "Thickness", "How much of the scene it shows");
+        share_ui(
+            ui,
+            &mut slice.thickness,
+            "Thickness",
+            "How much of the scene it shows",
+        );
     });
     slice.thickness = slice.thickness.max(0.002);
 }
 
 fn share_ui(ui: &mut Ui, share: &mut f32, name: &str, tip: &str) {
     ui.label(name);
-    ui.add(Slider::new(share, 0.0..=1.0).show_value(false)).on_hover_text(tip).accessible_name(format!("Clip {name}"));
+    ui.add(Slider::new(share, 0.0..=1.0).show_value(false))
+        .on_hover_text(tip)
+        .accessible_name(format!("Clip {name}"));
     ui.end_row();
 }
 

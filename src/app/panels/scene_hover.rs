@@ -53,23 +53,43 @@ impl SceneHover {
         view: &ViewState,
         (camera, clip, appearance): (&ViewCamera, &Clip, &Appearance),
     ) {
-        let (Some(at), Some(cloud)) = (response.hover_pos(), look.cloud.filter(|_| may_tell(ui, look, view))) else {
+        let (Some(at), Some(cloud)) = (
+            response.hover_pos(),
+            look.cloud.filter(|_| may_tell(ui, look, view)),
+        ) else {
             *self = Self::default();
             return;
         };
         self.take_found();
-        let Some(at) = Rest::follow(&mut self.rest, ui, at) else { return };
-        let (hidden, isolated, doubtful_below) =
-            (appearance.hidden.clone(), appearance.isolated, appearance.doubtful_below);
+        let Some(at) = Rest::follow(&mut self.rest, ui, at) else {
+            return;
+        };
+        let (hidden, isolated, doubtful_below) = (
+            appearance.hidden.clone(),
+            appearance.isolated,
+            appearance.doubtful_below,
+        );
         let cloud_then = Arc::downgrade(cloud);
-        let place = Place { at, camera: *camera, clip: *clip, hidden, isolated, doubtful_below, cloud: cloud_then };
+        let place = Place {
+            at,
+            camera: *camera,
+            clip: *clip,
+            hidden,
+            isolated,
+            doubtful_below,
+            cloud: cloud_then,
+        };
         match &self.found {
-            Some((of, point)) if of.is(&place) => point.iter().for_each(|&point| tell(response, look, cloud, point)),
+            Some((of, point)) if of.is(&place) => point
+                .iter()
+                .for_each(|&point| tell(response, look, cloud, point)),
             _ if self.looking.is_none() => {
                 let at = (at - response.rect.min) * ui.pixels_per_point();
                 let near = (Vec2::new(at.x, at.y), NEAR * ui.pixels_per_point());
                 let (waker, seen) = (ui.ctx().clone(), (appearance.clone(), *clip));
-                let picking = Picking::begin(Arc::clone(cloud), *camera, near, seen, move || waker.request_repaint());
+                let picking = Picking::begin(Arc::clone(cloud), *camera, near, seen, move || {
+                    waker.request_repaint()
+                });
                 self.looking = Some((place, picking));
             }
             _ => {}
@@ -77,8 +97,12 @@ impl SceneHover {
     }
 
     fn take_found(&mut self) {
-        let found = self.looking.as_ref().and_then(|(_, picking)| picking.next());
-        if let (Some(point), Some((place, _))) = (found, self.looking.take_if(|_| found.is_some())) {
+        let found = self
+            .looking
+            .as_ref()
+            .and_then(|(_, picking)| picking.next());
+        if let (Some(point), Some((place, _))) = (found, self.looking.take_if(|_| found.is_some()))
+        {
             self.found = Some((place, point));
         }
     }
@@ -86,7 +110,9 @@ impl SceneHover {
 
 /// Whether the pointer is there to look: nothing is pressed or in hand, and the points shown are the cloud's.
 fn may_tell(ui: &Ui, look: &Look<'_>, view: &ViewState) -> bool {
-    let in_hand = view.scene_select.in_hand || view.ruler.in_hand || ui.input(|input| input.pointer.any_down());
+    let in_hand = view.scene_select.in_hand
+        || view.ruler.in_hand
+        || ui.input(|input| input.pointer.any_down());
     let is_still = !view.scene.turning && view.dialog.is_none();
     look.growing.is_none() && look.proposed.is_none() && is_still && !in_hand
 }
@@ -95,6 +121,10 @@ fn tell(response: &Response, look: &Look<'_>, cloud: &LabelledCloud, point: usiz
     response.clone().on_hover_ui_at_pointer(|ui| {
         label_ui(ui, labels_of(look), cloud.labels[point]);
         let share = format!("{:.0} % of the votes", 100.0 * cloud.confidence[point]);
-        ui.weak(if look.votes.is_some() { format!("{share}; click for who voted what") } else { share });
+        ui.weak(if look.votes.is_some() {
+            format!("{share}; click for who voted what")
+        } else {
+            share
+        });
     });
 }

@@ -26,13 +26,28 @@ pub(super) fn marks(
     }));
     if view.prefs.scene.scale_bar {
         let points_per_unit = camera.px_per_unit(depth) * rect.width() / camera.width.max(1) as f32;
-        scale_bar(&painter, rect.center_bottom() + Vec2::new(0.0, -22.0), (points_per_unit, unit), ink);
+        scale_bar(
+            &painter,
+            rect.center_bottom() + Vec2::new(0.0, -22.0),
+            (points_per_unit, unit),
+            ink,
+        );
     }
     if view.prefs.scene.axes {
-        axes(&painter, rect.right_bottom() + Vec2::new(-46.0, -46.0), camera, ink);
+        axes(
+            &painter,
+            rect.right_bottom() + Vec2::new(-46.0, -46.0),
+            camera,
+            ink,
+        );
     }
     if let Some(ends) = legend_ends(view.coloring, unit, range) {
-        legend(&painter, rect.left_bottom() + Vec2::new(12.0, -34.0), (coloring_text(view.coloring), ends), ink);
+        legend(
+            &painter,
+            rect.left_bottom() + Vec2::new(12.0, -34.0),
+            (coloring_text(view.coloring), ends),
+            ink,
+        );
     }
 }
 
@@ -42,16 +57,32 @@ fn ink_on([r, g, b]: [u8; 3]) -> Color32 {
     Color32::from_gray(if light > 127.0 { 30 } else { 225 })
 }
 
-fn scale_bar(painter: &Painter, middle: Pos2, (points_per_unit, unit): (f32, LengthUnit), ink: Color32) {
-    let Some(length) = round_length(BAR / points_per_unit) else { return };
+fn scale_bar(
+    painter: &Painter,
+    middle: Pos2,
+    (points_per_unit, unit): (f32, LengthUnit),
+    ink: Color32,
+) {
+    let Some(length) = round_length(BAR / points_per_unit) else {
+        return;
+    };
     let half = Vec2::new(length * points_per_unit / 2.0, 0.0);
     let stroke = Stroke::new(1.5, ink);
     painter.line_segment([middle - half, middle + half], stroke);
     for end in [middle - half, middle + half] {
-        painter.line_segment([end - Vec2::new(0.0, 4.0), end + Vec2::new(0.0, 4.0)], stroke);
+        painter.line_segment(
+            [end - Vec2::new(0.0, 4.0), end + Vec2::new(0.0, 4.0)],
+            stroke,
+        );
     }
     let text = length_text(length, unit);
-    painter.text(middle - Vec2::new(0.0, 5.0), Align2::CENTER_BOTTOM, text, FontId::proportional(12.0), ink);
+    painter.text(
+        middle - Vec2::new(0.0, 5.0),
+        Align2::CENTER_BOTTOM,
+        text,
+        FontId::proportional(12.0),
+        ink,
+    );
 }
 
 /// A round length in the unit that writes it shortest.
@@ -63,7 +94,11 @@ fn length_text(length: f32, unit: LengthUnit) -> String {
         _ => LengthUnit::Metre,
     };
     let value = unit.value(f64::from(length), Dimension::Length) as f32;
-    if (1e-4..1e5).contains(&value) { format!("{value} {}", unit.sign()) } else { format!("{value:e} {}", unit.sign()) }
+    if (1e-4..1e5).contains(&value) {
+        format!("{value} {}", unit.sign())
+    } else {
+        format!("{value:e} {}", unit.sign())
+    }
 }
 
 /// The largest of 1, 2 and 5 times a power of ten that is not above `most`.
@@ -78,7 +113,13 @@ fn round_length(most: f32) -> Option<f32> {
 
 /// The world's axes as they lie in the view, the farthest drawn first.
 fn axes(painter: &Painter, middle: Pos2, camera: &ViewCamera, ink: Color32) {
-    let axis = |axis: Vec3, name: &'static str, color| (camera.camera_from_world.transform_vector3(axis), name, color);
+    let axis = |axis: Vec3, name: &'static str, color| {
+        (
+            camera.camera_from_world.transform_vector3(axis),
+            name,
+            color,
+        )
+    };
     let mut all = [
         axis(Vec3::X, "X", Color32::from_rgb(226, 72, 72)),
         axis(Vec3::Y, "Y", Color32::from_rgb(88, 178, 80)),
@@ -89,15 +130,27 @@ fn axes(painter: &Painter, middle: Pos2, camera: &ViewCamera, ink: Color32) {
         let end = middle + Vec2::new(along.x, along.y) * AXIS;
         painter.line_segment([middle, end], Stroke::new(2.0, color));
         let beyond = middle + Vec2::new(along.x, along.y) * (AXIS + 9.0);
-        painter.text(beyond, Align2::CENTER_CENTER, name, FontId::proportional(11.0), ink);
+        painter.text(
+            beyond,
+            Align2::CENTER_CENTER,
+            name,
+            FontId::proportional(11.0),
+            ink,
+        );
     }
 }
 
 /// What the ends of the ramp are called.
-fn legend_ends(coloring: Coloring, unit: LengthUnit, range: Option<[f32; 2]>) -> Option<[String; 2]> {
+fn legend_ends(
+    coloring: Coloring,
+    unit: LengthUnit,
+    range: Option<[f32; 2]>,
+) -> Option<[String; 2]> {
     let [low, high] = range?;
     Some(match coloring {
-        Coloring::Confidence | Coloring::Conflict => [low, high].map(|share| format!("{:.0} %", share * 100.0)),
+        Coloring::Confidence | Coloring::Conflict => {
+            [low, high].map(|share| format!("{:.0} %", share * 100.0))
+        }
         Coloring::Views => [low, high].map(|views| format!("{views:.0}")),
         _ => [low, high].map(|height| unit.text(f64::from(height), Dimension::Length)),
     })
@@ -121,10 +174,19 @@ fn legend(painter: &Painter, corner: Pos2, (title, ends): (&str, [String; 2]), i
     }
     painter.add(mesh);
     let font = FontId::proportional(11.0);
-    painter.text(bar.left_top() - Vec2::new(0.0, 3.0), Align2::LEFT_BOTTOM, title, font.clone(), ink);
+    painter.text(
+        bar.left_top() - Vec2::new(0.0, 3.0),
+        Align2::LEFT_BOTTOM,
+        title,
+        font.clone(),
+        ink,
+    );
     let [low, high] = ends;
     let y = bar.bottom() + 3.0;
-    for (x, align, text) in [(bar.left(), Align2::LEFT_TOP, low), (bar.right(), Align2::RIGHT_TOP, high)] {
+    for (x, align, text) in [
+        (bar.left(), Align2::LEFT_TOP, low),
+        (bar.right(), Align2::RIGHT_TOP, high),
+    ] {
         painter.text(Pos2::new(x, y), align, text, font.clone(), ink);
     }
 }
@@ -138,7 +200,8 @@ mod tests {
         let lengths = [0.034, 1.0, 1.99, 7.0, 430.0].map(|most| round_length(most).unwrap());
         assert_eq!(lengths, [0.02, 1.0, 1.0, 5.0, 200.0]);
         assert_eq!((round_length(0.0), round_length(f32::NAN)), (None, None));
-        let texts = [0.002, 0.05, 0.5, 1.0, 200.0].map(|length| length_text(length, LengthUnit::Metre));
+        let texts =
+            [0.002, 0.05, 0.5, 1.0, 200.0].map(|length| length_text(length, LengthUnit::Metre));
         assert_eq!(texts, ["2 mm", "5 cm", "50 cm", "1 m", "200 m"]);
         assert_eq!(length_text(0.05, LengthUnit::World), "0.05 units");
     }

@@ -19,8 +19,8 @@ use crate::{Action, Look, Shown, ViewState};
 use ostra_cloud::LabelledCloud;
 use ostra_frames::Frame;
 use ostra_view::{
-    Appearance, Axes, Bounds, Clip, Model, Orbit, PicturePlane, Portrait, Scene3d, SceneStyle, ViewCamera,
-    default_view, frustum_lines, link_lines, pick_frustum,
+    Appearance, Axes, Bounds, Clip, Model, Orbit, PicturePlane, Portrait, Scene3d, SceneStyle,
+    ViewCamera, default_view, frustum_lines, link_lines, pick_frustum,
 };
 
 /// The 3-D view: where it is seen from, and the texture it is drawn into.
@@ -86,11 +86,17 @@ impl ScenePane {
 
     /// Follows a scene whose lengths were multiplied, so that the view stays the same.
     pub fn scale_by(&mut self, factor: f32) {
-        self.orbit.iter_mut().chain(&mut self.through).for_each(|orbit| orbit.scale_by(factor));
+        self.orbit
+            .iter_mut()
+            .chain(&mut self.through)
+            .for_each(|orbit| orbit.scale_by(factor));
         self.framed.centre *= factor;
         self.framed.radius *= factor;
         if let Some(extent) = &mut self.framed.extent {
-            *extent = Bounds { min: extent.min * factor, max: extent.max * factor };
+            *extent = Bounds {
+                min: extent.min * factor,
+                max: extent.max * factor,
+            };
         }
         // What was looked for before lies elsewhere now.
         self.picks = ScenePicks::default();
@@ -112,12 +118,15 @@ impl ScenePane {
         textures: &mut Textures,
         wishes: &mut Vec<Action>,
     ) {
-        egui::Frame::new().inner_margin(egui::Margin::symmetric(8, 4)).show(ui, |ui| {
-            scene_bar_ui(ui, look, view, wishes);
-        });
+        egui::Frame::new()
+            .inner_margin(egui::Margin::symmetric(8, 4))
+            .show(ui, |ui| {
+                scene_bar_ui(ui, look, view, wishes);
+            });
         let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
         response.widget_info(|| WidgetInfo::labeled(Role::Image, ui.is_enabled(), "3-D view"));
-        ui.painter().rect_filled(rect, 0.0, ui.visuals().extreme_bg_color);
+        ui.painter()
+            .rect_filled(rect, 0.0, ui.visuals().extreme_bg_color);
         let size = rect.size() * ui.pixels_per_point();
         let through = view.scene.through;
         self.frame_new_content(look, view, size.x / size.y.max(1.0));
@@ -139,7 +148,8 @@ impl ScenePane {
             ui.ctx().request_repaint();
         }
         let Seen { appearance, clip } = self.seen(look, view);
-        self.hover.ui(ui, &response, look, view, (&camera, &clip, &appearance));
+        self.hover
+            .ui(ui, &response, look, view, (&camera, &clip, &appearance));
         self.draw(ui, rect, look, view);
         blend(ui, (rect, &camera, orbit.distance), look, view, textures);
         if let Some(wish) = view.picture_wish.take() {
@@ -164,7 +174,10 @@ impl ScenePane {
         if !same || self.orbit.is_none() || wish == Some(SceneWish::FrameAll) {
             self.measure(look);
             // A cloud made anew keeps the view the user chose.
-            let keep = self.orbit.is_some() && wish.is_none() && self.framed.cloud.is_some() && look.points().is_some();
+            let keep = self.orbit.is_some()
+                && wish.is_none()
+                && self.framed.cloud.is_some()
+                && look.points().is_some();
             if !keep {
                 self.orbit = framing(look, aspect);
             }
@@ -181,7 +194,9 @@ impl ScenePane {
                 orbit.look_from(axes, side);
             }
         }
-        if let (Some(SceneWish::ShowAsked), Some(orbit), Some(asked)) = (wish, &mut self.orbit, &view.asked) {
+        if let (Some(SceneWish::ShowAsked), Some(orbit), Some(asked)) =
+            (wish, &mut self.orbit, &view.asked)
+        {
             orbit.recentre(asked.place());
         }
     }
@@ -192,7 +207,9 @@ impl ScenePane {
         self.framed.radius = bounds.map_or(1.0, |bounds| bounds.radius());
         let axes = Axes::of_cameras(&look.project.frames);
         self.framed.axes = Some(axes);
-        self.framed.extent = look.points().and_then(|cloud| axes.bounds(every_nth(cloud).map(|n| cloud.positions[n])));
+        self.framed.extent = look
+            .points()
+            .and_then(|cloud| axes.bounds(every_nth(cloud).map(|n| cloud.positions[n])));
     }
 
     /// Turns the view by itself until the user does anything with it.
@@ -208,7 +225,10 @@ impl ScenePane {
 
     /// What of the scene is seen.
     fn seen(&self, look: &Look<'_>, view: &ViewState) -> Seen {
-        let axes = self.framed.axes.unwrap_or_else(|| Axes::of_cameras(&look.project.frames));
+        let axes = self
+            .framed
+            .axes
+            .unwrap_or_else(|| Axes::of_cameras(&look.project.frames));
         let appearance = Appearance {
             coloring: view.coloring,
             level: view.scene.level,
@@ -220,7 +240,10 @@ impl ScenePane {
             votes: look.votes.cloned(),
             up: axes.up,
         };
-        let clip = self.framed.extent.map_or_else(Clip::default, |extent| view.scene.clip.clip(&axes, &extent));
+        let clip = self
+            .framed
+            .extent
+            .map_or_else(Clip::default, |extent| view.scene.clip.clip(&axes, &extent));
         Seen { appearance, clip }
     }
 
@@ -240,16 +263,29 @@ impl ScenePane {
     /// Puts the view where a frame was taken; whether its pose is known.
     fn look_through(&mut self, frame: Option<&Frame>) -> bool {
         let up = self.orbit.map_or(Vec3::NEG_Y, |orbit| orbit.up);
-        let Some((camera, pose)) = frame.and_then(Frame::posed_camera) else { return false };
+        let Some((camera, pose)) = frame.and_then(Frame::posed_camera) else {
+            return false;
+        };
         // As far away as the middle of the scene, so that what is measured at the target's depth is true there.
         let depth = pose.transform(self.framed.centre.as_dvec3()).z as f32;
-        let depth = if depth > 0.1 * self.framed.radius { depth } else { self.framed.radius };
+        let depth = if depth > 0.1 * self.framed.radius {
+            depth
+        } else {
+            self.framed.radius
+        };
         self.orbit = Some(Orbit::through(camera, pose, depth, up));
         self.through = self.orbit;
         true
     }
 
-    fn input(&mut self, ui: &Ui, response: &Response, look: &Look<'_>, view: &mut ViewState, camera: &ViewCamera) {
+    fn input(
+        &mut self,
+        ui: &Ui,
+        response: &Response,
+        look: &Look<'_>,
+        view: &mut ViewState,
+        camera: &ViewCamera,
+    ) {
         let scale = ui.pixels_per_point();
         let delta = response.drag_delta() * scale;
         let delta = Vec2::new(delta.x, delta.y);
@@ -260,17 +296,26 @@ impl ScenePane {
         let seen = self.seen(look, view);
         let Some(orbit) = &mut self.orbit else { return };
         let choosing = view.scene_select.in_hand;
-        let turning = if choosing { PointerButton::Secondary } else { PointerButton::Primary };
+        let turning = if choosing {
+            PointerButton::Secondary
+        } else {
+            PointerButton::Primary
+        };
         if response.dragged_by(turning) {
             orbit.orbit(delta);
-        } else if response.dragged_by(PointerButton::Secondary) || response.dragged_by(PointerButton::Middle) {
+        } else if response.dragged_by(PointerButton::Secondary)
+            || response.dragged_by(PointerButton::Middle)
+        {
             orbit.pan(delta, camera.height as f32);
         }
         if choosing {
             choose_by_hand(ui, response, view, camera, &seen.clip);
         } else if response.secondary_clicked() && view.ruler.in_hand {
             view.ruler.undo_click();
-        } else if let Some(at) = response.interact_pointer_pos().filter(|_| response.clicked()) {
+        } else if let Some(at) = response
+            .interact_pointer_pos()
+            .filter(|_| response.clicked())
+        {
             let frame = pick_frustum(&look.project.frames, camera, in_view(at), 14.0 * scale);
             let (purpose, near_px) = if response.double_clicked() {
                 (Purpose::Recentre, 12.0)
@@ -283,7 +328,14 @@ impl ScenePane {
             };
             match frame.filter(|_| view.prefs.frusta && purpose == Purpose::Ask) {
                 Some(frame) => view.go_to(frame),
-                None => self.pick(ui, purpose, look, &seen, camera, (in_view(at), near_px * scale)),
+                None => self.pick(
+                    ui,
+                    purpose,
+                    look,
+                    &seen,
+                    camera,
+                    (in_view(at), near_px * scale),
+                ),
             }
         }
         self.zoom(ui, response, look, &seen, camera, in_view);
@@ -300,30 +352,53 @@ impl ScenePane {
         near: (Vec2, f32),
     ) {
         let labelled = look.cloud.filter(|_| look.growing.is_none());
-        let cloud = if matches!(purpose, Purpose::Ask | Purpose::Isolate) { labelled } else { look.points() };
+        let cloud = if matches!(purpose, Purpose::Ask | Purpose::Isolate) {
+            labelled
+        } else {
+            look.points()
+        };
         if let Some(cloud) = cloud {
-            self.picks.begin(ui, purpose, cloud, near, (camera, &seen.appearance, &seen.clip));
+            self.picks.begin(
+                ui,
+                purpose,
+                cloud,
+                near,
+                (camera, &seen.appearance, &seen.clip),
+            );
         }
     }
 
     /// Does what was meant by the clicks whose points are found.
     fn take_picks(&mut self, look: &Look<'_>, view: &mut ViewState) {
         while let Some(picked) = self.picks.next() {
-            let (place, label) = (picked.place(), picked.point.map(|point| picked.cloud.labels[point]));
+            let (place, label) = (
+                picked.place(),
+                picked.point.map(|point| picked.cloud.labels[point]),
+            );
             match (picked.purpose, &mut self.orbit) {
                 (Purpose::Ask, _) => {
                     let votes = look.votes.filter(|votes| votes.len() == picked.cloud.len());
-                    view.asked = picked.point.map(|point| Asked::new(&picked.cloud, votes, point));
+                    view.asked = picked
+                        .point
+                        .map(|point| Asked::new(&picked.cloud, votes, point));
                 }
                 (Purpose::Isolate, _) => {
-                    view.scene.isolate(view.scene.shown_as(labels_of(look), label.unwrap_or_default()));
+                    view.scene.isolate(
+                        view.scene
+                            .shown_as(labels_of(look), label.unwrap_or_default()),
+                    );
                 }
-                (Purpose::Measure, _) if view.ruler.in_hand => place.into_iter().for_each(|at| view.ruler.click(at)),
-                (Purpose::Recentre, Some(orbit)) => place.into_iter().for_each(|at| orbit.recentre(at)),
+                (Purpose::Measure, _) if view.ruler.in_hand => {
+                    place.into_iter().for_each(|at| view.ruler.click(at))
+                }
+                (Purpose::Recentre, Some(orbit)) => {
+                    place.into_iter().for_each(|at| orbit.recentre(at))
+                }
                 (Purpose::Zoom(at), _) => {
                     let here = self.zoom_anchor.filter(|&(of, ..)| of == at);
-                    self.zoom_anchor =
-                        here.map(|(_, rough, _)| (at, place.unwrap_or(rough), true)).or(self.zoom_anchor);
+                    self.zoom_anchor = here
+                        .map(|(_, rough, _)| (at, place.unwrap_or(rough), true))
+                        .or(self.zoom_anchor);
                 }
                 (Purpose::Measure | Purpose::Recentre, _) => {}
             }
@@ -341,18 +416,30 @@ impl ScenePane {
         camera: &ViewCamera,
         in_view: impl Fn(egui::Pos2) -> Vec2,
     ) {
-        let Some(at) = response.hover_pos() else { return };
+        let Some(at) = response.hover_pos() else {
+            return;
+        };
         let (scroll, pinch) = ui.input(|i| (i.smooth_scroll_delta(), i.zoom_delta()));
         let factor = (-(scroll.x + scroll.y) / 300.0).exp() / pinch;
         if (factor - 1.0).abs() < 1e-6 {
             return;
         }
-        let Some(distance) = self.orbit.map(|orbit| orbit.distance) else { return };
+        let Some(distance) = self.orbit.map(|orbit| orbit.distance) else {
+            return;
+        };
         let known = self.zoom_anchor.filter(|&(of, ..)| of == at);
-        let (_, anchor, found) = known.unwrap_or_else(|| (at, camera.unproject(in_view(at), distance), false));
+        let (_, anchor, found) =
+            known.unwrap_or_else(|| (at, camera.unproject(in_view(at), distance), false));
         self.zoom_anchor = Some((at, anchor, found));
         if !found {
-            self.pick(ui, Purpose::Zoom(at), look, seen, camera, (in_view(at), 30.0));
+            self.pick(
+                ui,
+                Purpose::Zoom(at),
+                look,
+                seen,
+                camera,
+                (in_view(at), 30.0),
+            );
         }
         if let Some(orbit) = &mut self.orbit {
             orbit.zoom(factor, anchor);
@@ -384,20 +471,49 @@ impl ScenePane {
         }
         lines.extend(view.ruler.lines(self.framed.radius * 0.012));
         let camera = orbit.camera(size.x.min(most) as u32, size.y.min(most) as u32);
-        if !canvas.draw(ui, rect, model(look, view), &Scene3d { camera, style, lines, planes }) {
+        if !canvas.draw(
+            ui,
+            rect,
+            model(look, view),
+            &Scene3d {
+                camera,
+                style,
+                lines,
+                planes,
+            },
+        ) {
             ui.ctx().request_repaint();
         }
-        marks(ui, rect, (view, look.unit), (&camera, orbit.distance), canvas.range());
+        marks(
+            ui,
+            rect,
+            (view, look.unit),
+            (&camera, orbit.distance),
+            canvas.range(),
+        );
     }
 }
 
 /// The pictures at the ends of the frusta, of evenly chosen frames where there are many; not that which would hide all.
 fn picture_planes(look: &Look<'_>, view: &ViewState, size: f32) -> Vec<PicturePlane> {
-    let Some(pictures) = look.pictures else { return Vec::new() };
-    let frames = look.project.frames.iter().enumerate().filter(|(_, frame)| frame.posed_camera().is_some());
+    let Some(pictures) = look.pictures else {
+        return Vec::new();
+    };
+    let frames = look
+        .project
+        .frames
+        .iter()
+        .enumerate()
+        .filter(|(_, frame)| frame.posed_camera().is_some());
     let step = frames.clone().count().div_ceil(PLANES).max(1);
-    let chosen = frames.step_by(step).filter(|(number, _)| view.scene.through != Some(*number));
-    chosen.filter_map(|(number, frame)| PicturePlane::of_frame(frame, size, pictures.thumbnail(number)?)).collect()
+    let chosen = frames
+        .step_by(step)
+        .filter(|(number, _)| view.scene.through != Some(*number));
+    chosen
+        .filter_map(|(number, frame)| {
+            PicturePlane::of_frame(frame, size, pictures.thumbnail(number)?)
+        })
+        .collect()
 }
 
 /// What is drawn: points until the triangles wanted are there, and while depth is made.
@@ -421,19 +537,34 @@ fn bounds(look: &Look<'_>) -> Option<Bounds> {
 }
 
 /// The cameras, and the half of the sparse points that lies nearest to their middle: some always lie far away.
-fn near_the_cameras<'a>(look: &'a Look<'_>, cloud: &'a LabelledCloud) -> impl Iterator<Item = Vec3> + 'a {
-    let centres =
-        || look.project.frames.iter().filter_map(Frame::posed_camera).map(|(_, pose)| pose.centre().as_vec3());
+fn near_the_cameras<'a>(
+    look: &'a Look<'_>,
+    cloud: &'a LabelledCloud,
+) -> impl Iterator<Item = Vec3> + 'a {
+    let centres = || {
+        look.project
+            .frames
+            .iter()
+            .filter_map(Frame::posed_camera)
+            .map(|(_, pose)| pose.centre().as_vec3())
+    };
     let middle = centres().sum::<Vec3>() / centres().count().max(1) as f32;
-    let mut points: Vec<Vec3> = every_nth(cloud).map(|index| cloud.positions[index]).collect();
-    points.sort_by(|a, b| a.distance_squared(middle).total_cmp(&b.distance_squared(middle)));
+    let mut points: Vec<Vec3> = every_nth(cloud)
+        .map(|index| cloud.positions[index])
+        .collect();
+    points.sort_by(|a, b| {
+        a.distance_squared(middle)
+            .total_cmp(&b.distance_squared(middle))
+    });
     points.truncate(points.len() / 2 + 1);
     points.into_iter().chain(centres())
 }
 
 fn framing(look: &Look<'_>, aspect: f32) -> Option<Orbit> {
     match look.points() {
-        Some(cloud) if look.cloud.is_some() => default_view(&thinned(cloud), &look.project.frames, aspect),
+        Some(cloud) if look.cloud.is_some() => {
+            default_view(&thinned(cloud), &look.project.frames, aspect)
+        }
         _ => cameras_view(look),
     }
 }
@@ -442,10 +573,16 @@ fn framing(look: &Look<'_>, aspect: f32) -> Option<Orbit> {
 fn cameras_view(look: &Look<'_>) -> Option<Orbit> {
     let poses = look.project.frames.iter().filter_map(Frame::posed_camera);
     let rotations = poses.map(|(_, pose)| pose.rotation.as_quat().conjugate());
-    let forward = rotations.map(|world_from_camera| world_from_camera * Vec3::Z).sum::<Vec3>();
+    let forward = rotations
+        .map(|world_from_camera| world_from_camera * Vec3::Z)
+        .sum::<Vec3>();
     let Axes { up, .. } = Axes::of_cameras(&look.project.frames);
     let forward = forward.try_normalize().unwrap_or(Vec3::Z);
-    Some(Orbit::framing(&bounds(look)?, forward + 0.5 * forward.cross(up) - 0.4 * up, up))
+    Some(Orbit::framing(
+        &bounds(look)?,
+        forward + 0.5 * forward.cross(up) - 0.4 * up,
+        up,
+    ))
 }
 
 /// Indices of an evenly spread part of the points, enough to know where the cloud lies.
@@ -455,7 +592,9 @@ fn every_nth(cloud: &LabelledCloud) -> impl Iterator<Item = usize> {
 
 fn thinned(cloud: &LabelledCloud) -> LabelledCloud {
     LabelledCloud {
-        positions: every_nth(cloud).map(|index| cloud.positions[index]).collect(),
+        positions: every_nth(cloud)
+            .map(|index| cloud.positions[index])
+            .collect(),
         labels: every_nth(cloud).map(|index| cloud.labels[index]).collect(),
         ..LabelledCloud::default()
     }
@@ -463,7 +602,12 @@ fn thinned(cloud: &LabelledCloud) -> LabelledCloud {
 
 fn message(ui: &Ui, rect: Rect, text: &str) {
     let color = ui.visuals().weak_text_color();
-    let galley =
-        ui.painter().layout(text.into(), egui::FontId::proportional(14.0), color, (rect.width() - 60.0).max(60.0));
-    ui.painter().galley(rect.center() - galley.size() / 2.0, galley, color);
+    let galley = ui.painter().layout(
+        text.into(),
+        egui::FontId::proportional(14.0),
+        color,
+        (rect.width() - 60.0).max(60.0),
+    );
+    ui.painter()
+        .galley(rect.center() - galley.size() / 2.0, galley, color);
 }

@@ -68,8 +68,14 @@ impl ScenePicks {
             return;
         }
         let (waker, seen) = (ui.ctx().clone(), (appearance.clone(), *clip));
-        let picking = Picking::begin(Arc::clone(cloud), *camera, near, seen, move || waker.request_repaint());
-        let pick = Pick { purpose, cloud: Arc::clone(cloud), picking };
+        let picking = Picking::begin(Arc::clone(cloud), *camera, near, seen, move || {
+            waker.request_repaint()
+        });
+        let pick = Pick {
+            purpose,
+            cloud: Arc::clone(cloud),
+            picking,
+        };
         if is_wheel {
             self.wheel = Some(pick);
         } else {
@@ -80,12 +86,20 @@ impl ScenePicks {
     /// The next that is known; clicks wait for those before.
     pub fn next(&mut self) -> Option<Picked> {
         let known = |pick: &Pick| pick.picking.next();
-        let wheel = self.wheel.as_ref().and_then(known).and_then(|point| Some((self.wheel.take()?, point)));
+        let wheel = self
+            .wheel
+            .as_ref()
+            .and_then(known)
+            .and_then(|point| Some((self.wheel.take()?, point)));
         let click = || {
             let point = self.clicks.front().and_then(known)?;
             Some((self.clicks.pop_front()?, point))
         };
         let (Pick { purpose, cloud, .. }, point) = wheel.or_else(click)?;
-        Some(Picked { purpose, cloud, point })
+        Some(Picked {
+            purpose,
+            cloud,
+            point,
+        })
     }
 }

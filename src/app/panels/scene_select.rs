@@ -73,7 +73,11 @@ impl SceneSelect {
     /// The wish to change the chosen points, which are chosen no more; `None` without any.
     pub fn correct(&mut self, change: CloudChange) -> Option<Command> {
         let select = std::mem::take(&mut self.steps);
-        let correction = CloudCorrection { select, change, as_anchors: self.as_anchors };
+        let correction = CloudCorrection {
+            select,
+            change,
+            as_anchors: self.as_anchors,
+        };
         (!correction.select.is_empty()).then_some(Command::CorrectCloud(correction))
     }
 
@@ -94,7 +98,13 @@ const CLICK: f32 = 6.0;
 
 /// Draws with the primary button; letting go chooses: with Shift what is seen there too, with Ctrl or Alt no longer, else
 /// only that.
-pub(super) fn choose_by_hand(ui: &Ui, response: &Response, view: &mut ViewState, camera: &ViewCamera, clip: &Clip) {
+pub(super) fn choose_by_hand(
+    ui: &Ui,
+    response: &Response,
+    view: &mut ViewState,
+    camera: &ViewCamera,
+    clip: &Clip,
+) {
     if !follow(ui, response, &mut view.scene_select.drawn) {
         return;
     }
@@ -113,7 +123,12 @@ pub(super) fn choose_by_hand(ui: &Ui, response: &Response, view: &mut ViewState,
 /// Adds to a line where the pointer went with the primary button down; whether the line has come to its end. By hand, as a
 /// response tells of a drag only in the frame after the button went down.
 fn follow(ui: &Ui, response: &Response, drawn: &mut Vec<Pos2>) -> bool {
-    let (down, pressed) = ui.input(|input| (input.pointer.primary_down(), input.pointer.primary_pressed()));
+    let (down, pressed) = ui.input(|input| {
+        (
+            input.pointer.primary_down(),
+            input.pointer.primary_pressed(),
+        )
+    });
     let held = down && response.is_pointer_button_down_on();
     let mut places = trail(ui, &[PointerButton::Primary]).into_iter();
     if held && pressed {
@@ -131,22 +146,44 @@ fn follow(ui: &Ui, response: &Response, drawn: &mut Vec<Pos2>) -> bool {
     !held && !is_click
 }
 
-fn region(view: &ViewState, rect: Rect, scale: f32, (camera, clip): (&ViewCamera, &Clip), remove: bool) -> SeenRegion {
+fn region(
+    view: &ViewState,
+    rect: Rect,
+    scale: f32,
+    (camera, clip): (&ViewCamera, &Clip),
+    remove: bool,
+) -> SeenRegion {
     let select = &view.scene_select;
     let in_picture = |at: Pos2| {
         let at = (at - rect.min) * scale;
         DVec2::new(f64::from(at.x), f64::from(at.y))
     };
-    let radius_px = if select.shape == SelectShape::Brush { f64::from(select.brush * scale) } else { 0.0 };
+    let radius_px = if select.shape == SelectShape::Brush {
+        f64::from(select.brush * scale)
+    } else {
+        0.0
+    };
     let hidden: Vec<LabelId> = view.hidden.iter().copied().collect();
     let points_px = select.outline().into_iter().map(in_picture).collect();
     let scene = &view.scene;
-    let (isolated, doubtful_below, cube_from_world) = (scene.isolated, scene.doubtful_below, clip.cube_from_world());
-    SeenRegion { eye: camera.eye(), points_px, radius_px, remove, hidden, isolated, doubtful_below, cube_from_world }
+    let (isolated, doubtful_below, cube_from_world) =
+        (scene.isolated, scene.doubtful_below, clip.cube_from_world());
+    SeenRegion {
+        eye: camera.eye(),
+        points_px,
+        radius_px,
+        remove,
+        hidden,
+        isolated,
+        doubtful_below,
+        cube_from_world,
+    }
 }
 
 /// Whether points are chosen, so that they can be corrected.
 pub(crate) fn has_chosen(look: &Look<'_>, view: &ViewState) -> bool {
-    let any = look.chosen.is_some_and(|chosen| chosen.is_ok_and(|chosen| !chosen.points.is_empty()));
+    let any = look
+        .chosen
+        .is_some_and(|chosen| chosen.is_ok_and(|chosen| !chosen.points.is_empty()));
     any && !view.scene_select.steps.is_empty()
 }

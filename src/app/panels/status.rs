@@ -11,7 +11,11 @@ use ostra_masks::LabelId;
 pub(crate) fn status_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
     ui.horizontal(|ui| {
         if let Some(frame) = look.project.frames.get(view.frame) {
-            ui.label(format!("Frame {} of {}", view.frame, look.project.frames.len().saturating_sub(1)));
+            ui.label(format!(
+                "Frame {} of {}",
+                view.frame,
+                look.project.frames.len().saturating_sub(1)
+            ));
             ui.weak(&frame.name);
             ui.separator();
             pointer_ui(ui, look, view);
@@ -37,15 +41,22 @@ pub(crate) fn status_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: 
 
 /// How much was done by hand, and how good the masks probably are.
 fn work_ui(ui: &mut Ui, look: &Look<'_>) {
-    let Some(estimate) = look.estimate else { return };
+    let Some(estimate) = look.estimate else {
+        return;
+    };
     let (count, percent) = (look.interactions, estimate.accuracy * 100.0);
-    let noun = if count == 1 { "interaction" } else { "interactions" };
+    let noun = if count == 1 {
+        "interaction"
+    } else {
+        "interactions"
+    };
     let tip = format!(
         "Clicks, boxes, strokes and corrections since the project was opened, those undone too; \
          the estimate is the mean of the tracker's own confidence over labels on {} frames with masks (an anchor counts as right)",
         estimate.frames
     );
-    ui.label(format!("{count} {noun}, about {percent:.0} % right")).on_hover_text(tip);
+    ui.label(format!("{count} {noun}, about {percent:.0} % right"))
+        .on_hover_text(tip);
     ui.separator();
 }
 
@@ -54,14 +65,32 @@ fn pointer_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState) {
         ui.weak("Left click includes, right click excludes, drag makes a box");
         return;
     };
-    ui.label(RichText::new(format!("x {:>5.0}  y {:>5.0}", at.x.floor(), at.y.floor())).monospace());
-    let id = look.project.masks.get(&view.frame).map_or(LabelId::NONE, |mask| id_at(&mask.runs, at));
+    ui.label(
+        RichText::new(format!("x {:>5.0}  y {:>5.0}", at.x.floor(), at.y.floor())).monospace(),
+    );
+    let id = look
+        .project
+        .masks
+        .get(&view.frame)
+        .map_or(LabelId::NONE, |mask| id_at(&mask.runs, at));
     if let Some(label) = look.project.labels.get(id) {
-        let path: Vec<_> = look.project.labels.path(id).iter().filter_map(|id| look.project.labels.get(*id)).collect();
+        let path: Vec<_> = look
+            .project
+            .labels
+            .path(id)
+            .iter()
+            .filter_map(|id| look.project.labels.get(*id))
+            .collect();
         let [r, g, b] = label.color;
         let (rect, _) = ui.allocate_exact_size(egui::vec2(10.0, 10.0), egui::Sense::hover());
-        ui.painter().rect_filled(rect, 2.0, egui::Color32::from_rgb(r, g, b));
-        ui.label(path.iter().map(|label| label.name.as_str()).collect::<Vec<_>>().join(" › "));
+        ui.painter()
+            .rect_filled(rect, 2.0, egui::Color32::from_rgb(r, g, b));
+        ui.label(
+            path.iter()
+                .map(|label| label.name.as_str())
+                .collect::<Vec<_>>()
+                .join(" › "),
+        );
     } else {
         ui.weak("no label");
     }

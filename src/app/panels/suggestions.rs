@@ -16,9 +16,14 @@ pub(crate) fn suggestions_ui(
     out: &mut Vec<Command>,
     wishes: &mut Vec<Action>,
 ) {
-    let is_running = ["Suggest", "Propose"].into_iter().any(|title| look.running(title).is_some());
+    let is_running = ["Suggest", "Propose"]
+        .into_iter()
+        .any(|title| look.running(title).is_some());
     ui.horizontal_wrapped(|ui| {
-        for (action, text) in [(Action::Suggest, "Look for objects"), (Action::Propose, "Propose things here")] {
+        for (action, text) in [
+            (Action::Suggest, "Look for objects"),
+            (Action::Propose, "Propose things here"),
+        ] {
             let possible = !is_running && is_possible(action, look, view);
             if action_button(ui, &view.prefs.shortcuts, action, text, possible).clicked() {
                 wishes.push(action);
@@ -28,16 +33,27 @@ pub(crate) fn suggestions_ui(
             ui.spinner();
         }
     });
-    for (number, suggestion) in (1..).zip(look.suggestions).filter(|(_, one)| !is_explained(look, one)) {
+    for (number, suggestion) in (1..)
+        .zip(look.suggestions)
+        .filter(|(_, one)| !is_explained(look, one))
+    {
         ui.horizontal(|ui| {
             let show = ui
                 .link(format!("{number}  {}", suggestion.text()))
                 .on_hover_text("Goes to the frame, where a box with this number is around it");
-            if show.accessible_name(format!("Suggestion {number}")).clicked() {
+            if show
+                .accessible_name(format!("Suggestion {number}"))
+                .clicked()
+            {
                 view.go_to(suggestion.frame);
             }
-            let add = ui.small_button("Add").on_hover_text("Makes a label of it on that frame; track it from there");
-            if add.accessible_name(format!("Add suggestion {number}")).clicked() {
+            let add = ui
+                .small_button("Add")
+                .on_hover_text("Makes a label of it on that frame; track it from there");
+            if add
+                .accessible_name(format!("Add suggestion {number}"))
+                .clicked()
+            {
                 let id = look.project.labels.next_id();
                 add_label(look, view, out);
                 out.push(suggestion.prompt(id, &view.segmenter));

@@ -31,7 +31,12 @@ const BUTTONS: [(Action, &str); 10] = [
 
 /// The grid of labels and frames: what is where, how sure, what was said of it. A click goes there, a drag chooses a
 /// range, a right click or the buttons change the label over it.
-pub(crate) fn timeline_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+pub(crate) fn timeline_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    wishes: &mut Vec<Action>,
+) {
     ui.horizontal_wrapped(|ui| {
         range_ui(ui, look, view, wishes);
         for (action, text) in BUTTONS {
@@ -44,25 +49,35 @@ pub(crate) fn timeline_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wi
     });
     let rows = listed(&look.project.labels);
     let frames = frames_in_sight(ui, look, view);
-    ScrollArea::vertical().id_salt("timeline").auto_shrink([false, false]).show(ui, |ui| {
-        ui.spacing_mut().item_spacing.y = 1.0;
-        for (label, depth) in &rows {
-            row_ui(ui, look, view, wishes, (label, *depth), frames.clone());
-        }
-    });
+    ScrollArea::vertical()
+        .id_salt("timeline")
+        .auto_shrink([false, false])
+        .show(ui, |ui| {
+            ui.spacing_mut().item_spacing.y = 1.0;
+            for (label, depth) in &rows {
+                row_ui(ui, look, view, wishes, (label, *depth), frames.clone());
+            }
+        });
 }
 
 fn range_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
-    let name = view.label.and_then(|id| look.project.labels.get(id)).map_or("no label", |label| label.name.as_str());
+    let name = view
+        .label
+        .and_then(|id| look.project.labels.get(id))
+        .map_or("no label", |label| label.name.as_str());
     let text = match view.range {
         Some((from, to)) => format!("{name}, frames {from}–{to}"),
         None => format!("{name}, frame {}", view.frame),
     };
     let tip = "What the buttons change; drag over frames, or mark the range's ends with the keys of the Range menu";
-    ui.add_sized([NAMES + 60.0, 18.0], egui::Label::new(text).truncate()).on_hover_text(tip);
+    ui.add_sized([NAMES + 60.0, 18.0], egui::Label::new(text).truncate())
+        .on_hover_text(tip);
     if view.range.is_some() {
         let action = Action::DropRange;
-        if action_button(ui, &view.prefs.shortcuts, action, "×", true).accessible_name(action.text()).clicked() {
+        if action_button(ui, &view.prefs.shortcuts, action, "×", true)
+            .accessible_name(action.text())
+            .clicked()
+        {
             wishes.push(action);
         }
     }
@@ -73,9 +88,18 @@ fn frames_in_sight(ui: &Ui, look: &Look<'_>, view: &ViewState) -> Range<usize> {
     let count = look.project.frames.len();
     let fit = (((ui.available_width() - NAMES) / LEAST_WIDTH) as usize).clamp(1, count.max(1));
     let id = egui::Id::unique("timeline first");
-    let first = ui.data(|data| data.get_temp::<usize>(id)).unwrap_or(0).min(count.saturating_sub(fit));
+    let first = ui
+        .data(|data| data.get_temp::<usize>(id))
+        .unwrap_or(0)
+        .min(count.saturating_sub(fit));
     let in_sight = (first..first + fit).contains(&view.frame);
-    let first = if in_sight { first } else { view.frame.saturating_sub(fit / 2).min(count.saturating_sub(fit)) };
+    let first = if in_sight {
+        first
+    } else {
+        view.frame
+            .saturating_sub(fit / 2)
+            .min(count.saturating_sub(fit))
+    };
     ui.data_mut(|data| data.insert_temp(id, first));
     first..(first + fit).min(count)
 }
@@ -88,25 +112,53 @@ fn row_ui(
     (label, depth): (&Label, usize),
     frames: Range<usize>,
 ) {
-    let (rect, response) = ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), Sense::click_and_drag());
+    let (rect, response) = ui.allocate_exact_size(
+        Vec2::new(ui.available_width(), ROW),
+        Sense::click_and_drag(),
+    );
     if !ui.is_rect_visible(rect) {
         return;
     }
     let chosen = view.label == Some(label.id);
-    response.widget_info(|| WidgetInfo::selected(Role::Row, true, chosen, format!("Timeline of {}", label.name)));
+    response.widget_info(|| {
+        WidgetInfo::selected(
+            Role::Row,
+            true,
+            chosen,
+            format!("Timeline of {}", label.name),
+        )
+    });
     let (names, cells) = rect.split_left_right_at_x(rect.left() + NAMES);
-    let columns = Columns { rect: cells, frames };
+    let columns = Columns {
+        rect: cells,
+        frames,
+    };
     name(ui, names, label, depth, chosen);
-    ui.painter().rect_filled(cells, 2.0, ui.visuals().extreme_bg_color);
+    ui.painter()
+        .rect_filled(cells, 2.0, ui.visuals().extreme_bg_color);
     cells_of(ui, look, view, label, &columns);
     if let Some((from, to)) = view.range.filter(|_| chosen) {
         let stroke = Stroke::new(1.5, ui.visuals().selection.stroke.color);
-        ui.painter().rect_stroke(columns.place(from, to), 2.0, stroke, egui::StrokeKind::Inside);
+        ui.painter().rect_stroke(
+            columns.place(from, to),
+            2.0,
+            stroke,
+            egui::StrokeKind::Inside,
+        );
     }
-    mark(ui, &columns, view.frame, ui.visuals().strong_text_color().gamma_multiply(0.6));
+    mark(
+        ui,
+        &columns,
+        view.frame,
+        ui.visuals().strong_text_color().gamma_multiply(0.6),
+    );
     input(ui, &response, view, label.id, &columns);
     response.context_menu(|ui| menu_ui(ui, look, view, wishes));
-    if let Some(frame) = response.hover_pos().filter(|at| cells.contains(*at)).and_then(|at| columns.frame_at(at)) {
+    if let Some(frame) = response
+        .hover_pos()
+        .filter(|at| cells.contains(*at))
+        .and_then(|at| columns.frame_at(at))
+    {
         response.on_hover_ui_at_pointer(|ui| tip_ui(ui, look, view, label, frame));
     }
 }
@@ -116,13 +168,21 @@ fn name(ui: &Ui, rect: Rect, label: &Label, depth: usize, chosen: bool) {
     let left = rect.left() + 4.0 + depth as f32 * 10.0;
     let dot = Rect::from_center_size(Pos2::new(left + 4.0, rect.center().y), Vec2::splat(8.0));
     if chosen {
-        ui.painter().rect_filled(rect, 2.0, ui.visuals().selection.bg_fill);
+        ui.painter()
+            .rect_filled(rect, 2.0, ui.visuals().selection.bg_fill);
     }
-    ui.painter().rect_filled(dot, 2.0, Color32::from_rgb(r, g, b));
-    let color = if chosen { ui.visuals().strong_text_color() } else { ui.visuals().text_color() };
+    ui.painter()
+        .rect_filled(dot, 2.0, Color32::from_rgb(r, g, b));
+    let color = if chosen {
+        ui.visuals().strong_text_color()
+    } else {
+        ui.visuals().text_color()
+    };
     let font = egui::FontId::proportional(12.0);
     let at = Pos2::new(left + 13.0, rect.center().y);
-    ui.painter().with_clip_rect(rect).text(at, egui::Align2::LEFT_CENTER, &label.name, font, color);
+    ui.painter()
+        .with_clip_rect(rect)
+        .text(at, egui::Align2::LEFT_CENTER, &label.name, font, color);
 }
 
 /// Presence in the label's colour with the doubt below it, and over it what the user said: absent, locked, hidden.
@@ -131,31 +191,63 @@ fn cells_of(ui: &Ui, look: &Look<'_>, view: &ViewState, label: &Label, columns: 
     let color = Color32::from_rgb(r, g, b);
     let marks = look.project.marks_of(label.id);
     let is_on = |frame: usize| view.presence.on_frame(frame).contains(&label.id);
-    let anchor = |frame: usize| look.project.masks.get(&frame).is_some_and(|mask| mask.origin == MaskOrigin::Anchor);
+    let anchor = |frame: usize| {
+        look.project
+            .masks
+            .get(&frame)
+            .is_some_and(|mask| mask.origin == MaskOrigin::Anchor)
+    };
     columns.paint(ui, |mut frames| {
         let shown = frames.clone().find(|&frame| is_on(frame))?;
-        let dim = if marks.hidden.contains(shown) { 0.2 } else { 0.65 };
-        Some(if frames.any(|frame| is_on(frame) && anchor(frame)) { color } else { color.gamma_multiply(dim) })
+        let dim = if marks.hidden.contains(shown) {
+            0.2
+        } else {
+            0.65
+        };
+        Some(if frames.any(|frame| is_on(frame) && anchor(frame)) {
+            color
+        } else {
+            color.gamma_multiply(dim)
+        })
     });
-    let doubt = |frame: usize| look.project.masks.get(&frame)?.confidence.get(&label.id).copied();
-    strip(columns, 0.72, 1.0).paint(ui, |frames| frames.filter_map(doubt).reduce(f32::min).map(heat));
+    let doubt = |frame: usize| {
+        look.project
+            .masks
+            .get(&frame)?
+            .confidence
+            .get(&label.id)
+            .copied()
+    };
+    strip(columns, 0.72, 1.0).paint(ui, |frames| {
+        frames.filter_map(doubt).reduce(f32::min).map(heat)
+    });
     let said = |set: &ostra_frames::FrameSet, frames: Range<usize>, color| {
-        frames.clone().any(|frame| set.contains(frame)).then_some(color)
+        frames
+            .clone()
+            .any(|frame| set.contains(frame))
+            .then_some(color)
     };
     let text = ui.visuals().text_color();
-    strip(columns, 0.46, 0.54).paint(ui, |frames| said(&marks.absent, frames, ui.visuals().error_fg_color));
+    strip(columns, 0.46, 0.54).paint(ui, |frames| {
+        said(&marks.absent, frames, ui.visuals().error_fg_color)
+    });
     strip(columns, 0.0, 0.16).paint(ui, |frames| said(&marks.locked, frames, text));
 }
 
 /// The part of columns between two shares of their height.
 fn strip(columns: &Columns, from: f32, to: f32) -> Columns {
     let y = |share: f32| columns.rect.top() + share * columns.rect.height();
-    Columns { rect: Rect::from_x_y_ranges(columns.rect.x_range(), y(from)..=y(to)), frames: columns.frames.clone() }
+    Columns {
+        rect: Rect::from_x_y_ranges(columns.rect.x_range(), y(from)..=y(to)),
+        frames: columns.frames.clone(),
+    }
 }
 
 /// A click goes to label and frame, with Shift the range reaches to it; a drag chooses a range.
 fn input(ui: &Ui, response: &Response, view: &mut ViewState, label: LabelId, columns: &Columns) {
-    let pointed = response.interact_pointer_pos().filter(|at| at.x >= columns.rect.left());
+    let pointed = response
+        .interact_pointer_pos()
+        .filter(|at| at.x >= columns.rect.left());
     let frame = pointed.and_then(|at| columns.frame_at(at));
     if response.clicked() || response.secondary_clicked() || response.drag_started() {
         view.label = Some(label);
@@ -205,7 +297,11 @@ fn tip_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, label: &Label, frame: 
         (false, ..) => ui.weak("not on this frame"),
     };
     let marks = look.project.marks_of(label.id);
-    for (set, text) in [(&marks.absent, "not there"), (&marks.locked, "locked"), (&marks.hidden, "hidden")] {
+    for (set, text) in [
+        (&marks.absent, "not there"),
+        (&marks.locked, "locked"),
+        (&marks.hidden, "hidden"),
+    ] {
         if set.contains(frame) {
             ui.label(text);
         }

@@ -11,7 +11,12 @@ use ostra_project::MaskOrigin;
 use ostra_session::EngineKind;
 
 /// Settings and button for carrying masks through the sequence.
-pub(crate) fn track_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+pub(crate) fn track_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    wishes: &mut Vec<Action>,
+) {
     egui::Grid::new("track").num_columns(2).spacing([8.0, 6.0]).show(ui, |ui| {
         field(ui, "Tracker", "Carries masks from anchors to the other frames", |ui| {
             engine_choice_ui(ui, "tracker", look.engines_of(EngineKind::Tracker), &mut view.track.tracker);
@@ -30,9 +35,21 @@ pub(crate) fn track_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishe
     constrain_ui(ui, look, view);
     pause_ui(ui, &mut view.track.pause_below);
     check_ui(ui, &mut view.prefs.doubt_below);
-    let anchors = look.project.masks.values().filter(|mask| mask.origin == MaskOrigin::Anchor).count();
+    let anchors = look
+        .project
+        .masks
+        .values()
+        .filter(|mask| mask.origin == MaskOrigin::Anchor)
+        .count();
     ui.horizontal(|ui| {
-        run_button_ui(ui, look, view, (Action::Track, "Track"), anchors > 0, wishes);
+        run_button_ui(
+            ui,
+            look,
+            view,
+            (Action::Track, "Track"),
+            anchors > 0,
+            wishes,
+        );
         if let Some(job) = look.running("Track") {
             ui.weak(progress_text(job));
             return;
@@ -42,8 +59,9 @@ pub(crate) fn track_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishe
             1 => "1 anchor".into(),
             n => format!("{n} anchors"),
         };
-        ui.weak(text)
-            .on_hover_text("Anchors are frames you clicked, painted or accepted; trackers never overwrite them");
+        ui.weak(text).on_hover_text(
+            "Anchors are frames you clicked, painted or accepted; trackers never overwrite them",
+        );
     });
     retrack_ui(ui, look, view, wishes);
 }
@@ -61,7 +79,9 @@ fn constrain_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     let tip = "Holds the masks against the anchors' masks carried through depth and cameras: where they contradict, \
                geometry counts, and an object that was swapped, drifted or was lost is tracked anew from there";
     let checkbox = Checkbox::new(&mut view.track.constrain, "Constrain by geometry");
-    let response = ui.add_enabled(hindrance.is_none(), checkbox).on_hover_text(tip);
+    let response = ui
+        .add_enabled(hindrance.is_none(), checkbox)
+        .on_hover_text(tip);
     response.on_disabled_hover_text(hindrance.unwrap_or_default());
 }
 
@@ -102,8 +122,10 @@ fn retrack_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut V
     if action_button(ui, &view.prefs.shortcuts, action, &action.text(), possible).clicked() {
         wishes.push(action);
     }
-    let tip = "A label that is re-tracked, interpolated or pasted takes pixels from other labels too";
-    ui.checkbox(&mut view.track.replace, "Replace other labels").on_hover_text(tip);
+    let tip =
+        "A label that is re-tracked, interpolated or pasted takes pixels from other labels too";
+    ui.checkbox(&mut view.track.replace, "Replace other labels")
+        .on_hover_text(tip);
 }
 
 fn direction_ui(ui: &mut Ui, direction: &mut Direction) {
@@ -113,7 +135,8 @@ fn direction_ui(ui: &mut Ui, direction: &mut Direction) {
         (Direction::Forward, "Forward", "Only to later frames"),
     ];
     for (value, text, tip) in choices {
-        ui.selectable_value(direction, value, text).on_hover_text(tip);
+        ui.selectable_value(direction, value, text)
+            .on_hover_text(tip);
     }
 }
 
@@ -124,7 +147,12 @@ fn bound_ui(ui: &mut Ui, bound: &mut Option<usize>, default: usize, last: usize)
     if drag.on_hover_text("Drag or click to change").changed() {
         *bound = (value != default).then_some(value);
     }
-    if bound.is_some() && ui.small_button("Reset").on_hover_text("Back to the end of the sequence").clicked() {
+    if bound.is_some()
+        && ui
+            .small_button("Reset")
+            .on_hover_text("Back to the end of the sequence")
+            .clicked()
+    {
         *bound = None;
     }
 }
@@ -132,7 +160,11 @@ fn bound_ui(ui: &mut Ui, bound: &mut Option<usize>, default: usize, last: usize)
 /// A size that stays empty (= what the network was evaluated with) until it is chosen.
 fn short_side_ui(ui: &mut Ui, short_side: &mut Option<u32>) {
     let mut own = short_side.is_some();
-    if ui.checkbox(&mut own, "own size").on_hover_text("Off: the size that it was evaluated with").changed() {
+    if ui
+        .checkbox(&mut own, "own size")
+        .on_hover_text("Off: the size that it was evaluated with")
+        .changed()
+    {
         *short_side = own.then_some(480);
     }
     if let Some(side) = short_side {

@@ -6,8 +6,14 @@ use ostra_session::Command;
 const STEPS: [(&str, &str); 4] = [
     ("Open", "photos, a film or an RGB-D recording"),
     ("Click", "on the objects you want, on any frame"),
-    ("Track", "the masks through all frames; correct where needed"),
-    ("Fuse", "into a labelled point cloud, then measure and export"),
+    (
+        "Track",
+        "the masks through all frames; correct where needed",
+    ),
+    (
+        "Fuse",
+        "into a labelled point cloud, then measure and export",
+    ),
 ];
 
 /// What to do first, and the projects opened before.
@@ -23,13 +29,19 @@ pub(crate) fn welcome_ui(
         ui.add_space(((ui.available_height() - height) * 0.4).max(24.0));
         ui.set_max_width(430.0);
         ui.label(RichText::new("OSTRA").size(30.0).strong());
-        ui.label(RichText::new("Turns pictures into labelled 3-D").weak().size(15.0));
+        ui.label(
+            RichText::new("Turns pictures into labelled 3-D")
+                .weak()
+                .size(15.0),
+        );
         ui.add_space(22.0);
         ui.with_layout(egui::Layout::top_down(egui::Align::Min), steps_ui);
         ui.add_space(22.0);
         buttons_ui(ui, view, wishes);
         ui.add_space(22.0);
-        ui.with_layout(egui::Layout::top_down(egui::Align::Min), |ui| recent_ui(ui, look, out));
+        ui.with_layout(egui::Layout::top_down(egui::Align::Min), |ui| {
+            recent_ui(ui, look, out)
+        });
     });
 }
 
@@ -50,11 +62,16 @@ fn buttons_ui(ui: &mut Ui, view: &ViewState, wishes: &mut Vec<Action>) {
         (Action::Inspect, "Inspect PLY…"),
     ];
     for (index, (action, text)) in rows.into_iter().enumerate() {
-        let mut button = Button::new(RichText::new(text).size(15.0)).min_size(egui::vec2(300.0, 34.0));
+        let mut button =
+            Button::new(RichText::new(text).size(15.0)).min_size(egui::vec2(300.0, 34.0));
         if index == 0 {
             button = button.fill(ui.visuals().selection.bg_fill);
         }
-        if ui.add(button).on_hover_text(view.prefs.shortcuts.tip(ui.ctx(), action)).clicked() {
+        if ui
+            .add(button)
+            .on_hover_text(view.prefs.shortcuts.tip(ui.ctx(), action))
+            .clicked()
+        {
             wishes.push(action);
         }
         ui.add_space(2.0);
@@ -67,13 +84,22 @@ fn recent_ui(ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>) {
     }
     ui.strong("Recent projects");
     for path in look.recent.iter().take(8) {
-        let name =
-            path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
+        let name = path.file_name().map_or_else(
+            || path.display().to_string(),
+            |name| name.to_string_lossy().into_owned(),
+        );
         ui.horizontal(|ui| {
-            if ui.link(name).on_hover_text(path.display().to_string()).clicked() {
+            if ui
+                .link(name)
+                .on_hover_text(path.display().to_string())
+                .clicked()
+            {
                 out.push(Command::Open(path.clone()));
             }
-            let parent = path.parent().map(|parent| parent.display().to_string()).unwrap_or_default();
+            let parent = path
+                .parent()
+                .map(|parent| parent.display().to_string())
+                .unwrap_or_default();
             ui.add(egui::Label::new(RichText::new(parent).weak()).truncate());
         });
     }

@@ -10,7 +10,9 @@ const UNLABELLED_REACH: usize = 2;
 /// label in `mask`, and holes without a label that chosen pixels enclose.
 pub(super) fn close_blind(pixels: &mut [Pixel], mask: &LabelMask) {
     let mut known: Vec<Pixel> = pixels.to_vec();
-    let mut front: Vec<usize> = (0..pixels.len()).filter(|&at| pixels[at] != Pixel::Blind).collect();
+    let mut front: Vec<usize> = (0..pixels.len())
+        .filter(|&at| pixels[at] != Pixel::Blind)
+        .collect();
     let reach = (REACH * f64::from(mask.width.max(mask.height))).ceil() as usize;
     for step in 0..reach {
         let mut next = Vec::new();
@@ -35,17 +37,32 @@ pub(super) fn close_blind(pixels: &mut [Pixel], mask: &LabelMask) {
 
 /// The pixels without a label, of which nothing is known, that chosen pixels enclose on all sides.
 fn holes(known: &[Pixel], mask: &LabelMask) -> Vec<bool> {
-    let inside =
-        known.iter().zip(&mask.ids).map(|(&pixel, &id)| pixel == Pixel::Blind && id == LabelId::NONE).collect();
-    let unknown = components(&Region { width: mask.width, height: mask.height, inside }, Connectivity::Four);
+    let inside = known
+        .iter()
+        .zip(&mask.ids)
+        .map(|(&pixel, &id)| pixel == Pixel::Blind && id == LabelId::NONE)
+        .collect();
+    let unknown = components(
+        &Region {
+            width: mask.width,
+            height: mask.height,
+            inside,
+        },
+        Connectivity::Four,
+    );
     let mut open = vec![false; unknown.areas.len() + 1];
     open[0] = true;
     for at in (0..known.len()).filter(|&at| unknown.labels[at] > 0) {
         let own = unknown.labels[at];
-        let closed = beside(at, mask).filter(|&other| unknown.labels[other] == own || known[other] == Pixel::Chosen);
+        let closed = beside(at, mask)
+            .filter(|&other| unknown.labels[other] == own || known[other] == Pixel::Chosen);
         open[own as usize] |= closed.count() < 4;
     }
-    unknown.labels.iter().map(|&piece| !open[piece as usize]).collect()
+    unknown
+        .labels
+        .iter()
+        .map(|&piece| !open[piece as usize])
+        .collect()
 }
 
 /// The pixels left, right, above and below.

@@ -43,22 +43,44 @@ impl<'a> SeeingPixels<'a> {
     ///
     /// # Errors
     /// [`SceneError::Request`] where the votes belong to another cloud, or do not know who voted.
-    pub fn new(selector: &'a Selector, votes: &'a Votes, selection: &Selection) -> Result<Self, SceneError> {
+    pub fn new(
+        selector: &'a Selector,
+        votes: &'a Votes,
+        selection: &Selection,
+    ) -> Result<Self, SceneError> {
         let refuse = |why: &str| Err(SceneError::Request(format!("{why}; fuse again")));
         let positions = &selector.cloud().positions;
         if votes.len() != positions.len() {
             return refuse("the votes belong to another cloud");
         }
         if !votes.has_voters() {
-            return refuse("the pixels that voted were not kept, as they would not fit into memory");
+            return refuse(
+                "the pixels that voted were not kept, as they would not fit into memory",
+            );
         }
         let mut chosen = vec![false; positions.len()];
-        selection.points.iter().for_each(|&point| chosen[point as usize] = true);
+        selection
+            .points
+            .iter()
+            .for_each(|&point| chosen[point as usize] = true);
         let reach = REACH as f32 * selector.spacing();
-        let places = || selection.points.iter().map(|&point| positions[point as usize]);
-        let bounds =
-            (places().fold(Vec3::INFINITY, Vec3::min) - reach, places().fold(Vec3::NEG_INFINITY, Vec3::max) + reach);
-        Ok(Self { selector, votes, chosen, bounds, reach })
+        let places = || {
+            selection
+                .points
+                .iter()
+                .map(|&point| positions[point as usize])
+        };
+        let bounds = (
+            places().fold(Vec3::INFINITY, Vec3::min) - reach,
+            places().fold(Vec3::NEG_INFINITY, Vec3::max) + reach,
+        );
+        Ok(Self {
+            selector,
+            votes,
+            chosen,
+            bounds,
+            reach,
+        })
     }
 
     /// The pixels of a frame that see chosen points; `None` where it sees none.
@@ -82,17 +104,32 @@ impl<'a> SeeingPixels<'a> {
         };
         let mut pixels: Vec<Pixel> = (0..recorded.len()).into_par_iter().map(pixel).collect();
         close_blind(&mut pixels, mask);
-        let inside = pixels.into_iter().map(|pixel| pixel == Pixel::Chosen).collect();
-        Some(Region { width: mask.width, height: mask.height, inside })
+        let inside = pixels
+            .into_iter()
+            .map(|pixel| pixel == Pixel::Chosen)
+            .collect();
+        Some(Region {
+            width: mask.width,
+            height: mask.height,
+            inside,
+        })
     }
 
     /// What the votes know of each pixel; `None` where it sees no chosen point.
     fn recorded(&self, frame: usize, (width, height): (u32, u32)) -> Option<Vec<Sightings>> {
         let mut recorded = vec![Sightings::default(); width as usize * height as usize];
         let mut any = false;
-        for (point, x, y) in self.votes.sightings(frame).filter(|&(_, x, y)| x < width && y < height) {
+        for (point, x, y) in self
+            .votes
+            .sightings(frame)
+            .filter(|&(_, x, y)| x < width && y < height)
+        {
             let pixel = &mut recorded[(y * width + x) as usize];
-            let count = if self.chosen[point] { &mut pixel.chosen } else { &mut pixel.others };
+            let count = if self.chosen[point] {
+                &mut pixel.chosen
+            } else {
+                &mut pixel.others
+            };
             *count = count.saturating_add(1);
             any |= self.chosen[point];
         }
@@ -100,13 +137,19 @@ impl<'a> SeeingPixels<'a> {
     }
 
     fn at_place(&self, lifted: &Lifted<'_>, at: usize) -> Pixel {
-        let Some(place) = lifted.place(at) else { return Pixel::Blind };
+        let Some(place) = lifted.place(at) else {
+            return Pixel::Blind;
+        };
         let near = place.cmpge(self.bounds.0).all() && place.cmple(self.bounds.1).all();
         let is_chosen = || {
             let (point, distance) = self.selector.nearest(place);
             distance <= self.reach && self.chosen[point]
         };
-        if near && is_chosen() { Pixel::Chosen } else { Pixel::Other }
+        if near && is_chosen() {
+            Pixel::Chosen
+        } else {
+            Pixel::Other
+        }
     }
 }
 
@@ -131,5 +174,7 @@ fn nearest(recorded: &[Sightings], at: usize, width: u32) -> Pixel {
         let pixel = recorded[row * width + column].pixel()?;
         Some((column.abs_diff(x).pow(2) + row.abs_diff(y).pow(2), pixel))
     });
-    seeing.min_by_key(|&(squared, _)| squared).map_or(Pixel::Blind, |(_, pixel)| pixel)
+    seeing
+        .min_by_key(|&(squared, _)| squared)
+        .map_or(Pixel::Blind, |(_, pixel)| pixel)
 }

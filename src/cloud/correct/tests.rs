@@ -9,8 +9,16 @@ fn closed(pixels: &[&str], labels: &[&str]) -> Vec<String> {
         b'o' => Pixel::Other,
         _ => Pixel::Blind,
     };
-    let mut found: Vec<Pixel> = pixels.iter().flat_map(|row| row.bytes()).map(kind).collect();
-    let ids = labels.iter().flat_map(|row| row.bytes()).map(|digit| LabelId(u16::from(digit - b'0'))).collect();
+    let mut found: Vec<Pixel> = pixels
+        .iter()
+        .flat_map(|row| row.bytes())
+        .map(kind)
+        .collect();
+    let ids = labels
+        .iter()
+        .flat_map(|row| row.bytes())
+        .map(|digit| LabelId(u16::from(digit - b'0')))
+        .collect();
     let (width, height) = (pixels[0].len() as u32, pixels.len() as u32);
     close_blind(&mut found, &LabelMask { width, height, ids });
     let letter = |pixel: &Pixel| match pixel {
@@ -18,25 +26,52 @@ fn closed(pixels: &[&str], labels: &[&str]) -> Vec<String> {
         Pixel::Other => 'o',
         Pixel::Blind => ' ',
     };
-    found.chunks(width as usize).map(|row| row.iter().map(letter).collect()).collect()
+    found
+        .chunks(width as usize)
+        .map(|row| row.iter().map(letter).collect())
+        .collect()
 }
 
 #[test]
 fn blind_pixels_go_with_the_nearest_of_their_label() {
     assert_eq!(closed(&["c  o"], &["1111"]), ["cc o"]);
-    assert_eq!(closed(&["c  o"], &["1121"]), ["cc o"], "one of another label does not");
+    assert_eq!(
+        closed(&["c  o"], &["1121"]),
+        ["cc o"],
+        "one of another label does not"
+    );
     assert_eq!(closed(&["c   "], &["2111"]), ["c   "]);
 }
 
 #[test]
 fn holes_without_a_label_are_closed_and_open_ones_are_not() {
-    let ring = ["ccccccccc", "c       c", "c       c", "c       c", "c       c", "c       c", "ccccccccc"];
-    let labels = ["111111111", "100000001", "100000001", "100000001", "100000001", "100000001", "111111111"];
+    let ring = [
+        "ccccccccc",
+        "c       c",
+        "c       c",
+        "c       c",
+        "c       c",
+        "c       c",
+        "ccccccccc",
+    ];
+    let labels = [
+        "111111111",
+        "100000001",
+        "100000001",
+        "100000001",
+        "100000001",
+        "100000001",
+        "111111111",
+    ];
     assert!(closed(&ring, &labels).iter().all(|row| row == "ccccccccc"));
     let (mut open, mut unlabelled) = (ring, labels);
     (open[3], unlabelled[3]) = ("c        ", "100000000");
     assert_eq!(closed(&open, &unlabelled), open);
     let mut around = ring;
     around[3] = "c   o   c";
-    assert_eq!(closed(&around, &labels), around, "what sees something else stays");
+    assert_eq!(
+        closed(&around, &labels),
+        around,
+        "what sees something else stays"
+    );
 }

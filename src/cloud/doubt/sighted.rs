@@ -13,8 +13,17 @@ pub struct Sighted {
 
 impl Sighted {
     /// By the sightings that the votes know. Of several points in one pixel the first counts.
-    pub(super) fn new(votes: &Votes, labels: &[LabelId], frame: usize, (width, height): (u32, u32)) -> Self {
-        let mut sighted = Self { width, height, labels: vec![None; width as usize * height as usize] };
+    pub(super) fn new(
+        votes: &Votes,
+        labels: &[LabelId],
+        frame: usize,
+        (width, height): (u32, u32),
+    ) -> Self {
+        let mut sighted = Self {
+            width,
+            height,
+            labels: vec![None; width as usize * height as usize],
+        };
         for (point, x, y) in votes.sightings(frame) {
             if x < width && y < height {
                 sighted.labels[(y * width + x) as usize].get_or_insert(labels[point]);
@@ -35,11 +44,16 @@ impl Sighted {
         }
         let width = self.width as usize;
         let squared = |other: usize| {
-            let (dx, dy) = ((other % width).abs_diff(at % width), (other / width).abs_diff(at / width));
+            let (dx, dy) = (
+                (other % width).abs_diff(at % width),
+                (other / width).abs_diff(at / width),
+            );
             dx * dx + dy * dy
         };
-        let seen = near(at, radius, (self.width, self.height)).filter(|&other| self.labels[other].is_some());
-        seen.min_by_key(|&other| squared(other)).and_then(|other| self.labels[other])
+        let seen = near(at, radius, (self.width, self.height))
+            .filter(|&other| self.labels[other].is_some());
+        seen.min_by_key(|&other| squared(other))
+            .and_then(|other| self.labels[other])
     }
 }
 

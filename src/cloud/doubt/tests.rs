@@ -4,9 +4,14 @@ use ostra_masks::{LabelId, LabelMask};
 #[test]
 fn a_wrong_name_and_a_lost_part_are_contradicted_but_not_a_border_a_pixel_aside() {
     let (width, height) = (40, 30);
-    let block = |mask: &mut LabelMask, columns: std::ops::Range<usize>, rows: std::ops::Range<usize>, id: u16| {
+    let block = |mask: &mut LabelMask,
+                 columns: std::ops::Range<usize>,
+                 rows: std::ops::Range<usize>,
+                 id: u16| {
         for y in rows {
-            columns.clone().for_each(|x| mask.ids[y * width + x] = LabelId(id));
+            columns
+                .clone()
+                .for_each(|x| mask.ids[y * width + x] = LabelId(id));
         }
     };
     let mut voted = LabelMask::empty(width as u32, height as u32);

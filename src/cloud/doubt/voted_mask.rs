@@ -31,24 +31,38 @@ pub fn voted_mask(
         return Err(refuse("the votes belong to another cloud; fuse again"));
     }
     let voted = match depth {
-        Some(depth) => {
-            by_depth(cloud, frame, depth).ok_or_else(|| refuse("it has no camera, or the cloud no points"))?
-        }
-        None => by_sight(&Sighted::new(votes, &cloud.labels, number, (mask.width, mask.height))),
+        Some(depth) => by_depth(cloud, frame, depth)
+            .ok_or_else(|| refuse("it has no camera, or the cloud no points"))?,
+        None => by_sight(&Sighted::new(
+            votes,
+            &cloud.labels,
+            number,
+            (mask.width, mask.height),
+        )),
     };
     let is_meant = |id: LabelId| only.is_empty() || only.contains(&id);
     let choose = |(&own, &voted): (&LabelId, &Option<LabelId>)| match voted {
         Some(voted) if is_meant(voted) || is_meant(own) => voted,
         _ => own,
     };
-    Ok(LabelMask { ids: mask.ids.iter().zip(&voted).map(choose).collect(), ..*mask })
+    Ok(LabelMask {
+        ids: mask.ids.iter().zip(&voted).map(choose).collect(),
+        ..*mask
+    })
 }
 
 fn by_sight(sighted: &Sighted) -> Vec<Option<LabelId>> {
-    (0..sighted.labels.len()).into_par_iter().map(|at| sighted.nearest(at, FILL_PX)).collect()
+    (0..sighted.labels.len())
+        .into_par_iter()
+        .map(|at| sighted.nearest(at, FILL_PX))
+        .collect()
 }
 
-fn by_depth(cloud: &LabelledCloud, frame: &Frame, depth: &DepthMap) -> Option<Vec<Option<LabelId>>> {
+fn by_depth(
+    cloud: &LabelledCloud,
+    frame: &Frame,
+    depth: &DepthMap,
+) -> Option<Vec<Option<LabelId>>> {
     let lifted = Lifted::new(frame, depth)?;
     let points = Neighbours::new(&cloud.positions)?;
     let reach = (REACH * points.spacing(&cloud.positions)?) as f32;

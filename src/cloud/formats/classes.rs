@@ -14,12 +14,21 @@ const FIRST_CLASS: u8 = 64;
 
 /// The class of each label in a LAS file: that of its top label, the first of these 64, then 65, …; more than 192 share 255.
 pub(super) fn classes(tree: &LabelTree) -> BTreeMap<LabelId, u8> {
-    let tops: Vec<LabelId> = tree.iter().filter(|label| label.parent.is_none()).map(|label| label.id).collect();
+    let tops: Vec<LabelId> = tree
+        .iter()
+        .filter(|label| label.parent.is_none())
+        .map(|label| label.id)
+        .collect();
     let class = |id: LabelId| {
-        let rank = tops.iter().position(|&top| top == tree.at_level(id, 1)).unwrap_or(tops.len());
+        let rank = tops
+            .iter()
+            .position(|&top| top == tree.at_level(id, 1))
+            .unwrap_or(tops.len());
         FIRST_CLASS.saturating_add(u8::try_from(rank).unwrap_or(u8::MAX))
     };
-    tree.iter().map(|label| (label.id, class(label.id))).collect()
+    tree.iter()
+        .map(|label| (label.id, class(label.id)))
+        .collect()
 }
 
 #[derive(Serialize)]
@@ -38,11 +47,18 @@ pub(super) fn save(path: &Path, tree: &LabelTree) -> Result<(), SceneError> {
         .map(|label| {
             let [red, green, blue] = label.color;
             let color = format!("#{red:02x}{green:02x}{blue:02x}");
-            Entry { id: label.id, name: &label.name, parent: label.parent, color, las_class: classes[&label.id] }
+            Entry {
+                id: label.id,
+                name: &label.name,
+                parent: label.parent,
+                color,
+                las_class: classes[&label.id],
+            }
         })
         .collect();
     write_whole(path, |out| {
-        let text = serde_json::to_string_pretty(&entries).map_err(|error| unplaced(error.into()))?;
+        let text =
+            serde_json::to_string_pretty(&entries).map_err(|error| unplaced(error.into()))?;
         writeln!(out, "{text}").map_err(unplaced)
     })
 }

@@ -40,7 +40,11 @@ impl CloudFormat {
     /// # Errors
     /// [`SceneError::Invalid`] for an ending of none.
     pub fn of(path: &Path) -> Result<Self, SceneError> {
-        names::by_ending(path, Self::ALL.map(|format| (format, format.ending())), "a cloud")
+        names::by_ending(
+            path,
+            Self::ALL.map(|format| (format, format.ending())),
+            "a cloud",
+        )
     }
 
     /// Writes a cloud; a stop or fault leaves what was there.
@@ -56,7 +60,9 @@ impl CloudFormat {
         progress: &Progress,
     ) -> Result<(), SceneError> {
         if cloud.is_empty() {
-            return Err(SceneError::Request("the cloud has no points to write; fuse again".into()));
+            return Err(SceneError::Request(
+                "the cloud has no points to write; fuse again".into(),
+            ));
         }
         match self {
             Self::Ply => save_ply(path, cloud, coloring, progress),

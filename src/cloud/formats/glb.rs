@@ -28,12 +28,48 @@ struct Column {
 
 /// The columns in the order in which they lie in the file; a label's entries lie together in each.
 const COLUMNS: [Column; 6] = [
-    Column { name: "POSITION", component: FLOAT, shape: "VEC3", normalized: false, stride: 12 },
-    Column { name: "NORMAL", component: FLOAT, shape: "VEC3", normalized: false, stride: 12 },
-    Column { name: "COLOR_0", component: UNSIGNED_SHORT, shape: "VEC4", normalized: true, stride: 8 },
-    Column { name: "_LABEL", component: UNSIGNED_SHORT, shape: "SCALAR", normalized: false, stride: 4 },
-    Column { name: "_CONFIDENCE", component: FLOAT, shape: "SCALAR", normalized: false, stride: 4 },
-    Column { name: "indices", component: UNSIGNED_INT, shape: "SCALAR", normalized: false, stride: 4 },
+    Column {
+        name: "POSITION",
+        component: FLOAT,
+        shape: "VEC3",
+        normalized: false,
+        stride: 12,
+    },
+    Column {
+        name: "NORMAL",
+        component: FLOAT,
+        shape: "VEC3",
+        normalized: false,
+        stride: 12,
+    },
+    Column {
+        name: "COLOR_0",
+        component: UNSIGNED_SHORT,
+        shape: "VEC4",
+        normalized: true,
+        stride: 8,
+    },
+    Column {
+        name: "_LABEL",
+        component: UNSIGNED_SHORT,
+        shape: "SCALAR",
+        normalized: false,
+        stride: 4,
+    },
+    Column {
+        name: "_CONFIDENCE",
+        component: FLOAT,
+        shape: "SCALAR",
+        normalized: false,
+        stride: 4,
+    },
+    Column {
+        name: "indices",
+        component: UNSIGNED_INT,
+        shape: "SCALAR",
+        normalized: false,
+        stride: 4,
+    },
 ];
 
 /// Writes a mesh as binary glTF 2.0 (Khronos Group, 2017): a root node that turns the world's axes (x right, y down,
@@ -47,7 +83,9 @@ pub(super) fn save(
     progress: &Progress,
 ) -> Result<(), SceneError> {
     if mesh.triangles.is_empty() {
-        return Err(SceneError::Request("the mesh has no triangles; there is nothing to write as GLB".into()));
+        return Err(SceneError::Request(
+            "the mesh has no triangles; there is nothing to write as GLB".into(),
+        ));
     }
     let parts = mesh.by_label();
     let mut columns: [Vec<u8>; 6] = Default::default();
@@ -59,18 +97,29 @@ pub(super) fn save(
     }
     let ids: Vec<LabelId> = parts.into_keys().collect();
     let head = head(&mesh.vertices.tree, &ids, &accessors, &columns);
-    write_whole(path, |out| write(out, head.to_string().into_bytes(), &columns, progress))
+    write_whole(path, |out| {
+        write(out, head.to_string().into_bytes(), &columns, progress)
+    })
 }
 
 /// The container: a header of 12 bytes, the JSON chunk, the binary chunk; both padded to 4 bytes.
-fn write(out: &mut impl Write, mut head: Vec<u8>, columns: &[Vec<u8>], progress: &Progress) -> Result<(), SceneError> {
+fn write(
+    out: &mut impl Write,
+    mut head: Vec<u8>,
+    columns: &[Vec<u8>],
+    progress: &Progress,
+) -> Result<(), SceneError> {
     head.resize(head.len().next_multiple_of(4), b' ');
     let binary: usize = columns.iter().map(Vec::len).sum();
-    let too_large = "the mesh takes more than the 4 GiB that a GLB can hold; keep fewer triangles or write PLY";
-    let whole = u32::try_from(12 + 8 + head.len() + 8 + binary).map_err(|_| SceneError::Request(too_large.into()))?;
+    let too_large =
+        "the mesh takes more than the 4 GiB that a GLB can hold; keep fewer triangles or write PLY";
+    let whole = u32::try_from(12 + 8 + head.len() + 8 + binary)
+        .map_err(|_| SceneError::Request(too_large.into()))?;
     let mut start = Vec::new();
     start.extend_from_slice(b"glTF");
-    [2, whole, head.len() as u32].iter().for_each(|number| start.extend_from_slice(&number.to_le_bytes()));
+    [2, whole, head.len() as u32]
+        .iter()
+        .for_each(|number| start.extend_from_slice(&number.to_le_bytes()));
     start.extend_from_slice(b"JSON");
     start.extend_from_slice(&head);
     start.extend_from_slice(&(binary as u32).to_le_bytes());
@@ -86,25 +135,44 @@ fn write(out: &mut impl Write, mut head: Vec<u8>, columns: &[Vec<u8>], progress:
 fn accessors_of(part: &LabelledMesh, columns: &[Vec<u8>; 6]) -> Vec<Value> {
     let accessor = |(view, (column, bytes)): (usize, (&Column, &Vec<u8>))| {
         let is_index = column.name == "indices";
-        let count = if is_index { part.triangles.len() * 3 } else { part.vertices.len() };
+        let count = if is_index {
+            part.triangles.len() * 3
+        } else {
+            part.vertices.len()
+        };
         let mut value = json!({
             "bufferView": view, "byteOffset": bytes.len(), "componentType": column.component,
             "count": count, "type": column.shape, "normalized": column.normalized,
         });
         if column.name == "POSITION" {
             let positions = || part.vertices.positions.iter().copied();
-            let bound = |of: fn(Vec3, Vec3) -> Vec3| positions().reduce(of).unwrap_or_default().as_dvec3().to_array();
+            let bound = |of: fn(Vec3, Vec3) -> Vec3| {
+                positions()
+                    .reduce(of)
+                    .unwrap_or_default()
+                    .as_dvec3()
+                    .to_array()
+            };
             (value["min"], value["max"]) = (json!(bound(Vec3::min)), json!(bound(Vec3::max)));
         }
         value
     };
-    COLUMNS.iter().zip(columns).enumerate().map(accessor).collect()
+    COLUMNS
+        .iter()
+        .zip(columns)
+        .enumerate()
+        .map(accessor)
+        .collect()
 }
 
 fn fill(columns: &mut [Vec<u8>; 6], part: &LabelledMesh, coloring: Coloring) {
     let vertices = &part.vertices;
     let [positions, normals, colors, labels, confidences, indices] = columns;
-    let floats = |out: &mut Vec<u8>, values: &[f32]| values.iter().for_each(|value| out.extend(value.to_le_bytes()));
+    let floats = |out: &mut Vec<u8>, values: &[f32]| {
+        values
+            .iter()
+            .for_each(|value| out.extend(value.to_le_bytes()))
+    };
     for (position, normal) in vertices.positions.iter().zip(&vertices.normals) {
         floats(positions, &position.to_array());
         // glTF has unit normals alone; an unknown one looks back along the world's z.
@@ -113,18 +181,30 @@ fn fill(columns: &mut [Vec<u8>; 6], part: &LabelledMesh, coloring: Coloring) {
     let linear = linear_channels();
     for color in coloring.of(vertices).iter() {
         let [red, green, blue] = color.map(|channel| linear[usize::from(channel)]);
-        [red, green, blue, u16::MAX].iter().for_each(|channel| colors.extend(channel.to_le_bytes()));
+        [red, green, blue, u16::MAX]
+            .iter()
+            .for_each(|channel| colors.extend(channel.to_le_bytes()));
     }
-    vertices.labels.iter().for_each(|label| labels.extend(u32::from(label.0).to_le_bytes()));
+    vertices
+        .labels
+        .iter()
+        .for_each(|label| labels.extend(u32::from(label.0).to_le_bytes()));
     floats(confidences, &vertices.confidence);
-    part.triangles.iter().flatten().for_each(|vertex| indices.extend(vertex.to_le_bytes()));
+    part.triangles
+        .iter()
+        .flatten()
+        .for_each(|vertex| indices.extend(vertex.to_le_bytes()));
 }
 
 /// sRGB (IEC 61966-2-1) to linear light, 16 bits: glTF's vertex colours are linear.
 fn linear_channels() -> [u16; 256] {
     std::array::from_fn(|channel| {
         let encoded = channel as f64 / 255.0;
-        let linear = if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) };
+        let linear = if encoded <= 0.04045 {
+            encoded / 12.92
+        } else {
+            ((encoded + 0.055) / 1.055).powf(2.4)
+        };
         (linear * 65535.0).round() as u16
     })
 }
@@ -134,15 +214,18 @@ fn head(tree: &LabelTree, ids: &[LabelId], accessors: &[Value], columns: &[Vec<u
     // Half a turn about x.
     let root = json!({ "name": "scene", "rotation": [1.0, 0.0, 0.0, 0.0], "children": children });
     let node = |(mesh, &id): (usize, &LabelId)| {
-        let parent = tree.get(id).and_then(|label| label.parent).map(|parent| parent.0);
-        let extras =
-            json!({ "label": id.0, "name": label_name(tree, id), "parent": parent, "color": color_of(tree, id) });
+        let parent = tree
+            .get(id)
+            .and_then(|label| label.parent)
+            .map(|parent| parent.0);
+        let extras = json!({ "label": id.0, "name": label_name(tree, id), "parent": parent, "color": color_of(tree, id) });
         json!({ "name": path_name(tree, id), "mesh": mesh, "extras": extras })
     };
     let mesh = |(at, &id): (usize, &LabelId)| {
         let place = |column: usize| at * COLUMNS.len() + column;
-        let attributes: serde_json::Map<String, Value> =
-            (0..5).map(|column| (COLUMNS[column].name.to_owned(), json!(place(column)))).collect();
+        let attributes: serde_json::Map<String, Value> = (0..5)
+            .map(|column| (COLUMNS[column].name.to_owned(), json!(place(column))))
+            .collect();
         json!({
             "name": path_name(tree, id),
             "primitives": [{ "attributes": attributes, "indices": place(5), "material": at, "mode": 4 }],

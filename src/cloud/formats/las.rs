@@ -57,7 +57,10 @@ pub(super) fn save(
             if index % STRIDE == 0 {
                 progress.step(index, cloud.len())?;
             }
-            let (at, label) = (cloud.positions[index].as_dvec3() + cloud.origin, cloud.labels[index]);
+            let (at, label) = (
+                cloud.positions[index].as_dvec3() + cloud.origin,
+                cloud.labels[index],
+            );
             let class = classes.get(&label).copied().unwrap_or(0);
             let [red, green, blue] = colors[index].map(|channel| u16::from(channel) * 257);
             let point = Point {
@@ -74,7 +77,11 @@ pub(super) fn save(
             };
             writer.write_point(point).map_err(refused)?;
         }
-        writer.into_inner().map_err(refused)?.finish().map_err(unplaced)
+        writer
+            .into_inner()
+            .map_err(refused)?
+            .finish()
+            .map_err(unplaced)
     })
 }
 
@@ -83,7 +90,12 @@ fn extra_bytes(cloud: &LabelledCloud, index: usize, instance: LabelId) -> Vec<u8
     bytes.extend(cloud.labels[index].0.to_le_bytes());
     bytes.extend(instance.0.to_le_bytes());
     bytes.extend(cloud.confidence[index].to_le_bytes());
-    bytes.extend(cloud.normals[index].to_array().into_iter().flat_map(f32::to_le_bytes));
+    bytes.extend(
+        cloud.normals[index]
+            .to_array()
+            .into_iter()
+            .flat_map(f32::to_le_bytes),
+    );
     bytes
 }
 
@@ -98,13 +110,19 @@ fn instances(cloud: &LabelledCloud) -> Vec<LabelId> {
 
 fn header(cloud: &LabelledCloud, packing: Packing) -> Result<las::Header, SceneError> {
     let mut format = Format::new(7).map_err(refused)?;
-    format.extra_bytes = EXTRA.iter().map(|(_, kind, _)| if *kind == U16 { 2 } else { 4 }).sum();
+    format.extra_bytes = EXTRA
+        .iter()
+        .map(|(_, kind, _)| if *kind == U16 { 2 } else { 4 })
+        .sum();
     format.is_compressed = packing == Packing::Compressed;
     let description = Vlr {
         user_id: "LASF_Spec".into(),
         record_id: 4,
         description: "extra bytes".into(),
-        data: EXTRA.iter().flat_map(|(name, kind, text)| descriptor(name, *kind, text)).collect(),
+        data: EXTRA
+            .iter()
+            .flat_map(|(name, kind, text)| descriptor(name, *kind, text))
+            .collect(),
     };
     let mut builder = Builder::default();
     builder.version = Version::new(1, 4);
@@ -130,23 +148,48 @@ fn descriptor(name: &str, kind: u8, text: &str) -> Vec<u8> {
 /// 32-bit integers need.
 fn transforms(positions: &[Vec3], origin: DVec3) -> Result<Vector<Transform>, SceneError> {
     if !positions.iter().all(|at| at.is_finite()) {
-        return Err(SceneError::Request("the cloud has points without a place, which LAS cannot hold; use PLY".into()));
+        return Err(SceneError::Request(
+            "the cloud has points without a place, which LAS cannot hold; use PLY".into(),
+        ));
     }
-    let low = positions.iter().copied().fold(Vec3::INFINITY, Vec3::min).as_dvec3();
-    let high = positions.iter().copied().fold(Vec3::NEG_INFINITY, Vec3::max).as_dvec3();
-    let farthest = low.abs().max(high.abs()).max_element().max(f64::from(f32::MIN_POSITIVE));
+    let low = positions
+        .iter()
+        .copied()
+        .fold(Vec3::INFINITY, Vec3::min)
+        .as_dvec3();
+    let high = positions
+        .iter()
+        .copied()
+        .fold(Vec3::NEG_INFINITY, Vec3::max)
+        .as_dvec3();
+    let farthest = low
+        .abs()
+        .max(high.abs())
+        .max_element()
+        .max(f64::from(f32::MIN_POSITIVE));
     let fine = 10_f64.powf((farthest * f64::from(f32::EPSILON)).log10().floor());
-    let needed = 10_f64.powf(((high - low).max_element() / 2e9).max(f64::MIN_POSITIVE).log10().ceil());
+    let needed = 10_f64.powf(
+        ((high - low).max_element() / 2e9)
+            .max(f64::MIN_POSITIVE)
+            .log10()
+            .ceil(),
+    );
     let scale = fine.max(needed);
     let middle = (0.5 * (low + high) / scale).round() * scale;
     let transform = |offset| Transform { scale, offset };
     let DVec3 { x, y, z } = origin + middle;
-    Ok(Vector { x: transform(x), y: transform(y), z: transform(z) })
+    Ok(Vector {
+        x: transform(x),
+        y: transform(y),
+        z: transform(z),
+    })
 }
 
 fn refused(error: las::Error) -> SceneError {
     match error {
         las::Error::Io(source) => unplaced(source),
-        other => SceneError::Request(format!("the cloud cannot be written as LAS ({other}); use PLY")),
+        other => SceneError::Request(format!(
+            "the cloud cannot be written as LAS ({other}); use PLY"
+        )),
     }
 }

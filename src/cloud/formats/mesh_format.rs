@@ -36,13 +36,19 @@ impl MeshFormat {
     /// # Errors
     /// [`SceneError::Invalid`] for an ending of none.
     pub fn of(path: &Path) -> Result<Self, SceneError> {
-        names::by_ending(path, Self::ALL.map(|format| (format, format.ending())), "a mesh")
+        names::by_ending(
+            path,
+            Self::ALL.map(|format| (format, format.ending())),
+            "a mesh",
+        )
     }
 
     /// The file of materials that is written next to a mesh at `path`; `None` where its format has none.
     #[must_use]
     pub fn materials_path(path: &Path) -> Option<PathBuf> {
-        Self::of(path).is_ok_and(|format| format == Self::Obj).then(|| obj::materials_path(path))
+        Self::of(path)
+            .is_ok_and(|format| format == Self::Obj)
+            .then(|| obj::materials_path(path))
     }
 
     /// Writes a mesh whose triangles lie in one label each ([`LabelledMesh::split_at_labels`]); a stop or fault leaves

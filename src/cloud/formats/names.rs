@@ -12,11 +12,19 @@ pub(super) fn by_ending<T: Copy, const N: usize>(
     what: &str,
 ) -> Result<T, SceneError> {
     let ending = path.extension().unwrap_or_default();
-    let found = known.iter().find(|(_, name)| ending.eq_ignore_ascii_case(name));
+    let found = known
+        .iter()
+        .find(|(_, name)| ending.eq_ignore_ascii_case(name));
     found.map(|(format, _)| *format).ok_or_else(|| {
         let names: Vec<String> = known.iter().map(|(_, name)| format!(".{name}")).collect();
-        let what = format!("{what} cannot be written under this ending; give a name that ends in {}", names.join(", "));
-        SceneError::Invalid { path: path.to_path_buf(), what }
+        let what = format!(
+            "{what} cannot be written under this ending; give a name that ends in {}",
+            names.join(", ")
+        );
+        SceneError::Invalid {
+            path: path.to_path_buf(),
+            what,
+        }
     })
 }
 
@@ -25,12 +33,19 @@ pub(super) fn path_name(tree: &LabelTree, id: LabelId) -> String {
     let path = tree.path(id);
     match path.is_empty() {
         true => label_name(tree, id),
-        false => path.iter().map(|&id| label_name(tree, id)).collect::<Vec<_>>().join("/"),
+        false => path
+            .iter()
+            .map(|&id| label_name(tree, id))
+            .collect::<Vec<_>>()
+            .join("/"),
     }
 }
 
 /// For each label a name like its path, of letters, digits, `-`, `_` and `/` alone and no other label's.
-pub(super) fn safe_names(tree: &LabelTree, ids: impl Iterator<Item = LabelId>) -> BTreeMap<LabelId, String> {
+pub(super) fn safe_names(
+    tree: &LabelTree,
+    ids: impl Iterator<Item = LabelId>,
+) -> BTreeMap<LabelId, String> {
     let mut taken = BTreeSet::new();
     let name = |id| {
         let path = path_name(tree, id);

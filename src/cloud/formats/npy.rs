@@ -17,9 +17,23 @@ pub(super) fn array(kind: &str, shape: &[usize], entries: &[u8]) -> Vec<u8> {
 
 /// An array of texts: all as wide as the longest, four bytes a letter, ended by zeros.
 pub(super) fn texts(texts: &[String]) -> Vec<u8> {
-    let width = texts.iter().map(|text| text.chars().count()).max().unwrap_or(0).max(1);
-    let padded =
-        |text: &String| text.chars().map(u32::from).chain(std::iter::repeat(0)).take(width).collect::<Vec<_>>();
-    let entries: Vec<u8> = texts.iter().flat_map(padded).flat_map(u32::to_le_bytes).collect();
+    let width = texts
+        .iter()
+        .map(|text| text.chars().count())
+        .max()
+        .unwrap_or(0)
+        .max(1);
+    let padded = |text: &String| {
+        text.chars()
+            .map(u32::from)
+            .chain(std::iter::repeat(0))
+            .take(width)
+            .collect::<Vec<_>>()
+    };
+    let entries: Vec<u8> = texts
+        .iter()
+        .flat_map(padded)
+        .flat_map(u32::to_le_bytes)
+        .collect();
     array(&format!("<U{width}"), &[texts.len()], &entries)
 }

@@ -26,12 +26,17 @@ pub(super) fn save(
     let names = safe_names(tree, parts.keys().copied());
     let library = library_name(path);
     let materials = materials(tree, &names);
-    write_whole(&materials_path(path), |out| out.write_all(materials.as_bytes()).map_err(unplaced))?;
+    write_whole(&materials_path(path), |out| {
+        out.write_all(materials.as_bytes()).map_err(unplaced)
+    })?;
     write_whole(path, |out| {
         let mut out = BufWriter::with_capacity(1 << 18, out);
-        let origin = origin_comment(mesh.vertices.origin).map(|comment| format!("# {comment}\n")).unwrap_or_default();
+        let origin = origin_comment(mesh.vertices.origin)
+            .map(|comment| format!("# {comment}\n"))
+            .unwrap_or_default();
         out.write_all(origin.as_bytes()).map_err(unplaced)?;
-        out.write_all(head(tree, &library).as_bytes()).map_err(unplaced)?;
+        out.write_all(head(tree, &library).as_bytes())
+            .map_err(unplaced)?;
         let mut before = 0;
         for (id, part) in &parts {
             write_part(&mut out, &names[id], part, before, coloring, progress)?;
@@ -47,11 +52,17 @@ pub(super) fn materials_path(path: &Path) -> PathBuf {
 }
 
 fn library_name(path: &Path) -> String {
-    format!("{}.mtl", file_part(&path.file_stem().unwrap_or_default().to_string_lossy()))
+    format!(
+        "{}.mtl",
+        file_part(&path.file_stem().unwrap_or_default().to_string_lossy())
+    )
 }
 
 fn head(tree: &LabelTree, library: &str) -> String {
-    let comments: String = comments_of(tree).iter().map(|comment| format!("# {comment}\n")).collect();
+    let comments: String = comments_of(tree)
+        .iter()
+        .map(|comment| format!("# {comment}\n"))
+        .collect();
     format!("{comments}mtllib {library}\n")
 }
 
@@ -60,7 +71,10 @@ fn materials(tree: &LabelTree, names: &BTreeMap<LabelId, String>) -> String {
     let mut text = String::new();
     for (&id, name) in names {
         let [red, green, blue] = color_of(tree, id).map(unit);
-        let _ = write!(text, "newmtl {name}\nKd {red:.4} {green:.4} {blue:.4}\nKs 0 0 0\nd 1\nillum 1\n\n");
+        let _ = write!(
+            text,
+            "newmtl {name}\nKd {red:.4} {green:.4} {blue:.4}\nKs 0 0 0\nd 1\nillum 1\n\n"
+        );
     }
     text
 }

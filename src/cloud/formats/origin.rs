@@ -9,7 +9,10 @@ use crate::whole_file::{unplaced, write_whole};
 /// Where [`save_origin`] writes: by the whole name, because a cloud and a mesh of one stem have a file each.
 #[must_use]
 pub fn origin_path(path: &Path) -> PathBuf {
-    path.with_file_name(format!("{}.origin.json", path.file_name().unwrap_or_default().to_string_lossy()))
+    path.with_file_name(format!(
+        "{}.origin.json",
+        path.file_name().unwrap_or_default().to_string_lossy()
+    ))
 }
 
 /// Writes `NAME.origin.json` next to a file whose positions are relative to an origin other than zero, and returns what
@@ -21,7 +24,11 @@ pub fn save_origin(path: &Path, origin: DVec3) -> Result<Option<String>, SceneEr
     if origin == DVec3::ZERO {
         return Ok(None);
     }
-    let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    let ending = path
+        .extension()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .to_ascii_lowercase();
     let (is_global, positions) = match ending.as_str() {
         "las" | "laz" | "npz" => (true, "global"),
         "glb" => (
@@ -29,8 +36,14 @@ pub fn save_origin(path: &Path, origin: DVec3) -> Result<Option<String>, SceneEr
             "relative to the origin, in the axes that the meshes have below the root node (x right, y down, z forward): \
              add it there for global coordinates",
         ),
-        "vox" => (false, "whole voxels, without their place in the world; NPZ holds it"),
-        _ => (false, "relative to the origin: add it for global coordinates"),
+        "vox" => (
+            false,
+            "whole voxels, without their place in the world; NPZ holds it",
+        ),
+        _ => (
+            false,
+            "relative to the origin: add it for global coordinates",
+        ),
     };
     let beside = origin_path(path);
     let value = serde_json::json!({ "origin": origin.to_array(), "positions": positions });

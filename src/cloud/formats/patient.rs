@@ -10,7 +10,10 @@ pub(super) struct Patient {
 
 impl Patient {
     pub(super) fn new(out: File) -> Self {
-        Self { out: BufWriter::with_capacity(1 << 18, out), fault: None }
+        Self {
+            out: BufWriter::with_capacity(1 << 18, out),
+            fault: None,
+        }
     }
 
     /// # Errors
@@ -21,7 +24,10 @@ impl Patient {
     }
 
     /// What `act` gives, or the default from the first fault on.
-    fn unless_faulty<T: Default>(&mut self, act: impl FnOnce(&mut BufWriter<File>) -> Result<T>) -> T {
+    fn unless_faulty<T: Default>(
+        &mut self,
+        act: impl FnOnce(&mut BufWriter<File>) -> Result<T>,
+    ) -> T {
         if self.fault.is_some() {
             return T::default();
         }
@@ -56,7 +62,9 @@ mod tests {
 
     #[test]
     fn a_full_disk_is_told_at_the_end() {
-        let Ok(full) = File::options().write(true).open("/dev/full") else { return };
+        let Ok(full) = File::options().write(true).open("/dev/full") else {
+            return;
+        };
         let mut patient = Patient::new(full);
         patient.write_all(&vec![7; 1 << 20]).unwrap();
         assert!(patient.finish().is_err());

@@ -26,7 +26,10 @@ pub(super) fn save(
                 progress.step(index, cloud.len())?;
             }
             let mut record = Vec::with_capacity(36);
-            let place = cloud.positions[index].to_array().into_iter().chain(cloud.normals[index].to_array());
+            let place = cloud.positions[index]
+                .to_array()
+                .into_iter()
+                .chain(cloud.normals[index].to_array());
             record.extend(place.flat_map(f32::to_le_bytes));
             record.extend([blue, green, red, 0]);
             record.extend(u32::from(cloud.labels[index].0).to_le_bytes());
@@ -38,7 +41,10 @@ pub(super) fn save(
 }
 
 fn head(cloud: &LabelledCloud) -> String {
-    let comments: String = comments_of(&cloud.tree).iter().map(|comment| format!("# {comment}\n")).collect();
+    let comments: String = comments_of(&cloud.tree)
+        .iter()
+        .map(|comment| format!("# {comment}\n"))
+        .collect();
     format!(
         "# .PCD v0.7 - Point Cloud Data file format\n{comments}VERSION 0.7\n\
          FIELDS x y z normal_x normal_y normal_z rgb label confidence\nSIZE 4 4 4 4 4 4 4 4 4\n\

@@ -18,8 +18,15 @@ impl Places {
         }
         let place = |at: &glam::Vec3| (at.as_dvec3() / voxel).floor().as_ivec3();
         let mut indices: Vec<IVec3> = voxels.positions.iter().map(place).collect();
-        let least = indices.iter().copied().reduce(IVec3::min).unwrap_or_default();
+        let least = indices
+            .iter()
+            .copied()
+            .reduce(IVec3::min)
+            .unwrap_or_default();
         indices.iter_mut().for_each(|index| *index -= least);
-        Ok(Self { origin: least.as_dvec3() * voxel, indices })
+        Ok(Self {
+            origin: least.as_dvec3() * voxel,
+            indices,
+        })
     }
 }

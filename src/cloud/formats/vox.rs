@@ -29,7 +29,12 @@ struct Model {
 /// Writes voxels for MagicaVoxel (version 150, with the scene graph of its extension): for each label an object named by
 /// its path, in several models of at most 256 voxels a side where it is larger; the palette holds the labels' colours in
 /// rising order of ids. The world's axes (x right, y down, z forward) become x, -z and y, so that up is up.
-pub(super) fn save(path: &Path, voxels: &LabelledCloud, voxel: f64, progress: &Progress) -> Result<(), SceneError> {
+pub(super) fn save(
+    path: &Path,
+    voxels: &LabelledCloud,
+    voxel: f64,
+    progress: &Progress,
+) -> Result<(), SceneError> {
     let ids: BTreeSet<LabelId> = voxels.labels.iter().copied().collect();
     if ids.len() > COLORS {
         return Err(SceneError::Request(format!(
@@ -47,23 +52,42 @@ pub(super) fn save(path: &Path, voxels: &LabelledCloud, voxel: f64, progress: &P
     }
     children.extend(graph(&models));
     children.extend(chunk(b"RGBA", &palette(voxels, &ids), &[]));
-    let bytes = [b"VOX ", &numbers(&[150])[..], &chunk(b"MAIN", &[], &children)].concat();
+    let bytes = [
+        b"VOX ",
+        &numbers(&[150])[..],
+        &chunk(b"MAIN", &[], &children),
+    ]
+    .concat();
     write_whole(path, |out| out.write_all(&bytes).map_err(unplaced))
 }
 
-fn models(voxels: &LabelledCloud, ids: &BTreeSet<LabelId>, voxel: f64) -> Result<Vec<Model>, SceneError> {
+fn models(
+    voxels: &LabelledCloud,
+    ids: &BTreeSet<LabelId>,
+    voxel: f64,
+) -> Result<Vec<Model>, SceneError> {
     let places = Places::of(voxels, voxel)?.indices;
     let upright = |at: &IVec3| IVec3::new(at.x, at.z, -at.y);
     let mut cubes: BTreeMap<(LabelId, [i32; 3]), Vec<IVec3>> = BTreeMap::new();
     for (place, &id) in places.iter().map(upright).zip(&voxels.labels) {
-        cubes.entry((id, place.div_euclid(IVec3::splat(SIDE)).to_array())).or_default().push(place);
+        cubes
+            .entry((id, place.div_euclid(IVec3::splat(SIDE)).to_array()))
+            .or_default()
+            .push(place);
     }
     let color: BTreeMap<LabelId, u8> = ids.iter().copied().zip(1..=u8::MAX).collect();
     let model = |((id, _), places): ((LabelId, [i32; 3]), Vec<IVec3>)| {
-        let bound = |of: fn(IVec3, IVec3) -> IVec3| places.iter().copied().reduce(of).unwrap_or_default();
+        let bound =
+            |of: fn(IVec3, IVec3) -> IVec3| places.iter().copied().reduce(of).unwrap_or_default();
         let least = bound(IVec3::min);
         let size = bound(IVec3::max) - least + 1;
-        Model { name: path_name(&voxels.tree, id), color: color[&id], least, size, places }
+        Model {
+            name: path_name(&voxels.tree, id),
+            color: color[&id],
+            least,
+            size,
+            places,
+        }
     };
     Ok(cubes.into_iter().map(model).collect())
 }
@@ -80,18 +104,38 @@ fn voxel_bytes(model: &Model) -> Vec<u8> {
 /// The scene: a transform and a group at the top, below them a transform (with the label's name and the model's place)
 /// and a shape for each model. What is shown stands on the ground in the middle.
 fn graph(models: &[Model]) -> Vec<u8> {
-    let least = models.iter().map(|model| model.least).reduce(IVec3::min).unwrap_or_default();
-    let most = models.iter().map(|model| model.least + model.size).reduce(IVec3::max).unwrap_or_default();
+    let least = models
+        .iter()
+        .map(|model| model.least)
+        .reduce(IVec3::min)
+        .unwrap_or_default();
+    let most = models
+        .iter()
+        .map(|model| model.least + model.size)
+        .reduce(IVec3::max)
+        .unwrap_or_default();
     let ground = ((least + most) / 2).with_z(least.z);
     let mut bytes = transform(0, &[], 1, IVec3::ZERO);
     let nodes: Vec<i32> = (0..models.len() as i32).map(|at| 2 + 2 * at).collect();
-    let group = [numbers(&[1]), dictionary(&[]), numbers(&[nodes.len() as i32]), numbers(&nodes)].concat();
+    let group = [
+        numbers(&[1]),
+        dictionary(&[]),
+        numbers(&[nodes.len() as i32]),
+        numbers(&nodes),
+    ]
+    .concat();
     bytes.extend(chunk(b"nGRP", &group, &[]));
     for ((&node, model), at) in nodes.iter().zip(models).zip(0..) {
         // A model is placed by its middle.
         let place = model.least + model.size / 2 - ground;
         bytes.extend(transform(node, &[("_name", &model.name)], node + 1, place));
-        let shape = [numbers(&[node + 1]), dictionary(&[]), numbers(&[1, at]), dictionary(&[])].concat();
+        let shape = [
+            numbers(&[node + 1]),
+            dictionary(&[]),
+            numbers(&[1, at]),
+            dictionary(&[]),
+        ]
+        .concat();
         bytes.extend(chunk(b"nSHP", &shape, &[]));
     }
     bytes
@@ -101,17 +145,29 @@ fn transform(node: i32, attributes: &[(&str, &str)], child: i32, place: IVec3) -
     let place = format!("{} {} {}", place.x, place.y, place.z);
     // The reserved -1, layer 0, one frame.
     let rest = [numbers(&[child, -1, 0, 1]), dictionary(&[("_t", &place)])].concat();
-    chunk(b"nTRN", &[numbers(&[node]), dictionary(attributes), rest].concat(), &[])
+    chunk(
+        b"nTRN",
+        &[numbers(&[node]), dictionary(attributes), rest].concat(),
+        &[],
+    )
 }
 
 fn palette(voxels: &LabelledCloud, ids: &BTreeSet<LabelId>) -> Vec<u8> {
     let colors = ids.iter().map(|&id| color_of(&voxels.tree, id));
     let filled = colors.chain(std::iter::repeat([0; 3])).take(COLORS + 1);
-    filled.flat_map(|[red, green, blue]| [red, green, blue, 255]).collect()
+    filled
+        .flat_map(|[red, green, blue]| [red, green, blue, 255])
+        .collect()
 }
 
 fn chunk(id: &[u8; 4], content: &[u8], children: &[u8]) -> Vec<u8> {
-    [id, &numbers(&[content.len() as i32, children.len() as i32])[..], content, children].concat()
+    [
+        id,
+        &numbers(&[content.len() as i32, children.len() as i32])[..],
+        content,
+        children,
+    ]
+    .concat()
 }
 
 fn numbers(numbers: &[i32]) -> Vec<u8> {
@@ -121,6 +177,8 @@ fn numbers(numbers: &[i32]) -> Vec<u8> {
 fn dictionary(pairs: &[(&str, &str)]) -> Vec<u8> {
     let text = |text: &str| [&numbers(&[text.len() as i32])[..], text.as_bytes()].concat();
     let mut bytes = numbers(&[pairs.len() as i32]);
-    pairs.iter().for_each(|(key, value)| bytes.extend([text(key), text(value)].concat()));
+    pairs
+        .iter()
+        .for_each(|(key, value)| bytes.extend([text(key), text(value)].concat()));
     bytes
 }

@@ -36,7 +36,11 @@ impl VoxelFormat {
     /// # Errors
     /// [`SceneError::Invalid`] for an ending of none.
     pub fn of(path: &Path) -> Result<Self, SceneError> {
-        names::by_ending(path, Self::ALL.map(|format| (format, format.ending())), "voxels")
+        names::by_ending(
+            path,
+            Self::ALL.map(|format| (format, format.ending())),
+            "voxels",
+        )
     }
 
     /// Whether a file in the pictures' colours and one in the labels' differ.

@@ -13,8 +13,12 @@ impl Zip {
         let size = u32::try_from(content.len()).ok()?;
         let mut shared = Vec::new();
         // Version 2.0 needed, no flags, stored, midnight, 1 January 1980.
-        [20u16, 0, 0, 0, 0x21].iter().for_each(|number| shared.extend(number.to_le_bytes()));
-        [crc32(content), size, size].iter().for_each(|number| shared.extend(number.to_le_bytes()));
+        [20u16, 0, 0, 0, 0x21]
+            .iter()
+            .for_each(|number| shared.extend(number.to_le_bytes()));
+        [crc32(content), size, size]
+            .iter()
+            .for_each(|number| shared.extend(number.to_le_bytes()));
         shared.extend((name.len() as u16).to_le_bytes());
         shared.extend(0u16.to_le_bytes());
         let head = [b"PK\x03\x04", &shared[..], name.as_bytes()].concat();
@@ -25,7 +29,10 @@ impl Zip {
         self.directory.extend(self.written.to_le_bytes());
         self.directory.extend_from_slice(name.as_bytes());
         self.files += 1;
-        self.written = self.written.checked_add(head.len() as u32)?.checked_add(size)?;
+        self.written = self
+            .written
+            .checked_add(head.len() as u32)?
+            .checked_add(size)?;
         Some(head)
     }
 
@@ -34,8 +41,12 @@ impl Zip {
         let mut bytes = self.directory;
         let length = bytes.len() as u32;
         bytes.extend_from_slice(b"PK\x05\x06\0\0\0\0");
-        [self.files; 2].iter().for_each(|number| bytes.extend(number.to_le_bytes()));
-        [length, self.written].iter().for_each(|number| bytes.extend(number.to_le_bytes()));
+        [self.files; 2]
+            .iter()
+            .for_each(|number| bytes.extend(number.to_le_bytes()));
+        [length, self.written]
+            .iter()
+            .for_each(|number| bytes.extend(number.to_le_bytes()));
         bytes.extend_from_slice(&[0; 2]);
         bytes
     }
@@ -44,7 +55,9 @@ impl Zip {
 /// The checksum of zip and PNG (ITU-T V.42), reflected polynomial 0xedb88320.
 fn crc32(bytes: &[u8]) -> u32 {
     const TABLE: [u32; 256] = table();
-    !bytes.iter().fold(!0, |crc: u32, &byte| TABLE[usize::from(crc as u8 ^ byte)] ^ (crc >> 8))
+    !bytes.iter().fold(!0, |crc: u32, &byte| {
+        TABLE[usize::from(crc as u8 ^ byte)] ^ (crc >> 8)
+    })
 }
 
 const fn table() -> [u32; 256] {
@@ -53,7 +66,11 @@ const fn table() -> [u32; 256] {
     while byte < 256 {
         let (mut crc, mut bit) = (byte as u32, 0);
         while bit < 8 {
-            crc = if crc & 1 == 1 { 0xedb8_8320 ^ (crc >> 1) } else { crc >> 1 };
+            crc = if crc & 1 == 1 {
+                0xedb8_8320 ^ (crc >> 1)
+            } else {
+                crc >> 1
+            };
             bit += 1;
         }
         table[byte] = crc;

@@ -17,11 +17,16 @@ pub(super) type Histograms = (Vec<u32>, Vec<(LabelId, u16)>);
 
 impl Ballots {
     pub(super) fn new(points: usize) -> Self {
-        Self { points: vec![[(LabelId::NONE, 0); INLINE]; points], overflow: FxHashMap::default() }
+        Self {
+            points: vec![[(LabelId::NONE, 0); INLINE]; points],
+            overflow: FxHashMap::default(),
+        }
     }
 
     /// Ballots that hold histograms already counted, in the order of the points.
-    pub(super) fn from_histograms<'a>(histograms: impl ExactSizeIterator<Item = &'a [(LabelId, u16)]>) -> Self {
+    pub(super) fn from_histograms<'a>(
+        histograms: impl ExactSizeIterator<Item = &'a [(LabelId, u16)]>,
+    ) -> Self {
         let mut ballots = Self::new(histograms.len());
         for (point, histogram) in histograms.enumerate() {
             for (place, &entry) in histogram.iter().enumerate() {
@@ -50,7 +55,9 @@ impl Ballots {
 
     /// One vote less, where there is one.
     pub(super) fn remove(&mut self, point: u32, id: LabelId) {
-        let slot = self.points[point as usize].iter_mut().find(|slot| slot.0 == id && slot.1 > 0);
+        let slot = self.points[point as usize]
+            .iter_mut()
+            .find(|slot| slot.0 == id && slot.1 > 0);
         if let Some(slot) = slot {
             slot.1 -= 1;
         } else if let Some(votes) = self.overflow.get_mut(&(point, id)) {
@@ -61,8 +68,11 @@ impl Ballots {
     /// What was counted.
     pub(super) fn finish(&self) -> Histograms {
         let (mut counts, mut entries) = (Vec::with_capacity(self.points.len()), Vec::new());
-        let mut beside: Vec<(u32, LabelId, u16)> =
-            self.overflow.iter().map(|(&(point, id), &votes)| (point, id, votes)).collect();
+        let mut beside: Vec<(u32, LabelId, u16)> = self
+            .overflow
+            .iter()
+            .map(|(&(point, id), &votes)| (point, id, votes))
+            .collect();
         beside.sort_unstable();
         let mut beside = beside.into_iter().peekable();
         let mut own: Vec<(LabelId, u16)> = Vec::new();
@@ -77,7 +87,11 @@ impl Ballots {
             // An id may stand in both places after votes were taken back.
             own.dedup_by(|later, first| {
                 let same = later.0 == first.0;
-                first.1 = if same { first.1.saturating_add(later.1) } else { first.1 };
+                first.1 = if same {
+                    first.1.saturating_add(later.1)
+                } else {
+                    first.1
+                };
                 same
             });
             counts.push(own.len() as u32);

@@ -58,22 +58,44 @@ impl Coverage {
         only_labelled: bool,
         progress: &Progress,
     ) -> Result<Option<Self>, SceneError> {
-        let Some(footprint) = pixel_footprint(views, usable)? else { return Ok(None) };
-        let looked_at: Vec<usize> = usable.iter().copied().step_by(usable.len().div_ceil(FRAMES).max(1)).collect();
-        let pixels = |&index: &usize| f64::from(views.frames()[index].width) * f64::from(views.frames()[index].height);
-        let step = (looked_at.iter().map(pixels).fold(1.0, f64::max) / PIXELS).sqrt().round().max(1.0);
+        let Some(footprint) = pixel_footprint(views, usable)? else {
+            return Ok(None);
+        };
+        let looked_at: Vec<usize> = usable
+            .iter()
+            .copied()
+            .step_by(usable.len().div_ceil(FRAMES).max(1))
+            .collect();
+        let pixels = |&index: &usize| {
+            f64::from(views.frames()[index].width) * f64::from(views.frames()[index].height)
+        };
+        let step = (looked_at.iter().map(pixels).fold(1.0, f64::max) / PIXELS)
+            .sqrt()
+            .round()
+            .max(1.0);
         let cell = CELL_STEPS * step * footprint;
-        let grid = CellGrid { origin: nearest_corner(views, &looked_at), cell, step: step as usize, only_labelled };
+        let grid = CellGrid {
+            origin: nearest_corner(views, &looked_at),
+            cell,
+            step: step as usize,
+            only_labelled,
+        };
         let keys = |&index: &usize| -> Result<Vec<u64>, SceneError> {
             progress.check()?;
             grid.keys(views, index)
         };
         let frames: Vec<Vec<u64>> = looked_at.par_iter().map(keys).collect::<Result<_, _>>()?;
         let counted = Counted::of(&frames, progress)?;
-        let filled = std::array::from_fn(|level| counted.in_frames(level, looked_at.len(), usable.len()));
+        let filled =
+            std::array::from_fn(|level| counted.in_frames(level, looked_at.len(), usable.len()));
         let share = usable.len() as f64 / looked_at.len().max(1) as f64;
         let views = (counted.by_frame as f64 * share / filled[0]).max(1.0);
-        Ok((counted.all[0] > 0).then_some(Self { footprint, views, cell, filled }))
+        Ok((counted.all[0] > 0).then_some(Self {
+            footprint,
+            views,
+            cell,
+            filled,
+        }))
     }
 
     /// About how many cells of this edge surfaces fill.
@@ -81,7 +103,11 @@ impl Coverage {
     pub fn cells(&self, edge: f64) -> f64 {
         let level = (edge / self.cell).log2();
         // A surface has two dimensions; noise adds to them, things that are small take away.
-        let slope = |first: usize| (self.filled[first] / self.filled[first + 1]).log2().clamp(1.0, 3.0);
+        let slope = |first: usize| {
+            (self.filled[first] / self.filled[first + 1])
+                .log2()
+                .clamp(1.0, 3.0)
+        };
         let first = usize::from(level > 1.0);
         self.filled[first] * ((first as f64 - level) * slope(first)).exp2()
     }
@@ -92,7 +118,11 @@ impl Coverage {
         let (mut low, mut high) = (self.cell * 1e-6, self.cell * 1e6);
         while high / low > 1.001 {
             let middle = (low * high).sqrt();
-            if self.cells(middle) > cells { low = middle } else { high = middle }
+            if self.cells(middle) > cells {
+                low = middle
+            } else {
+                high = middle
+            }
         }
         high
     }
@@ -102,7 +132,11 @@ impl Coverage {
     #[must_use]
     pub fn point_voxel(&self) -> f64 {
         let proportionate = self.edge_for(DEFAULT_VOXELS);
-        if proportionate > self.footprint { two_digits(proportionate) } else { self.footprint }
+        if proportionate > self.footprint {
+            two_digits(proportionate)
+        } else {
+            self.footprint
+        }
     }
 }
 
@@ -119,7 +153,8 @@ struct CellGrid {
 impl CellGrid {
     /// The cells in which a frame sees something, each once, in order.
     fn keys(&self, views: &dyn Views, index: usize) -> Result<Vec<u64>, SceneError> {
-        let (Some(view), Some(depth)) = (View::new(&views.frames()[index])?, views.depth(index)?) else {
+        let (Some(view), Some(depth)) = (View::new(&views.frames()[index])?, views.depth(index)?)
+        else {
             return Ok(Vec::new());
         };
         let mask = views.mask(index).filter(|_| self.only_labelled);
@@ -136,7 +171,10 @@ impl CellGrid {
                 if !(along > 0.0 && along.is_finite() && is_wanted(at)) {
                     continue;
                 }
-                let ray = view.camera.unproject(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)).extend(1.0);
+                let ray = view
+                    .camera
+                    .unproject(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5))
+                    .extend(1.0);
                 let in_grid = (centre + world_from_camera * (ray * along)) / self.cell;
                 keys.extend(Cell::holding(in_grid.as_vec3()).map(|cell| cell_key(cell.index)));
             }
@@ -159,14 +197,20 @@ impl Counted {
             progress.check()?;
             cells.extend(keys);
         }
-        Ok(Self { all: by_size(&cells), half, by_frame: frames.iter().map(Vec::len).sum() })
+        Ok(Self {
+            all: by_size(&cells),
+            half,
+            by_frame: frames.iter().map(Vec::len).sum(),
+        })
     }
 
     /// About how many cells all `frames` fill, of which `looked_at` were looked at: twice as many frames filled that much more.
     fn in_frames(&self, level: usize, looked_at: usize, frames: usize) -> f64 {
         let all = self.all[level].max(1) as f64;
         let growth = all / self.half[level].max(1) as f64;
-        all * growth.clamp(1.0, 2.0).powf((frames as f64 / looked_at.max(1) as f64).log2())
+        all * growth
+            .clamp(1.0, 2.0)
+            .powf((frames as f64 / looked_at.max(1) as f64).log2())
     }
 }
 
@@ -183,7 +227,9 @@ fn by_size(cells: &FxHashSet<u64>) -> [usize; LEVELS] {
 
 /// The key of the cell of twice the edge that holds a cell. Keys count from far below the origin, so halves round down.
 fn twice_as_large(key: u64) -> u64 {
-    AXIS_SHIFTS.iter().fold(0, |larger, &shift| larger | (key >> shift & 0x1F_FFFF) >> 1 << shift)
+    AXIS_SHIFTS.iter().fold(0, |larger, &shift| {
+        larger | (key >> shift & 0x1F_FFFF) >> 1 << shift
+    })
 }
 
 #[cfg(test)]
@@ -192,13 +238,35 @@ mod tests {
 
     #[test]
     fn counts_are_continued_to_other_sizes() {
-        let coverage = Coverage { footprint: 0.001, views: 3.0, cell: 0.004, filled: [64e4, 16e4, 4e4] };
-        for (edge, cells) in [(0.001, 1024e4), (0.002, 256e4), (0.004, 64e4), (0.012, 71e3), (0.064, 2500.0)] {
-            assert!((coverage.cells(edge) / cells - 1.0).abs() < 0.01, "{edge}: {}", coverage.cells(edge));
-            assert!((coverage.edge_for(cells) / edge - 1.0).abs() < 0.01, "{cells}: {}", coverage.edge_for(cells));
+        let coverage = Coverage {
+            footprint: 0.001,
+            views: 3.0,
+            cell: 0.004,
+            filled: [64e4, 16e4, 4e4],
+        };
+        for (edge, cells) in [
+            (0.001, 1024e4),
+            (0.002, 256e4),
+            (0.004, 64e4),
+            (0.012, 71e3),
+            (0.064, 2500.0),
+        ] {
+            assert!(
+                (coverage.cells(edge) / cells - 1.0).abs() < 0.01,
+                "{edge}: {}",
+                coverage.cells(edge)
+            );
+            assert!(
+                (coverage.edge_for(cells) / edge - 1.0).abs() < 0.01,
+                "{cells}: {}",
+                coverage.edge_for(cells)
+            );
         }
         assert_eq!(coverage.point_voxel(), 0.0016);
-        let small = Coverage { filled: [6400.0, 1600.0, 400.0], ..coverage };
+        let small = Coverage {
+            filled: [6400.0, 1600.0, 400.0],
+            ..coverage
+        };
         assert_eq!(small.point_voxel(), 0.001, "as fine as the pixels are");
     }
 
@@ -211,8 +279,19 @@ mod tests {
 
     #[test]
     fn more_frames_see_more_as_far_as_they_did() {
-        let counted = |half, all| Counted { all: [all; LEVELS], half: [half; LEVELS], by_frame: 0 };
-        assert_eq!(counted(1000, 1000).in_frames(0, 48, 480), 1000.0, "all is seen");
-        assert!((counted(500, 1000).in_frames(0, 48, 480) - 10_000.0).abs() < 1.0, "every frame sees another place");
+        let counted = |half, all| Counted {
+            all: [all; LEVELS],
+            half: [half; LEVELS],
+            by_frame: 0,
+        };
+        assert_eq!(
+            counted(1000, 1000).in_frames(0, 48, 480),
+            1000.0,
+            "all is seen"
+        );
+        assert!(
+            (counted(500, 1000).in_frames(0, 48, 480) - 10_000.0).abs() < 1.0,
+            "every frame sees another place"
+        );
     }
 }

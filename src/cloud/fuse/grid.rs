@@ -92,27 +92,44 @@ impl Cell {
             whole - i32::from(whole as f32 > at)
         });
         let fraction = (in_grid - glam::IVec3::from_array(index).as_vec3()) * FRACTION;
-        Some(Self { index, fraction: fraction.to_array().map(|f| f as u16) })
+        Some(Self {
+            index,
+            fraction: fraction.to_array().map(|f| f as u16),
+        })
     }
 }
 
 impl Sample {
     pub(super) fn new(key: u64, fraction: [u16; 3], color: [u8; 3], normal: Vec3) -> Self {
-        Self { key, fraction, color, normal: (normal * NORMAL_STEPS).to_array().map(|n| n as i16) }
+        Self {
+            key,
+            fraction,
+            color,
+            normal: (normal * NORMAL_STEPS).to_array().map(|n| n as i16),
+        }
     }
 }
 
 /// A voxel's index in one number, 21 bits a direction.
 pub(super) fn cell_key(index: [i32; 3]) -> u64 {
-    index.iter().fold(0, |key, &i| key << 21 | (i + REACH) as u64)
+    index
+        .iter()
+        .fold(0, |key, &i| key << 21 | (i + REACH) as u64)
 }
 
 impl Grid {
     /// An empty grid of voxels with edge `voxel`, counted from the point `near`, with room for about so many of them.
     pub(super) fn new(near: DVec3, voxel: f64, expected: usize) -> Self {
-        let room = || VoxelMap::with_capacity_and_hasher(expected / SHARDS, BuildHasherDefault::default());
+        let room =
+            || VoxelMap::with_capacity_and_hasher(expected / SHARDS, BuildHasherDefault::default());
         let shards = (0..SHARDS).map(|_| room()).collect();
-        Self { origin: (near / voxel).floor() * voxel, voxel, shards, blocks: Vec::new(), frames: 0 }
+        Self {
+            origin: (near / voxel).floor() * voxel,
+            voxel,
+            shards,
+            blocks: Vec::new(),
+            frames: 0,
+        }
     }
 
     /// The grid's origin in the world, and the edge of its voxels.
@@ -121,23 +138,39 @@ impl Grid {
     }
 
     /// Adds all pixels of one frame of `height` rows.
-    pub(super) fn add(&mut self, lift: &Lift<'_>, height: u32, progress: &Progress) -> Result<LiftCount, Stopped> {
+    pub(super) fn add(
+        &mut self,
+        lift: &Lift<'_>,
+        height: u32,
+        progress: &Progress,
+    ) -> Result<LiftCount, Stopped> {
         let blocks = height.div_ceil(BLOCK_ROWS) as usize;
-        let empty = || Block { samples: vec![Vec::new(); SHARDS], count: LiftCount::default() };
-        self.blocks.resize_with(self.blocks.len().max(blocks), empty);
-        self.blocks[..blocks].par_iter_mut().enumerate().try_for_each(|(index, block)| {
-            let first = index as u32 * BLOCK_ROWS;
-            block.samples.iter_mut().for_each(Vec::clear);
-            block.count = lift.rows(first..(first + BLOCK_ROWS).min(height), &mut block.samples);
-            progress.check()
-        })?;
+        let empty = || Block {
+            samples: vec![Vec::new(); SHARDS],
+            count: LiftCount::default(),
+        };
+        self.blocks
+            .resize_with(self.blocks.len().max(blocks), empty);
+        self.blocks[..blocks]
+            .par_iter_mut()
+            .enumerate()
+            .try_for_each(|(index, block)| {
+                let first = index as u32 * BLOCK_ROWS;
+                block.samples.iter_mut().for_each(Vec::clear);
+                block.count =
+                    lift.rows(first..(first + BLOCK_ROWS).min(height), &mut block.samples);
+                progress.check()
+            })?;
         self.frames += 1;
         let (blocks, frame) = (&self.blocks[..blocks], self.frames);
-        self.shards.par_iter_mut().enumerate().for_each(|(shard, voxels)| {
-            for block in blocks {
-                add_samples(voxels, &block.samples[shard], frame);
-            }
-        });
+        self.shards
+            .par_iter_mut()
+            .enumerate()
+            .for_each(|(shard, voxels)| {
+                for block in blocks {
+                    add_samples(voxels, &block.samples[shard], frame);
+                }
+            });
         let sum = |a: LiftCount, b: &Block| LiftCount {
             measured: a.measured + b.count.measured,
             flying: a.flying + b.count.flying,
@@ -160,19 +193,27 @@ impl Grid {
     ) -> Result<GridPoints, Stopped> {
         let (origin, voxel) = self.frame();
         self.blocks = Vec::new();
-        let merged = if one_layer { merge_layers(&mut self.shards, progress)? } else { 0 };
+        let merged = if one_layer {
+            merge_layers(&mut self.shards, progress)?
+        } else {
+            0
+        };
         let filled = self.voxels();
         // With their place along the curve, which is worked out once for each.
         let mut kept: Vec<(u64, u64, Voxel)> = Vec::with_capacity(filled);
         for shard in self.shards {
             progress.check()?;
-            let seen = shard.into_iter().filter(|(_, voxel)| voxel.views >= min_views);
+            let seen = shard
+                .into_iter()
+                .filter(|(_, voxel)| voxel.views >= min_views);
             kept.extend(seen.map(|(key, voxel)| (morton([key >> 42, key >> 21, key]), key, voxel)));
         }
         kept.par_sort_unstable_by_key(|&(place, ..)| place);
         let position = |&(_, key, sum): &(u64, u64, Voxel)| {
             // Fractions were cut off to whole steps, on average by half a step.
-            let mean = |sum_of: i32| (f64::from(sum_of) / f64::from(sum.samples) + 0.5) / f64::from(FRACTION);
+            let mean = |sum_of: i32| {
+                (f64::from(sum_of) / f64::from(sum.samples) + 0.5) / f64::from(FRACTION)
+            };
             let fraction = DVec3::from_array(sum.fraction.map(mean));
             (origin + (cell_index(key) + fraction) * voxel).as_vec3()
         };
@@ -181,7 +222,10 @@ impl Grid {
             normals: kept.par_iter().map(|(.., sum)| sum.mean_normal()).collect(),
             colors: kept
                 .par_iter()
-                .map(|(.., sum)| sum.color.map(|c| ((c + sum.samples / 2) / sum.samples) as u8))
+                .map(|(.., sum)| {
+                    sum.color
+                        .map(|c| ((c + sum.samples / 2) / sum.samples) as u8)
+                })
                 .collect(),
             few_views: filled - kept.len(),
             merged,
@@ -193,7 +237,10 @@ impl Grid {
 fn add_samples(voxels: &mut VoxelMap, samples: &[Sample], frame: u32) {
     for piece in samples.chunks(LOOKED_UP) {
         // Looked up one right after the other, so that the processor waits for the memory of several voxels at once.
-        let known = piece.chunk_by(|a, b| a.key == b.key).filter(|run| voxels.contains_key(&run[0].key)).count();
+        let known = piece
+            .chunk_by(|a, b| a.key == b.key)
+            .filter(|run| voxels.contains_key(&run[0].key))
+            .count();
         std::hint::black_box(known);
         add_piece(voxels, piece, frame);
     }

@@ -25,7 +25,10 @@ pub(super) fn merge_layers(shards: &mut Shards, progress: &Progress) -> Result<u
         .par_iter()
         .map(|shard| {
             progress.check()?;
-            Ok(shard.iter().filter_map(|(&key, voxel)| Some((key, stronger_layer(all, key, voxel)?))).collect())
+            Ok(shard
+                .iter()
+                .filter_map(|(&key, voxel)| Some((key, stronger_layer(all, key, voxel)?)))
+                .collect())
         })
         .collect::<Result<_, Stopped>>()?;
     let mut merged = 0;
@@ -36,7 +39,9 @@ pub(super) fn merge_layers(shards: &mut Shards, progress: &Progress) -> Result<u
             if stronger[shard_of(*target)].contains_key(target) {
                 continue;
             }
-            let Some(voxel) = shards[shard].remove(key) else { continue };
+            let Some(voxel) = shards[shard].remove(key) else {
+                continue;
+            };
             if let Some(taking) = shards[shard_of(*target)].get_mut(target) {
                 taking.take(&voxel, offset(*key, *target));
                 merged += 1;
@@ -55,7 +60,9 @@ fn stronger_layer(shards: &Shards, key: u64, voxel: &Voxel) -> Option<u64> {
     let step = 1u64 << AXIS_SHIFTS[normal.abs().max_position()];
     let mut best: Option<(u64, u32)> = None;
     for other in [key.wrapping_add(step), key.wrapping_sub(step)] {
-        let Some(found) = shards[shard_of(other)].get(&other) else { continue };
+        let Some(found) = shards[shard_of(other)].get(&other) else {
+            continue;
+        };
         let is_stronger = (found.samples, key) > (voxel.samples, other);
         let is_better = best.is_none_or(|best| (found.samples, best.0) > (best.1, other));
         if is_stronger && is_better && is_same_surface(voxel, normal, found, offset(other, key)) {
@@ -84,13 +91,15 @@ fn offset(key: u64, origin: u64) -> [i32; 3] {
 impl Voxel {
     /// The mean place of its samples in the voxel, 0 to 1.
     fn mean_place(&self) -> Vec3 {
-        Vec3::from_array(self.fraction.map(|sum| sum as f32)) / (self.samples.max(1) as f32 * FRACTION)
+        Vec3::from_array(self.fraction.map(|sum| sum as f32))
+            / (self.samples.max(1) as f32 * FRACTION)
     }
 
     /// Adds the samples of a neighbour that lies `offset` voxels away. Frames that measured both count once.
     fn take(&mut self, other: &Self, offset: [i32; 3]) {
         for (axis, voxels) in offset.into_iter().enumerate() {
-            self.fraction[axis] += other.fraction[axis] + voxels * FRACTION as i32 * other.samples as i32;
+            self.fraction[axis] +=
+                other.fraction[axis] + voxels * FRACTION as i32 * other.samples as i32;
             self.color[axis] += other.color[axis];
             self.normal[axis] += other.normal[axis];
         }
@@ -110,7 +119,14 @@ mod tests {
         let half = (FRACTION / 2.0) as i32 * samples as i32;
         let at = (height * FRACTION) as i32 * samples as i32;
         let normal = normal.map(|n| n * 1024 * samples as i32);
-        Voxel { fraction: [half, half, at], color: [100 * samples; 3], normal, samples, views: samples, last_frame: 0 }
+        Voxel {
+            fraction: [half, half, at],
+            color: [100 * samples; 3],
+            normal,
+            samples,
+            views: samples,
+            last_frame: 0,
+        }
     }
 
     fn merged(voxels: &[([i32; 3], Voxel)]) -> (usize, Vec<(u64, Voxel)>) {
@@ -128,20 +144,39 @@ mod tests {
     #[test]
     fn two_layers_of_one_surface_become_one_at_their_mean() {
         let up = [0, 0, 1];
-        let (count, left) = merged(&[([4, 4, 7], voxel(0.9, 30, up)), ([4, 4, 8], voxel(0.1, 10, up))]);
+        let (count, left) = merged(&[
+            ([4, 4, 7], voxel(0.9, 30, up)),
+            ([4, 4, 8], voxel(0.1, 10, up)),
+        ]);
         assert_eq!((count, left.len(), left[0].0), (1, 1, cell_key([4, 4, 7])));
         let sum = left[0].1;
         assert_eq!((sum.samples, sum.views, sum.color), (40, 30, [4000; 3]));
-        assert!((sum.mean_place().z - 0.95).abs() < 0.001, "{}", sum.mean_place());
-        let (down, _) = merged(&[([4, 4, 7], voxel(0.9, 10, up)), ([4, 4, 8], voxel(0.1, 30, up))]);
+        assert!(
+            (sum.mean_place().z - 0.95).abs() < 0.001,
+            "{}",
+            sum.mean_place()
+        );
+        let (down, _) = merged(&[
+            ([4, 4, 7], voxel(0.9, 10, up)),
+            ([4, 4, 8], voxel(0.1, 30, up)),
+        ]);
         assert_eq!(down, 1, "whichever is stronger");
     }
 
     #[test]
     fn two_sides_of_a_leaf_and_two_surfaces_stay_apart() {
-        let (leaf, _) = merged(&[([4, 4, 7], voxel(0.9, 30, [0, 0, 1])), ([4, 4, 8], voxel(0.1, 10, [0, 0, -1]))]);
-        let (steps, _) = merged(&[([4, 4, 7], voxel(0.1, 30, [0, 0, 1])), ([4, 4, 8], voxel(0.9, 10, [0, 0, 1]))]);
-        let (next, _) = merged(&[([4, 4, 7], voxel(0.5, 30, [0, 0, 1])), ([5, 4, 7], voxel(0.5, 10, [0, 0, 1]))]);
+        let (leaf, _) = merged(&[
+            ([4, 4, 7], voxel(0.9, 30, [0, 0, 1])),
+            ([4, 4, 8], voxel(0.1, 10, [0, 0, -1])),
+        ]);
+        let (steps, _) = merged(&[
+            ([4, 4, 7], voxel(0.1, 30, [0, 0, 1])),
+            ([4, 4, 8], voxel(0.9, 10, [0, 0, 1])),
+        ]);
+        let (next, _) = merged(&[
+            ([4, 4, 7], voxel(0.5, 30, [0, 0, 1])),
+            ([5, 4, 7], voxel(0.5, 10, [0, 0, 1])),
+        ]);
         assert_eq!((leaf, steps, next), (0, 0, 0));
     }
 
@@ -149,8 +184,16 @@ mod tests {
     fn no_samples_move_by_more_than_a_voxel() {
         let up = [0, 0, 1];
         let layers = [9, 20, 30].map(|samples| voxel(0.5, samples, up));
-        let (count, left) = merged(&[([4, 4, 7], layers[0]), ([4, 4, 8], layers[1]), ([4, 4, 9], layers[2])]);
-        assert_eq!((count, left.len()), (1, 2), "the weakest stays, its neighbour went to the strongest");
+        let (count, left) = merged(&[
+            ([4, 4, 7], layers[0]),
+            ([4, 4, 8], layers[1]),
+            ([4, 4, 9], layers[2]),
+        ]);
+        assert_eq!(
+            (count, left.len()),
+            (1, 2),
+            "the weakest stays, its neighbour went to the strongest"
+        );
         assert_eq!(left.iter().map(|(_, voxel)| voxel.samples).sum::<u32>(), 59);
     }
 }

@@ -23,10 +23,18 @@ pub(super) struct Rays {
 impl Rays {
     pub(super) fn new(camera: &Camera) -> Self {
         let ray = |x: u32, y: u32| {
-            camera.unproject(glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)).as_vec2().to_array()
+            camera
+                .unproject(glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5))
+                .as_vec2()
+                .to_array()
         };
-        let xy = (0..camera.height).flat_map(|y| (0..camera.width).map(move |x| ray(x, y))).collect();
-        Self { camera: *camera, xy }
+        let xy = (0..camera.height)
+            .flat_map(|y| (0..camera.width).map(move |x| ray(x, y)))
+            .collect();
+        Self {
+            camera: *camera,
+            xy,
+        }
     }
 
     /// Whether these are the rays of `camera`.
@@ -85,7 +93,8 @@ impl<'a> Lift<'a> {
         let mut count = LiftCount::default();
         // Two rows at a time: pixels above each other often fall into one voxel, which then is looked up once for both.
         for first in rows.clone().step_by(2) {
-            let pair = [first, first + 1].map(|y| rows.contains(&y).then(|| self.around(y as usize)));
+            let pair =
+                [first, first + 1].map(|y| rows.contains(&y).then(|| self.around(y as usize)));
             for x in 0..self.depth.width as usize {
                 for around in pair.iter().flatten() {
                     self.pixel(around, x, shards, &mut count);
@@ -96,7 +105,13 @@ impl<'a> Lift<'a> {
     }
 
     /// Lifts one pixel of a row.
-    fn pixel(&self, around: &Around<'_>, x: usize, shards: &mut [Vec<Sample>], count: &mut LiftCount) {
+    fn pixel(
+        &self,
+        around: &Around<'_>,
+        x: usize,
+        shards: &mut [Vec<Sample>],
+        count: &mut LiftCount,
+    ) {
         let depth = around.rows[REACH][x];
         if !(depth > 0.0 && depth.is_finite()) {
             return;
@@ -125,8 +140,12 @@ impl<'a> Lift<'a> {
         };
         Around {
             colors: &self.image.pixels[y * width..(y + 1) * width],
-            rows: std::array::from_fn(|row| range(row).map_or(&[][..], |range| &self.depth.depths[range])),
-            rays: std::array::from_fn(|row| range(row).map_or(&[][..], |range| &self.rays.xy[range])),
+            rows: std::array::from_fn(|row| {
+                range(row).map_or(&[][..], |range| &self.depth.depths[range])
+            }),
+            rays: std::array::from_fn(|row| {
+                range(row).map_or(&[][..], |range| &self.rays.xy[range])
+            }),
         }
     }
 
@@ -137,7 +156,16 @@ impl<'a> Lift<'a> {
         }
         let tolerance = self.edge_tolerance * depth;
         let mut support = 0;
-        for (dx, dy) in [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)] {
+        for (dx, dy) in [
+            (-1, 0),
+            (1, 0),
+            (0, -1),
+            (0, 1),
+            (-1, -1),
+            (1, -1),
+            (-1, 1),
+            (1, 1),
+        ] {
             let (other, _) = around.at(x, dx, dy);
             support += usize::from(other > 0.0 && (other - depth).abs() <= tolerance);
             if support >= MIN_SUPPORT {
@@ -156,8 +184,15 @@ impl<'a> Lift<'a> {
             if is_same { point(ray, other) } else { here }
         };
         let along = |dx: isize, dy: isize| side(dx, dy) - side(-dx, -dy);
-        let normal = along(NORMAL_REACH, 0).cross(along(0, NORMAL_REACH)).normalize_or_zero();
-        self.world_from_camera * if normal.dot(here) > 0.0 { -normal } else { normal }
+        let normal = along(NORMAL_REACH, 0)
+            .cross(along(0, NORMAL_REACH))
+            .normalize_or_zero();
+        self.world_from_camera
+            * if normal.dot(here) > 0.0 {
+                -normal
+            } else {
+                normal
+            }
     }
 }
 

@@ -26,8 +26,13 @@ impl Majority {
     /// Prepares the decision for a label tree; ids that the tree lacks count as top-level labels.
     #[must_use]
     pub fn new(tree: &LabelTree) -> Self {
-        let paths = tree.iter().filter(|label| label.parent.is_some()).map(|label| (label.id, tree.path(label.id)));
-        Self { paths: paths.collect() }
+        let paths = tree
+            .iter()
+            .filter(|label| label.parent.is_some())
+            .map(|label| (label.id, tree.path(label.id)));
+        Self {
+            paths: paths.collect(),
+        }
     }
 
     /// Decides one point's votes: (deepest id, votes), each id once.
@@ -37,22 +42,35 @@ impl Majority {
         let mut label = LabelId::NONE;
         let mut won = 0;
         for level in 0.. {
-            let Some((next, votes)) = self.best(histogram, label, level) else { break };
+            let Some((next, votes)) = self.best(histogram, label, level) else {
+                break;
+            };
             won = votes;
             if next == label {
                 break;
             }
             label = next;
         }
-        let confidence = if total == 0 { 0.0 } else { won as f32 / total as f32 };
+        let confidence = if total == 0 {
+            0.0
+        } else {
+            won as f32 / total as f32
+        };
         Verdict { label, confidence }
     }
 
     /// The candidate with most votes below `parent`, which stands at depth `level`, or `parent` itself.
-    fn best(&self, histogram: &[(LabelId, u16)], parent: LabelId, level: usize) -> Option<(LabelId, u32)> {
+    fn best(
+        &self,
+        histogram: &[(LabelId, u16)],
+        parent: LabelId,
+        level: usize,
+    ) -> Option<(LabelId, u32)> {
         let mut best: Option<(LabelId, u32)> = None;
         for &(id, _) in histogram {
-            let Some(candidate) = self.step(id, parent, level) else { continue };
+            let Some(candidate) = self.step(id, parent, level) else {
+                continue;
+            };
             let votes = histogram
                 .iter()
                 .filter(|&&(other, _)| self.step(other, parent, level) == Some(candidate))
@@ -72,9 +90,15 @@ impl Majority {
         if id == parent {
             return Some(parent);
         }
-        let Some(path) = self.paths.get(&id) else { return (level == 0).then_some(id) };
+        let Some(path) = self.paths.get(&id) else {
+            return (level == 0).then_some(id);
+        };
         let under = level == 0 || path.get(level - 1) == Some(&parent);
-        if under { path.get(level).copied() } else { None }
+        if under {
+            path.get(level).copied()
+        } else {
+            None
+        }
     }
 }
 
@@ -85,15 +109,29 @@ mod tests {
 
     fn majority() -> Majority {
         let mut tree = LabelTree::default();
-        for (id, parent) in [(1, None), (2, Some(1)), (3, Some(1)), (4, Some(3)), (5, None)] {
-            let label = Label { id: LabelId(id), name: id.to_string(), color: [0; 3], parent: parent.map(LabelId) };
+        for (id, parent) in [
+            (1, None),
+            (2, Some(1)),
+            (3, Some(1)),
+            (4, Some(3)),
+            (5, None),
+        ] {
+            let label = Label {
+                id: LabelId(id),
+                name: id.to_string(),
+                color: [0; 3],
+                parent: parent.map(LabelId),
+            };
             tree.set(label).unwrap();
         }
         Majority::new(&tree)
     }
 
     fn decide(votes: &[(u16, u16)]) -> (u16, f32) {
-        let votes: Vec<_> = votes.iter().map(|&(id, votes)| (LabelId(id), votes)).collect();
+        let votes: Vec<_> = votes
+            .iter()
+            .map(|&(id, votes)| (LabelId(id), votes))
+            .collect();
         let verdict = majority().decide(&votes);
         (verdict.label.0, verdict.confidence)
     }

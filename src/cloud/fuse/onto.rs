@@ -55,9 +55,18 @@ pub fn vote_onto(
     options: &OntoOptions,
     progress: &Progress,
 ) -> Result<Fused, SceneError> {
-    let fused = vote_seen(cloud.clone(), &SeenPoints::new(), views, tree, options, progress)?;
+    let fused = vote_seen(
+        cloud.clone(),
+        &SeenPoints::new(),
+        views,
+        tree,
+        options,
+        progress,
+    )?;
     if fused.report.frames_voted == 0 {
-        return Err(SceneError::Request("no frame has both a mask and a camera with a pose; add masks first".into()));
+        return Err(SceneError::Request(
+            "no frame has both a mask and a camera with a pose; add masks first".into(),
+        ));
     }
     Ok(fused)
 }
@@ -78,11 +87,16 @@ pub fn vote_seen(
 ) -> Result<Fused, SceneError> {
     let mut report = FuseReport::default();
     let frames = views.frames().iter();
-    let no_camera: Vec<&str> =
-        frames.filter(|frame| frame.posed_camera().is_none()).map(|frame| frame.name.as_str()).collect();
-    report.warnings.extend(naming("have no camera and are left out", &no_camera));
-    let spacing = spacing(&cloud.positions)
-        .ok_or_else(|| SceneError::Request("the cloud has too few points to label; give another".into()))?;
+    let no_camera: Vec<&str> = frames
+        .filter(|frame| frame.posed_camera().is_none())
+        .map(|frame| frame.name.as_str())
+        .collect();
+    report
+        .warnings
+        .extend(naming("have no camera and are left out", &no_camera));
+    let spacing = spacing(&cloud.positions).ok_or_else(|| {
+        SceneError::Request("the cloud has too few points to label; give another".into())
+    })?;
     let by_depth = |&index: &usize| views.has_depth(index) && !seen.contains_key(&index);
     let with_depth: Vec<usize> = (0..views.frames().len()).filter(by_depth).collect();
     report.depth_tolerance = match options.depth_tolerance {
@@ -90,12 +104,20 @@ pub fn vote_seen(
         None => measured_tolerance(&cloud.positions, views, &with_depth, 2.0 * spacing)?,
     };
     let vote_options = VoteOptions {
-        tolerance: Tolerance { absolute: 2.0 * spacing, relative: report.depth_tolerance },
+        tolerance: Tolerance {
+            absolute: 2.0 * spacing,
+            relative: report.depth_tolerance,
+        },
         radius: options.radius.unwrap_or(2.0 * spacing),
         min_confidence: options.min_confidence,
         pair_budget_bytes: options.pair_budget_bytes,
     };
     let voted = vote(&cloud.positions, seen, views, &vote_options, progress)?;
     (report.frames_fused, report.frames_voted) = (seen.len(), voted.frames);
-    Ok(finish(labelled(cloud, &voted.votes, tree), voted.votes, options.drop_unlabelled, report))
+    Ok(finish(
+        labelled(cloud, &voted.votes, tree),
+        voted.votes,
+        options.drop_unlabelled,
+        report,
+    ))
 }

@@ -33,7 +33,10 @@ impl PairWriter {
     pub(super) fn push(&mut self, pair: Pair) {
         let vote = pair.vote.map_or(0, |id| u32::from(id.0) + 1);
         let changed = vote != self.vote;
-        put(&mut self.bytes, (pair.point - self.next) << 1 | u32::from(changed));
+        put(
+            &mut self.bytes,
+            (pair.point - self.next) << 1 | u32::from(changed),
+        );
         if changed {
             put(&mut self.bytes, vote);
         }
@@ -58,7 +61,14 @@ pub(super) struct PairReader<'a> {
 
 impl<'a> PairReader<'a> {
     pub(super) fn new(bytes: &'a [u8]) -> Self {
-        Self { bytes, next: 0, x: 0, y: 0, vote: 0, damaged: false }
+        Self {
+            bytes,
+            next: 0,
+            x: 0,
+            y: 0,
+            vote: 0,
+            damaged: false,
+        }
     }
 
     fn read(&mut self) -> Option<Pair> {
@@ -68,10 +78,18 @@ impl<'a> PairReader<'a> {
         }
         self.x = unzigzag(take(&mut self.bytes)?, self.x);
         self.y = unzigzag(take(&mut self.bytes)?, self.y);
-        let point = self.next.checked_add(step >> 1).filter(|&point| (point as usize) < CHUNK)?;
+        let point = self
+            .next
+            .checked_add(step >> 1)
+            .filter(|&point| (point as usize) < CHUNK)?;
         self.next = point + 1;
         let vote = self.vote.checked_sub(1).map(|id| LabelId(id as u16));
-        Some(Pair { point, x: self.x, y: self.y, vote })
+        Some(Pair {
+            point,
+            x: self.x,
+            y: self.y,
+            vote,
+        })
     }
 }
 
@@ -146,7 +164,12 @@ mod tests {
     fn near_pairs_are_small() {
         let mut writer = PairWriter::default();
         for point in 0..1000 {
-            writer.push(Pair { point, x: 300 + point % 40, y: 200 + point / 40, vote: Some(LabelId(3)) });
+            writer.push(Pair {
+                point,
+                x: 300 + point % 40,
+                y: 200 + point / 40,
+                vote: Some(LabelId(3)),
+            });
         }
         assert!(writer.bytes.len() < 3100, "{}", writer.bytes.len());
     }

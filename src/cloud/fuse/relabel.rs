@@ -63,13 +63,19 @@ pub fn vote_again(
     for at in 0..votes.frames.len() {
         progress.step(at, votes.frames.len())?;
         let frame = votes.frames[at].frame as usize;
-        let change = ChangedMask { frame, mask: views.mask(frame) };
+        let change = ChangedMask {
+            frame,
+            mask: views.mask(frame),
+        };
         if let Some(mask) = &change.mask {
             check_size(&views.frames()[frame], "mask", mask.width, mask.height)?;
         }
         report.frames_voted += usize::from(change.mask.is_some());
         if votes.frames[at].votes_otherwise(&change) {
-            held += change.mask.as_ref().map_or(0, |mask| size_of_val(&mask.ids[..]));
+            held += change
+                .mask
+                .as_ref()
+                .map_or(0, |mask| size_of_val(&mask.ids[..]));
             changed.push(change);
         }
         if held > HELD_BYTES {
@@ -80,20 +86,32 @@ pub fn vote_again(
     if !changed.is_empty() {
         votes = recounted(&votes, &changed, progress)?;
     }
-    Ok(finish(labelled(cloud.clone(), &votes, tree), votes, false, report))
+    Ok(finish(
+        labelled(cloud.clone(), &votes, tree),
+        votes,
+        false,
+        report,
+    ))
 }
 
 impl FramePairs {
     /// Whether a pixel that sees a point votes otherwise than it did.
     fn votes_otherwise(&self, change: &ChangedMask) -> bool {
         let now = |pair: &Pair| change.mask.as_ref().map(|mask| mask.at(pair.x, pair.y));
-        let differs = |chunk| PairReader::new(self.chunk(chunk)).any(|pair| now(&pair) != pair.vote);
-        (0..self.starts.len().saturating_sub(1)).into_par_iter().any(differs)
+        let differs =
+            |chunk| PairReader::new(self.chunk(chunk)).any(|pair| now(&pair) != pair.vote);
+        (0..self.starts.len().saturating_sub(1))
+            .into_par_iter()
+            .any(differs)
     }
 }
 
 /// The votes with those of the changed frames counted anew.
-fn recounted(votes: &Votes, changed: &[ChangedMask], progress: &Progress) -> Result<Votes, SceneError> {
+fn recounted(
+    votes: &Votes,
+    changed: &[ChangedMask],
+    progress: &Progress,
+) -> Result<Votes, SceneError> {
     let chunks = votes.len().div_ceil(CHUNK);
     let recounted: Vec<Recounted> = (0..chunks)
         .into_par_iter()
@@ -132,8 +150,9 @@ type Recounted = (Histograms, Vec<Vec<u8>>);
 
 fn recount(votes: &Votes, changed: &[ChangedMask], chunk: usize) -> Recounted {
     let points = chunk * CHUNK..((chunk + 1) * CHUNK).min(votes.len());
-    let pairs =
-        |change: &ChangedMask| position(votes, change.frame).map_or(&[][..], |at| votes.frames[at].chunk(chunk));
+    let pairs = |change: &ChangedMask| {
+        position(votes, change.frame).map_or(&[][..], |at| votes.frames[at].chunk(chunk))
+    };
     if changed.iter().all(|change| pairs(change).is_empty()) {
         return (votes.histograms(points), vec![Vec::new(); changed.len()]);
     }
@@ -163,28 +182,42 @@ fn revoted(pair: Pair, change: &ChangedMask, ballots: &mut Ballots) -> Pair {
 }
 
 fn position(votes: &Votes, frame: usize) -> Result<usize, usize> {
-    votes.frames.binary_search_by_key(&frame, |pairs| pairs.frame as usize)
+    votes
+        .frames
+        .binary_search_by_key(&frame, |pairs| pairs.frame as usize)
 }
 
 fn check(cloud: &LabelledCloud, votes: &Votes, changed: &[ChangedMask]) -> Result<(), SceneError> {
     let refuse = |why: String| Err(SceneError::Request(format!("{why}; fuse again")));
     if votes.len() != cloud.len() {
-        return refuse(format!("the votes are for {} points but the cloud has {}", votes.len(), cloud.len()));
+        return refuse(format!(
+            "the votes are for {} points but the cloud has {}",
+            votes.len(),
+            cloud.len()
+        ));
     }
     if !votes.has_pairs {
-        return refuse("the pixels that voted were not kept, as they would not fit into memory".into());
+        return refuse(
+            "the pixels that voted were not kept, as they would not fit into memory".into(),
+        );
     }
     for (place, change) in changed.iter().enumerate() {
         let Ok(found) = position(votes, change.frame) else {
             return refuse(format!("frame {} took no part in the vote", change.frame));
         };
-        if changed[..place].iter().any(|earlier| earlier.frame == change.frame) {
+        if changed[..place]
+            .iter()
+            .any(|earlier| earlier.frame == change.frame)
+        {
             return refuse(format!("frame {} is given twice", change.frame));
         }
         let pairs = &votes.frames[found];
         let size = change.mask.as_ref().map(|mask| (mask.width, mask.height));
         if size.is_some_and(|size| size != (pairs.width, pairs.height)) {
-            return refuse(format!("the mask of frame {} has another size than the frame had", change.frame));
+            return refuse(format!(
+                "the mask of frame {} has another size than the frame had",
+                change.frame
+            ));
         }
     }
     Ok(())

@@ -67,10 +67,21 @@ pub struct FuseReport {
 #[must_use]
 pub fn naming(what: &str, names: &[&str]) -> Option<String> {
     const SHOWN: usize = 5;
-    let (first, more) = (names.iter().take(SHOWN).copied().collect::<Vec<_>>().join(", "), names.len());
+    let (first, more) = (
+        names
+            .iter()
+            .take(SHOWN)
+            .copied()
+            .collect::<Vec<_>>()
+            .join(", "),
+        names.len(),
+    );
     match more {
         0 => None,
         1..=SHOWN => Some(format!("{more} frames {what}: {first}")),
-        _ => Some(format!("{more} frames {what}: {first} and {} more", more - SHOWN)),
+        _ => Some(format!(
+            "{more} frames {what}: {first} and {} more",
+            more - SHOWN
+        )),
     }
 }

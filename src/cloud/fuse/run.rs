@@ -80,16 +80,30 @@ pub fn fuse(
         None => measured_tolerance(&points.positions, views, &usable, report.voxel)?,
     };
     let vote_options = VoteOptions {
-        tolerance: Tolerance { absolute: report.voxel, relative: report.depth_tolerance },
+        tolerance: Tolerance {
+            absolute: report.voxel,
+            relative: report.depth_tolerance,
+        },
         radius: report.voxel,
         min_confidence: options.min_confidence,
         pair_budget_bytes: options.pair_budget_bytes,
     };
-    let voted = vote(&points.positions, &SeenPoints::new(), views, &vote_options, progress)?;
+    let voted = vote(
+        &points.positions,
+        &SeenPoints::new(),
+        views,
+        &vote_options,
+        progress,
+    )?;
     report.frames_voted = voted.frames;
     let mut cloud = LabelledCloud::from_positions(points.positions);
     (cloud.normals, cloud.colors) = (points.normals, points.colors);
-    Ok(finish(labelled(cloud, &voted.votes, tree), voted.votes, options.drop_unlabelled, report))
+    Ok(finish(
+        labelled(cloud, &voted.votes, tree),
+        voted.votes,
+        options.drop_unlabelled,
+        report,
+    ))
 }
 
 /// The default voxel size, and about how many voxels there will be.
@@ -99,33 +113,55 @@ fn choose_voxel(
     report: &mut FuseReport,
     progress: &Progress,
 ) -> Result<(f64, usize), SceneError> {
-    let coverage = Coverage::measure(views, usable, false, progress)?
-        .ok_or_else(|| usable.first().and_then(|&first| views.fault(first)).unwrap_or_else(no_depth))?;
-    report.chosen = Some(ChosenVoxel { footprint: coverage.footprint, views: coverage.views });
+    let coverage = Coverage::measure(views, usable, false, progress)?.ok_or_else(|| {
+        usable
+            .first()
+            .and_then(|&first| views.fault(first))
+            .unwrap_or_else(no_depth)
+    })?;
+    report.chosen = Some(ChosenVoxel {
+        footprint: coverage.footprint,
+        views: coverage.views,
+    });
     let voxel = coverage.point_voxel();
     Ok((voxel, (coverage.cells(voxel) as usize).min(MANY_VOXELS)))
 }
 
 fn too_many(voxel: f64) -> SceneError {
     let millions = MAX_VOXELS / 1_000_000;
-    let what = format!("a voxel size of {voxel} gives more than {millions} million voxels; give a larger one, or none");
+    let what = format!(
+        "a voxel size of {voxel} gives more than {millions} million voxels; give a larger one, or none"
+    );
     SceneError::Request(what)
 }
 
 fn check_options(options: &FuseOptions) -> Result<(), SceneError> {
     let refuse = |what: String| Err(SceneError::Request(what));
-    if let Some(voxel) = options.voxel.filter(|voxel| !(voxel.is_finite() && *voxel > 0.0)) {
-        return refuse(format!("a voxel size of {voxel} is not possible; give a length above 0"));
+    if let Some(voxel) = options
+        .voxel
+        .filter(|voxel| !(voxel.is_finite() && *voxel > 0.0))
+    {
+        return refuse(format!(
+            "a voxel size of {voxel} is not possible; give a length above 0"
+        ));
     }
-    let shares = [options.min_confidence, options.edge_tolerance, options.depth_tolerance.unwrap_or(0.0)];
+    let shares = [
+        options.min_confidence,
+        options.edge_tolerance,
+        options.depth_tolerance.unwrap_or(0.0),
+    ];
     if let Some(share) = shares.iter().find(|share| !(0.0..=1.0).contains(*share)) {
-        return refuse(format!("{share} is no share; confidence and tolerances go from 0 to 1"));
+        return refuse(format!(
+            "{share} is no share; confidence and tolerances go from 0 to 1"
+        ));
     }
     Ok(())
 }
 
 fn no_depth() -> SceneError {
-    SceneError::Request("no frame has both a depth and a camera with a pose; add depth and cameras first".into())
+    SceneError::Request(
+        "no frame has both a depth and a camera with a pose; add depth and cameras first".into(),
+    )
 }
 
 /// The frames that give points; the others are named in the warnings.
@@ -138,9 +174,17 @@ fn usable_frames(views: &dyn Views, report: &mut FuseReport) -> Result<Vec<usize
             (false, _) => no_camera.push(frame.name.as_str()),
         }
     }
-    report.warnings.extend(naming("have no camera and are left out", &no_camera));
-    report.warnings.extend(naming("have no depth and give no points", &no_depth_names));
-    if usable.is_empty() { Err(no_depth()) } else { Ok(usable) }
+    report
+        .warnings
+        .extend(naming("have no camera and are left out", &no_camera));
+    report
+        .warnings
+        .extend(naming("have no depth and give no points", &no_depth_names));
+    if usable.is_empty() {
+        Err(no_depth())
+    } else {
+        Ok(usable)
+    }
 }
 
 /// The pixels of a frame.
@@ -149,7 +193,9 @@ type Pixels = (Arc<Image>, Arc<DepthMap>);
 fn load(views: &dyn Views, index: usize) -> Result<Option<Pixels>, SceneError> {
     let frame = &views.frames()[index];
     let (image, depth) = rayon::join(|| views.image(index), || views.depth(index));
-    let (Some(image), Some(depth)) = (readable(image)?, depth?) else { return Ok(None) };
+    let (Some(image), Some(depth)) = (readable(image)?, depth?) else {
+        return Ok(None);
+    };
     check_size(frame, "picture", image.width, image.height)?;
     check_size(frame, "depth", depth.width, depth.height)?;
     Ok(Some((image, depth)))
@@ -165,7 +211,11 @@ fn make_points(
     progress: &Progress,
 ) -> Result<Option<GridPoints>, SceneError> {
     (report.frames_fused, report.pixels, report.dropped) = Default::default();
-    let most = if options.voxel.is_some() { MAX_VOXELS } else { MANY_VOXELS };
+    let most = if options.voxel.is_some() {
+        MAX_VOXELS
+    } else {
+        MANY_VOXELS
+    };
     let mut grid = Grid::new(nearest_corner(views, usable), report.voxel, expected);
     let mut rays: Option<Rays> = None;
     let mut unreadable = Vec::new();
@@ -176,10 +226,22 @@ fn make_points(
         if current.is_none() {
             unreadable.push(views.frames()[index].name.as_str());
         }
-        let Some(view) = View::new(&views.frames()[index])? else { continue };
+        let Some(view) = View::new(&views.frames()[index])? else {
+            continue;
+        };
         let (added, loaded) = rayon::join(
-            || current.map(|pixels| add_frame(&mut grid, &mut rays, &view, &pixels, options, progress)).transpose(),
-            || usable.get(done + 1).map_or(Ok(None), |&index| load(views, index)),
+            || {
+                current
+                    .map(|pixels| {
+                        add_frame(&mut grid, &mut rays, &view, &pixels, options, progress)
+                    })
+                    .transpose()
+            },
+            || {
+                usable
+                    .get(done + 1)
+                    .map_or(Ok(None), |&index| load(views, index))
+            },
         );
         next = loaded?;
         if let Some(count) = added? {
@@ -192,13 +254,22 @@ fn make_points(
             return Ok(None);
         }
     }
-    let warning = naming("cannot be read (image or depth) and give no points", &unreadable);
+    let warning = naming(
+        "cannot be read (image or depth) and give no points",
+        &unreadable,
+    );
     if let (0, Some(warning)) = (report.frames_fused, &warning) {
-        let unknown = || SceneError::Request(format!("no frame can be read: {warning}; check images and depths"));
+        let unknown = || {
+            SceneError::Request(format!(
+                "no frame can be read: {warning}; check images and depths"
+            ))
+        };
         return Err(views.fault(usable[0]).unwrap_or_else(unknown));
     }
     report.warnings.extend(warning);
-    let one_layer = report.chosen.is_some_and(|chosen| chosen.views >= MANY_VIEWS);
+    let one_layer = report
+        .chosen
+        .is_some_and(|chosen| chosen.views >= MANY_VIEWS);
     let points = grid.into_points(options.min_views, one_layer, progress)?;
     (report.dropped.few_views, report.dropped.layers) = (points.few_views, points.merged);
     keep_inliers(points, options, report, progress).map(Some)
@@ -206,7 +277,9 @@ fn make_points(
 
 /// The smallest coordinates of any camera: near the scene wherever that lies, and the same in any order of frames.
 pub(super) fn nearest_corner(views: &dyn Views, usable: &[usize]) -> DVec3 {
-    let centres = usable.iter().filter_map(|&index| Some(views.frames()[index].posed_camera()?.1.centre()));
+    let centres = usable
+        .iter()
+        .filter_map(|&index| Some(views.frames()[index].posed_camera()?.1.centre()));
     centres.reduce(DVec3::min).unwrap_or_default()
 }
 
@@ -222,7 +295,14 @@ fn add_frame(
         Some(_) => rays.insert(Rays::new(&view.camera)),
         None => rays.get_or_insert_with(|| Rays::new(&view.camera)),
     };
-    let lift = Lift::new(view, rays, image, depth, grid.frame(), options.edge_tolerance);
+    let lift = Lift::new(
+        view,
+        rays,
+        image,
+        depth,
+        grid.frame(),
+        options.edge_tolerance,
+    );
     Ok(grid.add(&lift, depth.height, progress)?)
 }
 
@@ -232,7 +312,9 @@ fn keep_inliers(
     report: &mut FuseReport,
     progress: &Progress,
 ) -> Result<GridPoints, SceneError> {
-    let Some(outlier_options) = &options.outliers else { return Ok(points) };
+    let Some(outlier_options) = &options.outliers else {
+        return Ok(points);
+    };
     let far = outliers(&points.positions, outlier_options, progress)?;
     report.dropped.outliers = far.iter().filter(|&&far| far).count();
     let near: Vec<usize> = (0..far.len()).filter(|&index| !far[index]).collect();
@@ -246,7 +328,12 @@ fn keep_inliers(
 }
 
 /// Leaves out what is not wanted and counts the rest.
-pub(super) fn finish(cloud: LabelledCloud, votes: Votes, drop_unlabelled: bool, mut report: FuseReport) -> Fused {
+pub(super) fn finish(
+    cloud: LabelledCloud,
+    votes: Votes,
+    drop_unlabelled: bool,
+    mut report: FuseReport,
+) -> Fused {
     for (point, &label) in cloud.labels.iter().enumerate() {
         let seen = !votes.histogram(point).is_empty();
         let sure = cloud.confidence[point] >= votes.min_confidence;
@@ -254,9 +341,14 @@ pub(super) fn finish(cloud: LabelledCloud, votes: Votes, drop_unlabelled: bool, 
         report.unsure += usize::from(seen && !sure && label == LabelId::NONE);
     }
     let (cloud, votes) = if drop_unlabelled {
-        let kept: Vec<u32> = (0..cloud.len() as u32).filter(|&p| cloud.labels[p as usize] != LabelId::NONE).collect();
+        let kept: Vec<u32> = (0..cloud.len() as u32)
+            .filter(|&p| cloud.labels[p as usize] != LabelId::NONE)
+            .collect();
         let is_contour = |&point: &usize| {
-            let voted = votes.histogram(point).iter().any(|&(label, _)| label != LabelId::NONE);
+            let voted = votes
+                .histogram(point)
+                .iter()
+                .any(|&(label, _)| label != LabelId::NONE);
             voted && cloud.labels[point] == LabelId::NONE
         };
         report.dropped.contour = (0..cloud.len()).filter(is_contour).count();
@@ -267,12 +359,19 @@ pub(super) fn finish(cloud: LabelledCloud, votes: Votes, drop_unlabelled: bool, 
     };
     report.points = cloud.len();
     let mut labels = BTreeMap::new();
-    cloud.labels.iter().for_each(|&label| *labels.entry(label).or_default() += 1);
+    cloud
+        .labels
+        .iter()
+        .for_each(|&label| *labels.entry(label).or_default() += 1);
     report.labels = labels;
     if !votes.has_voters() {
         report.warnings.push(
             "the pixels that voted do not fit into memory and were not kept; a changed mask needs fusing again".into(),
         );
     }
-    Fused { cloud, votes, report }
+    Fused {
+        cloud,
+        votes,
+        report,
+    }
 }

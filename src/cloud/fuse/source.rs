@@ -59,7 +59,12 @@ impl Views for ProjectViews<'_> {
 
     /// A depth that cannot be read is as good as none; fusion names its frame.
     fn depth(&self, index: usize) -> Result<Option<Arc<DepthMap>>, SceneError> {
-        Ok(readable(self.store.depth(&self.frames[index]).map_err(SceneError::from))?.flatten())
+        Ok(readable(
+            self.store
+                .depth(&self.frames[index])
+                .map_err(SceneError::from),
+        )?
+        .flatten())
     }
 
     fn mask(&self, index: usize) -> Option<Arc<LabelMask>> {
@@ -68,7 +73,13 @@ impl Views for ProjectViews<'_> {
 
     fn fault(&self, index: usize) -> Option<SceneError> {
         let frame = &self.frames[index];
-        Some(self.store.image(frame).err().or_else(|| self.store.depth(frame).err())?.into())
+        Some(
+            self.store
+                .image(frame)
+                .err()
+                .or_else(|| self.store.depth(frame).err())?
+                .into(),
+        )
     }
 }
 
@@ -86,7 +97,12 @@ pub fn readable<T>(read: Result<T, SceneError>) -> Result<Option<T>, SceneError>
 }
 
 /// Refuses pixels of another size than their frame: they would vote for the wrong points.
-pub(super) fn check_size(frame: &Frame, what: &str, width: u32, height: u32) -> Result<(), SceneError> {
+pub(super) fn check_size(
+    frame: &Frame,
+    what: &str,
+    width: u32,
+    height: u32,
+) -> Result<(), SceneError> {
     if (width, height) == (frame.width, frame.height) {
         return Ok(());
     }

@@ -7,11 +7,22 @@ use ostra_frames::DepthMap;
 /// the nearest wins. It hides the far side of a surface where a frame has no depth of its own.
 pub(super) fn splat_depth(points: &[Vec3], view: &View, radius: f64) -> DepthMap {
     let (width, height) = (view.camera.width, view.camera.height);
-    let mut map = DepthMap { width, height, depths: vec![f32::INFINITY; width as usize * height as usize] };
+    let mut map = DepthMap {
+        width,
+        height,
+        depths: vec![f32::INFINITY; width as usize * height as usize],
+    };
     let focal = view.camera.focal_px.max_element();
     for &point in points {
-        let Some(at) = view.project(point) else { continue };
-        draw_disc(&mut map, at.at_px, radius * focal / at.depth, at.depth as f32);
+        let Some(at) = view.project(point) else {
+            continue;
+        };
+        draw_disc(
+            &mut map,
+            at.at_px,
+            radius * focal / at.depth,
+            at.depth as f32,
+        );
     }
     for depth in &mut map.depths {
         *depth = if depth.is_finite() { *depth } else { 0.0 };

@@ -60,25 +60,47 @@ impl Scene {
         let camera = Camera::pinhole(WIDTH, HEIGHT, 80.0, 80.0, 40.0, 30.0);
         let (mut depths, mut ids, mut pixels) = (Vec::new(), Vec::new(), Vec::new());
         for index in 0..WIDTH * HEIGHT {
-            let at = DVec2::new(f64::from(index % WIDTH) + 0.5, f64::from(index / WIDTH) + 0.5);
+            let at = DVec2::new(
+                f64::from(index % WIDTH) + 0.5,
+                f64::from(index / WIDTH) + 0.5,
+            );
             let ray = pose.rotation.conjugate() * camera.unproject(at).extend(1.0);
             let (depth, id) = cast(eye, ray);
             depths.push(depth as f32);
             ids.push(id);
-            pixels.push(if id == BALL { [200, 10, 10] } else { [10, 10, 200] });
+            pixels.push(if id == BALL {
+                [200, 10, 10]
+            } else {
+                [10, 10, 200]
+            });
         }
         let frame = Frame {
             name: format!("{:03}", self.frames.len()),
             width: WIDTH,
             height: HEIGHT,
-            picture: PictureSource::File { path: "none".into(), orientation: Orientation(1) },
+            picture: PictureSource::File {
+                path: "none".into(),
+                orientation: Orientation(1),
+            },
             depth: None,
             camera: Some(FrameCamera::given(camera, Some(pose))),
         };
         self.frames.push(frame);
-        self.images.push(Arc::new(Image { width: WIDTH, height: HEIGHT, pixels }));
-        self.depths.push(Some(Arc::new(DepthMap { width: WIDTH, height: HEIGHT, depths })));
-        self.masks.push(Some(Arc::new(LabelMask { width: WIDTH, height: HEIGHT, ids })));
+        self.images.push(Arc::new(Image {
+            width: WIDTH,
+            height: HEIGHT,
+            pixels,
+        }));
+        self.depths.push(Some(Arc::new(DepthMap {
+            width: WIDTH,
+            height: HEIGHT,
+            depths,
+        })));
+        self.masks.push(Some(Arc::new(LabelMask {
+            width: WIDTH,
+            height: HEIGHT,
+            ids,
+        })));
     }
 
     fn reordered(&self, order: &[usize]) -> Self {
@@ -97,21 +119,38 @@ impl Scene {
 
 /// Depth along the optical axis (the ray has length 1 along it) and label of what a ray meets.
 fn cast(eye: DVec3, ray: DVec3) -> (f64, LabelId) {
-    let (a, b, c) = (ray.length_squared(), eye.dot(ray), eye.length_squared() - 0.09);
+    let (a, b, c) = (
+        ray.length_squared(),
+        eye.dot(ray),
+        eye.length_squared() - 0.09,
+    );
     let root = b * b - a * c;
-    if root > 0.0 { ((-b - root.sqrt()) / a, BALL) } else { ((1.0 - eye.z) / ray.z, WALL) }
+    if root > 0.0 {
+        ((-b - root.sqrt()) / a, BALL)
+    } else {
+        ((1.0 - eye.z) / ray.z, WALL)
+    }
 }
 
 fn tree() -> LabelTree {
     let mut tree = LabelTree::default();
     for (id, name) in [(WALL, "wall"), (BALL, "ball")] {
-        tree.set(Label { id, name: name.into(), color: [id.0 as u8; 3], parent: None }).unwrap();
+        tree.set(Label {
+            id,
+            name: name.into(),
+            color: [id.0 as u8; 3],
+            parent: None,
+        })
+        .unwrap();
     }
     tree
 }
 
 fn options() -> FuseOptions {
-    FuseOptions { voxel: Some(0.03), ..FuseOptions::default() }
+    FuseOptions {
+        voxel: Some(0.03),
+        ..FuseOptions::default()
+    }
 }
 
 fn is_ball(cloud: &LabelledCloud, point: usize) -> bool {
@@ -122,14 +161,40 @@ fn is_ball(cloud: &LabelledCloud, point: usize) -> bool {
 fn labels_colors_normals_and_places_are_true() {
     let fused = Scene::new(7).fused(&options());
     let cloud = &fused.cloud;
-    let right = (0..cloud.len()).filter(|&p| cloud.labels[p] == if is_ball(cloud, p) { BALL } else { WALL }).count();
-    assert!(right as f64 > 0.998 * cloud.len() as f64, "{right} of {}", cloud.len());
+    let right = (0..cloud.len())
+        .filter(|&p| cloud.labels[p] == if is_ball(cloud, p) { BALL } else { WALL })
+        .count();
+    assert!(
+        right as f64 > 0.998 * cloud.len() as f64,
+        "{right} of {}",
+        cloud.len()
+    );
     let balls: Vec<usize> = (0..cloud.len()).filter(|&p| is_ball(cloud, p)).collect();
-    let off = balls.iter().map(|&p| (cloud.positions[p].length() - 0.3).abs()).fold(0.0, f32::max);
-    assert!(balls.len() > 300 && off < 0.012, "{} points, {off}", balls.len());
-    let straight = balls.iter().filter(|&&p| cloud.normals[p].dot(cloud.positions[p].normalize()) > 0.9).count();
-    assert!(straight as f64 > 0.9 * balls.len() as f64, "{straight} of {}", balls.len());
-    assert!(balls.iter().filter(|&&p| cloud.colors[p] == [200, 10, 10]).count() as f64 > 0.95 * balls.len() as f64);
+    let off = balls
+        .iter()
+        .map(|&p| (cloud.positions[p].length() - 0.3).abs())
+        .fold(0.0, f32::max);
+    assert!(
+        balls.len() > 300 && off < 0.012,
+        "{} points, {off}",
+        balls.len()
+    );
+    let straight = balls
+        .iter()
+        .filter(|&&p| cloud.normals[p].dot(cloud.positions[p].normalize()) > 0.9)
+        .count();
+    assert!(
+        straight as f64 > 0.9 * balls.len() as f64,
+        "{straight} of {}",
+        balls.len()
+    );
+    assert!(
+        balls
+            .iter()
+            .filter(|&&p| cloud.colors[p] == [200, 10, 10])
+            .count() as f64
+            > 0.95 * balls.len() as f64
+    );
     assert_eq!(fused.report.frames_fused, 7);
     assert_eq!(fused.report.pixels, 7 * 4800);
     assert_eq!(fused.report.labels.values().sum::<usize>(), cloud.len());
@@ -139,19 +204,39 @@ fn labels_colors_normals_and_places_are_true() {
 fn no_label_appears_that_no_mask_has() {
     let mut scene = Scene::new(5);
     for mask in &mut scene.masks {
-        let ids =
-            mask.as_ref().unwrap().ids.iter().map(|&id| if id == BALL { LabelId(40) } else { LabelId(10) }).collect();
-        *mask = Some(Arc::new(LabelMask { width: WIDTH, height: HEIGHT, ids }));
+        let ids = mask
+            .as_ref()
+            .unwrap()
+            .ids
+            .iter()
+            .map(|&id| if id == BALL { LabelId(40) } else { LabelId(10) })
+            .collect();
+        *mask = Some(Arc::new(LabelMask {
+            width: WIDTH,
+            height: HEIGHT,
+            ids,
+        }));
     }
     let fused = scene.fused(&options());
-    assert!(fused.cloud.labels.iter().all(|id| [0, 10, 40].contains(&id.0)));
+    assert!(
+        fused
+            .cloud
+            .labels
+            .iter()
+            .all(|id| [0, 10, 40].contains(&id.0))
+    );
     assert_eq!(fused.cloud.tree.get(LabelId(40)).unwrap().name, "40");
 }
 
 #[test]
 fn threads_do_not_change_a_byte() {
     let scene = Scene::new(4);
-    let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let pool = |threads| {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap()
+    };
     let one = pool(1).install(|| scene.fused(&options()));
     let five = pool(5).install(|| scene.fused(&options()));
     assert!(one == five);
@@ -196,15 +281,41 @@ proptest! {
 #[test]
 fn voters_are_the_pixels_that_see_the_point() {
     let scene = Scene::new(6);
-    let fused = scene.fused(&FuseOptions { drop_unlabelled: true, ..options() });
+    let fused = scene.fused(&FuseOptions {
+        drop_unlabelled: true,
+        ..options()
+    });
     for point in (0..fused.cloud.len()).step_by(97) {
         let voters = fused.votes.voters(point);
-        assert_eq!(voters.len(), fused.votes.histogram(point).iter().map(|&(_, n)| usize::from(n)).sum::<usize>());
+        assert_eq!(
+            voters.len(),
+            fused
+                .votes
+                .histogram(point)
+                .iter()
+                .map(|&(_, n)| usize::from(n))
+                .sum::<usize>()
+        );
         for voter in voters {
             let (camera, pose) = scene.frames[voter.frame].posed_camera().unwrap();
-            let at = camera.project(pose.transform(fused.cloud.positions[point].as_dvec3())).unwrap();
-            assert!((at - DVec2::new(f64::from(voter.x) + 0.5, f64::from(voter.y) + 0.5)).abs().max_element() < 1.51);
-            assert_eq!(voter.label, Some(scene.masks[voter.frame].as_ref().unwrap().at(voter.x, voter.y)));
+            let at = camera
+                .project(pose.transform(fused.cloud.positions[point].as_dvec3()))
+                .unwrap();
+            assert!(
+                (at - DVec2::new(f64::from(voter.x) + 0.5, f64::from(voter.y) + 0.5))
+                    .abs()
+                    .max_element()
+                    < 1.51
+            );
+            assert_eq!(
+                voter.label,
+                Some(
+                    scene.masks[voter.frame]
+                        .as_ref()
+                        .unwrap()
+                        .at(voter.x, voter.y)
+                )
+            );
         }
     }
 }
@@ -213,28 +324,69 @@ fn voters_are_the_pixels_that_see_the_point() {
 fn what_is_not_wanted_is_left_out_and_counted() {
     let mut scene = Scene::new(5);
     for mask in &mut scene.masks {
-        let ids = mask.as_ref().unwrap().ids.iter().map(|&id| if id == BALL { BALL } else { LabelId::NONE }).collect();
-        *mask = Some(Arc::new(LabelMask { width: WIDTH, height: HEIGHT, ids }));
+        let ids = mask
+            .as_ref()
+            .unwrap()
+            .ids
+            .iter()
+            .map(|&id| if id == BALL { BALL } else { LabelId::NONE })
+            .collect();
+        *mask = Some(Arc::new(LabelMask {
+            width: WIDTH,
+            height: HEIGHT,
+            ids,
+        }));
     }
     let all = scene.fused(&options());
-    let kept = scene.fused(&FuseOptions { drop_unlabelled: true, ..options() });
+    let kept = scene.fused(&FuseOptions {
+        drop_unlabelled: true,
+        ..options()
+    });
     assert!(kept.cloud.labels.iter().all(|&id| id == BALL));
     assert_eq!(kept.report.dropped.contour, 0);
-    assert_eq!(kept.cloud.len() + kept.report.dropped.background, all.cloud.len());
+    assert_eq!(
+        kept.cloud.len() + kept.report.dropped.background,
+        all.cloud.len()
+    );
     assert_eq!(kept.votes.len(), kept.cloud.len());
     scene.masks[2] = Some(Arc::new(LabelMask::empty(WIDTH, HEIGHT)));
-    let sure = scene.fused(&FuseOptions { min_confidence: 0.9, ..options() });
+    let sure = scene.fused(&FuseOptions {
+        min_confidence: 0.9,
+        ..options()
+    });
     assert!(sure.report.unsure > 0);
-    assert!((0..sure.cloud.len()).all(|p| sure.cloud.labels[p] == LabelId::NONE || sure.cloud.confidence[p] >= 0.9));
-    let clean = scene.fused(&FuseOptions { min_confidence: 0.9, drop_unlabelled: true, ..options() });
-    let Dropped { background, contour, .. } = clean.report.dropped;
-    let voted = |point: &usize| sure.votes.histogram(*point).iter().any(|&(id, _)| id == BALL);
+    assert!(
+        (0..sure.cloud.len())
+            .all(|p| sure.cloud.labels[p] == LabelId::NONE || sure.cloud.confidence[p] >= 0.9)
+    );
+    let clean = scene.fused(&FuseOptions {
+        min_confidence: 0.9,
+        drop_unlabelled: true,
+        ..options()
+    });
+    let Dropped {
+        background,
+        contour,
+        ..
+    } = clean.report.dropped;
+    let voted = |point: &usize| {
+        sure.votes
+            .histogram(*point)
+            .iter()
+            .any(|&(id, _)| id == BALL)
+    };
     let lost = (0..sure.cloud.len()).filter(|&point| sure.cloud.labels[point] != BALL);
     let (contours, backgrounds): (Vec<usize>, Vec<usize>) = lost.partition(voted);
     assert_eq!((background, contour), (backgrounds.len(), contours.len()));
     assert!(contour > 0 && background > 0, "{background} {contour}");
-    let twice = scene.fused(&FuseOptions { min_views: 3, ..options() });
-    assert_eq!(twice.cloud.len() + twice.report.dropped.few_views, all.cloud.len());
+    let twice = scene.fused(&FuseOptions {
+        min_views: 3,
+        ..options()
+    });
+    assert_eq!(
+        twice.cloud.len() + twice.report.dropped.few_views,
+        all.cloud.len()
+    );
 }
 
 #[test]
@@ -245,24 +397,42 @@ fn flying_pixels_make_no_points() {
     scene.depths[0] = Some(Arc::new(depth));
     let fused = scene.fused(&options());
     assert!(fused.report.dropped.flying_pixels >= 1);
-    let kept = scene.fused(&FuseOptions { edge_tolerance: 1.0, ..options() });
+    let kept = scene.fused(&FuseOptions {
+        edge_tolerance: 1.0,
+        ..options()
+    });
     assert!(kept.cloud.len() > fused.cloud.len());
 }
 
 #[test]
 fn the_pixels_are_not_kept_beyond_the_budget_but_the_labels_are_the_same() {
     let scene = Scene::new(3);
-    let (full, thin) = (scene.fused(&options()), scene.fused(&FuseOptions { pair_budget_bytes: 100, ..options() }));
+    let (full, thin) = (
+        scene.fused(&options()),
+        scene.fused(&FuseOptions {
+            pair_budget_bytes: 100,
+            ..options()
+        }),
+    );
     assert_eq!(full.cloud, thin.cloud);
-    assert!(!thin.votes.has_voters() && thin.votes.voters(0).is_empty() && thin.report.warnings.len() == 1);
+    assert!(
+        !thin.votes.has_voters()
+            && thin.votes.voters(0).is_empty()
+            && thin.report.warnings.len() == 1
+    );
     let refused = relabel(&thin.cloud, &thin.votes, &[], &tree(), &Progress::default());
     assert!(refused.unwrap_err().to_string().contains("not kept"));
 }
 
 #[test]
 fn votes_come_back_from_a_file_and_damage_is_noticed() {
-    let votes =
-        Scene::new(3).fused(&FuseOptions { voxel: Some(0.2), min_confidence: 0.25, ..FuseOptions::default() }).votes;
+    let votes = Scene::new(3)
+        .fused(&FuseOptions {
+            voxel: Some(0.2),
+            min_confidence: 0.25,
+            ..FuseOptions::default()
+        })
+        .votes;
     let mut bytes = Vec::new();
     write_votes(&mut bytes, &votes).unwrap();
     assert!(read_votes(&bytes[..]).unwrap() == votes);
@@ -274,36 +444,76 @@ fn votes_come_back_from_a_file_and_damage_is_noticed() {
         damaged[at] ^= 0x10;
         assert!(read_votes(&damaged[..]).is_err(), "changed at {at}");
     }
-    assert!(read_votes(&b"PLY"[..]).unwrap_err().to_string().contains("fuse again"));
+    assert!(
+        read_votes(&b"PLY"[..])
+            .unwrap_err()
+            .to_string()
+            .contains("fuse again")
+    );
 }
 
 #[test]
 fn a_cloud_without_depth_hides_itself() {
     let mut scene = Scene::new(7);
-    let cloud = scene.fused(&FuseOptions { voxel: Some(0.02), ..FuseOptions::default() }).cloud;
+    let cloud = scene
+        .fused(&FuseOptions {
+            voxel: Some(0.02),
+            ..FuseOptions::default()
+        })
+        .cloud;
     scene.depths.iter_mut().for_each(|depth| *depth = None);
-    let bare = LabelledCloud { labels: vec![LabelId::NONE; cloud.len()], ..cloud.clone() };
-    let fused = vote_onto(&bare, &scene, &tree(), &OntoOptions::default(), &Progress::default()).unwrap();
-    let right =
-        (0..cloud.len()).filter(|&p| fused.cloud.labels[p] == if is_ball(&cloud, p) { BALL } else { WALL }).count();
-    assert!(right as f64 > 0.985 * cloud.len() as f64, "{right} of {}", cloud.len());
+    let bare = LabelledCloud {
+        labels: vec![LabelId::NONE; cloud.len()],
+        ..cloud.clone()
+    };
+    let fused = vote_onto(
+        &bare,
+        &scene,
+        &tree(),
+        &OntoOptions::default(),
+        &Progress::default(),
+    )
+    .unwrap();
+    let right = (0..cloud.len())
+        .filter(|&p| fused.cloud.labels[p] == if is_ball(&cloud, p) { BALL } else { WALL })
+        .count();
+    assert!(
+        right as f64 > 0.985 * cloud.len() as f64,
+        "{right} of {}",
+        cloud.len()
+    );
     assert_eq!(fused.cloud.positions, cloud.positions);
 }
 
 #[test]
 fn a_frame_votes_in_the_pixels_that_are_known_to_see_a_point_and_nowhere_else() {
     let mut scene = Scene::new(3);
-    let cloud = scene.fused(&FuseOptions { voxel: Some(0.02), ..FuseOptions::default() }).cloud;
+    let cloud = scene
+        .fused(&FuseOptions {
+            voxel: Some(0.02),
+            ..FuseOptions::default()
+        })
+        .cloud;
     scene.masks.iter_mut().skip(1).for_each(|mask| *mask = None);
     let ball = |seen: &SeenPoint| scene.masks[0].as_ref().unwrap().at(seen.x, seen.y) == BALL;
     // Every 50th point, each in a pixel of its own, over more than one chunk of points.
-    let pixel =
-        |point: usize| SeenPoint { point: point as u32, x: point as u32 % WIDTH, y: point as u32 / 50 % HEIGHT };
+    let pixel = |point: usize| SeenPoint {
+        point: point as u32,
+        x: point as u32 % WIDTH,
+        y: point as u32 / 50 % HEIGHT,
+    };
     let known: Vec<SeenPoint> = (0..cloud.len()).step_by(50).map(pixel).collect();
     assert!(cloud.len() > super::pairs::CHUNK && known.iter().any(ball) && !known.iter().all(ball));
     let seen = SeenPoints::from([(0, known.clone())]);
-    let fused =
-        vote_seen(cloud.clone(), &seen, &scene, &tree(), &OntoOptions::default(), &Progress::default()).unwrap();
+    let fused = vote_seen(
+        cloud.clone(),
+        &seen,
+        &scene,
+        &tree(),
+        &OntoOptions::default(),
+        &Progress::default(),
+    )
+    .unwrap();
     for (point, label) in fused.cloud.labels.iter().enumerate() {
         let expected = match known.iter().find(|seen| seen.point as usize == point) {
             Some(seen) if ball(seen) => BALL,
@@ -314,7 +524,10 @@ fn a_frame_votes_in_the_pixels_that_are_known_to_see_a_point_and_nowhere_else() 
     }
     let voter = fused.votes.voters(50)[0];
     assert_eq!((voter.frame, voter.x, voter.y), (0, known[1].x, known[1].y));
-    assert_eq!((fused.report.frames_fused, fused.report.frames_voted), (1, 1));
+    assert_eq!(
+        (fused.report.frames_fused, fused.report.frames_voted),
+        (1, 1)
+    );
 }
 
 #[test]
@@ -325,21 +538,50 @@ fn frames_that_cannot_help_are_named_and_wrong_ones_refused() {
     let fused = scene.fused(&options());
     assert_eq!(
         fused.report.warnings,
-        ["1 frames have no camera and are left out: 001", "1 frames have no depth and give no points: 002"]
+        [
+            "1 frames have no camera and are left out: 001",
+            "1 frames have no depth and give no points: 002"
+        ]
     );
-    assert_eq!((fused.report.frames_fused, fused.report.frames_voted), (2, 3));
+    assert_eq!(
+        (fused.report.frames_fused, fused.report.frames_voted),
+        (2, 3)
+    );
     let refusal = |scene: &Scene, options: &FuseOptions| {
-        fuse(scene, &tree(), options, &Progress::default()).unwrap_err().to_string()
+        fuse(scene, &tree(), options, &Progress::default())
+            .unwrap_err()
+            .to_string()
     };
-    assert!(refusal(&scene, &FuseOptions { voxel: Some(-1.0), ..options() }).contains("voxel size"));
-    assert!(refusal(&scene, &FuseOptions { min_confidence: 1.5, ..options() }).contains("0 to 1"));
+    assert!(
+        refusal(
+            &scene,
+            &FuseOptions {
+                voxel: Some(-1.0),
+                ..options()
+            }
+        )
+        .contains("voxel size")
+    );
+    assert!(
+        refusal(
+            &scene,
+            &FuseOptions {
+                min_confidence: 1.5,
+                ..options()
+            }
+        )
+        .contains("0 to 1")
+    );
     let mut small = scene.clone();
     small.masks[3] = Some(Arc::new(LabelMask::empty(3, 3)));
     assert!(refusal(&small, &options()).contains("frame '003': its mask is 3x3"));
     assert!(refusal(&Scene::default(), &options()).contains("no frame has both"));
     let stopped = Progress::default();
     stopped.stop();
-    assert!(matches!(fuse(&scene, &tree(), &options(), &stopped), Err(SceneError::Stopped(_))));
+    assert!(matches!(
+        fuse(&scene, &tree(), &options(), &stopped),
+        Err(SceneError::Stopped(_))
+    ));
 }
 
 #[test]
@@ -350,8 +592,18 @@ fn the_voxel_size_is_what_a_pixel_covers() {
     assert!((0.03..0.045).contains(&voxel(&scene)), "{}", voxel(&scene));
     // The ball is 1.7 to 2 away.
     for mask in &mut scene.masks {
-        let ids = mask.as_ref().unwrap().ids.iter().map(|&id| if id == BALL { BALL } else { LabelId::NONE }).collect();
-        *mask = Some(Arc::new(LabelMask { width: WIDTH, height: HEIGHT, ids }));
+        let ids = mask
+            .as_ref()
+            .unwrap()
+            .ids
+            .iter()
+            .map(|&id| if id == BALL { BALL } else { LabelId::NONE })
+            .collect();
+        *mask = Some(Arc::new(LabelMask {
+            width: WIDTH,
+            height: HEIGHT,
+            ids,
+        }));
     }
     assert!((0.021..0.026).contains(&voxel(&scene)), "{}", voxel(&scene));
 }
@@ -385,11 +637,41 @@ fn a_surface_that_is_seen_often_by_a_noisy_sensor_gives_one_point_a_place() {
         *depth = Some(Arc::new(map));
     }
     let noisy = noisy.fused(&FuseOptions::default());
-    assert!(noisy.report.chosen.unwrap().views >= 10.0, "{:?}", noisy.report);
-    let exact = exact.fused(&FuseOptions { voxel: Some(noisy.report.voxel), ..FuseOptions::default() });
-    let wall = |fused: &Fused| (0..fused.cloud.len()).filter(|&point| !is_ball(&fused.cloud, point)).count();
-    assert!(noisy.report.dropped.layers * 4 > wall(&exact), "{:?}", noisy.report.dropped);
-    assert!(wall(&noisy) * 2 < wall(&exact) * 5, "{} points of noise, {} without", wall(&noisy), wall(&exact));
-    let off: f32 = noisy.cloud.positions.iter().filter(|at| at.length() > 0.5).map(|at| (at.z - 1.0).abs()).sum();
-    assert!(off / (wall(&noisy) as f32) < 0.02, "{}", off / wall(&noisy) as f32);
+    assert!(
+        noisy.report.chosen.unwrap().views >= 10.0,
+        "{:?}",
+        noisy.report
+    );
+    let exact = exact.fused(&FuseOptions {
+        voxel: Some(noisy.report.voxel),
+        ..FuseOptions::default()
+    });
+    let wall = |fused: &Fused| {
+        (0..fused.cloud.len())
+            .filter(|&point| !is_ball(&fused.cloud, point))
+            .count()
+    };
+    assert!(
+        noisy.report.dropped.layers * 4 > wall(&exact),
+        "{:?}",
+        noisy.report.dropped
+    );
+    assert!(
+        wall(&noisy) * 2 < wall(&exact) * 5,
+        "{} points of noise, {} without",
+        wall(&noisy),
+        wall(&exact)
+    );
+    let off: f32 = noisy
+        .cloud
+        .positions
+        .iter()
+        .filter(|at| at.length() > 0.5)
+        .map(|at| (at.z - 1.0).abs())
+        .sum();
+    assert!(
+        off / (wall(&noisy) as f32) < 0.02,
+        "{}",
+        off / wall(&noisy) as f32
+    );
 }

@@ -28,11 +28,20 @@ pub(super) fn measured_tolerance(
 ) -> Result<f64, SceneError> {
     let mut differences: Vec<f64> = Vec::new();
     for &index in frames.iter().step_by(frames.len().div_ceil(FRAMES).max(1)) {
-        let (Some(view), Some(depth)) = (View::new(&views.frames()[index])?, views.depth(index)?) else { continue };
+        let (Some(view), Some(depth)) = (View::new(&views.frames()[index])?, views.depth(index)?)
+        else {
+            continue;
+        };
         for &point in points.iter().step_by(points.len().div_ceil(POINTS).max(1)) {
-            let Some(at) = view.project(point) else { continue };
-            let there = depth.depths.get(at.y as usize * depth.width as usize + at.x as usize);
-            let Some(&there) = there.filter(|&&there| there > 0.0) else { continue };
+            let Some(at) = view.project(point) else {
+                continue;
+            };
+            let there = depth
+                .depths
+                .get(at.y as usize * depth.width as usize + at.x as usize);
+            let Some(&there) = there.filter(|&&there| there > 0.0) else {
+                continue;
+            };
             let difference = (f64::from(there) - at.depth).abs() - absolute;
             if difference <= SAME_SURFACE * at.depth {
                 differences.push(difference.max(0.0) / at.depth);

@@ -31,10 +31,16 @@ pub(super) struct Projection {
 impl View {
     /// The frame's view; `None` when its camera or pose is not known.
     pub(super) fn new(frame: &Frame) -> Result<Option<Self>, SceneError> {
-        let Some((camera, pose)) = frame.posed_camera() else { return Ok(None) };
+        let Some((camera, pose)) = frame.posed_camera() else {
+            return Ok(None);
+        };
         check_size(frame, "camera", camera.width, camera.height)?;
         let rotation = DMat3::from_quat(pose.rotation);
-        Ok(Some(Self { camera: *camera, rotation, translation: pose.translation }))
+        Ok(Some(Self {
+            camera: *camera,
+            rotation,
+            translation: pose.translation,
+        }))
     }
 
     /// The camera's place in the world.
@@ -57,7 +63,12 @@ impl View {
             && at_px.y >= 0.0
             && at_px.x < f64::from(self.camera.width)
             && at_px.y < f64::from(self.camera.height);
-        inside.then_some(Projection { at_px, x: at_px.x as u32, y: at_px.y as u32, depth: x_in_camera.z })
+        inside.then_some(Projection {
+            at_px,
+            x: at_px.x as u32,
+            y: at_px.y as u32,
+            depth: x_in_camera.z,
+        })
     }
 
     /// Whether a ball may show in the picture. For lenses with distortion only what lies behind is excluded.
@@ -72,8 +83,9 @@ impl View {
         let (focal, principal) = (self.camera.focal_px, self.camera.principal_px);
         let size = DVec2::new(f64::from(self.camera.width), f64::from(self.camera.height));
         // The four sides of the viewing pyramid as planes through the camera, normals inwards.
-        let inside =
-            |lateral: f64, focal: f64, towards: f64| (focal * lateral + towards * c.z) / focal.hypot(towards) > -radius;
+        let inside = |lateral: f64, focal: f64, towards: f64| {
+            (focal * lateral + towards * c.z) / focal.hypot(towards) > -radius
+        };
         inside(c.x, focal.x, principal.x)
             && inside(-c.x, focal.x, size.x - principal.x)
             && inside(c.y, focal.y, principal.y)

@@ -41,7 +41,11 @@ struct Voting<'a> {
 /// How it is known which points a frame sees, and where.
 enum Sight<'a> {
     /// Points are projected and compared with its depth.
-    Depth { view: Box<View>, depth: Arc<DepthMap>, tolerance: Tolerance },
+    Depth {
+        view: Box<View>,
+        depth: Arc<DepthMap>,
+        tolerance: Tolerance,
+    },
     /// It is known, by rising point.
     Known(&'a [SeenPoint]),
 }
@@ -74,8 +78,11 @@ pub(super) fn vote(
     options: &VoteOptions,
     progress: &Progress,
 ) -> Result<Voted, SceneError> {
-    let mut chunks: Vec<Chunk<'_>> =
-        points.par_chunks(CHUNK).enumerate().map(|(number, chunk)| Chunk::new(chunk, number)).collect();
+    let mut chunks: Vec<Chunk<'_>> = points
+        .par_chunks(CHUNK)
+        .enumerate()
+        .map(|(number, chunk)| Chunk::new(chunk, number))
+        .collect();
     let load = |&index: &usize| Voting::load(points, seen, views, index, options);
     let voters: Vec<usize> = voters(views);
     let mut frames: Vec<Arc<FramePairs>> = Vec::new();
@@ -87,9 +94,14 @@ pub(super) fn vote(
         let Some(voting) = next.take() else { break };
         voted += usize::from(voting.mask.is_some());
         let following = voters.get(done + 1);
-        let (counted, loaded) =
-            rayon::join(|| count_votes(&mut chunks, &voting, has_pairs, progress), || following.map(load).transpose());
-        (next, bytes) = (loaded?, bytes + counted.as_ref().map_or(0, |pairs| pairs.bytes.len()));
+        let (counted, loaded) = rayon::join(
+            || count_votes(&mut chunks, &voting, has_pairs, progress),
+            || following.map(load).transpose(),
+        );
+        (next, bytes) = (
+            loaded?,
+            bytes + counted.as_ref().map_or(0, |pairs| pairs.bytes.len()),
+        );
         has_pairs &= bytes <= options.pair_budget_bytes;
         if has_pairs {
             frames.push(Arc::new(counted?));
@@ -98,10 +110,22 @@ pub(super) fn vote(
             frames.clear();
         }
     }
-    let counted: Vec<Histograms> = chunks.par_iter().map(|chunk| chunk.ballots.finish()).collect();
+    let counted: Vec<Histograms> = chunks
+        .par_iter()
+        .map(|chunk| chunk.ballots.finish())
+        .collect();
     let (offsets, entries) = joined(&counted);
-    let votes = Votes { offsets, entries, frames, has_pairs, min_confidence: options.min_confidence };
-    Ok(Voted { votes, frames: voted })
+    let votes = Votes {
+        offsets,
+        entries,
+        frames,
+        has_pairs,
+        min_confidence: options.min_confidence,
+    };
+    Ok(Voted {
+        votes,
+        frames: voted,
+    })
 }
 
 /// The frames with a camera, if any of them has a mask.
@@ -129,24 +153,46 @@ impl<'a> Voting<'a> {
             Some(known) => Sight::Known(known),
             None => Sight::by_depth(points, views, index, options)?,
         };
-        Ok(Self { index, size: (frame.width, frame.height), mask, sight })
+        Ok(Self {
+            index,
+            size: (frame.width, frame.height),
+            mask,
+            sight,
+        })
     }
 }
 
 impl Sight<'_> {
-    fn by_depth(points: &[Vec3], views: &dyn Views, index: usize, options: &VoteOptions) -> Result<Self, SceneError> {
+    fn by_depth(
+        points: &[Vec3],
+        views: &dyn Views,
+        index: usize,
+        options: &VoteOptions,
+    ) -> Result<Self, SceneError> {
         let frame = &views.frames()[index];
-        let view = View::new(frame)?
-            .ok_or_else(|| SceneError::Request(format!("frame '{}' has no camera; give it one", frame.name)))?;
+        let view = View::new(frame)?.ok_or_else(|| {
+            SceneError::Request(format!("frame '{}' has no camera; give it one", frame.name))
+        })?;
         if let Some(depth) = views.depth(index)? {
             check_size(frame, "depth", depth.width, depth.height)?;
-            return Ok(Self::Depth { view: Box::new(view), depth, tolerance: options.tolerance });
+            return Ok(Self::Depth {
+                view: Box::new(view),
+                depth,
+                tolerance: options.tolerance,
+            });
         }
         let splat = splat_depth(points, &view, options.radius);
         // On a slanted surface the depth changes from one pixel to the next by about what a pixel covers.
         let slope = SLANT_PX / view.camera.focal_px.max_element();
-        let tolerance = Tolerance { absolute: 2.0 * options.radius, relative: slope };
-        Ok(Self::Depth { view: Box::new(view), depth: Arc::new(splat), tolerance })
+        let tolerance = Tolerance {
+            absolute: 2.0 * options.radius,
+            relative: slope,
+        };
+        Ok(Self::Depth {
+            view: Box::new(view),
+            depth: Arc::new(splat),
+            tolerance,
+        })
     }
 }
 
@@ -184,10 +230,18 @@ impl<'a> Chunk<'a> {
                     see(&mut self.ballots, seen.point - self.first, (seen.x, seen.y));
                 }
             }
-            Sight::Depth { view, depth, tolerance } if view.may_see(self.centre, self.radius) => {
+            Sight::Depth {
+                view,
+                depth,
+                tolerance,
+            } if view.may_see(self.centre, self.radius) => {
                 for (point, &position) in (0..).zip(self.points) {
-                    let Some(at) = view.project(position) else { continue };
-                    let Some(pixel) = seen_at(depth, &at, *tolerance) else { continue };
+                    let Some(at) = view.project(position) else {
+                        continue;
+                    };
+                    let Some(pixel) = seen_at(depth, &at, *tolerance) else {
+                        continue;
+                    };
                     see(&mut self.ballots, point, pixel);
                 }
             }
@@ -208,10 +262,22 @@ fn count_votes(
         .map(|chunk| {
             progress.check()?;
             let pairs = chunk.count(voting);
-            Ok(if keep_pairs { pairs } else { PairWriter::default() })
+            Ok(if keep_pairs {
+                pairs
+            } else {
+                PairWriter::default()
+            })
         })
         .collect::<Result<_, SceneError>>()?;
     let (frame, (width, height)) = (voting.index as u32, voting.size);
-    let template = FramePairs { frame, width, height, ..FramePairs::default() };
-    Ok(FramePairs::from_chunks(&template, counted.iter().map(|pairs| &pairs.bytes[..])))
+    let template = FramePairs {
+        frame,
+        width,
+        height,
+        ..FramePairs::default()
+    };
+    Ok(FramePairs::from_chunks(
+        &template,
+        counted.iter().map(|pairs| &pairs.bytes[..]),
+    ))
 }

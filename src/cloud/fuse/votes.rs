@@ -79,13 +79,20 @@ impl Votes {
             first = first.max(votes);
             total += u32::from(votes);
         }
-        if total == 0 { 0.0 } else { f32::from(second) / total as f32 }
+        if total == 0 {
+            0.0
+        } else {
+            f32::from(second) / total as f32
+        }
     }
 
     /// How many views voted on a point, for a label or for none.
     #[must_use]
     pub fn voted(&self, point: usize) -> u32 {
-        self.histogram(point).iter().map(|&(_, votes)| u32::from(votes)).sum()
+        self.histogram(point)
+            .iter()
+            .map(|&(_, votes)| u32::from(votes))
+            .sum()
     }
 
     /// Whether it is known who voted; not kept beyond a budget of memory.
@@ -103,13 +110,17 @@ impl Votes {
     /// The points that a frame sees, with the column and row of the pixel that sees each; by rising point, nothing where
     /// pairs were not kept.
     pub fn sightings(&self, frame: usize) -> impl Iterator<Item = (usize, u32, u32)> {
-        let found = self.frames.binary_search_by_key(&frame, |pairs| pairs.frame as usize).ok();
+        let found = self
+            .frames
+            .binary_search_by_key(&frame, |pairs| pairs.frame as usize)
+            .ok();
         let pairs = found.map(|at| &self.frames[at]);
         pairs.into_iter().flat_map(|pairs| {
             let chunks = 0..pairs.starts.len().saturating_sub(1);
             chunks.flat_map(|chunk| {
                 let first = chunk * CHUNK;
-                PairReader::new(pairs.chunk(chunk)).map(move |pair| (first + pair.point as usize, pair.x, pair.y))
+                PairReader::new(pairs.chunk(chunk))
+                    .map(move |pair| (first + pair.point as usize, pair.x, pair.y))
             })
         })
     }
@@ -119,9 +130,15 @@ impl Votes {
     pub fn voters(&self, point: usize) -> Vec<Voter> {
         let inside = (point % CHUNK) as u32;
         let voter = |frame: &Arc<FramePairs>| {
-            let pair = PairReader::new(frame.chunk(point / CHUNK)).find(|pair| pair.point >= inside)?;
+            let pair =
+                PairReader::new(frame.chunk(point / CHUNK)).find(|pair| pair.point >= inside)?;
             let found = pair.point == inside;
-            found.then_some(Voter { frame: frame.frame as usize, x: pair.x, y: pair.y, label: pair.vote })
+            found.then_some(Voter {
+                frame: frame.frame as usize,
+                x: pair.x,
+                y: pair.y,
+                label: pair.vote,
+            })
         };
         self.frames.iter().filter_map(voter).collect()
     }
@@ -132,7 +149,10 @@ impl Votes {
         let decide = |point: usize| {
             let verdict = majority.decide(self.histogram(point));
             let sure = verdict.confidence >= self.min_confidence;
-            Verdict { label: if sure { verdict.label } else { LabelId::NONE }, ..verdict }
+            Verdict {
+                label: if sure { verdict.label } else { LabelId::NONE },
+                ..verdict
+            }
         };
         (0..self.len()).into_par_iter().map(decide).collect()
     }
@@ -140,8 +160,14 @@ impl Votes {
     /// The histograms of consecutive points as they stand.
     pub(super) fn histograms(&self, points: std::ops::Range<usize>) -> Histograms {
         let offsets = &self.offsets[points.start..=points.end];
-        let counts = offsets.windows(2).map(|range| range[1] - range[0]).collect();
-        (counts, self.entries[offsets[0] as usize..offsets[offsets.len() - 1] as usize].to_vec())
+        let counts = offsets
+            .windows(2)
+            .map(|range| range[1] - range[0])
+            .collect();
+        (
+            counts,
+            self.entries[offsets[0] as usize..offsets[offsets.len() - 1] as usize].to_vec(),
+        )
     }
 
     /// The ids that got a vote.
@@ -159,9 +185,21 @@ impl Votes {
             offsets.push(entries.len() as u32);
         }
         let mut place = vec![u32::MAX; self.len()];
-        points.iter().enumerate().for_each(|(new, &old)| place[old as usize] = new as u32);
-        let frames = self.frames.par_iter().map(|frame| Arc::new(frame.moved(&place, points.len()))).collect();
-        Self { offsets, entries, frames, ..*self }
+        points
+            .iter()
+            .enumerate()
+            .for_each(|(new, &old)| place[old as usize] = new as u32);
+        let frames = self
+            .frames
+            .par_iter()
+            .map(|frame| Arc::new(frame.moved(&place, points.len())))
+            .collect();
+        Self {
+            offsets,
+            entries,
+            frames,
+            ..*self
+        }
     }
 }
 
@@ -169,12 +207,18 @@ impl FramePairs {
     /// The bytes of a chunk's pairs.
     pub(super) fn chunk(&self, chunk: usize) -> &[u8] {
         let bytes = self.starts.get(chunk).zip(self.starts.get(chunk + 1));
-        bytes.and_then(|(&start, &end)| self.bytes.get(start as usize..end as usize)).unwrap_or_default()
+        bytes
+            .and_then(|(&start, &end)| self.bytes.get(start as usize..end as usize))
+            .unwrap_or_default()
     }
 
     /// Puts together the pairs of all chunks.
     pub(super) fn from_chunks<'a>(template: &Self, chunks: impl Iterator<Item = &'a [u8]>) -> Self {
-        let mut frame = Self { starts: vec![0], bytes: Vec::new(), ..*template };
+        let mut frame = Self {
+            starts: vec![0],
+            bytes: Vec::new(),
+            ..*template
+        };
         for chunk in chunks {
             frame.bytes.extend_from_slice(chunk);
             frame.starts.push(frame.bytes.len() as u32);
@@ -189,10 +233,16 @@ impl FramePairs {
         writers.resize_with(points.div_ceil(CHUNK), PairWriter::default);
         for (chunk, first) in (0..place.len()).step_by(CHUNK).enumerate() {
             for pair in PairReader::new(self.chunk(chunk)) {
-                let Some(&new) = place.get(first + pair.point as usize).filter(|&&new| new != u32::MAX) else {
+                let Some(&new) = place
+                    .get(first + pair.point as usize)
+                    .filter(|&&new| new != u32::MAX)
+                else {
                     continue;
                 };
-                writers[new as usize / CHUNK].push(Pair { point: new % CHUNK as u32, ..pair });
+                writers[new as usize / CHUNK].push(Pair {
+                    point: new % CHUNK as u32,
+                    ..pair
+                });
             }
         }
         Self::from_chunks(self, writers.iter().map(|writer| &writer.bytes[..]))

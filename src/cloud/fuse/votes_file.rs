@@ -24,13 +24,24 @@ pub fn write_votes<W: Write>(mut out: W, votes: &Votes) -> std::io::Result<()> {
         out.write_all(bytes)
     };
     put(MAGIC)?;
-    put(&words([VERSION, CHUNK as u32, votes.min_confidence.to_bits(), u32::from(votes.has_pairs)]))?;
+    put(&words([
+        VERSION,
+        CHUNK as u32,
+        votes.min_confidence.to_bits(),
+        u32::from(votes.has_pairs),
+    ]))?;
     let counts = [votes.len(), votes.entries.len(), votes.frames.len()];
     put(&counts.map(|count| (count as u64).to_le_bytes()).concat())?;
     put(&words(lengths(&votes.offsets)))?;
-    put(&words(votes.entries.iter().map(|(id, count)| u32::from(id.0) << 16 | u32::from(*count))))?;
+    put(&words(votes.entries.iter().map(|(id, count)| {
+        u32::from(id.0) << 16 | u32::from(*count)
+    })))?;
     for frame in &votes.frames {
-        put(&words([frame.frame, frame.width, frame.height].into_iter().chain(lengths(&frame.starts))))?;
+        put(&words(
+            [frame.frame, frame.width, frame.height]
+                .into_iter()
+                .chain(lengths(&frame.starts)),
+        ))?;
         put(&frame.bytes)?;
     }
     let sum = sum.value();
@@ -89,7 +100,11 @@ fn parse(bytes: &[u8]) -> Result<Votes, &'static str> {
         has_pairs,
         min_confidence,
     };
-    let sound = input.0.len() == 8 && votes.frames.par_iter().all(|frame| pairs_are_sound(frame, points));
+    let sound = input.0.len() == 8
+        && votes
+            .frames
+            .par_iter()
+            .all(|frame| pairs_are_sound(frame, points));
     if sound { Ok(votes) } else { Err("damaged") }
 }
 
@@ -98,8 +113,9 @@ fn pairs_are_sound(frame: &FramePairs, points: usize) -> bool {
     (0..frame.starts.len() - 1).all(|chunk| {
         let inside = points - chunk * CHUNK;
         let mut reader = PairReader::new(frame.chunk(chunk));
-        let fits =
-            reader.by_ref().all(|pair| (pair.point as usize) < inside && pair.x < frame.width && pair.y < frame.height);
+        let fits = reader.by_ref().all(|pair| {
+            (pair.point as usize) < inside && pair.x < frame.width && pair.y < frame.height
+        });
         fits && !reader.damaged
     })
 }
@@ -123,7 +139,10 @@ impl<'a> Input<'a> {
     fn size(&mut self) -> Result<usize, &'static str> {
         let bytes = self.take(8)?;
         let size = bytes.try_into().map_or(0, u64::from_le_bytes);
-        usize::try_from(size).ok().filter(|&size| size <= self.0.len()).ok_or("cut off")
+        usize::try_from(size)
+            .ok()
+            .filter(|&size| size <= self.0.len())
+            .ok_or("cut off")
     }
 
     /// `count` lengths that sum to `total`, as running sums from 0.
@@ -135,7 +154,11 @@ impl<'a> Input<'a> {
             sum = sum.checked_add(self.u32()?).ok_or("damaged")?;
             offsets.push(sum);
         }
-        if sum as usize == total { Ok(offsets) } else { Err("damaged") }
+        if sum as usize == total {
+            Ok(offsets)
+        } else {
+            Err("damaged")
+        }
     }
 
     fn entries(&mut self, count: usize) -> Result<Vec<(LabelId, u16)>, &'static str> {
@@ -143,19 +166,33 @@ impl<'a> Input<'a> {
         (0..count).map(|_| Ok(entry(self.u32()?))).collect()
     }
 
-    fn frames(&mut self, points: usize, count: usize) -> Result<Vec<Arc<FramePairs>>, &'static str> {
+    fn frames(
+        &mut self,
+        points: usize,
+        count: usize,
+    ) -> Result<Vec<Arc<FramePairs>>, &'static str> {
         let mut frames: Vec<Arc<FramePairs>> = Vec::new();
         for _ in 0..count {
             let [frame, width, height] = [self.u32()?, self.u32()?, self.u32()?];
             let mut starts = vec![0u32];
             for _ in 0..points.div_ceil(CHUNK) {
-                starts.push(starts[starts.len() - 1].checked_add(self.u32()?).ok_or("damaged")?);
+                starts.push(
+                    starts[starts.len() - 1]
+                        .checked_add(self.u32()?)
+                        .ok_or("damaged")?,
+                );
             }
             let bytes = self.take(starts[starts.len() - 1] as usize)?.to_vec();
             if frames.last().is_some_and(|last| last.frame >= frame) {
                 return Err("damaged");
             }
-            frames.push(Arc::new(FramePairs { frame, width, height, starts, bytes }));
+            frames.push(Arc::new(FramePairs {
+                frame,
+                width,
+                height,
+                starts,
+                bytes,
+            }));
         }
         Ok(frames)
     }
@@ -170,7 +207,10 @@ struct Checksum {
 
 impl Default for Checksum {
     fn default() -> Self {
-        Self { hash: 0xCBF2_9CE4_8422_2325, rest: Vec::new() }
+        Self {
+            hash: 0xCBF2_9CE4_8422_2325,
+            rest: Vec::new(),
+        }
     }
 }
 
@@ -189,7 +229,9 @@ impl Checksum {
 
     fn mix(&mut self, word: [u8; 8]) {
         let word = u64::from_le_bytes(word);
-        self.hash = (self.hash ^ word).wrapping_mul(0x0000_0100_0000_01B3).rotate_left(29);
+        self.hash = (self.hash ^ word)
+            .wrapping_mul(0x0000_0100_0000_01B3)
+            .rotate_left(29);
     }
 
     fn value(mut self) -> u64 {

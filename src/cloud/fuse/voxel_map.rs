@@ -1,4 +1,7 @@
-#![expect(clippy::disallowed_types, reason = "look-ups alone; their order reaches no result")]
+#![expect(
+    clippy::disallowed_types,
+    reason = "look-ups alone; their order reaches no result"
+)]
 
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
@@ -27,13 +30,17 @@ pub(super) struct VoxelHasher(u64);
 impl Hasher for VoxelHasher {
     fn write_u64(&mut self, key: u64) {
         let block = block_of(key).wrapping_mul(SPREAD);
-        let within = AXIS_SHIFTS.iter().fold(0, |within, &shift| within << BLOCK_BITS | key >> shift & WITHIN);
+        let within = AXIS_SHIFTS.iter().fold(0, |within, &shift| {
+            within << BLOCK_BITS | key >> shift & WITHIN
+        });
         let place = (block ^ block >> 32) << (3 * BLOCK_BITS) | within;
         self.0 = place & !TAG | key.wrapping_mul(SPREAD) & TAG;
     }
 
     fn write(&mut self, bytes: &[u8]) {
-        bytes.iter().for_each(|&byte| self.write_u64(self.0 << 8 | u64::from(byte)));
+        bytes
+            .iter()
+            .for_each(|&byte| self.write_u64(self.0 << 8 | u64::from(byte)));
     }
 
     fn finish(&self) -> u64 {
@@ -43,7 +50,9 @@ impl Hasher for VoxelHasher {
 
 /// The key of a block's first voxel.
 fn block_of(key: u64) -> u64 {
-    AXIS_SHIFTS.iter().fold(key, |key, &shift| key & !(WITHIN << shift))
+    AXIS_SHIFTS
+        .iter()
+        .fold(key, |key, &shift| key & !(WITHIN << shift))
 }
 
 /// The shard that a voxel is kept in: that of its block.
@@ -64,7 +73,13 @@ mod tests {
         let hasher = BuildHasherDefault::<VoxelHasher>::default();
         let place = |key: u64| hasher.hash_one(key) & !TAG;
         let block = |corner: [i32; 3]| -> Vec<u64> {
-            let within = |at: i32| [corner[0] + (at & 3), corner[1] + (at >> 2 & 3), corner[2] + (at >> 4)];
+            let within = |at: i32| {
+                [
+                    corner[0] + (at & 3),
+                    corner[1] + (at >> 2 & 3),
+                    corner[2] + (at >> 4),
+                ]
+            };
             (0..64).map(|at| cell_key(within(at))).collect()
         };
         let mut blocks = BTreeSet::new();
@@ -77,7 +92,9 @@ mod tests {
             blocks.insert(places.first().unwrap() >> 6);
         }
         assert_eq!(blocks.len(), 4);
-        let shards: BTreeSet<usize> = (0..200).map(|at| shard_of(cell_key([4 * at, 0, 0]))).collect();
+        let shards: BTreeSet<usize> = (0..200)
+            .map(|at| shard_of(cell_key([4 * at, 0, 0])))
+            .collect();
         assert_eq!(shards.len(), SHARDS, "all are used");
     }
 }

@@ -19,13 +19,18 @@ pub fn pixel_footprint(views: &dyn Views, usable: &[usize]) -> Result<Option<f64
     let step = usable.len().div_ceil(FRAMES).max(1);
     let (mut labelled, mut all) = (Vec::new(), Vec::new());
     for &index in usable.iter().step_by(step) {
-        let (Some((camera, _)), Some(depth)) = (views.frames()[index].posed_camera(), views.depth(index)?) else {
+        let (Some((camera, _)), Some(depth)) =
+            (views.frames()[index].posed_camera(), views.depth(index)?)
+        else {
             continue;
         };
         let focal = camera.focal_px.max_element() as f32;
         let mask = views.mask(index);
-        let has_label =
-            |pixel: usize| mask.as_ref().and_then(|mask| mask.ids.get(pixel)).is_some_and(|&id| id != LabelId::NONE);
+        let has_label = |pixel: usize| {
+            mask.as_ref()
+                .and_then(|mask| mask.ids.get(pixel))
+                .is_some_and(|&id| id != LabelId::NONE)
+        };
         for (pixel, &depth) in depth.depths.iter().enumerate().step_by(PIXEL_STEP) {
             if depth > 0.0 && depth.is_finite() {
                 all.push(depth / focal);
@@ -50,7 +55,11 @@ pub(super) fn two_digits(value: f64) -> f64 {
     let unit = 10f64.powi(value.log10().floor() as i32 - 1);
     let steps = (value / unit).round();
     // Dividing by whole powers of ten gives the number that a person would write: 0.0034, not 0.0034000000000000002.
-    if unit < 1.0 { steps / (1.0 / unit).round() } else { steps * unit }
+    if unit < 1.0 {
+        steps / (1.0 / unit).round()
+    } else {
+        steps * unit
+    }
 }
 
 #[cfg(test)]

@@ -15,7 +15,11 @@ impl<'a> Cells<'a> {
         for (k, x) in points.iter().enumerate().filter(|(_, x)| x.is_finite()) {
             cells.entry(cell_of(*x, radius)).or_default().push(k as u32);
         }
-        Self { points, radius, cells }
+        Self {
+            points,
+            radius,
+            cells,
+        }
     }
 
     /// The other points at most the radius away from the `of`-th.

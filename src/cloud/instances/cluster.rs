@@ -36,19 +36,32 @@ pub fn find_instances(
 ) -> Result<Instances, SceneError> {
     options.check()?;
     progress.stage("instances")?;
-    let none = || Instances { of_points: vec![0; points.len()], sizes: Vec::new() };
-    let Some(spacing) = spacing(points) else { return Ok(none()) };
+    let none = || Instances {
+        of_points: vec![0; points.len()],
+        sizes: Vec::new(),
+    };
+    let Some(spacing) = spacing(points) else {
+        return Ok(none());
+    };
     let cells = Cells::new(points, options.radius * spacing);
     let is_core = cores(&cells, points, options.min_neighbours, progress)?;
     let mut sets = linked(&cells, &is_core, progress)?;
-    let roots: Vec<Option<u32>> = (0..points.len()).map(|k| is_core[k].then(|| sets.root(k as u32))).collect();
+    let roots: Vec<Option<u32>> = (0..points.len())
+        .map(|k| is_core[k].then(|| sets.root(k as u32)))
+        .collect();
     let joined = joined(&cells, points, &roots, progress)?;
     Ok(numbered(points, &joined, options.min_points))
 }
 
 /// Whether each point has enough neighbours.
-fn cores(cells: &Cells<'_>, points: &[Vec3], least: usize, progress: &Progress) -> Result<Vec<bool>, SceneError> {
-    let is_core = |k: usize| points[k].is_finite() && cells.neighbours(k).take(least).count() >= least;
+fn cores(
+    cells: &Cells<'_>,
+    points: &[Vec3],
+    least: usize,
+    progress: &Progress,
+) -> Result<Vec<bool>, SceneError> {
+    let is_core =
+        |k: usize| points[k].is_finite() && cells.neighbours(k).take(least).count() >= least;
     in_chunks(points.len(), is_core, progress)
 }
 
@@ -59,7 +72,10 @@ fn linked(cells: &Cells<'_>, is_core: &[bool], progress: &Progress) -> Result<Se
         if k.is_multiple_of(CHUNK) {
             progress.step(k, is_core.len())?;
         }
-        for other in cells.neighbours(k).filter(|&other| other < k && is_core[other]) {
+        for other in cells
+            .neighbours(k)
+            .filter(|&other| other < k && is_core[other])
+        {
             sets.unite(k as u32, other as u32);
         }
     }
@@ -79,27 +95,42 @@ fn joined(
         }
         let cores = cells.neighbours(k).filter(|&other| roots[other].is_some());
         let distance = |other: usize| points[other].distance_squared(points[k]);
-        let nearest =
-            cores.min_by(|&a, &b| distance(a).total_cmp(&distance(b)).then_with(|| by_place(points[a], points[b])));
+        let nearest = cores.min_by(|&a, &b| {
+            distance(a)
+                .total_cmp(&distance(b))
+                .then_with(|| by_place(points[a], points[b]))
+        });
         nearest.and_then(|core| roots[core])
     };
     in_chunks(points.len(), root, progress)
 }
 
-fn in_chunks<T: Send>(count: usize, of: impl Fn(usize) -> T + Sync, progress: &Progress) -> Result<Vec<T>, SceneError> {
+fn in_chunks<T: Send>(
+    count: usize,
+    of: impl Fn(usize) -> T + Sync,
+    progress: &Progress,
+) -> Result<Vec<T>, SceneError> {
     let chunk = |chunk: usize| {
         progress.check()?;
-        Ok((chunk * CHUNK..((chunk + 1) * CHUNK).min(count)).map(&of).collect())
+        Ok((chunk * CHUNK..((chunk + 1) * CHUNK).min(count))
+            .map(&of)
+            .collect())
     };
-    let chunks: Vec<Vec<T>> =
-        (0..count.div_ceil(CHUNK)).into_par_iter().map(chunk).collect::<Result<_, SceneError>>()?;
+    let chunks: Vec<Vec<T>> = (0..count.div_ceil(CHUNK))
+        .into_par_iter()
+        .map(chunk)
+        .collect::<Result<_, SceneError>>()?;
     Ok(chunks.into_iter().flatten().collect())
 }
 
 /// Sets of enough points, by size and then by place.
 fn numbered(points: &[Vec3], roots: &[Option<u32>], least: usize) -> Instances {
     let mut sets: BTreeMap<u32, (usize, Vec3)> = BTreeMap::new();
-    for (root, &x) in roots.iter().zip(points).filter_map(|(root, x)| Some(((*root)?, x))) {
+    for (root, &x) in roots
+        .iter()
+        .zip(points)
+        .filter_map(|(root, x)| Some(((*root)?, x)))
+    {
         let (size, first) = sets.entry(root).or_insert((0, x));
         *size += 1;
         if by_place(x, *first) == Ordering::Less {
@@ -111,14 +142,29 @@ fn numbered(points: &[Vec3], roots: &[Option<u32>], least: usize) -> Instances {
         .map(|(root, (size, first))| (root, size, first))
         .filter(|&(_, size, _)| size >= least)
         .collect();
-    sets.sort_by(|a, b| Reverse(a.1).cmp(&Reverse(b.1)).then_with(|| by_place(a.2, b.2)));
-    let number: BTreeMap<u32, u32> = (1..).zip(&sets).map(|(number, &(root, ..))| (root, number)).collect();
-    let of_point = |root: &Option<u32>| root.and_then(|root| number.get(&root).copied()).unwrap_or(0);
-    Instances { of_points: roots.iter().map(of_point).collect(), sizes: sets.iter().map(|set| set.1).collect() }
+    sets.sort_by(|a, b| {
+        Reverse(a.1)
+            .cmp(&Reverse(b.1))
+            .then_with(|| by_place(a.2, b.2))
+    });
+    let number: BTreeMap<u32, u32> = (1..)
+        .zip(&sets)
+        .map(|(number, &(root, ..))| (root, number))
+        .collect();
+    let of_point = |root: &Option<u32>| {
+        root.and_then(|root| number.get(&root).copied())
+            .unwrap_or(0)
+    };
+    Instances {
+        of_points: roots.iter().map(of_point).collect(),
+        sizes: sets.iter().map(|set| set.1).collect(),
+    }
 }
 
 fn by_place(a: Vec3, b: Vec3) -> Ordering {
-    a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)).then(a.z.total_cmp(&b.z))
+    a.x.total_cmp(&b.x)
+        .then(a.y.total_cmp(&b.y))
+        .then(a.z.total_cmp(&b.z))
 }
 
 /// Disjoint sets with path halving (Tarjan, van Leeuwen, "Worst-case analysis of set union algorithms", Journal of the
@@ -129,7 +175,9 @@ struct Sets {
 
 impl Sets {
     fn new(count: usize) -> Self {
-        Self { parents: (0..count as u32).collect() }
+        Self {
+            parents: (0..count as u32).collect(),
+        }
     }
 
     fn root(&mut self, mut of: u32) -> u32 {

@@ -41,16 +41,31 @@ pub fn hanging_pieces(
     progress: &Progress,
 ) -> Result<Vec<HangingPiece>, SceneError> {
     if !(1.5..=20.0).contains(&radius) {
-        return Err(SceneError::Request(format!("the radius in spacings is {radius}; choose 1.5 to 20")));
+        return Err(SceneError::Request(format!(
+            "the radius in spacings is {radius}; choose 1.5 to 20"
+        )));
     }
     progress.stage("hanging pieces")?;
-    let labelled: Vec<u32> = (0..cloud.len() as u32).filter(|&k| cloud.labels[k as usize] != LabelId::NONE).collect();
-    let places: Vec<Vec3> = labelled.iter().map(|&k| cloud.positions[k as usize]).collect();
-    let Some(spacing) = spacing(&places) else { return Ok(Vec::new()) };
+    let labelled: Vec<u32> = (0..cloud.len() as u32)
+        .filter(|&k| cloud.labels[k as usize] != LabelId::NONE)
+        .collect();
+    let places: Vec<Vec3> = labelled
+        .iter()
+        .map(|&k| cloud.positions[k as usize])
+        .collect();
+    let Some(spacing) = spacing(&places) else {
+        return Ok(Vec::new());
+    };
     let mut sizes: BTreeMap<LabelId, usize> = BTreeMap::new();
-    labelled.iter().for_each(|&k| *sizes.entry(cloud.labels[k as usize]).or_default() += 1);
+    labelled
+        .iter()
+        .for_each(|&k| *sizes.entry(cloud.labels[k as usize]).or_default() += 1);
     let cells = Cells::new(&cloud.positions, radius * spacing);
-    Free { cells: &cells, labels: &cloud.labels }.pieces(&labelled, &sizes, progress)
+    Free {
+        cells: &cells,
+        labels: &cloud.labels,
+    }
+    .pieces(&labelled, &sizes, progress)
 }
 
 /// The points without a label.
@@ -85,7 +100,9 @@ impl Free<'_> {
             if known[start as usize] != Known::Nothing {
                 continue;
             }
-            let Some(points) = self.flood(start, most, &mut known, progress)? else { continue };
+            let Some(points) = self.flood(start, most, &mut known, progress)? else {
+                continue;
+            };
             if let Some(label) = self.hangs_on(&points)
                 && points.len() <= allowed(sizes[&label])
             {
@@ -100,13 +117,21 @@ impl Free<'_> {
     fn touching(&self, labelled: &[u32], progress: &Progress) -> Result<Vec<u32>, SceneError> {
         let touched = |chunk: &[u32]| {
             progress.check()?;
-            let around = chunk.iter().flat_map(|&k| self.cells.neighbours(k as usize));
-            let mut free: Vec<u32> = around.filter(|&k| !self.is_labelled(k)).map(|k| k as u32).collect();
+            let around = chunk
+                .iter()
+                .flat_map(|&k| self.cells.neighbours(k as usize));
+            let mut free: Vec<u32> = around
+                .filter(|&k| !self.is_labelled(k))
+                .map(|k| k as u32)
+                .collect();
             free.sort_unstable();
             free.dedup();
             Ok(free)
         };
-        let found: Vec<Vec<u32>> = labelled.par_chunks(4096).map(touched).collect::<Result<_, SceneError>>()?;
+        let found: Vec<Vec<u32>> = labelled
+            .par_chunks(4096)
+            .map(touched)
+            .collect::<Result<_, SceneError>>()?;
         let mut touching = found.concat();
         touching.sort_unstable();
         touching.dedup();
@@ -133,7 +158,11 @@ impl Free<'_> {
                 progress.check()?;
             }
             next += 1;
-            for other in self.cells.neighbours(at as usize).filter(|&k| !self.is_labelled(k)) {
+            for other in self
+                .cells
+                .neighbours(at as usize)
+                .filter(|&k| !self.is_labelled(k))
+            {
                 is_large |= known[other] == Known::Large;
                 if known[other] == Known::Nothing {
                     known[other] = Known::Piece;
@@ -143,7 +172,9 @@ impl Free<'_> {
             is_large |= points.len() > most;
         }
         if is_large {
-            points.iter().for_each(|&point| known[point as usize] = Known::Large);
+            points
+                .iter()
+                .for_each(|&point| known[point as usize] = Known::Large);
             return Ok(None);
         }
         points.sort_unstable();
@@ -155,8 +186,13 @@ impl Free<'_> {
         let mut touched: BTreeMap<LabelId, usize> = BTreeMap::new();
         let mut touching = 0;
         for &point in points {
-            let labelled = self.cells.neighbours(point as usize).filter(|&k| self.is_labelled(k));
-            let touches = labelled.map(|k| *touched.entry(self.labels[k]).or_default() += 1).count();
+            let labelled = self
+                .cells
+                .neighbours(point as usize)
+                .filter(|&k| self.is_labelled(k));
+            let touches = labelled
+                .map(|k| *touched.entry(self.labels[k]).or_default() += 1)
+                .count();
             touching += usize::from(touches > 0);
         }
         let all: usize = touched.values().sum();
@@ -181,7 +217,9 @@ mod tests {
 
     /// A strip along x, three points wide and one apart, with a label.
     fn strip(columns: std::ops::Range<i32>, y: f32, label: LabelId) -> Vec<(Vec3, LabelId)> {
-        columns.flat_map(|x| [0.0, 1.0, 2.0].map(|z| (Vec3::new(x as f32, y, z), label))).collect()
+        columns
+            .flat_map(|x| [0.0, 1.0, 2.0].map(|z| (Vec3::new(x as f32, y, z), label)))
+            .collect()
     }
 
     fn found(parts: &[Vec<(Vec3, LabelId)>]) -> Vec<HangingPiece> {
@@ -193,9 +231,22 @@ mod tests {
 
     #[test]
     fn a_tip_takes_the_label_of_its_leaf() {
-        let tip = found(&[strip(0..100, 0.0, LEAF), strip(100..108, 0.0, LabelId::NONE)]);
-        assert_eq!(tip, [HangingPiece { label: LEAF, points: (300..324).collect() }]);
-        let between = found(&[strip(0..60, 0.0, LEAF), strip(60..68, 0.0, LabelId::NONE), strip(68..120, 0.0, LEAF)]);
+        let tip = found(&[
+            strip(0..100, 0.0, LEAF),
+            strip(100..108, 0.0, LabelId::NONE),
+        ]);
+        assert_eq!(
+            tip,
+            [HangingPiece {
+                label: LEAF,
+                points: (300..324).collect()
+            }]
+        );
+        let between = found(&[
+            strip(0..60, 0.0, LEAF),
+            strip(60..68, 0.0, LabelId::NONE),
+            strip(68..120, 0.0, LEAF),
+        ]);
         assert_eq!(between.len(), 1, "a span between two of a leaf");
     }
 
@@ -203,24 +254,52 @@ mod tests {
     fn what_lies_along_it_goes_on_or_is_large_is_left() {
         let leaf = strip(0..100, 0.0, LEAF);
         let free = LabelId::NONE;
-        assert!(found(&[leaf.clone(), strip(10..18, 1.0, free)]).is_empty(), "a rim");
-        assert!(found(&[leaf.clone(), strip(100..140, 0.0, free)]).is_empty(), "a thing of its own");
-        assert!(found(&[leaf.clone(), strip(100..103, 0.0, free)]).is_empty(), "noise");
-        assert!(found(&[leaf.clone(), strip(103..111, 0.0, free)]).is_empty(), "it hangs on nothing");
+        assert!(
+            found(&[leaf.clone(), strip(10..18, 1.0, free)]).is_empty(),
+            "a rim"
+        );
+        assert!(
+            found(&[leaf.clone(), strip(100..140, 0.0, free)]).is_empty(),
+            "a thing of its own"
+        );
+        assert!(
+            found(&[leaf.clone(), strip(100..103, 0.0, free)]).is_empty(),
+            "noise"
+        );
+        assert!(
+            found(&[leaf.clone(), strip(103..111, 0.0, free)]).is_empty(),
+            "it hangs on nothing"
+        );
         let wall = strip(108..400, 0.0, free);
-        assert!(found(&[leaf, strip(100..108, 0.0, free), wall]).is_empty(), "it hangs on the wall, too");
+        assert!(
+            found(&[leaf, strip(100..108, 0.0, free), wall]).is_empty(),
+            "it hangs on the wall, too"
+        );
     }
 
     #[test]
     fn what_hangs_on_two_labels_is_nobodys() {
-        let both = found(&[strip(0..100, 0.0, LEAF), strip(100..108, 0.0, LabelId::NONE), strip(108..208, 0.0, STEM)]);
+        let both = found(&[
+            strip(0..100, 0.0, LEAF),
+            strip(100..108, 0.0, LabelId::NONE),
+            strip(108..208, 0.0, STEM),
+        ]);
         assert!(both.is_empty(), "{both:?}");
     }
 
     #[test]
     fn a_radius_out_of_range_and_a_cloud_without_labels() {
         let cloud = LabelledCloud::from_positions(vec![Vec3::ZERO, Vec3::X]);
-        assert!(hanging_pieces(&cloud, 0.5, &Progress::default()).unwrap_err().to_string().contains("radius"));
-        assert!(hanging_pieces(&cloud, 3.0, &Progress::default()).unwrap().is_empty());
+        assert!(
+            hanging_pieces(&cloud, 0.5, &Progress::default())
+                .unwrap_err()
+                .to_string()
+                .contains("radius")
+        );
+        assert!(
+            hanging_pieces(&cloud, 3.0, &Progress::default())
+                .unwrap()
+                .is_empty()
+        );
     }
 }

@@ -16,7 +16,11 @@ pub struct InstanceOptions {
 
 impl Default for InstanceOptions {
     fn default() -> Self {
-        Self { radius: 3.0, min_neighbours: 5, min_points: 50 }
+        Self {
+            radius: 3.0,
+            min_neighbours: 5,
+            min_points: 50,
+        }
     }
 }
 
@@ -28,13 +32,26 @@ impl InstanceOptions {
     pub fn check(&self) -> Result<(), SceneError> {
         let ranges = [
             ("radius in spacings", self.radius, 1.5, 20.0),
-            ("smallest number of neighbours", self.min_neighbours as f64, 1.0, 100.0),
-            ("smallest instance in points", self.min_points as f64, 1.0, 1e6),
+            (
+                "smallest number of neighbours",
+                self.min_neighbours as f64,
+                1.0,
+                100.0,
+            ),
+            (
+                "smallest instance in points",
+                self.min_points as f64,
+                1.0,
+                1e6,
+            ),
         ];
-        match ranges.into_iter().find(|(_, value, low, high)| !(low..=high).contains(&value)) {
-            Some((what, value, low, high)) => {
-                Err(SceneError::Request(format!("the {what} is {value}; choose {low} to {high}")))
-            }
+        match ranges
+            .into_iter()
+            .find(|(_, value, low, high)| !(low..=high).contains(&value))
+        {
+            Some((what, value, low, high)) => Err(SceneError::Request(format!(
+                "the {what} is {value}; choose {low} to {high}"
+            ))),
             None => Ok(()),
         }
     }

@@ -16,7 +16,9 @@ pub fn split_mask(
     let mut split = mask.clone();
     let mut open = VecDeque::new();
     for (point, x, y) in votes.sightings(frame) {
-        let Some(chosen) = choice[point].filter(|_| x < mask.width && y < mask.height) else { continue };
+        let Some(chosen) = choice[point].filter(|_| x < mask.width && y < mask.height) else {
+            continue;
+        };
         let at = y as usize * mask.width as usize + x as usize;
         if std::mem::take(&mut inside.inside[at]) {
             split.ids[at] = chosen;
@@ -27,7 +29,10 @@ pub fn split_mask(
         return None;
     }
     while let Some(at) = open.pop_front() {
-        for next in beside(at, mask.width as usize, mask.ids.len()).into_iter().flatten() {
+        for next in beside(at, mask.width as usize, mask.ids.len())
+            .into_iter()
+            .flatten()
+        {
             if std::mem::take(&mut inside.inside[next]) {
                 split.ids[next] = split.ids[at];
                 open.push_back(next);

@@ -22,7 +22,11 @@ fn found(points: &[Vec3], options: &InstanceOptions) -> Instances {
 
 #[test]
 fn two_things_with_a_gap_are_two_and_the_larger_comes_first() {
-    let points = [sphere(Vec3::ZERO, 8.0, 800), sphere(Vec3::X * 30.0, 10.0, 1250)].concat();
+    let points = [
+        sphere(Vec3::ZERO, 8.0, 800),
+        sphere(Vec3::X * 30.0, 10.0, 1250),
+    ]
+    .concat();
     let instances = found(&points, &InstanceOptions::default());
     assert_eq!(instances.sizes, [1250, 800]);
     assert!(instances.of_points[..800].iter().all(|&number| number == 2));
@@ -31,25 +35,54 @@ fn two_things_with_a_gap_are_two_and_the_larger_comes_first() {
 
 #[test]
 fn a_bridge_of_stray_points_does_not_join_two_things() {
-    let mut points = [sphere(Vec3::ZERO, 8.0, 800), sphere(Vec3::X * 30.0, 8.0, 800)].concat();
+    let mut points = [
+        sphere(Vec3::ZERO, 8.0, 800),
+        sphere(Vec3::X * 30.0, 8.0, 800),
+    ]
+    .concat();
     points.extend((0..6).map(|k| Vec3::X * (9.0 + 2.2 * k as f32)));
     assert_eq!(found(&points, &InstanceOptions::default()).sizes.len(), 2);
-    let chained = InstanceOptions { min_neighbours: 1, ..InstanceOptions::default() };
-    assert_eq!(found(&points, &chained).sizes.len(), 1, "every point links where one neighbour is enough");
+    let chained = InstanceOptions {
+        min_neighbours: 1,
+        ..InstanceOptions::default()
+    };
+    assert_eq!(
+        found(&points, &chained).sizes.len(),
+        1,
+        "every point links where one neighbour is enough"
+    );
 }
 
 #[test]
 fn specks_are_no_instances() {
-    let points = [sphere(Vec3::ZERO, 8.0, 800), sphere(Vec3::X * 30.0, 1.2, 20), vec![Vec3::Y * 90.0]].concat();
+    let points = [
+        sphere(Vec3::ZERO, 8.0, 800),
+        sphere(Vec3::X * 30.0, 1.2, 20),
+        vec![Vec3::Y * 90.0],
+    ]
+    .concat();
     let instances = found(&points, &InstanceOptions::default());
     assert_eq!(instances.sizes, [800]);
     assert!(instances.of_points[800..].iter().all(|&number| number == 0));
-    assert_eq!(found(&points, &InstanceOptions { min_points: 5, ..InstanceOptions::default() }).sizes, [800, 20]);
+    assert_eq!(
+        found(
+            &points,
+            &InstanceOptions {
+                min_points: 5,
+                ..InstanceOptions::default()
+            }
+        )
+        .sizes,
+        [800, 20]
+    );
 }
 
 #[test]
 fn places_that_are_no_numbers_and_no_points_at_all_give_nothing() {
-    assert_eq!(found(&[], &InstanceOptions::default()), Instances::default());
+    assert_eq!(
+        found(&[], &InstanceOptions::default()),
+        Instances::default()
+    );
     let mut points = sphere(Vec3::ZERO, 8.0, 800);
     points[3] = Vec3::NAN;
     assert_eq!(found(&points, &InstanceOptions::default()).of_points[3], 0);
@@ -57,7 +90,10 @@ fn places_that_are_no_numbers_and_no_points_at_all_give_nothing() {
 
 #[test]
 fn options_out_of_range_are_named() {
-    let options = InstanceOptions { radius: 0.0, ..InstanceOptions::default() };
+    let options = InstanceOptions {
+        radius: 0.0,
+        ..InstanceOptions::default()
+    };
     let error = find_instances(&[Vec3::ZERO], &options, &Progress::default()).unwrap_err();
     assert!(error.to_string().contains("radius"), "{error}");
 }

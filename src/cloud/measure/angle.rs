@@ -31,7 +31,9 @@ pub fn measure_angles(
     progress: &Progress,
 ) -> Result<Vec<TraitRow>, SceneError> {
     options.check()?;
-    pairs.iter().try_for_each(|&pair| check(&cloud.tree, pair))?;
+    pairs
+        .iter()
+        .try_for_each(|&pair| check(&cloud.tree, pair))?;
     progress.stage("measure")?;
     let mut labels: BTreeMap<LabelId, Measured> = BTreeMap::new();
     let mut rows = Vec::new();
@@ -42,7 +44,12 @@ pub fn measure_angles(
                 place.insert(with_pieces(cloud, id, options, progress)?);
             }
         }
-        rows.extend(rows_of(&cloud.tree, pair.map(|id| &labels[&id]), options, progress)?);
+        rows.extend(rows_of(
+            &cloud.tree,
+            pair.map(|id| &labels[&id]),
+            options,
+            progress,
+        )?);
     }
     Ok(rows)
 }
@@ -54,16 +61,27 @@ fn name(tree: &LabelTree, id: LabelId) -> &str {
 fn check(tree: &LabelTree, [a, b]: [LabelId; 2]) -> Result<(), SceneError> {
     let refuse = |text: String| Err(SceneError::Request(text));
     if let Some(missing) = [a, b].into_iter().find(|&id| tree.get(id).is_none()) {
-        return refuse(format!("there is no label {} to measure an angle of; choose two labels", missing.0));
+        return refuse(format!(
+            "there is no label {} to measure an angle of; choose two labels",
+            missing.0
+        ));
     }
     let [first, second] = [a, b].map(|id| name(tree, id));
     if a == b {
-        return refuse(format!("an angle needs two labels, and '{first}' was given twice; choose another one"));
+        return refuse(format!(
+            "an angle needs two labels, and '{first}' was given twice; choose another one"
+        ));
     }
     let holds = |outer: LabelId, inner: LabelId| tree.path(inner).contains(&outer);
     if holds(a, b) || holds(b, a) {
-        let (part, whole) = if holds(a, b) { (second, first) } else { (first, second) };
-        return refuse(format!("'{part}' is a part of '{whole}'; an angle needs two labels without common points"));
+        let (part, whole) = if holds(a, b) {
+            (second, first)
+        } else {
+            (first, second)
+        };
+        return refuse(format!(
+            "'{part}' is a part of '{whole}'; an angle needs two labels without common points"
+        ));
     }
     Ok(())
 }
@@ -75,7 +93,11 @@ fn with_pieces(
     progress: &Progress,
 ) -> Result<Measured, SceneError> {
     let name = name(&cloud.tree, id);
-    let refuse = |why: String| Err(SceneError::Request(format!("no angle can be told of '{name}': {why}")));
+    let refuse = |why: String| {
+        Err(SceneError::Request(format!(
+            "no angle can be told of '{name}': {why}"
+        )))
+    };
     let points = points_of(cloud, id);
     if points.is_empty() {
         return refuse("it has no points in the cloud; fuse masks that show it".into());
@@ -83,7 +105,9 @@ fn with_pieces(
     let measured = Measured::new(id, &points, options, progress)?;
     if measured.bodies.is_empty() {
         let least = options.min_points;
-        return refuse(format!("none of its pieces has {least} points or more; fuse with smaller voxels"));
+        return refuse(format!(
+            "none of its pieces has {least} points or more; fuse with smaller voxels"
+        ));
     }
     Ok(measured)
 }
@@ -97,17 +121,32 @@ fn rows_of(
     let names = [a.id, b.id].map(|id| name(tree, id));
     let mut rows = Vec::new();
     for (k, body) in a.bodies.iter().enumerate() {
-        let Some((other, meeting)) = nearest(body, &b.bodies, progress)? else { continue };
-        let Some((angle, how)) = angle([body, other], names, meeting, options.insertion_reach) else { continue };
-        let (points, name) = (body.points.len() + other.points.len(), format!("angle_to_{}", names[1]));
+        let Some((other, meeting)) = nearest(body, &b.bodies, progress)? else {
+            continue;
+        };
+        let Some((angle, how)) = angle([body, other], names, meeting, options.insertion_reach)
+        else {
+            continue;
+        };
+        let (points, name) = (
+            body.points.len() + other.points.len(),
+            format!("angle_to_{}", names[1]),
+        );
         rows.push(Trait::new(name, (angle, Dimension::Angle), how, points).row(tree, a.id, k + 1));
     }
     if !rows.is_empty() {
         return Ok(rows);
     }
-    let is_round = |measured: &Measured| measured.bodies.iter().all(|body| axis_near(body, DVec3::ZERO, 1.0).is_none());
+    let is_round = |measured: &Measured| {
+        measured
+            .bodies
+            .iter()
+            .all(|body| axis_near(body, DVec3::ZERO, 1.0).is_none())
+    };
     let round = if is_round(a) { names[0] } else { names[1] };
-    Err(SceneError::Request(format!("no angle can be told of '{round}': it is about as broad as it is long")))
+    Err(SceneError::Request(format!(
+        "no angle can be told of '{round}': it is about as broad as it is long"
+    )))
 }
 
 /// The body that comes nearest, and where; of those that are about as near, the longest: a culm, not a crumb beside it.
@@ -121,50 +160,85 @@ fn nearest<'a>(
         progress.check()?;
         met.extend(Meeting::of(&body.points, &other.points).map(|meeting| (other, meeting)));
     }
-    let least = met.iter().map(|(_, meeting)| meeting.gap()).fold(f64::INFINITY, f64::min);
+    let least = met
+        .iter()
+        .map(|(_, meeting)| meeting.gap())
+        .fold(f64::INFINITY, f64::min);
     met.retain(|(other, meeting)| meeting.gap() <= least + 0.5 * other.breadth());
-    Ok(met.into_iter().max_by(|(a, _), (b, _)| a.length().total_cmp(&b.length())))
+    Ok(met
+        .into_iter()
+        .max_by(|(a, _), (b, _)| a.length().total_cmp(&b.length())))
 }
 
 /// The angle, and how it was found.
-fn angle(bodies: [&Body; 2], names: [&str; 2], meeting: Meeting, reach: f64) -> Option<(f64, String)> {
-    let apart = if meeting.gap() > reach_of(bodies[0], reach) { "; they do not meet" } else { "" };
+fn angle(
+    bodies: [&Body; 2],
+    names: [&str; 2],
+    meeting: Meeting,
+    reach: f64,
+) -> Option<(f64, String)> {
+    let apart = if meeting.gap() > reach_of(bodies[0], reach) {
+        "; they do not meet"
+    } else {
+        ""
+    };
     let inserted = match bodies.map(|body| body.shape) {
         [Shape::Ribbon(_), Shape::Rod(_)] => Some((0, 1)),
         [Shape::Rod(_), Shape::Ribbon(_)] => Some((1, 0)),
         _ => None,
     };
     let leaves = |(sheet, rod): (usize, usize)| {
-        let (angle, _) = insertion_angle(bodies[sheet], [(LabelId::NONE, bodies[rod])].into_iter(), reach)?;
+        let (angle, _) = insertion_angle(
+            bodies[sheet],
+            [(LabelId::NONE, bodies[rod])].into_iter(),
+            reach,
+        )?;
         let [sheet, rod] = [names[sheet], names[rod]];
-        let how =
-            format!("angle between the axis of {rod} where {sheet} leaves it and the chord of the first part of the");
+        let how = format!(
+            "angle between the axis of {rod} where {sheet} leaves it and the chord of the first part of the"
+        );
         Some((angle, format!("{how} midrib of {sheet}, 0 to 90{apart}")))
     };
     inserted.and_then(leaves).or_else(|| {
-        let axes = [axis_near(bodies[0], meeting.a, reach)?, axis_near(bodies[1], meeting.b, reach)?];
+        let axes = [
+            axis_near(bodies[0], meeting.a, reach)?,
+            axis_near(bodies[1], meeting.b, reach)?,
+        ];
         let angle = axes[0].angle_between(axes[1]).to_degrees();
         let [first, second] = [0, 1].map(|k| axis_name(bodies[k], names[k]));
-        Some((angle.min(180.0 - angle), format!("angle between {first} and {second}, 0 to 90{apart}")))
+        Some((
+            angle.min(180.0 - angle),
+            format!("angle between {first} and {second}, 0 to 90{apart}"),
+        ))
     })
 }
 
 /// Over how much of a body its direction is told: `reach`, more of a thick one, no more than there is.
 fn reach_of(body: &Body, reach: f64) -> f64 {
-    reach.max(body.breadth()).min(body.length().max(f64::MIN_POSITIVE))
+    reach
+        .max(body.breadth())
+        .min(body.length().max(f64::MIN_POSITIVE))
 }
 
 /// Unit direction of a body near a place on it. `None` for one as broad as it is long.
 fn axis_near(body: &Body, at: DVec3, reach: f64) -> Option<DVec3> {
     let span = reach_of(body, reach);
     let about = |curve: &MedialCurve| {
-        let middle = curve.nearest(at).at.clamp(0.5 * span, (curve.length() - 0.5 * span).max(0.5 * span));
-        Axis { x: curve.point_at(middle), along: curve.direction_about(middle, span) }
+        let middle = curve
+            .nearest(at)
+            .at
+            .clamp(0.5 * span, (curve.length() - 0.5 * span).max(0.5 * span));
+        Axis {
+            x: curve.point_at(middle),
+            along: curve.direction_about(middle, span),
+        }
     };
     match (body.shape, &body.curve) {
-        (Shape::Rod(breadths), Some(curve)) => {
-            Some(about(curve).fitted(&body.points, 0.5 * breadths.median, 0.5 * span).along)
-        }
+        (Shape::Rod(breadths), Some(curve)) => Some(
+            about(curve)
+                .fitted(&body.points, 0.5 * breadths.median, 0.5 * span)
+                .along,
+        ),
         (Shape::Ribbon(_), Some(curve)) => Some(about(curve).along),
         _ => principal_axis(&body.points),
     }

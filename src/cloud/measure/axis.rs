@@ -24,27 +24,44 @@ impl Axis {
     /// distances. As the radius is known, points of one side suffice. `self` where they determine none.
     pub(super) fn fitted(self, points: &[DVec3], radius: f64, reach: f64) -> Self {
         let within = reach + 2.0 * radius;
-        let near: Vec<DVec3> = points.iter().copied().filter(|x| x.distance(self.x) <= within).collect();
+        let near: Vec<DVec3> = points
+            .iter()
+            .copied()
+            .filter(|x| x.distance(self.x) <= within)
+            .collect();
         let mut axis = self;
         for _ in 0..STEPS {
-            let Some((next, moved)) = axis.step(&near, radius, reach) else { return self };
+            let Some((next, moved)) = axis.step(&near, radius, reach) else {
+                return self;
+            };
             axis = next;
             if moved < 1e-9 * radius {
                 break;
             }
         }
-        if axis.along.dot(self.along) >= LEAST_COSINE && axis.x.distance(self.x) <= 2.0 * radius { axis } else { self }
+        if axis.along.dot(self.along) >= LEAST_COSINE && axis.x.distance(self.x) <= 2.0 * radius {
+            axis
+        } else {
+            self
+        }
     }
 
     /// One step of the fit, and how far it moved the axis within the reach.
     fn step(self, points: &[DVec3], radius: f64, reach: f64) -> Option<(Self, f64)> {
         let (u, v) = self.along.any_orthonormal_pair();
-        let near = points.iter().map(|&x| x - self.x).filter(|offset| offset.dot(self.along).abs() <= reach);
+        let near = points
+            .iter()
+            .map(|&x| x - self.x)
+            .filter(|offset| offset.dot(self.along).abs() <= reach);
         // Per point: unit direction from the axis, place along it as a share of the reach, distance from the surface.
         let rows: Vec<(DVec2, f64, f64)> = near
             .map(|offset| {
                 let across = DVec2::new(offset.dot(u), offset.dot(v));
-                (across.normalize_or_zero(), offset.dot(self.along) / reach, across.length() - radius)
+                (
+                    across.normalize_or_zero(),
+                    offset.dot(self.along) / reach,
+                    across.length() - radius,
+                )
             })
             .collect();
         let mut distances: Vec<f64> = rows.iter().map(|row| row.2.abs()).collect();
@@ -84,19 +101,40 @@ mod tests {
 
     #[test]
     fn one_side_tells_the_axis() {
-        let axis = Axis { x: DVec3::new(3.0, -1.0, 8.0), along: DVec3::new(0.2, 0.1, 1.0).normalize() };
+        let axis = Axis {
+            x: DVec3::new(3.0, -1.0, 8.0),
+            along: DVec3::new(0.2, 0.1, 1.0).normalize(),
+        };
         // The side that is seen narrows upwards, so that the middle of what is seen leans.
         let seen = strip(axis, |along| 2.4 - 0.02 * along);
-        let begin = Axis { x: axis.x + DVec3::new(1.0, 0.6, 0.0), along: DVec3::new(0.28, 0.05, 1.0).normalize() };
+        let begin = Axis {
+            x: axis.x + DVec3::new(1.0, 0.6, 0.0),
+            along: DVec3::new(0.28, 0.05, 1.0).normalize(),
+        };
         let found = begin.fitted(&seen, 2.5, 30.0);
-        assert!(found.along.angle_between(axis.along).to_degrees() < 0.1, "{found:?}");
-        assert!((found.x - axis.x).reject_from_normalized(axis.along).length() < 0.02, "{found:?}");
+        assert!(
+            found.along.angle_between(axis.along).to_degrees() < 0.1,
+            "{found:?}"
+        );
+        assert!(
+            (found.x - axis.x)
+                .reject_from_normalized(axis.along)
+                .length()
+                < 0.02,
+            "{found:?}"
+        );
     }
 
     #[test]
     fn too_few_points_leave_the_axis() {
-        let axis = Axis { x: DVec3::ZERO, along: DVec3::Z };
+        let axis = Axis {
+            x: DVec3::ZERO,
+            along: DVec3::Z,
+        };
         assert_eq!(axis.fitted(&[DVec3::X; 7], 2.5, 30.0), axis);
-        assert_eq!(axis.fitted(&[DVec3::new(40.0, 0.0, 0.0); 20], 2.5, 30.0), axis);
+        assert_eq!(
+            axis.fitted(&[DVec3::new(40.0, 0.0, 0.0); 20], 2.5, 30.0),
+            axis
+        );
     }
 }

@@ -41,12 +41,17 @@ impl Breadths {
     fn of(sorted: &[f64]) -> Self {
         let count = sorted.len();
         let at = |share: usize| sorted[(count * share / 100).min(count - 1)];
-        Self { median: at(50), mean: sorted.iter().sum::<f64>() / count as f64, most: at(95) }
+        Self {
+            median: at(50),
+            mean: sorted.iter().sum::<f64>() / count as f64,
+            most: at(95),
+        }
     }
 
     /// Of a body joined from two, by their lengths.
     pub(super) fn joined(self, own_length: f64, other: Self, other_length: f64) -> Self {
-        let mixed = |a: f64, b: f64| (own_length * a + other_length * b) / (own_length + other_length);
+        let mixed =
+            |a: f64, b: f64| (own_length * a + other_length * b) / (own_length + other_length);
         Self {
             median: mixed(self.median, other.median),
             mean: mixed(self.mean, other.mean),
@@ -64,12 +69,23 @@ impl Body {
         progress: &Progress,
     ) -> Result<Self, Stopped> {
         let curve = MedialCurve::trace(&points, spacing, reach, progress)?;
-        let shape = curve.as_ref().map_or(Shape::Lump, |curve| shape(&points, curve, spacing));
-        Ok(Self { points, area, curve, shape })
+        let shape = curve
+            .as_ref()
+            .map_or(Shape::Lump, |curve| shape(&points, curve, spacing));
+        Ok(Self {
+            points,
+            area,
+            curve,
+            shape,
+        })
     }
 
     pub(super) fn diameter(&self) -> Option<f64> {
-        if let Shape::Rod(breadths) = self.shape { Some(breadths.median) } else { None }
+        if let Shape::Rod(breadths) = self.shape {
+            Some(breadths.median)
+        } else {
+            None
+        }
     }
 
     /// Of the middle line; 0 without one.
@@ -87,7 +103,9 @@ impl Body {
 
     /// The traits that need no other body; `spacing`: of the points.
     pub(super) fn traits(&self, spacing: f64) -> Vec<Trait> {
-        let found = |name, value, definition| Trait::new(name, (value, Length), definition, self.points.len());
+        let found = |name, value, definition| {
+            Trait::new(name, (value, Length), definition, self.points.len())
+        };
         let mut traits = Vec::new();
         if let Some(curve) = &self.curve {
             let definition = "length of the middle line from end to end, across hidden parts";
@@ -97,11 +115,23 @@ impl Body {
             Shape::Rod(Breadths { median, mean, most }) => traits.extend([
                 found("diameter", median, "median over the cross-sections"),
                 found("diameter_mean", mean, "mean over the cross-sections"),
-                found("diameter_max", most, "diameter that 95 % of the cross-sections stay below"),
+                found(
+                    "diameter_max",
+                    most,
+                    "diameter that 95 % of the cross-sections stay below",
+                ),
             ]),
             Shape::Ribbon(Breadths { mean, most, .. }) => traits.extend([
-                found("width", mean, "width along the sheet, mean over the cross-sections"),
-                found("width_max", most, "width that 95 % of the cross-sections stay below"),
+                found(
+                    "width",
+                    mean,
+                    "width along the sheet, mean over the cross-sections",
+                ),
+                found(
+                    "width_max",
+                    most,
+                    "width that 95 % of the cross-sections stay below",
+                ),
             ]),
             Shape::Lump => {}
         }

@@ -11,7 +11,12 @@ pub(super) fn bulk(pieces: &[Vec<usize>], points: usize) -> Vec<usize> {
     if stray == 0 || stray as f64 > MOST_STRAY * points as f64 {
         return (0..points).collect();
     }
-    let mut kept: Vec<usize> = pieces.iter().filter(|piece| !is_speck(piece)).flatten().copied().collect();
+    let mut kept: Vec<usize> = pieces
+        .iter()
+        .filter(|piece| !is_speck(piece))
+        .flatten()
+        .copied()
+        .collect();
     kept.sort_unstable();
     kept
 }
@@ -23,7 +28,10 @@ mod tests {
     /// How many points are kept of pieces with so many.
     fn kept(sizes: &[usize]) -> usize {
         let mut next = 0..;
-        let pieces: Vec<Vec<usize>> = sizes.iter().map(|&size| next.by_ref().take(size).collect()).collect();
+        let pieces: Vec<Vec<usize>> = sizes
+            .iter()
+            .map(|&size| next.by_ref().take(size).collect())
+            .collect();
         bulk(&pieces, sizes.iter().sum()).len()
     }
 
@@ -32,7 +40,11 @@ mod tests {
         assert_eq!(kept(&[1000, 500, 9, 1]), 1500);
         assert_eq!(kept(&[1000, 10]), 1010, "1 % is no speck");
         assert_eq!(kept(&[3; 300]), 900, "grains");
-        assert_eq!(kept(&[vec![1000], vec![9; 50]].concat()), 1450, "a third of the thing");
+        assert_eq!(
+            kept(&[vec![1000], vec![9; 50]].concat()),
+            1450,
+            "a third of the thing"
+        );
         assert_eq!(kept(&[]), 0);
     }
 }

@@ -11,27 +11,49 @@ pub(super) fn extent_traits(points: &[DVec3], area: f64, spacing: f64) -> Vec<Tr
     let count = points.len();
     let found = |name, value, definition| Trait::new(name, value, definition, count);
     let mut traits = vec![
-        found("area", (area, Area), "area of the surface that the points cover, one side of a thin sheet"),
-        found("hull_volume", (hull_volume(points), Volume), "volume of the convex hull of the points"),
+        found(
+            "area",
+            (area, Area),
+            "area of the surface that the points cover, one side of a thin sheet",
+        ),
+        found(
+            "hull_volume",
+            (hull_volume(points), Volume),
+            "volume of the convex hull of the points",
+        ),
         found(
             "voxel_volume",
             (voxel_volume(points, spacing), Volume),
             "voxels that the points enclose, and half of those that hold points; edge 3 spacings",
         ),
     ];
-    for (name, size) in ["size_long", "size_middle", "size_short"].into_iter().zip(principal_sizes(points)) {
+    for (name, size) in ["size_long", "size_middle", "size_short"]
+        .into_iter()
+        .zip(principal_sizes(points))
+    {
         let definition = "size of the box along the principal axes of the points, longest first";
         traits.push(found(name, (size, Length), definition));
     }
-    for (name, size) in ["box_x", "box_y", "box_z"].into_iter().zip(box_sizes(points).to_array()) {
-        traits.push(found(name, (size, Length), "size of the box along the axes of the world"));
+    for (name, size) in ["box_x", "box_y", "box_z"]
+        .into_iter()
+        .zip(box_sizes(points).to_array())
+    {
+        traits.push(found(
+            name,
+            (size, Length),
+            "size of the box along the axes of the world",
+        ));
     }
     traits
 }
 
 fn box_sizes(points: &[DVec3]) -> DVec3 {
-    let Some(&first) = points.first() else { return DVec3::ZERO };
-    let (low, high) = points.iter().fold((first, first), |(low, high), &x| (low.min(x), high.max(x)));
+    let Some(&first) = points.first() else {
+        return DVec3::ZERO;
+    };
+    let (low, high) = points
+        .iter()
+        .fold((first, first), |(low, high), &x| (low.min(x), high.max(x)));
     high - low
 }
 
@@ -41,8 +63,10 @@ fn principal_sizes(points: &[DVec3]) -> [f64; 3] {
     let axes = SymmetricEigen::new(scatter).eigenvectors;
     let mut sizes = [0, 1, 2].map(|k| {
         let axis = DVec3::new(axes[(0, k)], axes[(1, k)], axes[(2, k)]);
-        let span =
-            points.iter().map(|&x| (x - mean).dot(axis)).fold((0.0_f64, 0.0_f64), |(l, h), v| (l.min(v), h.max(v)));
+        let span = points
+            .iter()
+            .map(|&x| (x - mean).dot(axis))
+            .fold((0.0_f64, 0.0_f64), |(l, h), v| (l.min(v), h.max(v)));
         span.1 - span.0
     });
     sizes.sort_by(|a, b| b.total_cmp(a));
@@ -56,7 +80,9 @@ const LONGER: f64 = 1.25;
 pub(super) fn principal_axis(points: &[DVec3]) -> Option<DVec3> {
     let eigen = SymmetricEigen::new(scattered(points).1);
     let most = eigen.eigenvalues.imax();
-    let others = (0..3).filter(|&k| k != most).map(|k| eigen.eigenvalues[k].max(0.0).sqrt());
+    let others = (0..3)
+        .filter(|&k| k != most)
+        .map(|k| eigen.eigenvalues[k].max(0.0).sqrt());
     let across = others.fold(0.0, f64::max);
     let axis = eigen.eigenvectors.column(most);
     let is_long = eigen.eigenvalues[most].sqrt() > LONGER * across;

@@ -15,14 +15,21 @@ impl<'a> Grid<'a> {
         for (k, &x) in points.iter().enumerate() {
             cells.entry(cell_of(x, cell)).or_default().push(k as u32);
         }
-        Self { points, cell, cells }
+        Self {
+            points,
+            cell,
+            cells,
+        }
     }
 
     /// Points within `radius` (at most the cell's side) of `x`, itself among them; in the order of cells and numbers.
     pub(super) fn within(&self, x: DVec3, radius: f64) -> impl Iterator<Item = usize> + '_ {
         let centre = cell_of(x, self.cell);
         (0..27)
-            .filter_map(move |k| self.cells.get(&(centre + IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1))))
+            .filter_map(move |k| {
+                self.cells
+                    .get(&(centre + IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1)))
+            })
             .flatten()
             .map(|&k| k as usize)
             .filter(move |&k| self.points[k].distance_squared(x) <= radius * radius)
@@ -36,7 +43,9 @@ fn cell_of(x: DVec3, cell: f64) -> IVec3 {
 /// Median distance from a point to its nearest neighbour, over at most 1000 of the points; 0 for fewer than two
 /// distinct points.
 pub(super) fn median_spacing(points: &[DVec3]) -> f64 {
-    let Some(extent) = core_extent(points) else { return 0.0 };
+    let Some(extent) = core_extent(points) else {
+        return 0.0;
+    };
     let step = points.len().div_ceil(1000);
     let sample = || points.iter().step_by(step);
     let mut cell = 2.0 * extent / (points.len() as f64).sqrt();
@@ -44,7 +53,10 @@ pub(super) fn median_spacing(points: &[DVec3]) -> f64 {
         let grid = Grid::new(points, cell);
         let mut nearest: Vec<f64> = sample()
             .filter_map(|&x| {
-                let others = grid.within(x, cell).map(|k| points[k].distance(x)).filter(|&d| d > 0.0);
+                let others = grid
+                    .within(x, cell)
+                    .map(|k| points[k].distance(x))
+                    .filter(|&d| d > 0.0);
                 others.min_by(f64::total_cmp)
             })
             .collect();
@@ -65,7 +77,10 @@ pub(super) fn core_extent(points: &[DVec3]) -> Option<f64> {
         let margin = values.len() / 50;
         Some(values.get(values.len().checked_sub(1 + margin)?)? - values.get(margin)?)
     };
-    (0..3).filter_map(extent_along).max_by(f64::total_cmp).filter(|&extent| extent > 0.0)
+    (0..3)
+        .filter_map(extent_along)
+        .max_by(f64::total_cmp)
+        .filter(|&extent| extent > 0.0)
 }
 
 /// The points, in order, without those nearer than `least` (above 0) to one kept before.
@@ -76,7 +91,11 @@ pub(super) fn thinned(points: &[DVec3], least: f64) -> Vec<DVec3> {
         let centre = cell_of(x, least);
         let near = |k: i32| centre + IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
         let crowded = |&k: &u32| kept[k as usize].distance_squared(x) < least * least;
-        if !(0..27).filter_map(|k| cells.get(&near(k))).flatten().any(crowded) {
+        if !(0..27)
+            .filter_map(|k| cells.get(&near(k)))
+            .flatten()
+            .any(crowded)
+        {
             cells.entry(centre).or_default().push(kept.len() as u32);
             kept.push(x);
         }

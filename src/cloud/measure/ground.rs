@@ -73,22 +73,38 @@ impl Ground {
                     "height of the highest point above the plane fitted to the label chosen as ground",
                     "height of the lowest point above the plane fitted to the label chosen as ground",
                 ];
-                let name = cloud.tree.get(id).map_or_else(|| id.0.to_string(), |label| label.name.clone());
+                let name = cloud
+                    .tree
+                    .get(id)
+                    .map_or_else(|| id.0.to_string(), |label| label.name.clone());
                 let missing = || {
-                    SceneError::Request(format!("'{name}' has no points on a plane; choose another label as ground"))
+                    SceneError::Request(format!(
+                        "'{name}' has no points on a plane; choose another label as ground"
+                    ))
                 };
-                Self::fitted(cloud, id, definitions, progress)?.ok_or_else(missing).map(Some)
+                Self::fitted(cloud, id, definitions, progress)?
+                    .ok_or_else(missing)
+                    .map(Some)
             }
             GroundChoice::Plane { normal, offset } => {
                 let normal = DVec3::from(normal);
-                let up = normal.try_normalize().filter(|_| offset.is_finite()).ok_or_else(|| {
-                    SceneError::Request("the ground's normal has no direction; give another than 0,0,0".into())
-                })?;
+                let up = normal
+                    .try_normalize()
+                    .filter(|_| offset.is_finite())
+                    .ok_or_else(|| {
+                        SceneError::Request(
+                            "the ground's normal has no direction; give another than 0,0,0".into(),
+                        )
+                    })?;
                 let definitions = [
                     "height of the highest point above the given plane",
                     "height of the lowest point above the given plane",
                 ];
-                Ok(Some(Self { up, offset: offset / normal.length(), definitions }))
+                Ok(Some(Self {
+                    up,
+                    offset: offset / normal.length(),
+                    definitions,
+                }))
             }
         }
     }
@@ -105,7 +121,13 @@ impl Ground {
         let floor = sample(cloud, own);
         let standing = sample(cloud, |label| label != LabelId::NONE && !own(label));
         let is_chosen = id != LabelId::NONE;
-        let Some(extent) = core_extent(if standing.is_empty() { &floor } else { &standing }) else { return Ok(None) };
+        let Some(extent) = core_extent(if standing.is_empty() {
+            &floor
+        } else {
+            &standing
+        }) else {
+            return Ok(None);
+        };
         let tolerance = TOLERANCE * extent;
         let mut dice = Pcg32::new(5, 29);
         let mut best: Option<(usize, Self)> = None;
@@ -115,33 +137,58 @@ impl Ground {
                 break;
             }
             let [a, b, c] = [(); 3].map(|()| floor[dice.random_range(0..floor.len())]);
-            let Some(normal) = (b - a).cross(c - a).try_normalize() else { continue };
-            let plane = Self { up: normal, offset: normal.dot(a), definitions }.upright(&standing);
-            let held = floor.iter().filter(|&&x| plane.height(x).abs() <= tolerance).count();
+            let Some(normal) = (b - a).cross(c - a).try_normalize() else {
+                continue;
+            };
+            let plane = Self {
+                up: normal,
+                offset: normal.dot(a),
+                definitions,
+            }
+            .upright(&standing);
+            let held = floor
+                .iter()
+                .filter(|&&x| plane.height(x).abs() <= tolerance)
+                .count();
             let better = best.as_ref().is_none_or(|(most, _)| held > *most);
             if better && (is_chosen || plane.carries(&standing, extent)) {
                 best = Some((held, plane));
             }
         }
-        let enough = best.filter(|(held, _)| *held >= 3 && *held as f64 >= LEAST * floor.len() as f64);
+        let enough =
+            best.filter(|(held, _)| *held >= 3 && *held as f64 >= LEAST * floor.len() as f64);
         Ok(enough.map(|(_, plane)| plane.refined(&floor, tolerance).refined(&floor, tolerance)))
     }
 
     /// Turned so that most of the points are above it.
     fn upright(self, points: &[DVec3]) -> Self {
         let above = points.iter().filter(|&&x| self.height(x) > 0.0).count();
-        if 2 * above >= points.len() { self } else { Self { up: -self.up, offset: -self.offset, ..self } }
+        if 2 * above >= points.len() {
+            self
+        } else {
+            Self {
+                up: -self.up,
+                offset: -self.offset,
+                ..self
+            }
+        }
     }
 
     fn carries(&self, points: &[DVec3], extent: f64) -> bool {
         let mut heights: Vec<f64> = points.iter().map(|&x| self.height(x)).collect();
         heights.sort_by(f64::total_cmp);
-        let Some(&lowest) = heights.get(((1.0 - ABOVE) * heights.len() as f64) as usize) else { return false };
+        let Some(&lowest) = heights.get(((1.0 - ABOVE) * heights.len() as f64) as usize) else {
+            return false;
+        };
         (-TOLERANCE * extent..=STANDS * extent).contains(&lowest)
     }
 
     fn refined(self, points: &[DVec3], tolerance: f64) -> Self {
-        let held: Vec<DVec3> = points.iter().copied().filter(|&x| self.height(x).abs() <= tolerance).collect();
+        let held: Vec<DVec3> = points
+            .iter()
+            .copied()
+            .filter(|&x| self.height(x).abs() <= tolerance)
+            .collect();
         if held.len() < 3 {
             return self;
         }
@@ -155,7 +202,11 @@ impl Ground {
         let normal = eigen.eigenvectors.column(eigen.eigenvalues.imin());
         let up = DVec3::new(normal[0], normal[1], normal[2]).normalize_or(self.up);
         let up = if up.dot(self.up) < 0.0 { -up } else { up };
-        Self { up, offset: up.dot(mean), ..self }
+        Self {
+            up,
+            offset: up.dot(mean),
+            ..self
+        }
     }
 
     fn height(&self, x: DVec3) -> f64 {
@@ -165,12 +216,19 @@ impl Ground {
     /// Heights of the highest and the lowest of some points.
     pub(super) fn traits(&self, points: &[DVec3]) -> Vec<Trait> {
         let heights = || points.iter().map(|&x| self.height(x));
-        let (Some(highest), Some(lowest)) = (heights().max_by(f64::total_cmp), heights().min_by(f64::total_cmp)) else {
+        let (Some(highest), Some(lowest)) = (
+            heights().max_by(f64::total_cmp),
+            heights().min_by(f64::total_cmp),
+        ) else {
             return Vec::new();
         };
-        let found = |name, value, definition| Trait::new(name, (value, Length), definition, points.len());
+        let found =
+            |name, value, definition| Trait::new(name, (value, Length), definition, points.len());
         let [top, bottom] = self.definitions;
-        vec![found("height_max", highest, top), found("height_min", lowest, bottom)]
+        vec![
+            found("height_max", highest, top),
+            found("height_min", lowest, bottom),
+        ]
     }
 }
 
@@ -178,7 +236,12 @@ impl Ground {
 fn sample(cloud: &LabelledCloud, wanted: impl Fn(LabelId) -> bool) -> Vec<DVec3> {
     let table: Vec<bool> = (0..=u16::MAX).map(|id| wanted(LabelId(id))).collect();
     let labelled = cloud.positions.iter().zip(&cloud.labels);
-    let all: Vec<DVec3> =
-        labelled.filter(|(x, label)| table[usize::from(label.0)] && x.is_finite()).map(|(x, _)| x.as_dvec3()).collect();
-    all.iter().copied().step_by(all.len().div_ceil(TRIED).max(1)).collect()
+    let all: Vec<DVec3> = labelled
+        .filter(|(x, label)| table[usize::from(label.0)] && x.is_finite())
+        .map(|(x, _)| x.as_dvec3())
+        .collect();
+    all.iter()
+        .copied()
+        .step_by(all.len().div_ceil(TRIED).max(1))
+        .collect()
 }

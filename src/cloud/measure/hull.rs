@@ -23,10 +23,20 @@ const JOGGLE: f64 = 1e-8;
 #[must_use]
 pub fn hull_volume(points: &[DVec3]) -> f64 {
     let points: Vec<DVec3> = points.iter().copied().filter(|x| x.is_finite()).collect();
-    let extent = points.iter().fold(DVec3::ZERO, |extent, x| extent.max((*x - points[0]).abs())).max_element();
-    let Some(corners) = first_tetrahedron(&points, FLAT * extent) else { return 0.0 };
+    let extent = points
+        .iter()
+        .fold(DVec3::ZERO, |extent, x| extent.max((*x - points[0]).abs()))
+        .max_element();
+    let Some(corners) = first_tetrahedron(&points, FLAT * extent) else {
+        return 0.0;
+    };
     // A rare tie that rounding decides badly is gone after a stronger shift.
-    let attempt = |k: i32| quickhull(&joggled(&points, JOGGLE * 10_f64.powi(k) * extent, k as u64), corners);
+    let attempt = |k: i32| {
+        quickhull(
+            &joggled(&points, JOGGLE * 10_f64.powi(k) * extent, k as u64),
+            corners,
+        )
+    };
     (0..5).find_map(attempt).unwrap_or(0.0)
 }
 
@@ -34,7 +44,10 @@ pub fn hull_volume(points: &[DVec3]) -> f64 {
 fn joggled(points: &[DVec3], amount: f64, seed: u64) -> Vec<DVec3> {
     let mut dice = Pcg32::new(seed, 17);
     let mut shift = || amount * dice.random_range(-1.0..1.0);
-    points.iter().map(|&x| x - points[0] + DVec3::new(shift(), shift(), shift())).collect()
+    points
+        .iter()
+        .map(|&x| x - points[0] + DVec3::new(shift(), shift(), shift()))
+        .collect()
 }
 
 /// Volume of the hull that grows from a tetrahedron; `None` when rounding broke its surface.
@@ -43,7 +56,11 @@ fn quickhull(points: &[DVec3], corners: [usize; 4]) -> Option<f64> {
     let (mut next, mut kept) = (0, faces.len());
     while let Some(face) = faces.get(next) {
         let height = |&k: &usize| face.height(points[k]);
-        let farthest = face.outside.iter().copied().max_by(|a, b| height(a).total_cmp(&height(b)).then(b.cmp(a)));
+        let farthest = face
+            .outside
+            .iter()
+            .copied()
+            .max_by(|a, b| height(a).total_cmp(&height(b)).then(b.cmp(a)));
         match farthest.filter(|_| face.alive) {
             Some(apex) => raise(&mut faces, points, apex)?,
             None => next += 1,
@@ -65,7 +82,10 @@ fn raise(faces: &mut Vec<Face>, points: &[DVec3], apex: usize) -> Option<()> {
     let mut edges: FxHashSet<(usize, usize)> = FxHashSet::default();
     let mut order = Vec::new();
     let mut loose = Vec::new();
-    for face in faces.iter_mut().filter(|face| face.alive && face.height(points[apex]) > 0.0) {
+    for face in faces
+        .iter_mut()
+        .filter(|face| face.alive && face.height(points[apex]) > 0.0)
+    {
         face.alive = false;
         loose.append(&mut face.outside);
         for k in 0..3 {
@@ -74,7 +94,10 @@ fn raise(faces: &mut Vec<Face>, points: &[DVec3], apex: usize) -> Option<()> {
             order.push(edge);
         }
     }
-    let horizon: Vec<(usize, usize)> = order.into_iter().filter(|&(a, b)| !edges.contains(&(b, a))).collect();
+    let horizon: Vec<(usize, usize)> = order
+        .into_iter()
+        .filter(|&(a, b)| !edges.contains(&(b, a)))
+        .collect();
     let ahead: FxHashMap<usize, usize> = horizon.iter().copied().collect();
     let start = horizon.first()?.0;
     let walked = 1 + std::iter::successors(ahead.get(&start), |at| ahead.get(at))
@@ -85,8 +108,16 @@ fn raise(faces: &mut Vec<Face>, points: &[DVec3], apex: usize) -> Option<()> {
         return None;
     }
     let first = faces.len();
-    faces.extend(horizon.iter().map(|&(a, b)| Face::new(points, [a, b, apex])));
-    share_out(&mut faces[first..], points, loose.into_iter().filter(|&k| k != apex));
+    faces.extend(
+        horizon
+            .iter()
+            .map(|&(a, b)| Face::new(points, [a, b, apex])),
+    );
+    share_out(
+        &mut faces[first..],
+        points,
+        loose.into_iter().filter(|&k| k != apex),
+    );
     Some(())
 }
 
@@ -102,7 +133,8 @@ fn share_out(faces: &mut [Face], points: &[DVec3], numbers: impl Iterator<Item =
 /// Four points far apart; `None` when all lie within `tolerance` of one plane.
 fn first_tetrahedron(points: &[DVec3], tolerance: f64) -> Option<[usize; 4]> {
     let farthest = |distance: &dyn Fn(DVec3) -> f64| {
-        let best = (0..points.len()).max_by(|&a, &b| distance(points[a]).total_cmp(&distance(points[b])))?;
+        let best = (0..points.len())
+            .max_by(|&a, &b| distance(points[a]).total_cmp(&distance(points[b])))?;
         (distance(points[best]) > tolerance).then_some(best)
     };
     let a = (0..points.len()).min_by(|&a, &b| points[a].x.total_cmp(&points[b].x))?;
@@ -117,9 +149,15 @@ fn first_tetrahedron(points: &[DVec3], tolerance: f64) -> Option<[usize; 4]> {
 fn tetrahedron(points: &[DVec3], [a, b, c, d]: [usize; 4]) -> Vec<Face> {
     let below = Face::new(points, [a, b, c]).height(points[d]) < 0.0;
     let [a, b, c] = if below { [a, b, c] } else { [a, c, b] };
-    let mut faces: Vec<Face> =
-        [[a, b, c], [a, d, b], [b, d, c], [c, d, a]].into_iter().map(|f| Face::new(points, f)).collect();
-    share_out(&mut faces, points, (0..points.len()).filter(|k| ![a, b, c, d].contains(k)));
+    let mut faces: Vec<Face> = [[a, b, c], [a, d, b], [b, d, c], [c, d, a]]
+        .into_iter()
+        .map(|f| Face::new(points, f))
+        .collect();
+    share_out(
+        &mut faces,
+        points,
+        (0..points.len()).filter(|k| ![a, b, c, d].contains(k)),
+    );
     faces
 }
 
@@ -127,7 +165,13 @@ impl Face {
     fn new(points: &[DVec3], corners: [usize; 3]) -> Self {
         let [a, b, c] = corners.map(|k| points[k]);
         let normal = (b - a).cross(c - a).normalize_or_zero();
-        Self { corners, normal, offset: normal.dot(a), outside: Vec::new(), alive: true }
+        Self {
+            corners,
+            normal,
+            offset: normal.dot(a),
+            outside: Vec::new(),
+            alive: true,
+        }
     }
 
     /// Height of a point above the face, above 0 outside.
@@ -142,14 +186,19 @@ mod tests {
 
     #[test]
     fn cube_and_sphere() {
-        let cube: Vec<DVec3> =
-            (0..27).map(|k| DVec3::new(f64::from(k % 3), f64::from(k / 3 % 3), f64::from(k / 9))).collect();
+        let cube: Vec<DVec3> = (0..27)
+            .map(|k| DVec3::new(f64::from(k % 3), f64::from(k / 3 % 3), f64::from(k / 9)))
+            .collect();
         assert!((hull_volume(&cube) - 8.0).abs() < 1e-5);
         let sphere: Vec<DVec3> = (0..4000)
             .map(|k| {
                 let z = 1.0 - 2.0 * (f64::from(k) + 0.5) / 4000.0;
                 let angle = 2.399_963 * f64::from(k);
-                DVec3::new((1.0 - z * z).sqrt() * angle.cos(), (1.0 - z * z).sqrt() * angle.sin(), z) + 5.0
+                DVec3::new(
+                    (1.0 - z * z).sqrt() * angle.cos(),
+                    (1.0 - z * z).sqrt() * angle.sin(),
+                    z,
+                ) + 5.0
             })
             .collect();
         let exact = 4.0 / 3.0 * std::f64::consts::PI;
@@ -160,11 +209,20 @@ mod tests {
     fn points_on_a_lattice_and_in_float_noise() {
         let lattice = |count: i32| {
             (0..count * count * count).map(move |k| {
-                DVec3::new(f64::from(k % count), f64::from(k / count % count), f64::from(k / count / count))
+                DVec3::new(
+                    f64::from(k % count),
+                    f64::from(k / count % count),
+                    f64::from(k / count / count),
+                )
             })
         };
-        let turned: Vec<DVec3> =
-            lattice(24).map(|x| (glam::DQuat::from_rotation_z(0.3) * (x / 23.0)).as_vec3().as_dvec3()).collect();
+        let turned: Vec<DVec3> = lattice(24)
+            .map(|x| {
+                (glam::DQuat::from_rotation_z(0.3) * (x / 23.0))
+                    .as_vec3()
+                    .as_dvec3()
+            })
+            .collect();
         assert!((hull_volume(&turned) - 1.0).abs() < 1e-5);
         assert!((hull_volume(&lattice(20).collect::<Vec<_>>()) - 6859.0).abs() < 0.01);
     }
@@ -173,7 +231,9 @@ mod tests {
     fn degenerate_sets_have_no_volume() {
         assert_eq!(hull_volume(&[]), 0.0);
         assert_eq!(hull_volume(&[DVec3::ONE; 9]), 0.0);
-        let plane: Vec<DVec3> = (0..50).map(|k| DVec3::new(f64::from(k % 7), f64::from(k / 7), 3.0)).collect();
+        let plane: Vec<DVec3> = (0..50)
+            .map(|k| DVec3::new(f64::from(k % 7), f64::from(k / 7), 3.0))
+            .collect();
         assert_eq!(hull_volume(&plane), 0.0);
         assert_eq!(hull_volume(&[DVec3::NAN, DVec3::X]), 0.0);
     }

@@ -21,20 +21,37 @@ pub(super) fn insertion_angle<'a>(
     rods: impl Iterator<Item = (LabelId, &'a Body)>,
     reach: f64,
 ) -> Option<(f64, (LabelId, &'a Body))> {
-    let (Shape::Ribbon(_), Some(curve)) = (ribbon.shape, &ribbon.curve) else { return None };
-    let end_distance = |x: DVec3, rod: &Body| rod.curve.as_ref().map_or(f64::INFINITY, |c| c.nearest(x).distance);
+    let (Shape::Ribbon(_), Some(curve)) = (ribbon.shape, &ribbon.curve) else {
+        return None;
+    };
+    let end_distance = |x: DVec3, rod: &Body| {
+        rod.curve
+            .as_ref()
+            .map_or(f64::INFINITY, |c| c.nearest(x).distance)
+    };
     let (tail, head) = (*curve.points.first()?, *curve.points.last()?);
     let radius = |rod: &Body| 0.5 * rod.diameter().unwrap_or(0.0);
     let distance = |rod: &Body| end_distance(tail, rod).min(end_distance(head, rod));
-    let near: Vec<(LabelId, &Body)> = rods.filter(|(_, rod)| distance(rod) <= TOUCHES * radius(rod)).collect();
-    let nearest = near.iter().map(|(_, rod)| distance(rod)).fold(f64::INFINITY, f64::min);
+    let near: Vec<(LabelId, &Body)> = rods
+        .filter(|(_, rod)| distance(rod) <= TOUCHES * radius(rod))
+        .collect();
+    let nearest = near
+        .iter()
+        .map(|(_, rod)| distance(rod))
+        .fold(f64::INFINITY, f64::min);
     // Of those that are about as near, the longest: a culm, not the sheath around it.
     let length = |rod: &Body| rod.curve.as_ref().map_or(0.0, MedialCurve::length);
-    let as_near = near.into_iter().filter(|(_, rod)| distance(rod) <= nearest + radius(rod));
+    let as_near = near
+        .into_iter()
+        .filter(|(_, rod)| distance(rod) <= nearest + radius(rod));
     let (id, rod) = as_near.max_by(|(_, a), (_, b)| length(a).total_cmp(&length(b)))?;
     let middle = rod.curve.as_ref()?;
     let reach = reach.max(2.0 * radius(rod));
-    let outward = if end_distance(tail, rod) <= end_distance(head, rod) { curve.clone() } else { curve.reversed() };
+    let outward = if end_distance(tail, rod) <= end_distance(head, rod) {
+        curve.clone()
+    } else {
+        curve.reversed()
+    };
     let (from, root) = collar(&outward, middle, radius(rod), reach)?;
     if from + reach > outward.length() {
         return None;
@@ -42,7 +59,10 @@ pub(super) fn insertion_angle<'a>(
     let tip = outward.point_at(from + reach);
     let at = middle.nearest(root).at;
     // Where a rod is seen from one side, the middle of what is seen lies off its axis, the more the more of it is hidden.
-    let rough = Axis { x: middle.point_at(at), along: middle.direction_about(at, reach) };
+    let rough = Axis {
+        x: middle.point_at(at),
+        along: middle.direction_about(at, reach),
+    };
     let axis = rough.fitted(&rod.points, radius(rod), reach);
     let chord = midrib_chord(&ribbon.points, axis, (root, tip), radius(rod)).unwrap_or(tip - root);
     let angle = chord.angle_between(axis.along).to_degrees();
@@ -58,20 +78,36 @@ const LEAST_POINTS: usize = 8;
 /// it, and the rod may hide some, so that the middle of its points lies off the midrib there. Hence a parabola through
 /// the points next to the half-plane from the rod's axis through the tip. `None` where they are too few, or none lies in
 /// the half next to the rod.
-fn midrib_chord(sheet: &[DVec3], axis: Axis, (root, tip): (DVec3, DVec3), radius: f64) -> Option<DVec3> {
-    let out = (tip - axis.x).reject_from_normalized(axis.along).try_normalize()?;
+fn midrib_chord(
+    sheet: &[DVec3],
+    axis: Axis,
+    (root, tip): (DVec3, DVec3),
+    radius: f64,
+) -> Option<DVec3> {
+    let out = (tip - axis.x)
+        .reject_from_normalized(axis.along)
+        .try_normalize()?;
     let aside = axis.along.cross(out);
     let in_plane = |x: DVec3| DVec2::new((x - axis.x).dot(axis.along), (x - axis.x).dot(out));
     let begin = in_plane(root).max(DVec2::new(f64::NEG_INFINITY, radius));
     let chord = in_plane(tip) - begin;
     // Shares of the chord along and across it.
-    let local = |x: DVec2| DVec2::new(chord.dot(x - begin), chord.perp_dot(x - begin)) / chord.length_squared();
-    let strip = |width: f64| -> Vec<DVec2> {
-        let near = sheet.iter().filter(|&&x| (x - axis.x).dot(aside).abs() <= width * radius);
-        let outside = near.map(|&x| in_plane(x)).filter(|x| x.y > 0.0).map(local);
-        outside.filter(|x| (0.0..=1.0).contains(&x.x) && x.y.abs() <= 0.5).collect()
+    let local = |x: DVec2| {
+        DVec2::new(chord.dot(x - begin), chord.perp_dot(x - begin)) / chord.length_squared()
     };
-    let midrib = STRIPS.into_iter().map(strip).find(|strip| strip.len() >= LEAST_POINTS)?;
+    let strip = |width: f64| -> Vec<DVec2> {
+        let near = sheet
+            .iter()
+            .filter(|&&x| (x - axis.x).dot(aside).abs() <= width * radius);
+        let outside = near.map(|&x| in_plane(x)).filter(|x| x.y > 0.0).map(local);
+        outside
+            .filter(|x| (0.0..=1.0).contains(&x.x) && x.y.abs() <= 0.5)
+            .collect()
+    };
+    let midrib = STRIPS
+        .into_iter()
+        .map(strip)
+        .find(|strip| strip.len() >= LEAST_POINTS)?;
     midrib.iter().any(|x| x.x < 0.5).then_some(())?;
     let [_, slope, bend] = parabola(&midrib)?;
     let chord = chord + (slope + bend) * chord.perp();
@@ -80,12 +116,24 @@ fn midrib_chord(sheet: &[DVec3], axis: Axis, (root, tip): (DVec3, DVec3), radius
 
 /// Where a ribbon, from its end on the rod outwards, leaves a rod: the arc length there, and the place on the rod's surface.
 /// The middle of a ribbon that is wrapped about the rod lies inside the rod, so that it is pushed out.
-fn collar(ribbon: &MedialCurve, axis: &MedialCurve, radius: f64, reach: f64) -> Option<(f64, DVec3)> {
+fn collar(
+    ribbon: &MedialCurve,
+    axis: &MedialCurve,
+    radius: f64,
+    reach: f64,
+) -> Option<(f64, DVec3)> {
     let distance = |x: DVec3| axis.nearest(x).distance;
-    let beyond = |times: f64| ribbon.points.iter().position(|&x| distance(x) > times * radius);
+    let beyond = |times: f64| {
+        ribbon
+            .points
+            .iter()
+            .position(|&x| distance(x) > times * radius)
+    };
     let leaves = beyond(LEFT)?;
     let outside = |k: &usize| {
-        let before = k.checked_sub(1).map_or(0.0, |before| distance(ribbon.points[before]));
+        let before = k
+            .checked_sub(1)
+            .map_or(0.0, |before| distance(ribbon.points[before]));
         distance(ribbon.points[*k]) > radius.max(before)
     };
     let at = (0..=leaves).rev().find(|k| !outside(k)).unwrap_or(0);
@@ -109,8 +157,12 @@ fn knee(ribbon: &MedialCurve, near: Option<usize>, far: Option<usize>, reach: f6
     if along < 2.0 * reach {
         return None;
     }
-    let end = far.map_or(f64::INFINITY, |far| ribbon.length_to(far)).min(ribbon.length() - reach);
-    let places = (0..).map(|k| reach * (1.0 + f64::from(k) / 15.0)).take_while(|&at| at <= end);
+    let end = far
+        .map_or(f64::INFINITY, |far| ribbon.length_to(far))
+        .min(ribbon.length() - reach);
+    let places = (0..)
+        .map(|k| reach * (1.0 + f64::from(k) / 15.0))
+        .take_while(|&at| at <= end);
     let turn = |at: f64| {
         let [before, here, after] = [at - reach, at, at + reach].map(|at| ribbon.point_at(at));
         (here - before).angle_between(after - here)

@@ -35,9 +35,16 @@ impl MedialCurve {
         progress: &Progress,
     ) -> Result<Option<Self>, Stopped> {
         let grid = Grid::new(points, reach);
-        let Some(first) = farthest(&geodesic(points, &grid, reach, 0, progress)?.0) else { return Ok(None) };
+        let Some(first) = farthest(&geodesic(points, &grid, reach, 0, progress)?.0) else {
+            return Ok(None);
+        };
         let (distances, parents) = geodesic(points, &grid, reach, first, progress)?;
-        Ok(Self::through_levels(points, (&distances, &parents), spacing, reach))
+        Ok(Self::through_levels(
+            points,
+            (&distances, &parents),
+            spacing,
+            reach,
+        ))
     }
 
     fn through_levels(
@@ -54,22 +61,36 @@ impl MedialCurve {
         }
         let level = |k: usize| ((distances[k] / total * levels as f64) as usize).min(levels - 1);
         let mut members = vec![Vec::new(); levels];
-        (0..points.len()).filter(|&k| distances[k].is_finite()).for_each(|k| members[level(k)].push(k));
+        (0..points.len())
+            .filter(|&k| distances[k].is_finite())
+            .for_each(|k| members[level(k)].push(k));
         let mut on_way = vec![None; levels];
         std::iter::successors(Some(last), |&k| parents[k]).for_each(|k| on_way[level(k)] = Some(k));
-        let slices: Vec<Vec<DVec3>> =
-            members.iter().zip(on_way).filter_map(|(group, way)| part_about(points, group, way?, reach)).collect();
+        let slices: Vec<Vec<DVec3>> = members
+            .iter()
+            .zip(on_way)
+            .filter_map(|(group, way)| part_about(points, group, way?, reach))
+            .collect();
         let rough = Self::through(slices.iter().map(Vec::as_slice))?;
         // Level sets lean towards the end that they are counted from; slices across the rough curve do not.
-        Self::through(rough.slices(&slices.concat(), slices.len()).iter().map(Vec::as_slice))
+        Self::through(
+            rough
+                .slices(&slices.concat(), slices.len())
+                .iter()
+                .map(Vec::as_slice),
+        )
     }
 
     /// Through the centroids of consecutive slices of a body, to its outermost points.
     fn through<'a>(slices: impl Iterator<Item = &'a [DVec3]>) -> Option<Self> {
         let slices: Vec<&[DVec3]> = slices.filter(|slice| !slice.is_empty()).collect();
-        let centroids: Vec<DVec3> =
-            slices.iter().map(|slice| slice.iter().sum::<DVec3>() / slice.len() as f64).collect();
-        let mut curve = Self { points: smoothed(&smoothed(&centroids)) };
+        let centroids: Vec<DVec3> = slices
+            .iter()
+            .map(|slice| slice.iter().sum::<DVec3>() / slice.len() as f64)
+            .collect();
+        let mut curve = Self {
+            points: smoothed(&smoothed(&centroids)),
+        };
         curve.lengthen(slices.iter().take(2).copied().flatten());
         curve.points.reverse();
         curve.lengthen(slices.iter().rev().take(2).copied().flatten());
@@ -89,24 +110,37 @@ impl MedialCurve {
     }
 
     pub(super) fn length(&self) -> f64 {
-        self.points.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
+        self.points
+            .windows(2)
+            .map(|pair| pair[0].distance(pair[1]))
+            .sum()
     }
 
     /// Arc length from the first point to the `index`-th.
     pub(super) fn length_to(&self, index: usize) -> f64 {
-        self.points[..=index].windows(2).map(|pair| pair[0].distance(pair[1])).sum()
+        self.points[..=index]
+            .windows(2)
+            .map(|pair| pair[0].distance(pair[1]))
+            .sum()
     }
 
     /// The place on the curve that is nearest to `x`.
     pub(super) fn nearest(&self, x: DVec3) -> Nearest {
-        let mut best = Nearest { distance: f64::INFINITY, at: 0.0 };
+        let mut best = Nearest {
+            distance: f64::INFINITY,
+            at: 0.0,
+        };
         let mut walked = 0.0;
         for pair in self.points.windows(2) {
             let along = pair[1] - pair[0];
-            let share = ((x - pair[0]).dot(along) / along.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+            let share = ((x - pair[0]).dot(along) / along.length_squared().max(f64::MIN_POSITIVE))
+                .clamp(0.0, 1.0);
             let distance = (pair[0] + share * along).distance(x);
             if distance < best.distance {
-                best = Nearest { distance, at: walked + share * along.length() };
+                best = Nearest {
+                    distance,
+                    at: walked + share * along.length(),
+                };
             }
             walked += along.length();
         }
@@ -137,7 +171,10 @@ impl MedialCurve {
         let mut stations = Vec::new();
         let mut ahead = 0.5 * step;
         for pair in self.points.windows(2) {
-            let (length, direction) = (pair[0].distance(pair[1]), (pair[1] - pair[0]).normalize_or_zero());
+            let (length, direction) = (
+                pair[0].distance(pair[1]),
+                (pair[1] - pair[0]).normalize_or_zero(),
+            );
             while ahead < length {
                 stations.push((pair[0] + ahead * direction, direction));
                 ahead += step;
@@ -154,7 +191,9 @@ impl MedialCurve {
     }
 
     pub(super) fn reversed(&self) -> Self {
-        Self { points: self.points.iter().rev().copied().collect() }
+        Self {
+            points: self.points.iter().rev().copied().collect(),
+        }
     }
 
     /// Puts a point before the first, as far out along the curve's direction as the outermost of `body`.
@@ -211,7 +250,9 @@ fn farthest(distances: &[f64]) -> Option<usize> {
 fn part_about(points: &[DVec3], group: &[usize], anchor: usize, reach: f64) -> Option<Vec<DVec3>> {
     let members: Vec<DVec3> = group.iter().map(|&k| points[k]).collect();
     let place = group.iter().position(|&k| k == anchor)?;
-    let part = components(&members, reach).into_iter().find(|part| part.contains(&place))?;
+    let part = components(&members, reach)
+        .into_iter()
+        .find(|part| part.contains(&place))?;
     Some(part.iter().map(|&k| members[k]).collect())
 }
 

@@ -19,11 +19,21 @@ impl Meeting {
     /// set is empty.
     pub(super) fn of(a: &[DVec3], b: &[DVec3]) -> Option<Self> {
         let [few_a, few_b] = [sample(a), sample(b)];
-        let pairs = few_a.iter().map(|&x| Some(Self { a: x, b: nearest(&few_b, x)? }));
-        let mut meeting = pairs.flatten().min_by(|one, other| one.gap().total_cmp(&other.gap()))?;
+        let pairs = few_a.iter().map(|&x| {
+            Some(Self {
+                a: x,
+                b: nearest(&few_b, x)?,
+            })
+        });
+        let mut meeting = pairs
+            .flatten()
+            .min_by(|one, other| one.gap().total_cmp(&other.gap()))?;
         for _ in 0..STEPS {
             let on_a = nearest(a, meeting.b)?;
-            let next = Self { a: on_a, b: nearest(b, on_a)? };
+            let next = Self {
+                a: on_a,
+                b: nearest(b, on_a)?,
+            };
             if next.gap() >= meeting.gap() {
                 break;
             }
@@ -39,11 +49,18 @@ impl Meeting {
 }
 
 fn sample(points: &[DVec3]) -> Vec<DVec3> {
-    points.iter().copied().step_by(points.len().div_ceil(COMPARED).max(1)).collect()
+    points
+        .iter()
+        .copied()
+        .step_by(points.len().div_ceil(COMPARED).max(1))
+        .collect()
 }
 
 fn nearest(points: &[DVec3], x: DVec3) -> Option<DVec3> {
-    points.iter().copied().min_by(|a, b| a.distance_squared(x).total_cmp(&b.distance_squared(x)))
+    points
+        .iter()
+        .copied()
+        .min_by(|a, b| a.distance_squared(x).total_cmp(&b.distance_squared(x)))
 }
 
 #[cfg(test)]
@@ -52,12 +69,19 @@ mod tests {
 
     #[test]
     fn two_lines_meet_where_they_come_nearest() {
-        let line = |from: DVec3, step: DVec3| (0..30_000).map(move |k| from + f64::from(k) * step).collect::<Vec<_>>();
+        let line = |from: DVec3, step: DVec3| {
+            (0..30_000)
+                .map(move |k| from + f64::from(k) * step)
+                .collect::<Vec<_>>()
+        };
         let a = line(DVec3::new(-1.0, 0.0, 0.0), 1e-4 * DVec3::X);
         let b = line(DVec3::new(0.5, -2.0, 0.01), 1e-4 * DVec3::Y);
         let meeting = Meeting::of(&a, &b).unwrap();
         assert!((meeting.gap() - 0.01).abs() < 1e-9, "{meeting:?}");
-        assert!(meeting.a.distance(DVec3::new(0.5, 0.0, 0.0)) < 1e-9, "{meeting:?}");
+        assert!(
+            meeting.a.distance(DVec3::new(0.5, 0.0, 0.0)) < 1e-9,
+            "{meeting:?}"
+        );
         assert_eq!(Meeting::of(&a, &[]), None);
     }
 }

@@ -16,7 +16,12 @@ pub(super) enum Section {
 
 /// Cross-sections along a body's middle line, one every `step`, from points within half a step of each cutting plane
 /// and nearer than `reach` to one another.
-pub(super) fn sections(points: &[DVec3], curve: &MedialCurve, step: f64, widest: f64) -> Vec<Section> {
+pub(super) fn sections(
+    points: &[DVec3],
+    curve: &MedialCurve,
+    step: f64,
+    widest: f64,
+) -> Vec<Section> {
     let radius = widest.max(step);
     let grid = Grid::new(points, radius);
     let cut = |&(x, along): &(DVec3, DVec3)| {
@@ -65,12 +70,16 @@ fn sheet_width(points: &[DVec2]) -> Option<f64> {
         yy += offset.y * offset.y;
     }
     let axis = DVec2::from_angle(0.5 * (2.0 * xy).atan2(xx - yy));
-    let local: Vec<DVec2> =
-        points.iter().map(|&x| DVec2::new((x - mean).dot(axis), (x - mean).perp_dot(axis))).collect();
+    let local: Vec<DVec2> = points
+        .iter()
+        .map(|&x| DVec2::new((x - mean).dot(axis), (x - mean).perp_dot(axis)))
+        .collect();
     let [height, slope, bend] = parabola(&local)?;
     let residual = |x: &DVec2| (x.y - height - x.x * (slope + x.x * bend)).powi(2);
     let deviation = (local.iter().map(residual).sum::<f64>() / local.len() as f64).sqrt();
-    let (low, high) = local.iter().fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(x.x), h.max(x.x)));
+    let (low, high) = local
+        .iter()
+        .fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(x.x), h.max(x.x)));
     if deviation > FLATNESS * (high - low) {
         return None;
     }
@@ -93,7 +102,10 @@ pub(super) fn parabola(points: &[DVec2]) -> Option<[f64; 3]> {
         right += row * x.y;
     }
     let solution = normal.cholesky()?.solve(&right);
-    solution.iter().all(|v| v.is_finite()).then_some([solution[0], solution[1], solution[2]])
+    solution
+        .iter()
+        .all(|v| v.is_finite())
+        .then_some([solution[0], solution[1], solution[2]])
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -108,15 +120,26 @@ impl Circle {
     }
 
     fn deviation(&self, points: &[DVec2]) -> f64 {
-        (points.iter().map(|&x| self.residual(x).powi(2)).sum::<f64>() / points.len() as f64).sqrt()
+        (points
+            .iter()
+            .map(|&x| self.residual(x).powi(2))
+            .sum::<f64>()
+            / points.len() as f64)
+            .sqrt()
     }
 
     /// The arc that the points cover seen from the centre: the full turn less the widest gap, radians.
     fn arc(&self, points: &[DVec2]) -> f64 {
-        let mut angles: Vec<f64> = points.iter().map(|&x| (x - self.centre).to_angle()).collect();
+        let mut angles: Vec<f64> = points
+            .iter()
+            .map(|&x| (x - self.centre).to_angle())
+            .collect();
         angles.sort_by(f64::total_cmp);
         let across = angles[0] + std::f64::consts::TAU - angles[angles.len() - 1];
-        let gap = angles.windows(2).map(|pair| pair[1] - pair[0]).fold(across, f64::max);
+        let gap = angles
+            .windows(2)
+            .map(|pair| pair[1] - pair[0])
+            .fold(across, f64::max);
         std::f64::consts::TAU - gap
     }
 }
@@ -127,8 +150,16 @@ fn robust_circle(points: &[DVec2]) -> Option<Circle> {
     let mut residuals: Vec<f64> = points.iter().map(|&x| first.residual(x)).collect();
     residuals.sort_by(f64::total_cmp);
     let limit = 2.5 * residuals[residuals.len() / 2] + 1e-12;
-    let near: Vec<DVec2> = points.iter().copied().filter(|&x| first.residual(x) <= limit).collect();
-    if near.len() < LEAST_POINTS { Some(first) } else { taubin_circle(&near) }
+    let near: Vec<DVec2> = points
+        .iter()
+        .copied()
+        .filter(|&x| first.residual(x) <= limit)
+        .collect();
+    if near.len() < LEAST_POINTS {
+        Some(first)
+    } else {
+        taubin_circle(&near)
+    }
 }
 
 /// Algebraic circle fit without the bias of short arcs (Taubin, "Estimation of planar curves, surfaces and nonplanar
@@ -165,8 +196,12 @@ fn taubin_circle(points: &[DVec2]) -> Option<Circle> {
         root = next;
     }
     let determinant = root * root - root * z + covariance;
-    let shift = DVec2::new(xz * (yy - root) - yz * xy, yz * (xx - root) - xz * xy) / determinant / 2.0;
-    let circle = Circle { centre: mean + shift, radius: (shift.length_squared() + z).sqrt() };
+    let shift =
+        DVec2::new(xz * (yy - root) - yz * xy, yz * (xx - root) - xz * xy) / determinant / 2.0;
+    let circle = Circle {
+        centre: mean + shift,
+        radius: (shift.length_squared() + z).sqrt(),
+    };
     (circle.radius.is_finite() && circle.radius > 0.0).then_some(circle)
 }
 
@@ -176,25 +211,35 @@ mod tests {
 
     #[test]
     fn circle_from_an_arc() {
-        let arc: Vec<DVec2> =
-            (0..40).map(|k| DVec2::new(3.0, -1.0) + 2.5 * DVec2::from_angle(0.07 * f64::from(k))).collect();
+        let arc: Vec<DVec2> = (0..40)
+            .map(|k| DVec2::new(3.0, -1.0) + 2.5 * DVec2::from_angle(0.07 * f64::from(k)))
+            .collect();
         let circle = robust_circle(&arc).unwrap();
-        assert!((circle.radius - 2.5).abs() < 1e-6 && circle.centre.distance(DVec2::new(3.0, -1.0)) < 1e-6);
+        assert!(
+            (circle.radius - 2.5).abs() < 1e-6
+                && circle.centre.distance(DVec2::new(3.0, -1.0)) < 1e-6
+        );
         assert!((circle.arc(&arc) - 39.0 * 0.07).abs() < 1e-6);
         assert_eq!(section(&arc), Section::Round(2.0 * circle.radius));
     }
 
     #[test]
     fn outliers_do_not_move_the_circle() {
-        let mut points: Vec<DVec2> = (0..60).map(|k| DVec2::from_angle(0.1 * f64::from(k))).collect();
+        let mut points: Vec<DVec2> = (0..60)
+            .map(|k| DVec2::from_angle(0.1 * f64::from(k)))
+            .collect();
         points.extend([DVec2::new(3.0, 0.0), DVec2::new(0.2, 0.1)]);
         assert!((robust_circle(&points).unwrap().radius - 1.0).abs() < 0.02);
     }
 
     #[test]
     fn width_runs_along_a_bent_sheet() {
-        let sheet: Vec<DVec2> = (0..=50).map(|k| 16.0 * DVec2::from_angle(0.01 * f64::from(k))).collect();
-        let Section::Sheet(width) = section(&sheet) else { panic!("a short arc is a sheet") };
+        let sheet: Vec<DVec2> = (0..=50)
+            .map(|k| 16.0 * DVec2::from_angle(0.01 * f64::from(k)))
+            .collect();
+        let Section::Sheet(width) = section(&sheet) else {
+            panic!("a short arc is a sheet")
+        };
         assert!((width / 8.0 - 1.0).abs() < 0.005, "{width}");
     }
 }

@@ -43,22 +43,50 @@ impl Trait {
         definition: impl Into<Cow<'static, str>>,
         points: usize,
     ) -> Self {
-        Self { name: name.into(), value, definition: definition.into(), points }
+        Self {
+            name: name.into(),
+            value,
+            definition: definition.into(),
+            points,
+        }
     }
 
     /// Tells that so many points were left out as stray; nothing where it is none.
     pub(super) fn leaving_out(self, stray: usize) -> Self {
         match stray {
             0 => self,
-            1 => Self { definition: format!("{}; 1 stray point left out", self.definition).into(), ..self },
-            _ => Self { definition: format!("{}; {stray} stray points left out", self.definition).into(), ..self },
+            1 => Self {
+                definition: format!("{}; 1 stray point left out", self.definition).into(),
+                ..self
+            },
+            _ => Self {
+                definition: format!("{}; {stray} stray points left out", self.definition).into(),
+                ..self
+            },
         }
     }
 
     pub(super) fn row(self, tree: &LabelTree, id: LabelId, instance: usize) -> TraitRow {
-        let label = tree.get(id).map_or_else(String::new, |label| label.name.clone());
-        let Self { name, value: (value, dimension), definition, points } = self;
-        TraitRow { id, label, path: TraitRow::path_of(tree, id), instance, name, value, dimension, definition, points }
+        let label = tree
+            .get(id)
+            .map_or_else(String::new, |label| label.name.clone());
+        let Self {
+            name,
+            value: (value, dimension),
+            definition,
+            points,
+        } = self;
+        TraitRow {
+            id,
+            label,
+            path: TraitRow::path_of(tree, id),
+            instance,
+            name,
+            value,
+            dimension,
+            definition,
+            points,
+        }
     }
 }
 
@@ -66,8 +94,12 @@ impl TraitRow {
     /// Names of all labels above `id` and its own, joined by ` › `.
     #[must_use]
     pub fn path_of(tree: &LabelTree, id: LabelId) -> String {
-        let names: Vec<&str> =
-            tree.path(id).into_iter().filter_map(|id| tree.get(id)).map(|label| label.name.as_str()).collect();
+        let names: Vec<&str> = tree
+            .path(id)
+            .into_iter()
+            .filter_map(|id| tree.get(id))
+            .map(|label| label.name.as_str())
+            .collect();
         names.join(" › ")
     }
 }
@@ -78,7 +110,8 @@ impl TraitRow {
 pub fn traits_csv(rows: &[TraitRow], unit: LengthUnit) -> String {
     let mut csv = String::from("label,path,instance,trait,value,unit,definition,points\n");
     for row in rows {
-        let [label, path, name, definition] = [&*row.label, &row.path, &row.name, &row.definition].map(quoted);
+        let [label, path, name, definition] =
+            [&*row.label, &row.path, &row.name, &row.definition].map(quoted);
         let _ = writeln!(
             csv,
             "{label},{path},{},{name},{},{},{definition},{}",
@@ -98,17 +131,29 @@ fn significant(value: f64) -> String {
     }
     let decimals = (5 - value.abs().log10().floor() as i32).clamp(0, 17) as usize;
     let text = format!("{value:.decimals$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
 }
 
 /// A cell of text. A leading apostrophe keeps spreadsheets from taking it for a formula (OWASP, "CSV Injection").
 fn quoted(text: &str) -> String {
-    let is_formula =
-        text.trim_start_matches(' ').starts_with(['=', '+', '-', '@', '\t', '\r', '\n', '＝', '＋', '－', '＠']);
+    let is_formula = text
+        .trim_start_matches(' ')
+        .starts_with(['=', '+', '-', '@', '\t', '\r', '\n', '＝', '＋', '－', '＠']);
     let mark = if is_formula { "'" } else { "" };
     // Control characters would steer a terminal that shows the file.
-    let text: String = mark.chars().chain(text.chars().map(|c| if c.is_control() { ' ' } else { c })).collect();
-    if text.contains([',', '"']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
+    let text: String = mark
+        .chars()
+        .chain(text.chars().map(|c| if c.is_control() { ' ' } else { c }))
+        .collect();
+    if text.contains([',', '"']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text
+    }
 }
 
 #[cfg(test)]
@@ -128,15 +173,35 @@ mod tests {
             definition: "say \"x\"".into(),
             points: 9,
         };
-        let line = |unit| traits_csv(std::slice::from_ref(&row), unit).lines().nth(1).unwrap().to_owned();
-        assert_eq!(line(LengthUnit::Metre), r#""a,b","top › a,b",2,area,0.00123457,m^2,"say ""x""",9"#);
+        let line = |unit| {
+            traits_csv(std::slice::from_ref(&row), unit)
+                .lines()
+                .nth(1)
+                .unwrap()
+                .to_owned()
+        };
+        assert_eq!(
+            line(LengthUnit::Metre),
+            r#""a,b","top › a,b",2,area,0.00123457,m^2,"say ""x""",9"#
+        );
         assert!(line(LengthUnit::Millimetre).contains(",1234.57,mm^2,"));
     }
 
     #[test]
     fn text_that_spreadsheets_would_run_is_marked() {
-        for formula in ["=HYPERLINK(1)", "+1", "-2+3", "@SUM(A1)", "\t=1", " =1", "＝1"] {
-            assert!(quoted(formula).trim_start_matches('"').starts_with('\''), "{formula}");
+        for formula in [
+            "=HYPERLINK(1)",
+            "+1",
+            "-2+3",
+            "@SUM(A1)",
+            "\t=1",
+            " =1",
+            "＝1",
+        ] {
+            assert!(
+                quoted(formula).trim_start_matches('"').starts_with('\''),
+                "{formula}"
+            );
         }
         assert_eq!(quoted("leaf - 2"), "leaf - 2");
     }

@@ -14,8 +14,19 @@ pub(super) fn cloud(parts: &[Vec<DVec3>]) -> LabelledCloud {
     for (k, part) in parts.iter().enumerate() {
         let id = LabelId(k as u16 + 1);
         let name = format!("label {}", id.0);
-        cloud.tree.set(Label { id, name, color: LabelTree::color_for(id), parent: None }).unwrap();
-        cloud.positions.extend(part.iter().map(|&x| (turn * x + DVec3::new(0.1, -0.2, 0.3)).as_vec3()));
+        cloud
+            .tree
+            .set(Label {
+                id,
+                name,
+                color: LabelTree::color_for(id),
+                parent: None,
+            })
+            .unwrap();
+        cloud.positions.extend(
+            part.iter()
+                .map(|&x| (turn * x + DVec3::new(0.1, -0.2, 0.3)).as_vec3()),
+        );
         cloud.labels.resize(cloud.positions.len(), id);
     }
     cloud.normals.resize(cloud.len(), glam::Vec3::ZERO);
@@ -31,7 +42,10 @@ pub(super) fn patch(size: (f64, f64), place: impl Fn(f64, f64) -> DVec3) -> Vec<
     (0..columns * rows)
         .map(|k| {
             let mut jitter = || dice.random_range(0.1..0.9);
-            place((k % columns) as f64 + jitter(), (k / columns) as f64 + jitter())
+            place(
+                (k % columns) as f64 + jitter(),
+                (k / columns) as f64 + jitter(),
+            )
         })
         .collect()
 }
@@ -39,22 +53,36 @@ pub(super) fn patch(size: (f64, f64), place: impl Fn(f64, f64) -> DVec3) -> Vec<
 /// The part of a tube's surface over `arc` radians between two heights, mm.
 pub(super) fn tube(radius: f64, arc: f64, (low, high): (f64, f64)) -> Vec<DVec3> {
     patch((arc * radius, high - low), |u, v| {
-        DVec3::new(radius * (u / radius).cos(), radius * (u / radius).sin(), low + v)
+        DVec3::new(
+            radius * (u / radius).cos(),
+            radius * (u / radius).sin(),
+            low + v,
+        )
     })
 }
 
 fn rows(parts: &[Vec<DVec3>]) -> Vec<TraitRow> {
-    measure(&cloud(parts), &MeasureOptions::default(), &Progress::default()).unwrap()
+    measure(
+        &cloud(parts),
+        &MeasureOptions::default(),
+        &Progress::default(),
+    )
+    .unwrap()
 }
 
 fn value(rows: &[TraitRow], label: &str, instance: usize, name: &str) -> Option<f64> {
-    rows.iter().find(|row| row.label == label && row.instance == instance && row.name == name).map(|row| row.value)
+    rows.iter()
+        .find(|row| row.label == label && row.instance == instance && row.name == name)
+        .map(|row| row.value)
 }
 
 #[track_caller]
 fn assert_near(got: Option<f64>, truth: f64, share: f64) {
     let got = got.expect("the trait is there");
-    assert!((got / truth - 1.0).abs() <= share, "{got} instead of {truth}");
+    assert!(
+        (got / truth - 1.0).abs() <= share,
+        "{got} instead of {truth}"
+    );
 }
 
 #[test]
@@ -62,8 +90,16 @@ fn rod() {
     let rows = rows(&[tube(2.5, std::f64::consts::TAU, (0.0, 200.0))]);
     assert_near(value(&rows, "label 1", 1, "length"), 0.2, 0.02);
     assert_near(value(&rows, "label 1", 1, "diameter"), 0.005, 0.03);
-    assert_near(value(&rows, "label 1", 1, "area"), std::f64::consts::TAU * 0.0025 * 0.2, 0.05);
-    assert_near(value(&rows, "label 1", 0, "hull_volume"), std::f64::consts::PI * 0.0025_f64.powi(2) * 0.2, 0.05);
+    assert_near(
+        value(&rows, "label 1", 1, "area"),
+        std::f64::consts::TAU * 0.0025 * 0.2,
+        0.05,
+    );
+    assert_near(
+        value(&rows, "label 1", 0, "hull_volume"),
+        std::f64::consts::PI * 0.0025_f64.powi(2) * 0.2,
+        0.05,
+    );
     assert_near(value(&rows, "label 1", 0, "size_long"), 0.2, 0.02);
     assert_eq!(value(&rows, "label 1", 0, "instances"), Some(1.0));
     assert_eq!(value(&rows, "label 1", 1, "width"), None);
@@ -74,11 +110,21 @@ fn half_seen_rod_with_a_hidden_middle_is_one() {
     let mut part = tube(2.5, 3.4, (0.0, 60.0));
     part.extend(tube(2.5, 3.4, (130.0, 180.0)));
     part.extend(tube(2.5, 3.4, (250.0, 270.0)));
-    let beside: Vec<DVec3> = tube(2.5, 3.4, (0.0, 120.0)).into_iter().map(|x| x + 40.0 * DVec3::X).collect();
+    let beside: Vec<DVec3> = tube(2.5, 3.4, (0.0, 120.0))
+        .into_iter()
+        .map(|x| x + 40.0 * DVec3::X)
+        .collect();
     let rows = rows(&[[part, beside].concat()]);
     assert_eq!(value(&rows, "label 1", 0, "instances"), Some(2.0));
-    let lengths: Vec<f64> = rows.iter().filter(|row| row.name == "length").map(|row| row.value).collect();
-    assert!(lengths.iter().any(|length| (length - 0.270).abs() < 0.006), "{lengths:?}");
+    let lengths: Vec<f64> = rows
+        .iter()
+        .filter(|row| row.name == "length")
+        .map(|row| row.value)
+        .collect();
+    assert!(
+        lengths.iter().any(|length| (length - 0.270).abs() < 0.006),
+        "{lengths:?}"
+    );
     assert_near(value(&rows, "label 1", 1, "diameter"), 0.005, 0.05);
 }
 
@@ -96,14 +142,17 @@ fn spheroid(half_length: f64, half_width: f64, middle: f64) -> Vec<DVec3> {
 
 #[test]
 fn grains_in_a_row_are_not_joined() {
-    let rows = rows(&[(0..4).flat_map(|k| spheroid(3.5, 1.5, 8.0 * f64::from(k))).collect()]);
+    let rows = rows(&[(0..4)
+        .flat_map(|k| spheroid(3.5, 1.5, 8.0 * f64::from(k)))
+        .collect()]);
     assert_eq!(value(&rows, "label 1", 0, "instances"), Some(4.0));
     assert_near(value(&rows, "label 1", 1, "length"), 0.007, 0.05);
 }
 
 #[test]
 fn ribbon() {
-    let bent = |u: f64, v: f64| DVec3::new(u - 5.0, 80.0 * (v / 80.0).cos(), 80.0 * (v / 80.0).sin());
+    let bent =
+        |u: f64, v: f64| DVec3::new(u - 5.0, 80.0 * (v / 80.0).cos(), 80.0 * (v / 80.0).sin());
     let rows = rows(&[patch((10.0, 200.0), bent)]);
     assert_near(value(&rows, "label 1", 1, "length"), 0.2, 0.02);
     assert_near(value(&rows, "label 1", 1, "width"), 0.01, 0.06);
@@ -132,11 +181,16 @@ fn instances_are_counted_and_crumbs_are_not() {
 fn insertion() {
     let stem = tube(2.5, std::f64::consts::TAU, (0.0, 150.0));
     let (sin, cos) = 35_f64.to_radians().sin_cos();
-    let blade = patch((10.0, 100.0), |u, v| DVec3::new(2.5 + v * sin, u - 5.0, 60.0 + v * cos));
+    let blade = patch((10.0, 100.0), |u, v| {
+        DVec3::new(2.5 + v * sin, u - 5.0, 60.0 + v * cos)
+    });
     let rows = rows(&[stem, blade]);
     let angle = value(&rows, "label 2", 1, "insertion_angle").unwrap();
     assert!((angle - 35.0).abs() < 2.0, "{angle}");
-    let told = rows.iter().find(|row| row.name == "insertion_angle").unwrap();
+    let told = rows
+        .iter()
+        .find(|row| row.name == "insertion_angle")
+        .unwrap();
     assert!(told.definition.contains("(label 1)"), "{}", told.definition);
     assert_eq!(value(&rows, "label 1", 1, "insertion_angle"), None);
 }
@@ -155,9 +209,16 @@ fn insertion_where_half_of_rod_and_sheet_is_hidden() {
     let blade = patch((10.0, 120.0), |u, v| {
         let (bend, aside) = ((0.4 * (1.0 - v / 20.0)).max(1e-3), u - 5.0);
         let in_bend = (1.0 - (bend * aside).cos()) / bend;
-        DVec3::new(2.5 + v * sin - in_bend * cos, (bend * aside).sin() / bend, 60.0 + v * cos + in_bend * sin)
+        DVec3::new(
+            2.5 + v * sin - in_bend * cos,
+            (bend * aside).sin() / bend,
+            60.0 + v * cos + in_bend * sin,
+        )
     });
-    let seen = blade.into_iter().filter(|x| x.y > -0.5 || x.z > 60.0 + 12.0 * cos).collect();
+    let seen = blade
+        .into_iter()
+        .filter(|x| x.y > -0.5 || x.z > 60.0 + 12.0 * cos)
+        .collect();
     let angle = value(&rows(&[stem, seen]), "label 2", 1, "insertion_angle").unwrap();
     assert!((angle - 28.0).abs() < 0.5, "{angle}");
 }
@@ -183,7 +244,11 @@ fn a_ball_has_its_volume() {
     let exact = 4.0 / 3.0 * std::f64::consts::PI * 0.025_f64.powi(3);
     assert_near(value(&rows, "label 1", 0, "voxel_volume"), exact, 0.03);
     assert_near(value(&rows, "label 1", 0, "hull_volume"), exact, 0.01);
-    assert_near(value(&rows, "label 1", 0, "area"), 4.0 * std::f64::consts::PI * 0.025_f64.powi(2), 0.03);
+    assert_near(
+        value(&rows, "label 1", 0, "area"),
+        4.0 * std::f64::consts::PI * 0.025_f64.powi(2),
+        0.03,
+    );
     for name in ["box_x", "box_y", "box_z", "size_long", "size_short"] {
         assert_near(value(&rows, "label 1", 0, name), 0.05, 0.01);
     }
@@ -193,16 +258,42 @@ fn a_ball_has_its_volume() {
 #[test]
 fn a_stray_speck_far_away_does_not_change_hull_boxes_area_and_heights() {
     let rod = tube(2.5, std::f64::consts::TAU, (0.0, 200.0));
-    let speck = (0..12).map(|k| DVec3::new(900.0 + f64::from(k % 3), 700.0 + f64::from(k / 3), -800.0));
-    let ground = GroundChoice::Plane { normal: [0.0, 0.0, 1.0], offset: 0.0 };
+    let speck =
+        (0..12).map(|k| DVec3::new(900.0 + f64::from(k % 3), 700.0 + f64::from(k / 3), -800.0));
+    let ground = GroundChoice::Plane {
+        normal: [0.0, 0.0, 1.0],
+        offset: 0.0,
+    };
     let clean = measured_above(&cloud(std::slice::from_ref(&rod)), ground).unwrap();
     let noisy = measured_above(&cloud(&[rod.into_iter().chain(speck).collect()]), ground).unwrap();
-    let sizes = ["hull_volume", "voxel_volume", "area", "size_long", "size_short", "box_x", "box_y", "box_z"];
+    let sizes = [
+        "hull_volume",
+        "voxel_volume",
+        "area",
+        "size_long",
+        "size_short",
+        "box_x",
+        "box_y",
+        "box_z",
+    ];
     for name in sizes.into_iter().chain(["height_max", "height_min"]) {
-        assert_near(value(&noisy, "label 1", 0, name), value(&clean, "label 1", 0, name).unwrap(), 0.01);
-        let row = |rows: &[TraitRow]| rows.iter().find(|row| (row.instance, &*row.name) == (0, name)).unwrap().clone();
+        assert_near(
+            value(&noisy, "label 1", 0, name),
+            value(&clean, "label 1", 0, name).unwrap(),
+            0.01,
+        );
+        let row = |rows: &[TraitRow]| {
+            rows.iter()
+                .find(|row| (row.instance, &*row.name) == (0, name))
+                .unwrap()
+                .clone()
+        };
         let (clean, noisy) = (row(&clean), row(&noisy));
-        assert!(noisy.definition.ends_with("stray points left out"), "{}", noisy.definition);
+        assert!(
+            noisy.definition.ends_with("stray points left out"),
+            "{}",
+            noisy.definition
+        );
         assert!(!clean.definition.contains("stray"), "{}", clean.definition);
     }
     assert_eq!(value(&noisy, "label 1", 0, "instances"), Some(1.0));
@@ -212,23 +303,44 @@ fn a_stray_speck_far_away_does_not_change_hull_boxes_area_and_heights() {
 fn every_value_tells_from_how_many_points_it_was_made() {
     let rows = rows(&[tube(2.5, std::f64::consts::TAU, (0.0, 150.0))]);
     let points = value(&rows, "label 1", 0, "points").unwrap() as usize;
-    assert!(rows.iter().all(|row| (points / 4..=points).contains(&row.points)), "{rows:?}");
+    assert!(
+        rows.iter()
+            .all(|row| (points / 4..=points).contains(&row.points)),
+        "{rows:?}"
+    );
 }
 
 /// A plane without a label 80 mm below the ends of two rods, and a wall beside them that is larger.
 fn standing() -> LabelledCloud {
     let rod = |x: f64, high: f64| -> Vec<DVec3> {
-        tube(2.5, std::f64::consts::TAU, (2.0, high)).into_iter().map(|at| at + x * DVec3::X).collect()
+        tube(2.5, std::f64::consts::TAU, (2.0, high))
+            .into_iter()
+            .map(|at| at + x * DVec3::X)
+            .collect()
     };
     let table = patch((120.0, 120.0), |u, v| DVec3::new(u - 60.0, v - 60.0, 0.0));
     let wall = patch((150.0, 150.0), |u, v| DVec3::new(u - 75.0, 200.0, v));
     let mut cloud = cloud(&[rod(0.0, 100.0), rod(30.0, 60.0), table, wall]);
-    cloud.labels.iter_mut().filter(|label| label.0 == 4).for_each(|label| *label = LabelId::NONE);
+    cloud
+        .labels
+        .iter_mut()
+        .filter(|label| label.0 == 4)
+        .for_each(|label| *label = LabelId::NONE);
     cloud
 }
 
-fn measured_above(cloud: &LabelledCloud, ground: GroundChoice) -> Result<Vec<TraitRow>, SceneError> {
-    measure(cloud, &MeasureOptions { ground, ..MeasureOptions::default() }, &Progress::default())
+fn measured_above(
+    cloud: &LabelledCloud,
+    ground: GroundChoice,
+) -> Result<Vec<TraitRow>, SceneError> {
+    measure(
+        cloud,
+        &MeasureOptions {
+            ground,
+            ..MeasureOptions::default()
+        },
+        &Progress::default(),
+    )
 }
 
 #[test]
@@ -237,41 +349,103 @@ fn heights_count_from_the_ground_that_is_fitted_chosen_or_given() {
     let rows = measured_above(&cloud, GroundChoice::Label(LabelId(3))).unwrap();
     assert_near(value(&rows, "label 1", 0, "height_max"), 0.1, 0.01);
     assert_near(value(&rows, "label 2", 1, "height_max"), 0.06, 0.01);
-    assert!(rows.iter().any(|row| row.name == "height_max" && row.definition.contains("label chosen")));
+    assert!(
+        rows.iter()
+            .any(|row| row.name == "height_max" && row.definition.contains("label chosen"))
+    );
 
-    cloud.labels.iter_mut().filter(|label| label.0 == 3).for_each(|label| *label = LabelId::NONE);
+    cloud
+        .labels
+        .iter_mut()
+        .filter(|label| label.0 == 3)
+        .for_each(|label| *label = LabelId::NONE);
     let rows = measured_above(&cloud, GroundChoice::Fitted).unwrap();
     assert_near(value(&rows, "label 1", 0, "height_max"), 0.1, 0.01);
-    assert!(rows.iter().any(|row| row.name == "height_max" && row.definition.contains("fitted")));
+    assert!(
+        rows.iter()
+            .any(|row| row.name == "height_max" && row.definition.contains("fitted"))
+    );
 
-    let given = GroundChoice::Plane { normal: [0.0, 0.0, 2.0], offset: 2.0 };
+    let given = GroundChoice::Plane {
+        normal: [0.0, 0.0, 2.0],
+        offset: 2.0,
+    };
     let rows = measured_above(&cloud, given).unwrap();
-    let highest = cloud.positions.iter().zip(&cloud.labels).filter(|(_, label)| label.0 == 1).map(|(x, _)| x.z);
-    assert_near(value(&rows, "label 1", 0, "height_max"), f64::from(highest.fold(f32::MIN, f32::max)) - 1.0, 0.001);
+    let highest = cloud
+        .positions
+        .iter()
+        .zip(&cloud.labels)
+        .filter(|(_, label)| label.0 == 1)
+        .map(|(x, _)| x.z);
+    assert_near(
+        value(&rows, "label 1", 0, "height_max"),
+        f64::from(highest.fold(f32::MIN, f32::max)) - 1.0,
+        0.001,
+    );
 
-    cloud.positions.truncate(cloud.labels.iter().position(|&label| label == LabelId::NONE).unwrap());
+    cloud.positions.truncate(
+        cloud
+            .labels
+            .iter()
+            .position(|&label| label == LabelId::NONE)
+            .unwrap(),
+    );
     cloud.labels.truncate(cloud.positions.len());
     let rows = measured_above(&cloud, GroundChoice::Fitted).unwrap();
-    assert_eq!(value(&rows, "label 1", 0, "height_max"), None, "nothing to stand on");
+    assert_eq!(
+        value(&rows, "label 1", 0, "height_max"),
+        None,
+        "nothing to stand on"
+    );
     let refused = measured_above(&cloud, GroundChoice::Label(LabelId(3))).unwrap_err();
-    assert!(refused.to_string().contains("'label 3' has no points"), "{refused}");
-    let refused = measured_above(&cloud, GroundChoice::Plane { normal: [0.0; 3], offset: 1.0 }).unwrap_err();
+    assert!(
+        refused.to_string().contains("'label 3' has no points"),
+        "{refused}"
+    );
+    let refused = measured_above(
+        &cloud,
+        GroundChoice::Plane {
+            normal: [0.0; 3],
+            offset: 1.0,
+        },
+    )
+    .unwrap_err();
     assert!(refused.to_string().contains("normal"), "{refused}");
 }
 
 #[test]
 fn a_level_gathers_what_is_below() {
-    let mut cloud = cloud(&[Vec::new(), tube(2.5, 6.2, (0.0, 60.0)), tube(2.5, 6.2, (90.0, 150.0))]);
+    let mut cloud = cloud(&[
+        Vec::new(),
+        tube(2.5, 6.2, (0.0, 60.0)),
+        tube(2.5, 6.2, (90.0, 150.0)),
+    ]);
     for id in [2, 3] {
         let label = cloud.tree.get(LabelId(id)).unwrap().clone();
-        cloud.tree.set(Label { parent: Some(LabelId(1)), ..label }).unwrap();
+        cloud
+            .tree
+            .set(Label {
+                parent: Some(LabelId(1)),
+                ..label
+            })
+            .unwrap();
     }
     let at = |level| {
-        let options = MeasureOptions { level, ..MeasureOptions::default() };
+        let options = MeasureOptions {
+            level,
+            ..MeasureOptions::default()
+        };
         measure(&cloud, &options, &Progress::default()).unwrap()
     };
-    let labels = |rows: &[TraitRow]| rows.iter().map(|row| row.path.clone()).collect::<std::collections::BTreeSet<_>>();
-    assert_eq!(labels(&at(Some(1))).into_iter().collect::<Vec<_>>(), ["label 1"]);
+    let labels = |rows: &[TraitRow]| {
+        rows.iter()
+            .map(|row| row.path.clone())
+            .collect::<std::collections::BTreeSet<_>>()
+    };
+    assert_eq!(
+        labels(&at(Some(1))).into_iter().collect::<Vec<_>>(),
+        ["label 1"]
+    );
     assert_near(value(&at(Some(1)), "label 1", 1, "length"), 0.15, 0.03);
     assert_eq!(labels(&at(Some(2))).len(), 2);
     assert_eq!(labels(&at(None)).len(), 3);
@@ -279,16 +453,38 @@ fn a_level_gathers_what_is_below() {
 
 #[test]
 fn odd_clouds_do_no_harm() {
-    let measured = |points: Vec<DVec3>| measure(&cloud(&[points]), &MeasureOptions::default(), &Progress::default());
-    for odd in [vec![DVec3::ONE], vec![DVec3::ONE; 200], vec![DVec3::NAN, DVec3::ZERO, DVec3::X]] {
+    let measured = |points: Vec<DVec3>| {
+        measure(
+            &cloud(&[points]),
+            &MeasureOptions::default(),
+            &Progress::default(),
+        )
+    };
+    for odd in [
+        vec![DVec3::ONE],
+        vec![DVec3::ONE; 200],
+        vec![DVec3::NAN, DVec3::ZERO, DVec3::X],
+    ] {
         let rows = measured(odd).unwrap();
         assert!(rows.iter().all(|row| row.value.is_finite()), "{rows:?}");
     }
     let line = (0..200).map(|k| f64::from(k) * DVec3::X).collect();
-    assert!(measured(line).unwrap().iter().all(|row| row.value.is_finite()));
+    assert!(
+        measured(line)
+            .unwrap()
+            .iter()
+            .all(|row| row.value.is_finite())
+    );
     assert!(matches!(measured(Vec::new()), Err(SceneError::Request(_))));
-    let options = MeasureOptions { link: 0.0, ..MeasureOptions::default() };
-    let refused = measure(&cloud(&[vec![DVec3::ONE; 9]]), &options, &Progress::default());
+    let options = MeasureOptions {
+        link: 0.0,
+        ..MeasureOptions::default()
+    };
+    let refused = measure(
+        &cloud(&[vec![DVec3::ONE; 9]]),
+        &options,
+        &Progress::default(),
+    );
     assert!(refused.unwrap_err().to_string().contains("link"));
 }
 
@@ -296,6 +492,10 @@ fn odd_clouds_do_no_harm() {
 fn stops() {
     let progress = Progress::default();
     progress.stop();
-    let stopped = measure(&cloud(&[tube(2.5, 6.0, (0.0, 50.0))]), &MeasureOptions::default(), &progress);
+    let stopped = measure(
+        &cloud(&[tube(2.5, 6.0, (0.0, 50.0))]),
+        &MeasureOptions::default(),
+        &progress,
+    );
     assert!(matches!(stopped, Err(SceneError::Stopped(_))));
 }

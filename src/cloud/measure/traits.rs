@@ -77,8 +77,12 @@ pub fn measure(
 ) -> Result<Vec<TraitRow>, SceneError> {
     options.check()?;
     progress.stage("measure")?;
-    let ids: Vec<LabelId> =
-        cloud.tree.iter().map(|label| label.id).filter(|&id| wanted(&cloud.tree, id, options)).collect();
+    let ids: Vec<LabelId> = cloud
+        .tree
+        .iter()
+        .map(|label| label.id)
+        .filter(|&id| wanted(&cloud.tree, id, options))
+        .collect();
     let mut labels = Vec::new();
     for (k, &id) in ids.iter().enumerate() {
         progress.step(k, 2 * ids.len())?;
@@ -102,8 +106,14 @@ pub fn measure(
             let stray = if body.is_some() { 0 } else { label.stray };
             let heights = ground.iter().flat_map(|ground| ground.traits(points));
             traits.extend(heights.map(|found| found.leaving_out(stray)));
-            traits.extend(body.and_then(|body| insertion(&cloud.tree, (label.id, body), &labels, options)));
-            rows.extend(traits.into_iter().map(|found| found.row(&cloud.tree, label.id, instance)));
+            traits.extend(
+                body.and_then(|body| insertion(&cloud.tree, (label.id, body), &labels, options)),
+            );
+            rows.extend(
+                traits
+                    .into_iter()
+                    .map(|found| found.row(&cloud.tree, label.id, instance)),
+            );
         }
     }
     Ok(rows)
@@ -113,14 +123,27 @@ impl MeasureOptions {
     pub(super) fn check(&self) -> Result<(), SceneError> {
         let ranges = [
             ("link", self.link, 1.5, 10.0),
-            ("smallest instance in points", self.min_points as f64, 4.0, 1e6),
+            (
+                "smallest instance in points",
+                self.min_points as f64,
+                4.0,
+                1e6,
+            ),
             ("bridge", self.bridge, 0.0, 10.0),
-            ("length for insertion angles", self.insertion_reach, f64::MIN_POSITIVE, f64::MAX),
+            (
+                "length for insertion angles",
+                self.insertion_reach,
+                f64::MIN_POSITIVE,
+                f64::MAX,
+            ),
         ];
-        match ranges.into_iter().find(|(_, value, low, high)| !(low..=high).contains(&value)) {
-            Some((what, value, low, high)) => {
-                Err(SceneError::Request(format!("the {what} is {value}; choose {low} to {high}")))
-            }
+        match ranges
+            .into_iter()
+            .find(|(_, value, low, high)| !(low..=high).contains(&value))
+        {
+            Some((what, value, low, high)) => Err(SceneError::Request(format!(
+                "the {what} is {value}; choose {low} to {high}"
+            ))),
             None => Ok(()),
         }
     }
@@ -129,17 +152,26 @@ impl MeasureOptions {
 fn wanted(tree: &LabelTree, id: LabelId, options: &MeasureOptions) -> bool {
     let depth = tree.depth(id);
     let is_leaf = || !tree.iter().any(|label| label.parent == Some(id));
-    options.level.is_none_or(|level| depth == level.max(1) || (depth < level && is_leaf()))
+    options
+        .level
+        .is_none_or(|level| depth == level.max(1) || (depth < level && is_leaf()))
 }
 
 /// Points whose label is `id` or, in the tree, below it. A point with a coordinate that is not finite is left out.
 pub(super) fn points_of(cloud: &LabelledCloud, id: LabelId) -> Vec<DVec3> {
     let mut counts = vec![false; usize::from(u16::MAX) + 1];
-    for label in cloud.tree.iter().filter(|label| cloud.tree.path(label.id).contains(&id)) {
+    for label in cloud
+        .tree
+        .iter()
+        .filter(|label| cloud.tree.path(label.id).contains(&id))
+    {
         counts[usize::from(label.id.0)] = true;
     }
     let labelled = cloud.positions.iter().zip(&cloud.labels);
-    labelled.filter(|(x, label)| counts[usize::from(label.0)] && x.is_finite()).map(|(x, _)| x.as_dvec3()).collect()
+    labelled
+        .filter(|(x, label)| counts[usize::from(label.0)] && x.is_finite())
+        .map(|(x, _)| x.as_dvec3())
+        .collect()
 }
 
 /// Whether one label is the other or lies above it.
@@ -162,7 +194,12 @@ fn insertion(
         "angle between the axis of the rod that the sheet leaves ({name}) and the chord of its midrib's first part, 0 to 90"
     );
     let points = body.points.len() + rod.points.len();
-    Some(Trait::new("insertion_angle", (angle, Dimension::Angle), definition, points))
+    Some(Trait::new(
+        "insertion_angle",
+        (angle, Dimension::Angle),
+        definition,
+        points,
+    ))
 }
 
 impl Measured {
@@ -173,7 +210,11 @@ impl Measured {
         progress: &Progress,
     ) -> Result<Self, Stopped> {
         let mut least = median_spacing(all);
-        let mut points = if least > 0.0 { thinned(all, least) } else { all.to_vec() };
+        let mut points = if least > 0.0 {
+            thinned(all, least)
+        } else {
+            all.to_vec()
+        };
         while points.len() > MOST_POINTS && least > 0.0 {
             progress.check()?;
             least *= (points.len() as f64 / MOST_POINTS as f64).sqrt().max(1.1);
@@ -182,17 +223,41 @@ impl Measured {
         let spacing = median_spacing(&points);
         let areas = surface_areas(&points, spacing, progress)?;
         let reach = options.link * spacing;
-        let pieces = if spacing > 0.0 { components(&points, reach) } else { Vec::new() };
+        let pieces = if spacing > 0.0 {
+            components(&points, reach)
+        } else {
+            Vec::new()
+        };
         let mut bodies = Vec::new();
-        for group in pieces.iter().filter(|group| group.len() >= options.min_points) {
+        for group in pieces
+            .iter()
+            .filter(|group| group.len() >= options.min_points)
+        {
             progress.check()?;
-            let surface = (group.iter().map(|&k| points[k]).collect(), group.iter().map(|&k| areas[k]).sum());
+            let surface = (
+                group.iter().map(|&k| points[k]).collect(),
+                group.iter().map(|&k| areas[k]).sum(),
+            );
             bodies.push(Body::new(surface, spacing, reach, progress)?);
         }
-        let (kept, bodies) = (bulk(&pieces, points.len()), join_rods(bodies, options.bridge));
-        let (stray, area) = (points.len() - kept.len(), kept.iter().map(|&k| areas[k]).sum());
+        let (kept, bodies) = (
+            bulk(&pieces, points.len()),
+            join_rods(bodies, options.bridge),
+        );
+        let (stray, area) = (
+            points.len() - kept.len(),
+            kept.iter().map(|&k| areas[k]).sum(),
+        );
         let points = kept.iter().map(|&k| points[k]).collect();
-        Ok(Self { id, count: all.len(), points, stray, spacing, area, bodies })
+        Ok(Self {
+            id,
+            count: all.len(),
+            points,
+            stray,
+            spacing,
+            area,
+            bodies,
+        })
     }
 
     fn rods(&self) -> impl Iterator<Item = &Body> {
@@ -206,7 +271,12 @@ impl Measured {
         };
         let all = self.count;
         let mut whole = vec![
-            count("points", all, "number of points with the label or one below it", all),
+            count(
+                "points",
+                all,
+                "number of points with the label or one below it",
+                all,
+            ),
             count(
                 "instances",
                 self.bodies.len(),
@@ -215,7 +285,13 @@ impl Measured {
             ),
         ];
         let extent = extent_traits(&self.points, self.area, self.spacing);
-        whole.extend(extent.into_iter().map(|found| found.leaving_out(self.stray)));
-        std::iter::once(whole).chain(self.bodies.iter().map(|body| body.traits(self.spacing))).collect()
+        whole.extend(
+            extent
+                .into_iter()
+                .map(|found| found.leaving_out(self.stray)),
+        );
+        std::iter::once(whole)
+            .chain(self.bodies.iter().map(|body| body.traits(self.spacing)))
+            .collect()
     }
 }

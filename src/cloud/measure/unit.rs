@@ -116,7 +116,10 @@ mod tests {
     #[test]
     fn volumes_take_the_cube_of_the_factor() {
         assert_eq!(LengthUnit::Millimetre.value(2e-9, Dimension::Volume), 2.0);
-        assert_eq!(LengthUnit::Centimetre.text(0.012_341, Dimension::Length), "1.234 cm");
+        assert_eq!(
+            LengthUnit::Centimetre.text(0.012_341, Dimension::Length),
+            "1.234 cm"
+        );
         assert_eq!(LengthUnit::Millimetre.text(35.0, Dimension::Angle), "35.0°");
         assert_eq!(LengthUnit::World.name(Dimension::Area), "units^2");
     }

@@ -24,7 +24,13 @@ pub(super) fn voxel_volume(points: &[DVec3], spacing: f64) -> f64 {
         voxels.occupy(((x - low) / edge).floor().as_ivec3() + IVec3::ONE);
     }
     voxels.flood();
-    let count = |state| voxels.states.iter().filter(|&&other| other == state).count() as f64;
+    let count = |state| {
+        voxels
+            .states
+            .iter()
+            .filter(|&&other| other == state)
+            .count() as f64
+    };
     (count(State::Enclosed) + 0.5 * count(State::Occupied)) * edge.powi(3)
 }
 
@@ -44,7 +50,10 @@ struct Voxels {
 
 impl Voxels {
     fn new(counts: IVec3) -> Self {
-        Self { counts, states: vec![State::Enclosed; counts.as_usizevec3().element_product()] }
+        Self {
+            counts,
+            states: vec![State::Enclosed; counts.as_usizevec3().element_product()],
+        }
     }
 
     fn index(&self, at: IVec3) -> usize {
@@ -66,8 +75,12 @@ impl Voxels {
                 continue;
             }
             self.states[index] = State::Outside;
-            let beside = [IVec3::X, IVec3::Y, IVec3::Z].into_iter().flat_map(|step| [at - step, at + step]);
-            open.extend(beside.filter(|at| at.cmpge(IVec3::ZERO).all() && at.cmplt(self.counts).all()));
+            let beside = [IVec3::X, IVec3::Y, IVec3::Z]
+                .into_iter()
+                .flat_map(|step| [at - step, at + step]);
+            open.extend(
+                beside.filter(|at| at.cmpge(IVec3::ZERO).all() && at.cmplt(self.counts).all()),
+            );
         }
     }
 }
@@ -96,7 +109,12 @@ mod tests {
 
     #[test]
     fn far_points_take_no_endless_memory() {
-        let points = [DVec3::ZERO, DVec3::X * 1e-6, DVec3::new(1e6, 1e6, 1e6), DVec3::NEG_X * 1e9];
+        let points = [
+            DVec3::ZERO,
+            DVec3::X * 1e-6,
+            DVec3::new(1e6, 1e6, 1e6),
+            DVec3::NEG_X * 1e9,
+        ];
         assert!(voxel_volume(&points, 1e-6).is_finite());
         assert_eq!(voxel_volume(&points, 0.0), 0.0);
     }

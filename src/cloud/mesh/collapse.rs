@@ -22,12 +22,22 @@ impl Collapsing {
         let Edges { freedom, quadrics } = Edges::of(&mesh);
         let fans = Fans::of(mesh.positions.len(), &mesh.triangles);
         let left = mesh.triangles.len();
-        Self { mesh, fans, freedom, quadrics, left }
+        Self {
+            mesh,
+            fans,
+            freedom,
+            quadrics,
+            left,
+        }
     }
 
     /// Every edge that is left once, the lower vertex first, in rising order.
     pub(super) fn edges(&self) -> Vec<[u32; 2]> {
-        let there = self.mesh.triangles.iter().filter(|triangle| **triangle != GONE);
+        let there = self
+            .mesh
+            .triangles
+            .iter()
+            .filter(|triangle| **triangle != GONE);
         let sides = there.flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
         let mut edges: Vec<[u32; 2]> = sides.map(|[a, b]| [a.min(b), a.max(b)]).collect();
         edges.sort_unstable();
@@ -56,7 +66,10 @@ impl Collapsing {
 
     /// The vertices that share an edge with this one, in rising order.
     pub(super) fn neighbours(&self, vertex: u32) -> Vec<u32> {
-        let corners = self.fans.triangles(vertex).flat_map(|triangle| self.mesh.triangles[triangle]);
+        let corners = self
+            .fans
+            .triangles(vertex)
+            .flat_map(|triangle| self.mesh.triangles[triangle]);
         let mut found: Vec<u32> = corners.filter(|&other| other != vertex).collect();
         found.sort_unstable();
         found.dedup();
@@ -81,7 +94,10 @@ impl Collapsing {
             std::cmp::Ordering::Less => to,
             std::cmp::Ordering::Equal => best_point(&quadric, from, to),
         };
-        Some((quadric.at(point) + SHORT_FIRST * from.distance_squared(to).powi(2), point))
+        Some((
+            quadric.at(point) + SHORT_FIRST * from.distance_squared(to).powi(2),
+            point,
+        ))
     }
 
     /// Draws `b` and `a` together to `point` (as planned); whether that could be done without a fold, a hole or the loss
@@ -91,7 +107,8 @@ impl Collapsing {
             return false;
         }
         let [from, to] = [a, b].map(|vertex| self.mesh.positions[vertex as usize]);
-        let share = ((point - from).dot(to - from) / from.distance_squared(to)).clamp(0.0, 1.0) as f32;
+        let share =
+            ((point - from).dot(to - from) / from.distance_squared(to)).clamp(0.0, 1.0) as f32;
         let [a_at, b_at] = [a, b].map(|vertex| vertex as usize);
         self.mesh.looks[a_at] = self.mesh.looks[a_at].lerp(self.mesh.looks[b_at], share);
         self.mesh.positions[a_at] = point;
@@ -99,7 +116,12 @@ impl Collapsing {
         self.quadrics[a_at] += other;
         self.freedom[a_at] = self.freedom[a_at].max(self.freedom[b_at]);
         self.drop_between(a, b);
-        for corner in self.fans.corners(b).map(|corner| corner as usize).collect::<Vec<_>>() {
+        for corner in self
+            .fans
+            .corners(b)
+            .map(|corner| corner as usize)
+            .collect::<Vec<_>>()
+        {
             self.mesh.triangles[corner / 3][corner % 3] = a;
         }
         self.fans.join(a, b);
@@ -109,19 +131,26 @@ impl Collapsing {
     fn drop_between(&mut self, a: u32, b: u32) {
         for triangle in self.between(a, b).collect::<Vec<_>>() {
             let corners = std::mem::replace(&mut self.mesh.triangles[triangle], GONE);
-            corners.iter().for_each(|&vertex| self.fans.retain(vertex, |corner| corner as usize / 3 != triangle));
+            corners.iter().for_each(|&vertex| {
+                self.fans
+                    .retain(vertex, |corner| corner as usize / 3 != triangle)
+            });
             self.left -= 1;
         }
     }
 
     /// The triangles that have both vertices.
     fn between(&self, a: u32, b: u32) -> impl Iterator<Item = usize> {
-        self.fans.triangles(a).filter(move |&triangle| self.mesh.triangles[triangle].contains(&b))
+        self.fans
+            .triangles(a)
+            .filter(move |&triangle| self.mesh.triangles[triangle].contains(&b))
     }
 
     /// Whether the edge has not the same label on both sides.
     fn is_border(&self, a: u32, b: u32) -> bool {
-        let mut labels = self.between(a, b).map(|triangle| self.mesh.labels[triangle]);
+        let mut labels = self
+            .between(a, b)
+            .map(|triangle| self.mesh.labels[triangle]);
         let first = labels.next();
         labels.next() != first || labels.next().is_some()
     }
@@ -130,10 +159,16 @@ impl Collapsing {
     /// neither a border closes on itself nor a vertex is left with two triangles.
     fn keeps_shape(&self, a: u32, b: u32) -> bool {
         let around = self.neighbours(b);
-        let common = self.neighbours(a).into_iter().filter(|vertex| around.binary_search(vertex).is_ok()).count();
+        let common = self
+            .neighbours(a)
+            .into_iter()
+            .filter(|vertex| around.binary_search(vertex).is_ok())
+            .count();
         let shared = self.between(a, b).count();
         let stays = |triangle: usize| {
-            let opposite = self.mesh.triangles[triangle].into_iter().find(|&vertex| vertex != a && vertex != b);
+            let opposite = self.mesh.triangles[triangle]
+                .into_iter()
+                .find(|&vertex| vertex != a && vertex != b);
             opposite.is_some_and(|opposite| {
                 let triangles = self.fans.triangles(opposite).count();
                 let closed = self.neighbours(opposite).len() == triangles;
@@ -155,9 +190,16 @@ impl Collapsing {
                 return false;
             }
             let before = corners.map(|vertex| self.mesh.positions[vertex as usize]);
-            let after = [0, 1, 2].map(|at| if corners[at] == moved { point } else { before[at] });
+            let after = [0, 1, 2].map(|at| {
+                if corners[at] == moved {
+                    point
+                } else {
+                    before[at]
+                }
+            });
             let [before, after] = [before, after].map(|[a, b, c]| (b - a).cross(c - a));
-            before.dot(after) <= LARGEST_TURN * before.length() * after.length() && before != DVec3::ZERO
+            before.dot(after) <= LARGEST_TURN * before.length() * after.length()
+                && before != DVec3::ZERO
         })
     }
 }
@@ -166,6 +208,14 @@ impl Collapsing {
 fn best_point(quadric: &Quadric, from: DVec3, to: DVec3) -> DVec3 {
     let middle = from.midpoint(to);
     let near = |point: &DVec3| point.distance_squared(middle) <= from.distance_squared(to);
-    let on_edge = || [middle, from, to].into_iter().min_by(|a, b| quadric.at(*a).total_cmp(&quadric.at(*b)));
-    quadric.lowest().filter(near).or_else(on_edge).unwrap_or(middle)
+    let on_edge = || {
+        [middle, from, to]
+            .into_iter()
+            .min_by(|a, b| quadric.at(*a).total_cmp(&quadric.at(*b)))
+    };
+    quadric
+        .lowest()
+        .filter(near)
+        .or_else(on_edge)
+        .unwrap_or(middle)
 }

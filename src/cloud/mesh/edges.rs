@@ -32,7 +32,10 @@ impl Edges {
         let mut fixed = vec![false; mesh.positions.len()];
         for same in sides.chunk_by(|one, other| one.0 == other.0) {
             let pair = same[0].0;
-            let labels = || same.iter().map(|&(_, triangle)| mesh.labels[triangle as usize]);
+            let labels = || {
+                same.iter()
+                    .map(|&(_, triangle)| mesh.labels[triangle as usize])
+            };
             if same.len() == 2 && labels().next() == labels().next_back() {
                 continue;
             }
@@ -42,7 +45,8 @@ impl Edges {
             }
             for &(_, triangle) in same {
                 let standing = standing_quadric(mesh, pair, triangle as usize);
-                pair.iter().for_each(|&vertex| quadrics[vertex as usize] += standing);
+                pair.iter()
+                    .for_each(|&vertex| quadrics[vertex as usize] += standing);
             }
         }
         let freedom = |(&borders, &fixed): (&u32, &bool)| match borders {
@@ -61,7 +65,9 @@ fn plane_quadrics(mesh: &Welded) -> Vec<Quadric> {
         let [a, b, c] = triangle.map(|vertex| mesh.positions[vertex as usize]);
         let cross = (b - a).cross(c - a);
         let plane = Quadric::of_plane(a, cross.normalize_or_zero(), cross.length() / 2.0);
-        triangle.iter().for_each(|&vertex| quadrics[vertex as usize] += plane);
+        triangle
+            .iter()
+            .for_each(|&vertex| quadrics[vertex as usize] += plane);
     }
     quadrics
 }

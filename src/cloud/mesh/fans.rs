@@ -10,7 +10,10 @@ pub(super) struct Fans {
 impl Fans {
     /// Of `vertices` vertices.
     pub(super) fn of(vertices: usize, triangles: &[[u32; 3]]) -> Self {
-        let mut fans = Self { first: vec![END; vertices], next: vec![END; triangles.len() * 3] };
+        let mut fans = Self {
+            first: vec![END; vertices],
+            next: vec![END; triangles.len() * 3],
+        };
         for (corner, &vertex) in triangles.as_flattened().iter().enumerate().rev() {
             fans.put(vertex, corner as u32);
         }
@@ -20,7 +23,9 @@ impl Fans {
     /// The corners at a vertex.
     pub(super) fn corners(&self, vertex: u32) -> impl Iterator<Item = u32> {
         let some = |corner: u32| (corner != END).then_some(corner);
-        std::iter::successors(some(self.first[vertex as usize]), move |&corner| some(self.next[corner as usize]))
+        std::iter::successors(some(self.first[vertex as usize]), move |&corner| {
+            some(self.next[corner as usize])
+        })
     }
 
     /// The triangles around a vertex.

@@ -74,13 +74,28 @@ mod tests {
     #[test]
     fn three_planes_meet_in_the_lowest_point() {
         let corner = DVec3::new(0.3, -2.0, 5.0);
-        let normals = [DVec3::X, DVec3::new(0.6, 0.8, 0.0), DVec3::new(0.0, 0.6, 0.8)];
-        let sum = normals.iter().map(|&normal| Quadric::of_plane(corner, normal, 2.0)).reduce(Add::add).unwrap();
+        let normals = [
+            DVec3::X,
+            DVec3::new(0.6, 0.8, 0.0),
+            DVec3::new(0.0, 0.6, 0.8),
+        ];
+        let sum = normals
+            .iter()
+            .map(|&normal| Quadric::of_plane(corner, normal, 2.0))
+            .reduce(Add::add)
+            .unwrap();
         assert!(sum.lowest().unwrap().abs_diff_eq(corner, 1e-9));
         assert!(sum.at(corner) < 1e-9);
         let off = DVec3::new(0.1, 0.2, -0.3);
-        let squares: f64 = normals.iter().map(|normal| 2.0 * normal.dot(off).powi(2)).sum();
+        let squares: f64 = normals
+            .iter()
+            .map(|normal| 2.0 * normal.dot(off).powi(2))
+            .sum();
         assert!((sum.at(corner + off) - squares).abs() < 1e-9);
-        assert_eq!(Quadric::of_plane(corner, DVec3::Y, 1.0).lowest(), None, "one plane fixes no point");
+        assert_eq!(
+            Quadric::of_plane(corner, DVec3::Y, 1.0).lowest(),
+            None,
+            "one plane fixes no point"
+        );
     }
 }

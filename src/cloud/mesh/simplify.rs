@@ -20,7 +20,9 @@ impl LabelledMesh {
     /// [`SceneError::Request`] for another share, [`SceneError::Stopped`].
     pub fn simplify(&self, share: f64, progress: &Progress) -> Result<Self, SceneError> {
         if !(share > 0.0 && share <= 1.0) {
-            let what = format!("a share of {share} of the triangles is not possible; give one above 0 and up to 1");
+            let what = format!(
+                "a share of {share} of the triangles is not possible; give one above 0 and up to 1"
+            );
             return Err(SceneError::Request(what));
         }
         let target = (self.triangles.len() as f64 * share).ceil() as usize;
@@ -44,15 +46,23 @@ impl LabelledMesh {
 type Waiting = Reverse<(u64, [u32; 2], u32)>;
 
 /// Draws edges together, the cheapest first, until `target` triangles are left or no edge can be.
-fn collapse_cheapest(mesh: &mut Collapsing, target: usize, progress: &Progress) -> Result<(), SceneError> {
+fn collapse_cheapest(
+    mesh: &mut Collapsing,
+    target: usize,
+    progress: &Progress,
+) -> Result<(), SceneError> {
     let start = mesh.left();
     let mut stamps = vec![0u32; mesh.vertices()];
     let stamp = |stamps: &[u32], [a, b]: [u32; 2]| stamps[a as usize] + stamps[b as usize];
     let queued = |mesh: &Collapsing, stamps: &[u32], edge: [u32; 2]| -> Option<Waiting> {
-        mesh.plan(edge).map(|(cost, _)| Reverse((cost.to_bits(), edge, stamp(stamps, edge))))
+        mesh.plan(edge)
+            .map(|(cost, _)| Reverse((cost.to_bits(), edge, stamp(stamps, edge))))
     };
-    let mut queue: BinaryHeap<Waiting> =
-        mesh.edges().into_iter().filter_map(|edge| queued(mesh, &stamps, edge)).collect();
+    let mut queue: BinaryHeap<Waiting> = mesh
+        .edges()
+        .into_iter()
+        .filter_map(|edge| queued(mesh, &stamps, edge))
+        .collect();
     let mut looked = 0usize;
     while mesh.left() > target
         && let Some(Reverse((_, edge, then))) = queue.pop()
@@ -64,7 +74,9 @@ fn collapse_cheapest(mesh: &mut Collapsing, target: usize, progress: &Progress) 
         if then != stamp(&stamps, edge) {
             continue;
         }
-        let Some((_, point)) = mesh.plan(edge) else { continue };
+        let Some((_, point)) = mesh.plan(edge) else {
+            continue;
+        };
         if mesh.collapse(edge, point) {
             edge.iter().for_each(|&vertex| stamps[vertex as usize] += 1);
             let kept = edge[0];

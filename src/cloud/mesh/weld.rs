@@ -21,7 +21,12 @@ impl Welded {
     /// The mesh with vertices at one place made one; triangles that have no area then are left out.
     pub(super) fn of(mesh: &LabelledMesh) -> Self {
         let vertices = &mesh.vertices;
-        let mut welded = Self { positions: Vec::new(), looks: Vec::new(), triangles: Vec::new(), labels: Vec::new() };
+        let mut welded = Self {
+            positions: Vec::new(),
+            looks: Vec::new(),
+            triangles: Vec::new(),
+            labels: Vec::new(),
+        };
         let mut found = FxHashMap::default();
         let mut place = Vec::with_capacity(vertices.len());
         for (at, &position) in vertices.positions.iter().enumerate() {
@@ -30,7 +35,9 @@ impl Welded {
             place.push(*found.entry(key).or_insert_with(|| {
                 let [red, green, blue] = vertices.colors[at].map(f32::from);
                 welded.positions.push(position.as_dvec3());
-                welded.looks.push(Vec4::new(red, green, blue, vertices.confidence[at]));
+                welded
+                    .looks
+                    .push(Vec4::new(red, green, blue, vertices.confidence[at]));
                 welded.positions.len() as u32 - 1
             }));
         }
@@ -46,9 +53,16 @@ impl Welded {
 
     /// The mesh with vertices that stand once for each label around them, with normals of the whole surface.
     pub(super) fn unwelded(&self, tree: &LabelTree) -> LabelledMesh {
-        let positions = self.positions.iter().map(|position| position.as_vec3()).collect();
+        let positions = self
+            .positions
+            .iter()
+            .map(|position| position.as_vec3())
+            .collect();
         let triangles = self.triangles.clone();
-        let mut whole = LabelledMesh { vertices: LabelledCloud::from_positions(positions), triangles };
+        let mut whole = LabelledMesh {
+            vertices: LabelledCloud::from_positions(positions),
+            triangles,
+        };
         whole.compute_normals();
         let mut mesh = LabelledMesh::default();
         mesh.vertices.tree = tree.clone();
@@ -57,7 +71,12 @@ impl Welded {
             let corners = triangle.map(|vertex| {
                 *made.entry((vertex, label)).or_insert_with(|| {
                     let vertex = vertex as usize;
-                    self.push(&mut mesh.vertices, vertex, whole.vertices.normals[vertex], label)
+                    self.push(
+                        &mut mesh.vertices,
+                        vertex,
+                        whole.vertices.normals[vertex],
+                        label,
+                    )
                 })
             });
             mesh.triangles.push(corners);
@@ -65,11 +84,19 @@ impl Welded {
         mesh
     }
 
-    fn push(&self, vertices: &mut LabelledCloud, vertex: usize, normal: Vec3, label: LabelId) -> u32 {
+    fn push(
+        &self,
+        vertices: &mut LabelledCloud,
+        vertex: usize,
+        normal: Vec3,
+        label: LabelId,
+    ) -> u32 {
         let [red, green, blue, confidence] = self.looks[vertex].to_array();
         vertices.positions.push(self.positions[vertex].as_vec3());
         vertices.normals.push(normal);
-        vertices.colors.push([red, green, blue].map(|channel| channel.round() as u8));
+        vertices
+            .colors
+            .push([red, green, blue].map(|channel| channel.round() as u8));
         vertices.labels.push(label);
         vertices.confidence.push(confidence);
         vertices.len() as u32 - 1

@@ -6,7 +6,11 @@ use ply_rs::ply::PropertyAccess;
 
 /// Reads one vertex of an ASCII file. Numbers may be written in any way that Rust, C or PCL writes them (`5.`, `.5`,
 /// `nan`, `-inf`), which the grammar of ply-rs does not take.
-pub(super) fn read_vertex(reader: &mut impl BufRead, layout: &Layout, line: &mut String) -> Result<Vertex, String> {
+pub(super) fn read_vertex(
+    reader: &mut impl BufRead,
+    layout: &Layout,
+    line: &mut String,
+) -> Result<Vertex, String> {
     next_line(reader, line)?;
     while line.trim_ascii().is_empty() && !layout.columns.is_empty() {
         next_line(reader, line)?;
@@ -14,7 +18,9 @@ pub(super) fn read_vertex(reader: &mut impl BufRead, layout: &Layout, line: &mut
     // Some exporters put a byte-order mark between the header and the points.
     let mut words = line.trim_start_matches('\u{feff}').split_ascii_whitespace();
     let mut number = || -> Result<f64, String> {
-        let word = words.next().ok_or("a line has fewer numbers than the header says")?;
+        let word = words
+            .next()
+            .ok_or("a line has fewer numbers than the header says")?;
         word.parse().map_err(|_| format!("'{word}' is no number"))
     };
     let mut vertex = Vertex::new();
@@ -37,11 +43,18 @@ pub(super) fn skip_lines(reader: &mut impl BufRead, count: usize) -> Result<(), 
 fn next_line(reader: &mut impl BufRead, line: &mut String) -> Result<(), String> {
     line.clear();
     let read = reader.read_line(line).map_err(|error| error.to_string())?;
-    if read == 0 { Err("the file ends early".into()) } else { Ok(()) }
+    if read == 0 {
+        Err("the file ends early".into())
+    } else {
+        Ok(())
+    }
 }
 
 /// Reads a line of properties, of which those marked are lists, and returns the first list.
-pub(super) fn read_list(reader: &mut impl BufRead, properties: impl Iterator<Item = bool>) -> Result<Vec<i64>, String> {
+pub(super) fn read_list(
+    reader: &mut impl BufRead,
+    properties: impl Iterator<Item = bool>,
+) -> Result<Vec<i64>, String> {
     let mut line = String::new();
     next_line(reader, &mut line)?;
     let mut words = line.split_ascii_whitespace();
@@ -59,5 +72,6 @@ pub(super) fn read_list(reader: &mut impl BufRead, properties: impl Iterator<Ite
 
 fn whole(word: Option<&str>) -> Result<i64, String> {
     let word = word.ok_or("a line has fewer numbers than the header says")?;
-    word.parse().map_err(|_| format!("'{word}' is no whole number"))
+    word.parse()
+        .map_err(|_| format!("'{word}' is no whole number"))
 }

@@ -51,7 +51,11 @@ impl Layout {
         for element in self.before.iter().chain([&self.vertex]).chain(&self.after) {
             let each = match self.encoding {
                 Encoding::Ascii => 1,
-                _ => element.properties.iter().map(|(_, property)| least_bytes(&property.data_type)).sum(),
+                _ => element
+                    .properties
+                    .iter()
+                    .map(|(_, property)| least_bytes(&property.data_type))
+                    .sum(),
             };
             if (element.count as u64).saturating_mul(each) > bytes {
                 return Err(format!(
@@ -77,12 +81,23 @@ impl Layout {
     pub(super) fn read(reader: &mut impl BufRead) -> Result<Self, String> {
         let lines = header_lines(reader)?;
         let mut names: Vec<Vec<String>> = Vec::new();
-        let text: String = lines.iter().map(|line| number_properties(line, &mut names)).collect();
-        let header = Parser::<Vertex>::new().read_ply_header(&mut text.as_bytes()).map_err(|error| {
-            format!("its header cannot be understood ({}); is it a PLY file?", first_line(&error.to_string()))
-        })?;
+        let text: String = lines
+            .iter()
+            .map(|line| number_properties(line, &mut names))
+            .collect();
+        let header = Parser::<Vertex>::new()
+            .read_ply_header(&mut text.as_bytes())
+            .map_err(|error| {
+                format!(
+                    "its header cannot be understood ({}); is it a PLY file?",
+                    first_line(&error.to_string())
+                )
+            })?;
         if header.elements.len() != names.len() {
-            return Err("two elements of its header have the same name; write it anew with another program".into());
+            return Err(
+                "two elements of its header have the same name; write it anew with another program"
+                    .into(),
+            );
         }
         Self::from_header(header, &names)
     }
@@ -94,10 +109,20 @@ impl Layout {
             .position(|name| name == "vertex")
             .ok_or("it has no element 'vertex', so no points; export it as a point cloud or mesh with vertices")?;
         let faces = header.elements.keys().position(|name| name == "face");
-        let mut elements: Vec<ElementDef> = header.elements.into_iter().map(|(_, element)| element).collect();
+        let mut elements: Vec<ElementDef> = header
+            .elements
+            .into_iter()
+            .map(|(_, element)| element)
+            .collect();
         let mut after = elements.split_off(place + 1);
-        after.truncate(faces.filter(|&faces| faces > place).map_or(0, |faces| faces - place));
-        let Some(found) = elements.pop() else { return Err("it has no points".into()) };
+        after.truncate(
+            faces
+                .filter(|&faces| faces > place)
+                .map_or(0, |faces| faces - place),
+        );
+        let Some(found) = elements.pop() else {
+            return Err("it has no points".into());
+        };
         let mut layout = Self {
             encoding: header.encoding,
             comments: header.comments,
@@ -109,12 +134,19 @@ impl Layout {
             double_positions: false,
         };
         layout.vertex.count = found.count;
-        let taken: Vec<(PropertyType, Slot)> = slots(&names[place], found.properties.into_iter().map(|(_, p)| p));
+        let taken: Vec<(PropertyType, Slot)> =
+            slots(&names[place], found.properties.into_iter().map(|(_, p)| p));
         for (data_type, slot) in taken {
             layout.add(slot, data_type);
         }
-        match [Slot::X, Slot::Y, Slot::Z].into_iter().find(|&slot| !layout.has(slot)) {
-            Some(slot) => Err(format!("its vertices have no '{}'", format!("{slot:?}").to_lowercase())),
+        match [Slot::X, Slot::Y, Slot::Z]
+            .into_iter()
+            .find(|&slot| !layout.has(slot))
+        {
+            Some(slot) => Err(format!(
+                "its vertices have no '{}'",
+                format!("{slot:?}").to_lowercase()
+            )),
             None => Ok(layout),
         }
     }
@@ -131,7 +163,9 @@ impl Layout {
         } else {
             self.columns.push(None);
         }
-        self.vertex.properties.add(PropertyDef::new(slot.property_name(column), data_type));
+        self.vertex
+            .properties
+            .add(PropertyDef::new(slot.property_name(column), data_type));
     }
 }
 
@@ -143,7 +177,9 @@ fn header_lines(reader: &mut impl BufRead) -> Result<Vec<String>, String> {
     loop {
         let mut line = Vec::new();
         let mut limited = std::io::Read::take(&mut *reader, MAX_HEADER_BYTES as u64);
-        limited.read_until(b'\n', &mut line).map_err(|error| format!("its header cannot be read ({error})"))?;
+        limited
+            .read_until(b'\n', &mut line)
+            .map_err(|error| format!("its header cannot be read ({error})"))?;
         bytes += line.len();
         if lines.is_empty() && line.starts_with(BYTE_ORDER_MARK) {
             line.drain(..BYTE_ORDER_MARK.len());
@@ -155,7 +191,10 @@ fn header_lines(reader: &mut impl BufRead) -> Result<Vec<String>, String> {
             return Err("its header has no end ('end_header' is missing); the file is cut off or no PLY file".into());
         }
         let end = line.trim_ascii() == b"end_header";
-        lines.push(format!("{}\n", String::from_utf8_lossy(line.trim_ascii_end())));
+        lines.push(format!(
+            "{}\n",
+            String::from_utf8_lossy(line.trim_ascii_end())
+        ));
         if end {
             return Ok(lines);
         }
@@ -180,20 +219,32 @@ fn number_properties(line: &str, names: &mut Vec<Vec<String>>) -> String {
 }
 
 /// The slot of each property: the best-ranked name wins a slot, the others are [`Slot::Other`].
-fn slots(names: &[String], properties: impl Iterator<Item = PropertyDef>) -> Vec<(PropertyType, Slot)> {
+fn slots(
+    names: &[String],
+    properties: impl Iterator<Item = PropertyDef>,
+) -> Vec<(PropertyType, Slot)> {
     let mut best: BTreeMap<u8, (usize, usize)> = BTreeMap::new();
     let mut columns = Vec::new();
     for (column, property) in properties.enumerate() {
         let scalar = matches!(property.data_type, PropertyType::Scalar(_));
-        let meaning = names.get(column).filter(|_| scalar).and_then(|name| slot_of(name));
+        let meaning = names
+            .get(column)
+            .filter(|_| scalar)
+            .and_then(|name| slot_of(name));
         if let Some((slot, rank)) = meaning {
             let first = best.entry(slot as u8).or_insert((rank, column));
             *first = (*first).min((rank, column));
         }
-        columns.push((property.data_type, meaning.map_or(Slot::Other, |(slot, _)| slot)));
+        columns.push((
+            property.data_type,
+            meaning.map_or(Slot::Other, |(slot, _)| slot),
+        ));
     }
     for (column, (_, slot)) in columns.iter_mut().enumerate() {
-        if best.get(&(*slot as u8)).is_some_and(|&(_, winner)| winner != column) {
+        if best
+            .get(&(*slot as u8))
+            .is_some_and(|&(_, winner)| winner != column)
+        {
             *slot = Slot::Other;
         }
     }
@@ -212,12 +263,26 @@ fn slot_of(name: &str) -> Option<(Slot, usize)> {
         (Slot::Red, &["red", "r", "diffuse_red"]),
         (Slot::Green, &["green", "g", "diffuse_green"]),
         (Slot::Blue, &["blue", "b", "diffuse_blue"]),
-        (Slot::Label, &["label", "labels", "label_id", "class", "classification", "class_id", "instance", "category"]),
+        (
+            Slot::Label,
+            &[
+                "label",
+                "labels",
+                "label_id",
+                "class",
+                "classification",
+                "class_id",
+                "instance",
+                "category",
+            ],
+        ),
         (Slot::Confidence, &["confidence"]),
     ];
     let lower = name.to_ascii_lowercase();
     let plain = lower.strip_prefix("scalar_").unwrap_or(&lower);
-    NAMES.iter().find_map(|&(slot, names)| Some((slot, names.iter().position(|&known| known == plain)?)))
+    NAMES
+        .iter()
+        .find_map(|&(slot, names)| Some((slot, names.iter().position(|&known| known == plain)?)))
 }
 
 impl StoredColors {
@@ -228,7 +293,9 @@ impl StoredColors {
             ScalarType::Float | ScalarType::Double => true,
             _ => false,
         };
-        Self::Wide { floating: floating || self == Self::Wide { floating: true } }
+        Self::Wide {
+            floating: floating || self == Self::Wide { floating: true },
+        }
     }
 }
 
@@ -248,5 +315,8 @@ fn least_bytes(data_type: &PropertyType) -> u64 {
 
 /// The first line of a message of ply-rs, which may have several.
 pub(super) fn first_line(text: &str) -> &str {
-    text.lines().next().unwrap_or_default().trim_end_matches('.')
+    text.lines()
+        .next()
+        .unwrap_or_default()
+        .trim_end_matches('.')
 }

@@ -27,9 +27,16 @@ pub(crate) fn origin_comment(origin: DVec3) -> Option<String> {
 /// The origin kept in a header's comments; zero where there is none.
 pub(super) fn origin_from_comments(comments: &[String]) -> DVec3 {
     let origin = |comment: &String| -> Option<DVec3> {
-        let numbers: Vec<f64> =
-            comment.strip_prefix("origin ")?.split_whitespace().map(str::parse).collect::<Result<_, _>>().ok()?;
-        <[f64; 3]>::try_from(numbers).ok().map(DVec3::from_array).filter(|origin| origin.is_finite())
+        let numbers: Vec<f64> = comment
+            .strip_prefix("origin ")?
+            .split_whitespace()
+            .map(str::parse)
+            .collect::<Result<_, _>>()
+            .ok()?;
+        <[f64; 3]>::try_from(numbers)
+            .ok()
+            .map(DVec3::from_array)
+            .filter(|origin| origin.is_finite())
     };
     comments.iter().find_map(origin).unwrap_or_default()
 }
@@ -39,7 +46,10 @@ pub(super) fn origin_from_comments(comments: &[String]) -> DVec3 {
 /// A parent that is missing, makes a circle or lies too deep is dropped (the label comes to the top level); a name that is
 /// taken gets a number: `leaf (2)`.
 pub(super) fn tree_from_comments(comments: &[String]) -> LabelTree {
-    let mut labels: Vec<Label> = comments.iter().filter_map(|comment| label_from(comment)).collect();
+    let mut labels: Vec<Label> = comments
+        .iter()
+        .filter_map(|comment| label_from(comment))
+        .collect();
     let mut listed = BTreeSet::new();
     labels.retain(|label| listed.insert(label.id));
     number_repeated_names(&mut labels);
@@ -53,7 +63,13 @@ pub(super) fn tree_from_comments(comments: &[String]) -> LabelTree {
     while let Some((_, mut open)) = below.pop_first() {
         open.reverse();
         while let Some(label) = open.pop() {
-            open.extend(below.remove(&Some(label.id)).unwrap_or_default().into_iter().rev());
+            open.extend(
+                below
+                    .remove(&Some(label.id))
+                    .unwrap_or_default()
+                    .into_iter()
+                    .rev(),
+            );
             add(&mut tree, label);
         }
     }
@@ -69,13 +85,20 @@ fn label_from(comment: &str) -> Option<Label> {
     let parent: u16 = words.next()?.parse().ok()?;
     let name = unescaped(words.next()?.trim());
     let known = id != LabelId::NONE && !name.is_empty();
-    known.then(|| Label { id, name, color: LabelTree::color_for(id), parent: (parent != 0).then_some(LabelId(parent)) })
+    known.then(|| Label {
+        id,
+        name,
+        color: LabelTree::color_for(id),
+        parent: (parent != 0).then_some(LabelId(parent)),
+    })
 }
 
 fn color_from(comment: &str) -> Option<(LabelId, [u8; 3])> {
     let (id, hex) = comment.strip_prefix("color ")?.split_once(' ')?;
     let hex = hex.trim();
-    let value = u32::from_str_radix(hex, 16).ok().filter(|_| hex.len() == 6)?;
+    let value = u32::from_str_radix(hex, 16)
+        .ok()
+        .filter(|_| hex.len() == 6)?;
     let [_, red, green, blue] = value.to_be_bytes();
     Some((LabelId(id.parse().ok()?), [red, green, blue]))
 }
@@ -88,7 +111,10 @@ fn number_repeated_names(labels: &mut [Label]) {
     for label in labels {
         let name = label.name.clone();
         while !taken.insert(label.name.clone()) {
-            let number = next.entry(name.clone()).and_modify(|number| *number += 1).or_insert(2);
+            let number = next
+                .entry(name.clone())
+                .and_modify(|number| *number += 1)
+                .or_insert(2);
             label.name = format!("{name} ({number})");
         }
     }
@@ -115,7 +141,8 @@ fn unescaped(text: &str) -> String {
         name.push_str(&rest[..at]);
         let inside = &rest[at + 3..];
         let decoded = inside.find('}').and_then(|end| {
-            let value = u32::from_str_radix(inside.get(..end).filter(|hex| hex.len() <= 6)?, 16).ok()?;
+            let value =
+                u32::from_str_radix(inside.get(..end).filter(|hex| hex.len() <= 6)?, 16).ok()?;
             Some((char::from_u32(value)?, end))
         });
         let (c, skipped) = decoded.map_or(('\\', at + 1), |(c, end)| (c, at + 3 + end + 1));
@@ -127,7 +154,9 @@ fn unescaped(text: &str) -> String {
 }
 
 fn add(tree: &mut LabelTree, mut label: Label) {
-    label.parent = label.parent.filter(|&parent| (1..MAX_DEPTH).contains(&tree.depth(parent)));
+    label.parent = label
+        .parent
+        .filter(|&parent| (1..MAX_DEPTH).contains(&tree.depth(parent)));
     // The invariants hold: parent present, name free, id new and not 0.
     let _ = tree.set(label);
 }
@@ -144,11 +173,22 @@ mod tests {
 
     #[test]
     fn names_survive_as_ascii() {
-        for name in
-            ["leaf", "Stängel", "名前", "a\\b", "\\u{41}", "C:\\users{1}", "tab\tand é\u{202e}", "\\", "\\u{zz}"]
-        {
+        for name in [
+            "leaf",
+            "Stängel",
+            "名前",
+            "a\\b",
+            "\\u{41}",
+            "C:\\users{1}",
+            "tab\tand é\u{202e}",
+            "\\",
+            "\\u{zz}",
+        ] {
             let text = escaped(name);
-            assert!(text.bytes().all(|byte| (b' '..=b'~').contains(&byte)), "{text}");
+            assert!(
+                text.bytes().all(|byte| (b' '..=b'~').contains(&byte)),
+                "{text}"
+            );
             assert_eq!(unescaped(&text), name, "{text}");
         }
         // Files written before names were escaped.

@@ -51,7 +51,10 @@ pub struct PlyCloud {
 /// label that is no whole number up to 65535; [`SceneError::Stopped`]. Negative labels, NaN and −1 stored without a sign
 /// mean "none" in other programs and are read as 0, with a warning.
 pub fn read_ply(path: &Path, progress: &Progress) -> Result<PlyCloud, SceneError> {
-    let io = |reason| SceneError::Io { path: path.to_path_buf(), reason };
+    let io = |reason| SceneError::Io {
+        path: path.to_path_buf(),
+        reason,
+    };
     let file = disk::open_regular(path).map_err(io)?;
     let bytes = file.metadata().map_err(io)?.len();
     let mut reader = BufReader::with_capacity(1 << 18, file);
@@ -64,7 +67,10 @@ pub fn read_ply(path: &Path, progress: &Progress) -> Result<PlyCloud, SceneError
 /// As [`read_ply`], and [`SceneError::Invalid`] where there are no faces, or vertices without a finite position, or a face
 /// names a vertex that is not there.
 pub fn read_mesh(path: &Path, progress: &Progress) -> Result<LabelledMesh, SceneError> {
-    let io = |reason| SceneError::Io { path: path.to_path_buf(), reason };
+    let io = |reason| SceneError::Io {
+        path: path.to_path_buf(),
+        reason,
+    };
     let file = disk::open_regular(path).map_err(io)?;
     let bytes = file.metadata().map_err(io)?.len();
     let mut reader = BufReader::with_capacity(1 << 18, file);
@@ -72,17 +78,27 @@ pub fn read_mesh(path: &Path, progress: &Progress) -> Result<LabelledMesh, Scene
         let layout = Layout::read(&mut reader)?;
         let vertices = read_vertices(&mut reader, &layout, bytes, progress)?.cloud;
         if vertices.len() != layout.vertex.count {
-            return Err("some of its vertices have no finite position; repair the mesh".to_owned().into());
+            return Err(
+                "some of its vertices have no finite position; repair the mesh"
+                    .to_owned()
+                    .into(),
+            );
         }
         let triangles = read_faces(&mut reader, &layout, vertices.len(), progress)?;
-        Ok(LabelledMesh { vertices, triangles })
+        Ok(LabelledMesh {
+            vertices,
+            triangles,
+        })
     };
     read_or(path, read)
 }
 
 fn read_or<T>(path: &Path, read: impl FnOnce() -> Result<T, Fault>) -> Result<T, SceneError> {
     read().map_err(|fault| match fault {
-        Fault::Content(what) => SceneError::Invalid { path: path.to_path_buf(), what },
+        Fault::Content(what) => SceneError::Invalid {
+            path: path.to_path_buf(),
+            what,
+        },
         Fault::Stopped(stopped) => stopped.into(),
     })
 }
@@ -101,7 +117,11 @@ impl From<String> for Fault {
 }
 
 /// Reads a PLY file of `bytes` bytes from its beginning.
-pub(super) fn read_from(reader: &mut impl BufRead, bytes: u64, progress: &Progress) -> Result<PlyCloud, Fault> {
+pub(super) fn read_from(
+    reader: &mut impl BufRead,
+    bytes: u64,
+    progress: &Progress,
+) -> Result<PlyCloud, Fault> {
     let layout = Layout::read(reader)?;
     read_vertices(reader, &layout, bytes, progress)
 }
@@ -113,24 +133,38 @@ fn read_vertices(
     progress: &Progress,
 ) -> Result<PlyCloud, Fault> {
     layout.check_counts(bytes)?;
-    layout.before.iter().try_for_each(|element| skip(reader, layout, element, progress))?;
+    layout
+        .before
+        .iter()
+        .try_for_each(|element| skip(reader, layout, element, progress))?;
     let count = layout.vertex.count;
     // A header can claim any number of points: never reserve more than the file can hold.
-    let mut builder = Builder::new(layout, count.min(usize::try_from(bytes).unwrap_or(usize::MAX) / 3));
+    let mut builder = Builder::new(
+        layout,
+        count.min(usize::try_from(bytes).unwrap_or(usize::MAX) / 3),
+    );
     let mut line = String::new();
     for index in 0..count {
         if index % STRIDE == 0 {
             progress.step(index, count).map_err(Fault::Stopped)?;
         }
         let vertex = read_vertex(reader, layout, &mut line).map_err(|what| {
-            format!("point {index} of {count} cannot be read ({what}); the file is damaged or cut off")
+            format!(
+                "point {index} of {count} cannot be read ({what}); the file is damaged or cut off"
+            )
         })?;
-        builder.push(&vertex).map_err(|what| format!("point {index}: {what}"))?;
+        builder
+            .push(&vertex)
+            .map_err(|what| format!("point {index}: {what}"))?;
     }
     Ok(builder.finish(layout))
 }
 
-fn read_vertex(reader: &mut impl BufRead, layout: &Layout, line: &mut String) -> Result<Vertex, String> {
+fn read_vertex(
+    reader: &mut impl BufRead,
+    layout: &Layout,
+    line: &mut String,
+) -> Result<Vertex, String> {
     let parser = Parser::<Vertex>::new();
     let read = match layout.encoding {
         Encoding::Ascii => return ascii::read_vertex(reader, layout, line),
@@ -160,15 +194,21 @@ pub(super) fn skip(
         }
         let read = match layout.encoding {
             Encoding::Ascii => ascii::skip_lines(reader, 1),
-            Encoding::BinaryBigEndian => {
-                parser.read_big_endian_element(reader, element).map(drop).map_err(|error| error.to_string())
-            }
-            Encoding::BinaryLittleEndian => {
-                parser.read_little_endian_element(reader, element).map(drop).map_err(|error| error.to_string())
-            }
+            Encoding::BinaryBigEndian => parser
+                .read_big_endian_element(reader, element)
+                .map(drop)
+                .map_err(|error| error.to_string()),
+            Encoding::BinaryLittleEndian => parser
+                .read_little_endian_element(reader, element)
+                .map(drop)
+                .map_err(|error| error.to_string()),
         };
         read.map_err(|what| {
-            format!("element '{}' cannot be read ({}); the file is damaged or cut off", element.name, first_line(&what))
+            format!(
+                "element '{}' cannot be read ({}); the file is damaged or cut off",
+                element.name,
+                first_line(&what)
+            )
         })?;
     }
     Ok(())
@@ -265,46 +305,79 @@ impl Builder {
         };
         let is_far = |at: DVec3| self.is_exact && at.abs().max_element() >= FAR;
         let median = (!self.first.is_empty()).then(|| DVec3::from_array([0, 1, 2].map(median)));
-        let shift = median.filter(|&at| is_far(at)).map_or(DVec3::ZERO, |at| (at / ORIGIN_STEP).round() * ORIGIN_STEP);
+        let shift = median
+            .filter(|&at| is_far(at))
+            .map_or(DVec3::ZERO, |at| (at / ORIGIN_STEP).round() * ORIGIN_STEP);
         // Adding zero turns -0 into 0.
         let shift = shift + DVec3::ZERO;
         self.shift = Some(shift);
-        self.cloud.positions.extend(self.first.drain(..).map(|exact| (exact - shift).as_vec3()));
+        self.cloud
+            .positions
+            .extend(self.first.drain(..).map(|exact| (exact - shift).as_vec3()));
     }
 
     fn normal(&self, vertex: &Vertex) -> Vec3 {
-        let normal = DVec3::new(vertex.at(Slot::Nx), vertex.at(Slot::Ny), vertex.at(Slot::Nz)).as_vec3();
+        let normal = DVec3::new(
+            vertex.at(Slot::Nx),
+            vertex.at(Slot::Ny),
+            vertex.at(Slot::Nz),
+        )
+        .as_vec3();
         // Unit normals stay bit for bit, so that writing what was read gives the same file.
-        if normal.is_normalized() { normal } else { normal.normalize_or_zero() }
+        if normal.is_normalized() {
+            normal
+        } else {
+            normal.normalize_or_zero()
+        }
     }
 
     /// Brings colours of a wide type to 0–255. Returns what the user should know about the range that was taken.
     fn scale_colors(&mut self) -> Option<String> {
-        let StoredColors::Wide { floating } = self.colors else { return None };
+        let StoredColors::Wide { floating } = self.colors else {
+            return None;
+        };
         if !self.has_colors {
             return None;
         }
         let channels = || self.wide_colors.iter().flatten().copied();
-        let highest = channels().filter(|channel| channel.is_finite()).fold(0.0f32, f32::max);
+        let highest = channels()
+            .filter(|channel| channel.is_finite())
+            .fold(0.0f32, f32::max);
         // A little above the end of a range is rounding.
         let (range, usual) = match highest {
             _ if floating && highest <= 1.01 => (1.0, true),
             _ if highest <= 255.5 => (255.0, !floating),
             _ => (65_535.0, !floating),
         };
-        let outside = channels().filter(|channel| !(0.0..=range * 1.01).contains(channel)).count();
+        let outside = channels()
+            .filter(|channel| !(0.0..=range * 1.01).contains(channel))
+            .count();
         let scale = 255.0 / range;
-        self.cloud.colors = self.wide_colors.iter().map(|color| color.map(|c| (c * scale).round() as u8)).collect();
-        let taken = (!usual).then(|| format!("colours go up to {highest} and were taken as 0 to {range}"));
+        self.cloud.colors = self
+            .wide_colors
+            .iter()
+            .map(|color| color.map(|c| (c * scale).round() as u8))
+            .collect();
+        let taken =
+            (!usual).then(|| format!("colours go up to {highest} and were taken as 0 to {range}"));
         let outside = (outside > 0).then(|| {
             format!("{outside} colour values are NaN, negative or above {range} and were set to the nearest colour")
         });
-        Some([taken, outside].into_iter().flatten().collect::<Vec<_>>().join("; ")).filter(|text| !text.is_empty())
+        Some(
+            [taken, outside]
+                .into_iter()
+                .flatten()
+                .collect::<Vec<_>>()
+                .join("; "),
+        )
+        .filter(|text| !text.is_empty())
     }
 
     fn confidence(&self, vertex: &Vertex, label: LabelId) -> f32 {
         match self.has_confidence {
-            true => (vertex.at(Slot::Confidence) as f32).clamp(0.0, 1.0).max(0.0),
+            true => (vertex.at(Slot::Confidence) as f32)
+                .clamp(0.0, 1.0)
+                .max(0.0),
             false => f32::from(u8::from(label != LabelId::NONE)),
         }
     }
@@ -319,10 +392,15 @@ impl Builder {
         name_unknown_labels(&mut self.cloud.tree, used);
         let mut warnings: Vec<String> = self.scale_colors().into_iter().collect();
         if let Some((count, first)) = self.without_label {
-            warnings.push(format!("{count} points have a label that means none (such as {first}) and are unlabelled"));
+            warnings.push(format!(
+                "{count} points have a label that means none (such as {first}) and are unlabelled"
+            ));
         }
         if self.dropped > 0 {
-            warnings.push(format!("{} points without a finite position were left out", self.dropped));
+            warnings.push(format!(
+                "{} points without a finite position were left out",
+                self.dropped
+            ));
         }
         self.cloud.origin += self.shift.unwrap_or_default();
         PlyCloud {
@@ -347,7 +425,9 @@ fn means_no_label(value: f64) -> bool {
 fn label_id(value: f64) -> Result<LabelId, String> {
     let whole = value.round();
     if (value - whole).abs() > 1e-3 || !(0.0..=65535.0).contains(&whole) {
-        return Err(format!("its label {value} is no whole number from 0 to 65535; renumber the labels"));
+        return Err(format!(
+            "its label {value} is no whole number from 0 to 65535; renumber the labels"
+        ));
     }
     Ok(LabelId(whole as u16))
 }

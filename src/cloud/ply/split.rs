@@ -56,7 +56,11 @@ const MAX_NAME_BYTES: usize = 120;
 #[must_use]
 pub fn label_paths(path: &Path, cloud: &LabelledCloud) -> BTreeMap<LabelId, PathBuf> {
     let present: BTreeSet<LabelId> = cloud.labels.iter().copied().collect();
-    let all: BTreeSet<LabelId> = present.iter().copied().chain(cloud.tree.iter().map(|label| label.id)).collect();
+    let all: BTreeSet<LabelId> = present
+        .iter()
+        .copied()
+        .chain(cloud.tree.iter().map(|label| label.id))
+        .collect();
     let mut taken = BTreeSet::from([TWIN.to_owned()]);
     let mut paths = BTreeMap::new();
     for id in all {
@@ -72,7 +76,11 @@ pub fn label_paths(path: &Path, cloud: &LabelledCloud) -> BTreeMap<LabelId, Path
 }
 
 fn shortened(name: &str) -> String {
-    let end = name.char_indices().map(|(at, c)| at + c.len_utf8()).take_while(|&end| end <= MAX_NAME_BYTES).last();
+    let end = name
+        .char_indices()
+        .map(|(at, c)| at + c.len_utf8())
+        .take_while(|&end| end <= MAX_NAME_BYTES)
+        .last();
     name[..end.unwrap_or(0)].to_owned()
 }
 
@@ -87,7 +95,9 @@ pub fn twin_path(path: &Path) -> PathBuf {
 
 fn beside(path: &Path, suffix: &str) -> PathBuf {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let ending = path.extension().map_or("ply".into(), std::ffi::OsStr::to_string_lossy);
+    let ending = path
+        .extension()
+        .map_or("ply".into(), std::ffi::OsStr::to_string_lossy);
     path.with_file_name(format!("{stem}_{suffix}.{ending}"))
 }
 
@@ -102,7 +112,15 @@ pub(crate) fn label_name(tree: &LabelTree, id: LabelId) -> String {
 
 /// A label's name with everything that a file name cannot hold on some system replaced.
 pub(crate) fn file_part(name: &str) -> String {
-    name.chars().map(|c| if c.is_alphanumeric() || matches!(c, '-' | '_') { c } else { '_' }).collect()
+    name.chars()
+        .map(|c| {
+            if c.is_alphanumeric() || matches!(c, '-' | '_') {
+                c
+            } else {
+                '_'
+            }
+        })
+        .collect()
 }
 
 #[cfg(test)]
@@ -113,21 +131,46 @@ mod tests {
     #[test]
     fn no_two_files_of_an_export_have_one_name() {
         let long = "x".repeat(300);
-        let names = ["labels", "Leaf", "leaf", "a/b", "a b", &long, &format!("{long}y"), "unlabelled", "leaf_2"];
+        let names = [
+            "labels",
+            "Leaf",
+            "leaf",
+            "a/b",
+            "a b",
+            &long,
+            &format!("{long}y"),
+            "unlabelled",
+            "leaf_2",
+        ];
         let mut cloud = LabelledCloud::from_positions(vec![glam::Vec3::ZERO; names.len() + 1]);
         for (at, name) in names.into_iter().enumerate() {
             let id = LabelId(at as u16 + 1);
             cloud.labels[at] = id;
-            cloud.tree.set(Label { id, name: name.into(), color: [1; 3], parent: None }).unwrap();
+            cloud
+                .tree
+                .set(Label {
+                    id,
+                    name: name.into(),
+                    color: [1; 3],
+                    parent: None,
+                })
+                .unwrap();
         }
         let path = Path::new("/out/c.ply");
-        let mut files: Vec<PathBuf> = label_paths(path, &cloud).into_values().chain([twin_path(path)]).collect();
+        let mut files: Vec<PathBuf> = label_paths(path, &cloud)
+            .into_values()
+            .chain([twin_path(path)])
+            .collect();
         let count = files.len();
         assert_eq!(count, names.len() + 2);
         files.sort_by_key(|file| file.to_string_lossy().to_lowercase());
         files.dedup_by_key(|file| file.to_string_lossy().to_lowercase());
         assert_eq!(files.len(), count, "{files:?}");
-        assert!(files.iter().all(|file| file.file_name().unwrap().len() <= 255));
+        assert!(
+            files
+                .iter()
+                .all(|file| file.file_name().unwrap().len() <= 255)
+        );
         // The names do not depend on which labels have points.
         let whole = label_paths(path, &cloud);
         let some = label_paths(path, &cloud.select(&[2, 6]));

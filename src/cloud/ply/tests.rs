@@ -10,10 +10,12 @@ use ostra_core::job::Progress;
 use ostra_masks::{Label, LabelId};
 
 fn read(bytes: &[u8]) -> Result<PlyCloud, String> {
-    read_from(&mut &bytes[..], bytes.len() as u64, &Progress::default()).map_err(|fault| match fault {
-        Fault::Content(what) => what,
-        Fault::Stopped(stopped) => stopped.to_string(),
-    })
+    read_from(&mut &bytes[..], bytes.len() as u64, &Progress::default()).map_err(
+        |fault| match fault {
+            Fault::Content(what) => what,
+            Fault::Stopped(stopped) => stopped.to_string(),
+        },
+    )
 }
 
 fn written(cloud: &LabelledCloud) -> Vec<u8> {
@@ -24,9 +26,20 @@ fn written(cloud: &LabelledCloud) -> Vec<u8> {
 
 fn sample() -> LabelledCloud {
     let mut cloud = LabelledCloud::from_positions(vec![Vec3::new(1.0, -2.0, 3.5), Vec3::ZERO]);
-    let label = |id, name: &str, color, parent| Label { id: LabelId(id), name: name.into(), color, parent };
-    cloud.tree.set(label(7, "the plant", [1, 2, 255], None)).unwrap();
-    cloud.tree.set(label(3, "feuille été", [171, 205, 239], Some(LabelId(7)))).unwrap();
+    let label = |id, name: &str, color, parent| Label {
+        id: LabelId(id),
+        name: name.into(),
+        color,
+        parent,
+    };
+    cloud
+        .tree
+        .set(label(7, "the plant", [1, 2, 255], None))
+        .unwrap();
+    cloud
+        .tree
+        .set(label(3, "feuille été", [171, 205, 239], Some(LabelId(7))))
+        .unwrap();
     cloud.labels = vec![LabelId(3), LabelId(0)];
     cloud.normals[0] = Vec3::new(0.0, 0.6, -0.8);
     cloud.colors[0] = [10, 20, 30];
@@ -90,13 +103,20 @@ fn ascii_with_other_order_lists_and_names() {
                 property double y\r\nproperty double x\r\nproperty float scalar_Scalar_field_#2\r\nelement face 9\r\n\
                 property list uchar int vertex_indices\r\nend_header\r\n3 1 2 3\r\n5 2 .5 1. 3 2 1e0 0\r\n\r\n0 0 nan 2 1 0\r\n65535 0 9 8 7 0\r\n";
     let back = read(text.as_bytes()).unwrap();
-    assert_eq!(back.cloud.positions, [Vec3::new(1.0, 2.0, 3.0), Vec3::new(7.0, 8.0, 9.0)]);
+    assert_eq!(
+        back.cloud.positions,
+        [Vec3::new(1.0, 2.0, 3.0), Vec3::new(7.0, 8.0, 9.0)]
+    );
     assert_eq!(back.cloud.labels, [LabelId(5), LabelId(65535)]);
     assert_eq!(back.cloud.confidence, [1.0, 1.0]);
     assert_eq!(back.cloud.tree.get(LabelId(5)).unwrap().name, "5");
     assert_eq!(back.cloud.normals, [Vec3::ZERO; 2]);
     assert!(!back.has_colors && !back.has_normals && back.has_labels);
-    assert!(back.warnings[0].starts_with("1 points without"), "{:?}", back.warnings);
+    assert!(
+        back.warnings[0].starts_with("1 points without"),
+        "{:?}",
+        back.warnings
+    );
 }
 
 #[test]
@@ -107,10 +127,15 @@ fn big_endian_with_lists_before_and_float_colors() {
         .to_vec();
     for face in [&[1u32, 2, 3][..], &[4, 5, 6, 7]] {
         bytes.push(face.len() as u8);
-        face.iter().for_each(|index| bytes.extend(index.to_be_bytes()));
+        face.iter()
+            .for_each(|index| bytes.extend(index.to_be_bytes()));
     }
-    [1.5f64, 2.5, -3.5].iter().for_each(|v| bytes.extend(v.to_be_bytes()));
-    [0.0f32, 0.5, 1.0].iter().for_each(|v| bytes.extend(v.to_be_bytes()));
+    [1.5f64, 2.5, -3.5]
+        .iter()
+        .for_each(|v| bytes.extend(v.to_be_bytes()));
+    [0.0f32, 0.5, 1.0]
+        .iter()
+        .for_each(|v| bytes.extend(v.to_be_bytes()));
     bytes.extend([0, 2, 9, 9, 9, 9, 200]);
     let back = read(&bytes).unwrap();
     assert_eq!(back.cloud.positions, [Vec3::new(1.5, 2.5, -3.5)]);
@@ -147,8 +172,11 @@ fn what_is_wrong_is_said() {
             .contains("'z'")
     );
     assert!(
-        fault("ply\nformat ascii 1.0\nelement a 0\nelement a 0\nelement vertex 0\nend_header\n".into())
-            .contains("same name")
+        fault(
+            "ply\nformat ascii 1.0\nelement a 0\nelement a 0\nelement vertex 0\nend_header\n"
+                .into()
+        )
+        .contains("same name")
     );
     assert!(fault("ply\nformat ebcdic 1.0\nend_header\n".into()).contains("cannot be understood"));
 }
@@ -165,8 +193,14 @@ fn a_header_that_claims_too_many_points_ends_in_an_error() {
 #[test]
 fn counts_are_checked_against_the_size_of_the_file() {
     let vertices = "element vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
-    for (encoding, points) in [("ascii", &b"0 0 0\n"[..]), ("binary_little_endian", &[0; 12])] {
-        for (properties, what) in [("", "faces"), ("property list uchar int vertex_indices\n", "'face'")] {
+    for (encoding, points) in [
+        ("ascii", &b"0 0 0\n"[..]),
+        ("binary_little_endian", &[0; 12]),
+    ] {
+        for (properties, what) in [
+            ("", "faces"),
+            ("property list uchar int vertex_indices\n", "'face'"),
+        ] {
             let mut bytes = format!(
                 "ply\nformat {encoding} 1.0\n{vertices}element face 9223372036854775807\n{properties}end_header\n"
             )
@@ -175,7 +209,9 @@ fn counts_are_checked_against_the_size_of_the_file() {
             let dir = tempfile::tempdir().unwrap();
             let path = dir.path().join("m.ply");
             std::fs::write(&path, &bytes).unwrap();
-            let error = super::read_mesh(&path, &Progress::default()).unwrap_err().to_string();
+            let error = super::read_mesh(&path, &Progress::default())
+                .unwrap_err()
+                .to_string();
             assert!(error.contains(what) || error.contains("'face'"), "{error}");
         }
     }
@@ -183,13 +219,23 @@ fn counts_are_checked_against_the_size_of_the_file() {
 
 #[test]
 fn labels_that_mean_none_are_unlabelled_with_a_warning() {
-    for (kind, stored) in [("int", "-1"), ("int", "-100"), ("float", "nan"), ("float", "-1"), ("uint", "4294967295")] {
+    for (kind, stored) in [
+        ("int", "-1"),
+        ("int", "-100"),
+        ("float", "nan"),
+        ("float", "-1"),
+        ("uint", "4294967295"),
+    ] {
         let text = format!(
             "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nproperty {kind} label\nend_header\n1 2 3 {stored}\n1 2 3 4\n"
         );
         let read = read(text.as_bytes()).unwrap();
         assert_eq!(read.cloud.labels, [LabelId(0), LabelId(4)]);
-        assert!(read.warnings[0].starts_with("1 points have a label that means none"), "{:?}", read.warnings);
+        assert!(
+            read.warnings[0].starts_with("1 points have a label that means none"),
+            "{:?}",
+            read.warnings
+        );
     }
 }
 
@@ -210,26 +256,44 @@ fn the_range_of_colours_follows_their_values() {
         );
         let read = read(text.as_bytes()).unwrap();
         assert_eq!(read.cloud.colors, [expected], "{kind} {stored}");
-        assert_eq!(read.warnings.len(), warnings, "{kind} {stored}: {:?}", read.warnings);
+        assert_eq!(
+            read.warnings.len(),
+            warnings,
+            "{kind} {stored}: {:?}",
+            read.warnings
+        );
     }
 }
 
 #[test]
 fn byte_order_marks_are_skipped() {
-    let header =
-        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
-    for text in [format!("\u{feff}{header}1 2 3\n"), format!("{header}\u{feff}1 2 3\n")] {
-        assert_eq!(read(text.as_bytes()).unwrap().cloud.positions, [Vec3::new(1.0, 2.0, 3.0)]);
+    let header = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+    for text in [
+        format!("\u{feff}{header}1 2 3\n"),
+        format!("{header}\u{feff}1 2 3\n"),
+    ] {
+        assert_eq!(
+            read(text.as_bytes()).unwrap().cloud.positions,
+            [Vec3::new(1.0, 2.0, 3.0)]
+        );
     }
 }
 
 #[test]
 fn many_labels_of_one_name_in_one_chain_are_kept_apart() {
-    let comments: Vec<String> = (1..=65_535).map(|id| format!("label {id} {} a", id - 1)).collect();
+    let comments: Vec<String> = (1..=65_535)
+        .map(|id| format!("label {id} {} a", id - 1))
+        .collect();
     let tree = super::names::tree_from_comments(&comments);
     assert_eq!(tree.iter().count(), 65_535);
-    assert_eq!([1, 2, 3].map(|id| tree.get(LabelId(id)).unwrap().name.as_str()), ["a", "a (2)", "a (3)"]);
-    assert!(tree.iter().all(|label| tree.depth(label.id) <= ostra_masks::MAX_DEPTH));
+    assert_eq!(
+        [1, 2, 3].map(|id| tree.get(LabelId(id)).unwrap().name.as_str()),
+        ["a", "a (2)", "a (3)"]
+    );
+    assert!(
+        tree.iter()
+            .all(|label| tree.depth(label.id) <= ostra_masks::MAX_DEPTH)
+    );
 }
 
 #[test]
@@ -238,7 +302,10 @@ fn damaged_label_comments_make_a_tree_all_the_same() {
                 comment label x 0 y\ncomment label 0 0 z\ncomment color 1 12345\ncomment color 2 010203\nelement vertex 0\n\
                 property float x\nproperty float y\nproperty float z\nend_header\n";
     let tree = read(text.as_bytes()).unwrap().cloud.tree;
-    let names: Vec<_> = tree.iter().map(|label| (label.id.0, label.name.as_str())).collect();
+    let names: Vec<_> = tree
+        .iter()
+        .map(|label| (label.id.0, label.name.as_str()))
+        .collect();
     assert_eq!(names, [(1, "a"), (2, "b"), (3, "c"), (4, "a (2)")]);
     assert_eq!(tree.get(LabelId(2)).unwrap().color, [1, 2, 3]);
 }
@@ -248,14 +315,23 @@ fn parts_and_twin_on_disk() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cloud.ply");
     let progress = Progress::default();
-    let save = |path: &Path, part: &LabelledCloud| save_ply(path, part, Coloring::Picture, &progress);
+    let save =
+        |path: &Path, part: &LabelledCloud| save_ply(path, part, Coloring::Picture, &progress);
     let files = save_per_label(&path, &sample(), save).unwrap();
-    let names: Vec<_> = files.iter().map(|f| f.file_name().unwrap().to_string_lossy().into_owned()).collect();
+    let names: Vec<_> = files
+        .iter()
+        .map(|f| f.file_name().unwrap().to_string_lossy().into_owned())
+        .collect();
     assert_eq!(names, ["cloud_unlabelled.ply", "cloud_feuille_été.ply"]);
     let part = read_ply(&files[1], &progress).unwrap().cloud;
-    assert_eq!((part.len(), part.labels[0], &part.tree), (1, LabelId(3), &sample().tree));
+    assert_eq!(
+        (part.len(), part.labels[0], &part.tree),
+        (1, LabelId(3), &sample().tree)
+    );
     save_ply(&twin_path(&path), &sample(), Coloring::Labels, &progress).unwrap();
-    let twin = read_ply(&folder.path().join("cloud_labels.ply"), &progress).unwrap().cloud;
+    let twin = read_ply(&folder.path().join("cloud_labels.ply"), &progress)
+        .unwrap()
+        .cloud;
     assert_eq!(twin.colors, [[171, 205, 239], UNLABELLED_COLOR]);
     assert_eq!(twin.positions, sample().positions);
 }
@@ -287,14 +363,22 @@ fn a_mesh_comes_back_and_is_a_cloud_for_those_who_want_points() {
     let path = folder.path().join("mesh.ply");
     let mut vertices = sample();
     vertices.push_copy(&sample(), 0, Vec3::Y, Vec3::Z);
-    let mesh = LabelledMesh { vertices, triangles: vec![[0, 1, 2], [2, 1, 0]] };
+    let mesh = LabelledMesh {
+        vertices,
+        triangles: vec![[0, 1, 2], [2, 1, 0]],
+    };
     let progress = Progress::default();
     save_mesh(&path, &mesh, Coloring::Picture, &progress).unwrap();
     assert!(read_mesh(&path, &progress).unwrap() == mesh);
     assert!(read_ply(&path, &progress).unwrap().cloud == mesh.vertices);
     let cloud = folder.path().join("cloud.ply");
     save_ply(&cloud, &sample(), Coloring::Picture, &progress).unwrap();
-    assert!(read_mesh(&cloud, &progress).unwrap_err().to_string().contains("no faces"));
+    assert!(
+        read_mesh(&cloud, &progress)
+            .unwrap_err()
+            .to_string()
+            .contains("no faces")
+    );
 }
 
 #[test]
@@ -308,7 +392,9 @@ fn meshes_of_others_are_read_in_text_and_with_larger_faces() {
              property list uchar uint vertex_index\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n7\n{faces}\n"
         );
         std::fs::write(&path, text).unwrap();
-        read_mesh(&path, &Progress::default()).map(|mesh| mesh.triangles).map_err(|error| error.to_string())
+        read_mesh(&path, &Progress::default())
+            .map(|mesh| mesh.triangles)
+            .map_err(|error| error.to_string())
     };
     assert_eq!(read("0.5 4 0 1 2 3").unwrap(), [[0, 1, 2], [0, 2, 3]]);
     assert!(read("0.5 3 0 1 4").unwrap_err().contains("not there"));
@@ -322,19 +408,33 @@ fn the_origin_is_near_most_points_whatever_the_first_one_is() {
     let file = |points: &[[f64; 3]]| {
         let mut text = format!("ply\nformat ascii 1.0\nelement vertex {}\n", points.len());
         text += "property double x\nproperty double y\nproperty double z\nend_header\n";
-        points.iter().for_each(|[x, y, z]| text += &format!("{x} {y} {z}\n"));
+        points
+            .iter()
+            .for_each(|[x, y, z]| text += &format!("{x} {y} {z}\n"));
         read(text.as_bytes()).unwrap().cloud
     };
     let utm = |k: usize| [500_012.125 + k as f64 * 0.001, 5_400_031.5, 312.0];
     for holes in [0, 1, 40] {
-        let points: Vec<[f64; 3]> = (0..holes).map(|_| [0.0; 3]).chain((0..5000).map(utm)).collect();
+        let points: Vec<[f64; 3]> = (0..holes)
+            .map(|_| [0.0; 3])
+            .chain((0..5000).map(utm))
+            .collect();
         let cloud = file(&points);
-        assert_eq!(cloud.origin.to_array(), [500_000.0, 5_400_000.0, 300.0], "{holes} points at zero first");
+        assert_eq!(
+            cloud.origin.to_array(),
+            [500_000.0, 5_400_000.0, 300.0],
+            "{holes} points at zero first"
+        );
         for (at, exact) in cloud.positions.iter().zip(&points).skip(holes) {
-            let off = (at.as_dvec3() + cloud.origin - glam::DVec3::from_array(*exact)).abs().max_element();
+            let off = (at.as_dvec3() + cloud.origin - glam::DVec3::from_array(*exact))
+                .abs()
+                .max_element();
             assert!(off < 1e-4, "{off}");
         }
     }
     let stray = file(&[[1e7, 0.0, 0.0], [0.125, 0.5, 1.0], [0.25, 0.5, 1.0]]);
-    assert_eq!((stray.origin, stray.positions[1]), (glam::DVec3::ZERO, Vec3::new(0.125, 0.5, 1.0)));
+    assert_eq!(
+        (stray.origin, stray.positions[1]),
+        (glam::DVec3::ZERO, Vec3::new(0.125, 0.5, 1.0))
+    );
 }

@@ -45,7 +45,10 @@ impl Vertex {
     }
 
     fn put_named(&mut self, name: &str, value: f64) -> PropertyAccessResult {
-        let slot = name.as_bytes().first().map_or(SLOTS, |first| usize::from(first.wrapping_sub(b'a')));
+        let slot = name
+            .as_bytes()
+            .first()
+            .map_or(SLOTS, |first| usize::from(first.wrapping_sub(b'a')));
         self.0[slot.min(SLOTS - 1)] = value;
         PropertyAccessResult::Set
     }

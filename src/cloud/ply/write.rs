@@ -5,7 +5,8 @@ use std::path::Path;
 
 use glam::Vec3;
 use ply_rs::ply::{
-    Addable, ElementDef, Encoding, Header, PropertyAccess, PropertyDef, PropertyType, ScalarType, Version,
+    Addable, ElementDef, Encoding, Header, PropertyAccess, PropertyDef, PropertyType, ScalarType,
+    Version,
 };
 use ply_rs::writer::Writer;
 use rayon::prelude::*;
@@ -48,8 +49,21 @@ impl Coloring {
 ///
 /// # Errors
 /// [`SceneError::Io`], [`SceneError::Request`] for a cloud whose vectors differ in length, [`SceneError::Stopped`].
-pub fn save_ply(path: &Path, cloud: &LabelledCloud, coloring: Coloring, progress: &Progress) -> Result<(), SceneError> {
-    save(path, &Content { cloud, triangles: None, coloring }, progress)
+pub fn save_ply(
+    path: &Path,
+    cloud: &LabelledCloud,
+    coloring: Coloring,
+    progress: &Progress,
+) -> Result<(), SceneError> {
+    save(
+        path,
+        &Content {
+            cloud,
+            triangles: None,
+            coloring,
+        },
+        progress,
+    )
 }
 
 /// Writes a mesh to `path` as [`save_ply`] does: its vertices as a cloud's points, and an element `face` with the list
@@ -57,8 +71,21 @@ pub fn save_ply(path: &Path, cloud: &LabelledCloud, coloring: Coloring, progress
 ///
 /// # Errors
 /// As [`save_ply`].
-pub fn save_mesh(path: &Path, mesh: &LabelledMesh, coloring: Coloring, progress: &Progress) -> Result<(), SceneError> {
-    save(path, &Content { cloud: &mesh.vertices, triangles: Some(&mesh.triangles), coloring }, progress)
+pub fn save_mesh(
+    path: &Path,
+    mesh: &LabelledMesh,
+    coloring: Coloring,
+    progress: &Progress,
+) -> Result<(), SceneError> {
+    save(
+        path,
+        &Content {
+            cloud: &mesh.vertices,
+            triangles: Some(&mesh.triangles),
+            coloring,
+        },
+        progress,
+    )
 }
 
 /// What a file gets.
@@ -82,20 +109,37 @@ pub fn write_ply<W: Write>(
     coloring: Coloring,
     progress: &Progress,
 ) -> Result<(), SceneError> {
-    write(out, &Content { cloud, triangles: None, coloring }, progress)
+    write(
+        out,
+        &Content {
+            cloud,
+            triangles: None,
+            coloring,
+        },
+        progress,
+    )
 }
 
 fn write<W: Write>(out: W, content: &Content<'_>, progress: &Progress) -> Result<(), SceneError> {
-    let Content { cloud, triangles, coloring } = *content;
+    let Content {
+        cloud,
+        triangles,
+        coloring,
+    } = *content;
     check_lengths(cloud)?;
     let mut out = BufWriter::with_capacity(1 << 18, out);
     let header = header(cloud, triangles);
     let writer = Writer::<Point>::new();
     writer.write_header(&mut out, &header).map_err(unplaced)?;
     let colors = coloring.of(cloud);
-    let Some(definition) = header.elements.get("vertex") else { return Ok(()) };
+    let Some(definition) = header.elements.get("vertex") else {
+        return Ok(());
+    };
     let encode = |task: Range<usize>| {
-        let (mut bytes, writer) = (Vec::with_capacity(task.len() * POINT_BYTES), Writer::<Point>::new());
+        let (mut bytes, writer) = (
+            Vec::with_capacity(task.len() * POINT_BYTES),
+            Writer::<Point>::new(),
+        );
         for index in task {
             let point = Point {
                 position: cloud.positions[index],
@@ -112,23 +156,36 @@ fn write<W: Write>(out: W, content: &Content<'_>, progress: &Progress) -> Result
         progress.step(first, cloud.len())?;
         let last = (first + STRIDE).min(cloud.len());
         let tasks: Vec<usize> = (first..last).step_by(TASK).collect();
-        let encoded = tasks.into_par_iter().map(|first| encode(first..(first + TASK).min(last)));
-        for bytes in encoded.collect::<std::io::Result<Vec<Vec<u8>>>>().map_err(unplaced)? {
+        let encoded = tasks
+            .into_par_iter()
+            .map(|first| encode(first..(first + TASK).min(last)));
+        for bytes in encoded
+            .collect::<std::io::Result<Vec<Vec<u8>>>>()
+            .map_err(unplaced)?
+        {
             out.write_all(&bytes).map_err(unplaced)?;
         }
     }
     for triangle in triangles.unwrap_or_default() {
         out.write_all(&[3]).map_err(unplaced)?;
-        out.write_all(bytemuck::cast_slice(&triangle.map(u32::to_le_bytes))).map_err(unplaced)?;
+        out.write_all(bytemuck::cast_slice(&triangle.map(u32::to_le_bytes)))
+            .map_err(unplaced)?;
     }
     out.flush().map_err(unplaced)
 }
 
 fn check_lengths(cloud: &LabelledCloud) -> Result<(), SceneError> {
-    let lengths = [cloud.normals.len(), cloud.colors.len(), cloud.labels.len(), cloud.confidence.len()];
+    let lengths = [
+        cloud.normals.len(),
+        cloud.colors.len(),
+        cloud.labels.len(),
+        cloud.confidence.len(),
+    ];
     match lengths.iter().all(|&length| length == cloud.len()) {
         true => Ok(()),
-        false => Err(SceneError::Request("the cloud's points, normals, colours and labels differ in number".into())),
+        false => Err(SceneError::Request(
+            "the cloud's points, normals, colours and labels differ in number".into(),
+        )),
     }
 }
 
@@ -143,7 +200,10 @@ fn header(cloud: &LabelledCloud, triangles: Option<&[[u32; 3]]>) -> Header {
     ];
     for (scalar, names) in columns {
         for name in names {
-            vertex.properties.add(PropertyDef::new((*name).into(), PropertyType::Scalar(scalar.clone())));
+            vertex.properties.add(PropertyDef::new(
+                (*name).into(),
+                PropertyType::Scalar(scalar.clone()),
+            ));
         }
     }
     let mut header = Header::new();
@@ -156,7 +216,8 @@ fn header(cloud: &LabelledCloud, triangles: Option<&[[u32; 3]]>) -> Header {
         let mut face = ElementDef::new("face".into());
         face.count = triangles.len();
         let corners = PropertyType::List(ScalarType::UChar, ScalarType::Int);
-        face.properties.add(PropertyDef::new("vertex_indices".into(), corners));
+        face.properties
+            .add(PropertyDef::new("vertex_indices".into(), corners));
         header.elements.add(face);
     }
     header
@@ -173,7 +234,13 @@ struct Point {
 
 impl PropertyAccess for Point {
     fn new() -> Self {
-        Self { position: Vec3::ZERO, normal: Vec3::ZERO, color: [0; 3], label: 0, confidence: 0.0 }
+        Self {
+            position: Vec3::ZERO,
+            normal: Vec3::ZERO,
+            color: [0; 3],
+            label: 0,
+            confidence: 0.0,
+        }
     }
 
     fn get_float(&self, name: &str) -> Option<f32> {

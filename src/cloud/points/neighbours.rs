@@ -14,7 +14,9 @@ pub struct Neighbours {
 
 impl std::fmt::Debug for Neighbours {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Neighbours").field("count", &self.count).finish_non_exhaustive()
+        f.debug_struct("Neighbours")
+            .field("count", &self.count)
+            .finish_non_exhaustive()
     }
 }
 
@@ -23,28 +25,50 @@ impl Neighbours {
     #[must_use]
     pub fn new(points: &[Vec3]) -> Option<Self> {
         // So far away that it is not found, so near that its distance is still a number.
-        let place = |point: &Vec3| if point.is_finite() { point.to_array() } else { [1e18; 3] };
+        let place = |point: &Vec3| {
+            if point.is_finite() {
+                point.to_array()
+            } else {
+                [1e18; 3]
+            }
+        };
         let places: Vec<[f32; 3]> = points.iter().map(place).collect();
         if places.is_empty() {
             return None;
         }
         let tree = ImmutableKdTree::new_from_slice(&places).ok()?;
-        Some(Self { tree, count: points.len() })
+        Some(Self {
+            tree,
+            count: points.len(),
+        })
     }
 
     /// The nearest point, as (index, distance).
     #[must_use]
     pub fn nearest(&self, to: Vec3) -> (usize, f32) {
-        let found = self.tree.query(&to.to_array()).nearest_one::<SquaredEuclidean<f32>>().execute();
+        let found = self
+            .tree
+            .query(&to.to_array())
+            .nearest_one::<SquaredEuclidean<f32>>()
+            .execute();
         (found.item as usize, found.distance.sqrt())
     }
 
     /// The `count` nearest points (fewer where there are not as many), nearest first, as (index, distance).
     #[must_use]
     pub fn nearest_n(&self, to: Vec3, count: usize) -> Vec<(usize, f32)> {
-        let Some(count) = NonZero::new(count.min(self.count)) else { return Vec::new() };
-        let found = self.tree.query(&to.to_array()).nearest_n::<SquaredEuclidean<f32>>(count).execute();
-        found.iter().map(|one| (one.item as usize, one.distance.sqrt())).collect()
+        let Some(count) = NonZero::new(count.min(self.count)) else {
+            return Vec::new();
+        };
+        let found = self
+            .tree
+            .query(&to.to_array())
+            .nearest_n::<SquaredEuclidean<f32>>(count)
+            .execute();
+        found
+            .iter()
+            .map(|one| (one.item as usize, one.distance.sqrt()))
+            .collect()
     }
 
     /// As [`spacing`], of the points that the tree was built of.
@@ -53,10 +77,17 @@ impl Neighbours {
         let step = points.len().div_ceil(SPACING_SAMPLES).max(1);
         let nearest_other = |&point: &Vec3| {
             let around = self.nearest_n(point, 8);
-            around.into_iter().map(|(_, distance)| distance).find(|&distance| distance > 0.0 && distance < 1e17)
+            around
+                .into_iter()
+                .map(|(_, distance)| distance)
+                .find(|&distance| distance > 0.0 && distance < 1e17)
         };
-        let mut distances: Vec<f32> =
-            points.iter().filter(|p| p.is_finite()).step_by(step).filter_map(nearest_other).collect();
+        let mut distances: Vec<f32> = points
+            .iter()
+            .filter(|p| p.is_finite())
+            .step_by(step)
+            .filter_map(nearest_other)
+            .collect();
         if distances.is_empty() {
             return None;
         }
@@ -99,8 +130,9 @@ mod tests {
 
     #[test]
     fn spacing_of_a_lattice() {
-        let points: Vec<Vec3> =
-            (0..1000).map(|i| Vec3::new((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32) * 0.25).collect();
+        let points: Vec<Vec3> = (0..1000)
+            .map(|i| Vec3::new((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32) * 0.25)
+            .collect();
         assert_eq!(spacing(&points), Some(0.25));
         assert_eq!(spacing(&[Vec3::ONE, Vec3::NAN, Vec3::ONE]), None);
         assert_eq!(spacing(&[]), None);

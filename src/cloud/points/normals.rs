@@ -34,8 +34,14 @@ pub fn estimate_normals(
     progress: &Progress,
 ) -> Result<Vec<Vec3>, SceneError> {
     progress.stage("normals")?;
-    let Some(neighbours) = Neighbours::new(points) else { return Ok(Vec::new()) };
-    let middle = points.iter().map(|point| point.as_dvec3()).sum::<glam::DVec3>() / points.len() as f64;
+    let Some(neighbours) = Neighbours::new(points) else {
+        return Ok(Vec::new());
+    };
+    let middle = points
+        .iter()
+        .map(|point| point.as_dvec3())
+        .sum::<glam::DVec3>()
+        / points.len() as f64;
     let eyes = Neighbours::new(viewpoints);
     let normal = |&point: &Vec3| {
         let around = neighbours.nearest_n(point, options.neighbours.max(3));
@@ -44,11 +50,19 @@ pub fn estimate_normals(
             Some(eyes) => viewpoints[eyes.nearest(point).0] - point,
             None => point - middle.as_vec3(),
         };
-        if normal.dot(outwards) < 0.0 { -normal } else { normal }
+        if normal.dot(outwards) < 0.0 {
+            -normal
+        } else {
+            normal
+        }
     };
     let chunks: Vec<Vec<Vec3>> = points
         .par_chunks(4096)
-        .map(|chunk| progress.check().map(|()| chunk.iter().map(normal).collect()))
+        .map(|chunk| {
+            progress
+                .check()
+                .map(|()| chunk.iter().map(normal).collect())
+        })
         .collect::<Result<_, _>>()?;
     Ok(chunks.concat())
 }
@@ -58,7 +72,9 @@ fn plane_normal(points: impl Iterator<Item = Vec3> + Clone) -> Vec3 {
     let exact = |point: Vec3| Vector3::from(point.as_dvec3().to_array());
     let count = points.clone().count() as f64;
     let mean = points.clone().map(exact).sum::<Vector3<f64>>() / count;
-    let spread: Matrix3<f64> = points.map(|point| (exact(point) - mean) * (exact(point) - mean).transpose()).sum();
+    let spread: Matrix3<f64> = points
+        .map(|point| (exact(point) - mean) * (exact(point) - mean).transpose())
+        .sum();
     let eigen = spread.symmetric_eigen();
     let mut order = [0, 1, 2];
     order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
@@ -68,7 +84,12 @@ fn plane_normal(points: impl Iterator<Item = Vec3> + Clone) -> Vec3 {
         return Vec3::ZERO;
     }
     let direction = eigen.eigenvectors.column(order[0]);
-    Vec3::new(direction[0] as f32, direction[1] as f32, direction[2] as f32).normalize_or_zero()
+    Vec3::new(
+        direction[0] as f32,
+        direction[1] as f32,
+        direction[2] as f32,
+    )
+    .normalize_or_zero()
 }
 
 #[cfg(test)]
@@ -80,7 +101,11 @@ mod tests {
         let point = |i: u16| {
             let y = 1.0 - f32::from(i) / 999.5;
             let angle = golden * f32::from(i);
-            Vec3::new(angle.cos() * (1.0 - y * y).max(0.0).sqrt(), y, angle.sin() * (1.0 - y * y).max(0.0).sqrt())
+            Vec3::new(
+                angle.cos() * (1.0 - y * y).max(0.0).sqrt(),
+                y,
+                angle.sin() * (1.0 - y * y).max(0.0).sqrt(),
+            )
         };
         (0..2000).map(point).collect()
     }
@@ -88,17 +113,39 @@ mod tests {
     #[test]
     fn a_sphere_points_outwards_and_towards_a_camera_inside_inwards() {
         let points = sphere();
-        let out = estimate_normals(&points, &[], &NormalOptions::default(), &Progress::default()).unwrap();
-        assert!(points.iter().zip(&out).all(|(point, normal)| point.dot(*normal) > 0.99));
-        let inwards =
-            estimate_normals(&points, &[Vec3::ZERO], &NormalOptions::default(), &Progress::default()).unwrap();
-        assert!(points.iter().zip(&inwards).all(|(point, normal)| point.dot(*normal) < -0.99));
+        let out = estimate_normals(
+            &points,
+            &[],
+            &NormalOptions::default(),
+            &Progress::default(),
+        )
+        .unwrap();
+        assert!(
+            points
+                .iter()
+                .zip(&out)
+                .all(|(point, normal)| point.dot(*normal) > 0.99)
+        );
+        let inwards = estimate_normals(
+            &points,
+            &[Vec3::ZERO],
+            &NormalOptions::default(),
+            &Progress::default(),
+        )
+        .unwrap();
+        assert!(
+            points
+                .iter()
+                .zip(&inwards)
+                .all(|(point, normal)| point.dot(*normal) < -0.99)
+        );
     }
 
     #[test]
     fn a_line_has_no_normal() {
         let line: Vec<Vec3> = (0..50).map(|i| Vec3::X * i as f32).collect();
-        let normals = estimate_normals(&line, &[], &NormalOptions::default(), &Progress::default()).unwrap();
+        let normals =
+            estimate_normals(&line, &[], &NormalOptions::default(), &Progress::default()).unwrap();
         assert!(normals.iter().all(|normal| *normal == Vec3::ZERO));
     }
 }

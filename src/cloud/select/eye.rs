@@ -31,13 +31,24 @@ impl Eye {
     pub(super) fn sight(&self, frames: &[Frame]) -> Result<Sight, SceneError> {
         let (camera, pose) = match self {
             Self::Frame(number) => {
-                let refuse = |why: &str| SceneError::Request(format!("frame {number} {why}; look from another one"));
+                let refuse = |why: &str| {
+                    SceneError::Request(format!("frame {number} {why}; look from another one"))
+                };
                 let frame = frames.get(*number).ok_or_else(|| refuse("is not there"))?;
-                frame.posed_camera().ok_or_else(|| refuse("has no camera"))?
+                frame
+                    .posed_camera()
+                    .ok_or_else(|| refuse("has no camera"))?
             }
-            Self::Free { camera, camera_from_world } => (camera, camera_from_world),
+            Self::Free {
+                camera,
+                camera_from_world,
+            } => (camera, camera_from_world),
         };
-        Ok(Sight { camera: *camera, rotation: DMat3::from_quat(pose.rotation), translation: pose.translation })
+        Ok(Sight {
+            camera: *camera,
+            rotation: DMat3::from_quat(pose.rotation),
+            translation: pose.translation,
+        })
     }
 }
 

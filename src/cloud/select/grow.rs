@@ -23,7 +23,10 @@ pub struct Likeness {
 
 impl Default for Likeness {
     fn default() -> Self {
-        Self { normal_deg: 20.0, color: 15.0 }
+        Self {
+            normal_deg: 20.0,
+            color: 15.0,
+        }
     }
 }
 
@@ -40,22 +43,37 @@ pub(super) fn grow(
 ) -> Result<(), SceneError> {
     let sound = (0.0..=180.0).contains(&likeness.normal_deg) && likeness.color >= 0.0;
     if !sound {
-        return Err(SceneError::Request("an angle goes from 0 to 180 degrees, a colour difference from 0 on".into()));
+        return Err(SceneError::Request(
+            "an angle goes from 0 to 180 degrees, a colour difference from 0 on".into(),
+        ));
     }
-    let (least_cosine, most) = (likeness.normal_deg.to_radians().cos(), likeness.color * likeness.color);
+    let (least_cosine, most) = (
+        likeness.normal_deg.to_radians().cos(),
+        likeness.color * likeness.color,
+    );
     let alike = |from: u32, seed: u32, to: usize| {
         let (a, b) = (cloud.normals[from as usize], cloud.normals[to]);
         let smooth = a == glam::Vec3::ZERO || b == glam::Vec3::ZERO || a.dot(b) >= least_cosine;
-        let (began, color) = (lab_of_pixel(cloud.colors[seed as usize]), lab_of_pixel(cloud.colors[to]));
+        let (began, color) = (
+            lab_of_pixel(cloud.colors[seed as usize]),
+            lab_of_pixel(cloud.colors[to]),
+        );
         smooth && squared_difference(began, color) <= most
     };
-    let mut front: Vec<(u32, u32)> = (0..cloud.len() as u32).filter(|&p| inside[p as usize]).map(|p| (p, p)).collect();
+    let mut front: Vec<(u32, u32)> = (0..cloud.len() as u32)
+        .filter(|&p| inside[p as usize])
+        .map(|p| (p, p))
+        .collect();
     while !front.is_empty() {
         progress.check()?;
         let reached = |&(point, seed): &(u32, u32)| {
             let near = neighbours.nearest_n(cloud.positions[point as usize], NEIGHBOURS);
-            let near = near.into_iter().filter(|&(other, far)| far <= REACH * spacing && !inside[other]);
-            near.filter(|&(other, _)| alike(point, seed, other)).map(|(other, _)| (other as u32, seed)).collect()
+            let near = near
+                .into_iter()
+                .filter(|&(other, far)| far <= REACH * spacing && !inside[other]);
+            near.filter(|&(other, _)| alike(point, seed, other))
+                .map(|(other, _)| (other as u32, seed))
+                .collect()
         };
         let found: Vec<Vec<(u32, u32)>> = front.par_iter().map(reached).collect();
         front.clear();

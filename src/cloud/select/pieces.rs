@@ -7,14 +7,20 @@ const CELL: f32 = 2.0;
 /// The pieces of some points, by falling size, of equal ones the one with the first point first; points rise within a
 /// piece. Points hang together when their cells touch, at a corner too (connected components of occupied voxels).
 pub(super) fn pieces(positions: &[Vec3], spacing: f32, chosen: &[u32]) -> Vec<Vec<u32>> {
-    let cell = |point: u32| (positions[point as usize] / (CELL * spacing)).floor().as_ivec3();
+    let cell = |point: u32| {
+        (positions[point as usize] / (CELL * spacing))
+            .floor()
+            .as_ivec3()
+    };
     let mut cells: FxHashMap<IVec3, Vec<u32>> = FxHashMap::default();
     for &point in chosen {
         cells.entry(cell(point)).or_default().push(point);
     }
     let mut pieces: Vec<Vec<u32>> = Vec::new();
     for &point in chosen {
-        let Some(first) = cells.remove(&cell(point)) else { continue };
+        let Some(first) = cells.remove(&cell(point)) else {
+            continue;
+        };
         let (mut piece, mut open) = (first, vec![cell(point)]);
         while let Some(at) = open.pop() {
             for step in around() {

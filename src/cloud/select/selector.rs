@@ -38,9 +38,14 @@ impl Selector {
     pub fn new(cloud: Arc<LabelledCloud>) -> Result<Self, SceneError> {
         let neighbours = Neighbours::new(&cloud.positions);
         let made = neighbours.and_then(|near| Some((near.spacing(&cloud.positions)?, near)));
-        let (spacing, neighbours) =
-            made.ok_or_else(|| SceneError::Request("the cloud has too few points to choose from; fuse first".into()))?;
-        Ok(Self { cloud, neighbours, spacing: spacing as f32 })
+        let (spacing, neighbours) = made.ok_or_else(|| {
+            SceneError::Request("the cloud has too few points to choose from; fuse first".into())
+        })?;
+        Ok(Self {
+            cloud,
+            neighbours,
+            spacing: spacing as f32,
+        })
     }
 
     /// The cloud.
@@ -96,26 +101,50 @@ impl Selector {
         match step {
             SelectStep::Seen(region) => {
                 let seen = self.seen(region, frames, tree)?;
-                seen.into_iter().for_each(|point| inside[point as usize] = !region.remove);
+                seen.into_iter()
+                    .for_each(|point| inside[point as usize] = !region.remove);
             }
-            SelectStep::Label(label) => inside.iter_mut().zip(of(*label)).for_each(|(inside, has)| *inside |= has),
-            SelectStep::Only(label) => inside.iter_mut().zip(of(*label)).for_each(|(inside, has)| *inside &= has),
+            SelectStep::Label(label) => inside
+                .iter_mut()
+                .zip(of(*label))
+                .for_each(|(inside, has)| *inside |= has),
+            SelectStep::Only(label) => inside
+                .iter_mut()
+                .zip(of(*label))
+                .for_each(|(inside, has)| *inside &= has),
             SelectStep::Grow(likeness) => {
-                grow(&self.cloud, &self.neighbours, self.spacing, likeness, inside, progress)?;
+                grow(
+                    &self.cloud,
+                    &self.neighbours,
+                    self.spacing,
+                    likeness,
+                    inside,
+                    progress,
+                )?;
             }
             SelectStep::Piece(rank) => {
                 let pieces = pieces(&self.cloud.positions, self.spacing, &indices(inside));
                 let piece = pieces.get(*rank).ok_or_else(|| {
-                    SceneError::Request(format!("there is no piece {rank}: the chosen points are in {}", pieces.len()))
+                    SceneError::Request(format!(
+                        "there is no piece {rank}: the chosen points are in {}",
+                        pieces.len()
+                    ))
                 })?;
                 inside.fill(false);
-                piece.iter().for_each(|&point| inside[point as usize] = true);
+                piece
+                    .iter()
+                    .for_each(|&point| inside[point as usize] = true);
             }
         }
         Ok(())
     }
 
-    fn seen(&self, seen: &SeenRegion, frames: &[Frame], tree: &LabelTree) -> Result<Vec<u32>, SceneError> {
+    fn seen(
+        &self,
+        seen: &SeenRegion,
+        frames: &[Frame],
+        tree: &LabelTree,
+    ) -> Result<Vec<u32>, SceneError> {
         let sight = seen.eye.sight(frames)?;
         let (width, height) = (sight.camera.width, sight.camera.height);
         let region = if seen.radius_px == 0.0 {
@@ -126,20 +155,37 @@ impl Selector {
         let is_hidden = |id: &LabelId| {
             let path = tree.path(*id);
             let is_on_path = |id: &LabelId| path.contains(id);
-            seen.hidden.iter().any(is_on_path) || seen.isolated.is_some_and(|only| !is_on_path(&only))
+            seen.hidden.iter().any(is_on_path)
+                || seen.isolated.is_some_and(|only| !is_on_path(&only))
         };
         let ids = tree.iter().map(|label| label.id).chain([LabelId::NONE]);
         let hidden: Vec<LabelId> = ids.filter(is_hidden).collect();
-        let is_there =
-            |x: Vec3| seen.cube_from_world.is_none_or(|cube| cube.transform_point3(x).abs().max_element() <= 1.0);
-        let stands_out = |point: usize| seen.doubtful_below.is_none_or(|below| self.cloud.is_doubtful(point, below));
-        let is_drawn = |point: usize| {
-            !hidden.contains(&self.cloud.labels[point]) && stands_out(point) && is_there(self.cloud.positions[point])
+        let is_there = |x: Vec3| {
+            seen.cube_from_world
+                .is_none_or(|cube| cube.transform_point3(x).abs().max_element() <= 1.0)
         };
-        Ok(seen_in(&self.cloud.positions, f64::from(self.spacing), &sight, &region, is_drawn))
+        let stands_out = |point: usize| {
+            seen.doubtful_below
+                .is_none_or(|below| self.cloud.is_doubtful(point, below))
+        };
+        let is_drawn = |point: usize| {
+            !hidden.contains(&self.cloud.labels[point])
+                && stands_out(point)
+                && is_there(self.cloud.positions[point])
+        };
+        Ok(seen_in(
+            &self.cloud.positions,
+            f64::from(self.spacing),
+            &sight,
+            &region,
+            is_drawn,
+        ))
     }
 }
 
 fn indices(inside: &[bool]) -> Vec<u32> {
-    (0..inside.len() as u32).into_par_iter().filter(|&point| inside[point as usize]).collect()
+    (0..inside.len() as u32)
+        .into_par_iter()
+        .filter(|&point| inside[point as usize])
+        .collect()
 }

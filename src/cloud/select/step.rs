@@ -5,7 +5,10 @@ use super::{Eye, Likeness};
 use ostra_masks::LabelId;
 
 /// One act of choosing points; a list of them is a selection that can be written down and made again.
-#[expect(clippy::large_enum_variant, reason = "a selection holds a handful of steps")]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a selection holds a handful of steps"
+)]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SelectStep {

@@ -20,17 +20,35 @@ fn scene() -> LabelledCloud {
     };
     let positions: Vec<Vec3> = square(25, 0.0).chain(square(101, 1.0)).collect();
     let mut cloud = LabelledCloud::from_positions(positions);
-    cloud.labels = cloud.positions.iter().map(|x| if x.z < 0.5 { PLATE } else { WALL }).collect();
+    cloud.labels = cloud
+        .positions
+        .iter()
+        .map(|x| if x.z < 0.5 { PLATE } else { WALL })
+        .collect();
     cloud.normals.fill(Vec3::NEG_Z);
     for (id, name) in [(PLATE, "plate"), (WALL, "wall")] {
-        cloud.tree.set(Label { id, name: name.into(), color: [id.0 as u8; 3], parent: None }).unwrap();
+        cloud
+            .tree
+            .set(Label {
+                id,
+                name: name.into(),
+                color: [id.0 as u8; 3],
+                parent: None,
+            })
+            .unwrap();
     }
     cloud
 }
 
 fn eye() -> Eye {
     let camera = Camera::pinhole(400, 400, 400.0, 400.0, 200.0, 200.0);
-    Eye::Free { camera, camera_from_world: Pose { rotation: DQuat::IDENTITY, translation: DVec3::Z * 3.0 } }
+    Eye::Free {
+        camera,
+        camera_from_world: Pose {
+            rotation: DQuat::IDENTITY,
+            translation: DVec3::Z * 3.0,
+        },
+    }
 }
 
 fn lasso(corners: &[[f64; 2]]) -> SeenRegion {
@@ -59,13 +77,20 @@ fn chosen(cloud: &LabelledCloud, steps: &[SelectStep]) -> Result<Selection, Scen
 /// Chosen points of the plate, and of the wall.
 fn counts(cloud: &LabelledCloud, steps: &[SelectStep]) -> (usize, usize) {
     let points = chosen(cloud, steps).unwrap().points;
-    let plate = points.iter().filter(|&&point| cloud.labels[point as usize] == PLATE).count();
+    let plate = points
+        .iter()
+        .filter(|&&point| cloud.labels[point as usize] == PLATE)
+        .count();
     (plate, points.len() - plate)
 }
 
 /// Points of the wall that the plate hides: those in its shadow.
 fn shadowed(cloud: &LabelledCloud) -> usize {
-    cloud.positions.iter().filter(|x| x.z > 0.5 && x.x.abs() < 0.33 && x.y.abs() < 0.33).count()
+    cloud
+        .positions
+        .iter()
+        .filter(|x| x.z > 0.5 && x.x.abs() < 0.33 && x.y.abs() < 0.33)
+        .count()
 }
 
 #[test]
@@ -74,71 +99,163 @@ fn points_behind_a_front_object_are_not_taken() {
     let (plate, wall) = counts(&cloud, &[SelectStep::Seen(everything())]);
     assert_eq!(plate, 625, "all of the plate");
     let seen = 101 * 101 - shadowed(&cloud);
-    assert!(wall.abs_diff(seen) < seen / 50, "{wall} of the wall, {seen} are beside the shadow");
-    let middle = lasso(&[[170.0, 170.0], [230.0, 170.0], [230.0, 230.0], [170.0, 230.0]]);
-    assert_eq!(counts(&cloud, &[SelectStep::Seen(middle)]).1, 0, "nothing through the plate");
+    assert!(
+        wall.abs_diff(seen) < seen / 50,
+        "{wall} of the wall, {seen} are beside the shadow"
+    );
+    let middle = lasso(&[
+        [170.0, 170.0],
+        [230.0, 170.0],
+        [230.0, 230.0],
+        [170.0, 230.0],
+    ]);
+    assert_eq!(
+        counts(&cloud, &[SelectStep::Seen(middle)]).1,
+        0,
+        "nothing through the plate"
+    );
 }
 
 #[test]
 fn hidden_labels_are_looked_through() {
     let cloud = scene();
-    let hidden = SeenRegion { hidden: vec![PLATE], ..everything() };
+    let hidden = SeenRegion {
+        hidden: vec![PLATE],
+        ..everything()
+    };
     assert_eq!(counts(&cloud, &[SelectStep::Seen(hidden)]), (0, 101 * 101));
 }
 
 #[test]
 fn what_does_not_stand_out_or_is_cut_away_is_looked_through() {
     let cloud = scene();
-    let isolated = SeenRegion { isolated: Some(WALL), ..everything() };
-    assert_eq!(counts(&cloud, &[SelectStep::Seen(isolated)]), (0, 101 * 101));
+    let isolated = SeenRegion {
+        isolated: Some(WALL),
+        ..everything()
+    };
+    assert_eq!(
+        counts(&cloud, &[SelectStep::Seen(isolated)]),
+        (0, 101 * 101)
+    );
     // Nobody was at odds about the plate.
     let mut contested = scene();
-    contested.confidence = contested.labels.iter().map(|&id| if id == PLATE { 1.0 } else { 0.6 }).collect();
-    let doubtful = SeenRegion { doubtful_below: Some(0.7), ..everything() };
-    assert_eq!(counts(&contested, &[SelectStep::Seen(doubtful)]), (0, 101 * 101));
+    contested.confidence = contested
+        .labels
+        .iter()
+        .map(|&id| if id == PLATE { 1.0 } else { 0.6 })
+        .collect();
+    let doubtful = SeenRegion {
+        doubtful_below: Some(0.7),
+        ..everything()
+    };
+    assert_eq!(
+        counts(&contested, &[SelectStep::Seen(doubtful)]),
+        (0, 101 * 101)
+    );
     // From z = 0.5 to z = 1.5, however far to the sides.
     let cube = Mat4::from_scale(Vec3::new(0.01, 0.01, 2.0)) * Mat4::from_translation(Vec3::NEG_Z);
-    let cut = SeenRegion { cube_from_world: Some(cube), ..everything() };
+    let cut = SeenRegion {
+        cube_from_world: Some(cube),
+        ..everything()
+    };
     assert_eq!(counts(&cloud, &[SelectStep::Seen(cut)]), (0, 101 * 101));
 }
 
 #[test]
 fn a_stroke_takes_what_it_passes_and_a_lasso_takes_out() {
     let cloud = scene();
-    let stroke = SeenRegion { radius_px: 8.0, ..lasso(&[[120.0, 200.0], [280.0, 200.0]]) };
+    let stroke = SeenRegion {
+        radius_px: 8.0,
+        ..lasso(&[[120.0, 200.0], [280.0, 200.0]])
+    };
     let (plate, wall) = counts(&cloud, &[SelectStep::Seen(stroke.clone())]);
-    assert!((75..=175).contains(&plate) && wall > 0, "{plate} and {wall}");
-    let right = SeenRegion { remove: true, ..lasso(&[[200.5, 0.0], [400.0, 0.0], [400.0, 400.0], [200.5, 400.0]]) };
-    let points = chosen(&cloud, &[SelectStep::Seen(stroke), SelectStep::Seen(right)]).unwrap().points;
-    assert!(!points.is_empty() && points.iter().all(|&point| cloud.positions[point as usize].x <= 0.01));
+    assert!(
+        (75..=175).contains(&plate) && wall > 0,
+        "{plate} and {wall}"
+    );
+    let right = SeenRegion {
+        remove: true,
+        ..lasso(&[[200.5, 0.0], [400.0, 0.0], [400.0, 400.0], [200.5, 400.0]])
+    };
+    let points = chosen(&cloud, &[SelectStep::Seen(stroke), SelectStep::Seen(right)])
+        .unwrap()
+        .points;
+    assert!(
+        !points.is_empty()
+            && points
+                .iter()
+                .all(|&point| cloud.positions[point as usize].x <= 0.01)
+    );
 }
 
 #[test]
 fn one_label_alone() {
     let cloud = scene();
-    assert_eq!(counts(&cloud, &[SelectStep::Seen(everything()), SelectStep::Only(PLATE)]), (625, 0));
+    assert_eq!(
+        counts(
+            &cloud,
+            &[SelectStep::Seen(everything()), SelectStep::Only(PLATE)]
+        ),
+        (625, 0)
+    );
     assert_eq!(counts(&cloud, &[SelectStep::Label(WALL)]), (0, 101 * 101));
 }
 
 #[test]
 fn growth_stops_where_the_surface_turns_or_the_colour_changes() {
     let mut cloud = scene();
-    let seed = SelectStep::Seen(lasso(&[[195.0, 195.0], [205.0, 195.0], [205.0, 205.0], [195.0, 205.0]]));
-    let grown = |cloud: &LabelledCloud, likeness| counts(cloud, &[seed.clone(), SelectStep::Grow(likeness)]);
-    assert_eq!(grown(&cloud, Likeness::default()), (625, 0), "the whole plate, and nothing across the gap");
+    let seed = SelectStep::Seen(lasso(&[
+        [195.0, 195.0],
+        [205.0, 195.0],
+        [205.0, 205.0],
+        [195.0, 205.0],
+    ]));
+    let grown = |cloud: &LabelledCloud, likeness| {
+        counts(cloud, &[seed.clone(), SelectStep::Grow(likeness)])
+    };
+    assert_eq!(
+        grown(&cloud, Likeness::default()),
+        (625, 0),
+        "the whole plate, and nothing across the gap"
+    );
     for (x, normal) in cloud.positions.iter().zip(&mut cloud.normals) {
         *normal = if x.x > 0.1 { Vec3::X } else { Vec3::NEG_Z };
     }
-    let left = cloud.positions.iter().filter(|x| x.z < 0.5 && x.x <= 0.1).count();
+    let left = cloud
+        .positions
+        .iter()
+        .filter(|x| x.z < 0.5 && x.x <= 0.1)
+        .count();
     assert_eq!(grown(&cloud, Likeness::default()), (left, 0));
-    assert_eq!(grown(&cloud, Likeness { normal_deg: 100.0, ..Likeness::default() }), (625, 0));
+    assert_eq!(
+        grown(
+            &cloud,
+            Likeness {
+                normal_deg: 100.0,
+                ..Likeness::default()
+            }
+        ),
+        (625, 0)
+    );
     for (x, color) in cloud.positions.iter().zip(&mut cloud.colors) {
         *color = if x.y > 0.1 { [200, 20, 20] } else { [192; 3] };
     }
-    let corner = cloud.positions.iter().filter(|x| x.z < 0.5 && x.x <= 0.1 && x.y <= 0.1).count();
+    let corner = cloud
+        .positions
+        .iter()
+        .filter(|x| x.z < 0.5 && x.x <= 0.1 && x.y <= 0.1)
+        .count();
     assert_eq!(grown(&cloud, Likeness::default()), (corner, 0));
-    let wrong = SelectStep::Grow(Likeness { normal_deg: 200.0, color: 1.0 });
-    assert!(chosen(&cloud, &[wrong]).unwrap_err().to_string().contains("180"));
+    let wrong = SelectStep::Grow(Likeness {
+        normal_deg: 200.0,
+        color: 1.0,
+    });
+    assert!(
+        chosen(&cloud, &[wrong])
+            .unwrap_err()
+            .to_string()
+            .contains("180")
+    );
 }
 
 #[test]
@@ -146,15 +263,31 @@ fn pieces_come_by_size() {
     let cloud = scene();
     let all = [SelectStep::Label(PLATE), SelectStep::Label(WALL)];
     assert_eq!(chosen(&cloud, &all).unwrap().pieces, 2);
-    let piece = |rank| chosen(&cloud, &[all[0].clone(), all[1].clone(), SelectStep::Piece(rank)]);
-    assert_eq!((piece(0).unwrap().points.len(), piece(1).unwrap().points.len()), (101 * 101, 625));
+    let piece = |rank| {
+        chosen(
+            &cloud,
+            &[all[0].clone(), all[1].clone(), SelectStep::Piece(rank)],
+        )
+    };
+    assert_eq!(
+        (
+            piece(0).unwrap().points.len(),
+            piece(1).unwrap().points.len()
+        ),
+        (101 * 101, 625)
+    );
     assert!(piece(2).unwrap_err().to_string().contains("in 2"));
 }
 
 #[test]
 fn an_eye_that_is_not_there_is_named() {
-    let nowhere = SeenRegion { eye: Eye::Frame(7), ..everything() };
-    let error = chosen(&scene(), &[SelectStep::Seen(nowhere)]).unwrap_err().to_string();
+    let nowhere = SeenRegion {
+        eye: Eye::Frame(7),
+        ..everything()
+    };
+    let error = chosen(&scene(), &[SelectStep::Seen(nowhere)])
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("frame 7"), "{error}");
     assert!(Selector::new(Arc::default()).is_err());
 }
@@ -163,11 +296,21 @@ fn an_eye_that_is_not_there_is_named() {
 fn a_selection_is_written_as_a_person_would() {
     let text = r#"[{"seen":{"eye":{"frame":3},"points_px":[[1.0,2.0],[3.0,2.0],[3.0,4.0]]}},{"only":2},{"grow":{"color":5.0}},{"piece":0}]"#;
     let steps: Vec<SelectStep> = serde_json::from_str(text).unwrap();
-    let again: Vec<SelectStep> = serde_json::from_str(&serde_json::to_string(&steps).unwrap()).unwrap();
+    let again: Vec<SelectStep> =
+        serde_json::from_str(&serde_json::to_string(&steps).unwrap()).unwrap();
     assert_eq!(steps, again);
-    assert_eq!(steps[2], SelectStep::Grow(Likeness { color: 5.0, ..Likeness::default() }));
+    assert_eq!(
+        steps[2],
+        SelectStep::Grow(Likeness {
+            color: 5.0,
+            ..Likeness::default()
+        })
+    );
     let free = SelectStep::Seen(everything());
-    assert_eq!(serde_json::from_str::<SelectStep>(&serde_json::to_string(&free).unwrap()).unwrap(), free);
+    assert_eq!(
+        serde_json::from_str::<SelectStep>(&serde_json::to_string(&free).unwrap()).unwrap(),
+        free
+    );
 }
 
 #[test]
@@ -175,10 +318,18 @@ fn labels_below_a_hidden_one_are_hidden_too() {
     let mut cloud = scene();
     let mut tree = LabelTree::default();
     for (id, parent) in [(5, None), (1, Some(5)), (2, None)] {
-        let label = Label { id: LabelId(id), name: id.to_string(), color: [0; 3], parent: parent.map(LabelId) };
+        let label = Label {
+            id: LabelId(id),
+            name: id.to_string(),
+            color: [0; 3],
+            parent: parent.map(LabelId),
+        };
         tree.set(label).unwrap();
     }
     cloud.tree = tree;
-    let hidden = SeenRegion { hidden: vec![LabelId(5)], ..everything() };
+    let hidden = SeenRegion {
+        hidden: vec![LabelId(5)],
+        ..everything()
+    };
     assert_eq!(counts(&cloud, &[SelectStep::Seen(hidden)]), (0, 101 * 101));
 }

@@ -43,16 +43,24 @@ pub(super) fn seen_in(
     region: &Region,
     is_drawn: impl Fn(usize) -> bool + Sync,
 ) -> Vec<u32> {
-    let Some(part) = Part::around(region) else { return Vec::new() };
+    let Some(part) = Part::around(region) else {
+        return Vec::new();
+    };
     let discs = discs(points, spacing, sight, &part, is_drawn);
     let front = part.drawn(&discs);
     let is_seen = |disc: &&Disc| {
-        let Some(at) = part.pixel(disc) else { return false };
+        let Some(at) = part.pixel(disc) else {
+            return false;
+        };
         let (x, y) = (at % part.width + part.left, at / part.width + part.top);
         let tolerance = TOLERANCE * spacing.max(sight.footprint(disc.depth));
         region.at(x as u32, y as u32) && disc.depth <= f64::from(front[at]) + tolerance
     };
-    discs.par_iter().filter(is_seen).map(|disc| disc.point).collect()
+    discs
+        .par_iter()
+        .filter(is_seen)
+        .map(|disc| disc.point)
+        .collect()
 }
 
 fn discs(
@@ -66,8 +74,17 @@ fn discs(
         let (at_px, depth) = sight.project(position)?;
         let radius = (DISC * spacing / sight.footprint(depth)).clamp(SMALLEST_PX, LARGEST_PX);
         let (x, y) = (at_px.x - part.left as f64, at_px.y - part.top as f64);
-        let touches = x > -radius && y > -radius && x < part.width as f64 + radius && y < part.height as f64 + radius;
-        (touches && is_drawn(point)).then_some(Disc { point: point as u32, x, y, radius, depth })
+        let touches = x > -radius
+            && y > -radius
+            && x < part.width as f64 + radius
+            && y < part.height as f64 + radius;
+        (touches && is_drawn(point)).then_some(Disc {
+            point: point as u32,
+            x,
+            y,
+            radius,
+            depth,
+        })
     };
     points.par_iter().enumerate().filter_map(disc).collect()
 }
@@ -77,29 +94,52 @@ impl Part {
     fn around(region: &Region) -> Option<Self> {
         let width = region.width as usize;
         let rows = region.inside.chunks_exact(width.max(1));
-        let filled = rows.enumerate().filter(|(_, row)| row.contains(&true)).map(|(y, _)| y);
+        let filled = rows
+            .enumerate()
+            .filter(|(_, row)| row.contains(&true))
+            .map(|(y, _)| y);
         let (top, bottom) = filled.fold((usize::MAX, 0), |(top, _), y| (top.min(y), y));
-        let inside = || region.inside.iter().enumerate().filter(|(_, inside)| **inside).map(|(at, _)| at % width);
+        let inside = || {
+            region
+                .inside
+                .iter()
+                .enumerate()
+                .filter(|(_, inside)| **inside)
+                .map(|(at, _)| at % width)
+        };
         let (left, right) = (inside().min()?, inside().max()?);
-        Some(Self { left, top, width: right - left + 1, height: bottom - top + 1 })
+        Some(Self {
+            left,
+            top,
+            width: right - left + 1,
+            height: bottom - top + 1,
+        })
     }
 
     /// The pixel of the part that holds a disc's middle.
     fn pixel(&self, disc: &Disc) -> Option<usize> {
-        let inside = disc.x >= 0.0 && disc.y >= 0.0 && disc.x < self.width as f64 && disc.y < self.height as f64;
+        let inside = disc.x >= 0.0
+            && disc.y >= 0.0
+            && disc.x < self.width as f64
+            && disc.y < self.height as f64;
         inside.then_some(disc.y as usize * self.width + disc.x as usize)
     }
 
     /// The least depth of all discs, pixel by pixel; infinite where there is none.
     fn drawn(&self, discs: &[Disc]) -> Vec<f32> {
         let mut front = vec![f32::INFINITY; self.width * self.height];
-        front.par_chunks_mut(BAND_ROWS * self.width).enumerate().for_each(|(band, rows)| {
-            let top = band * BAND_ROWS;
-            let bottom = (top + rows.len() / self.width) as f64;
-            for disc in discs.iter().filter(|disc| disc.y + disc.radius > top as f64 && disc.y - disc.radius < bottom) {
-                disc.draw(rows, self.width, top);
-            }
-        });
+        front
+            .par_chunks_mut(BAND_ROWS * self.width)
+            .enumerate()
+            .for_each(|(band, rows)| {
+                let top = band * BAND_ROWS;
+                let bottom = (top + rows.len() / self.width) as f64;
+                for disc in discs.iter().filter(|disc| {
+                    disc.y + disc.radius > top as f64 && disc.y - disc.radius < bottom
+                }) {
+                    disc.draw(rows, self.width, top);
+                }
+            });
         front
     }
 }

@@ -88,23 +88,39 @@ impl Block {
     pub(super) const BYTES: usize = size_of::<Self>() + size_of::<Layer>();
 
     pub(super) fn new(place: IVec3) -> Self {
-        Self { place, frame: 0, first: Layer::new(), second: None }
+        Self {
+            place,
+            frame: 0,
+            first: Layer::new(),
+            second: None,
+        }
     }
 
     /// The layers of a voxel that are sides of a surface: where one was seen well, another that was only seen from its rim
     /// is none.
     pub(super) fn sides(&self, voxel: usize) -> [Option<Voxel>; 2] {
         let (first, first_sight) = self.first.at(voxel);
-        let Some(second) = &self.second else { return [first, None] };
+        let Some(second) = &self.second else {
+            return [first, None];
+        };
         let (second, second_sight) = second.at(voxel);
         let best = first_sight.max(second_sight) / FAR_WORSE;
-        [first.filter(|_| first_sight >= best), second.filter(|_| second_sight >= best)]
+        [
+            first.filter(|_| first_sight >= best),
+            second.filter(|_| second_sight >= best),
+        ]
     }
 
     /// On which side of surfaces its samples lie.
     pub(super) fn signs(&self) -> Signs {
-        let mut signs = Signs { behind: [0; ROWS], before: [0; ROWS] };
-        for layer in [Some(&self.first), self.second.as_ref()].into_iter().flatten() {
+        let mut signs = Signs {
+            behind: [0; ROWS],
+            before: [0; ROWS],
+        };
+        for layer in [Some(&self.first), self.second.as_ref()]
+            .into_iter()
+            .flatten()
+        {
             for (row, at) in layer.rows.iter().zip(0..) {
                 let seen = f32x8::new(row.weight).simd_gt(f32x8::ZERO);
                 let distance = f32x8::new(row.distance);
@@ -137,7 +153,9 @@ impl Block {
         for lane in lanes_in(lanes) {
             let normal = said.pixels[lane].normal;
             if first.weight[lane] > 0.0 {
-                let other = second.filter(|row| row.weight[lane] > 0.0).map(|row| row.normal[lane].dot(normal));
+                let other = second
+                    .filter(|row| row.weight[lane] > 0.0)
+                    .map(|row| row.normal[lane].dot(normal));
                 let is_second = first.normal[lane].dot(normal) < other.unwrap_or(Facing::SAME_SIDE);
                 of_second[lane] = f32::from(u8::from(is_second));
             }
@@ -160,7 +178,9 @@ impl Layer {
             normal: [Facing::NONE; EDGE],
             sight: [0; EDGE],
         };
-        Box::new(Self { rows: [UNSEEN; ROWS] })
+        Box::new(Self {
+            rows: [UNSEEN; ROWS],
+        })
     }
 
     /// A voxel, where it was seen, and how well it was.
@@ -169,8 +189,17 @@ impl Layer {
         if row.weight[x] <= 0.0 {
             return (None, 0);
         }
-        let (distance, weight, normal, color) = (row.distance[x], row.weight[x], row.normal[x], row.color[x]);
-        (Some(Voxel { distance, weight, normal, color }), row.sight[x])
+        let (distance, weight, normal, color) =
+            (row.distance[x], row.weight[x], row.normal[x], row.color[x]);
+        (
+            Some(Voxel {
+                distance,
+                weight,
+                normal,
+                color,
+            }),
+            row.sight[x],
+        )
     }
 }
 

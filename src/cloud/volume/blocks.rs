@@ -21,7 +21,13 @@ impl Volume {
     /// An empty volume, its voxels counted from the point `near`.
     pub(super) fn new(near: DVec3, options: VolumeOptions) -> Self {
         let origin = (near / options.voxel).floor() * options.voxel;
-        Self { options, origin, blocks: Vec::new(), places: FxHashMap::default(), frames: 0 }
+        Self {
+            options,
+            origin,
+            blocks: Vec::new(),
+            places: FxHashMap::default(),
+            frames: 0,
+        }
     }
 
     /// Distance from the surface up to which voxels are kept, world units.

@@ -84,18 +84,29 @@ impl Volume {
             raw.colors.extend(block.colors);
             raw.weights.extend(block.weights);
         }
-        triangles.into_iter().for_each(|of_block| raw.triangles.extend(of_block));
+        triangles
+            .into_iter()
+            .for_each(|of_block| raw.triangles.extend(of_block));
         Ok(raw)
     }
 
     fn around(&self, block: &Block) -> Around<'_> {
         let numbers = std::array::from_fn(|next| self.block(block.place + corner(next as i32)));
         let blocks = numbers.map(|number| number.map(|number| &self.blocks[number]));
-        Around { numbers, blocks, corner: self.corner(block.place) }
+        Around {
+            numbers,
+            blocks,
+            corner: self.corner(block.place),
+        }
     }
 
     fn vertices_of(&self, block: &Block, signs: &[Signs]) -> Vertices {
-        let mut found = Vertices { edges: Vec::new(), positions: Vec::new(), colors: Vec::new(), weights: Vec::new() };
+        let mut found = Vertices {
+            edges: Vec::new(),
+            positions: Vec::new(),
+            colors: Vec::new(),
+            weights: Vec::new(),
+        };
         let around = self.around(block);
         let crossings = around.signs(signs);
         for row in 0..ROWS {
@@ -110,29 +121,47 @@ impl Volume {
     }
 
     /// The vertices, of up to two layers, between a voxel and the next along an axis.
-    fn vertices_on(&self, around: &Around<'_>, (voxel, axis): (usize, usize), found: &mut Vertices) {
+    fn vertices_on(
+        &self,
+        around: &Around<'_>,
+        (voxel, axis): (usize, usize),
+        found: &mut Vertices,
+    ) {
         let place = place_of(voxel);
         let after = around.at(place + IVec3::AXES[axis]);
         for (layer, here) in around.at(place).into_iter().enumerate() {
             let Some(here) = here else { continue };
-            let Some((_, there)) = same_side(after, here.normal) else { continue };
+            let Some((_, there)) = same_side(after, here.normal) else {
+                continue;
+            };
             let share = here.distance / (here.distance - there.distance);
             let weight = here.weight + (there.weight - here.weight) * share;
             let crosses = (here.distance < 0.0) != (there.distance < 0.0);
-            let is_jump = (here.distance - there.distance).abs() > STEEPEST / self.options.truncation;
+            let is_jump =
+                (here.distance - there.distance).abs() > STEEPEST / self.options.truncation;
             if !crosses || is_jump || weight < self.options.min_weight {
                 continue;
             }
             let at = place.as_dvec3() + DVec3::AXES[axis] * f64::from(share);
             let color = here.color().lerp(there.color(), share);
             found.edges.push(((voxel * 3 + axis) * 2 + layer) as u16);
-            found.positions.push((around.corner + at * self.options.voxel).as_vec3());
+            found
+                .positions
+                .push((around.corner + at * self.options.voxel).as_vec3());
             found.weights.push(weight);
-            found.colors.push(color.to_array().map(|channel| channel.round() as u8));
+            found
+                .colors
+                .push(color.to_array().map(|channel| channel.round() as u8));
         }
     }
 
-    fn triangles_of(&self, block: &Block, signs: &[Signs], vertices: &[Vertices], first: &[u32]) -> Vec<[u32; 3]> {
+    fn triangles_of(
+        &self,
+        block: &Block,
+        signs: &[Signs],
+        vertices: &[Vertices],
+        first: &[u32],
+    ) -> Vec<[u32; 3]> {
         let around = self.around(block);
         let crossings = around.signs(signs);
         let mut triangles = Vec::new();
@@ -167,11 +196,18 @@ fn corner(number: i32) -> IVec3 {
 /// The number of the block after the first that a place from the first's first voxel lies in, and its voxel there.
 fn split(place: IVec3) -> (usize, usize) {
     let [x, y, z] = place.to_array().map(|along| along as usize);
-    ((x / EDGE) | ((y / EDGE) << 1) | ((z / EDGE) << 2), voxel_at(x % EDGE, y % EDGE, z % EDGE))
+    (
+        (x / EDGE) | ((y / EDGE) << 1) | ((z / EDGE) << 2),
+        voxel_at(x % EDGE, y % EDGE, z % EDGE),
+    )
 }
 
 fn place_of(voxel: usize) -> IVec3 {
-    IVec3::new((voxel % EDGE) as i32, (voxel / EDGE % EDGE) as i32, (voxel / (EDGE * EDGE)) as i32)
+    IVec3::new(
+        (voxel % EDGE) as i32,
+        (voxel / EDGE % EDGE) as i32,
+        (voxel / (EDGE * EDGE)) as i32,
+    )
 }
 
 /// The layer that looks most to where a normal does, if one may be the same side of the surface.
@@ -184,7 +220,10 @@ fn same_side(layers: Layers, normal: Facing) -> Option<(usize, Voxel)> {
 
 impl Around<'_> {
     fn signs(&self, signs: &[Signs]) -> SignsAround {
-        SignsAround::new(self.numbers.map(|number| number.map(|number| &signs[number])))
+        SignsAround::new(
+            self.numbers
+                .map(|number| number.map(|number| &signs[number])),
+        )
     }
 
     /// The layers of a sample, by its place from the first block's first.
@@ -196,7 +235,10 @@ impl Around<'_> {
     /// The block that an edge of the cell at `place` belongs to, and the edge's number in it and in a layer.
     fn edge(&self, place: IVec3, edge: CellEdge, layer: usize) -> Option<(usize, u16)> {
         let (next, voxel) = split(place + corner(i32::from(edge.corner)));
-        Some((self.numbers[next]?, ((voxel * 3 + usize::from(edge.axis)) * 2 + layer) as u16))
+        Some((
+            self.numbers[next]?,
+            ((voxel * 3 + usize::from(edge.axis)) * 2 + layer) as u16,
+        ))
     }
 
     /// The sides of the surface that all corners of a cell have seen.
@@ -215,7 +257,9 @@ impl Around<'_> {
         };
         let [first, second] = corners[0].map(side);
         // Where both layers of the first corner lead to the same ones elsewhere there is one side.
-        let is_other = |second: &Side| first.is_none_or(|first| (1..CORNERS).all(|at| first[at].0 != second[at].0));
+        let is_other = |second: &Side| {
+            first.is_none_or(|first| (1..CORNERS).all(|at| first[at].0 != second[at].0))
+        };
         [first, second.filter(is_other)]
     }
 }

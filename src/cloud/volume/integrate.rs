@@ -35,11 +35,16 @@ impl Volume {
             let corner = origin + block.place.as_dvec3() * (EDGE as f64 * voxel);
             Sight::new(frame, corner, voxel, truncation)
         };
-        let mut seen: Vec<(Sight<'_>, &mut Block)> =
-            self.blocks.iter_mut().filter(|block| block.frame == number).map(|block| (sight(block), block)).collect();
+        let mut seen: Vec<(Sight<'_>, &mut Block)> = self
+            .blocks
+            .iter_mut()
+            .filter(|block| block.frame == number)
+            .map(|block| (sight(block), block))
+            .collect();
         // The pixels of a whole picture do not fit into a core's cache: blocks in front of the same ones follow each other.
         seen.par_sort_unstable_by_key(|(sight, block)| (sight.tile(), block.place.to_array()));
-        seen.into_par_iter().for_each(|(sight, block)| sight.update(block));
+        seen.into_par_iter()
+            .for_each(|(sight, block)| sight.update(block));
         progress.check()
     }
 
@@ -82,7 +87,12 @@ struct NearBlocks<'a> {
 impl NearBlocks<'_> {
     /// Adds the blocks near the surface that the pixels of a row see.
     fn row(&self, y: usize, places: &mut Places) {
-        let Measured { width, focal, principal, .. } = *self.frame;
+        let Measured {
+            width,
+            focal,
+            principal,
+            ..
+        } = *self.frame;
         let pixels = &self.frame.pixels[y * width..(y + 1) * width];
         let ray_y = f32x8::splat((y as f32 + 0.5 - principal.y) / focal.y);
         for (pixels, first) in pixels.chunks(LANES).zip((0..).step_by(LANES)) {
@@ -113,7 +123,10 @@ impl NearBlocks<'_> {
             let direction = x * f32x8::splat(row.x) + y * f32x8::splat(row.y) + f32x8::splat(row.z);
             let surface = direction * depth + f32x8::splat(self.centre[axis]);
             let around = (direction * reach).abs() + f32x8::ONE;
-            for (end, blocks) in [surface - around, surface + around].into_iter().zip(&mut blocks) {
+            for (end, blocks) in [surface - around, surface + around]
+                .into_iter()
+                .zip(&mut blocks)
+            {
                 blocks[axis] = floor(end * f32x8::splat(1.0 / EDGE as f32));
             }
         }
@@ -140,7 +153,11 @@ struct Places {
 
 impl Places {
     fn new() -> Self {
-        Self { found: Vec::new(), last: (IVec3::MAX, IVec3::MAX), recent: vec![IVec3::MAX; RECENT] }
+        Self {
+            found: Vec::new(),
+            last: (IVec3::MAX, IVec3::MAX),
+            recent: vec![IVec3::MAX; RECENT],
+        }
     }
 
     /// Adds the blocks from the first to the last one along each axis.
@@ -176,8 +193,17 @@ struct Sight<'a> {
 impl<'a> Sight<'a> {
     fn new(frame: &'a Measured, corner: DVec3, voxel: f64, truncation: f32) -> Self {
         let corner = (frame.rotation * corner + frame.translation).as_vec3();
-        let axes = [frame.rotation.x_axis, frame.rotation.y_axis, frame.rotation.z_axis];
-        Self { frame, corner, steps: axes.map(|axis| (axis * voxel).as_vec3()), truncation }
+        let axes = [
+            frame.rotation.x_axis,
+            frame.rotation.y_axis,
+            frame.rotation.z_axis,
+        ];
+        Self {
+            frame,
+            corner,
+            steps: axes.map(|axis| (axis * voxel).as_vec3()),
+            truncation,
+        }
     }
 
     /// Which tile of the picture sees the block's centre, counted in rows; those beside the picture are counted with its rim.
@@ -193,7 +219,9 @@ impl<'a> Sight<'a> {
 
     fn update(&self, block: &mut Block) {
         for row in 0..ROWS {
-            let first = self.corner + self.steps[1] * (row % EDGE) as f32 + self.steps[2] * (row / EDGE) as f32;
+            let first = self.corner
+                + self.steps[1] * (row % EDGE) as f32
+                + self.steps[2] * (row / EDGE) as f32;
             if let Some(said) = self.row(first) {
                 block.update(row, &said);
             }
@@ -208,13 +236,19 @@ impl<'a> Sight<'a> {
         let (focal, principal) = (self.frame.focal, self.frame.principal);
         let column = x * inverse * f32x8::splat(focal.x) + f32x8::splat(principal.x);
         let row = y * inverse * f32x8::splat(focal.y) + f32x8::splat(principal.y);
-        let within = |at: f32x8, size: usize| at.simd_ge(f32x8::ZERO) & at.simd_lt(f32x8::splat(size as f32));
-        let is_seen = z.simd_gt(f32x8::ZERO) & within(column, self.frame.width) & within(row, self.frame.height);
+        let within = |at: f32x8, size: usize| {
+            at.simd_ge(f32x8::ZERO) & at.simd_lt(f32x8::splat(size as f32))
+        };
+        let is_seen = z.simd_gt(f32x8::ZERO)
+            & within(column, self.frame.width)
+            & within(row, self.frame.height);
         if !is_seen.any() {
             return None;
         }
-        let (column, row) =
-            ((column & is_seen).fast_trunc_int().to_array(), (row & is_seen).fast_trunc_int().to_array());
+        let (column, row) = (
+            (column & is_seen).fast_trunc_int().to_array(),
+            (row & is_seen).fast_trunc_int().to_array(),
+        );
         let pixels: [&Pixel; EDGE] = std::array::from_fn(|lane| {
             &self.frame.pixels[row[lane] as usize * self.frame.width + column[lane] as usize]
         });
@@ -228,7 +262,13 @@ impl<'a> Sight<'a> {
         if !of.any() {
             return None;
         }
-        let behind = ((f32x8::ONE + distance) * f32x8::splat(1.0 / (1.0 - FULL_BEHIND))).fast_min(f32x8::ONE);
-        Some(Said { of, distance: distance.fast_min(f32x8::ONE), weight: weight * behind * behind, pixels })
+        let behind = ((f32x8::ONE + distance) * f32x8::splat(1.0 / (1.0 - FULL_BEHIND)))
+            .fast_min(f32x8::ONE);
+        Some(Said {
+            of,
+            distance: distance.fast_min(f32x8::ONE),
+            weight: weight * behind * behind,
+            pixels,
+        })
     }
 }

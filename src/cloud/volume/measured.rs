@@ -82,11 +82,22 @@ impl Measured {
         let inverse: Vec<f32> = (0..width * height)
             .into_par_iter()
             .map(|at| source(at).map_or(0.0, |from| depth.depths[from]))
-            .map(|depth| if depth > 0.0 && depth.is_finite() { 1.0 / depth } else { 0.0 })
+            .map(|depth| {
+                if depth > 0.0 && depth.is_finite() {
+                    1.0 / depth
+                } else {
+                    0.0
+                }
+            })
             .collect();
         let rotation = DMat3::from_quat(pose.rotation);
         let world_from_camera = rotation.transpose().as_mat3();
-        let slopes = Slopes { width, height, inverse: &inverse, tolerance: edge_tolerance };
+        let slopes = Slopes {
+            width,
+            height,
+            inverse: &inverse,
+            tolerance: edge_tolerance,
+        };
         let pixel = |x: usize, y: usize| {
             let at = y * width + x;
             let (Some(from), Some((slope, certainty))) = (source(at), slopes.at(x, y)) else {
@@ -98,22 +109,49 @@ impl Measured {
             let normal = across.extend(inverse[at] - across.dot(ray));
             let slant = inverse[at] / normal.length();
             let facing = Facing::new(world_from_camera * -normal.normalize_or_zero());
-            let weight = (slant / ray.extend(1.0).length()).clamp(FLATTEST, 1.0).powi(2) * certainty;
+            let weight = (slant / ray.extend(1.0).length())
+                .clamp(FLATTEST, 1.0)
+                .powi(2)
+                * certainty;
             let (depth, slant) = (1.0 / inverse[at], slant.clamp(FLATTEST, 1.0));
             let (sight, color) = ((weight * 255.0) as u8, image.pixels[from]);
-            Pixel { depth, slant, weight, sight, normal: facing, color, wanted: wanted(from) }
+            Pixel {
+                depth,
+                slant,
+                weight,
+                sight,
+                normal: facing,
+                color,
+                wanted: wanted(from),
+            }
         };
         pixels.resize(width * height, Pixel::default());
-        pixels.par_chunks_mut(width.max(1)).enumerate().for_each(|(y, row)| {
-            row.iter_mut().enumerate().for_each(|(x, place)| *place = pixel(x, y));
-        });
-        Self { width, height, focal, principal, pixels, rotation, translation: pose.translation }
+        pixels
+            .par_chunks_mut(width.max(1))
+            .enumerate()
+            .for_each(|(y, row)| {
+                row.iter_mut()
+                    .enumerate()
+                    .for_each(|(x, place)| *place = pixel(x, y));
+            });
+        Self {
+            width,
+            height,
+            focal,
+            principal,
+            pixels,
+            rotation,
+            translation: pose.translation,
+        }
     }
 }
 
 /// The camera without its distortion; the picture keeps its size.
 fn straightened(camera: &Camera) -> Camera {
-    Camera { distortion: Distortion::None, ..*camera }
+    Camera {
+        distortion: Distortion::None,
+        ..*camera
+    }
 }
 
 /// For each pixel of the straight picture the pixel of the real one that sees the same; `None` outside.
@@ -121,10 +159,15 @@ fn pixels_seen(straight: &Camera, camera: &Camera) -> Vec<Option<usize>> {
     let seen = |at: usize| {
         let (x, y) = (at % camera.width as usize, at / camera.width as usize);
         let ray = straight.unproject(DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
-        let at_px = camera.project(ray.extend(1.0)).filter(|at_px| camera.contains(*at_px))?;
+        let at_px = camera
+            .project(ray.extend(1.0))
+            .filter(|at_px| camera.contains(*at_px))?;
         Some(at_px.y as usize * camera.width as usize + at_px.x as usize)
     };
-    (0..camera.width as usize * camera.height as usize).into_par_iter().map(seen).collect()
+    (0..camera.width as usize * camera.height as usize)
+        .into_par_iter()
+        .map(seen)
+        .collect()
 }
 
 /// How inverse depths change from pixel to pixel.
@@ -149,7 +192,10 @@ impl Slopes<'_> {
         match (right, down) {
             (Some(right), Some(down)) => Some((Vec2::new(right, down), 1.0)),
             (None, None) => None,
-            (right, down) => Some((Vec2::new(right.unwrap_or(0.0), down.unwrap_or(0.0)), AT_A_RIM)),
+            (right, down) => Some((
+                Vec2::new(right.unwrap_or(0.0), down.unwrap_or(0.0)),
+                AT_A_RIM,
+            )),
         }
     }
 
@@ -158,8 +204,12 @@ impl Slopes<'_> {
     fn along(&self, at: usize, step: usize, [before, after]: [usize; 2]) -> Option<f32> {
         let here = self.inverse[at];
         let is_same = |other: usize| (self.inverse[other] - here).abs() <= self.tolerance * here;
-        let before = (1..=before.min(REACH)).take_while(|&steps| is_same(at - steps * step)).count();
-        let after = (1..=after.min(REACH)).take_while(|&steps| is_same(at + steps * step)).count();
+        let before = (1..=before.min(REACH))
+            .take_while(|&steps| is_same(at - steps * step))
+            .count();
+        let after = (1..=after.min(REACH))
+            .take_while(|&steps| is_same(at + steps * step))
+            .count();
         let change = self.inverse[at + after * step] - self.inverse[at - before * step];
         (before + after > 0).then(|| change / (before + after) as f32)
     }

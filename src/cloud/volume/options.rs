@@ -51,6 +51,12 @@ impl VolumeOptions {
     /// same thing that is not there, so a surface takes more than one of them.
     #[must_use]
     pub fn for_stereo() -> Self {
-        Self { truncation: 2.0, min_weight: 0.5, min_triangles: 32, keep_well_seen: false, ..Self::default() }
+        Self {
+            truncation: 2.0,
+            min_weight: 0.5,
+            min_triangles: 32,
+            keep_well_seen: false,
+            ..Self::default()
+        }
     }
 }

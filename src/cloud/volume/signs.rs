@@ -19,7 +19,10 @@ pub(super) struct SignsAround {
 impl SignsAround {
     /// `around`: the block itself and those after it, by their corner's number.
     pub(super) fn new(around: [Option<&Signs>; 8]) -> Self {
-        let mut signs = Self { behind: [0; SPAN * SPAN], before: [0; SPAN * SPAN] };
+        let mut signs = Self {
+            behind: [0; SPAN * SPAN],
+            before: [0; SPAN * SPAN],
+        };
         for row in 0..SPAN * SPAN {
             let (y, z) = (row % SPAN, row / SPAN);
             let block = (y / EDGE) << 1 | (z / EDGE) << 2;
@@ -40,7 +43,9 @@ impl SignsAround {
     pub(super) fn edges(&self, row: usize) -> [u8; 3] {
         let at = row / EDGE * SPAN + row % EDGE;
         let (behind, before) = (self.behind[at], self.before[at]);
-        let crossing = |(next_behind, next_before): (u16, u16)| (behind & next_before | before & next_behind) as u8;
+        let crossing = |(next_behind, next_before): (u16, u16)| {
+            (behind & next_before | before & next_behind) as u8
+        };
         let next_row = |step: usize| (self.behind[at + step], self.before[at + step]);
         [(behind >> 1, before >> 1), next_row(1), next_row(SPAN)].map(crossing)
     }
@@ -51,7 +56,9 @@ impl SignsAround {
         let rows = [at, at + 1, at + SPAN, at + SPAN + 1];
         let behind = rows.iter().fold(0, |all, &row| all | self.behind[row]);
         let before = rows.iter().fold(0, |all, &row| all | self.before[row]);
-        let seen = rows.iter().fold(u16::MAX, |all, &row| all & (self.behind[row] | self.before[row]));
+        let seen = rows.iter().fold(u16::MAX, |all, &row| {
+            all & (self.behind[row] | self.before[row])
+        });
         ((behind | behind >> 1) & (before | before >> 1) & seen & seen >> 1) as u8
     }
 }

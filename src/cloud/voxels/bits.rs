@@ -8,8 +8,14 @@ pub(super) struct Bits {
 impl Bits {
     /// All clear; `None` where that takes more than `most_bytes`.
     pub(super) fn new(size: [usize; 3], most_bytes: usize) -> Option<Self> {
-        let words = size[0].div_ceil(64).checked_mul(size[1])?.checked_mul(size[2])?;
-        (words.checked_mul(8)? <= most_bytes).then(|| Self { size, words: vec![0; words] })
+        let words = size[0]
+            .div_ceil(64)
+            .checked_mul(size[1])?
+            .checked_mul(size[2])?;
+        (words.checked_mul(8)? <= most_bytes).then(|| Self {
+            size,
+            words: vec![0; words],
+        })
     }
 
     fn words_a_row(&self) -> usize {
@@ -47,7 +53,9 @@ impl Bits {
 
     /// The words with a cell of the set.
     pub(super) fn words(&self) -> Vec<usize> {
-        (0..self.words.len()).filter(|&word| self.words[word] != 0).collect()
+        (0..self.words.len())
+            .filter(|&word| self.words[word] != 0)
+            .collect()
     }
 
     /// Moves cells of a word to another set of the same box.
@@ -58,13 +66,21 @@ impl Bits {
 
     /// No cell of the same box.
     pub(super) fn none(&self) -> Self {
-        Self { size: self.size, words: vec![0; self.words.len()] }
+        Self {
+            size: self.size,
+            words: vec![0; self.words.len()],
+        }
     }
 
     /// All cells of the box that are not in this set.
     pub(super) fn others(&self) -> Self {
-        let words = (0..self.words.len()).map(|word| self.within(word) & !self.words[word]).collect();
-        Self { size: self.size, words }
+        let words = (0..self.words.len())
+            .map(|word| self.within(word) & !self.words[word])
+            .collect();
+        Self {
+            size: self.size,
+            words,
+        }
     }
 
     /// The bits of a word that are cells of the box.
@@ -79,7 +95,10 @@ impl Bits {
         loop {
             let (mut once, mut twice) = (vec![0; self.words.len()], vec![0; self.words.len()]);
             for axis in 0..3 {
-                for closed in [self.closed_before(axis, walls), self.closed_after(axis, walls)] {
+                for closed in [
+                    self.closed_before(axis, walls),
+                    self.closed_after(axis, walls),
+                ] {
                     for (word, closed) in closed.into_iter().enumerate() {
                         let open = self.words[word] & !closed;
                         twice[word] |= once[word] & open;
@@ -90,7 +109,10 @@ impl Bits {
             if twice.iter().all(|&bits| bits == 0) {
                 return;
             }
-            self.words.iter_mut().zip(twice).for_each(|(word, open)| *word &= !open);
+            self.words
+                .iter_mut()
+                .zip(twice)
+                .for_each(|(word, open)| *word &= !open);
         }
     }
 
@@ -98,9 +120,14 @@ impl Bits {
     fn closed_before(&self, axis: usize, walls: &Self) -> Vec<u64> {
         let mut closed = vec![0; self.words.len()];
         for word in 0..closed.len() {
-            let before = self.next_before(axis, word).map_or(0, |before| walls.words[before] | closed[before]);
+            let before = self
+                .next_before(axis, word)
+                .map_or(0, |before| walls.words[before] | closed[before]);
             closed[word] = match axis {
-                0 => spread_up(self.words[word] & (walls.words[word] << 1 | before >> 63), self.words[word]),
+                0 => spread_up(
+                    self.words[word] & (walls.words[word] << 1 | before >> 63),
+                    self.words[word],
+                ),
                 _ => self.words[word] & before,
             };
         }
@@ -111,9 +138,14 @@ impl Bits {
     fn closed_after(&self, axis: usize, walls: &Self) -> Vec<u64> {
         let mut closed = vec![0; self.words.len()];
         for word in (0..closed.len()).rev() {
-            let after = self.next_after(axis, word).map_or(0, |after| walls.words[after] | closed[after]);
+            let after = self
+                .next_after(axis, word)
+                .map_or(0, |after| walls.words[after] | closed[after]);
             closed[word] = match axis {
-                0 => spread_down(self.words[word] & (walls.words[word] >> 1 | after << 63), self.words[word]),
+                0 => spread_down(
+                    self.words[word] & (walls.words[word] >> 1 | after << 63),
+                    self.words[word],
+                ),
                 _ => self.words[word] & after,
             };
         }
@@ -137,7 +169,11 @@ impl Bits {
 
     fn next_after(&self, axis: usize, word: usize) -> Option<usize> {
         let (at, step) = self.place(axis, word);
-        let count = if axis == 0 { self.words_a_row() } else { self.size[axis] };
+        let count = if axis == 0 {
+            self.words_a_row()
+        } else {
+            self.size[axis]
+        };
         (at + 1 < count).then_some(word + step)
     }
 }

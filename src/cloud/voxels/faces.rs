@@ -9,7 +9,11 @@ pub fn voxel_faces(voxels: &LabelledCloud, voxel: f64) -> LabelledMesh {
     let place = |at: Vec3| (at.as_dvec3() / voxel).floor().as_ivec3();
     let filled: FxHashSet<IVec3> = voxels.positions.iter().map(|&at| place(at)).collect();
     let mut mesh = LabelledMesh {
-        vertices: LabelledCloud { tree: voxels.tree.clone(), origin: voxels.origin, ..LabelledCloud::default() },
+        vertices: LabelledCloud {
+            tree: voxels.tree.clone(),
+            origin: voxels.origin,
+            ..LabelledCloud::default()
+        },
         triangles: Vec::new(),
     };
     let half = (voxel / 2.0) as f32;
@@ -20,13 +24,17 @@ pub fn voxel_faces(voxels: &LabelledCloud, voxel: f64) -> LabelledMesh {
                     continue;
                 }
                 let normal = Vec3::AXES[axis] * side as f32;
-                let (u, v) = (Vec3::AXES[(axis + 1) % 3], Vec3::AXES[(axis + 2) % 3] * side as f32);
+                let (u, v) = (
+                    Vec3::AXES[(axis + 1) % 3],
+                    Vec3::AXES[(axis + 2) % 3] * side as f32,
+                );
                 let first = mesh.vertices.len() as u32;
                 for (along, across) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
                     let corner = middle + half * (normal + u * along + v * across);
                     mesh.vertices.push_copy(voxels, point, corner, normal);
                 }
-                mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+                mesh.triangles
+                    .extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
             }
         }
     }
@@ -39,7 +47,9 @@ mod tests {
 
     #[test]
     fn only_outer_faces_are_drawn_and_look_outward() {
-        let voxels = LabelledCloud::from_positions([-0.5, 0.5, 1.5].map(|x| Vec3::new(x, 0.5, 0.5)).to_vec());
+        let voxels = LabelledCloud::from_positions(
+            [-0.5, 0.5, 1.5].map(|x| Vec3::new(x, 0.5, 0.5)).to_vec(),
+        );
         let mesh = voxel_faces(&voxels, 1.0);
         // Three cubes in a row: 4 sides each, and two ends.
         assert_eq!(mesh.triangles.len(), (3 * 4 + 2) * 2);
@@ -48,7 +58,8 @@ mod tests {
             .triangles
             .iter()
             .map(|triangle| {
-                let [a, b, c] = triangle.map(|vertex| mesh.vertices.positions[vertex as usize] - middle);
+                let [a, b, c] =
+                    triangle.map(|vertex| mesh.vertices.positions[vertex as usize] - middle);
                 a.dot(b.cross(c)) / 6.0
             })
             .sum();

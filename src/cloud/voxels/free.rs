@@ -24,7 +24,11 @@ pub(super) struct Carved {
 ///
 /// # Errors
 /// What reading a depth says; [`SceneError::Request`] for one of another size than its frame; [`SceneError::Stopped`].
-pub(super) fn carve(walls: &Walls, views: &dyn Views, progress: &Progress) -> Result<Carved, SceneError> {
+pub(super) fn carve(
+    walls: &Walls,
+    views: &dyn Views,
+    progress: &Progress,
+) -> Result<Carved, SceneError> {
     let mut enclosed = walls.cells.others();
     enclosed.keep_enclosed(&walls.cells);
     let mut free = walls.cells.none();
@@ -35,21 +39,37 @@ pub(super) fn carve(walls: &Walls, views: &dyn Views, progress: &Progress) -> Re
         if open.is_empty() {
             break;
         }
-        let Some((camera, pose)) = frame.posed_camera().filter(|_| views.has_depth(index)) else { continue };
-        let Some(depth) = views.depth(index)? else { continue };
+        let Some((camera, pose)) = frame.posed_camera().filter(|_| views.has_depth(index)) else {
+            continue;
+        };
+        let Some(depth) = views.depth(index)? else {
+            continue;
+        };
         if (depth.width, depth.height) != (camera.width, camera.height) {
             return Err(SceneError::Request(format!(
                 "frame '{}': depth and camera differ in size; give both in the picture's size",
                 frame.name
             )));
         }
-        let view = View { camera, pose, depth: &depth, voxel: walls.voxel };
+        let view = View {
+            camera,
+            pose,
+            depth: &depth,
+            voxel: walls.voxel,
+        };
         let seen_free = |&word: &usize| {
-            let cells = enclosed.cells(word, enclosed.bits(word)).filter(|&cell| view.is_free(walls.middle(cell)));
+            let cells = enclosed
+                .cells(word, enclosed.bits(word))
+                .filter(|&cell| view.is_free(walls.middle(cell)));
             (word, cells.fold(0u64, |bits, [x, ..]| bits | 1 << (x % 64)))
         };
-        let seen: Vec<(usize, u64)> = open.par_iter().map(seen_free).filter(|&(_, bits)| bits != 0).collect();
-        seen.into_iter().for_each(|(word, bits)| enclosed.shift(word, bits, &mut free));
+        let seen: Vec<(usize, u64)> = open
+            .par_iter()
+            .map(seen_free)
+            .filter(|&(_, bits)| bits != 0)
+            .collect();
+        seen.into_iter()
+            .for_each(|(word, bits)| enclosed.shift(word, bits, &mut free));
         open.retain(|&word| enclosed.bits(word) != 0);
     }
     enclosed.keep_enclosed(&walls.cells);
@@ -67,8 +87,15 @@ impl View<'_> {
     /// Whether all pixels that see some of a cell, and one more on every side, know a depth clearly beyond it.
     fn is_free(&self, middle: DVec3) -> bool {
         let x_in_camera = self.pose.transform(middle);
-        let Some(at_px) = self.camera.project(x_in_camera).filter(|_| x_in_camera.z > 0.0) else { return false };
-        let reach = HALF_DIAGONAL * self.voxel * self.camera.focal_px.max_element() / x_in_camera.z + 1.0;
+        let Some(at_px) = self
+            .camera
+            .project(x_in_camera)
+            .filter(|_| x_in_camera.z > 0.0)
+        else {
+            return false;
+        };
+        let reach =
+            HALF_DIAGONAL * self.voxel * self.camera.focal_px.max_element() / x_in_camera.z + 1.0;
         let (first, last) = ((at_px - reach).floor(), (at_px + reach).floor());
         if !self.camera.contains(first) || !self.camera.contains(last) {
             return false;
@@ -76,7 +103,9 @@ impl View<'_> {
         let beyond = (x_in_camera.z + CLEARLY_BEYOND * self.voxel) as f32;
         (first.y as usize..=last.y as usize).all(|y| {
             let row = y * self.depth.width as usize;
-            self.depth.depths[row + first.x as usize..=row + last.x as usize].iter().all(|&depth| depth > beyond)
+            self.depth.depths[row + first.x as usize..=row + last.x as usize]
+                .iter()
+                .all(|&depth| depth > beyond)
         })
     }
 }

@@ -36,15 +36,29 @@ pub fn fill_interior(
     progress: &Progress,
 ) -> Result<LabelledCloud, SceneError> {
     if !(voxel.is_finite() && voxel > 0.0) {
-        return Err(SceneError::Request(format!("a voxel size of {voxel} is not possible; give a length above 0")));
+        return Err(SceneError::Request(format!(
+            "a voxel size of {voxel} is not possible; give a length above 0"
+        )));
     }
     progress.stage("interior")?;
-    let Some(walls) = Walls::new(voxels, voxel, surface)? else { return Ok(voxels.clone()) };
+    let Some(walls) = Walls::new(voxels, voxel, surface)? else {
+        return Ok(voxels.clone());
+    };
     let inside = inside(&walls, views, progress)?;
     let sources = nearest(&walls, &inside, &voxels.labels, progress)?;
-    let added = inside.iter().zip(sources).filter(|&(_, source)| source != NONE);
-    let mut all: Vec<(u64, u32, bool)> = added.map(|(&number, source)| (number, source, true)).collect();
-    all.extend(walls.occupied.iter().map(|&(number, point)| (number, point, false)));
+    let added = inside
+        .iter()
+        .zip(sources)
+        .filter(|&(_, source)| source != NONE);
+    let mut all: Vec<(u64, u32, bool)> = added
+        .map(|(&number, source)| (number, source, true))
+        .collect();
+    all.extend(
+        walls
+            .occupied
+            .iter()
+            .map(|&(number, point)| (number, point, false)),
+    );
     all.par_sort_unstable();
     let points: Vec<u32> = all.iter().map(|&(_, point, _)| point).collect();
     let mut filled = voxels.select(&points);
@@ -69,12 +83,20 @@ fn inside(walls: &Walls, views: &dyn Views, progress: &Progress) -> Result<Vec<u
     };
     let mut inside = Vec::new();
     for word in carved.enclosed.words() {
-        inside.extend(carved.enclosed.cells(word, carved.enclosed.bits(word)).map(|cell| walls.number(cell)));
+        inside.extend(
+            carved
+                .enclosed
+                .cells(word, carved.enclosed.bits(word))
+                .map(|cell| walls.number(cell)),
+        );
         within_limit(&inside)?;
     }
     let mut inside = covered(walls, &carved.free, &inside);
     for word in walls.cells.words() {
-        let numbers = walls.cells.cells(word, walls.cells.bits(word)).map(|cell| walls.number(cell));
+        let numbers = walls
+            .cells
+            .cells(word, walls.cells.bits(word))
+            .map(|cell| walls.number(cell));
         inside.extend(numbers.filter(|number| walls.voxel_at(*number).is_none()));
         within_limit(&inside)?;
     }
@@ -86,7 +108,11 @@ fn inside(walls: &Walls, views: &dyn Views, progress: &Progress) -> Result<Vec<u
 fn covered(walls: &Walls, free: &Bits, cells: &[u64]) -> Vec<u64> {
     let mut parent: Vec<u32> = (0..cells.len() as u32).collect();
     for (at, &number) in (0..).zip(cells) {
-        for next in walls.steps().into_iter().filter_map(|step| cells.binary_search(&(number + step)).ok()) {
+        for next in walls
+            .steps()
+            .into_iter()
+            .filter_map(|step| cells.binary_search(&(number + step)).ok())
+        {
             let (a, b) = (root(&mut parent, at), root(&mut parent, next as u32));
             parent[a.max(b) as usize] = a.min(b);
         }
@@ -103,7 +129,10 @@ fn covered(walls: &Walls, free: &Bits, cells: &[u64]) -> Vec<u64> {
         let [wall, open] = faces[root(&mut parent, at) as usize];
         open as f64 <= OPEN * wall as f64
     };
-    (0..cells.len() as u32).filter(|&at| is_covered(at)).map(|at| cells[at as usize]).collect()
+    (0..cells.len() as u32)
+        .filter(|&at| is_covered(at))
+        .map(|at| cells[at as usize])
+        .collect()
 }
 
 fn root(parent: &mut [u32], mut at: u32) -> u32 {
@@ -115,24 +144,37 @@ fn root(parent: &mut [u32], mut at: u32) -> u32 {
 }
 
 /// For each of these cells the nearest voxel, by steps over their faces; [`NONE`] where no voxel touches their piece.
-fn nearest(walls: &Walls, inside: &[u64], labels: &[LabelId], progress: &Progress) -> Result<Vec<u32>, SceneError> {
+fn nearest(
+    walls: &Walls,
+    inside: &[u64],
+    labels: &[LabelId],
+    progress: &Progress,
+) -> Result<Vec<u32>, SceneError> {
     let touching = |number: u64| {
         let voxels = walls.around(number).filter_map(|next| walls.voxel_at(next));
-        voxels.min_by_key(|&voxel| (labels[voxel as usize], voxel)).unwrap_or(NONE)
+        voxels
+            .min_by_key(|&voxel| (labels[voxel as usize], voxel))
+            .unwrap_or(NONE)
     };
     let mut sources: Vec<u32> = inside.par_iter().map(|&number| touching(number)).collect();
-    let mut rim: Vec<usize> = (0..inside.len()).filter(|&at| sources[at] != NONE).collect();
+    let mut rim: Vec<usize> = (0..inside.len())
+        .filter(|&at| sources[at] != NONE)
+        .collect();
     while !rim.is_empty() {
         progress.check()?;
         let mut offers: Vec<(usize, LabelId, u32)> = Vec::new();
         for &at in &rim {
-            let next = walls.around(inside[at]).filter_map(|next| inside.binary_search(&next).ok());
+            let next = walls
+                .around(inside[at])
+                .filter_map(|next| inside.binary_search(&next).ok());
             let unowned = next.filter(|&next| sources[next] == NONE);
             offers.extend(unowned.map(|next| (next, labels[sources[at] as usize], sources[at])));
         }
         offers.par_sort_unstable();
         offers.dedup_by_key(|&mut (next, ..)| next);
-        offers.iter().for_each(|&(next, _, source)| sources[next] = source);
+        offers
+            .iter()
+            .for_each(|&(next, _, source)| sources[next] = source);
         rim = offers.into_iter().map(|(next, ..)| next).collect();
     }
     Ok(sources)

@@ -24,9 +24,15 @@ struct Cell {
 ///
 /// # Errors
 /// [`SceneError::Request`] for an edge that is no length above 0, or too small for the cloud.
-pub fn voxelize(cloud: &LabelledCloud, votes: Option<&Votes>, voxel: f64) -> Result<LabelledCloud, SceneError> {
+pub fn voxelize(
+    cloud: &LabelledCloud,
+    votes: Option<&Votes>,
+    voxel: f64,
+) -> Result<LabelledCloud, SceneError> {
     if !(voxel.is_finite() && voxel > 0.0) {
-        return Err(SceneError::Request(format!("a voxel size of {voxel} is not possible; give a length above 0")));
+        return Err(SceneError::Request(format!(
+            "a voxel size of {voxel} is not possible; give a length above 0"
+        )));
     }
     let mut cells: BTreeMap<[i32; 3], Cell> = BTreeMap::new();
     for (point, position) in cloud.positions.iter().enumerate() {
@@ -36,25 +42,38 @@ pub fn voxelize(cloud: &LabelledCloud, votes: Option<&Votes>, voxel: f64) -> Res
                 "voxels of {voxel} are too small for this cloud; give a larger size"
             )));
         }
-        let cell = cells.entry([place.z, place.y, place.x].map(|along| along as i32)).or_default();
+        let cell = cells
+            .entry([place.z, place.y, place.x].map(|along| along as i32))
+            .or_default();
         cell.points += 1;
         cell.normal += cloud.normals[point];
-        cell.color.iter_mut().zip(cloud.colors[point]).for_each(|(sum, channel)| *sum += u32::from(channel));
+        cell.color
+            .iter_mut()
+            .zip(cloud.colors[point])
+            .for_each(|(sum, channel)| *sum += u32::from(channel));
         match votes {
-            Some(votes) => votes
-                .histogram(point)
-                .iter()
-                .for_each(|&(label, count)| *cell.votes.entry(label).or_default() += u32::from(count)),
+            Some(votes) => votes.histogram(point).iter().for_each(|&(label, count)| {
+                *cell.votes.entry(label).or_default() += u32::from(count)
+            }),
             None => *cell.votes.entry(cloud.labels[point]).or_default() += 1,
         }
     }
     let majority = Majority::new(&cloud.tree);
-    let mut voxels = LabelledCloud { tree: cloud.tree.clone(), origin: cloud.origin, ..LabelledCloud::default() };
+    let mut voxels = LabelledCloud {
+        tree: cloud.tree.clone(),
+        origin: cloud.origin,
+        ..LabelledCloud::default()
+    };
     for ([z, y, x], cell) in cells {
         let verdict = majority.decide(&scaled(&cell.votes));
-        voxels.positions.push(((DVec3::new(f64::from(x), f64::from(y), f64::from(z)) + 0.5) * voxel).as_vec3());
+        voxels
+            .positions
+            .push(((DVec3::new(f64::from(x), f64::from(y), f64::from(z)) + 0.5) * voxel).as_vec3());
         voxels.normals.push(cell.normal.normalize_or_zero());
-        voxels.colors.push(cell.color.map(|sum| ((sum + cell.points / 2) / cell.points) as u8));
+        voxels.colors.push(
+            cell.color
+                .map(|sum| ((sum + cell.points / 2) / cell.points) as u8),
+        );
         voxels.labels.push(verdict.label);
         voxels.confidence.push(verdict.confidence);
     }
@@ -65,7 +84,10 @@ pub fn voxelize(cloud: &LabelledCloud, votes: Option<&Votes>, voxel: f64) -> Res
 fn scaled(votes: &BTreeMap<LabelId, u32>) -> Vec<(LabelId, u16)> {
     let most = votes.values().copied().max().unwrap_or(0);
     let halvings = (32 - most.leading_zeros()).saturating_sub(16);
-    votes.iter().map(|(&label, &count)| (label, (count >> halvings) as u16)).collect()
+    votes
+        .iter()
+        .map(|(&label, &count)| (label, (count >> halvings) as u16))
+        .collect()
 }
 
 #[cfg(test)]
@@ -82,7 +104,12 @@ mod tests {
         for id in 1..=2 {
             cloud
                 .tree
-                .set(Label { id: LabelId(id), name: id.to_string(), color: [id as u8; 3], parent: None })
+                .set(Label {
+                    id: LabelId(id),
+                    name: id.to_string(),
+                    color: [id as u8; 3],
+                    parent: None,
+                })
                 .unwrap();
         }
         cloud
@@ -91,7 +118,10 @@ mod tests {
     #[test]
     fn a_voxel_has_the_mean_of_its_points_and_the_label_of_most() {
         let voxels = voxelize(&cloud(), None, 1.0).unwrap();
-        assert_eq!(voxels.positions, [-0.5, 0.5, 1.5].map(|x| Vec3::new(x, 0.5, 0.5)));
+        assert_eq!(
+            voxels.positions,
+            [-0.5, 0.5, 1.5].map(|x| Vec3::new(x, 0.5, 0.5))
+        );
         assert_eq!(voxels.labels, [0, 1, 2].map(LabelId));
         assert_eq!(voxels.colors[1], [20, 0, 0]);
         assert!((voxels.confidence[1] - 2.0 / 3.0).abs() < 1e-6);

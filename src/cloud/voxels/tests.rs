@@ -52,15 +52,25 @@ impl Shape {
     fn hit(&self, eye: DVec3, ray: DVec3) -> f64 {
         match *self {
             Self::Ball { radius } => {
-                let (a, b, c) = (ray.length_squared(), eye.dot(ray), eye.length_squared() - radius * radius);
+                let (a, b, c) = (
+                    ray.length_squared(),
+                    eye.dot(ray),
+                    eye.length_squared() - radius * radius,
+                );
                 let hit = (-b - (b * b - a * c).sqrt()) / a;
                 if hit > 0.0 { hit } else { f64::INFINITY }
             }
             Self::Sheet { axis, from, to } => {
                 let hit = (from[axis] - eye[axis]) / ray[axis];
                 let at = eye + ray * hit;
-                let within = |other: usize| other == axis || (at[other] >= from[other] && at[other] <= to[other]);
-                if hit > 0.0 && (0..3).all(within) { hit } else { f64::INFINITY }
+                let within = |other: usize| {
+                    other == axis || (at[other] >= from[other] && at[other] <= to[other])
+                };
+                if hit > 0.0 && (0..3).all(within) {
+                    hit
+                } else {
+                    f64::INFINITY
+                }
             }
         }
     }
@@ -71,7 +81,10 @@ impl Shape {
             Self::Ball { radius } => {
                 let count = (4.0 * std::f64::consts::PI * (radius / step).powi(2)) as usize;
                 let point = |at: usize| {
-                    let (z, turn) = (1.0 - 2.0 * (at as f64 + 0.5) / count as f64, at as f64 * 2.399_963);
+                    let (z, turn) = (
+                        1.0 - 2.0 * (at as f64 + 0.5) / count as f64,
+                        at as f64 * 2.399_963,
+                    );
                     let across = (1.0 - z * z).sqrt();
                     (DVec3::new(across * turn.cos(), across * turn.sin(), z) * radius).as_vec3()
                 };
@@ -79,13 +92,17 @@ impl Shape {
             }
             Self::Sheet { from, to, .. } => {
                 let count = ((to - from) / step).ceil().as_uvec3();
-                let at =
-                    |i: u32, n: u32, axis: usize| from[axis] + (to - from)[axis] * f64::from(i) / f64::from(n.max(1));
+                let at = |i: u32, n: u32, axis: usize| {
+                    from[axis] + (to - from)[axis] * f64::from(i) / f64::from(n.max(1))
+                };
                 let mut points = Vec::new();
                 for z in 0..=count.z {
                     for y in 0..=count.y {
                         for x in 0..=count.x {
-                            points.push(DVec3::new(at(x, count.x, 0), at(y, count.y, 1), at(z, count.z, 2)).as_vec3());
+                            points.push(
+                                DVec3::new(at(x, count.x, 0), at(y, count.y, 1), at(z, count.z, 2))
+                                    .as_vec3(),
+                            );
                         }
                     }
                 }
@@ -97,7 +114,11 @@ impl Shape {
 
 impl Made {
     fn new(shapes: Vec<Shape>) -> Self {
-        Self { shapes, frames: Vec::new(), depths: Vec::new() }
+        Self {
+            shapes,
+            frames: Vec::new(),
+            depths: Vec::new(),
+        }
     }
 
     /// The sides of a cube from −1 to 1, but those left out: 2·axis for the lower, one more for the upper.
@@ -106,9 +127,18 @@ impl Made {
             let (mut from, mut to) = (DVec3::NEG_ONE, DVec3::ONE);
             let along = if side.is_multiple_of(2) { -1.0 } else { 1.0 };
             (from[side / 2], to[side / 2]) = (along, along);
-            Shape::Sheet { axis: side / 2, from, to }
+            Shape::Sheet {
+                axis: side / 2,
+                from,
+                to,
+            }
         };
-        Self::new((0..6).filter(|side| !without.contains(side)).map(side).collect())
+        Self::new(
+            (0..6)
+                .filter(|side| !without.contains(side))
+                .map(side)
+                .collect(),
+        )
     }
 
     fn seen(mut self, eye: DVec3, target: DVec3) -> Self {
@@ -121,16 +151,27 @@ impl Made {
         let depth = |index: u32| {
             let at = DVec2::new(f64::from(index % SIZE) + 0.5, f64::from(index / SIZE) + 0.5);
             let ray = pose.rotation.conjugate() * camera.unproject(at).extend(1.0);
-            let hit = self.shapes.iter().map(|shape| shape.hit(eye, ray)).fold(f64::INFINITY, f64::min);
+            let hit = self
+                .shapes
+                .iter()
+                .map(|shape| shape.hit(eye, ray))
+                .fold(f64::INFINITY, f64::min);
             if hit.is_finite() { hit as f32 } else { 0.0 }
         };
         let depths = (0..SIZE * SIZE).map(depth).collect();
-        self.depths.push(Arc::new(DepthMap { width: SIZE, height: SIZE, depths }));
+        self.depths.push(Arc::new(DepthMap {
+            width: SIZE,
+            height: SIZE,
+            depths,
+        }));
         self.frames.push(Frame {
             name: format!("{:03}", self.frames.len()),
             width: SIZE,
             height: SIZE,
-            picture: PictureSource::File { path: "none".into(), orientation: Orientation(1) },
+            picture: PictureSource::File {
+                path: "none".into(),
+                orientation: Orientation(1),
+            },
             depth: None,
             camera: Some(FrameCamera::given(camera, Some(pose))),
         });
@@ -138,14 +179,27 @@ impl Made {
     }
 
     fn seen_from_all_sides(self) -> Self {
-        let eyes = [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y, DVec3::Z, DVec3::NEG_Z];
-        eyes.into_iter().fold(self, |made, eye| made.seen(eye * 4.0 + 0.3, DVec3::ZERO))
+        let eyes = [
+            DVec3::X,
+            DVec3::NEG_X,
+            DVec3::Y,
+            DVec3::NEG_Y,
+            DVec3::Z,
+            DVec3::NEG_Z,
+        ];
+        eyes.into_iter()
+            .fold(self, |made, eye| made.seen(eye * 4.0 + 0.3, DVec3::ZERO))
     }
 
     /// The cubes of its surface, labelled 2 where x > 0 and 1 elsewhere.
     fn voxels(&self) -> LabelledCloud {
-        let mut cloud = LabelledCloud::from_positions(self.shapes.iter().flat_map(Shape::points).collect());
-        cloud.labels = cloud.positions.iter().map(|at| LabelId(if at.x > 0.0 { 2 } else { 1 })).collect();
+        let mut cloud =
+            LabelledCloud::from_positions(self.shapes.iter().flat_map(Shape::points).collect());
+        cloud.labels = cloud
+            .positions
+            .iter()
+            .map(|at| LabelId(if at.x > 0.0 { 2 } else { 1 }))
+            .collect();
         voxelize(&cloud, None, VOXEL).unwrap()
     }
 
@@ -169,10 +223,15 @@ fn a_ball_seen_from_all_sides_is_filled() {
     let volume = filled.len() as f64 * VOXEL.powi(3);
     assert!(volume > ball(1.0) && volume < ball(1.0 + VOXEL), "{volume}");
     assert!(filled.len() > voxels.len() * 2);
-    let added = (0..filled.len()).filter(|&at| filled.normals[at] == Vec3::ZERO && filled.positions[at].x.abs() > 0.06);
+    let added = (0..filled.len())
+        .filter(|&at| filled.normals[at] == Vec3::ZERO && filled.positions[at].x.abs() > 0.06);
     for at in added {
         let x = filled.positions[at];
-        assert_eq!(filled.labels[at], LabelId(if x.x > 0.0 { 2 } else { 1 }), "{x}");
+        assert_eq!(
+            filled.labels[at],
+            LabelId(if x.x > 0.0 { 2 } else { 1 }),
+            "{x}"
+        );
     }
     let order = |x: &Vec3| (x / VOXEL as f32).floor().as_ivec3().to_array();
     assert!(filled.positions.windows(2).all(|two| {
@@ -199,8 +258,9 @@ fn a_closed_box_is_filled_unless_someone_looked_inside() {
 
 #[test]
 fn a_box_on_the_ground_is_filled_though_nobody_saw_its_bottom() {
-    let made =
-        Made::cube(&[2]).seen(DVec3::new(2.0, 3.0, 1.0), DVec3::ZERO).seen(DVec3::new(-2.0, 3.0, -1.0), DVec3::ZERO);
+    let made = Made::cube(&[2])
+        .seen(DVec3::new(2.0, 3.0, 1.0), DVec3::ZERO)
+        .seen(DVec3::new(-2.0, 3.0, -1.0), DVec3::ZERO);
     let inner = (2.0 / VOXEL - 1.0).powi(2) as usize * (2.0 / VOXEL) as usize;
     assert_eq!(made.added(), inner);
 }
@@ -223,14 +283,27 @@ fn what_a_wall_hides_is_not_filled() {
 fn ball_mesh() -> LabelledMesh {
     let (rings, spokes) = (40u32, 80u32);
     let at = |ring: u32, spoke: u32| {
-        let (tilt, turn) = (ring as f32 / rings as f32 * PI, spoke as f32 / spokes as f32 * TAU);
+        let (tilt, turn) = (
+            ring as f32 / rings as f32 * PI,
+            spoke as f32 / spokes as f32 * TAU,
+        );
         Vec3::new(tilt.sin() * turn.cos(), tilt.sin() * turn.sin(), tilt.cos())
     };
-    let vertices = (0..=rings).flat_map(|ring| (0..=spokes).map(move |spoke| at(ring, spoke))).collect();
-    let square =
-        |first: u32| [[first, first + 1, first + spokes + 1], [first + 1, first + spokes + 2, first + spokes + 1]];
-    let triangles = (0..rings).flat_map(|ring| (0..spokes).flat_map(move |spoke| square(ring * (spokes + 1) + spoke)));
-    LabelledMesh { vertices: LabelledCloud::from_positions(vertices), triangles: triangles.collect() }
+    let vertices = (0..=rings)
+        .flat_map(|ring| (0..=spokes).map(move |spoke| at(ring, spoke)))
+        .collect();
+    let square = |first: u32| {
+        [
+            [first, first + 1, first + spokes + 1],
+            [first + 1, first + spokes + 2, first + spokes + 1],
+        ]
+    };
+    let triangles = (0..rings)
+        .flat_map(|ring| (0..spokes).flat_map(move |spoke| square(ring * (spokes + 1) + spoke)));
+    LabelledMesh {
+        vertices: LabelledCloud::from_positions(vertices),
+        triangles: triangles.collect(),
+    }
 }
 
 #[test]
@@ -241,7 +314,10 @@ fn gaps_between_voxels_are_closed_by_the_mesh() {
     let some = voxels.select(&(0..voxels.len() as u32).step_by(3).collect::<Vec<_>>());
     let leaky = made.filled(&some, &LabelledMesh::default()).len();
     let closed = made.filled(&some, &ball_mesh()).len();
-    assert!(leaky * 10 < whole && closed * 100 > whole * 99, "{leaky} and {closed} of {whole}");
+    assert!(
+        leaky * 10 < whole && closed * 100 > whole * 99,
+        "{leaky} and {closed} of {whole}"
+    );
 }
 
 #[test]
@@ -259,7 +335,10 @@ fn a_hole_costs_only_what_lies_behind_it() {
 fn threads_do_not_change_a_voxel() {
     let made = Made::new(vec![Shape::Ball { radius: 0.7 }]).seen_from_all_sides();
     let voxels = made.voxels();
-    let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let alone = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .unwrap();
     let filled = || made.filled(&voxels, &LabelledMesh::default());
     assert!(alone.install(filled) == filled());
 }
@@ -269,7 +348,22 @@ fn a_box_of_too_many_cells_is_refused() {
     let made = Made::cube(&[]);
     let mut voxels = made.voxels();
     voxels.positions[0] = Vec3::new(-1e4, -1e4, -1e4);
-    let filled = fill_interior(&voxels, VOXEL, &LabelledMesh::default(), &made, &Progress::default());
+    let filled = fill_interior(
+        &voxels,
+        VOXEL,
+        &LabelledMesh::default(),
+        &made,
+        &Progress::default(),
+    );
     assert!(matches!(filled, Err(SceneError::Request(_))));
-    assert!(fill_interior(&voxels, 0.0, &LabelledMesh::default(), &made, &Progress::default()).is_err());
+    assert!(
+        fill_interior(
+            &voxels,
+            0.0,
+            &LabelledMesh::default(),
+            &made,
+            &Progress::default()
+        )
+        .is_err()
+    );
 }

@@ -23,7 +23,11 @@ pub(super) struct Walls {
 
 impl Walls {
     /// `None` without voxels. Parts of the mesh beyond the voxels' box are left out.
-    pub(super) fn new(voxels: &LabelledCloud, voxel: f64, mesh: &LabelledMesh) -> Result<Option<Self>, SceneError> {
+    pub(super) fn new(
+        voxels: &LabelledCloud,
+        voxel: f64,
+        mesh: &LabelledMesh,
+    ) -> Result<Option<Self>, SceneError> {
         let too_large = || {
             SceneError::Request(format!(
                 "voxels of {voxel} over the whole cloud are too many to find what they enclose; give a larger size or leave \
@@ -32,7 +36,10 @@ impl Walls {
         };
         let place = |at: &Vec3| (at.as_dvec3() / voxel).floor();
         let places = || voxels.positions.iter().map(place);
-        let Some((least, most)) = places().map(|at| (at, at)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else {
+        let Some((least, most)) = places()
+            .map(|at| (at, at))
+            .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+        else {
             return Ok(None);
         };
         let farthest = least.abs().max(most.abs()).max_element();
@@ -40,18 +47,30 @@ impl Walls {
             return Err(too_large());
         }
         let first = least.as_ivec3() - 1;
-        let size = (most.as_ivec3() + 2 - first).to_array().map(|along| along as usize);
+        let size = (most.as_ivec3() + 2 - first)
+            .to_array()
+            .map(|along| along as usize);
         let cells = Bits::new(size, MOST_BYTES).ok_or_else(too_large)?;
-        let mut walls = Self { voxel, first, size, cells, occupied: Vec::new() };
+        let mut walls = Self {
+            voxel,
+            first,
+            size,
+            cells,
+            occupied: Vec::new(),
+        };
         for (point, at) in (0..).zip(places()) {
-            let cell = (at.as_ivec3() - first).to_array().map(|along| along as usize);
+            let cell = (at.as_ivec3() - first)
+                .to_array()
+                .map(|along| along as usize);
             walls.cells.set(cell);
             walls.occupied.push((walls.number(cell), point));
         }
         walls.occupied.sort_unstable();
         walls.occupied.dedup_by_key(|&mut (number, _)| number);
         for triangle in &mesh.triangles {
-            walls.add_triangle(triangle.map(|vertex| mesh.vertices.positions[vertex as usize].as_dvec3()));
+            walls.add_triangle(
+                triangle.map(|vertex| mesh.vertices.positions[vertex as usize].as_dvec3()),
+            );
         }
         Ok(Some(walls))
     }
@@ -66,7 +85,9 @@ impl Walls {
                 let at = a + (b - a) * (f64::from(i) / steps) + (c - a) * (f64::from(j) / steps);
                 let cell = (at / self.voxel).floor().as_ivec3() - self.first;
                 if cell.cmpge(IVec3::ONE).all()
-                    && (cell + 1).cmplt(IVec3::from_array(self.size.map(|n| n as i32))).all()
+                    && (cell + 1)
+                        .cmplt(IVec3::from_array(self.size.map(|n| n as i32)))
+                        .all()
                 {
                     self.cells.set(cell.to_array().map(|along| along as usize));
                 }
@@ -86,18 +107,24 @@ impl Walls {
 
     /// The numbers of the cells that share a face with one that is not at the box's border.
     pub(super) fn around(&self, number: u64) -> impl Iterator<Item = u64> + use<> {
-        self.steps().into_iter().flat_map(move |step| [number - step, number + step])
+        self.steps()
+            .into_iter()
+            .flat_map(move |step| [number - step, number + step])
     }
 
     /// The voxel that fills the cell with this number.
     pub(super) fn voxel_at(&self, number: u64) -> Option<u32> {
-        let at = self.occupied.binary_search_by_key(&number, |&(number, _)| number).ok()?;
+        let at = self
+            .occupied
+            .binary_search_by_key(&number, |&(number, _)| number)
+            .ok()?;
         Some(self.occupied[at].1)
     }
 
     /// The middle of a cell in the world.
     pub(super) fn middle(&self, cell: [usize; 3]) -> DVec3 {
-        (self.first + IVec3::from_array(cell.map(|along| along as i32))).as_dvec3() * self.voxel + 0.5 * self.voxel
+        (self.first + IVec3::from_array(cell.map(|along| along as i32))).as_dvec3() * self.voxel
+            + 0.5 * self.voxel
     }
 
     /// The cell with this number.

@@ -26,7 +26,9 @@ impl Device {
     /// # Errors
     /// [`GpuError::TooLarge`] above 128 MiB, or what the driver said.
     pub fn zeros<T>(&self, what: &'static str, count: usize) -> Result<Buffer, GpuError> {
-        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+        let usage = wgpu::BufferUsages::STORAGE
+            | wgpu::BufferUsages::COPY_DST
+            | wgpu::BufferUsages::COPY_SRC;
         self.buffer(what, count as u64 * size_of::<T>() as u64, usage)
     }
 
@@ -34,7 +36,11 @@ impl Device {
     ///
     /// # Errors
     /// As [`Self::zeros`].
-    pub fn upload<T: NoUninit>(&self, what: &'static str, values: &[T]) -> Result<Buffer, GpuError> {
+    pub fn upload<T: NoUninit>(
+        &self,
+        what: &'static str,
+        values: &[T],
+    ) -> Result<Buffer, GpuError> {
         let buffer = self.zeros::<T>(what, values.len())?;
         self.write(&buffer, 0, values)?;
         Ok(buffer)
@@ -55,9 +61,15 @@ impl Device {
     ///
     /// # Errors
     /// What the driver said.
-    pub fn write<T: NoUninit>(&self, buffer: &Buffer, first: usize, values: &[T]) -> Result<(), GpuError> {
+    pub fn write<T: NoUninit>(
+        &self,
+        buffer: &Buffer,
+        first: usize,
+        values: &[T],
+    ) -> Result<(), GpuError> {
         let bytes = bytemuck::cast_slice(values);
-        self.queue.write_buffer(&buffer.buffer, first as u64 * size_of::<T>() as u64, bytes);
+        self.queue
+            .write_buffer(&buffer.buffer, first as u64 * size_of::<T>() as u64, bytes);
         self.check()
     }
 
@@ -65,30 +77,58 @@ impl Device {
     ///
     /// # Errors
     /// What the driver said.
-    pub fn read<T: AnyBitPattern>(&self, buffer: &Buffer, count: usize) -> Result<Vec<T>, GpuError> {
+    pub fn read<T: AnyBitPattern>(
+        &self,
+        buffer: &Buffer,
+        count: usize,
+    ) -> Result<Vec<T>, GpuError> {
         let bytes = count as u64 * size_of::<T>() as u64;
         let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
         let copy = self.buffer("results", bytes, usage)?.buffer;
-        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read") });
+        let mut encoder = self
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor {
+                label: Some("read"),
+            });
         encoder.copy_buffer_to_buffer(&buffer.buffer, 0, &copy, 0, bytes);
         let submission = self.queue.submit([encoder.finish()]);
         self.check()?;
         // A mapping that fails is told by `get_mapped_range`.
         copy.map_async(wgpu::MapMode::Read, .., |_| ());
         self.wait_for(submission)?;
-        let mapped = copy.get_mapped_range(..).map_err(|error| GpuError::Failed { what: error.to_string() })?;
-        Ok(mapped.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect())
+        let mapped = copy
+            .get_mapped_range(..)
+            .map_err(|error| GpuError::Failed {
+                what: error.to_string(),
+            })?;
+        Ok(mapped
+            .chunks_exact(size_of::<T>())
+            .map(bytemuck::pod_read_unaligned)
+            .collect())
     }
 
-    fn buffer(&self, what: &'static str, bytes: u64, usage: wgpu::BufferUsages) -> Result<Buffer, GpuError> {
+    fn buffer(
+        &self,
+        what: &'static str,
+        bytes: u64,
+        usage: wgpu::BufferUsages,
+    ) -> Result<Buffer, GpuError> {
         if bytes > LARGEST {
-            return Err(GpuError::TooLarge { what, bytes, limit: LARGEST });
+            return Err(GpuError::TooLarge {
+                what,
+                bytes,
+                limit: LARGEST,
+            });
         }
         // No binding may be empty, and copies come in fours.
         let size = bytes.max(16).next_multiple_of(4);
         let label = Some(what);
-        let buffer =
-            self.device.create_buffer(&wgpu::BufferDescriptor { label, size, usage, mapped_at_creation: false });
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label,
+            size,
+            usage,
+            mapped_at_creation: false,
+        });
         self.check()?;
         Ok(Buffer { buffer })
     }

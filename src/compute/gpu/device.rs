@@ -34,19 +34,35 @@ impl Device {
     pub fn open(software: Software) -> Result<Self, GpuError> {
         let instance = wgpu::Instance::default();
         let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
-        let best = adapters.into_iter().min_by_key(|adapter| rank(adapter.get_info().device_type));
+        let best = adapters
+            .into_iter()
+            .min_by_key(|adapter| rank(adapter.get_info().device_type));
         let adapter = best.ok_or(GpuError::NoAdapter)?;
         let info = adapter.get_info();
         let is_software = info.device_type == wgpu::DeviceType::Cpu;
         if is_software && software == Software::Refused {
             return Err(GpuError::SoftwareOnly { name: info.name });
         }
-        let wish = wgpu::DeviceDescriptor { label: Some("compute"), ..Default::default() };
-        let (device, queue) = pollster::block_on(adapter.request_device(&wish))
-            .map_err(|error| GpuError::Refused { name: info.name.clone(), what: error.to_string() })?;
+        let wish = wgpu::DeviceDescriptor {
+            label: Some("compute"),
+            ..Default::default()
+        };
+        let (device, queue) =
+            pollster::block_on(adapter.request_device(&wish)).map_err(|error| {
+                GpuError::Refused {
+                    name: info.name.clone(),
+                    what: error.to_string(),
+                }
+            })?;
         let fault = Arc::new(Mutex::new(None));
         listen(&device, &fault);
-        Ok(Self { device, queue, name: info.name, is_software, fault })
+        Ok(Self {
+            device,
+            queue,
+            name: info.name,
+            is_software,
+            fault,
+        })
     }
 
     /// What the adapter calls itself.
@@ -63,13 +79,20 @@ impl Device {
 
     /// Waits until all that was submitted up to a point is done.
     pub(super) fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<(), GpuError> {
-        let wait = wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(PATIENCE) };
+        let wait = wgpu::PollType::Wait {
+            submission_index: Some(submission),
+            timeout: Some(PATIENCE),
+        };
         let polled = self.device.poll(wait);
         self.check()?;
         match polled {
             Ok(_) => Ok(()),
-            Err(wgpu::PollError::Timeout) => Err(GpuError::NoAnswer { seconds: PATIENCE.as_secs() }),
-            Err(error) => Err(GpuError::Failed { what: error.to_string() }),
+            Err(wgpu::PollError::Timeout) => Err(GpuError::NoAnswer {
+                seconds: PATIENCE.as_secs(),
+            }),
+            Err(error) => Err(GpuError::Failed {
+                what: error.to_string(),
+            }),
         }
     }
 
@@ -82,7 +105,10 @@ impl Device {
 
 impl fmt::Debug for Device {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Device").field("name", &self.name).field("is_software", &self.is_software).finish()
+        f.debug_struct("Device")
+            .field("name", &self.name)
+            .field("is_software", &self.is_software)
+            .finish()
     }
 }
 
@@ -99,11 +125,19 @@ fn rank(kind: wgpu::DeviceType) -> u8 {
 /// Keeps the first error; without these, wgpu panics.
 fn listen(device: &wgpu::Device, fault: &Arc<Mutex<Option<GpuError>>>) {
     let keep = |fault: &Mutex<Option<GpuError>>, error: GpuError| {
-        fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+        fault
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .get_or_insert(error);
     };
     let (failed, lost) = (Arc::clone(fault), Arc::clone(fault));
     device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
-        keep(&failed, GpuError::Failed { what: error.to_string() });
+        keep(
+            &failed,
+            GpuError::Failed {
+                what: error.to_string(),
+            },
+        );
     }));
     device.set_device_lost_callback(move |reason, what| {
         // Dropping the device counts as losing it.

@@ -17,7 +17,9 @@ pub enum GpuError {
         name: String,
     },
     /// A driver that does not give a device with the limits that are needed.
-    #[error("'{name}' cannot be computed on ({what}); update its driver, or choose the device 'cpu'")]
+    #[error(
+        "'{name}' cannot be computed on ({what}); update its driver, or choose the device 'cpu'"
+    )]
     Refused {
         /// What the adapter calls itself.
         name: String,
@@ -40,7 +42,9 @@ pub enum GpuError {
         limit: u64,
     },
     /// A program or a call that the device does not take, or memory that it does not have.
-    #[error("the graphics card failed ({what}); close other programs that use it, or choose the device 'cpu'")]
+    #[error(
+        "the graphics card failed ({what}); close other programs that use it, or choose the device 'cpu'"
+    )]
     Failed {
         /// What the driver said.
         what: String,
@@ -52,7 +56,9 @@ pub enum GpuError {
         what: String,
     },
     /// The device does not come to an end.
-    #[error("the graphics card gave no answer for {seconds} s; start again, or choose the device 'cpu'")]
+    #[error(
+        "the graphics card gave no answer for {seconds} s; start again, or choose the device 'cpu'"
+    )]
     NoAnswer {
         /// How long it was waited for.
         seconds: u64,

@@ -41,7 +41,9 @@ impl Pieces {
         while first < rows {
             check()?;
             let count = (self.items / u64::from(width.max(1))).clamp(1, u64::from(rows)) as u32;
-            let end = first.saturating_add(count.next_multiple_of(grain)).min(rows);
+            let end = first
+                .saturating_add(count.next_multiple_of(grain))
+                .min(rows);
             let submission = submit(first..end)?;
             // One piece waits in line while another is worked on, so that the device is never idle.
             if let Some(before) = under_way.replace(submission) {

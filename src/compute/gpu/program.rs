@@ -43,20 +43,43 @@ impl Device {
     ///
     /// # Errors
     /// What is wrong with it.
-    pub fn program(&self, label: &'static str, wgsl: &str, bindings: &[Binding]) -> Result<Program, GpuError> {
+    pub fn program(
+        &self,
+        label: &'static str,
+        wgsl: &str,
+        bindings: &[Binding],
+    ) -> Result<Program, GpuError> {
         let source = wgpu::ShaderSource::Wgsl(wgsl.into());
-        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source });
-        let entries: Vec<_> = (0..).zip(bindings).map(|(binding, kind)| entry(binding, *kind)).collect();
+        let module = self
+            .device
+            .create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(label),
+                source,
+            });
+        let entries: Vec<_> = (0..)
+            .zip(bindings)
+            .map(|(binding, kind)| entry(binding, *kind))
+            .collect();
         let buffers = self
             .device
-            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries });
-        let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(label),
-            bind_group_layouts: &[Some(&buffers)],
-            immediate_size: 0,
-        });
+            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label: Some(label),
+                entries: &entries,
+            });
+        let layout = self
+            .device
+            .create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some(label),
+                bind_group_layouts: &[Some(&buffers)],
+                immediate_size: 0,
+            });
         self.check()?;
-        Ok(Program { label, module, buffers, layout })
+        Ok(Program {
+            label,
+            module,
+            buffers,
+            layout,
+        })
     }
 
     /// Makes an entry point of a program ready.
@@ -64,14 +87,16 @@ impl Device {
     /// # Errors
     /// What the driver said.
     pub fn kernel(&self, program: &Program, entry_point: &str) -> Result<Kernel, GpuError> {
-        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(program.label),
-            layout: Some(&program.layout),
-            module: &program.module,
-            entry_point: Some(entry_point),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
+        let pipeline = self
+            .device
+            .create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(program.label),
+                layout: Some(&program.layout),
+                module: &program.module,
+                entry_point: Some(entry_point),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: None,
+            });
         self.check()?;
         Ok(Kernel { pipeline })
     }
@@ -81,9 +106,13 @@ impl Device {
     /// # Errors
     /// What the driver said.
     pub fn bind(&self, program: &Program, buffers: &[&Buffer]) -> Result<Bindings, GpuError> {
-        let resources = buffers.iter().map(|buffer| buffer.buffer.as_entire_binding());
-        let entries: Vec<_> =
-            (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
+        let resources = buffers
+            .iter()
+            .map(|buffer| buffer.buffer.as_entire_binding());
+        let entries: Vec<_> = (0..)
+            .zip(resources)
+            .map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource })
+            .collect();
         let group = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(program.label),
             layout: &program.buffers,
@@ -97,8 +126,15 @@ impl Device {
     ///
     /// # Errors
     /// What the driver said.
-    pub fn submit(&self, kernel: &Kernel, bindings: &Bindings, groups: [u32; 2]) -> Result<Submission, GpuError> {
-        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    pub fn submit(
+        &self,
+        kernel: &Kernel,
+        bindings: &Bindings,
+        groups: [u32; 2],
+    ) -> Result<Submission, GpuError> {
+        let mut encoder = self
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             pass.set_pipeline(&kernel.pipeline);
@@ -128,7 +164,11 @@ fn entry(binding: u32, kind: Binding) -> wgpu::BindGroupLayoutEntry {
     wgpu::BindGroupLayoutEntry {
         binding,
         visibility: wgpu::ShaderStages::COMPUTE,
-        ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None },
+        ty: wgpu::BindingType::Buffer {
+            ty,
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
         count: None,
     }
 }

@@ -29,10 +29,17 @@ fn device() -> Option<Device> {
 
 /// Squares of 300 x 1001 numbers, piece by piece; and the pieces.
 fn squares(device: &Device, stop_after: usize) -> Result<(Vec<u32>, Vec<Range<u32>>), GpuError> {
-    let program = device.program("squares", SQUARES, &[Binding::Uniform, Binding::Read, Binding::ReadWrite])?;
+    let program = device.program(
+        "squares",
+        SQUARES,
+        &[Binding::Uniform, Binding::Read, Binding::ReadWrite],
+    )?;
     let kernel = device.kernel(&program, "main")?;
     let numbers: Vec<u32> = (0..300 * 1001).map(|number| number % 1000).collect();
-    let (numbers, results) = (device.upload("numbers", &numbers)?, device.zeros::<u32>("squares", 300 * 1001)?);
+    let (numbers, results) = (
+        device.upload("numbers", &numbers)?,
+        device.zeros::<u32>("squares", 300 * 1001)?,
+    );
     let rows = device.uniform("rows", &[0u32; 2])?;
     let bindings = device.bind(&program, &[&rows, &numbers, &results])?;
     let mut pieces = Vec::new();
@@ -45,7 +52,11 @@ fn squares(device: &Device, stop_after: usize) -> Result<(Vec<u32>, Vec<Range<u3
     let mut checks = 0;
     let check = || {
         checks += 1;
-        if checks > stop_after { Err(GpuError::NoAdapter) } else { Ok(()) }
+        if checks > stop_after {
+            Err(GpuError::NoAdapter)
+        } else {
+            Ok(())
+        }
     };
     Pieces::default().run(device, (300, 1001, 8), submit, check)?;
     Ok((device.read(&results, 300 * 1001)?, pieces))
@@ -55,29 +66,47 @@ fn squares(device: &Device, stop_after: usize) -> Result<(Vec<u32>, Vec<Range<u3
 fn every_row_is_worked_on_once_whatever_the_pieces() {
     let Some(device) = device() else { return };
     let (squares, pieces) = squares(&device, usize::MAX).unwrap();
-    assert!((0..).zip(&squares).all(|(number, &square): (u32, _)| square == (number % 1000).pow(2)));
+    assert!(
+        (0..)
+            .zip(&squares)
+            .all(|(number, &square): (u32, _)| square == (number % 1000).pow(2))
+    );
     assert!(pieces.len() > 3 && pieces[0].len() < 100, "{pieces:?}");
-    assert!(pieces.windows(2).all(|pair| pair[0].end == pair[1].start) && pieces[pieces.len() - 1].end == 1001);
+    assert!(
+        pieces.windows(2).all(|pair| pair[0].end == pair[1].start)
+            && pieces[pieces.len() - 1].end == 1001
+    );
 }
 
 #[test]
 fn work_ends_between_two_pieces() {
     let Some(device) = device() else { return };
     assert_eq!(squares(&device, 2).unwrap_err(), GpuError::NoAdapter);
-    assert!(squares(&device, usize::MAX).is_ok(), "the device can be used again");
+    assert!(
+        squares(&device, usize::MAX).is_ok(),
+        "the device can be used again"
+    );
 }
 
 #[test]
 fn a_program_with_a_mistake_is_an_error() {
     let Some(device) = device() else { return };
-    let error = device.program("wrong", "fn main() { return 1; }", &[]).unwrap_err();
+    let error = device
+        .program("wrong", "fn main() { return 1; }", &[])
+        .unwrap_err();
     assert!(matches!(&error, GpuError::Failed { .. }), "{error}");
 }
 
 #[test]
 fn a_program_that_is_not_bound_as_it_says_is_an_error() {
     let Some(device) = device() else { return };
-    let program = device.program("squares", SQUARES, &[Binding::Read, Binding::Read, Binding::ReadWrite]).unwrap();
+    let program = device
+        .program(
+            "squares",
+            SQUARES,
+            &[Binding::Read, Binding::Read, Binding::ReadWrite],
+        )
+        .unwrap();
     assert!(device.kernel(&program, "main").is_err());
 }
 
@@ -86,8 +115,15 @@ fn more_than_a_binding_holds_is_an_error_that_says_what() {
     let Some(device) = device() else { return };
     let error = device.zeros::<u32>("pixels", (32 << 20) + 1).unwrap_err();
     assert!(matches!(error, GpuError::TooLarge { what: "pixels", .. }));
-    assert!(error.to_string().starts_with("pixels need 129 MiB in one piece, and a graphics card takes 128 MiB"));
-    assert_eq!(device.zeros::<u32>("pixels", 32 << 20).unwrap().bytes(), 128 << 20);
+    assert!(
+        error
+            .to_string()
+            .starts_with("pixels need 129 MiB in one piece, and a graphics card takes 128 MiB")
+    );
+    assert_eq!(
+        device.zeros::<u32>("pixels", 32 << 20).unwrap().bytes(),
+        128 << 20
+    );
 }
 
 #[test]
@@ -95,6 +131,9 @@ fn a_software_adapter_is_taken_only_where_it_may_be() {
     let Some(device) = device() else { return };
     match Device::open(Software::Refused) {
         Ok(real) => assert!(!real.is_software()),
-        Err(error) => assert!(device.is_software() && matches!(error, GpuError::SoftwareOnly { .. }), "{error}"),
+        Err(error) => assert!(
+            device.is_software() && matches!(error, GpuError::SoftwareOnly { .. }),
+            "{error}"
+        ),
     }
 }

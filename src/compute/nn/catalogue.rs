@@ -65,8 +65,12 @@ impl Catalogue {
     /// # Errors
     /// When it does not parse, which a test excludes.
     pub fn bundled() -> Result<Self, NnError> {
-        let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../assets/models.toml"));
-        toml::from_str(text).map_err(|error| NnError::Request(format!("assets/models.toml: {error}")))
+        let text = include_str!(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../assets/models.toml"
+        ));
+        toml::from_str(text)
+            .map_err(|error| NnError::Request(format!("assets/models.toml: {error}")))
     }
 
     /// All entries.
@@ -80,10 +84,18 @@ impl Catalogue {
     /// # Errors
     /// When there is none; says which there are.
     pub fn entry(&self, name: &str) -> Result<&Entry, NnError> {
-        self.entries.iter().find(|entry| entry.name == name).ok_or_else(|| {
-            let known = self.entries.iter().map(|entry| entry.name.as_str()).collect::<Vec<_>>().join(", ");
-            NnError::Request(format!("there is no network `{name}`; known are {known}"))
-        })
+        self.entries
+            .iter()
+            .find(|entry| entry.name == name)
+            .ok_or_else(|| {
+                let known = self
+                    .entries
+                    .iter()
+                    .map(|entry| entry.name.as_str())
+                    .collect::<Vec<_>>()
+                    .join(", ");
+                NnError::Request(format!("there is no network `{name}`; known are {known}"))
+            })
     }
 }
 
@@ -118,7 +130,11 @@ impl Entry {
     /// The error for files that cannot be fetched.
     pub(super) fn without_address(&self) -> NnError {
         let Self { name, source, .. } = self;
-        let words = if self.file_names().len() == 1 { "FILE" } else { "FILE…" };
+        let words = if self.file_names().len() == 1 {
+            "FILE"
+        } else {
+            "FILE…"
+        };
         NnError::Request(format!(
             "`{name}` has no address to be fetched from; get it from {source} and run `ostra models add {name} {words}`"
         ))
@@ -127,7 +143,11 @@ impl Entry {
     /// The error for one of its files that is not in `folder`.
     pub(super) fn missing(&self, folder: &Path) -> NnError {
         let Self { name, source, .. } = self;
-        let words = if self.file_names().len() == 1 { "FILE" } else { "FILE…" };
+        let words = if self.file_names().len() == 1 {
+            "FILE"
+        } else {
+            "FILE…"
+        };
         NnError::Request(format!(
             "`{name}` is not installed ({}); get it from {source} and run `ostra models add {name} {words}`",
             folder.display()
@@ -140,6 +160,9 @@ impl NetworkFile {
     #[must_use]
     pub fn signature(&self) -> Option<Signature> {
         let is_told = !(self.inputs.is_empty() && self.outputs.is_empty());
-        is_told.then(|| Signature { inputs: self.inputs.clone(), outputs: self.outputs.clone() })
+        is_told.then(|| Signature {
+            inputs: self.inputs.clone(),
+            outputs: self.outputs.clone(),
+        })
     }
 }

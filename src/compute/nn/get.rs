@@ -42,13 +42,23 @@ pub fn install(
 ) -> Result<Vec<Added>, NnError> {
     let entry = catalogue.entry(name)?;
     let downloads = folder.join(UNDER_WAY).join(name);
-    let urls = entry.files().iter().map(|file| file.url.as_deref().zip(Some(file)));
-    let urls = urls.collect::<Option<Vec<_>>>().ok_or_else(|| entry.without_address())?;
-    fs::create_dir_all(&downloads).map_err(|reason| NnError::Io { path: downloads.clone(), reason })?;
+    let urls = entry
+        .files()
+        .iter()
+        .map(|file| file.url.as_deref().zip(Some(file)));
+    let urls = urls
+        .collect::<Option<Vec<_>>>()
+        .ok_or_else(|| entry.without_address())?;
+    fs::create_dir_all(&downloads).map_err(|reason| NnError::Io {
+        path: downloads.clone(),
+        reason,
+    })?;
     let files = if entry.is_library() {
         vec![library(&downloads, told)?]
     } else {
-        urls.into_iter().map(|(url, file)| download(entry, file, url, &downloads, told)).collect::<Result<_, _>>()?
+        urls.into_iter()
+            .map(|(url, file)| download(entry, file, url, &downloads, told))
+            .collect::<Result<_, _>>()?
     };
     let added = add(catalogue, folder, name, &files);
     // Also what was refused, so that it is not taken for the file again; what is left there does no harm.
@@ -83,47 +93,92 @@ fn download(
     };
     let what = format!("{} ({})", file.name, entry.licence);
     let into = downloads.join(&file.name);
-    verified(&Wanted { url, sha256, bytes: file.bytes, what: &what }, &into, told)?;
+    verified(
+        &Wanted {
+            url,
+            sha256,
+            bytes: file.bytes,
+            what: &what,
+        },
+        &into,
+        told,
+    )?;
     Ok(into)
 }
 
 /// Fetches a file and compares its digest; a file with another digest is deleted. Also verifies what is there already.
-fn verified(wanted: &Wanted<'_>, into: &Path, told: &mut dyn FnMut(Fetched<'_>) -> bool) -> Result<(), NnError> {
-    let Wanted { url, bytes, what, .. } = *wanted;
+fn verified(
+    wanted: &Wanted<'_>,
+    into: &Path,
+    told: &mut dyn FnMut(Fetched<'_>) -> bool,
+) -> Result<(), NnError> {
+    let Wanted {
+        url, bytes, what, ..
+    } = *wanted;
     if !into.is_file() {
         let limit = bytes.unwrap_or(MAX_BYTES);
-        fetch(url, into, limit, &mut |here| told(Fetched { what, bytes: here, of: bytes }))?;
+        fetch(url, into, limit, &mut |here| {
+            told(Fetched {
+                what,
+                bytes: here,
+                of: bytes,
+            })
+        })?;
     }
     verify(wanted, into)
 }
 
 fn verify(wanted: &Wanted<'_>, path: &Path) -> Result<(), NnError> {
-    let failed = |reason| NnError::Io { path: path.to_owned(), reason };
+    let failed = |reason| NnError::Io {
+        path: path.to_owned(),
+        reason,
+    };
     let found = sha256(path).map_err(failed)?;
     if found == wanted.sha256 {
         return Ok(());
     }
     fs::remove_file(path).map_err(failed)?;
     let (url, expected) = (wanted.url.to_owned(), wanted.sha256.to_owned());
-    Err(NnError::WrongDownload { url, expected, found })
+    Err(NnError::WrongDownload {
+        url,
+        expected,
+        found,
+    })
 }
 
 /// ONNX Runtime's library, from its Python package: by `pip`, which knows the user's mirrors and proxies, else from its
 /// address. The package is verified before it is unpacked.
-fn library(downloads: &Path, told: &mut dyn FnMut(Fetched<'_>) -> bool) -> Result<PathBuf, NnError> {
+fn library(
+    downloads: &Path,
+    told: &mut dyn FnMut(Fetched<'_>) -> bool,
+) -> Result<PathBuf, NnError> {
     let wheel = Wheel::for_this_system()?;
     let what = format!("onnxruntime {VERSION}");
-    let wanted = Wanted { url: wheel.url, sha256: wheel.sha256, bytes: Some(wheel.bytes), what: &what };
+    let wanted = Wanted {
+        url: wheel.url,
+        sha256: wheel.sha256,
+        bytes: Some(wheel.bytes),
+        what: &what,
+    };
     let into = downloads.join(wheel.file_name());
     for python in ["python3", "python"] {
         if !into.is_file() {
             let what = format!("{what} by {python} -m pip");
-            by_pip(python, wheel, downloads, &mut || told(Fetched { what: &what, bytes: 0, of: None }))?;
+            by_pip(python, wheel, downloads, &mut || {
+                told(Fetched {
+                    what: &what,
+                    bytes: 0,
+                    of: None,
+                })
+            })?;
         }
     }
     verified(&wanted, &into, told)?;
     let library = downloads.join(library_name());
-    let failed = |reason| NnError::Io { path: library.clone(), reason };
+    let failed = |reason| NnError::Io {
+        path: library.clone(),
+        reason,
+    };
     let mut file = fs::File::create(&library).map_err(failed)?;
     unzip(&into, wheel.library, &mut file).map_err(failed)?;
     Ok(library)
@@ -131,12 +186,41 @@ fn library(downloads: &Path, told: &mut dyn FnMut(Fetched<'_>) -> bool) -> Resul
 
 /// Lets pip download a package into `downloads`, where it can; what it downloads is not verified yet. Isolated (`-I`) and
 /// run in that folder, so that no module is taken from the current folder.
-fn by_pip(python: &str, wheel: &Wheel, downloads: &Path, goes_on: &mut dyn FnMut() -> bool) -> Result<(), NnError> {
-    let Ok(mut pip) = programs::command(python) else { return Ok(()) };
-    pip.args(["-I", "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--only-binary", ":all:"]);
-    pip.args(["--no-deps", "--python-version", PYTHON_VERSION, "--platform", wheel.platform, "--dest"]);
-    pip.arg(downloads).arg(format!("onnxruntime=={VERSION}")).current_dir(downloads);
-    let stopped = || NnError::Fetch { url: python.to_owned(), what: "stopped".to_owned(), is_stopped: true };
+fn by_pip(
+    python: &str,
+    wheel: &Wheel,
+    downloads: &Path,
+    goes_on: &mut dyn FnMut() -> bool,
+) -> Result<(), NnError> {
+    let Ok(mut pip) = programs::command(python) else {
+        return Ok(());
+    };
+    pip.args([
+        "-I",
+        "-m",
+        "pip",
+        "download",
+        "--quiet",
+        "--disable-pip-version-check",
+        "--only-binary",
+        ":all:",
+    ]);
+    pip.args([
+        "--no-deps",
+        "--python-version",
+        PYTHON_VERSION,
+        "--platform",
+        wheel.platform,
+        "--dest",
+    ]);
+    pip.arg(downloads)
+        .arg(format!("onnxruntime=={VERSION}"))
+        .current_dir(downloads);
+    let stopped = || NnError::Fetch {
+        url: python.to_owned(),
+        what: "stopped".to_owned(),
+        is_stopped: true,
+    };
     match goes_on().then(|| watched(&mut pip, goes_on)) {
         None | Some(Ok(None)) => Err(stopped()),
         Some(Ok(Some(ended))) if ended.is_well() => Ok(()),

@@ -39,10 +39,20 @@ pub enum Proof {
 /// # Errors
 /// When the name is unknown, files are missing or too many, one does not load or has another interface, or cannot be
 /// copied.
-pub fn add(catalogue: &Catalogue, folder: &Path, name: &str, files: &[PathBuf]) -> Result<Vec<Added>, NnError> {
+pub fn add(
+    catalogue: &Catalogue,
+    folder: &Path,
+    name: &str,
+    files: &[PathBuf],
+) -> Result<Vec<Added>, NnError> {
     let entry = catalogue.entry(name)?;
     let names = entry.file_names();
-    let in_folder = |folder: &PathBuf| names.iter().map(|name| folder.join(name)).collect::<Vec<_>>();
+    let in_folder = |folder: &PathBuf| {
+        names
+            .iter()
+            .map(|name| folder.join(name))
+            .collect::<Vec<_>>()
+    };
     let within = match files {
         [folder] if folder.is_dir() => Some(in_folder(folder)),
         _ => None,
@@ -50,10 +60,16 @@ pub fn add(catalogue: &Catalogue, folder: &Path, name: &str, files: &[PathBuf]) 
     let files = within.as_deref().unwrap_or(files);
     if names.len() != files.len() {
         let wanted = names.join(", ");
-        return Err(NnError::Request(format!("`{name}` takes {} in this order: {wanted}", count(names.len()))));
+        return Err(NnError::Request(format!(
+            "`{name}` takes {} in this order: {wanted}",
+            count(names.len())
+        )));
     }
     let proofs = if entry.is_library() {
-        files.iter().map(|path| prove_library(path)).collect::<Result<Vec<_>, _>>()?
+        files
+            .iter()
+            .map(|path| prove_library(path))
+            .collect::<Result<Vec<_>, _>>()?
     } else {
         prove_networks(entry, files)?
     };
@@ -61,17 +77,28 @@ pub fn add(catalogue: &Catalogue, folder: &Path, name: &str, files: &[PathBuf]) 
     let digests = digests(files)?;
     place(folder, files, &targets)?;
     record(folder, &targets, digests)?;
-    Ok(targets.into_iter().zip(proofs).map(|(path, proof)| Added { path, proof }).collect())
+    Ok(targets
+        .into_iter()
+        .zip(proofs)
+        .map(|(path, proof)| Added { path, proof })
+        .collect())
 }
 
 fn count(files: usize) -> String {
-    if files == 1 { "one file,".to_owned() } else { format!("{files} files") }
+    if files == 1 {
+        "one file,".to_owned()
+    } else {
+        format!("{files} files")
+    }
 }
 
 fn prove_library(path: &Path) -> Result<Proof, NnError> {
     readable(path)?;
     if let Some(other) = Runtime::loaded().filter(|runtime| runtime.path() != whole(path)) {
-        return Ok(Proof::None(format!("{} is in use until the program is started again", other.path().display())));
+        return Ok(Proof::None(format!(
+            "{} is in use until the program is started again",
+            other.path().display()
+        )));
     }
     Runtime::open(path).map(|_| Proof::Loads)
 }
@@ -90,22 +117,36 @@ fn prove_networks(entry: &Entry, paths: &[PathBuf]) -> Result<Vec<Proof>, NnErro
 fn prove_by_loading(runtime: &Runtime, file: &NetworkFile, path: &Path) -> Result<Proof, NnError> {
     let expected = file.signature();
     Network::load(runtime, path, expected.as_ref())?;
-    Ok(if expected.is_some() { Proof::Fits } else { Proof::Loads })
+    Ok(if expected.is_some() {
+        Proof::Fits
+    } else {
+        Proof::Loads
+    })
 }
 
 fn prove_by_digest(file: &NetworkFile, path: &Path, why: &NnError) -> Result<Proof, NnError> {
     let Some(expected) = &file.sha256 else {
         return Ok(Proof::None(why.to_string()));
     };
-    let found = sha256(path).map_err(|reason| NnError::Io { path: path.to_owned(), reason })?;
+    let found = sha256(path).map_err(|reason| NnError::Io {
+        path: path.to_owned(),
+        reason,
+    })?;
     if found == *expected || file.other_sha256.contains(&found) {
         return Ok(Proof::Known);
     }
-    Err(NnError::Digest { path: path.to_owned(), expected: expected.clone(), found })
+    Err(NnError::Digest {
+        path: path.to_owned(),
+        expected: expected.clone(),
+        found,
+    })
 }
 
 fn readable(path: &Path) -> Result<(), NnError> {
-    File::open(path).map(drop).map_err(|reason| NnError::Io { path: path.to_owned(), reason })
+    File::open(path).map(drop).map_err(|reason| NnError::Io {
+        path: path.to_owned(),
+        reason,
+    })
 }
 
 /// Copies all files before any of them replaces what was there.
@@ -123,5 +164,7 @@ fn place(folder: &Path, files: &[PathBuf], targets: &[PathBuf]) -> Result<(), Nn
         std::io::copy(&mut source, copy.as_file()).map_err(failed(to))?;
         copies.push((copy, to));
     }
-    copies.into_iter().try_for_each(|(copy, to)| copy.commit().map_err(failed(to)))
+    copies
+        .into_iter()
+        .try_for_each(|(copy, to)| copy.commit().map_err(failed(to)))
 }

@@ -51,9 +51,19 @@ impl Entry {
     /// The entry's files in `folder`; `None` where one is missing.
     #[must_use]
     pub fn installed(&self, folder: &Path) -> Option<Installed> {
-        let paths: Vec<PathBuf> = self.file_names().iter().map(|name| folder.join(name)).collect();
-        let sizes = paths.iter().map(|path| std::fs::metadata(path).ok().filter(std::fs::Metadata::is_file));
-        let bytes = sizes.map(|size| size.map(|size| size.len())).sum::<Option<u64>>()?;
+        let paths: Vec<PathBuf> = self
+            .file_names()
+            .iter()
+            .map(|name| folder.join(name))
+            .collect();
+        let sizes = paths.iter().map(|path| {
+            std::fs::metadata(path)
+                .ok()
+                .filter(std::fs::Metadata::is_file)
+        });
+        let bytes = sizes
+            .map(|size| size.map(|size| size.len()))
+            .sum::<Option<u64>>()?;
         Some(Installed { paths, bytes })
     }
 }
@@ -77,7 +87,11 @@ pub fn list(catalogue: &Catalogue, folder: &Path) -> Vec<Row> {
 ///
 /// # Errors
 /// When it is unknown, not installed, does not load or has another interface.
-pub fn check(catalogue: &Catalogue, folder: &Path, name: &str) -> Result<Vec<CheckedFile>, NnError> {
+pub fn check(
+    catalogue: &Catalogue,
+    folder: &Path,
+    name: &str,
+) -> Result<Vec<CheckedFile>, NnError> {
     let entry = catalogue.entry(name)?;
     if entry.is_library() {
         let own = folder.join(library_name());
@@ -85,21 +99,40 @@ pub fn check(catalogue: &Catalogue, folder: &Path, name: &str) -> Result<Vec<Che
             compare(folder, &own)?;
         }
         let path = Runtime::find()?.path().to_owned();
-        return Ok(vec![CheckedFile { path, signature: None, is_compared: false }]);
+        return Ok(vec![CheckedFile {
+            path,
+            signature: None,
+            is_compared: false,
+        }]);
     }
-    let installed = entry.installed(folder).ok_or_else(|| entry.missing(folder))?;
+    let installed = entry
+        .installed(folder)
+        .ok_or_else(|| entry.missing(folder))?;
     let runtime = Runtime::find()?;
     let load = |(file, path): (&NetworkFile, PathBuf)| {
         compare(folder, &path)?;
         if file.is_text {
             text(&path)?;
-            return Ok(CheckedFile { path, signature: None, is_compared: false });
+            return Ok(CheckedFile {
+                path,
+                signature: None,
+                is_compared: false,
+            });
         }
         let expected = file.signature();
         let network = Network::load(&runtime, &path, expected.as_ref())?;
-        Ok(CheckedFile { path, signature: Some(network.signature().clone()), is_compared: expected.is_some() })
+        Ok(CheckedFile {
+            path,
+            signature: Some(network.signature().clone()),
+            is_compared: expected.is_some(),
+        })
     };
-    entry.files().iter().zip(installed.paths).map(load).collect()
+    entry
+        .files()
+        .iter()
+        .zip(installed.paths)
+        .map(load)
+        .collect()
 }
 
 /// Loads the networks that `folder` holds under `name`, one per file that is not text.
@@ -109,10 +142,18 @@ pub fn check(catalogue: &Catalogue, folder: &Path, name: &str) -> Result<Vec<Che
 pub fn load(folder: &Path, name: &str) -> Result<Vec<Network>, NnError> {
     let catalogue = Catalogue::bundled()?;
     let entry = catalogue.entry(name)?;
-    let installed = entry.installed(folder).ok_or_else(|| entry.missing(folder))?;
+    let installed = entry
+        .installed(folder)
+        .ok_or_else(|| entry.missing(folder))?;
     let runtime = Runtime::find()?;
-    let networks = entry.files().iter().zip(&installed.paths).filter(|(file, _)| !file.is_text);
-    networks.map(|(file, path)| Network::load(&runtime, path, file.signature().as_ref())).collect()
+    let networks = entry
+        .files()
+        .iter()
+        .zip(&installed.paths)
+        .filter(|(file, _)| !file.is_text);
+    networks
+        .map(|(file, path)| Network::load(&runtime, path, file.signature().as_ref()))
+        .collect()
 }
 
 /// Reads the text files that `folder` holds under `name`.
@@ -122,12 +163,21 @@ pub fn load(folder: &Path, name: &str) -> Result<Vec<Network>, NnError> {
 pub fn load_text(folder: &Path, name: &str) -> Result<Vec<String>, NnError> {
     let catalogue = Catalogue::bundled()?;
     let entry = catalogue.entry(name)?;
-    let installed = entry.installed(folder).ok_or_else(|| entry.missing(folder))?;
-    let texts = entry.files().iter().zip(&installed.paths).filter(|(file, _)| file.is_text);
+    let installed = entry
+        .installed(folder)
+        .ok_or_else(|| entry.missing(folder))?;
+    let texts = entry
+        .files()
+        .iter()
+        .zip(&installed.paths)
+        .filter(|(file, _)| file.is_text);
     texts.map(|(_, path)| text(path)).collect()
 }
 
 /// A file of text in UTF-8.
 pub(super) fn text(path: &Path) -> Result<String, NnError> {
-    std::fs::read_to_string(path).map_err(|reason| NnError::Io { path: path.to_owned(), reason })
+    std::fs::read_to_string(path).map_err(|reason| NnError::Io {
+        path: path.to_owned(),
+        reason,
+    })
 }

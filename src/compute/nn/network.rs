@@ -27,9 +27,19 @@ impl Network {
     ///
     /// # Errors
     /// [`NnError::Io`], [`NnError::NotANetwork`], [`NnError::Mismatch`].
-    pub fn load(runtime: &Runtime, path: &Path, expected: Option<&Signature>) -> Result<Self, NnError> {
-        std::fs::File::open(path).map_err(|reason| NnError::Io { path: path.to_owned(), reason })?;
-        let broken = |error: ort::Error| NnError::NotANetwork { path: path.to_owned(), what: one_line(&error) };
+    pub fn load(
+        runtime: &Runtime,
+        path: &Path,
+        expected: Option<&Signature>,
+    ) -> Result<Self, NnError> {
+        std::fs::File::open(path).map_err(|reason| NnError::Io {
+            path: path.to_owned(),
+            reason,
+        })?;
+        let broken = |error: ort::Error| NnError::NotANetwork {
+            path: path.to_owned(),
+            what: one_line(&error),
+        };
         let provider = Provider::chosen();
         let session = session(runtime, path, provider).or_else(|error| {
             if provider == Provider::Cpu {
@@ -44,13 +54,26 @@ impl Network {
             Ok(session)
         });
         let session = session.map_err(broken)?;
-        let there = Signature { inputs: ports(session.inputs()), outputs: ports(session.outputs()) };
+        let there = Signature {
+            inputs: ports(session.inputs()),
+            outputs: ports(session.outputs()),
+        };
         if let Some(expected) = expected {
-            expected.fits(&there).map_err(|what| NnError::Mismatch { path: path.to_owned(), what })?;
+            expected.fits(&there).map_err(|what| NnError::Mismatch {
+                path: path.to_owned(),
+                what,
+            })?;
         }
         let outputs = expected.map_or(there.outputs, |expected| expected.outputs.clone());
-        let signature = Signature { inputs: there.inputs, outputs };
-        Ok(Self { path: path.to_owned(), signature, session: Mutex::new(session) })
+        let signature = Signature {
+            inputs: there.inputs,
+            outputs,
+        };
+        Ok(Self {
+            path: path.to_owned(),
+            signature,
+            session: Mutex::new(session),
+        })
     }
 
     /// The file that it was loaded from.
@@ -70,7 +93,9 @@ impl Network {
     /// # Errors
     /// [`NnError::Run`] where an input is missing or does not fit, an output is of another kind, memory is short.
     pub fn run(&self, inputs: &[(&str, &Tensor)]) -> Result<Vec<Tensor>, NnError> {
-        RunOptions::new().and_then(|options| self.run_with(inputs, &options)).map_err(|error| self.failed(&error))
+        RunOptions::new()
+            .and_then(|options| self.run_with(inputs, &options))
+            .map_err(|error| self.failed(&error))
     }
 
     /// As [`Network::run`], but gives up, with `None`, soon after the answer is no longer wanted.
@@ -97,8 +122,14 @@ impl Network {
         }
     }
 
-    fn run_with(&self, inputs: &[(&str, &Tensor)], options: &RunOptions) -> ort::Result<Vec<Tensor>> {
-        let fed = inputs.iter().map(|&(name, tensor)| Ok((Cow::Borrowed(name), view(tensor)?)));
+    fn run_with(
+        &self,
+        inputs: &[(&str, &Tensor)],
+        options: &RunOptions,
+    ) -> ort::Result<Vec<Tensor>> {
+        let fed = inputs
+            .iter()
+            .map(|&(name, tensor)| Ok((Cow::Borrowed(name), view(tensor)?)));
         let fed = fed.collect::<ort::Result<Vec<(Cow<'_, str>, SessionInputValue<'_>)>>>()?;
         let mut session = self.session.lock().unwrap_or_else(PoisonError::into_inner);
         let given = session.run_with_options(fed, options)?;
@@ -110,7 +141,10 @@ impl Network {
     }
 
     fn failed(&self, error: &ort::Error) -> NnError {
-        NnError::Run { path: self.path.clone(), what: one_line(error) }
+        NnError::Run {
+            path: self.path.clone(),
+            what: one_line(error),
+        }
     }
 }
 
@@ -118,7 +152,11 @@ impl Network {
 const ASKED_EVERY: Duration = Duration::from_millis(20);
 
 /// Ends a run that is no longer wanted; returns when the run has `ended`.
-fn terminate_unless(options: &RunOptions, is_wanted: &(dyn Fn() -> bool + Sync), ended: &Receiver<()>) {
+fn terminate_unless(
+    options: &RunOptions,
+    is_wanted: &(dyn Fn() -> bool + Sync),
+    ended: &Receiver<()>,
+) {
     while ended.recv_timeout(ASKED_EVERY) == Err(RecvTimeoutError::Timeout) {
         if !is_wanted() {
             // Where that fails the run goes on to its end.
@@ -151,14 +189,27 @@ fn port(outlet: &Outlet) -> Port {
         Some(other) => Element::Other(other.to_string()),
         None => Element::Other("no tensor".to_owned()),
     };
-    let sizes = kind.tensor_shape().map(|shape| shape.iter().map(|&size| usize::try_from(size).ok()).collect());
-    Port { name: outlet.name().to_owned(), element, shape: sizes.unwrap_or_default() }
+    let sizes = kind.tensor_shape().map(|shape| {
+        shape
+            .iter()
+            .map(|&size| usize::try_from(size).ok())
+            .collect()
+    });
+    Port {
+        name: outlet.name().to_owned(),
+        element,
+        shape: sizes.unwrap_or_default(),
+    }
 }
 
 fn view(tensor: &Tensor) -> ort::Result<SessionInputValue<'_>> {
     Ok(match tensor.values() {
-        TensorValues::F32(values) => TensorRef::from_array_view((tensor.shape(), values.as_slice()))?.into(),
-        TensorValues::I64(values) => TensorRef::from_array_view((tensor.shape(), values.as_slice()))?.into(),
+        TensorValues::F32(values) => {
+            TensorRef::from_array_view((tensor.shape(), values.as_slice()))?.into()
+        }
+        TensorValues::I64(values) => {
+            TensorRef::from_array_view((tensor.shape(), values.as_slice()))?.into()
+        }
     })
 }
 
@@ -170,11 +221,18 @@ fn copied(value: &DynValue) -> ort::Result<Tensor> {
         let (shape, values) = value.try_extract_tensor::<f32>()?;
         (shape, TensorValues::F32(values.to_vec()))
     };
-    let shape: Vec<usize> = shape.iter().map(|&size| usize::try_from(size).unwrap_or(0)).collect();
+    let shape: Vec<usize> = shape
+        .iter()
+        .map(|&size| usize::try_from(size).unwrap_or(0))
+        .collect();
     Tensor::new(&shape, values).map_err(|error| ort::Error::new(error.to_string()))
 }
 
 /// ONNX Runtime's messages run over many lines.
 fn one_line(error: &ort::Error) -> String {
-    error.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
+    error
+        .to_string()
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ")
 }

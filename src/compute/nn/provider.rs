@@ -28,7 +28,13 @@ static FALLEN_BACK: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
 impl Provider {
     /// All of them, the processor first.
-    pub const ALL: [Self; 5] = [Self::Cpu, Self::Cuda, Self::TensorRt, Self::CoreMl, Self::DirectMl];
+    pub const ALL: [Self; 5] = [
+        Self::Cpu,
+        Self::Cuda,
+        Self::TensorRt,
+        Self::CoreMl,
+        Self::DirectMl,
+    ];
 
     /// Its name on the command line.
     #[must_use]
@@ -50,7 +56,10 @@ impl Provider {
 
     /// Networks that are loaded from now on run on this; those that are loaded stay where they are.
     pub fn choose(self) {
-        let place = Self::ALL.iter().position(|&one| one == self).unwrap_or_default();
+        let place = Self::ALL
+            .iter()
+            .position(|&one| one == self)
+            .unwrap_or_default();
         CHOSEN.store(place, Ordering::Relaxed);
     }
 
@@ -63,13 +72,18 @@ impl Provider {
             Self::CoreMl => vec![CoreML::default().build()],
             Self::DirectMl => vec![DirectML::default().build()],
         };
-        all.into_iter().map(ExecutionProviderDispatch::error_on_failure).collect()
+        all.into_iter()
+            .map(ExecutionProviderDispatch::error_on_failure)
+            .collect()
     }
 }
 
 /// Notes that a network runs on the processor though something else was chosen.
 pub(super) fn note_fall_back(what: String) {
-    FALLEN_BACK.lock().unwrap_or_else(PoisonError::into_inner).push(what);
+    FALLEN_BACK
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .push(what);
 }
 
 /// What was noted since the last call of networks that run on the processor though something else was chosen, a line each.

@@ -16,36 +16,56 @@ pub(super) fn digests(files: &[PathBuf]) -> Result<Vec<String>, NnError> {
 }
 
 /// Notes the digests of files that were added.
-pub(super) fn record(folder: &Path, files: &[PathBuf], digests: Vec<String>) -> Result<(), NnError> {
+pub(super) fn record(
+    folder: &Path,
+    files: &[PathBuf],
+    digests: Vec<String>,
+) -> Result<(), NnError> {
     let mut records = read(folder)?;
     records.extend(files.iter().map(|path| name(path)).zip(digests));
     let path = folder.join(RECORDS);
-    let text = toml::to_string(&records).map_err(|error| NnError::Request(format!("{}: {error}", path.display())))?;
+    let text = toml::to_string(&records)
+        .map_err(|error| NnError::Request(format!("{}: {error}", path.display())))?;
     disk::write(&path, text.as_bytes()).map_err(|reason| NnError::Io { path, reason })
 }
 
 /// Refuses a file that is another one than was added; one that was put there by hand is not known.
 pub(super) fn compare(folder: &Path, path: &Path) -> Result<(), NnError> {
-    let Some(expected) = read(folder)?.remove(&name(path)) else { return Ok(()) };
+    let Some(expected) = read(folder)?.remove(&name(path)) else {
+        return Ok(());
+    };
     let found = digest(path)?;
-    if found == expected { Ok(()) } else { Err(NnError::Changed { path: path.to_owned(), expected, found }) }
+    if found == expected {
+        Ok(())
+    } else {
+        Err(NnError::Changed {
+            path: path.to_owned(),
+            expected,
+            found,
+        })
+    }
 }
 
 fn read(folder: &Path) -> Result<BTreeMap<String, String>, NnError> {
     let path = folder.join(RECORDS);
     match disk::read_text_up_to(&path, MAX_BYTES) {
-        Ok(text) => {
-            toml::from_str(&text).map_err(|error| NnError::Request(format!("{}: {error}; delete it", path.display())))
-        }
+        Ok(text) => toml::from_str(&text)
+            .map_err(|error| NnError::Request(format!("{}: {error}; delete it", path.display()))),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(BTreeMap::new()),
         Err(reason) => Err(NnError::Io { path, reason }),
     }
 }
 
 fn digest(path: &Path) -> Result<String, NnError> {
-    sha256(path).map_err(|reason| NnError::Io { path: path.to_owned(), reason })
+    sha256(path).map_err(|reason| NnError::Io {
+        path: path.to_owned(),
+        reason,
+    })
 }
 
 fn name(path: &Path) -> String {
-    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+    path.file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .into_owned()
 }

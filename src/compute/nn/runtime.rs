@@ -37,14 +37,23 @@ impl Runtime {
         if runtime.path == whole(path) {
             return Ok(runtime);
         }
-        let what = format!("{} is in use until the program is started again", runtime.path.display());
-        Err(NnError::RuntimeUnusable { path: path.to_owned(), what })
+        let what = format!(
+            "{} is in use until the program is started again",
+            runtime.path.display()
+        );
+        Err(NnError::RuntimeUnusable {
+            path: path.to_owned(),
+            what,
+        })
     }
 
     /// The library in use, where one is loaded.
     #[must_use]
     pub fn loaded() -> Option<Self> {
-        LOADED.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        LOADED
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
     }
 
     /// The library's file, or its name where the system's loader found it.
@@ -68,7 +77,9 @@ impl Runtime {
                 return Ok(runtime);
             }
         }
-        Err(NnError::RuntimeMissing { looked: places.iter().map(|place| place.path().to_owned()).collect() })
+        Err(NnError::RuntimeMissing {
+            looked: places.iter().map(|place| place.path().to_owned()).collect(),
+        })
     }
 }
 
@@ -78,7 +89,10 @@ fn load(place: &Place) -> Result<Option<Runtime>, NnError> {
         Place::System(path) => path.clone(),
         Place::Named(path) | Place::File(path) => whole(path),
     };
-    let unusable = |what: String| NnError::RuntimeUnusable { path: path.clone(), what };
+    let unusable = |what: String| NnError::RuntimeUnusable {
+        path: path.clone(),
+        what,
+    };
     // `ort` asks for the executable's folder where a path is relative, and panics where there is none.
     if path.is_relative() && std::env::current_exe().is_err() {
         return Ok(None);
@@ -88,7 +102,10 @@ fn load(place: &Place) -> Result<Option<Runtime>, NnError> {
         (Err(LoadDynamicError::Dlopen { .. }), Place::System(_)) => return Ok(None),
         (Err(error), _) => return Err(unusable(what_is_wrong(&error))),
     };
-    let environment = builder.with_telemetry(false).build().map_err(|error| unusable(error.to_string()))?;
+    let environment = builder
+        .with_telemetry(false)
+        .build()
+        .map_err(|error| unusable(error.to_string()))?;
     // Errors come back as values; by itself it writes them to the terminal too.
     environment.set_log_level(LogLevel::Fatal);
     Ok(Some(Runtime { environment, path }))
@@ -104,6 +121,8 @@ fn what_is_wrong(error: &LoadDynamicError) -> String {
         LoadDynamicError::Dlopen { error, .. } => error.to_string(),
         LoadDynamicError::MissingApi { .. } => "it is another library".to_owned(),
         LoadDynamicError::InvalidVersionString => "it does not tell its version".to_owned(),
-        LoadDynamicError::BadVersion { version_str, .. } => format!("it is of version {version_str}"),
+        LoadDynamicError::BadVersion { version_str, .. } => {
+            format!("it is of version {version_str}")
+        }
     }
 }

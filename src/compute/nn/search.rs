@@ -7,14 +7,21 @@ use super::error::NnError;
 /// # Errors
 /// When the system tells no data folder.
 pub fn models_folder() -> Result<PathBuf, NnError> {
-    let no_folder = || NnError::Request("this system tells no data folder; set XDG_DATA_HOME".to_owned());
-    dirs::data_dir().map(|dir| dir.join("ostra").join("models")).ok_or_else(no_folder)
+    let no_folder =
+        || NnError::Request("this system tells no data folder; set XDG_DATA_HOME".to_owned());
+    dirs::data_dir()
+        .map(|dir| dir.join("ostra").join("models"))
+        .ok_or_else(no_folder)
 }
 
 /// How the library of ONNX Runtime is called on this system.
 #[must_use]
 pub fn library_name() -> String {
-    format!("{}onnxruntime{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX)
+    format!(
+        "{}onnxruntime{}",
+        std::env::consts::DLL_PREFIX,
+        std::env::consts::DLL_SUFFIX
+    )
 }
 
 /// One place where ONNX Runtime may be.
@@ -45,9 +52,14 @@ pub fn places(named: Option<PathBuf>, folder: Option<&Path>) -> Vec<Place> {
         return vec![Place::Named(path)];
     }
     let name = library_name();
-    let own = folder.map(|folder| folder.join(&name)).filter(|path| path.is_file()).map(Place::File);
+    let own = folder
+        .map(|folder| folder.join(&name))
+        .filter(|path| path.is_file())
+        .map(Place::File);
     // Linux distributions ship the first name only with the headers.
     let versioned = cfg!(target_os = "linux").then(|| format!("{name}.1"));
-    let system = std::iter::once(name).chain(versioned).map(|name| Place::System(PathBuf::from(name)));
+    let system = std::iter::once(name)
+        .chain(versioned)
+        .map(|name| Place::System(PathBuf::from(name)));
     own.into_iter().chain(system).collect()
 }

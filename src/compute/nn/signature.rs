@@ -58,8 +58,17 @@ impl fmt::Display for Element {
 
 impl fmt::Display for Port {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let sizes = self.shape.iter().map(|size| size.map_or_else(|| "any".to_owned(), |size| size.to_string()));
-        write!(f, "`{}` {} [{}]", self.name, self.element, sizes.collect::<Vec<_>>().join(", "))
+        let sizes = self
+            .shape
+            .iter()
+            .map(|size| size.map_or_else(|| "any".to_owned(), |size| size.to_string()));
+        write!(
+            f,
+            "`{}` {} [{}]",
+            self.name,
+            self.element,
+            sizes.collect::<Vec<_>>().join(", ")
+        )
     }
 }
 
@@ -77,7 +86,10 @@ impl Signature {
     /// What was expected and what is there.
     pub fn fits(&self, found: &Signature) -> Result<(), String> {
         ports_fit(&self.inputs, &found.inputs, Way::Input)?;
-        let unfed = found.inputs.iter().find(|port| !self.inputs.iter().any(|fed| fed.name == port.name));
+        let unfed = found
+            .inputs
+            .iter()
+            .find(|port| !self.inputs.iter().any(|fed| fed.name == port.name));
         if let Some(port) = unfed {
             return Err(format!("has an input {port} that was not expected"));
         }
@@ -89,7 +101,10 @@ fn ports_fit(expected: &[Port], found: &[Port], way: Way) -> Result<(), String> 
     let kind = if way == Way::Input { "input" } else { "output" };
     for port in expected {
         let Some(there) = found.iter().find(|there| there.name == port.name) else {
-            return Err(format!("expected the {kind} {port}, there {}", named(found)));
+            return Err(format!(
+                "expected the {kind} {port}, there {}",
+                named(found)
+            ));
         };
         if there.element != port.element || !shape_fits(&port.shape, &there.shape, way) {
             return Err(format!("expected the {kind} {port}, there is {there}"));
@@ -102,7 +117,14 @@ fn named(ports: &[Port]) -> String {
     match ports {
         [] => "is none".to_owned(),
         [port] => format!("is {port}"),
-        _ => format!("are {}", ports.iter().map(Port::to_string).collect::<Vec<_>>().join(", ")),
+        _ => format!(
+            "are {}",
+            ports
+                .iter()
+                .map(Port::to_string)
+                .collect::<Vec<_>>()
+                .join(", ")
+        ),
     }
 }
 
@@ -116,7 +138,12 @@ fn shape_fits(expected: &[Option<usize>], found: &[Option<usize>], way: Way) -> 
     found.is_empty() || (expected.len() == found.len() && expected.iter().zip(found).all(size_fits))
 }
 
-fn dimensions<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Vec<Option<usize>>, D::Error> {
+fn dimensions<'de, D: serde::Deserializer<'de>>(
+    deserializer: D,
+) -> Result<Vec<Option<usize>>, D::Error> {
     let sizes = Vec::<i64>::deserialize(deserializer)?;
-    Ok(sizes.into_iter().map(|size| usize::try_from(size).ok()).collect())
+    Ok(sizes
+        .into_iter()
+        .map(|size| usize::try_from(size).ok())
+        .collect())
 }

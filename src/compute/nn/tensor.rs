@@ -27,9 +27,14 @@ impl Tensor {
             TensorValues::I64(values) => values.len(),
         };
         if shape.iter().product::<usize>() == count {
-            return Ok(Self { shape: shape.to_vec(), values });
+            return Ok(Self {
+                shape: shape.to_vec(),
+                values,
+            });
         }
-        Err(NnError::Request(format!("a tensor of shape {shape:?} cannot hold {count} values")))
+        Err(NnError::Request(format!(
+            "a tensor of shape {shape:?} cannot hold {count} values"
+        )))
     }
 
     /// A tensor of floats.

@@ -30,7 +30,11 @@ pub(super) fn unzip(archive: &Path, member: &str, into: &mut impl Write) -> Resu
         _ => return Err(damaged("its compression is not supported")),
     };
     let written = std::io::copy(&mut unpacked.by_ref().take(entry.bytes + 1), into)?;
-    if written == entry.bytes { Ok(()) } else { Err(damaged("a file in it has another length than it should")) }
+    if written == entry.bytes {
+        Ok(())
+    } else {
+        Err(damaged("a file in it has another length than it should"))
+    }
 }
 
 struct Member {
@@ -47,8 +51,14 @@ fn directory(file: &mut (impl Read + Seek)) -> Result<Vec<u8>> {
     file.seek(SeekFrom::Start(from))?;
     let mut end = Vec::new();
     file.read_to_end(&mut end)?;
-    let at = end.windows(4).rposition(|bytes| bytes == b"PK\x05\x06").ok_or_else(|| damaged("not a ZIP archive"))?;
-    let (bytes, offset) = (u64::from(u32_at(&end, at + 12)?), u64::from(u32_at(&end, at + 16)?));
+    let at = end
+        .windows(4)
+        .rposition(|bytes| bytes == b"PK\x05\x06")
+        .ok_or_else(|| damaged("not a ZIP archive"))?;
+    let (bytes, offset) = (
+        u64::from(u32_at(&end, at + 12)?),
+        u64::from(u32_at(&end, at + 16)?),
+    );
     if bytes > MAX_DIRECTORY || offset + bytes > length {
         return Err(damaged("its directory is damaged"));
     }
@@ -70,7 +80,12 @@ fn find(directory: &[u8], member: &str) -> Result<Member> {
             if bytes > MAX_BYTES {
                 return Err(damaged("a file in it is too large"));
             }
-            return Ok(Member { method: u16_at(directory, at + 10)?, packed, bytes, offset });
+            return Ok(Member {
+                method: u16_at(directory, at + 10)?,
+                packed,
+                bytes,
+                offset,
+            });
         }
         at += 46 + name + rest;
     }
@@ -79,12 +94,14 @@ fn find(directory: &[u8], member: &str) -> Result<Member> {
 
 fn u16_at(bytes: &[u8], at: usize) -> Result<u16> {
     let two = bytes.get(at..at + 2).and_then(|two| two.try_into().ok());
-    two.map(u16::from_le_bytes).ok_or_else(|| damaged("it breaks off"))
+    two.map(u16::from_le_bytes)
+        .ok_or_else(|| damaged("it breaks off"))
 }
 
 fn u32_at(bytes: &[u8], at: usize) -> Result<u32> {
     let four = bytes.get(at..at + 4).and_then(|four| four.try_into().ok());
-    four.map(u32::from_le_bytes).ok_or_else(|| damaged("it breaks off"))
+    four.map(u32::from_le_bytes)
+        .ok_or_else(|| damaged("it breaks off"))
 }
 
 fn damaged(what: &str) -> Error {
@@ -99,13 +116,39 @@ mod tests {
     fn archive(name: &str, content: &[u8], bytes: u32) -> Vec<u8> {
         let length = (content.len() as u32).to_le_bytes();
         let name_length = (name.len() as u16).to_le_bytes();
-        let mut zip = [b"PK\x03\x04".as_slice(), &[0; 14], &length, &length, &name_length, &[0; 2]].concat();
+        let mut zip = [
+            b"PK\x03\x04".as_slice(),
+            &[0; 14],
+            &length,
+            &length,
+            &name_length,
+            &[0; 2],
+        ]
+        .concat();
         zip.extend([name.as_bytes(), content].concat());
         let start = (zip.len() as u32).to_le_bytes();
-        let entry =
-            [b"PK\x01\x02".as_slice(), &[0; 16], &length, &bytes.to_le_bytes(), &name_length, &[0; 16]].concat();
+        let entry = [
+            b"PK\x01\x02".as_slice(),
+            &[0; 16],
+            &length,
+            &bytes.to_le_bytes(),
+            &name_length,
+            &[0; 16],
+        ]
+        .concat();
         let size = ((entry.len() + name.len()) as u32).to_le_bytes();
-        zip.extend([&entry, name.as_bytes(), b"PK\x05\x06", &[0; 8], &size, &start, &[0; 2]].concat());
+        zip.extend(
+            [
+                &entry,
+                name.as_bytes(),
+                b"PK\x05\x06",
+                &[0; 8],
+                &size,
+                &start,
+                &[0; 2],
+            ]
+            .concat(),
+        );
         zip
     }
 
@@ -121,10 +164,19 @@ mod tests {
         let good = archive("x/lib.so", b"content", 7);
         assert_eq!(taken(&good, "x/lib.so").unwrap(), b"content");
         assert!(taken(&good, "lib.so").is_err(), "another name");
-        assert!(taken(&archive("x/lib.so", b"content", 6), "x/lib.so").is_err(), "longer than listed");
-        assert!(taken(&archive("x/lib.so", b"content", u32::MAX), "x/lib.so").is_err(), "too large");
+        assert!(
+            taken(&archive("x/lib.so", b"content", 6), "x/lib.so").is_err(),
+            "longer than listed"
+        );
+        assert!(
+            taken(&archive("x/lib.so", b"content", u32::MAX), "x/lib.so").is_err(),
+            "too large"
+        );
         for length in 0..good.len() - 2 {
-            assert!(taken(&good[..length], "x/lib.so").is_err(), "cut to {length} bytes");
+            assert!(
+                taken(&good[..length], "x/lib.so").is_err(),
+                "cut to {length} bytes"
+            );
         }
     }
 }

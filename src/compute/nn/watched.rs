@@ -23,8 +23,16 @@ impl Ended {
 }
 
 /// Runs a program of the system to its end, or, with `None`, until `goes_on` says no.
-pub(super) fn watched(command: &mut Command, goes_on: &mut dyn FnMut() -> bool) -> std::io::Result<Option<Ended>> {
-    let program = ChildProcess::spawn(command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped()))?;
+pub(super) fn watched(
+    command: &mut Command,
+    goes_on: &mut dyn FnMut() -> bool,
+) -> std::io::Result<Option<Ended>> {
+    let program = ChildProcess::spawn(
+        command
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped()),
+    )?;
     let (ended, waited) = channel();
     let stderr = program.take_stderr();
     // Ends with the program, which then closes what it writes to.
@@ -40,11 +48,16 @@ pub(super) fn watched(command: &mut Command, goes_on: &mut dyn FnMut() -> bool) 
             said => break said.unwrap_or_default(),
         }
     };
-    Ok(Some(Ended { code: program.wait()?.code(), said }))
+    Ok(Some(Ended {
+        code: program.wait()?.code(),
+        said,
+    }))
 }
 
 fn last_line(stderr: Option<ChildStderr>) -> String {
-    let lines = stderr.into_iter().flat_map(|stderr| BufReader::new(stderr).lines().map_while(Result::ok));
+    let lines = stderr
+        .into_iter()
+        .flat_map(|stderr| BufReader::new(stderr).lines().map_while(Result::ok));
     lines.last().unwrap_or_default()
 }
 
@@ -61,16 +74,36 @@ mod tests {
 
     #[test]
     fn a_program_tells_how_it_ended() {
-        let ended = watched(&mut shell("echo first >&2; echo last >&2; exit 7"), &mut || true).unwrap().unwrap();
-        assert_eq!((ended.code, ended.said.as_str(), ended.is_well()), (Some(7), "last", false));
-        assert!(watched(&mut shell("exit 0"), &mut || true).unwrap().unwrap().is_well());
+        let ended = watched(
+            &mut shell("echo first >&2; echo last >&2; exit 7"),
+            &mut || true,
+        )
+        .unwrap()
+        .unwrap();
+        assert_eq!(
+            (ended.code, ended.said.as_str(), ended.is_well()),
+            (Some(7), "last", false)
+        );
+        assert!(
+            watched(&mut shell("exit 0"), &mut || true)
+                .unwrap()
+                .unwrap()
+                .is_well()
+        );
         assert!(watched(&mut Command::new("no-program-of-this-name"), &mut || true).is_err());
     }
 
     #[test]
     fn a_program_that_is_no_longer_wanted_is_ended() {
         let begun = std::time::Instant::now();
-        assert!(watched(&mut shell("exec sleep 60"), &mut || false).unwrap().is_none());
-        assert!(begun.elapsed() < Duration::from_secs(30), "it did not sleep to its end");
+        assert!(
+            watched(&mut shell("exec sleep 60"), &mut || false)
+                .unwrap()
+                .is_none()
+        );
+        assert!(
+            begun.elapsed() < Duration::from_secs(30),
+            "it did not sleep to its end"
+        );
     }
 }

@@ -89,7 +89,10 @@ impl Wheel {
 
     /// Name of the package's file.
     pub fn file_name(&self) -> &'static str {
-        Path::new(self.url).file_name().and_then(|name| name.to_str()).unwrap_or(self.platform)
+        Path::new(self.url)
+            .file_name()
+            .and_then(|name| name.to_str())
+            .unwrap_or(self.platform)
     }
 }
 
@@ -100,9 +103,18 @@ mod tests {
     #[test]
     fn packages_are_fetched_by_https_and_have_whole_digests() {
         for wheel in &WHEELS {
-            assert!(wheel.url.starts_with("https://") && wheel.url.contains(VERSION), "{}", wheel.url);
-            assert!(wheel.sha256.len() == 64 && wheel.sha256.bytes().all(|byte| byte.is_ascii_hexdigit()));
-            assert!(wheel.file_name().ends_with(".whl") && wheel.file_name().contains(wheel.platform));
+            assert!(
+                wheel.url.starts_with("https://") && wheel.url.contains(VERSION),
+                "{}",
+                wheel.url
+            );
+            assert!(
+                wheel.sha256.len() == 64
+                    && wheel.sha256.bytes().all(|byte| byte.is_ascii_hexdigit())
+            );
+            assert!(
+                wheel.file_name().ends_with(".whl") && wheel.file_name().contains(wheel.platform)
+            );
         }
     }
 }

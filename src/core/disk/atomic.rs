@@ -30,14 +30,25 @@ impl AtomicFile {
     /// `target`.
     pub fn create(target: &Path) -> Result<Self> {
         if fs::metadata(target).is_ok_and(|found| !found.is_file()) {
-            return Err(Error::new(ErrorKind::InvalidInput, "it is not a regular file"));
+            return Err(Error::new(
+                ErrorKind::InvalidInput,
+                "it is not a regular file",
+            ));
         }
         let prefix = prefix_for(target)?;
-        let make = || builder(&prefix).tempfile_in(folder_of(target)).map_err(without_path);
+        let make = || {
+            builder(&prefix)
+                .tempfile_in(folder_of(target))
+                .map_err(without_path)
+        };
         let (file, listed) = Unfinished::create(make)?;
         // Some network file systems have no locks; there a leftover is only recognised by its name.
         let _ = file.as_file().try_lock();
-        Ok(Self { file, target: target.to_owned(), _listed: listed })
+        Ok(Self {
+            file,
+            target: target.to_owned(),
+            _listed: listed,
+        })
     }
 
     /// The file under its temporary name.
@@ -53,7 +64,9 @@ impl AtomicFile {
     pub fn commit(self) -> Result<()> {
         self.file.as_file().sync_all()?;
         let folder = folder_of(&self.target).to_owned();
-        self.file.persist(&self.target).map_err(|failed| failed.error)?;
+        self.file
+            .persist(&self.target)
+            .map_err(|failed| failed.error)?;
         sync_folder(&folder);
         Ok(())
     }
@@ -99,11 +112,18 @@ impl WorkFolder {
     /// # Errors
     /// When `folder` is missing or not writable.
     pub fn create(folder: &Path) -> Result<Self> {
-        let made = Builder::new().prefix(PREFIX).suffix(SUFFIX).rand_bytes(12).tempdir_in(folder);
+        let made = Builder::new()
+            .prefix(PREFIX)
+            .suffix(SUFFIX)
+            .rand_bytes(12)
+            .tempdir_in(folder);
         let folder = made.map_err(without_path)?;
         let lock = File::create_new(folder.path().join(LOCK))?;
         let _ = lock.try_lock();
-        Ok(Self { folder, _lock: lock })
+        Ok(Self {
+            folder,
+            _lock: lock,
+        })
     }
 
     /// Where it is.
@@ -115,7 +135,9 @@ impl WorkFolder {
 
 /// How the temporary name of a file begins.
 pub(super) fn prefix_for(target: &Path) -> Result<OsString> {
-    let name = target.file_name().ok_or_else(|| Error::new(ErrorKind::InvalidInput, "it has no file name"))?;
+    let name = target
+        .file_name()
+        .ok_or_else(|| Error::new(ErrorKind::InvalidInput, "it has no file name"))?;
     let mut prefix = OsString::from(PREFIX);
     // Names may be as long as the file system allows; the temporary one needs room for more.
     prefix.push(name.to_string_lossy().chars().take(32).collect::<String>());
@@ -124,7 +146,10 @@ pub(super) fn prefix_for(target: &Path) -> Result<OsString> {
 }
 
 pub(super) fn folder_of(target: &Path) -> &Path {
-    target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+    target
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty())
+        .unwrap_or(Path::new("."))
 }
 
 pub(super) fn builder(prefix: &OsString) -> Builder<'_, 'static> {
@@ -154,7 +179,10 @@ mod tests {
     use super::*;
 
     fn names(folder: &Path) -> Vec<String> {
-        fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+        fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect()
     }
 
     #[test]
@@ -164,11 +192,20 @@ mod tests {
         write(&target, b"first").unwrap();
         let mut second = AtomicFile::create(&target).unwrap();
         second.write_all(b"half").unwrap();
-        assert_eq!((fs::read(&target).unwrap(), names(folder.path()).len()), (b"first".to_vec(), 2));
+        assert_eq!(
+            (fs::read(&target).unwrap(), names(folder.path()).len()),
+            (b"first".to_vec(), 2)
+        );
         drop(second);
-        assert_eq!((fs::read(&target).unwrap(), names(folder.path())), (b"first".to_vec(), vec!["a.txt".to_owned()]));
+        assert_eq!(
+            (fs::read(&target).unwrap(), names(folder.path())),
+            (b"first".to_vec(), vec!["a.txt".to_owned()])
+        );
         write(&target, b"second").unwrap();
-        assert_eq!((fs::read(&target).unwrap(), names(folder.path()).len()), (b"second".to_vec(), 1));
+        assert_eq!(
+            (fs::read(&target).unwrap(), names(folder.path()).len()),
+            (b"second".to_vec(), 1)
+        );
     }
 
     #[cfg(unix)]
@@ -180,7 +217,10 @@ mod tests {
         fs::write(&photo, "photo").unwrap();
         symlink(&photo, &target).unwrap();
         write(&target, b"export").unwrap();
-        assert_eq!((fs::read(&photo).unwrap(), fs::read(&target).unwrap()), (b"photo".to_vec(), b"export".to_vec()));
+        assert_eq!(
+            (fs::read(&photo).unwrap(), fs::read(&target).unwrap()),
+            (b"photo".to_vec(), b"export".to_vec())
+        );
         let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
         assert_eq!(mode(&photo), mode(&target));
     }
@@ -191,7 +231,12 @@ mod tests {
         assert!(write(folder.path(), b"x").is_err());
         assert!(write(&folder.path().join("missing/file"), b"x").is_err());
         #[cfg(unix)]
-        assert!(write(Path::new("/dev/null"), b"x").unwrap_err().to_string().contains("regular file"));
+        assert!(
+            write(Path::new("/dev/null"), b"x")
+                .unwrap_err()
+                .to_string()
+                .contains("regular file")
+        );
     }
 
     #[test]

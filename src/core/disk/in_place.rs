@@ -14,7 +14,10 @@ use super::write;
 pub fn open_in_place(path: &Path) -> Result<File> {
     let found = match fs::symlink_metadata(path) {
         // Exclusive creation follows no link either.
-        Err(error) if error.kind() == ErrorKind::NotFound => match options().create_new(true).open(path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => match options()
+            .create_new(true)
+            .open(path)
+        {
             // Another process has made it since.
             Err(error) if error.kind() == ErrorKind::AlreadyExists => fs::symlink_metadata(path)?,
             opened => return opened,
@@ -28,13 +31,19 @@ pub fn open_in_place(path: &Path) -> Result<File> {
     let file = options().open(path)?;
     let now = fs::symlink_metadata(path)?;
     check_regular(&now)?;
-    if is_same_file(&now, &file.metadata()?) { Ok(file) } else { Err(Error::other("it was replaced just now")) }
+    if is_same_file(&now, &file.metadata()?) {
+        Ok(file)
+    } else {
+        Err(Error::other("it was replaced just now"))
+    }
 }
 
 /// Whether an open file is still the one at `path`: another process may have removed or replaced it since.
 #[must_use]
 pub fn is_still_at(file: &File, path: &Path) -> bool {
-    fs::symlink_metadata(path).and_then(|now| Ok(is_same_file(&now, &file.metadata()?))).unwrap_or(false)
+    fs::symlink_metadata(path)
+        .and_then(|now| Ok(is_same_file(&now, &file.metadata()?)))
+        .unwrap_or(false)
 }
 
 fn options() -> OpenOptions {
@@ -47,7 +56,10 @@ fn check_regular(found: &Metadata) -> Result<()> {
     match found.file_type() {
         kind if kind.is_file() => Ok(()),
         kind if kind.is_symlink() => Err(Error::new(ErrorKind::InvalidInput, "it is a link")),
-        _ => Err(Error::new(ErrorKind::InvalidInput, "it is not a regular file")),
+        _ => Err(Error::new(
+            ErrorKind::InvalidInput,
+            "it is not a regular file",
+        )),
     }
 }
 
@@ -86,7 +98,10 @@ mod tests {
         fs::write(&other, "theirs").unwrap();
         fs::hard_link(&other, &path).unwrap();
         open_in_place(&path).unwrap().write_all(b"ours!!").unwrap();
-        assert_eq!((fs::read(&other).unwrap(), fs::read(&path).unwrap()), (b"theirs".to_vec(), b"ours!!".to_vec()));
+        assert_eq!(
+            (fs::read(&other).unwrap(), fs::read(&path).unwrap()),
+            (b"theirs".to_vec(), b"ours!!".to_vec())
+        );
         open_in_place(&path).unwrap().write_all(b"again!").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"again!");
     }
@@ -97,8 +112,12 @@ mod tests {
             let folder = tempfile::tempdir().unwrap();
             let path = folder.path().join("lock");
             std::thread::scope(|scope| {
-                let opened: Vec<_> = (0..4).map(|_| scope.spawn(|| open_in_place(&path).map(drop))).collect();
-                opened.into_iter().for_each(|one| one.join().unwrap().unwrap());
+                let opened: Vec<_> = (0..4)
+                    .map(|_| scope.spawn(|| open_in_place(&path).map(drop)))
+                    .collect();
+                opened
+                    .into_iter()
+                    .for_each(|one| one.join().unwrap().unwrap());
             });
         }
     }
@@ -110,7 +129,13 @@ mod tests {
         fs::write(path("other"), "theirs").unwrap();
         symlink(path("other"), path("link")).unwrap();
         symlink(path("missing"), path("dangling")).unwrap();
-        assert!(std::process::Command::new("mkfifo").arg(path("pipe")).status().unwrap().success());
+        assert!(
+            std::process::Command::new("mkfifo")
+                .arg(path("pipe"))
+                .status()
+                .unwrap()
+                .success()
+        );
         for name in ["link", "dangling", "pipe", "."] {
             assert!(open_in_place(&path(name)).is_err(), "{name}");
         }

@@ -19,9 +19,13 @@ pub fn is_temporary(name: &OsStr) -> bool {
 /// Removes the temporary files that killed processes left in `folder` and, with `below`, in the folders inside it. Those
 /// that a running process writes to are locked and stay. Links to folders are not followed.
 pub fn remove_leftovers(folder: &Path, below: bool) {
-    let Ok(entries) = fs::read_dir(folder) else { return };
+    let Ok(entries) = fs::read_dir(folder) else {
+        return;
+    };
     for entry in entries.flatten() {
-        let Ok(kind) = entry.file_type() else { continue };
+        let Ok(kind) = entry.file_type() else {
+            continue;
+        };
         let (path, is_temporary) = (entry.path(), is_temporary(&entry.file_name()));
         if kind.is_dir() && is_temporary {
             if is_abandoned(&path.join(LOCK)) {
@@ -36,7 +40,10 @@ pub fn remove_leftovers(folder: &Path, below: bool) {
 }
 
 fn is_abandoned(path: &Path) -> bool {
-    OpenOptions::new().write(true).open(path).is_ok_and(|file| file.try_lock().is_ok())
+    OpenOptions::new()
+        .write(true)
+        .open(path)
+        .is_ok_and(|file| file.try_lock().is_ok())
 }
 
 #[cfg(test)]
@@ -51,7 +58,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let inner = folder.path().join("inner");
         fs::create_dir(&inner).unwrap();
-        for abandoned in [folder.path().join(".ostra-a.ply.x1.tmp"), inner.join(".ostra-b.x2.tmp")] {
+        for abandoned in [
+            folder.path().join(".ostra-a.ply.x1.tmp"),
+            inner.join(".ostra-b.x2.tmp"),
+        ] {
             fs::write(abandoned, "half").unwrap();
         }
         fs::write(folder.path().join("notes.tmp"), "the user's").unwrap();
@@ -68,7 +78,10 @@ mod tests {
         assert!(working.path().is_dir() && !abandoned.exists());
         drop(working);
         writing.commit().unwrap();
-        let mut names: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        let mut names: Vec<_> = fs::read_dir(folder.path())
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name())
+            .collect();
         names.sort();
         assert_eq!(names, ["c.ply", "inner", "notes.tmp"]);
     }

@@ -39,7 +39,8 @@ pub fn read_regular_up_to(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
     let file = open_regular(path)?;
     let length = file.metadata()?.len();
     if length > max_bytes {
-        let what = format!("it has {length} bytes, more than the {max_bytes} that are possible here");
+        let what =
+            format!("it has {length} bytes, more than the {max_bytes} that are possible here");
         return Err(Error::new(ErrorKind::FileTooLarge, what));
     }
     let mut bytes = Vec::new();
@@ -109,7 +110,11 @@ fn name_of(kind: FileType) -> &'static str {
 
 #[cfg(not(unix))]
 fn name_of(kind: FileType) -> &'static str {
-    if kind.is_dir() { "a folder" } else { "something else" }
+    if kind.is_dir() {
+        "a folder"
+    } else {
+        "something else"
+    }
 }
 
 #[cfg(test)]
@@ -120,7 +125,12 @@ mod tests {
     fn text_with_any_byte_order_mark_is_read() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.txt");
-        let units = |order: fn(u16) -> [u8; 2]| "\u{feff}é 1\r\n".encode_utf16().flat_map(order).collect::<Vec<u8>>();
+        let units = |order: fn(u16) -> [u8; 2]| {
+            "\u{feff}é 1\r\n"
+                .encode_utf16()
+                .flat_map(order)
+                .collect::<Vec<u8>>()
+        };
         for bytes in [
             "é 1\r\n".as_bytes().to_vec(),
             "\u{feff}é 1\r\n".as_bytes().to_vec(),
@@ -134,7 +144,11 @@ mod tests {
         assert_eq!(read_text(&path).unwrap(), "");
         for bytes in [&[0xff, 0xfe, 0][..], &[0xff, 0xfe, 0, 0xd8], &[b'a', 0xff]] {
             fs::write(&path, bytes).unwrap();
-            assert_eq!(read_text(&path).unwrap_err().kind(), ErrorKind::InvalidData, "{bytes:?}");
+            assert_eq!(
+                read_text(&path).unwrap_err().kind(),
+                ErrorKind::InvalidData,
+                "{bytes:?}"
+            );
         }
     }
 
@@ -149,7 +163,10 @@ mod tests {
         assert!(error.to_string().contains("5 bytes"), "{error}");
         let sparse = fs::File::create(&path).unwrap();
         sparse.set_len(MAX_TEXT_BYTES + 1).unwrap();
-        assert_eq!(read_text(&path).unwrap_err().kind(), ErrorKind::FileTooLarge);
+        assert_eq!(
+            read_text(&path).unwrap_err().kind(),
+            ErrorKind::FileTooLarge
+        );
     }
 
     #[test]
@@ -165,17 +182,36 @@ mod tests {
     #[test]
     fn folders_and_missing_files_are_refused() {
         let folder = tempfile::tempdir().unwrap();
-        assert!(open_regular(folder.path()).unwrap_err().to_string().contains("a folder"));
-        assert_eq!(open_regular(&folder.path().join("none")).unwrap_err().kind(), ErrorKind::NotFound);
+        assert!(
+            open_regular(folder.path())
+                .unwrap_err()
+                .to_string()
+                .contains("a folder")
+        );
+        assert_eq!(
+            open_regular(&folder.path().join("none"))
+                .unwrap_err()
+                .kind(),
+            ErrorKind::NotFound
+        );
     }
 
     #[cfg(unix)]
     #[test]
     fn pipes_sockets_and_devices_are_refused_without_waiting() {
         let folder = tempfile::tempdir().unwrap();
-        let (pipe, socket, link) =
-            (folder.path().join("pipe"), folder.path().join("socket"), folder.path().join("link"));
-        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let (pipe, socket, link) = (
+            folder.path().join("pipe"),
+            folder.path().join("socket"),
+            folder.path().join("link"),
+        );
+        assert!(
+            std::process::Command::new("mkfifo")
+                .arg(&pipe)
+                .status()
+                .unwrap()
+                .success()
+        );
         let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
         std::os::unix::fs::symlink(&pipe, &link).unwrap();
         for (path, name) in [

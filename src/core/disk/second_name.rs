@@ -12,7 +12,8 @@ use super::atomic::{builder, folder_of, prefix_for, sync_folder};
 /// When the source is missing or `target` cannot be written.
 pub fn link(source: &Path, target: &Path) -> Result<()> {
     let folder = folder_of(target);
-    let linked = builder(&prefix_for(target)?).make_in(folder, |temporary| fs::hard_link(source, temporary));
+    let linked =
+        builder(&prefix_for(target)?).make_in(folder, |temporary| fs::hard_link(source, temporary));
     match linked {
         Ok(named) => {
             named.persist(target).map_err(|failed| failed.error)?;
@@ -42,7 +43,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         fs::write(path("source"), "points").unwrap();
-        for (target, put) in [("linked", link as fn(&Path, &Path) -> Result<()>), ("copied", copy_to)] {
+        for (target, put) in [
+            ("linked", link as fn(&Path, &Path) -> Result<()>),
+            ("copied", copy_to),
+        ] {
             fs::write(path(target), "before").unwrap();
             put(&path("source"), &path(target)).unwrap();
             assert_eq!(fs::read(path(target)).unwrap(), b"points");
@@ -51,7 +55,10 @@ mod tests {
         }
         assert!(link(&path("missing"), &path("linked")).is_err());
         assert_eq!(
-            (fs::read(path("linked")).unwrap(), fs::read_dir(folder.path()).unwrap().count()),
+            (
+                fs::read(path("linked")).unwrap(),
+                fs::read_dir(folder.path()).unwrap().count()
+            ),
             (b"points".to_vec(), 3)
         );
     }

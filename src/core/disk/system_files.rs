@@ -19,11 +19,17 @@ const SYSTEM_FOLDERS: [&str; 16] = [
 ];
 
 /// How the names of files begin that network storage makes of an image, in lower case.
-const THUMBNAIL_STARTS: [&str; 4] = ["synophoto_thumb", "synophoto_film", "synofile_thumb", "synovideo_"];
+const THUMBNAIL_STARTS: [&str; 4] = [
+    "synophoto_thumb",
+    "synophoto_film",
+    "synofile_thumb",
+    "synovideo_",
+];
 
 /// Returns whether a file or folder of this name belongs to the system or to network storage, not to the user.
 #[must_use]
 pub fn is_system_file(name: &str) -> bool {
     let name = name.to_ascii_lowercase();
-    SYSTEM_FOLDERS.contains(&name.as_str()) || THUMBNAIL_STARTS.iter().any(|start| name.starts_with(start))
+    SYSTEM_FOLDERS.contains(&name.as_str())
+        || THUMBNAIL_STARTS.iter().any(|start| name.starts_with(start))
 }

@@ -21,7 +21,9 @@ impl Unfinished {
     }
 
     /// Creates a temporary file and lists it. Both happen under one lock, so that [`remove_unfinished`] misses no file.
-    pub(super) fn create(create: impl FnOnce() -> Result<NamedTempFile>) -> Result<(NamedTempFile, Self)> {
+    pub(super) fn create(
+        create: impl FnOnce() -> Result<NamedTempFile>,
+    ) -> Result<(NamedTempFile, Self)> {
         let mut list = list();
         let file = create()?;
         let path = file.path().to_owned();

@@ -15,7 +15,13 @@ struct Slot<T> {
 
 impl<T> Default for Latest<T> {
     fn default() -> Self {
-        Self { slot: Mutex::new(Slot { value: None, closed: false }), changed: Condvar::new() }
+        Self {
+            slot: Mutex::new(Slot {
+                value: None,
+                closed: false,
+            }),
+            changed: Condvar::new(),
+        }
     }
 }
 
@@ -42,7 +48,10 @@ impl<T> Latest<T> {
             if let Some(value) = slot.value.take() {
                 return Some(value);
             }
-            slot = self.changed.wait(slot).unwrap_or_else(PoisonError::into_inner);
+            slot = self
+                .changed
+                .wait(slot)
+                .unwrap_or_else(PoisonError::into_inner);
         }
     }
 

@@ -28,30 +28,48 @@ impl<K: Clone + PartialEq + Send + 'static, V: Send + 'static> Loader<K, V> {
         load: impl Fn(&K) -> V + Send + Sync + 'static,
         notify: impl Fn() + Send + Sync + 'static,
     ) -> Self {
-        let state = State { wanted: Vec::new(), running: Vec::new(), closed: false };
-        let wishes = Arc::new(Wishes { state: Mutex::new(state), changed: Condvar::new() });
+        let state = State {
+            wanted: Vec::new(),
+            running: Vec::new(),
+            closed: false,
+        };
+        let wishes = Arc::new(Wishes {
+            state: Mutex::new(state),
+            changed: Condvar::new(),
+        });
         let work = Arc::new((load, notify));
         let (sender, done) = channel();
         for _ in 0..threads.max(1) {
             let (wishes, work, sender) = (Arc::clone(&wishes), Arc::clone(&work), sender.clone());
             // Without a thread nothing is loaded; the window then shows empty pictures but goes on.
-            let _ =
-                std::thread::Builder::new().name(name.into()).spawn(move || serve(&wishes, &work.0, &work.1, &sender));
+            let _ = std::thread::Builder::new()
+                .name(name.into())
+                .spawn(move || serve(&wishes, &work.0, &work.1, &sender));
         }
-        Self { wishes, done: Mutex::new(done) }
+        Self {
+            wishes,
+            done: Mutex::new(done),
+        }
     }
 
     /// Replaces the list of wishes, first wish first. What is being loaded now goes on and is not begun twice.
     pub fn want(&self, keys: Vec<K>) {
         let mut state = self.wishes.lock();
-        state.wanted = keys.into_iter().filter(|key| !state.running.contains(key)).collect();
+        state.wanted = keys
+            .into_iter()
+            .filter(|key| !state.running.contains(key))
+            .collect();
         drop(state);
         self.wishes.changed.notify_all();
     }
 
     /// What was finished since the last call.
     pub fn take_done(&self) -> Vec<(K, V)> {
-        self.done.lock().unwrap_or_else(PoisonError::into_inner).try_iter().collect()
+        self.done
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .try_iter()
+            .collect()
     }
 }
 
@@ -98,7 +116,10 @@ fn next<K: Clone>(wishes: &Wishes<K>) -> Option<K> {
             state.running.push(key.clone());
             return Some(key);
         }
-        state = wishes.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+        state = wishes
+            .changed
+            .wait(state)
+            .unwrap_or_else(PoisonError::into_inner);
     }
 }
 
@@ -128,7 +149,11 @@ mod tests {
         assert_eq!(begun.recv().unwrap(), 1);
         loader.want(vec![1, 7]);
         go.send(()).unwrap();
-        assert_eq!(begun.recv().unwrap(), 7, "2 and 3 are no longer wanted, 1 is not begun twice");
+        assert_eq!(
+            begun.recv().unwrap(),
+            7,
+            "2 and 3 are no longer wanted, 1 is not begun twice"
+        );
         go.send(()).unwrap();
         for _ in 0..2 {
             notified.recv_timeout(Duration::from_secs(5)).unwrap();

@@ -35,10 +35,17 @@ impl Pool {
     #[must_use]
     pub fn new(name: &str, threads: usize, capacity: usize) -> Self {
         let queue = Mutex::new(Queue::default());
-        let shared = Arc::new(Shared { queue, changed: Condvar::new(), capacity: capacity.max(1) });
+        let shared = Arc::new(Shared {
+            queue,
+            changed: Condvar::new(),
+            capacity: capacity.max(1),
+        });
         let start = |_| {
             let shared = Arc::clone(&shared);
-            std::thread::Builder::new().name(name.into()).spawn(move || shared.work()).ok()
+            std::thread::Builder::new()
+                .name(name.into())
+                .spawn(move || shared.work())
+                .ok()
         };
         let threads = (0..threads.max(1)).filter_map(start).collect();
         Self { shared, threads }
@@ -73,7 +80,9 @@ impl Pool {
 
 impl std::fmt::Debug for Pool {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Pool").field("threads", &self.threads).finish_non_exhaustive()
+        f.debug_struct("Pool")
+            .field("threads", &self.threads)
+            .finish_non_exhaustive()
     }
 }
 
@@ -83,7 +92,11 @@ impl Drop for Pool {
         self.clear();
         self.shared.changed.notify_all();
         let current = std::thread::current().id();
-        for thread in self.threads.drain(..).filter(|thread| thread.thread().id() != current) {
+        for thread in self
+            .threads
+            .drain(..)
+            .filter(|thread| thread.thread().id() != current)
+        {
             let _ = thread.join();
         }
     }
@@ -105,7 +118,10 @@ impl Shared {
             if let Some(task) = queue.waiting.pop_front() {
                 return Some(task);
             }
-            queue = self.changed.wait(queue).unwrap_or_else(PoisonError::into_inner);
+            queue = self
+                .changed
+                .wait(queue)
+                .unwrap_or_else(PoisonError::into_inner);
         }
     }
 
@@ -156,7 +172,9 @@ mod tests {
     #[test]
     fn a_panic_does_not_end_the_thread() {
         let pool = Pool::new("test", 1, 4);
-        let broken = pool.submit(Progress::default(), |_| panic!("broken")).unwrap();
+        let broken = pool
+            .submit(Progress::default(), |_| panic!("broken"))
+            .unwrap();
         let after = pool.submit(Progress::default(), |_| 5).unwrap();
         assert!(matches!(broken.join(), Err(JobError::Panicked { what }) if what == "broken"));
         assert_eq!(after.join(), Ok(5));

@@ -36,8 +36,16 @@ impl Progress {
     /// what the part reports is not the whole's.
     #[must_use]
     pub fn part(&self) -> Self {
-        let wholes = self.wholes.iter().chain([&self.shared]).map(Arc::clone).collect();
-        Self { shared: Arc::default(), wholes }
+        let wholes = self
+            .wholes
+            .iter()
+            .chain([&self.shared])
+            .map(Arc::clone)
+            .collect();
+        Self {
+            shared: Arc::default(),
+            wholes,
+        }
     }
 
     /// Starts a new stage with nothing done.
@@ -70,7 +78,11 @@ impl Progress {
     /// [`Stopped`] when a stop was asked for.
     pub fn check(&self) -> Result<(), Stopped> {
         let is_stopped = |shared: &Arc<Shared>| shared.stop.load(Ordering::Relaxed);
-        if is_stopped(&self.shared) || self.wholes.iter().any(is_stopped) { Err(Stopped) } else { Ok(()) }
+        if is_stopped(&self.shared) || self.wholes.iter().any(is_stopped) {
+            Err(Stopped)
+        } else {
+            Ok(())
+        }
     }
 
     /// Asks the work to stop at its next step.
@@ -85,7 +97,10 @@ impl Progress {
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, ProgressReport> {
-        self.shared.report.lock().unwrap_or_else(PoisonError::into_inner)
+        self.shared
+            .report
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -98,10 +113,16 @@ mod tests {
         let whole = Progress::default();
         let (first, second) = (whole.part(), whole.part());
         first.stop();
-        assert_eq!((first.check(), second.step(1, 2), whole.check()), (Err(Stopped), Ok(()), Ok(())));
+        assert_eq!(
+            (first.check(), second.step(1, 2), whole.check()),
+            (Err(Stopped), Ok(()), Ok(()))
+        );
         assert_eq!(whole.report(), ProgressReport::default());
         let inner = second.part();
         whole.stop();
-        assert_eq!((second.check(), inner.check()), (Err(Stopped), Err(Stopped)));
+        assert_eq!(
+            (second.check(), inner.check()),
+            (Err(Stopped), Err(Stopped))
+        );
     }
 }

@@ -32,10 +32,16 @@ pub struct Running<T> {
 
 impl<T: Send + 'static> Running<T> {
     /// Runs `work` on a thread of its own, named `name`.
-    pub fn spawn(name: &str, progress: Progress, work: impl FnOnce(&Progress) -> T + Send + 'static) -> Self {
+    pub fn spawn(
+        name: &str,
+        progress: Progress,
+        work: impl FnOnce(&Progress) -> T + Send + 'static,
+    ) -> Self {
         let (running, task, sender) = Self::prepare(progress, work);
         if let Err(error) = std::thread::Builder::new().name(name.into()).spawn(task) {
-            let _ = sender.try_send(Err(JobError::NoThread { what: error.to_string() }));
+            let _ = sender.try_send(Err(JobError::NoThread {
+                what: error.to_string(),
+            }));
         }
         running
     }
@@ -44,13 +50,18 @@ impl<T: Send + 'static> Running<T> {
     pub(super) fn prepare(
         progress: Progress,
         work: impl FnOnce(&Progress) -> T + Send + 'static,
-    ) -> (Self, impl FnOnce() + Send + 'static, SyncSender<Result<T, JobError>>) {
+    ) -> (
+        Self,
+        impl FnOnce() + Send + 'static,
+        SyncSender<Result<T, JobError>>,
+    ) {
         let (sender, outcome) = sync_channel(1);
         let (own_progress, own_sender) = (progress.clone(), sender.clone());
         let task = move || {
             let result = catch_unwind(AssertUnwindSafe(|| work(&own_progress)));
-            let _ =
-                own_sender.try_send(result.map_err(|panic| JobError::Panicked { what: message_of(panic.as_ref()) }));
+            let _ = own_sender.try_send(result.map_err(|panic| JobError::Panicked {
+                what: message_of(panic.as_ref()),
+            }));
         };
         (Self { progress, outcome }, task, sender)
     }
@@ -86,7 +97,8 @@ impl<T: Send + 'static> Running<T> {
 
 fn message_of(panic: &(dyn std::any::Any + Send)) -> String {
     let text = panic.downcast_ref::<&str>().map(|text| (*text).to_owned());
-    text.or_else(|| panic.downcast_ref::<String>().cloned()).unwrap_or_else(|| "no message".into())
+    text.or_else(|| panic.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "no message".into())
 }
 
 #[cfg(test)]
@@ -122,7 +134,14 @@ mod tests {
 
     #[test]
     fn a_panic_is_a_result() {
-        let running = Running::spawn("broken", Progress::default(), |_| -> u8 { panic!("index {} is out", 7) });
-        assert_eq!(running.join(), Err(JobError::Panicked { what: "index 7 is out".into() }));
+        let running = Running::spawn("broken", Progress::default(), |_| -> u8 {
+            panic!("index {} is out", 7)
+        });
+        assert_eq!(
+            running.join(),
+            Err(JobError::Panicked {
+                what: "index 7 is out".into()
+            })
+        );
     }
 }

@@ -20,7 +20,10 @@ impl ChildProcess {
         // Under the lock, so that no child that starts now escapes `kill_children`.
         let mut running = running();
         if !Path::new(command.get_program()).is_absolute() {
-            return Err(Error::new(ErrorKind::NotFound, "not found in the folders of the PATH"));
+            return Err(Error::new(
+                ErrorKind::NotFound,
+                "not found in the folders of the PATH",
+            ));
         }
         let child = Arc::new(Mutex::new(command.spawn()?));
         running.push(Arc::clone(&child));

@@ -14,13 +14,16 @@ pub fn find(name: &str) -> Option<PathBuf> {
 fn find_in(folders: &OsStr, name: &str) -> Option<PathBuf> {
     let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
     let folders = std::env::split_paths(folders).filter(|folder| folder.is_absolute());
-    folders.map(|folder| folder.join(&file)).find(|path| is_executable(path))
+    folders
+        .map(|folder| folder.join(&file))
+        .find(|path| is_executable(path))
 }
 
 #[cfg(unix)]
 fn is_executable(path: &Path) -> bool {
     use std::os::unix::fs::PermissionsExt;
-    path.metadata().is_ok_and(|file| file.is_file() && file.permissions().mode() & 0o111 != 0)
+    path.metadata()
+        .is_ok_and(|file| file.is_file() && file.permissions().mode() & 0o111 != 0)
 }
 
 #[cfg(not(unix))]
@@ -33,7 +36,12 @@ fn is_executable(path: &Path) -> bool {
 /// # Errors
 /// [`ErrorKind::NotFound`] where no absolute folder of `PATH` holds it.
 pub fn command(name: &str) -> std::io::Result<Command> {
-    let missing = || Error::new(ErrorKind::NotFound, format!("no folder of the PATH holds `{name}`"));
+    let missing = || {
+        Error::new(
+            ErrorKind::NotFound,
+            format!("no folder of the PATH holds `{name}`"),
+        )
+    };
     find(name).map(Command::new).ok_or_else(missing)
 }
 
@@ -54,13 +62,24 @@ mod tests {
             path
         };
         let (tool, _) = (place("tool", 0o755), place("text", 0o644));
-        let path = |entries: &str| std::ffi::OsString::from(entries.replace('@', folder.path().to_str().unwrap()));
+        let path = |entries: &str| {
+            std::ffi::OsString::from(entries.replace('@', folder.path().to_str().unwrap()))
+        };
         assert_eq!(find_in(&path(":.:relative:@"), "tool"), Some(tool));
         assert_eq!(find_in(&path("@"), "text"), None, "not executable");
         let here = std::env::current_dir().unwrap();
-        let entry = here.read_dir().unwrap().flatten().next().unwrap().file_name();
+        let entry = here
+            .read_dir()
+            .unwrap()
+            .flatten()
+            .next()
+            .unwrap()
+            .file_name();
         assert_eq!(find_in(&path(":.:"), entry.to_str().unwrap()), None);
-        assert!(ChildProcess::spawn(&mut Command::new("sh")).is_err(), "a bare name is not started");
+        assert!(
+            ChildProcess::spawn(&mut Command::new("sh")).is_err(),
+            "a bare name is not started"
+        );
         assert!(command("no-program-of-this-name").is_err());
     }
 }

@@ -66,14 +66,22 @@ pub fn score_cloud(
     progress: &Progress,
 ) -> Result<CloudScore, SceneError> {
     progress.stage("score")?;
-    if let Some(bad) = options.within.iter().find(|within| !(within.is_finite() && **within > 0.0)) {
-        return Err(SceneError::Request(format!("a distance of {bad} is not possible; give lengths above 0")));
+    if let Some(bad) = options
+        .within
+        .iter()
+        .find(|within| !(within.is_finite() && **within > 0.0))
+    {
+        return Err(SceneError::Request(format!(
+            "a distance of {bad} is not possible; give lengths above 0"
+        )));
     }
     let truth = counted_truth(&at_level(truth, options.level), options)?;
     let result = aligned(&at_level(result, options.level), options.truth_from_result);
-    let empty = || SceneError::Request("a cloud without points cannot be scored; check both files".into());
-    let (in_result, in_truth) =
-        Neighbours::new(&result.positions).zip(Neighbours::new(&truth.all)).ok_or_else(empty)?;
+    let empty =
+        || SceneError::Request("a cloud without points cannot be scored; check both files".into());
+    let (in_result, in_truth) = Neighbours::new(&result.positions)
+        .zip(Neighbours::new(&truth.all))
+        .ok_or_else(empty)?;
     let to_result = distances(&truth.cloud.positions, &in_result, progress)?;
     let to_truth = distances(&result.positions, &in_truth, progress)?;
     let clouds = (truth.all.as_slice(), result.positions.as_slice());
@@ -84,20 +92,26 @@ pub fn score_cloud(
     let has_cameras = options.pictures.is_some() || !options.cameras.is_empty();
     let first = options.within.first().copied().unwrap_or(f64::INFINITY);
     let paired = pair_labels(&truth.cloud.tree, &result.tree);
-    let taken = to_result.iter().map(|&(index, distance)| match f64::from(distance) <= first {
-        true => {
-            let label = result.labels[index];
-            Some(paired.get(&label).copied().unwrap_or(label))
-        }
-        false => None,
-    });
+    let taken = to_result
+        .iter()
+        .map(|&(index, distance)| match f64::from(distance) <= first {
+            true => {
+                let label = result.labels[index];
+                Some(paired.get(&label).copied().unwrap_or(label))
+            }
+            false => None,
+        });
     Ok(CloudScore {
         truth_points: truth.cloud.len(),
         result_points: result.len(),
         labels: score_labels(&truth.cloud, taken, &result.tree, &paired),
         median_distance: median(to_result.iter().map(|&(_, distance)| distance)),
         compared_in_depth: has_cameras.then_some(in_depth.len()),
-        surface: options.within.iter().map(|&at| score_surface(at, &to_result, &to_truth, &in_depth)).collect(),
+        surface: options
+            .within
+            .iter()
+            .map(|&at| score_surface(at, &to_result, &to_truth, &in_depth))
+            .collect(),
     })
 }
 
@@ -107,13 +121,21 @@ struct CountedTruth {
     all: Vec<Vec3>,
 }
 
-fn counted_truth(truth: &LabelledCloud, options: &CloudScoreOptions) -> Result<CountedTruth, SceneError> {
+fn counted_truth(
+    truth: &LabelledCloud,
+    options: &CloudScoreOptions,
+) -> Result<CountedTruth, SceneError> {
     let all = truth.positions.clone();
     if options.min_views == 0 {
-        return Ok(CountedTruth { cloud: truth.clone(), all });
+        return Ok(CountedTruth {
+            cloud: truth.clone(),
+            all,
+        });
     }
     let views = inside_frusta(&all, &options.cameras);
-    let inside: Vec<u32> = (0..all.len() as u32).filter(|&p| views[p as usize] as usize >= options.min_views).collect();
+    let inside: Vec<u32> = (0..all.len() as u32)
+        .filter(|&p| views[p as usize] as usize >= options.min_views)
+        .collect();
     if inside.is_empty() {
         return Err(SceneError::Request(format!(
             "no truth point lies inside {} of the {} frusta; check that the cameras belong to the truth, or ask for fewer",
@@ -121,7 +143,10 @@ fn counted_truth(truth: &LabelledCloud, options: &CloudScoreOptions) -> Result<C
             options.cameras.len()
         )));
     }
-    Ok(CountedTruth { cloud: truth.select(&inside), all })
+    Ok(CountedTruth {
+        cloud: truth.select(&inside),
+        all,
+    })
 }
 
 fn at_level(cloud: &LabelledCloud, level: Option<usize>) -> LabelledCloud {
@@ -129,15 +154,31 @@ fn at_level(cloud: &LabelledCloud, level: Option<usize>) -> LabelledCloud {
 }
 
 fn aligned(cloud: &LabelledCloud, transform: Option<Similarity>) -> LabelledCloud {
-    let Some(transform) = transform else { return cloud.clone() };
-    let moved = cloud.positions.iter().map(|position| transform.transform(position.as_dvec3()).as_vec3());
-    LabelledCloud { positions: moved.collect(), ..cloud.clone() }
+    let Some(transform) = transform else {
+        return cloud.clone();
+    };
+    let moved = cloud
+        .positions
+        .iter()
+        .map(|position| transform.transform(position.as_dvec3()).as_vec3());
+    LabelledCloud {
+        positions: moved.collect(),
+        ..cloud.clone()
+    }
 }
 
-fn distances(points: &[Vec3], to: &Neighbours, progress: &Progress) -> Result<Vec<(usize, f32)>, SceneError> {
+fn distances(
+    points: &[Vec3],
+    to: &Neighbours,
+    progress: &Progress,
+) -> Result<Vec<(usize, f32)>, SceneError> {
     let chunks: Vec<Vec<(usize, f32)>> = points
         .par_chunks(4096)
-        .map(|chunk| progress.check().map(|()| chunk.iter().map(|&point| to.nearest(point)).collect()))
+        .map(|chunk| {
+            progress
+                .check()
+                .map(|()| chunk.iter().map(|&point| to.nearest(point)).collect())
+        })
         .collect::<Result<_, _>>()?;
     Ok(chunks.concat())
 }

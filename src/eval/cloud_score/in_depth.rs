@@ -35,10 +35,16 @@ pub(super) fn differences_by_features(
     }
     let of_view = |(number, camera): (usize, &FrameCamera)| {
         progress.check()?;
-        let seen_truth = Picture::new(truth, camera).only(|dot| seen[number].binary_search(&dot.index).is_ok());
+        let seen_truth =
+            Picture::new(truth, camera).only(|dot| seen[number].binary_search(&dot.index).is_ok());
         Ok(differences(&front(result, camera), &seen_truth))
     };
-    let all: Vec<Vec<f32>> = views.cameras.par_iter().enumerate().map(of_view).collect::<Result<_, Stopped>>()?;
+    let all: Vec<Vec<f32>> = views
+        .cameras
+        .par_iter()
+        .enumerate()
+        .map(of_view)
+        .collect::<Result<_, Stopped>>()?;
     Ok(all.concat())
 }
 
@@ -53,10 +59,15 @@ pub(super) fn differences_by_guess(
     let of_camera = |camera: &FrameCamera| {
         progress.check()?;
         let result = front(result, camera);
-        let truth = Picture::new(truth, camera).front(TRUTH_HIDES_PX).before(&result, RESULT_HIDES_PX);
+        let truth = Picture::new(truth, camera)
+            .front(TRUTH_HIDES_PX)
+            .before(&result, RESULT_HIDES_PX);
         Ok(differences(&result, &truth))
     };
-    let all: Vec<Vec<f32>> = cameras.par_iter().map(of_camera).collect::<Result<_, Stopped>>()?;
+    let all: Vec<Vec<f32>> = cameras
+        .par_iter()
+        .map(of_camera)
+        .collect::<Result<_, Stopped>>()?;
     Ok(all.concat())
 }
 
@@ -66,13 +77,19 @@ fn front(result: &[Vec3], camera: &FrameCamera) -> Picture {
 }
 
 fn differences(result: &Picture, truth: &Picture) -> Vec<f32> {
-    result.dots.iter().filter_map(|dot| difference(dot, truth)).collect()
+    result
+        .dots
+        .iter()
+        .filter_map(|dot| difference(dot, truth))
+        .collect()
 }
 
 /// How far a point's depth is from that of the nearest truth point within a pixel.
 fn difference(dot: &Dot, truth: &Picture) -> Option<f32> {
     let aside = |other: &Dot| DVec2::distance(other.at_px, dot.at_px);
-    let near = truth.around(dot.at_px, 1).filter(|other| aside(other) <= NEAR_PX * truth.own_px);
+    let near = truth
+        .around(dot.at_px, 1)
+        .filter(|other| aside(other) <= NEAR_PX * truth.own_px);
     let nearest = near.min_by(|a, b| aside(a).total_cmp(&aside(b)))?;
     Some((dot.depth - nearest.depth).abs())
 }
@@ -86,36 +103,60 @@ mod tests {
     use ostra_geometry::{Camera, Pose};
 
     fn camera(size: (u32, u32), focal_px: f64, x: f64) -> FrameCamera {
-        let pose = Pose { rotation: DQuat::IDENTITY, translation: DVec3::new(-x, 0.0, 0.0) };
+        let pose = Pose {
+            rotation: DQuat::IDENTITY,
+            translation: DVec3::new(-x, 0.0, 0.0),
+        };
         let (width, height) = size;
         let centre = (0.5 * f64::from(width), 0.5 * f64::from(height));
-        FrameCamera::given(Camera::pinhole(width, height, focal_px, focal_px, centre.0, centre.1), Some(pose))
+        FrameCamera::given(
+            Camera::pinhole(width, height, focal_px, focal_px, centre.0, centre.1),
+            Some(pose),
+        )
     }
 
     fn are(found: &[f32], expected: &[f32]) -> bool {
-        found.len() == expected.len() && found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-4)
+        found.len() == expected.len()
+            && found
+                .iter()
+                .zip(expected)
+                .all(|(a, b)| (a - b).abs() < 1e-4)
     }
 
     #[test]
     fn hidden_points_do_not_count() {
         let camera = camera((1280, 960), 1000.0, 0.0);
         // Ten pixels of the reduced picture apart.
-        let row = |depth: f32| (0..20).map(move |i| Vec3::new((0.02 * i as f32 - 0.2) * depth, 0.0, depth));
+        let row = |depth: f32| {
+            (0..20).map(move |i| Vec3::new((0.02 * i as f32 - 0.2) * depth, 0.0, depth))
+        };
         let truth: Vec<Vec3> = row(2.0).chain(row(3.0)).collect();
         let mut result: Vec<Vec3> = row(2.01).chain(row(3.5)).collect();
         let differences = |result: &[Vec3]| {
-            let mut all = differences_by_guess((&truth, result), &[camera], &Progress::default()).unwrap();
+            let mut all =
+                differences_by_guess((&truth, result), &[camera], &Progress::default()).unwrap();
             all.sort_by(f32::total_cmp);
             all
         };
         let seen = differences(&result);
         assert_eq!(seen.len(), 20, "what lies behind is hidden");
-        assert!(seen.iter().all(|difference| (difference - 0.01).abs() < 1e-4), "{seen:?}");
+        assert!(
+            seen.iter()
+                .all(|difference| (difference - 0.01).abs() < 1e-4),
+            "{seen:?}"
+        );
         result.push(Vec3::new(0.0, 0.0, 1.97));
         let seen = differences(&result);
-        assert!((seen[seen.len() - 1] - 0.03).abs() < 1e-4, "it stands a little before one of them: {seen:?}");
+        assert!(
+            (seen[seen.len() - 1] - 0.03).abs() < 1e-4,
+            "it stands a little before one of them: {seen:?}"
+        );
         result.push(Vec3::new(0.1, 0.0, 1.0));
-        assert_eq!(differences(&result).len(), seen.len() - 1, "one of them is hidden");
+        assert_eq!(
+            differences(&result).len(),
+            seen.len() - 1,
+            "one of them is hidden"
+        );
     }
 
     #[test]
@@ -123,22 +164,47 @@ mod tests {
         let compared = |aside_px: f32| {
             let result = [Vec3::new(aside_px * 2.0 / 1000.0, 0.0, 2.0)];
             let camera = camera((1280, 960), 1000.0, 0.0);
-            differences_by_guess((&[Vec3::new(0.0, 0.0, 2.0)], &result), &[camera], &Progress::default()).unwrap().len()
+            differences_by_guess(
+                (&[Vec3::new(0.0, 0.0, 2.0)], &result),
+                &[camera],
+                &Progress::default(),
+            )
+            .unwrap()
+            .len()
         };
-        assert_eq!((compared(0.9), compared(1.2)), (1, 0), "1.2 are 0.6 of the reduced picture");
+        assert_eq!(
+            (compared(0.9), compared(1.2)),
+            (1, 0),
+            "1.2 are 0.6 of the reduced picture"
+        );
     }
 
     /// Cameras side by side, and truth points: one hidden by another in the first picture, that other, and one that
     /// only two pictures have in common.
     fn views(step: f64) -> ([Vec3; 3], FeatureViews) {
-        let cameras = [0.0, 1.0, 2.0, 3.0].map(|k| camera((640, 480), 500.0, step * k)).to_vec();
-        let truth = [Vec3::new(0.0, 0.0, 2.4), Vec3::new(0.0, 0.0, 2.0), Vec3::new(0.5, 0.0, 2.0)];
-        let point = |x: Vec3| SparsePoint { position: x.as_dvec3(), color: [0; 3], error_px: None };
+        let cameras = [0.0, 1.0, 2.0, 3.0]
+            .map(|k| camera((640, 480), 500.0, step * k))
+            .to_vec();
+        let truth = [
+            Vec3::new(0.0, 0.0, 2.4),
+            Vec3::new(0.0, 0.0, 2.0),
+            Vec3::new(0.5, 0.0, 2.0),
+        ];
+        let point = |x: Vec3| SparsePoint {
+            position: x.as_dvec3(),
+            color: [0; 3],
+            error_px: None,
+        };
         let mut features = SparsePoints::without_keypoints(vec![point(truth[1]), point(truth[2])]);
-        let keypoint = |point: u32| SparseKeypoint { at_px: DVec2::ZERO, point: Some(point) };
+        let keypoint = |point: u32| SparseKeypoint {
+            at_px: DVec2::ZERO,
+            point: Some(point),
+        };
         for camera in 0..3 {
             let shown = if camera == 1 { 0..1 } else { 0..2 };
-            features.keypoints.insert(camera, shown.map(keypoint).collect());
+            features
+                .keypoints
+                .insert(camera, shown.map(keypoint).collect());
         }
         (truth, FeatureViews { cameras, features })
     }
@@ -146,21 +212,40 @@ mod tests {
     #[test]
     fn features_tell_what_is_seen() {
         let (truth, views) = views(0.1);
-        let differences =
-            |result: Vec3| differences_by_features((&truth, &[result]), &views, &Progress::default()).unwrap();
+        let differences = |result: Vec3| {
+            differences_by_features((&truth, &[result]), &views, &Progress::default()).unwrap()
+        };
         let on_it = differences(Vec3::new(0.0, 0.0, 2.001));
-        assert!(are(&on_it, &[0.001; 3]), "three pictures show it, the fourth does not: {on_it:?}");
+        assert!(
+            are(&on_it, &[0.001; 3]),
+            "three pictures show it, the fourth does not: {on_it:?}"
+        );
         let before_it = differences(Vec3::new(0.0, 0.0, 1.9));
-        assert!(are(&before_it, &[0.1]), "only in the first picture it stands before the point: {before_it:?}");
-        assert!(differences(Vec3::new(0.5, 0.0, 2.001)).is_empty(), "two pictures may agree by chance");
-        let behind = differences_by_features((&truth, &[truth[0], truth[1]]), &views, &Progress::default()).unwrap();
-        assert!(are(&behind, &[0.0; 3]), "what lies behind is not taken for seen: {behind:?}");
+        assert!(
+            are(&before_it, &[0.1]),
+            "only in the first picture it stands before the point: {before_it:?}"
+        );
+        assert!(
+            differences(Vec3::new(0.5, 0.0, 2.001)).is_empty(),
+            "two pictures may agree by chance"
+        );
+        let behind = differences_by_features(
+            (&truth, &[truth[0], truth[1]]),
+            &views,
+            &Progress::default(),
+        )
+        .unwrap();
+        assert!(
+            are(&behind, &[0.0; 3]),
+            "what lies behind is not taken for seen: {behind:?}"
+        );
     }
 
     #[test]
     fn pictures_from_one_side_tell_nothing() {
         let (truth, views) = views(0.01);
-        let refused = differences_by_features((&truth, &truth), &views, &Progress::default()).unwrap_err();
+        let refused =
+            differences_by_features((&truth, &truth), &views, &Progress::default()).unwrap_err();
         assert!(refused.to_string().contains("4 pictures"), "{refused}");
     }
 }

@@ -57,7 +57,9 @@ pub(super) fn score_labels(
     let mut matched = 0;
     for (&label, taken) in truth.labels.iter().zip(taken) {
         matched += usize::from(taken.is_some());
-        *counts.entry((label, taken.unwrap_or_default())).or_default() += 1;
+        *counts
+            .entry((label, taken.unwrap_or_default()))
+            .or_default() += 1;
     }
     let names = names(&truth.tree, result_tree, paired);
     let iou = ious(&counts, &names);
@@ -75,15 +77,27 @@ pub(super) fn score_labels(
 type Counts = BTreeMap<(LabelId, LabelId), usize>;
 
 fn sum(counts: &Counts, of: impl Fn(LabelId, LabelId) -> bool) -> usize {
-    counts.iter().filter(|((row, column), _)| of(*row, *column)).map(|(_, count)| count).sum()
+    counts
+        .iter()
+        .filter(|((row, column), _)| of(*row, *column))
+        .map(|(_, count)| count)
+        .sum()
 }
 
 fn share(part: usize, whole: usize) -> f64 {
-    if whole == 0 { 0.0 } else { part as f64 / whole as f64 }
+    if whole == 0 {
+        0.0
+    } else {
+        part as f64 / whole as f64
+    }
 }
 
 fn ious(counts: &Counts, names: &BTreeMap<LabelId, String>) -> Vec<LabelIou> {
-    let mut ids: Vec<LabelId> = counts.keys().map(|&(row, _)| row).filter(|&row| row != LabelId::NONE).collect();
+    let mut ids: Vec<LabelId> = counts
+        .keys()
+        .map(|&(row, _)| row)
+        .filter(|&row| row != LabelId::NONE)
+        .collect();
     ids.dedup();
     let iou = |id: LabelId| LabelIou {
         id,
@@ -109,13 +123,22 @@ fn confusion(counts: &Counts, names: &BTreeMap<LabelId, String>) -> Confusion {
     Confusion {
         truth: rows.iter().map(|&id| name(names, id)).collect(),
         result: columns.iter().map(|&id| name(names, id)).collect(),
-        counts: rows.iter().map(|&row| columns.iter().map(|&column| count(row, column)).collect()).collect(),
+        counts: rows
+            .iter()
+            .map(|&row| columns.iter().map(|&column| count(row, column)).collect())
+            .collect(),
     }
 }
 
 /// Names by the truth's ids, with those of result labels that have no partner.
-fn names(truth: &LabelTree, result: &LabelTree, paired: &BTreeMap<LabelId, LabelId>) -> BTreeMap<LabelId, String> {
-    let stand_ins = result.iter().filter_map(|label| Some((*paired.get(&label.id)?, label.name.clone())));
+fn names(
+    truth: &LabelTree,
+    result: &LabelTree,
+    paired: &BTreeMap<LabelId, LabelId>,
+) -> BTreeMap<LabelId, String> {
+    let stand_ins = result
+        .iter()
+        .filter_map(|label| Some((*paired.get(&label.id)?, label.name.clone())));
     let mut names: BTreeMap<LabelId, String> = stand_ins.collect();
     names.extend(truth.iter().map(|label| (label.id, label.name.clone())));
     names

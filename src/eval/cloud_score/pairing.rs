@@ -14,7 +14,10 @@ pub fn pair_labels(truth: &LabelTree, result: &LabelTree) -> BTreeMap<LabelId, L
     }
     let mut used: BTreeSet<LabelId> = pairs.values().copied().collect();
     let mut alone = Vec::new();
-    for label in result.iter().filter(|label| truth.by_name(&label.name).is_none()) {
+    for label in result
+        .iter()
+        .filter(|label| truth.by_name(&label.name).is_none())
+    {
         if truth.get(label.id).is_some() && used.insert(label.id) {
             pairs.insert(label.id, label.id);
         } else {
@@ -23,7 +26,9 @@ pub fn pair_labels(truth: &LabelTree, result: &LabelTree) -> BTreeMap<LabelId, L
     }
     used.extend(truth.iter().map(|label| label.id));
     for id in alone {
-        let free = std::iter::once(id).chain((1..=u16::MAX).rev().map(LabelId)).find(|id| !used.contains(id));
+        let free = std::iter::once(id)
+            .chain((1..=u16::MAX).rev().map(LabelId))
+            .find(|id| !used.contains(id));
         let stand_in = free.unwrap_or(LabelId::NONE);
         used.insert(stand_in);
         pairs.insert(id, stand_in);

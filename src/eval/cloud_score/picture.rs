@@ -33,12 +33,19 @@ pub(super) struct Picture {
 impl Picture {
     /// Empty without a pose.
     pub fn new(points: &[Vec3], camera: &FrameCamera) -> Self {
-        let own_px = (SIDE_PX / f64::from(camera.intrinsics.width.max(camera.intrinsics.height))).min(1.0);
+        let own_px =
+            (SIDE_PX / f64::from(camera.intrinsics.width.max(camera.intrinsics.height))).min(1.0);
         let small = shrunk(&camera.intrinsics, own_px);
         let see = |(index, point): (usize, &Vec3)| {
             let x_in_camera = camera.camera_from_world?.transform(point.as_dvec3());
-            let at_px = small.project(x_in_camera).filter(|&at_px| small.contains(at_px))?;
-            Some(Dot { at_px, depth: x_in_camera.z as f32, index: index as u32 })
+            let at_px = small
+                .project(x_in_camera)
+                .filter(|&at_px| small.contains(at_px))?;
+            Some(Dot {
+                at_px,
+                depth: x_in_camera.z as f32,
+                index: index as u32,
+            })
         };
         let dots = points.iter().enumerate().filter_map(see).collect();
         Self::of(small.width as usize, small.height as usize, own_px, dots)
@@ -47,8 +54,16 @@ impl Picture {
     fn of(width: usize, height: usize, own_px: f64, mut dots: Vec<Dot>) -> Self {
         let pixel = |dot: &Dot| dot.at_px.y as usize * width + dot.at_px.x as usize;
         dots.sort_by_key(pixel);
-        let starts = (0..=width * height).map(|at| dots.partition_point(|dot| pixel(dot) < at) as u32).collect();
-        Self { width, height, starts, dots, own_px }
+        let starts = (0..=width * height)
+            .map(|at| dots.partition_point(|dot| pixel(dot) < at) as u32)
+            .collect();
+        Self {
+            width,
+            height,
+            starts,
+            dots,
+            own_px,
+        }
     }
 
     /// The dots in the pixels at most `reach` aside.
@@ -69,7 +84,11 @@ impl Picture {
 
     /// Without the dots that those of another, in the pixels at most `reach` aside, hide.
     pub fn before(&self, other: &Self, reach: usize) -> Self {
-        self.only(|dot| !other.around(dot.at_px, reach).any(|nearer| dot.depth > nearer.depth * (1.0 + BEHIND)))
+        self.only(|dot| {
+            !other
+                .around(dot.at_px, reach)
+                .any(|nearer| dot.depth > nearer.depth * (1.0 + BEHIND))
+        })
     }
 
     /// The dots for which that holds.

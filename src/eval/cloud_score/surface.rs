@@ -25,13 +25,30 @@ pub(super) fn score_surface(
     depth_differences: &[f32],
 ) -> SurfaceScore {
     let share = |distances: &[(usize, f32)]| {
-        let near = distances.iter().filter(|&&(_, distance)| f64::from(distance) <= within).count();
+        let near = distances
+            .iter()
+            .filter(|&&(_, distance)| f64::from(distance) <= within)
+            .count();
         near as f64 / distances.len().max(1) as f64
     };
     let (completeness, accuracy) = (share(to_result), share(to_truth));
     let sum = completeness + accuracy;
-    let f_score = if sum > 0.0 { 2.0 * completeness * accuracy / sum } else { 0.0 };
-    let near = depth_differences.iter().filter(|&&difference| f64::from(difference) <= within).count();
-    let in_depth = (!depth_differences.is_empty()).then(|| near as f64 / depth_differences.len() as f64);
-    SurfaceScore { within, completeness, accuracy, f_score, in_depth }
+    let f_score = if sum > 0.0 {
+        2.0 * completeness * accuracy / sum
+    } else {
+        0.0
+    };
+    let near = depth_differences
+        .iter()
+        .filter(|&&difference| f64::from(difference) <= within)
+        .count();
+    let in_depth =
+        (!depth_differences.is_empty()).then(|| near as f64 / depth_differences.len() as f64);
+    SurfaceScore {
+        within,
+        completeness,
+        accuracy,
+        f_score,
+        in_depth,
+    }
 }

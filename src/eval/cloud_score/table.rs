@@ -19,7 +19,12 @@ impl Table {
     pub fn text(&self) -> String {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let cell_width = |column: usize| {
-            self.rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max().unwrap_or(0)
+            self.rows
+                .iter()
+                .filter_map(|row| row.get(column))
+                .map(|cell| cell.chars().count())
+                .max()
+                .unwrap_or(0)
         };
         let widths: Vec<usize> = (0..columns).map(cell_width).collect();
         let mut text = String::new();
@@ -45,13 +50,30 @@ pub fn cloud_table(score: &CloudScore) -> String {
     let mut labels = Table::default();
     labels.row(["label", "IoU", "points"]);
     for label in &score.labels.iou {
-        labels.row([label.name.clone(), format!("{:.4}", label.iou), label.points.to_string()]);
+        labels.row([
+            label.name.clone(),
+            format!("{:.4}", label.iou),
+            label.points.to_string(),
+        ]);
     }
-    labels.row(["mean".to_string(), format!("{:.4}", score.labels.mean_iou), score.truth_points.to_string()]);
+    labels.row([
+        "mean".to_string(),
+        format!("{:.4}", score.labels.mean_iou),
+        score.truth_points.to_string(),
+    ]);
     let mut shares = Table::default();
-    shares.row(["accuracy".to_string(), format!("{:.4}", score.labels.accuracy)]);
-    shares.row(["matched".to_string(), format!("{:.4}", score.labels.matched)]);
-    shares.row(["median distance".to_string(), format!("{:.6}", score.median_distance)]);
+    shares.row([
+        "accuracy".to_string(),
+        format!("{:.4}", score.labels.accuracy),
+    ]);
+    shares.row([
+        "matched".to_string(),
+        format!("{:.4}", score.labels.matched),
+    ]);
+    shares.row([
+        "median distance".to_string(),
+        format!("{:.6}", score.median_distance),
+    ]);
     if let Some(pairs) = score.compared_in_depth {
         shares.row(["compared in depth".to_string(), pairs.to_string()]);
     }
@@ -60,9 +82,16 @@ pub fn cloud_table(score: &CloudScore) -> String {
         let mut surface = Table::default();
         surface.row(["within", "completeness", "accuracy", "F", "in depth"]);
         for at in &score.surface {
-            let shares = [at.completeness, at.accuracy, at.f_score].map(|share| format!("{share:.4}"));
-            let in_depth = at.in_depth.map_or("–".into(), |share| format!("{share:.4}"));
-            surface.row(std::iter::once(at.within.to_string()).chain(shares).chain([in_depth]));
+            let shares =
+                [at.completeness, at.accuracy, at.f_score].map(|share| format!("{share:.4}"));
+            let in_depth = at
+                .in_depth
+                .map_or("–".into(), |share| format!("{share:.4}"));
+            surface.row(
+                std::iter::once(at.within.to_string())
+                    .chain(shares)
+                    .chain([in_depth]),
+            );
         }
         text = format!("{text}\n{}", surface.text());
     }
@@ -72,7 +101,8 @@ pub fn cloud_table(score: &CloudScore) -> String {
 fn confusion_text(score: &CloudScore) -> String {
     let confusion = &score.labels.confusion;
     let mut table = Table::default();
-    table.row(std::iter::once("truth \\ result").chain(confusion.result.iter().map(String::as_str)));
+    table
+        .row(std::iter::once("truth \\ result").chain(confusion.result.iter().map(String::as_str)));
     for (name, counts) in confusion.truth.iter().zip(&confusion.counts) {
         table.row(std::iter::once(name.clone()).chain(counts.iter().map(usize::to_string)));
     }

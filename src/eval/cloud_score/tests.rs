@@ -9,7 +9,8 @@ use ostra_masks::{Label, LabelId, LabelTree};
 
 /// Points along x with labels, named as given.
 fn cloud(points: &[(f32, u16)], names: &[(u16, &str, u16)]) -> LabelledCloud {
-    let mut cloud = LabelledCloud::from_positions(points.iter().map(|&(x, _)| Vec3::X * x).collect());
+    let mut cloud =
+        LabelledCloud::from_positions(points.iter().map(|&(x, _)| Vec3::X * x).collect());
     cloud.labels = points.iter().map(|&(_, id)| LabelId(id)).collect();
     cloud.tree = tree(names);
     cloud
@@ -19,7 +20,13 @@ fn tree(names: &[(u16, &str, u16)]) -> LabelTree {
     let mut tree = LabelTree::default();
     for &(id, name, parent) in names {
         let parent = (parent != 0).then_some(LabelId(parent));
-        tree.set(Label { id: LabelId(id), name: name.into(), color: [0; 3], parent }).unwrap();
+        tree.set(Label {
+            id: LabelId(id),
+            name: name.into(),
+            color: [0; 3],
+            parent,
+        })
+        .unwrap();
     }
     tree
 }
@@ -29,19 +36,32 @@ fn score(truth: &LabelledCloud, result: &LabelledCloud, options: &CloudScoreOpti
 }
 
 fn within(distances: &[f64]) -> CloudScoreOptions {
-    CloudScoreOptions { within: distances.to_vec(), ..CloudScoreOptions::default() }
+    CloudScoreOptions {
+        within: distances.to_vec(),
+        ..CloudScoreOptions::default()
+    }
 }
 
 const NAMES: &[(u16, &str, u16)] = &[(1, "stem", 0), (2, "leaf", 0)];
 
 #[test]
 fn counted_by_hand() {
-    let truth = cloud(&[(0.0, 1), (1.0, 1), (2.0, 2), (3.0, 2), (4.0, 0), (9.0, 2)], NAMES);
+    let truth = cloud(
+        &[(0.0, 1), (1.0, 1), (2.0, 2), (3.0, 2), (4.0, 0), (9.0, 2)],
+        NAMES,
+    );
     // In the result the leaf has id 8 and the stem id 2.
-    let result = cloud(&[(0.1, 2), (1.1, 8), (2.0, 8), (3.2, 8), (4.0, 8)], &[(8, "leaf", 0), (2, "stem", 0)]);
+    let result = cloud(
+        &[(0.1, 2), (1.1, 8), (2.0, 8), (3.2, 8), (4.0, 8)],
+        &[(8, "leaf", 0), (2, "stem", 0)],
+    );
     let score = score(&truth, &result, &within(&[0.5, 0.15]));
     let labels = &score.labels;
-    let iou: Vec<_> = labels.iou.iter().map(|l| (l.id.0, l.name.as_str(), l.iou, l.points)).collect();
+    let iou: Vec<_> = labels
+        .iou
+        .iter()
+        .map(|l| (l.id.0, l.name.as_str(), l.iou, l.points))
+        .collect();
     // Stem: 1 right, 1 taken as leaf. Leaf: 2 right, 1 not matched, 2 wrongly taken.
     assert_eq!(iou, [(1, "stem", 0.5, 2), (2, "leaf", 0.4, 3)]);
     assert!((labels.mean_iou - 0.45).abs() < 1e-12);
@@ -50,7 +70,11 @@ fn counted_by_hand() {
     assert_eq!(labels.confusion.truth, ["-", "stem", "leaf"]);
     assert_eq!(labels.confusion.result, ["-", "stem", "leaf"]);
     assert_eq!(labels.confusion.counts, [[0, 0, 1], [0, 1, 1], [1, 0, 2]]);
-    let surface: Vec<_> = score.surface.iter().map(|s| (s.within, s.completeness, s.accuracy)).collect();
+    let surface: Vec<_> = score
+        .surface
+        .iter()
+        .map(|s| (s.within, s.completeness, s.accuracy))
+        .collect();
     assert_eq!(surface, [(0.5, 5.0 / 6.0, 1.0), (0.15, 4.0 / 6.0, 0.8)]);
     assert!((score.median_distance - 0.1).abs() < 1e-6);
 }
@@ -58,7 +82,11 @@ fn counted_by_hand() {
 #[test]
 fn without_a_distance_every_point_is_matched() {
     let truth = cloud(&[(0.0, 1), (900.0, 2)], NAMES);
-    let score = score(&truth, &cloud(&[(0.0, 1)], NAMES), &CloudScoreOptions::default());
+    let score = score(
+        &truth,
+        &cloud(&[(0.0, 1)], NAMES),
+        &CloudScoreOptions::default(),
+    );
     assert_eq!((score.labels.matched, score.labels.accuracy), (1.0, 0.5));
     assert!(score.surface.is_empty());
 }
@@ -67,7 +95,12 @@ fn without_a_distance_every_point_is_matched() {
 fn names_first_then_ids_then_nobody() {
     let pairs = pair_labels(
         &tree(&[(1, "stem", 0), (2, "leaf", 0), (3, "pot", 0)]),
-        &tree(&[(1, "leaf", 0), (2, "blade", 0), (3, "vase", 0), (9, "wall", 0)]),
+        &tree(&[
+            (1, "leaf", 0),
+            (2, "blade", 0),
+            (3, "vase", 0),
+            (9, "wall", 0),
+        ]),
     );
     let pairs: Vec<_> = pairs.iter().map(|(from, to)| (from.0, to.0)).collect();
     // 'leaf' has taken 2, so 'blade' has no partner and gets an id that nobody uses; 'vase' goes by its number.
@@ -76,34 +109,78 @@ fn names_first_then_ids_then_nobody() {
 
 #[test]
 fn levels_are_read_off_both_trees() {
-    let truth = cloud(&[(0.0, 2), (1.0, 3)], &[(1, "plant", 0), (2, "stem", 1), (3, "leaf", 1)]);
+    let truth = cloud(
+        &[(0.0, 2), (1.0, 3)],
+        &[(1, "plant", 0), (2, "stem", 1), (3, "leaf", 1)],
+    );
     let result = cloud(&[(0.0, 7), (1.0, 7)], &[(5, "plant", 0), (7, "stem", 5)]);
     assert_eq!(score(&truth, &result, &within(&[0.1])).labels.accuracy, 0.5);
-    let top = score(&truth, &result, &CloudScoreOptions { level: Some(1), ..within(&[0.1]) });
-    assert_eq!((top.labels.accuracy, top.labels.iou.len(), top.labels.iou[0].name.as_str()), (1.0, 1, "plant"));
+    let top = score(
+        &truth,
+        &result,
+        &CloudScoreOptions {
+            level: Some(1),
+            ..within(&[0.1])
+        },
+    );
+    assert_eq!(
+        (
+            top.labels.accuracy,
+            top.labels.iou.len(),
+            top.labels.iou[0].name.as_str()
+        ),
+        (1.0, 1, "plant")
+    );
 }
 
 #[test]
 fn only_points_inside_enough_frusta_count() {
     let truth = cloud(&[(0.0, 1), (0.5, 1), (5.0, 2)], NAMES);
-    let pose = |x: f64| Pose { rotation: DQuat::IDENTITY, translation: DVec3::new(-x, 0.0, 2.0) };
+    let pose = |x: f64| Pose {
+        rotation: DQuat::IDENTITY,
+        translation: DVec3::new(-x, 0.0, 2.0),
+    };
     let intrinsics = Camera::pinhole(100, 100, 100.0, 100.0, 50.0, 50.0);
     let camera = |x| FrameCamera::given(intrinsics, Some(pose(x)));
-    let options = CloudScoreOptions { cameras: vec![camera(0.0), camera(0.4)], min_views: 2, ..within(&[0.1]) };
+    let options = CloudScoreOptions {
+        cameras: vec![camera(0.0), camera(0.4)],
+        min_views: 2,
+        ..within(&[0.1])
+    };
     assert_eq!(inside_frusta(&truth.positions, &options.cameras), [2, 2, 0]);
     let two = score(&truth, &cloud(&[(0.0, 1), (5.0, 2)], NAMES), &options);
-    assert_eq!((two.truth_points, two.surface[0].completeness, two.surface[0].accuracy), (2, 0.5, 1.0));
-    let three = CloudScoreOptions { min_views: 3, ..options };
+    assert_eq!(
+        (
+            two.truth_points,
+            two.surface[0].completeness,
+            two.surface[0].accuracy
+        ),
+        (2, 0.5, 1.0)
+    );
+    let three = CloudScoreOptions {
+        min_views: 3,
+        ..options
+    };
     let refused = score_cloud(&truth, &truth, &three, &Progress::default()).unwrap_err();
-    assert!(refused.to_string().contains("inside 3 of the 2 frusta"), "{refused}");
+    assert!(
+        refused.to_string().contains("inside 3 of the 2 frusta"),
+        "{refused}"
+    );
 }
 
 #[test]
 fn the_result_is_aligned_first() {
     let truth = cloud(&[(0.0, 1), (1.0, 2)], NAMES);
     let result = cloud(&[(10.0, 1), (12.0, 2)], NAMES);
-    let transform = Similarity { scale: 0.5, rotation: DQuat::IDENTITY, translation: DVec3::new(-5.0, 0.0, 0.0) };
-    let options = CloudScoreOptions { truth_from_result: Some(transform), ..within(&[0.01]) };
+    let transform = Similarity {
+        scale: 0.5,
+        rotation: DQuat::IDENTITY,
+        translation: DVec3::new(-5.0, 0.0, 0.0),
+    };
+    let options = CloudScoreOptions {
+        truth_from_result: Some(transform),
+        ..within(&[0.01])
+    };
     assert_eq!(score(&truth, &result, &options).labels.accuracy, 1.0);
 }
 
@@ -111,7 +188,9 @@ fn the_result_is_aligned_first() {
 fn what_cannot_be_scored_is_refused() {
     let some = cloud(&[(0.0, 1)], NAMES);
     let refusal = |truth: &LabelledCloud, result: &LabelledCloud, options: &CloudScoreOptions| {
-        score_cloud(truth, result, options, &Progress::default()).unwrap_err().to_string()
+        score_cloud(truth, result, options, &Progress::default())
+            .unwrap_err()
+            .to_string()
     };
     assert!(refusal(&some, &cloud(&[], NAMES), &within(&[1.0])).contains("without points"));
     assert!(refusal(&cloud(&[], NAMES), &some, &within(&[1.0])).contains("without points"));
@@ -132,9 +211,18 @@ fn the_table_reads() {
 #[test]
 fn the_table_tells_how_much_was_compared_in_depth_where_cameras_look() {
     let points = cloud(&[(0.0, 1)], NAMES);
-    let camera = FrameCamera::given(Camera::pinhole(64, 48, 50.0, 50.0, 32.0, 24.0), Some(Pose::default()));
-    let options = CloudScoreOptions { cameras: vec![camera], ..within(&[0.5]) };
+    let camera = FrameCamera::given(
+        Camera::pinhole(64, 48, 50.0, 50.0, 32.0, 24.0),
+        Some(Pose::default()),
+    );
+    let options = CloudScoreOptions {
+        cameras: vec![camera],
+        ..within(&[0.5])
+    };
     let text = cloud_table(&score(&points, &points, &options));
-    let row = text.lines().find(|line| line.starts_with("compared in depth")).expect("a row of its own");
+    let row = text
+        .lines()
+        .find(|line| line.starts_with("compared in depth"))
+        .expect("a row of its own");
     assert!(row.ends_with(" 0"), "no camera sees the point: {row}");
 }

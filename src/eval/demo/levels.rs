@@ -20,8 +20,15 @@ const INSTANCE_LEVEL: usize = Scene::CLASS_LEVEL + 1;
 pub(super) fn tell_apart(studio: &mut Studio<'_, '_>, classes: &[String]) -> Result<()> {
     for class in classes {
         let project = studio.session.project().context("no project is open")?;
-        let label = project.labels.by_name(class).context("the label was not made")?.id;
-        studio.act(Command::Instances(InstancesRequest { label, options: InstanceOptions::default() }))?;
+        let label = project
+            .labels
+            .by_name(class)
+            .context("the label was not made")?
+            .id;
+        studio.act(Command::Instances(InstancesRequest {
+            label,
+            options: InstanceOptions::default(),
+        }))?;
     }
     Ok(())
 }
@@ -43,9 +50,16 @@ pub(super) fn score_levels(
         rename(&mut result.tree, &found, &truth.tree, &pairs)?;
     }
     let at = |level: Option<usize>, depth: usize| -> Result<BTreeMap<String, f64>> {
-        let options = CloudScoreOptions { within: vec![within_m], level, ..CloudScoreOptions::default() };
+        let options = CloudScoreOptions {
+            within: vec![within_m],
+            level,
+            ..CloudScoreOptions::default()
+        };
         let labels = score_cloud(truth, &result, &options, &Progress::default())?.labels;
-        let of_depth = labels.iou.into_iter().filter(|label| truth.tree.depth(label.id) == depth);
+        let of_depth = labels
+            .iou
+            .into_iter()
+            .filter(|label| truth.tree.depth(label.id) == depth);
         Ok(of_depth.map(|label| (label.name, label.iou)).collect())
     };
     Ok(LevelsReport {
@@ -57,7 +71,11 @@ pub(super) fn score_levels(
 }
 
 fn below(tree: &LabelTree, class: &str) -> Vec<LabelId> {
-    tree.by_name(class).map_or_else(Vec::new, |class| tree.children(Some(class.id)).map(|label| label.id).collect())
+    tree.by_name(class).map_or_else(Vec::new, |class| {
+        tree.children(Some(class.id))
+            .map(|label| label.id)
+            .collect()
+    })
 }
 
 /// Which true instance each found one stands for, those that share most points first.
@@ -67,12 +85,24 @@ fn paired(
     true_ids: &[LabelId],
     found: &[LabelId],
 ) -> BTreeMap<LabelId, LabelId> {
-    let Some(points) = Neighbours::new(&result.positions) else { return BTreeMap::new() };
+    let Some(points) = Neighbours::new(&result.positions) else {
+        return BTreeMap::new();
+    };
     let mut shared: BTreeMap<(LabelId, LabelId), usize> = BTreeMap::new();
-    for (&id, &x) in truth.labels.iter().zip(&truth.positions).filter(|(id, _)| true_ids.contains(id)) {
-        *shared.entry((result.labels[points.nearest(x).0], id)).or_default() += 1;
+    for (&id, &x) in truth
+        .labels
+        .iter()
+        .zip(&truth.positions)
+        .filter(|(id, _)| true_ids.contains(id))
+    {
+        *shared
+            .entry((result.labels[points.nearest(x).0], id))
+            .or_default() += 1;
     }
-    let mut shared: Vec<_> = shared.into_iter().filter(|((of, _), _)| found.contains(of)).collect();
+    let mut shared: Vec<_> = shared
+        .into_iter()
+        .filter(|((of, _), _)| found.contains(of))
+        .collect();
     shared.sort_by_key(|&(pair, count)| (std::cmp::Reverse(count), pair));
     let mut pairs: BTreeMap<LabelId, LabelId> = BTreeMap::new();
     for ((of, id), _) in shared {

@@ -60,15 +60,25 @@ impl DemoReport {
     /// The report as a table for people.
     #[must_use]
     pub fn table(&self) -> String {
-        let mut text =
-            format!("{}\n\n{:<20} {:>9} {:>9} {:>7}\n", self.scene, "label", "mask IoU", "3-D IoU", "clicks");
+        let mut text = format!(
+            "{}\n\n{:<20} {:>9} {:>9} {:>7}\n",
+            self.scene, "label", "mask IoU", "3-D IoU", "clicks"
+        );
         match &self.levels {
-            None => self.cloud.iou.iter().for_each(|(label, &iou)| self.row(&mut text, label, iou)),
+            None => self
+                .cloud
+                .iou
+                .iter()
+                .for_each(|(label, &iou)| self.row(&mut text, label, iou)),
             Some(levels) => {
-                for (title, ious) in [("class", &levels.class), ("instance", &levels.instance), ("part", &levels.part)]
-                {
+                for (title, ious) in [
+                    ("class", &levels.class),
+                    ("instance", &levels.instance),
+                    ("part", &levels.part),
+                ] {
                     let _ = writeln!(text, "{title}");
-                    ious.iter().for_each(|(label, &iou)| self.row(&mut text, label, iou));
+                    ious.iter()
+                        .for_each(|(label, &iou)| self.row(&mut text, label, iou));
                 }
                 for (class, count) in &levels.instances {
                     let _ = writeln!(text, "instances of {class} found: {count}");
@@ -76,12 +86,29 @@ impl DemoReport {
             }
         }
         for (part, share) in &self.cloud.parts {
-            let _ = writeln!(text, "{:<20} {:>9} {share:>9.4}  (share labelled right)", format!("  {part}"), "");
+            let _ = writeln!(
+                text,
+                "{:<20} {:>9} {share:>9.4}  (share labelled right)",
+                format!("  {part}"),
+                ""
+            );
         }
         let cloud = &self.cloud;
-        let _ = writeln!(text, "\naccuracy over labelled truth points  {:.4}", cloud.accuracy);
-        let _ = writeln!(text, "median distance to truth             {:.2} mm", cloud.median_distance_mm);
-        let _ = writeln!(text, "points                               {}\n", cloud.points);
+        let _ = writeln!(
+            text,
+            "\naccuracy over labelled truth points  {:.4}",
+            cloud.accuracy
+        );
+        let _ = writeln!(
+            text,
+            "median distance to truth             {:.2} mm",
+            cloud.median_distance_mm
+        );
+        let _ = writeln!(
+            text,
+            "points                               {}\n",
+            cloud.points
+        );
         for (stage, seconds) in &self.seconds {
             let _ = writeln!(text, "{stage:<14} {seconds:>8.1} s");
         }
@@ -90,8 +117,15 @@ impl DemoReport {
 
     /// Mask IoU and clicks are known of labels that were clicked.
     fn row(&self, text: &mut String, label: &str, iou: f64) {
-        let mask = self.masks.iou.get(label).map_or_else(String::new, |iou| format!("{iou:.4}"));
-        let clicks = self.clicks.get(label).map_or_else(String::new, usize::to_string);
+        let mask = self
+            .masks
+            .iou
+            .get(label)
+            .map_or_else(String::new, |iou| format!("{iou:.4}"));
+        let clicks = self
+            .clicks
+            .get(label)
+            .map_or_else(String::new, usize::to_string);
         let _ = writeln!(text, "{label:<20} {mask:>9} {iou:>9.4} {clicks:>7}");
     }
 }

@@ -71,58 +71,110 @@ const WITHIN_M: f64 = 0.003;
 ///
 /// # Errors
 /// When `out` cannot be written or holds something else, or a stage fails or is stopped.
-pub fn run_demo(session: &mut Session, options: &DemoOptions, watch: &mut Watch<'_>) -> Result<DemoReport> {
+pub fn run_demo(
+    session: &mut Session,
+    options: &DemoOptions,
+    watch: &mut Watch<'_>,
+) -> Result<DemoReport> {
     let mut clock = Clock::default();
     let out = &options.out;
     let _claim = workspace::prepare(out)?;
     let scene = Scene::build(&options.scene)?;
     let truth_cloud = clock.time("1 scene", || make_recording(&scene, out))?;
-    let truth_masks: Vec<LabelMask> = scene.views().iter().map(|view| scene.render_exact(view).mask).collect();
+    let truth_masks: Vec<LabelMask> = scene
+        .views()
+        .iter()
+        .map(|view| scene.render_exact(view).mask)
+        .collect();
 
     let mut studio = Studio::new(session, watch);
-    clock.time("2 open", || studio.act(Command::New(new_project(out, options.method, scene.views()))))?;
+    clock.time("2 open", || {
+        studio.act(Command::New(new_project(
+            out,
+            options.method,
+            scene.views(),
+        )))
+    })?;
     if let Some((method, _)) = options.method.reconstruction() {
-        let request = ReconstructRequest { method, ..ReconstructRequest::default() };
-        clock.time("3 reconstruct", || studio.act(Command::Reconstruct(request)))?;
+        let request = ReconstructRequest {
+            method,
+            ..ReconstructRequest::default()
+        };
+        clock.time("3 reconstruct", || {
+            studio.act(Command::Reconstruct(request))
+        })?;
     }
     let told_apart = scene.classes_told_apart();
-    let mut user = SimulatedUser::new(&mut studio, truth_masks, scene.tree(), &scene.clicked_labels(), &told_apart)?;
+    let mut user = SimulatedUser::new(
+        &mut studio,
+        truth_masks,
+        scene.tree(),
+        &scene.clicked_labels(),
+        &told_apart,
+    )?;
     let first = user.clearest_frame();
-    clock.time("4 click", || user.click_on(&mut studio, first, FIRST_CLICKS))?;
+    clock.time("4 click", || {
+        user.click_on(&mut studio, first, FIRST_CLICKS)
+    })?;
     clock.time("5 track", || SimulatedUser::track(&mut studio))?;
     while let Some(frame) = user.worst_frame(&studio)? {
         let before = user.clicks();
-        clock.time("4 click", || user.click_on(&mut studio, frame, CORRECTING_CLICKS))?;
+        clock.time("4 click", || {
+            user.click_on(&mut studio, frame, CORRECTING_CLICKS)
+        })?;
         if user.clicks() == before {
             break;
         }
         clock.time("5 track", || SimulatedUser::track(&mut studio))?;
     }
     studio.session.release_memory();
-    clock.time("6 fuse", || studio.act(Command::Fuse(FuseRequest::default())))?;
-    if studio.session.votes().is_some_and(|votes| votes.has_voters()) {
-        clock.time("6 adopt", || studio.act(Command::Adopt(AdoptRequest::default())))?;
+    clock.time("6 fuse", || {
+        studio.act(Command::Fuse(FuseRequest::default()))
+    })?;
+    if studio
+        .session
+        .votes()
+        .is_some_and(|votes| votes.has_voters())
+    {
+        clock.time("6 adopt", || {
+            studio.act(Command::Adopt(AdoptRequest::default()))
+        })?;
     }
     if !told_apart.is_empty() {
         clock.time("6 instances", || tell_apart(&mut studio, &told_apart))?;
     }
     studio.session.release_memory();
     clock.time("6 fuse", || {
-        studio.act(Command::Fuse(FuseRequest { drop_unlabelled: true, ..FuseRequest::default() }))
+        studio.act(Command::Fuse(FuseRequest {
+            drop_unlabelled: true,
+            ..FuseRequest::default()
+        }))
     })?;
     let cloud_path = out.join("cloud.ply");
     let mesh_path = studio.session.surface_voxel().map(|_| out.join("mesh.ply"));
-    let export = ExportRequest { cloud: Some(cloud_path.clone()), mesh: mesh_path.clone(), ..ExportRequest::default() };
+    let export = ExportRequest {
+        cloud: Some(cloud_path.clone()),
+        mesh: mesh_path.clone(),
+        ..ExportRequest::default()
+    };
     clock.time("7 export", || studio.act(Command::Export(export)))?;
     if let Some((_, alignment)) = options.method.reconstruction() {
         let project = studio.session.project().context("no project is open")?;
-        align([Some(&cloud_path), mesh_path.as_ref()], &project.frames, scene.views(), alignment)?;
+        align(
+            [Some(&cloud_path), mesh_path.as_ref()],
+            &project.frames,
+            scene.views(),
+            alignment,
+        )?;
     }
-    let (cloud, levels) = clock.time("8 score", || score(&truth_cloud, &cloud_path, &told_apart))?;
+    let (cloud, levels) =
+        clock.time("8 score", || score(&truth_cloud, &cloud_path, &told_apart))?;
     let report = DemoReport {
         cloud,
         levels,
-        masks: MaskReport { iou: user.mean_ious(&studio)? },
+        masks: MaskReport {
+            iou: user.mean_ious(&studio)?,
+        },
         clicks: user.clicks(),
         seconds: clock.seconds,
         scene: describe(&options.scene),
@@ -154,8 +206,19 @@ fn make_recording(scene: &Scene, out: &Path) -> Result<LabelledCloud> {
     let truth = out.join("truth");
     std::fs::rename(recording.join("truth"), &truth)
         .with_context(|| format!("{}: cannot be written", truth.display()))?;
-    let cloud = scene.cloud(&TruthOptions { surroundings_m: None, ..TruthOptions::default() }, &progress)?;
-    save_ply(&truth.join("cloud.ply"), &cloud, Coloring::Picture, &progress)?;
+    let cloud = scene.cloud(
+        &TruthOptions {
+            surroundings_m: None,
+            ..TruthOptions::default()
+        },
+        &progress,
+    )?;
+    save_ply(
+        &truth.join("cloud.ply"),
+        &cloud,
+        Coloring::Picture,
+        &progress,
+    )?;
     Ok(cloud)
 }
 
@@ -163,21 +226,42 @@ fn new_project(out: &Path, method: DemoMethod, views: &[View]) -> NewProject {
     let recording = out.join("recording");
     let given = |path: &str, given: bool| given.then(|| recording.join(path));
     let depth = given("depth", method != DemoMethod::Stereo);
-    let source = FrameFolder { frames: recording.join("color"), depth };
+    let source = FrameFolder {
+        frames: recording.join("color"),
+        depth,
+    };
     // A recording of a depth camera comes with the camera's intrinsics, and nothing else.
-    let camera = views.first().filter(|_| method == DemoMethod::Rgbd).map(|view| view.camera);
+    let camera = views
+        .first()
+        .filter(|_| method == DemoMethod::Rgbd)
+        .map(|view| view.camera);
     NewProject {
         root: out.join("project"),
-        open: OpenRequest { sources: vec![source], depth_unit: Scene::DEPTH_UNIT_M, ..OpenRequest::default() },
+        open: OpenRequest {
+            sources: vec![source],
+            depth_unit: Scene::DEPTH_UNIT_M,
+            ..OpenRequest::default()
+        },
         cameras: given("sparse", method == DemoMethod::Given),
-        intrinsics: camera.map(|Camera { focal_px, principal_px, .. }| {
-            IntrinsicsSource::Values([focal_px.x, focal_px.y, principal_px.x, principal_px.y])
-        }),
+        intrinsics: camera.map(
+            |Camera {
+                 focal_px,
+                 principal_px,
+                 ..
+             }| {
+                IntrinsicsSource::Values([focal_px.x, focal_px.y, principal_px.x, principal_px.y])
+            },
+        ),
     }
 }
 
 /// Moves the cloud and the mesh in these files to where the true camera centres are.
-fn align([cloud, mesh]: [Option<&PathBuf>; 2], frames: &[Frame], views: &[View], alignment: Alignment) -> Result<()> {
+fn align(
+    [cloud, mesh]: [Option<&PathBuf>; 2],
+    frames: &[Frame],
+    views: &[View],
+    alignment: Alignment,
+) -> Result<()> {
     let pairs = frames.iter().zip(views).filter_map(|(frame, view)| {
         let (_, found) = frame.posed_camera()?;
         Some((found.centre(), view.camera_from_world.centre()))
@@ -215,7 +299,11 @@ fn score(
     let progress = Progress::default();
     let result = read_ply(cloud_path, &progress)?.cloud;
     let level = Some(Scene::CLASS_LEVEL);
-    let options = CloudScoreOptions { within: vec![WITHIN_M], level, ..CloudScoreOptions::default() };
+    let options = CloudScoreOptions {
+        within: vec![WITHIN_M],
+        level,
+        ..CloudScoreOptions::default()
+    };
     let score = score_cloud(truth, &result, &options, &progress)?;
     let mut parts = BTreeMap::new();
     for (name, of_part) in parts_of(truth) {
@@ -223,9 +311,16 @@ fn score(
         parts.insert(name, labels.accuracy);
     }
     let has_levels = !told_apart.is_empty();
-    let levels = has_levels.then(|| score_levels(truth, &result, told_apart, WITHIN_M)).transpose()?;
+    let levels = has_levels
+        .then(|| score_levels(truth, &result, told_apart, WITHIN_M))
+        .transpose()?;
     let cloud = CloudReport {
-        iou: score.labels.iou.iter().map(|label| (label.name.clone(), label.iou)).collect(),
+        iou: score
+            .labels
+            .iou
+            .iter()
+            .map(|label| (label.name.clone(), label.iou))
+            .collect(),
         parts,
         accuracy: score.labels.accuracy,
         median_distance_mm: score.median_distance * 1000.0,
@@ -239,16 +334,25 @@ fn parts_of(truth: &LabelledCloud) -> BTreeMap<String, LabelledCloud> {
     let mut indices: BTreeMap<String, Vec<u32>> = BTreeMap::new();
     for (at, &id) in truth.labels.iter().enumerate() {
         let is_part = truth.tree.depth(id) > Scene::CLASS_LEVEL;
-        let name = truth.tree.get(id).and_then(|label| label.name.rsplit(' ').next());
+        let name = truth
+            .tree
+            .get(id)
+            .and_then(|label| label.name.rsplit(' ').next());
         if let Some(kind) = name.filter(|kind| is_part && kind.parse::<usize>().is_err()) {
             indices.entry(kind.to_owned()).or_default().push(at as u32);
         }
     }
-    indices.into_iter().map(|(kind, indices)| (kind, truth.select(&indices))).collect()
+    indices
+        .into_iter()
+        .map(|(kind, indices)| (kind, truth.select(&indices)))
+        .collect()
 }
 
 fn describe(scene: &SceneOptions) -> String {
-    format!("{:?}, {} views of {}x{}, seed {}", scene.scene, scene.views, scene.width, scene.height, scene.seed)
+    format!(
+        "{:?}, {} views of {}x{}, seed {}",
+        scene.scene, scene.views, scene.width, scene.height, scene.seed
+    )
 }
 
 fn write(path: &Path, bytes: &[u8]) -> Result<()> {

@@ -19,7 +19,11 @@ pub(super) struct Studio<'s, 'w> {
 
 impl<'s, 'w> Studio<'s, 'w> {
     pub(super) fn new(session: &'s mut Session, watch: &'s mut Watch<'w>) -> Self {
-        Self { session, watch, warnings: Vec::new() }
+        Self {
+            session,
+            watch,
+            warnings: Vec::new(),
+        }
     }
 
     /// Carries a command out to its end.

@@ -56,35 +56,79 @@ impl SimulatedUser {
         let mut in_project = BTreeMap::new();
         let is_wanted = |id: LabelId| clicked.iter().any(|&below| tree.path(below).contains(&id));
         for label in tree.iter().filter(|label| is_wanted(label.id)) {
-            let parent = label.parent.and_then(|id| tree.get(id)).map(|parent| parent.name.clone());
-            studio.act(Command::AddLabel { name: label.name.clone(), parent, color: Some(label.color) })?;
+            let parent = label
+                .parent
+                .and_then(|id| tree.get(id))
+                .map(|parent| parent.name.clone());
+            studio.act(Command::AddLabel {
+                name: label.name.clone(),
+                parent,
+                color: Some(label.color),
+            })?;
             if clicked.contains(&label.id) {
                 let project = studio.session.project().context("no project is open")?;
-                let id = project.labels.by_name(&label.name).context("the label was not made")?.id;
+                let id = project
+                    .labels
+                    .by_name(&label.name)
+                    .context("the label was not made")?
+                    .id;
                 in_project.insert(label.id, id);
                 let is_told_apart = told_apart.contains(&label.name);
-                let things = if is_told_apart { tree.children(Some(label.id)).count().max(1) } else { 1 };
-                classes.push(Class { name: label.name.clone(), id, things, clicks: 0 });
+                let things = if is_told_apart {
+                    tree.children(Some(label.id)).count().max(1)
+                } else {
+                    1
+                };
+                classes.push(Class {
+                    name: label.name.clone(),
+                    id,
+                    things,
+                    clicks: 0,
+                });
             }
         }
-        let found = |id: LabelId| tree.path(id).iter().find_map(|above| in_project.get(above)).copied();
-        let of_id: Vec<LabelId> = (0..tree.next_id().0).map(|id| found(LabelId(id)).unwrap_or_default()).collect();
+        let found = |id: LabelId| {
+            tree.path(id)
+                .iter()
+                .find_map(|above| in_project.get(above))
+                .copied()
+        };
+        let of_id: Vec<LabelId> = (0..tree.next_id().0)
+            .map(|id| found(LabelId(id)).unwrap_or_default())
+            .collect();
         for id in truth.iter_mut().flat_map(|mask| &mut mask.ids) {
             *id = of_id[usize::from(id.0)];
         }
-        Ok(Self { truth, classes, given: BTreeMap::new(), left_alone: Vec::new() })
+        Ok(Self {
+            truth,
+            classes,
+            given: BTreeMap::new(),
+            left_alone: Vec::new(),
+        })
     }
 
     /// Clicks on one frame, once for each class nothing is there of, then always into the largest error, at most `most`
     /// times for each class (each thing that is told apart); a click that made things worse is taken back (and counted), and the place left alone.
-    pub(super) fn click_on(&mut self, studio: &mut Studio<'_, '_>, frame: usize, most: usize) -> Result<()> {
-        let most: Vec<usize> =
-            self.classes.iter().map(|class| class.most().min(class.clicks + most * class.things)).collect();
+    pub(super) fn click_on(
+        &mut self,
+        studio: &mut Studio<'_, '_>,
+        frame: usize,
+        most: usize,
+    ) -> Result<()> {
+        let most: Vec<usize> = self
+            .classes
+            .iter()
+            .map(|class| class.most().min(class.clicks + most * class.things))
+            .collect();
         loop {
             let classes = self.classes.iter().zip(&most);
-            let open: Vec<LabelId> =
-                classes.filter(|(class, most)| class.clicks < **most).map(|(class, _)| class.id).collect();
-            let Some(next) = self.next_click(studio, frame, &open)? else { return Ok(()) };
+            let open: Vec<LabelId> = classes
+                .filter(|(class, most)| class.clicks < **most)
+                .map(|(class, _)| class.id)
+                .collect();
+            let Some(next) = self.next_click(studio, frame, &open)? else {
+                return Ok(());
+            };
             if !self.click(studio, frame, next.label, next.click)? {
                 self.left_alone.push((frame, next.click));
             }
@@ -96,20 +140,34 @@ impl SimulatedUser {
         let area = |frame: usize, class: &Class| self.truth[frame].region(class.id).area() as f64;
         let mut shown = vec![0.0; self.truth.len()];
         for class in &self.classes {
-            let areas: Vec<f64> = (0..self.truth.len()).map(|frame| area(frame, class)).collect();
+            let areas: Vec<f64> = (0..self.truth.len())
+                .map(|frame| area(frame, class))
+                .collect();
             let most = areas.iter().copied().fold(1.0, f64::max);
-            shown.iter_mut().zip(areas).for_each(|(shown, area)| *shown += area / most);
+            shown
+                .iter_mut()
+                .zip(areas)
+                .for_each(|(shown, area)| *shown += area / most);
         }
-        (0..shown.len()).rev().max_by(|&a, &b| shown[a].total_cmp(&shown[b])).unwrap_or(0)
+        (0..shown.len())
+            .rev()
+            .max_by(|&a, &b| shown[a].total_cmp(&shown[b]))
+            .unwrap_or(0)
     }
 
     /// The frame with the largest error that a click is left for; `None` when all is good.
     pub(super) fn worst_frame(&self, studio: &Studio<'_, '_>) -> Result<Option<usize>> {
-        let open: Vec<LabelId> =
-            self.classes.iter().filter(|class| class.clicks < class.most()).map(|class| class.id).collect();
+        let open: Vec<LabelId> = self
+            .classes
+            .iter()
+            .filter(|class| class.clicks < class.most())
+            .map(|class| class.id)
+            .collect();
         let mut worst = (0, None);
         for frame in 0..self.truth.len() {
-            let wrong_px = self.next_click(studio, frame, &open)?.map_or(0, |next| next.wrong_px);
+            let wrong_px = self
+                .next_click(studio, frame, &open)?
+                .map_or(0, |next| next.wrong_px);
             if wrong_px > worst.0 {
                 worst = (wrong_px, Some(frame));
             }
@@ -118,12 +176,22 @@ impl SimulatedUser {
     }
 
     /// Where to click next on a frame for one of `open`, if an error is left there that is worth it.
-    fn next_click(&self, studio: &Studio<'_, '_>, frame: usize, open: &[LabelId]) -> Result<Option<LabelClick>> {
+    fn next_click(
+        &self,
+        studio: &Studio<'_, '_>,
+        frame: usize,
+        open: &[LabelId],
+    ) -> Result<Option<LabelClick>> {
         let mask = mask_of(studio, frame)?;
-        let is_new = |id: &&LabelId| !mask.ids.contains(id) && !self.given.contains_key(&(frame, **id));
+        let is_new =
+            |id: &&LabelId| !mask.ids.contains(id) && !self.given.contains_key(&(frame, **id));
         let new: Vec<LabelId> = open.iter().filter(is_new).copied().collect();
         let open = if new.is_empty() { open } else { &new };
-        let left_alone = self.left_alone.iter().filter(|(of, _)| *of == frame).map(|(_, click)| click);
+        let left_alone = self
+            .left_alone
+            .iter()
+            .filter(|(of, _)| *of == frame)
+            .map(|(_, click)| click);
         let seen = overlooking(&mask, &self.truth[frame], &left_alone.collect::<Vec<_>>());
         let next = next_label_click(&self.truth[frame], &seen, open);
         Ok(next.filter(|next| next.wrong_px >= LEAST_WRONG_PX))
@@ -131,32 +199,59 @@ impl SimulatedUser {
 
     /// Carries the masks through the sequence.
     pub(super) fn track(studio: &mut Studio<'_, '_>) -> Result<()> {
-        studio.act(Command::Track(TrackSettings { tracker: "geometry".into(), ..TrackSettings::default() }))
+        studio.act(Command::Track(TrackSettings {
+            tracker: "geometry".into(),
+            ..TrackSettings::default()
+        }))
     }
 
     /// Mean IoU over all frames, per class; what was told apart below a class counts as it.
     pub(super) fn mean_ious(&self, studio: &Studio<'_, '_>) -> Result<BTreeMap<String, f64>> {
         let mut sums = vec![0.0; self.classes.len()];
         for frame in 0..self.truth.len() {
-            sums.iter_mut().zip(self.ious(studio, frame)?).for_each(|(sum, iou)| *sum += iou);
+            sums.iter_mut()
+                .zip(self.ious(studio, frame)?)
+                .for_each(|(sum, iou)| *sum += iou);
         }
-        let mean = |(class, sum): (&Class, f64)| (class.name.clone(), sum / self.truth.len().max(1) as f64);
+        let mean = |(class, sum): (&Class, f64)| {
+            (class.name.clone(), sum / self.truth.len().max(1) as f64)
+        };
         Ok(self.classes.iter().zip(sums).map(mean).collect())
     }
 
     /// Clicks given so far, per class.
     pub(super) fn clicks(&self) -> BTreeMap<String, usize> {
-        self.classes.iter().map(|class| (class.name.clone(), class.clicks)).collect()
+        self.classes
+            .iter()
+            .map(|class| (class.name.clone(), class.clicks))
+            .collect()
     }
 
     /// One click; returns whether it helped.
-    fn click(&mut self, studio: &mut Studio<'_, '_>, frame: usize, label: LabelId, click: Click) -> Result<bool> {
+    fn click(
+        &mut self,
+        studio: &mut Studio<'_, '_>,
+        frame: usize,
+        label: LabelId,
+        click: Click,
+    ) -> Result<bool> {
         let before = self.ious(studio, frame)?;
         let clicks = self.given.entry((frame, label)).or_default();
         clicks.push(click);
-        let prompt = Prompt { clicks: clicks.clone(), ..Prompt::default() };
-        self.classes.iter_mut().filter(|class| class.id == label).for_each(|class| class.clicks += 1);
-        studio.act(Command::Prompt(PromptRequest { frame, label, prompt, segmenter: "builtin".into() }))?;
+        let prompt = Prompt {
+            clicks: clicks.clone(),
+            ..Prompt::default()
+        };
+        self.classes
+            .iter_mut()
+            .filter(|class| class.id == label)
+            .for_each(|class| class.clicks += 1);
+        studio.act(Command::Prompt(PromptRequest {
+            frame,
+            label,
+            prompt,
+            segmenter: "builtin".into(),
+        }))?;
         if self.ious(studio, frame)?.iter().sum::<f64>() >= before.iter().sum::<f64>() {
             return Ok(true);
         }
@@ -170,17 +265,26 @@ impl SimulatedUser {
     /// IoU of each class on one frame.
     fn ious(&self, studio: &Studio<'_, '_>, frame: usize) -> Result<Vec<f64>> {
         let mask = mask_of(studio, frame)?;
-        let tree = &studio.session.project().context("no project is open")?.labels;
+        let tree = &studio
+            .session
+            .project()
+            .context("no project is open")?
+            .labels;
         let iou = |class: &Class| {
             let is_below = |id: &LabelId| tree.path(*id).contains(&class.id);
-            let of_class: Vec<LabelId> = tree.iter().map(|label| label.id).filter(is_below).collect();
+            let of_class: Vec<LabelId> =
+                tree.iter().map(|label| label.id).filter(is_below).collect();
             let (mut both, mut either) = (0_usize, 0_usize);
             for (&truth, &result) in self.truth[frame].ids.iter().zip(&mask.ids) {
                 let (a, b) = (truth == class.id, of_class.contains(&result));
                 both += usize::from(a && b);
                 either += usize::from(a || b);
             }
-            if either == 0 { 1.0 } else { both as f64 / either as f64 }
+            if either == 0 {
+                1.0
+            } else {
+                both as f64 / either as f64
+            }
         };
         Ok(self.classes.iter().map(iou).collect())
     }
@@ -193,7 +297,10 @@ fn overlooking(mask: &LabelMask, truth: &LabelMask, places: &[&Click]) -> LabelM
     for (at, (id, truth)) in mask.ids.iter_mut().zip(&truth.ids).enumerate() {
         let (x, y) = (at as u32 % width, at as u32 / width);
         let centre = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-        if places.iter().any(|place| place.at_px.distance(centre) < LEFT_ALONE_PX) {
+        if places
+            .iter()
+            .any(|place| place.at_px.distance(centre) < LEFT_ALONE_PX)
+        {
             *id = *truth;
         }
     }

@@ -15,8 +15,16 @@ use ostra_project::store::Lock;
 const MARKER: &str = ".ostra-demo.json";
 
 /// What a demo makes in its folder.
-const MADE: [&str; 8] =
-    ["recording", "project", "truth", "cloud.ply", "cloud.classes.json", "mesh.ply", "shot.png", "report.json"];
+const MADE: [&str; 8] = [
+    "recording",
+    "project",
+    "truth",
+    "cloud.ply",
+    "cloud.classes.json",
+    "mesh.ply",
+    "shot.png",
+    "report.json",
+];
 
 /// The content of [`MARKER`].
 #[derive(Debug, Default, Serialize, Deserialize)]
@@ -28,8 +36,12 @@ struct Marker {
 impl Marker {
     fn write(&self, out: &Path) -> Result<()> {
         let path = out.join(MARKER);
-        disk::write(&path, &serde_json::to_vec_pretty(self)?)
-            .with_context(|| format!("{}: cannot be written; choose another folder for the demo", path.display()))
+        disk::write(&path, &serde_json::to_vec_pretty(self)?).with_context(|| {
+            format!(
+                "{}: cannot be written; choose another folder for the demo",
+                path.display()
+            )
+        })
     }
 }
 
@@ -41,20 +53,34 @@ impl Marker {
 pub fn prepare(out: &Path) -> Result<Claim> {
     let is_empty = fs::read_dir(out).map_or(true, |mut entries| entries.next().is_none());
     if is_empty {
-        fs::create_dir_all(out)
-            .with_context(|| format!("{}: cannot be made; choose another folder for the demo", out.display()))?;
+        fs::create_dir_all(out).with_context(|| {
+            format!(
+                "{}: cannot be made; choose another folder for the demo",
+                out.display()
+            )
+        })?;
         let claim = claim(out)?;
         Marker::default().write(out)?;
         return Ok(claim);
     }
     let Ok(bytes) = disk::read_regular(&out.join(MARKER)) else {
-        bail!("{}: is not empty and was not made by a demo; choose a new or empty folder", out.display());
+        bail!(
+            "{}: is not empty and was not made by a demo; choose a new or empty folder",
+            out.display()
+        );
     };
     let claim = claim(out)?;
     let project = out.join("project");
     // Held while its files go, so that no other process has it open.
-    let lock = project.join("project.toml").is_file().then(|| Lock::take(&project)).transpose()?;
-    match serde_json::from_slice::<Marker>(&bytes).unwrap_or_default().made {
+    let lock = project
+        .join("project.toml")
+        .is_file()
+        .then(|| Lock::take(&project))
+        .transpose()?;
+    match serde_json::from_slice::<Marker>(&bytes)
+        .unwrap_or_default()
+        .made
+    {
         Some(record) => remove_unchanged(out, &record)?,
         None => set_aside(out)?,
     }
@@ -66,7 +92,11 @@ pub fn prepare(out: &Path) -> Result<Claim> {
 /// Claims the folder against other demos; the demo itself exports into it.
 fn claim(out: &Path) -> Result<Claim> {
     let _locked = lock_folder(out)?;
-    ensure!(!is_being_written(out, MADE[0]), "{}: another demo runs there; choose another folder", out.display());
+    ensure!(
+        !is_being_written(out, MADE[0]),
+        "{}: another demo runs there; choose another folder",
+        out.display()
+    );
     Claim::take(out, &[MADE[0].to_owned()])
 }
 
@@ -76,7 +106,9 @@ fn claim(out: &Path) -> Result<Claim> {
 /// When the folder cannot be read or written.
 pub fn finish(out: &Path) -> Result<()> {
     let mut record = ExportRecord::default();
-    made_files(out)?.iter().for_each(|file| record.add(out, file));
+    made_files(out)?
+        .iter()
+        .for_each(|file| record.add(out, file));
     Marker { made: Some(record) }.write(out)
 }
 
@@ -84,9 +116,15 @@ pub fn finish(out: &Path) -> Result<()> {
 fn made_files(out: &Path) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for place in MADE.map(|name| out.join(name)) {
-        let Ok(found) = fs::symlink_metadata(&place) else { continue };
+        let Ok(found) = fs::symlink_metadata(&place) else {
+            continue;
+        };
         if found.is_dir() {
-            files.extend(files_below(&place)?.into_iter().filter(|file| !file.ends_with("project/.lock")));
+            files.extend(
+                files_below(&place)?
+                    .into_iter()
+                    .filter(|file| !file.ends_with("project/.lock")),
+            );
         } else {
             files.push(place);
         }
@@ -95,7 +133,9 @@ fn made_files(out: &Path) -> Result<Vec<PathBuf>> {
 }
 
 fn remove_unchanged(out: &Path, record: &ExportRecord) -> Result<()> {
-    let kept = made_files(out)?.into_iter().find(|file| record.known(out, file) != Some(Known::Unchanged));
+    let kept = made_files(out)?
+        .into_iter()
+        .find(|file| record.known(out, file) != Some(Known::Unchanged));
     if let Some(file) = kept {
         bail!(
             "{}: was changed or added after the demo that made {}; choose another folder, or remove this one first",
@@ -109,23 +149,38 @@ fn remove_unchanged(out: &Path, record: &ExportRecord) -> Result<()> {
             Ok(_) => fs::remove_file(&place),
             Err(_) => Ok(()),
         };
-        removed.with_context(|| format!("{}: cannot be removed; check permissions", place.display()))?;
+        removed.with_context(|| {
+            format!("{}: cannot be removed; check permissions", place.display())
+        })?;
     }
     Ok(())
 }
 
 fn set_aside(out: &Path) -> Result<()> {
-    let found: Vec<&str> = MADE.into_iter().filter(|name| fs::symlink_metadata(out.join(name)).is_ok()).collect();
+    let found: Vec<&str> = MADE
+        .into_iter()
+        .filter(|name| fs::symlink_metadata(out.join(name)).is_ok())
+        .collect();
     if found.is_empty() {
         return Ok(());
     }
-    let Some(aside) = (1..).map(|number| out.join(format!("interrupted-{number}"))).find(|place| !place.exists())
+    let Some(aside) = (1..)
+        .map(|number| out.join(format!("interrupted-{number}")))
+        .find(|place| !place.exists())
     else {
         return Ok(());
     };
-    let cannot = || format!("{}: cannot be made; choose another folder for the demo", aside.display());
+    let cannot = || {
+        format!(
+            "{}: cannot be made; choose another folder for the demo",
+            aside.display()
+        )
+    };
     fs::create_dir(&aside).with_context(cannot)?;
-    found.into_iter().try_for_each(|name| fs::rename(out.join(name), aside.join(name))).with_context(cannot)
+    found
+        .into_iter()
+        .try_for_each(|name| fs::rename(out.join(name), aside.join(name)))
+        .with_context(cannot)
 }
 
 #[cfg(test)]
@@ -152,7 +207,12 @@ mod tests {
         put(&out, "project/project.toml");
         finish(&out).unwrap();
         put(&out, "project/thesis.tex");
-        assert!(prepare(&out).unwrap_err().to_string().contains("thesis.tex"));
+        assert!(
+            prepare(&out)
+                .unwrap_err()
+                .to_string()
+                .contains("thesis.tex")
+        );
         fs::remove_file(out.join("project/thesis.tex")).unwrap();
         fs::write(out.join("project/project.toml"), "edited").unwrap();
         assert!(prepare(&out).is_err());
@@ -165,7 +225,12 @@ mod tests {
         put(dir.path(), "project/project.toml");
         finish(dir.path()).unwrap();
         let lock = Lock::take(&dir.path().join("project")).unwrap();
-        assert!(prepare(dir.path()).unwrap_err().to_string().contains("is open in another window"));
+        assert!(
+            prepare(dir.path())
+                .unwrap_err()
+                .to_string()
+                .contains("is open in another window")
+        );
         assert!(dir.path().join("project/project.toml").is_file());
         drop(lock);
         prepare(dir.path()).unwrap();
@@ -177,7 +242,12 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let running = prepare(dir.path()).unwrap();
         put(dir.path(), "recording/color/0.png");
-        assert!(prepare(dir.path()).unwrap_err().to_string().contains("another demo runs there"));
+        assert!(
+            prepare(dir.path())
+                .unwrap_err()
+                .to_string()
+                .contains("another demo runs there")
+        );
         assert!(dir.path().join("recording/color/0.png").is_file());
         drop(running);
         prepare(dir.path()).unwrap();
@@ -189,7 +259,11 @@ mod tests {
         prepare(dir.path()).unwrap();
         put(dir.path(), "project/project.toml");
         prepare(dir.path()).unwrap();
-        assert!(dir.path().join("interrupted-1/project/project.toml").is_file());
+        assert!(
+            dir.path()
+                .join("interrupted-1/project/project.toml")
+                .is_file()
+        );
     }
 
     #[test]
@@ -197,7 +271,12 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         put(dir.path(), "recording/day1.bag");
         put(dir.path(), "report.json");
-        assert!(prepare(dir.path()).unwrap_err().to_string().contains("not made by a demo"));
+        assert!(
+            prepare(dir.path())
+                .unwrap_err()
+                .to_string()
+                .contains("not made by a demo")
+        );
         assert!(dir.path().join("recording/day1.bag").exists());
     }
 }

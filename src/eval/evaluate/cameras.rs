@@ -27,10 +27,17 @@ pub struct CameraScore {
 ///
 /// # Errors
 /// When a file cannot be read, no camera matches, or too few match for the alignment.
-pub fn score_cameras(truth: &Path, result: &Path, alignment: Alignment, turns: bool) -> Result<CameraScore> {
+pub fn score_cameras(
+    truth: &Path,
+    result: &Path,
+    alignment: Alignment,
+    turns: bool,
+) -> Result<CameraScore> {
     let posed = |path: &Path| -> Result<Vec<GivenCamera>> {
         let all = GivenCameras::read(path)?.cameras.into_iter();
-        Ok(all.filter(|camera| camera.camera_from_world.is_ok()).collect())
+        Ok(all
+            .filter(|camera| camera.camera_from_world.is_ok())
+            .collect())
     };
     let (truth_cameras, result_cameras) = (posed(truth)?, posed(result)?);
     let found = index(&result_cameras, full_key);
@@ -38,9 +45,14 @@ pub fn score_cameras(truth: &Path, result: &Path, alignment: Alignment, turns: b
     let mut pairs: Vec<(Pose, Pose)> = Vec::new();
     let mut missing = Vec::new();
     for camera in &truth_cameras {
-        let partner = found.get(&full_key(&camera.key)).or_else(|| found_by_file.get(&file_key(&camera.key)));
+        let partner = found
+            .get(&full_key(&camera.key))
+            .or_else(|| found_by_file.get(&file_key(&camera.key)));
         match partner.copied().flatten() {
-            Some(GivenCamera { camera_from_world: Ok(other), .. }) => {
+            Some(GivenCamera {
+                camera_from_world: Ok(other),
+                ..
+            }) => {
                 pairs.extend(camera.camera_from_world.iter().map(|pose| (*other, *pose)));
             }
             _ => missing.push(full_key(&camera.key)),
@@ -56,17 +68,33 @@ pub fn score_cameras(truth: &Path, result: &Path, alignment: Alignment, turns: b
         );
     }
     let (result_poses, truth_poses): (Vec<Pose>, Vec<Pose>) = pairs.into_iter().unzip();
-    let between = if turns { TrajectoryError::between_poses } else { TrajectoryError::between };
+    let between = if turns {
+        TrajectoryError::between_poses
+    } else {
+        TrajectoryError::between
+    };
     let error = between(&result_poses, &truth_poses, alignment)?;
     let centre_percent = 100.0 * error.centre.rmse / error.extent.max(f64::MIN_POSITIVE);
-    Ok(CameraScore { truth: truth_cameras.len(), result: result_cameras.len(), missing, error, centre_percent })
+    Ok(CameraScore {
+        truth: truth_cameras.len(),
+        result: result_cameras.len(),
+        missing,
+        error,
+        centre_percent,
+    })
 }
 
 /// Cameras by key; `None` where several share it, which are not guessed at.
-fn index(cameras: &[GivenCamera], key: impl Fn(&CameraKey) -> String) -> BTreeMap<String, Option<&GivenCamera>> {
+fn index(
+    cameras: &[GivenCamera],
+    key: impl Fn(&CameraKey) -> String,
+) -> BTreeMap<String, Option<&GivenCamera>> {
     let mut found = BTreeMap::new();
     for camera in cameras {
-        found.entry(key(&camera.key)).and_modify(|entry| *entry = None).or_insert(Some(camera));
+        found
+            .entry(key(&camera.key))
+            .and_modify(|entry| *entry = None)
+            .or_insert(Some(camera));
     }
     found
 }
@@ -76,7 +104,10 @@ fn full_key(key: &CameraKey) -> String {
     match key {
         CameraKey::Name(name) => {
             let file_at = name.rfind('/').map_or(0, |at| at + 1);
-            let stem_end = name[file_at..].rfind('.').filter(|&at| at > 0).map_or(name.len(), |at| file_at + at);
+            let stem_end = name[file_at..]
+                .rfind('.')
+                .filter(|&at| at > 0)
+                .map_or(name.len(), |at| file_at + at);
             name[..stem_end].to_owned()
         }
         CameraKey::Index(number) => number.to_string(),
@@ -88,7 +119,8 @@ fn full_key(key: &CameraKey) -> String {
 fn file_key(key: &CameraKey) -> String {
     let full = full_key(key);
     let file = full.rsplit('/').next().unwrap_or_default();
-    file.parse::<u64>().map_or_else(|_| file.to_owned(), |number| number.to_string())
+    file.parse::<u64>()
+        .map_or_else(|_| file.to_owned(), |number| number.to_string())
 }
 
 #[cfg(test)]
@@ -100,6 +132,9 @@ mod tests {
         let name = |text: &str| CameraKey::Name(text.into());
         assert_eq!(full_key(&name("a/b.c.png")), "a/b.c");
         assert_eq!(full_key(&name("a.b/c")), "a.b/c");
-        assert_eq!(file_key(&name("color/000012.png")), file_key(&CameraKey::Index(12)));
+        assert_eq!(
+            file_key(&name("color/000012.png")),
+            file_key(&CameraKey::Index(12))
+        );
     }
 }

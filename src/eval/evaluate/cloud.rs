@@ -37,10 +37,18 @@ pub struct TruthViews {
 ///
 /// # Errors
 /// When a file or no picture can be read, no picture has a camera, or nothing can be compared.
-pub fn evaluate_cloud(truth: &Path, result: &Path, evaluation: &CloudEvaluation) -> Result<(CloudScore, Vec<String>)> {
+pub fn evaluate_cloud(
+    truth: &Path,
+    result: &Path,
+    evaluation: &CloudEvaluation,
+) -> Result<(CloudScore, Vec<String>)> {
     let progress = Progress::default();
     let (mut truth, mut result) = (read(truth, &progress)?, read(result, &progress)?);
-    let origin = if truth.cloud.origin == DVec3::ZERO { result.cloud.origin } else { truth.cloud.origin };
+    let origin = if truth.cloud.origin == DVec3::ZERO {
+        result.cloud.origin
+    } else {
+        truth.cloud.origin
+    };
     truth.cloud.move_origin(origin);
     result.cloud.move_origin(origin);
     let mut options = CloudScoreOptions {
@@ -68,7 +76,10 @@ fn read(path: &Path, progress: &Progress) -> Result<PlyCloud> {
 
 fn frusta(path: &Path, origin: DVec3) -> Result<Vec<FrameCamera>> {
     let given = GivenCameras::read(path)?;
-    let posed = given.cameras.iter().filter(|camera| camera.camera_from_world.is_ok());
+    let posed = given
+        .cameras
+        .iter()
+        .filter(|camera| camera.camera_from_world.is_ok());
     let cameras = posed.map(|camera| {
         let sized = camera.intrinsics.as_ref().and_then(|intrinsics| Some((intrinsics, intrinsics.size?)));
         let (intrinsics, [width, height]) = sized.with_context(|| {

@@ -17,7 +17,13 @@ pub(super) fn read_frames(path: &Path, progress: &Progress) -> Result<(Vec<Frame
         return Ok((loaded.project.frames.to_vec(), loaded.warnings));
     }
     let sources = vec![FrameFolder::from(path.to_owned())];
-    let opened = open(&OpenRequest { sources, ..OpenRequest::default() }, progress)?;
+    let opened = open(
+        &OpenRequest {
+            sources,
+            ..OpenRequest::default()
+        },
+        progress,
+    )?;
     Ok((opened.frames, opened.warnings))
 }
 
@@ -48,5 +54,11 @@ pub(super) fn readable_frames(
         return Err(error.into());
     }
     let names: Vec<&str> = unreadable.iter().map(String::as_str).collect();
-    Ok((kept, naming("cannot be read (image or depth) and are left out; check their files", &names)))
+    Ok((
+        kept,
+        naming(
+            "cannot be read (image or depth) and are left out; check their files",
+            &names,
+        ),
+    ))
 }

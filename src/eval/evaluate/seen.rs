@@ -26,20 +26,46 @@ pub(super) fn feature_views(
 ) -> Result<(FeatureViews, Vec<String>)> {
     let (mut frames, mut warnings) = read_frames(pictures, progress)?;
     // A project's own poses are in its own space.
-    frames.iter_mut().flat_map(|frame| &mut frame.camera).for_each(|camera| camera.camera_from_world = None);
+    frames
+        .iter_mut()
+        .flat_map(|frame| &mut frame.camera)
+        .for_each(|camera| camera.camera_from_world = None);
     warnings.extend(GivenCameras::read(cameras)?.match_to(&mut frames)?);
     make_relative(&mut frames, origin);
-    let posed = |frame: &Frame| frame.camera.filter(|camera| camera.camera_from_world.is_some());
+    let posed = |frame: &Frame| {
+        frame
+            .camera
+            .filter(|camera| camera.camera_from_world.is_some())
+    };
     frames.retain(|frame| posed(frame).is_some());
-    ensure!(!frames.is_empty(), "{}: no picture has a camera in {}", pictures.display(), cameras.display());
+    ensure!(
+        !frames.is_empty(),
+        "{}: no picture has a camera in {}",
+        pictures.display(),
+        cameras.display()
+    );
     let store = FrameStore::new(PIXEL_BYTES);
     // Features are made of what can be read; here nothing may be missing without a word.
-    let (frames, unreadable) = readable_frames(frames, |frame| store.image(frame).map(drop), progress)?;
+    let (frames, unreadable) =
+        readable_frames(frames, |frame| store.image(frame).map(drop), progress)?;
     warnings.extend(unreadable);
     let views: Vec<usize> = (0..frames.len()).collect();
     let engines = (&Sift::default() as _, &NearestMatcher::for_bytes() as _);
-    let features = sparse_from_cameras(&frames, &views, &store, engines, &SparseOptions::default(), progress)?;
-    Ok((FeatureViews { cameras: frames.iter().filter_map(posed).collect(), features }, warnings))
+    let features = sparse_from_cameras(
+        &frames,
+        &views,
+        &store,
+        engines,
+        &SparseOptions::default(),
+        progress,
+    )?;
+    Ok((
+        FeatureViews {
+            cameras: frames.iter().filter_map(posed).collect(),
+            features,
+        },
+        warnings,
+    ))
 }
 
 #[cfg(test)]
@@ -55,17 +81,26 @@ mod tests {
         }
         let mut images = String::new();
         for k in 0..3_u32 {
-            let color = |x: u32, y: u32| image::Rgb([(x * 3) as u8, (y * 4) as u8, (x * y % 251) as u8]);
-            image::RgbImage::from_fn(64, 48, color).save(pictures.join(format!("{k}.png"))).unwrap();
-            images += &format!("{} 1 0 0 0 {} 0 0 1 {k}.png\n\n", k + 1, -0.02 * f64::from(k));
+            let color =
+                |x: u32, y: u32| image::Rgb([(x * 3) as u8, (y * 4) as u8, (x * y % 251) as u8]);
+            image::RgbImage::from_fn(64, 48, color)
+                .save(pictures.join(format!("{k}.png")))
+                .unwrap();
+            images += &format!(
+                "{} 1 0 0 0 {} 0 0 1 {k}.png\n\n",
+                k + 1,
+                -0.02 * f64::from(k)
+            );
         }
         std::fs::write(cameras.join("cameras.txt"), "1 PINHOLE 64 48 60 60 32 24\n").unwrap();
         std::fs::write(cameras.join("images.txt"), images).unwrap();
         std::fs::write(cameras.join("points3D.txt"), "").unwrap();
         std::fs::write(pictures.join("1.png"), "").unwrap();
-        let (views, warnings) = feature_views(&pictures, &cameras, DVec3::ZERO, &Progress::default()).unwrap();
+        let (views, warnings) =
+            feature_views(&pictures, &cameras, DVec3::ZERO, &Progress::default()).unwrap();
         assert_eq!(views.cameras.len(), 2);
-        let is_named = |line: &String| line.contains("1 frames cannot be read") && line.contains("1.png");
+        let is_named =
+            |line: &String| line.contains("1 frames cannot be read") && line.contains("1.png");
         assert!(warnings.iter().any(is_named), "{warnings:?}");
     }
 }

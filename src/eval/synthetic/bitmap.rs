@@ -20,13 +20,27 @@ impl Bitmap {
         let (width, height) = (size.x as usize, size.y as usize);
         let texels = (0..width * height)
             .into_par_iter()
-            .map(|k| stored(color(Vec2::new((k % width) as f32 + 0.5, (k / width) as f32 + 0.5))))
+            .map(|k| {
+                stored(color(Vec2::new(
+                    (k % width) as f32 + 0.5,
+                    (k / width) as f32 + 0.5,
+                )))
+            })
             .collect();
-        Self { width, height, texels }
+        Self {
+            width,
+            height,
+            texels,
+        }
     }
 
     /// Repaints the texels inside a box (corners in texels, clipped): `color(at, before)`, sRGB of 0–1.
-    pub(super) fn paint(&mut self, low: Vec2, high: Vec2, color: impl Fn(Vec2, Vec3) -> Vec3 + Sync) {
+    pub(super) fn paint(
+        &mut self,
+        low: Vec2,
+        high: Vec2,
+        color: impl Fn(Vec2, Vec3) -> Vec3 + Sync,
+    ) {
         let clip = |v: f32, limit: usize| v.clamp(0.0, limit as f32) as usize;
         let (top, bottom) = (clip(low.y, self.height), clip(high.y.ceil(), self.height));
         let (left, right) = (clip(low.x, self.width), clip(high.x.ceil(), self.width));
@@ -34,19 +48,23 @@ impl Bitmap {
             return;
         }
         let rows = &mut self.texels[top * self.width..bottom * self.width];
-        rows.par_chunks_mut(self.width).enumerate().for_each(|(row, texels)| {
-            for (column, texel) in texels[left..right].iter_mut().enumerate() {
-                let before = Vec3::from(texel.map(|v| f32::from(v) / 255.0));
-                let at = Vec2::new((left + column) as f32 + 0.5, (top + row) as f32 + 0.5);
-                *texel = stored(color(at, before));
-            }
-        });
+        rows.par_chunks_mut(self.width)
+            .enumerate()
+            .for_each(|(row, texels)| {
+                for (column, texel) in texels[left..right].iter_mut().enumerate() {
+                    let before = Vec3::from(texel.map(|v| f32::from(v) / 255.0));
+                    let at = Vec2::new((left + column) as f32 + 0.5, (top + row) as f32 + 0.5);
+                    *texel = stored(color(at, before));
+                }
+            });
     }
 
     /// A fine grain over all texels, so that no place is without texture.
     pub(super) fn roughen(&mut self, amount: f32, seed: u32) {
         let size = Vec2::new(self.width as f32, self.height as f32);
-        self.paint(Vec2::ZERO, size, |at, before| before * (1.0 + amount * fractal_noise(at * 0.3, 3, seed)));
+        self.paint(Vec2::ZERO, size, |at, before| {
+            before * (1.0 + amount * fractal_noise(at * 0.3, 3, seed))
+        });
     }
 
     /// The colour at `at_m`, bilinear between texel centres and clamped to the border, linear RGB.
@@ -73,7 +91,9 @@ pub(super) fn encoded(linear: Vec3) -> [u8; 3] {
 }
 
 fn stored(srgb: Vec3) -> [u8; 3] {
-    (srgb.clamp(Vec3::ZERO, Vec3::ONE) * 255.0 + 0.5).to_array().map(|v| v as u8)
+    (srgb.clamp(Vec3::ZERO, Vec3::ONE) * 255.0 + 0.5)
+        .to_array()
+        .map(|v| v as u8)
 }
 
 fn decoded(texel: [u8; 3]) -> Vec3 {

@@ -48,8 +48,19 @@ impl Blade {
         let level = outward.reject_from(DVec3::Z).normalize_or(DVec3::X);
         let to = plan.tip_elevation.cos() * level + plan.tip_elevation.sin() * DVec3::Z;
         let side = collar.tangent.cross(outward);
-        let midrib = Curve::turning(collar.x + radius * outward, from, to, 1.35, plan.length_m, side);
-        Self { plan, midrib, collar_radius_m: radius }
+        let midrib = Curve::turning(
+            collar.x + radius * outward,
+            from,
+            to,
+            1.35,
+            plan.length_m,
+            side,
+        );
+        Self {
+            plan,
+            midrib,
+            collar_radius_m: radius,
+        }
     }
 
     /// Full width at a share of the length, metres.
@@ -69,7 +80,10 @@ impl Blade {
             let (sin, cos) = (self.plan.twist * share * share).sin_cos();
             let side = cos * station.side + sin * station.up;
             let up = cos * station.up - sin * station.side;
-            (station.x + offset.x * side + offset.y * up, DVec2::new(across, station.at_m).as_vec2())
+            (
+                station.x + offset.x * side + offset.y * up,
+                DVec2::new(across, station.at_m).as_vec2(),
+            )
         })
     }
 
@@ -79,16 +93,24 @@ impl Blade {
         let open = 1.0 / 0.016;
         let tight = 1.0 / self.collar_radius_m;
         let bend = tight + (open - tight) * smoothstep(0.0, 0.02, at_m);
-        DVec2::new((bend * across).sin() / bend, (1.0 - (bend * across).cos()) / bend)
+        DVec2::new(
+            (bend * across).sin() / bend,
+            (1.0 - (bend * across).cos()) / bend,
+        )
     }
 
     /// Mean of the width over the length, metres.
     pub(super) fn mean_width_m(&self) -> f64 {
-        (0..400).map(|k| self.width((f64::from(k) + 0.5) / 400.0)).sum::<f64>() / 400.0
+        (0..400)
+            .map(|k| self.width((f64::from(k) + 0.5) / 400.0))
+            .sum::<f64>()
+            / 400.0
     }
 
     /// Angle in degrees between the culm's axis at the collar and the midrib's first `reach_m`.
     pub(super) fn insertion_deg(&self, axis: DVec3, reach_m: f64) -> f64 {
-        (self.midrib.at(reach_m).x - self.midrib.at(0.0).x).angle_between(axis).to_degrees()
+        (self.midrib.at(reach_m).x - self.midrib.at(0.0).x)
+            .angle_between(axis)
+            .to_degrees()
     }
 }

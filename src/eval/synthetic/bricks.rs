@@ -23,7 +23,8 @@ pub(super) fn build_bricks(seed: u64) -> Assembly {
     let mut dice = Dice::new(seed, 11);
     let mut assembly = Assembly::default();
     let whole = assembly.label("toys", None);
-    let [car, wheel, figure] = ["car", "wheel", "figure"].map(|name| assembly.label(name, Some(whole)));
+    let [car, wheel, figure] =
+        ["car", "wheel", "figure"].map(|name| assembly.label(name, Some(whole)));
     add_car(&mut assembly, (car, wheel), &mut dice);
     add_loose_wheels(&mut assembly, wheel, &mut dice);
     add_figure(&mut assembly, figure, &mut dice);
@@ -34,16 +35,35 @@ pub(super) fn build_bricks(seed: u64) -> Assembly {
 /// Chassis, bonnet, cabin and boot, and a wheel at each corner.
 fn add_car(assembly: &mut Assembly, (class, wheel): (LabelId, LabelId), dice: &mut Dice) {
     let turn = DQuat::from_rotation_z(dice.range(-0.12, 0.12));
-    let place = DVec3::new(-0.045 + dice.range(-0.006, 0.006), dice.range(-0.01, 0.01), CLEARANCE_M);
+    let place = DVec3::new(
+        -0.045 + dice.range(-0.006, 0.006),
+        dice.range(-0.01, 0.01),
+        CLEARANCE_M,
+    );
     let (across, along) = CAR_STUDS;
     let mut toy = Toy::new(place, turn, (across, along));
     let instance = assembly.label("car 1", Some(class));
     let cabin_end = along - BONNET_STUDS;
     for (name, color, low, high) in [
         ("chassis", [0.78, 0.10, 0.09], [0, 0, 0], [across, along, 1]),
-        ("bonnet", [0.92, 0.72, 0.10], [0, 0, 1], [across, BONNET_STUDS, 2]),
-        ("cabin", [0.16, 0.36, 0.76], [0, BONNET_STUDS, 1], [across, cabin_end, 4]),
-        ("boot", [0.30, 0.64, 0.22], [0, cabin_end, 1], [across, along, 2]),
+        (
+            "bonnet",
+            [0.92, 0.72, 0.10],
+            [0, 0, 1],
+            [across, BONNET_STUDS, 2],
+        ),
+        (
+            "cabin",
+            [0.16, 0.36, 0.76],
+            [0, BONNET_STUDS, 1],
+            [across, cabin_end, 4],
+        ),
+        (
+            "boot",
+            [0.30, 0.64, 0.22],
+            [0, cabin_end, 1],
+            [across, along, 2],
+        ),
     ] {
         let id = assembly.label(&format!("car 1 {name}"), Some(instance));
         toy.stack(id, Vec3::from(color), IVec3::from(low), IVec3::from(high));
@@ -68,7 +88,13 @@ fn add_loose_wheels(assembly: &mut Assembly, class: LabelId, dice: &mut Dice) {
     }
 }
 
-fn add_wheel(assembly: &mut Assembly, (class, number): (LabelId, usize), centre: DVec3, axis: DVec3, dice: &mut Dice) {
+fn add_wheel(
+    assembly: &mut Assembly,
+    (class, number): (LabelId, usize),
+    centre: DVec3,
+    axis: DVec3,
+    dice: &mut Dice,
+) {
     let id = assembly.label(&format!("wheel {number}"), Some(class));
     let mesh = Mesh::cylinder(centre, axis, WHEEL_RADIUS_M, WHEEL_HALF_WIDTH_M, 48);
     record_volume(assembly, id, std::slice::from_ref(&mesh));
@@ -78,7 +104,11 @@ fn add_wheel(assembly: &mut Assembly, (class, number): (LabelId, usize), centre:
 /// Legs, torso, arms at its sides and a head.
 fn add_figure(assembly: &mut Assembly, class: LabelId, dice: &mut Dice) {
     let turn = DQuat::from_rotation_z(dice.range(-0.15, 0.15));
-    let place = DVec3::new(0.115 + dice.range(-0.006, 0.006), 0.045 + dice.range(-0.01, 0.01), 0.0);
+    let place = DVec3::new(
+        0.115 + dice.range(-0.006, 0.006),
+        0.045 + dice.range(-0.01, 0.01),
+        0.0,
+    );
     let mut toy = Toy::new(place, turn, (4, 2));
     let instance = assembly.label("figure 1", Some(class));
     for (name, color, low, high) in [

@@ -21,20 +21,31 @@ impl Culm {
 
     pub(super) fn new(curve: Curve, nodes_m: Vec<f64>, dice: &mut Dice) -> Self {
         let base_diameter_m = dice.range(0.0050, 0.0055);
-        Self { curve, base_diameter_m, top_diameter_m: base_diameter_m - dice.range(0.0003, 0.0007), nodes_m }
+        Self {
+            curve,
+            base_diameter_m,
+            top_diameter_m: base_diameter_m - dice.range(0.0003, 0.0007),
+            nodes_m,
+        }
     }
 
     /// Radius at an arc length, metres.
     pub(super) fn radius(&self, at_m: f64) -> f64 {
         let share = (at_m / self.curve.length_m()).clamp(0.0, 1.0);
-        let swell: f64 = self.nodes_m.iter().map(|node| (-((at_m - node) / 0.003).powi(2)).exp()).sum();
-        0.5 * (self.base_diameter_m + (self.top_diameter_m - self.base_diameter_m) * share) * (1.0 + 0.06 * swell)
+        let swell: f64 = self
+            .nodes_m
+            .iter()
+            .map(|node| (-((at_m - node) / 0.003).powi(2)).exp())
+            .sum();
+        0.5 * (self.base_diameter_m + (self.top_diameter_m - self.base_diameter_m) * share)
+            * (1.0 + 0.06 * swell)
     }
 
     /// Median diameter over the length, metres.
     pub(super) fn median_diameter_m(&self) -> f64 {
-        let mut diameters: Vec<f64> =
-            (0..=400).map(|k| 2.0 * self.radius(self.curve.length_m() * f64::from(k) / 400.0)).collect();
+        let mut diameters: Vec<f64> = (0..=400)
+            .map(|k| 2.0 * self.radius(self.curve.length_m() * f64::from(k) / 400.0))
+            .collect();
         diameters.sort_by(f64::total_cmp);
         diameters[200]
     }

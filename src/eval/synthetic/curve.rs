@@ -22,7 +22,14 @@ impl Curve {
 
     /// From `start`, `length_m` long; the direction turns from `from` to `to` (unit vectors, not opposite) along the
     /// great circle between them, by the share `t^power` at the share `t` of the length.
-    pub(super) fn turning(start: DVec3, from: DVec3, to: DVec3, power: f64, length_m: f64, side: DVec3) -> Self {
+    pub(super) fn turning(
+        start: DVec3,
+        from: DVec3,
+        to: DVec3,
+        power: f64,
+        length_m: f64,
+        side: DVec3,
+    ) -> Self {
         let turn = DQuat::from_rotation_arc(from, to);
         let direction = |t: f64| DQuat::IDENTITY.slerp(turn, t.powf(power)) * from;
         let step = length_m / Self::STEPS as f64;
@@ -32,7 +39,13 @@ impl Curve {
                 let t = k as f64 / Self::STEPS as f64;
                 let tangent = direction(t);
                 side = side.reject_from(tangent).normalize();
-                let station = Station { at_m: t * length_m, x, tangent, side, up: tangent.cross(side) };
+                let station = Station {
+                    at_m: t * length_m,
+                    x,
+                    tangent,
+                    side,
+                    up: tangent.cross(side),
+                };
                 x += step * direction((t + 0.5 / Self::STEPS as f64).min(1.0));
                 station
             })
@@ -49,10 +62,20 @@ impl Curve {
     pub(super) fn at(&self, at_m: f64) -> Station {
         let place = (at_m / self.length_m()).clamp(0.0, 1.0) * (self.stations.len() - 1) as f64;
         let index = (place as usize).min(self.stations.len() - 2);
-        let (a, b, f) = (&self.stations[index], &self.stations[index + 1], place - index as f64);
+        let (a, b, f) = (
+            &self.stations[index],
+            &self.stations[index + 1],
+            place - index as f64,
+        );
         let tangent = a.tangent.lerp(b.tangent, f).normalize();
         let side = a.side.lerp(b.side, f).reject_from(tangent).normalize();
-        Station { at_m: a.at_m + (b.at_m - a.at_m) * f, x: a.x.lerp(b.x, f), tangent, side, up: tangent.cross(side) }
+        Station {
+            at_m: a.at_m + (b.at_m - a.at_m) * f,
+            x: a.x.lerp(b.x, f),
+            tangent,
+            side,
+            up: tangent.cross(side),
+        }
     }
 
     /// The last place.

@@ -39,7 +39,12 @@ impl Light {
                 hits.triangles.iter().zip(&hits.depths).map(depth).collect()
             })
             .collect();
-        Self { centre, camera, light_from_world, depths: bands.concat() }
+        Self {
+            centre,
+            camera,
+            light_from_world,
+            depths: bands.concat(),
+        }
     }
 
     /// Light on a surface point with unit normal `normal` (towards the viewer), as a factor on its reflectance, and
@@ -47,7 +52,11 @@ impl Light {
     pub(super) fn on(&self, x: DVec3, normal: Vec3, to_viewer: Vec3, look: &Look) -> (f32, f32) {
         let to_light = (self.centre - x).as_vec3().normalize();
         let facing = normal.dot(to_light);
-        let direct = if facing > 0.0 { facing } else { -facing * look.material.translucency() };
+        let direct = if facing > 0.0 {
+            facing
+        } else {
+            -facing * look.material.translucency()
+        };
         let lit = if direct > 0.0 {
             self.lit_share(x + 0.0006 * f64::from(facing.signum()) * normal.as_dvec3())
         } else {
@@ -55,14 +64,23 @@ impl Light {
         };
         let around = 0.36 + 0.12 * normal.z + 0.06 * normal.y.abs();
         let half_way = (to_light + to_viewer).normalize_or(normal);
-        let highlight = if facing > 0.0 { lit * normal.dot(half_way).max(0.0).powi(24) } else { 0.0 };
-        (EXPOSURE * (around + 0.62 * direct * lit), look.material.gloss() * highlight)
+        let highlight = if facing > 0.0 {
+            lit * normal.dot(half_way).max(0.0).powi(24)
+        } else {
+            0.0
+        };
+        (
+            EXPOSURE * (around + 0.62 * direct * lit),
+            look.material.gloss() * highlight,
+        )
     }
 
     /// 0 = in shadow … 1 = lit, smoothed over 2 × 2 texels; 1 outside the lamp's shadow map.
     fn lit_share(&self, x: DVec3) -> f32 {
         let x_in_light = self.light_from_world.transform(x);
-        let Some(px) = self.camera.project(x_in_light).map(|px| px - 0.5) else { return 1.0 };
+        let Some(px) = self.camera.project(x_in_light).map(|px| px - 0.5) else {
+            return 1.0;
+        };
         let limit = f64::from(SIDE) - 2.0;
         if px.min_element() < 0.0 || px.max_element() >= limit {
             return 1.0;

@@ -37,17 +37,27 @@ impl Material {
     pub(super) fn albedo(&self, uv: Vec2, seed: u32, bitmaps: &[Bitmap]) -> Vec3 {
         let mm = uv * 1000.0;
         match self {
-            Self::Picture { bitmap } => bitmaps.get(*bitmap).map_or(Vec3::ZERO, |bitmap| bitmap.sample(uv)),
+            Self::Picture { bitmap } => bitmaps
+                .get(*bitmap)
+                .map_or(Vec3::ZERO, |bitmap| bitmap.sample(uv)),
             Self::Blade { length_m } => linear(blade(mm, uv.y / length_m, seed)),
             Self::Sheath => linear(fibrous(Vec3::new(0.45, 0.57, 0.25), mm, 1.4, seed)),
             Self::Culm { nodes_m } => linear(culm(mm, nodes_m, seed)),
-            Self::Rachis => linear(Vec3::new(0.60, 0.62, 0.30) * (1.0 + 0.15 * value_noise(mm, seed))),
+            Self::Rachis => {
+                linear(Vec3::new(0.60, 0.62, 0.30) * (1.0 + 0.15 * value_noise(mm, seed)))
+            }
             Self::Grain => linear(grain(mm, seed)),
-            Self::Clay => linear(Vec3::new(0.66, 0.40, 0.28) * (1.0 + 0.22 * fractal_noise(mm / 9.0, 5, seed))),
-            Self::Soil => linear(Vec3::new(0.27, 0.20, 0.15) * (1.0 + 0.7 * fractal_noise(mm / 5.0, 4, seed))),
+            Self::Clay => linear(
+                Vec3::new(0.66, 0.40, 0.28) * (1.0 + 0.22 * fractal_noise(mm / 9.0, 5, seed)),
+            ),
+            Self::Soil => {
+                linear(Vec3::new(0.27, 0.20, 0.15) * (1.0 + 0.7 * fractal_noise(mm / 5.0, 4, seed)))
+            }
             Self::Wood => linear(wood(mm, seed)),
             Self::Plastic { color } => linear(plastic(*color, mm, seed)),
-            Self::Rubber => linear(Vec3::splat(0.17) * (1.0 + 0.10 * fractal_noise(mm / 3.0, 3, seed))),
+            Self::Rubber => {
+                linear(Vec3::splat(0.17) * (1.0 + 0.10 * fractal_noise(mm / 3.0, 3, seed)))
+            }
         }
     }
 
@@ -62,7 +72,11 @@ impl Material {
 
     /// Share of the light on the far side that shines through.
     pub(super) fn translucency(&self) -> f32 {
-        if matches!(self, Self::Blade { .. }) { 0.45 } else { 0.0 }
+        if matches!(self, Self::Blade { .. }) {
+            0.45
+        } else {
+            0.0
+        }
     }
 }
 
@@ -78,7 +92,11 @@ fn blade(mm: Vec2, along: f32, seed: u32) -> Vec3 {
     let mottle = fractal_noise(Vec2::new(mm.x / 3.0, mm.y / 16.0), 4, seed);
     let lit = green * (1.0 + 0.10 * vein + 0.22 * mottle) + Vec3::new(0.10, 0.10, 0.06) * midrib;
     let dry = ((along - 0.86) / 0.14 + 0.5 * value_noise(mm / 6.0, seed ^ 1)).clamp(0.0, 1.0);
-    let freckle = if fractal_noise(mm / 2.6, 3, seed ^ 2) > 0.50 { 0.72 } else { 1.0 };
+    let freckle = if fractal_noise(mm / 2.6, 3, seed ^ 2) > 0.50 {
+        0.72
+    } else {
+        1.0
+    };
     lit.lerp(Vec3::new(0.68, 0.60, 0.32), 0.75 * dry) * freckle
 }
 
@@ -91,7 +109,10 @@ fn fibrous(base: Vec3, mm: Vec2, pitch_mm: f32, seed: u32) -> Vec3 {
 
 fn culm(mm: Vec2, nodes_m: &[f32], seed: u32) -> Vec3 {
     let tissue = fibrous(Vec3::new(0.56, 0.60, 0.295), mm, 1.9, seed);
-    let distance = nodes_m.iter().map(|node| (mm.y - node * 1000.0).abs()).fold(f32::MAX, f32::min);
+    let distance = nodes_m
+        .iter()
+        .map(|node| (mm.y - node * 1000.0).abs())
+        .fold(f32::MAX, f32::min);
     let ring = (-(distance / 1.6).powi(2)).exp();
     let halo = (-((distance - 5.0) / 2.5).powi(2)).exp();
     (tissue + Vec3::new(0.06, 0.07, 0.04) * halo).lerp(Vec3::new(0.35, 0.33, 0.17), 0.8 * ring)
@@ -110,12 +131,20 @@ fn wood(mm: Vec2, seed: u32) -> Vec3 {
     let shift = 40.0 * own(seed ^ (plank as i32 as u32).wrapping_mul(0x9e37));
     let at = Vec2::new(mm.x / 60.0 + shift, mm.y / 7.0);
     let rings = (6.0 * fractal_noise(at * 0.5, 3, seed)).sin();
-    let joint = if (mm.y / 110.0 - plank) < 0.025 { 0.45 } else { 1.0 };
-    Vec3::new(0.55, 0.41, 0.27) * (1.0 + 0.12 * rings + 0.16 * fractal_noise(at, 4, seed ^ 5) + 0.002 * shift) * joint
+    let joint = if (mm.y / 110.0 - plank) < 0.025 {
+        0.45
+    } else {
+        1.0
+    };
+    Vec3::new(0.55, 0.41, 0.27)
+        * (1.0 + 0.12 * rings + 0.16 * fractal_noise(at, 4, seed ^ 5) + 0.002 * shift)
+        * joint
 }
 
 /// Plastic as toys have it after years: fine scratches and stains.
 fn plastic(color: Vec3, mm: Vec2, seed: u32) -> Vec3 {
     let scratch = fractal_noise(Vec2::new(mm.x / 0.9, mm.y / 5.0), 3, seed);
-    color * (1.0 + 0.04 * own(seed)) * (1.0 + 0.07 * scratch + 0.06 * fractal_noise(mm / 6.0, 3, seed ^ 1))
+    color
+        * (1.0 + 0.04 * own(seed))
+        * (1.0 + 0.07 * scratch + 0.06 * fractal_noise(mm / 6.0, 3, seed ^ 1))
 }

@@ -22,12 +22,19 @@ impl Mesh {
         vertex: impl Fn(usize, usize) -> (DVec3, Vec2),
     ) -> Self {
         let index = |r: usize, c: usize| (r * (columns + 1) + c) as u32;
-        let (positions, uv): (Vec<_>, Vec<_>) =
-            (0..=rows).flat_map(|r| (0..=columns).map(move |c| (r, c))).map(|(r, c)| vertex(r, c)).unzip();
+        let (positions, uv): (Vec<_>, Vec<_>) = (0..=rows)
+            .flat_map(|r| (0..=columns).map(move |c| (r, c)))
+            .map(|(r, c)| vertex(r, c))
+            .unzip();
         let triangles: Vec<[u32; 3]> = (0..rows)
             .flat_map(|r| (0..columns).map(move |c| (r, c)))
             .flat_map(|(r, c)| {
-                let (a, b, d, e) = (index(r, c), index(r, c + 1), index(r + 1, c), index(r + 1, c + 1));
+                let (a, b, d, e) = (
+                    index(r, c),
+                    index(r, c + 1),
+                    index(r + 1, c),
+                    index(r + 1, c + 1),
+                );
                 [[a, b, e], [a, e, d]]
             })
             .collect();
@@ -39,18 +46,35 @@ impl Mesh {
                 sums[index(r, columns) as usize] = both;
             }
         }
-        let normals = sums.into_iter().map(|n| n.normalize_or(DVec3::Z).as_vec3()).collect();
-        Self { positions, normals, uv, triangles }
+        let normals = sums
+            .into_iter()
+            .map(|n| n.normalize_or(DVec3::Z).as_vec3())
+            .collect();
+        Self {
+            positions,
+            normals,
+            uv,
+            triangles,
+        }
     }
 
     /// A tube of `columns` sides around `curve`, without caps; `radius(at_m)` in metres.
-    pub(super) fn tube(curve: &Curve, (rows, columns): (usize, usize), radius: impl Fn(f64) -> f64) -> Self {
+    pub(super) fn tube(
+        curve: &Curve,
+        (rows, columns): (usize, usize),
+        radius: impl Fn(f64) -> f64,
+    ) -> Self {
         Self::patch((rows, columns), true, |r, c| {
             let station = curve.at(curve.length_m() * r as f64 / rows as f64);
             let angle = std::f64::consts::TAU * c as f64 / columns as f64;
             let radius = radius(station.at_m);
             let x = station.x + radius * (angle.cos() * station.side + angle.sin() * station.up);
-            (x, DVec3::new(angle * radius, station.at_m, 0.0).truncate().as_vec2())
+            (
+                x,
+                DVec3::new(angle * radius, station.at_m, 0.0)
+                    .truncate()
+                    .as_vec2(),
+            )
         })
     }
 
@@ -66,31 +90,56 @@ impl Mesh {
             let angle = std::f64::consts::TAU * c as f64 / columns as f64;
             let (radius, height) = profile[r];
             let x = centre + DVec3::new(radius * angle.cos(), radius * angle.sin(), height);
-            (x, Vec2::new((angle * radius.max(0.01)) as f32, along[r] as f32))
+            (
+                x,
+                Vec2::new((angle * radius.max(0.01)) as f32, along[r] as f32),
+            )
         })
     }
 
     /// A spheroid about `axis` (unit) with the given half axes.
-    pub(super) fn spheroid(centre: DVec3, axis: DVec3, half_length_m: f64, half_width_m: f64) -> Self {
+    pub(super) fn spheroid(
+        centre: DVec3,
+        axis: DVec3,
+        half_length_m: f64,
+        half_width_m: f64,
+    ) -> Self {
         let (rows, columns) = (14, 12);
         let (side, up) = axis.any_orthonormal_pair();
         Self::patch((rows, columns), true, |r, c| {
             let latitude = std::f64::consts::PI * (r as f64 / rows as f64 - 0.5);
             let angle = std::f64::consts::TAU * c as f64 / columns as f64;
             let ring = half_width_m * latitude.cos() * (angle.cos() * side + angle.sin() * up);
-            let uv = Vec2::new((angle * half_width_m) as f32, (latitude * half_length_m) as f32);
+            let uv = Vec2::new(
+                (angle * half_width_m) as f32,
+                (latitude * half_length_m) as f32,
+            );
             (centre + half_length_m * latitude.sin() * axis + ring, uv)
         })
     }
 
     /// A closed cylinder of `columns` sides about `axis` (unit), reaching `half_length_m` to both sides of `centre`.
-    pub(super) fn cylinder(centre: DVec3, axis: DVec3, radius_m: f64, half_length_m: f64, columns: usize) -> Self {
+    pub(super) fn cylinder(
+        centre: DVec3,
+        axis: DVec3,
+        radius_m: f64,
+        half_length_m: f64,
+        columns: usize,
+    ) -> Self {
         let (r, h) = (radius_m, half_length_m);
         // Twice at each edge, so that caps and side are shaded flat and round.
-        let mut mesh = Self::lathe(DVec3::ZERO, &[(0.0, -h), (r, -h), (r, -h), (r, h), (r, h), (0.0, h)], columns);
+        let mut mesh = Self::lathe(
+            DVec3::ZERO,
+            &[(0.0, -h), (r, -h), (r, -h), (r, h), (r, h), (0.0, h)],
+            columns,
+        );
         let turn = DQuat::from_rotation_arc(DVec3::Z, axis);
-        mesh.positions.iter_mut().for_each(|x| *x = centre + turn * *x);
-        mesh.normals.iter_mut().for_each(|normal| *normal = (turn * normal.as_dvec3()).as_vec3());
+        mesh.positions
+            .iter_mut()
+            .for_each(|x| *x = centre + turn * *x);
+        mesh.normals
+            .iter_mut()
+            .for_each(|normal| *normal = (turn * normal.as_dvec3()).as_vec3());
         mesh
     }
 
@@ -109,12 +158,16 @@ impl Mesh {
         self.positions.extend(other.positions);
         self.normals.extend(other.normals);
         self.uv.extend(other.uv);
-        self.triangles.extend(other.triangles.into_iter().map(|t| t.map(|v| v + base)));
+        self.triangles
+            .extend(other.triangles.into_iter().map(|t| t.map(|v| v + base)));
     }
 
     /// Sum of the triangles' areas, square metres; a thin sheet's one side.
     pub(super) fn area_m2(&self) -> f64 {
-        self.triangles.iter().map(|&t| 0.5 * face_normal(&self.positions, t).length()).sum()
+        self.triangles
+            .iter()
+            .map(|&t| 0.5 * face_normal(&self.positions, t).length())
+            .sum()
     }
 }
 

@@ -39,8 +39,15 @@ impl Model {
         let mut whole = super::mesh::Mesh::default();
         let (mut look_of, mut looks) = (Vec::new(), Vec::new());
         for part in std::mem::take(&mut assembly.parts) {
-            look_of.resize(look_of.len() + part.mesh.triangles.len(), looks.len() as u16);
-            looks.push(Look { label: part.label, material: part.material, seed: part.seed });
+            look_of.resize(
+                look_of.len() + part.mesh.triangles.len(),
+                looks.len() as u16,
+            );
+            looks.push(Look {
+                label: part.label,
+                material: part.material,
+                seed: part.seed,
+            });
             whole.append(part.mesh);
         }
         Self {

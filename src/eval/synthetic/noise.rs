@@ -25,7 +25,9 @@ pub(super) fn fractal_noise(at: Vec2, octaves: u32, seed: u32) -> f32 {
 
 /// An evenly spread number in −1…1 for a lattice cell.
 pub(super) fn lattice(cell: IVec2, seed: u32) -> f32 {
-    let mut h = (cell.x as u32).wrapping_mul(0x27d4_eb2d) ^ (cell.y as u32).wrapping_mul(0x1656_67b1) ^ seed;
+    let mut h = (cell.x as u32).wrapping_mul(0x27d4_eb2d)
+        ^ (cell.y as u32).wrapping_mul(0x1656_67b1)
+        ^ seed;
     h = (h ^ (h >> 15)).wrapping_mul(0x2c1b_3c6d);
     h = (h ^ (h >> 12)).wrapping_mul(0x297a_2d39);
     h ^= h >> 15;

@@ -62,10 +62,15 @@ impl SceneOptions {
             ("arc in degrees", self.arc_deg, 0.0, 300.0),
             ("camera distance in metres", self.distance_m, 0.5, 3.0),
         ];
-        let noise = self.noise.as_ref().map_or_else(Vec::new, SensorNoise::ranges);
+        let noise = self
+            .noise
+            .as_ref()
+            .map_or_else(Vec::new, SensorNoise::ranges);
         for (what, value, low, high) in ranges.into_iter().chain(noise) {
             if !(low..=high).contains(&value) {
-                return Err(SceneError::Request(format!("the {what} is {value}; choose {low} to {high}")));
+                return Err(SceneError::Request(format!(
+                    "the {what} is {value}; choose {low} to {high}"
+                )));
             }
         }
         Ok(())

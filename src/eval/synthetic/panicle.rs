@@ -35,9 +35,22 @@ impl Panicle {
         let tip = dice.range(-50.0, -20.0_f64).to_radians();
         let level = DVec3::new(azimuth.cos(), azimuth.sin(), 0.0);
         let to = tip.cos() * level + tip.sin() * DVec3::Z;
-        let rachis = Curve::turning(neck.x, neck.tangent, to, 1.6, dice.range(0.150, 0.170), neck.side);
+        let rachis = Curve::turning(
+            neck.x,
+            neck.tangent,
+            to,
+            1.6,
+            dice.range(0.150, 0.170),
+            neck.side,
+        );
         let branches = (0..BRANCHES).map(|k| branch(&rachis, k, dice)).collect();
-        let mut panicle = Self { rachis, neck_radius_m, branches, grains: Vec::new(), stalks: Vec::new() };
+        let mut panicle = Self {
+            rachis,
+            neck_radius_m,
+            branches,
+            grains: Vec::new(),
+            stalks: Vec::new(),
+        };
         panicle.set_grains(dice);
         panicle
     }
@@ -67,7 +80,10 @@ impl Panicle {
         let lean = dice.range(0.25, 0.6_f64);
         let axis = (lean.cos() * station.tangent + lean.sin() * outward).normalize();
         let foot = station.x + 0.0016 * outward;
-        let grain = Grain { centre: foot + 0.5 * GRAIN_LENGTH_M * axis, axis };
+        let grain = Grain {
+            centre: foot + 0.5 * GRAIN_LENGTH_M * axis,
+            axis,
+        };
         if self.grains.iter().all(|other| grain.is_clear_of(other)) {
             self.grains.push(grain);
             self.stalks.push((station.x, foot + 0.0004 * axis));
@@ -75,22 +91,37 @@ impl Panicle {
     }
 
     pub(super) fn grain_mesh(grain: &Grain) -> Mesh {
-        Mesh::spheroid(grain.centre, grain.axis, 0.5 * GRAIN_LENGTH_M, 0.5 * GRAIN_WIDTH_M)
+        Mesh::spheroid(
+            grain.centre,
+            grain.axis,
+            0.5 * GRAIN_LENGTH_M,
+            0.5 * GRAIN_WIDTH_M,
+        )
     }
 
     /// Rachis, branches and the grains' stalks in one.
     pub(super) fn axes_mesh(&self) -> Mesh {
         let length = self.rachis.length_m();
         let neck = self.neck_radius_m;
-        let rachis_radius = |at: f64| 0.0010 - 0.0006 * at / length + (neck - 0.0010) * (-(at / 0.004)).exp();
+        let rachis_radius =
+            |at: f64| 0.0010 - 0.0006 * at / length + (neck - 0.0010) * (-(at / 0.004)).exp();
         let mut mesh = Mesh::tube(&self.rachis, (100, 10), rachis_radius);
         for branch in &self.branches {
             let length = branch.length_m();
-            mesh.append(Mesh::tube(branch, (24, 6), |at| 0.000_45 - 0.000_2 * at / length));
+            mesh.append(Mesh::tube(branch, (24, 6), |at| {
+                0.000_45 - 0.000_2 * at / length
+            }));
         }
         for &(from, to) in &self.stalks {
             let along = (to - from).normalize_or(DVec3::Z);
-            let curve = Curve::turning(from, along, along, 1.0, (to - from).length(), along.any_orthonormal_vector());
+            let curve = Curve::turning(
+                from,
+                along,
+                along,
+                1.0,
+                (to - from).length(),
+                along.any_orthonormal_vector(),
+            );
             mesh.append(Mesh::tube(&curve, (1, 5), |_| 0.000_25));
         }
         mesh
@@ -101,12 +132,20 @@ impl Panicle {
 fn branch(rachis: &Curve, k: usize, dice: &mut Dice) -> Curve {
     let share = 0.12 + 0.80 * (k as f64 + dice.range(-0.25, 0.25)) / (BRANCHES - 1) as f64;
     let station = rachis.at(share.clamp(0.05, 0.97) * rachis.length_m());
-    let outward = DQuat::from_axis_angle(station.tangent, 2.4 * k as f64 + dice.range(-0.3, 0.3)) * station.side;
+    let outward = DQuat::from_axis_angle(station.tangent, 2.4 * k as f64 + dice.range(-0.3, 0.3))
+        * station.side;
     let angle = dice.range(0.42, 0.75_f64);
     let from = (angle.cos() * station.tangent + angle.sin() * outward).normalize();
     let to = (from - 0.55 * DVec3::Z).normalize();
     let length = 0.062 - 0.026 * share + dice.range(-0.006, 0.006);
-    Curve::turning(station.x, from, to, 1.0, length, station.tangent.cross(outward))
+    Curve::turning(
+        station.x,
+        from,
+        to,
+        1.0,
+        length,
+        station.tangent.cross(outward),
+    )
 }
 
 impl Grain {
@@ -127,7 +166,11 @@ fn segment_distance((p0, p1): (DVec3, DVec3), (q0, q1): (DVec3, DVec3)) -> f64 {
     let (d, e, r) = (p1 - p0, q1 - q0, p0 - q0);
     let (a, b, c, f, g) = (d.dot(d), d.dot(e), d.dot(r), e.dot(e), e.dot(r));
     let denominator = a * f - b * b;
-    let s = if denominator > 1e-18 { ((b * g - c * f) / denominator).clamp(0.0, 1.0) } else { 0.0 };
+    let s = if denominator > 1e-18 {
+        ((b * g - c * f) / denominator).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
     let t = (b * s + g) / f;
     let (s, t) = match t {
         t if t < 0.0 => ((-c / a).clamp(0.0, 1.0), 0.0),

@@ -26,7 +26,12 @@ pub(super) struct Assembly {
 
 impl Assembly {
     pub(super) fn add(&mut self, label: LabelId, material: Material, seed: u32, mesh: Mesh) {
-        self.parts.push(Part { label, material, seed, mesh });
+        self.parts.push(Part {
+            label,
+            material,
+            seed,
+            mesh,
+        });
     }
 
     /// Adds an exact trait of the only instance of a label.
@@ -38,7 +43,11 @@ impl Assembly {
         definition: &'static str,
     ) {
         self.record_whole(id, name, value, definition);
-        self.traits.iter_mut().last().into_iter().for_each(|row| row.instance = 1);
+        self.traits
+            .iter_mut()
+            .last()
+            .into_iter()
+            .for_each(|row| row.instance = 1);
     }
 
     /// Adds an exact trait of a label as a whole.
@@ -49,16 +58,34 @@ impl Assembly {
         (value, dimension): (f64, Dimension),
         definition: &'static str,
     ) {
-        let label = self.tree.get(id).map_or_else(String::new, |label| label.name.clone());
+        let label = self
+            .tree
+            .get(id)
+            .map_or_else(String::new, |label| label.name.clone());
         let path = TraitRow::path_of(&self.tree, id);
         let (name, definition) = (name.into(), definition.into());
-        self.traits.push(TraitRow { id, label, path, instance: 0, name, value, dimension, definition, points: 0 });
+        self.traits.push(TraitRow {
+            id,
+            label,
+            path,
+            instance: 0,
+            name,
+            value,
+            dimension,
+            definition,
+            points: 0,
+        });
     }
 
     /// Adds a label below `parent`. Builders give every name once, so the tree takes it.
     pub(super) fn label(&mut self, name: &str, parent: Option<LabelId>) -> LabelId {
         let id = self.tree.next_id();
-        let added = self.tree.set(Label { id, name: name.to_owned(), color: LabelTree::color_for(id), parent });
+        let added = self.tree.set(Label {
+            id,
+            name: name.to_owned(),
+            color: LabelTree::color_for(id),
+            parent,
+        });
         debug_assert!(added.is_ok(), "{added:?}");
         id
     }

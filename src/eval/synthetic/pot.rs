@@ -27,7 +27,12 @@ pub(super) fn add_pot(assembly: &mut Assembly, dice: &mut Dice) {
     let pot = Mesh::lathe(DVec3::ZERO, &profile, 64);
     assembly.add(LabelId::NONE, Material::Clay, dice.texture_seed(), pot);
     let seed = dice.texture_seed();
-    assembly.add(LabelId::NONE, Material::Soil, seed, soil(wide - 0.0035, seed));
+    assembly.add(
+        LabelId::NONE,
+        Material::Soil,
+        seed,
+        soil(wide - 0.0035, seed),
+    );
 }
 
 /// Soil that rises up to 1.5 mm in crumbs.

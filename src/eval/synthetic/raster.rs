@@ -45,16 +45,27 @@ pub(super) struct Hits {
 
 impl<'a> Raster<'a> {
     pub(super) fn new(model: &'a Model, camera: &Camera, camera_from_world: &Pose) -> Self {
-        let x_in_camera: Vec<DVec3> = model.positions.par_iter().map(|&x| camera_from_world.transform(x)).collect();
+        let x_in_camera: Vec<DVec3> = model
+            .positions
+            .par_iter()
+            .map(|&x| camera_from_world.transform(x))
+            .collect();
         let world_from_camera = camera_from_world.inverse();
         let bands = vec![Vec::new(); camera.height.div_ceil(BAND_ROWS) as usize];
-        let mut raster = Self { model, camera: *camera, world_from_camera, x_in_camera, bands };
+        let mut raster = Self {
+            model,
+            camera: *camera,
+            world_from_camera,
+            x_in_camera,
+            bands,
+        };
         for triangle in 0..model.triangles.len() as u32 {
             if let Some(facet) = raster.facet(triangle) {
                 let limit = f64::from(camera.height) - 1.0;
                 let band = |y: f64| (y.clamp(0.0, limit) / f64::from(BAND_ROWS)) as usize;
                 if facet.high.y >= 0.0 && facet.low.y <= limit + 1.0 {
-                    (band(facet.low.y)..=band(facet.high.y)).for_each(|b| raster.bands[b].push(triangle));
+                    (band(facet.low.y)..=band(facet.high.y))
+                        .for_each(|b| raster.bands[b].push(triangle));
                 }
             }
         }
@@ -67,7 +78,11 @@ impl<'a> Raster<'a> {
 
     /// A triangle as the camera sees it; `None` when it is behind, edge-on or beside the picture.
     pub(super) fn facet(&self, triangle: u32) -> Option<Facet> {
-        let corners = self.model.triangles.get(triangle as usize)?.map(|v| self.x_in_camera[v as usize]);
+        let corners = self
+            .model
+            .triangles
+            .get(triangle as usize)?
+            .map(|v| self.x_in_camera[v as usize]);
         let [a, b, c] = corners;
         let volume = a.dot(b.cross(c));
         let sign = volume.signum();
@@ -77,16 +92,24 @@ impl<'a> Raster<'a> {
         let size = DVec2::new(f64::from(self.camera.width), f64::from(self.camera.height));
         let (mut low, mut high) = (DVec2::ZERO, size);
         if corners.iter().all(|x| x.z >= NEAR_M) {
-            let px = corners.map(|x| x.truncate() / x.z * self.camera.focal_px + self.camera.principal_px);
+            let px = corners
+                .map(|x| x.truncate() / x.z * self.camera.focal_px + self.camera.principal_px);
             (low, high) = (px[0].min(px[1]).min(px[2]), px[0].max(px[1]).max(px[2]));
         }
         let edges = [b.cross(c) * sign, c.cross(a) * sign, a.cross(b) * sign];
-        (high.x >= 0.0 && low.x <= size.x).then_some(Facet { edges, volume: volume.abs(), low, high })
+        (high.x >= 0.0 && low.x <= size.x).then_some(Facet {
+            edges,
+            volume: volume.abs(),
+            low,
+            high,
+        })
     }
 
     /// The triangles that touch a band.
     pub(super) fn facets(&self, band: usize) -> impl Iterator<Item = Facet> + '_ {
-        self.bands[band].iter().filter_map(|&triangle| self.facet(triangle))
+        self.bands[band]
+            .iter()
+            .filter_map(|&triangle| self.facet(triangle))
     }
 
     /// Draws a band with `samples` × `samples` samples a pixel, evenly spread; an odd number has one at the centre.
@@ -94,10 +117,15 @@ impl<'a> Raster<'a> {
         let rows = band_rows(&self.camera, band);
         let columns = (self.camera.width * samples) as usize;
         let (first, count) = (rows.start * samples, (rows.len() as u32 * samples) as usize);
-        let mut hits = Hits { triangles: vec![NOTHING; columns * count], depths: vec![f64::MAX; columns * count] };
+        let mut hits = Hits {
+            triangles: vec![NOTHING; columns * count],
+            depths: vec![f64::MAX; columns * count],
+        };
         let scale = f64::from(samples);
         for &triangle in &self.bands[band] {
-            let Some(facet) = self.facet(triangle) else { continue };
+            let Some(facet) = self.facet(triangle) else {
+                continue;
+            };
             let span = |low: f64, high: f64, first: u32, limit: usize| {
                 let from = (low * scale - 0.5).ceil().max(f64::from(first)) - f64::from(first);
                 let to = (high * scale - 0.5).floor() - f64::from(first) + 1.0;
@@ -129,10 +157,14 @@ impl Facet {
     pub(super) fn pixels(&self, columns: Range<u32>, rows: Range<u32>) -> (Range<u32>, Range<u32>) {
         let cut = |low: f64, high: f64, within: Range<u32>| {
             let low = low.clamp(f64::from(within.start), f64::from(within.end)) as u32;
-            let high = (high.floor() + 1.0).clamp(f64::from(within.start), f64::from(within.end)) as u32;
+            let high =
+                (high.floor() + 1.0).clamp(f64::from(within.start), f64::from(within.end)) as u32;
             low..high
         };
-        (cut(self.low.x, self.high.x, columns), cut(self.low.y, self.high.y, rows))
+        (
+            cut(self.low.x, self.high.x, columns),
+            cut(self.low.y, self.high.y, rows),
+        )
     }
 
     /// Depth along the optical axis where a ray (z = 1) hits; `None` beside the triangle.

@@ -23,7 +23,11 @@ const LEAST: f64 = 0.8;
 /// Covers each part with points at random that keep a distance from one another (dart throwing; Cook, "Stochastic
 /// sampling in computer graphics", ACM Transactions on Graphics 1986), about one per `spacing(part)²` square metres.
 /// Parts whose spacing is `None` are left out.
-pub(super) fn cover(model: &Model, seed: u64, spacing: impl Fn(usize) -> Option<f64> + Sync) -> Vec<Spot> {
+pub(super) fn cover(
+    model: &Model,
+    seed: u64,
+    spacing: impl Fn(usize) -> Option<f64> + Sync,
+) -> Vec<Spot> {
     let mut triangles_of = vec![Vec::new(); model.looks.len()];
     for (triangle, &look) in model.look_of.iter().enumerate() {
         triangles_of[usize::from(look)].push(triangle as u32);
@@ -32,7 +36,9 @@ pub(super) fn cover(model: &Model, seed: u64, spacing: impl Fn(usize) -> Option<
         .par_iter()
         .enumerate()
         .filter_map(|(part, triangles)| Some((part, triangles, spacing(part)?)))
-        .map(|(part, triangles, spacing)| cover_part(model, triangles, spacing, &mut Dice::new(seed, part as u64)))
+        .map(|(part, triangles, spacing)| {
+            cover_part(model, triangles, spacing, &mut Dice::new(seed, part as u64))
+        })
         .collect();
     covered.concat()
 }
@@ -44,14 +50,21 @@ fn cover_part(model: &Model, triangles: &[u32], spacing: f64, dice: &mut Dice) -
     for _ in 0..THROWS {
         let mut owed = dice.range(0.0, 1.0);
         for &triangle in triangles {
-            owed += 0.5 * face_normal(&model.positions, model.triangles[triangle as usize]).length() / spacing.powi(2);
+            owed += 0.5
+                * face_normal(&model.positions, model.triangles[triangle as usize]).length()
+                / spacing.powi(2);
             while owed >= 1.0 {
                 owed -= 1.0;
                 let spot = throw(model, triangle, dice);
                 let cell = (spot.x / least).floor().as_ivec3();
                 let near = |k: i32| cell + IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
-                let crowded = |&k: &u32| kept[k as usize].x.distance_squared(spot.x) < least * least;
-                if (0..27).filter_map(|k| grid.get(&near(k))).flatten().any(crowded) {
+                let crowded =
+                    |&k: &u32| kept[k as usize].x.distance_squared(spot.x) < least * least;
+                if (0..27)
+                    .filter_map(|k| grid.get(&near(k)))
+                    .flatten()
+                    .any(crowded)
+                {
                     continue;
                 }
                 grid.entry(cell).or_default().push(kept.len() as u32);
@@ -69,6 +82,14 @@ fn throw(model: &Model, triangle: u32, dice: &mut Dice) -> Spot {
     }
     let shares = [1.0 - a - b, a, b];
     let corners = model.triangles[triangle as usize].map(|v| model.positions[v as usize]);
-    let x = corners.iter().zip(shares).map(|(&corner, share)| share * corner).sum();
-    Spot { triangle, shares, x }
+    let x = corners
+        .iter()
+        .zip(shares)
+        .map(|(&corner, share)| share * corner)
+        .sum();
+    Spot {
+        triangle,
+        shares,
+        x,
+    }
 }

@@ -47,7 +47,14 @@ impl Scene {
         let model = Model::joined(&mut assembly);
         let light = Light::new(&model, DVec3::new(0.0, 0.0, 0.25));
         let views = arc_of_views(options);
-        Ok(Self { options: options.clone(), model, light, views, tree: assembly.tree, traits: assembly.traits })
+        Ok(Self {
+            options: options.clone(),
+            model,
+            light,
+            views,
+            tree: assembly.tree,
+            traits: assembly.traits,
+        })
     }
 
     /// What the scene was made from.
@@ -74,9 +81,15 @@ impl Scene {
         let told_apart = self.classes_told_apart();
         let is_clicked = |label: &&Label| match self.options.scene {
             SceneKind::Tiller => self.tree.depth(label.id) == Self::CLASS_LEVEL,
-            SceneKind::Bricks => told_apart.contains(&label.name) || self.tree.depth(label.id) == Self::PART_LEVEL,
+            SceneKind::Bricks => {
+                told_apart.contains(&label.name) || self.tree.depth(label.id) == Self::PART_LEVEL
+            }
         };
-        self.tree.iter().filter(is_clicked).map(|label| label.id).collect()
+        self.tree
+            .iter()
+            .filter(is_clicked)
+            .map(|label| label.id)
+            .collect()
     }
 
     /// Names of classes that a user clicks as one and whose instances are told apart by what hangs together.
@@ -105,7 +118,11 @@ impl Scene {
     pub fn render(&self, view: &View) -> RenderedView {
         let mut rendered = self.render_exact(view);
         if let Some(noise) = &self.options.noise {
-            spoil(&mut rendered, noise, self.options.seed.wrapping_add(view.index as u64));
+            spoil(
+                &mut rendered,
+                noise,
+                self.options.seed.wrapping_add(view.index as u64),
+            );
         }
         rendered
     }
@@ -115,7 +132,11 @@ impl Scene {
     ///
     /// # Errors
     /// [`SceneError::Request`] for a spacing out of range, [`SceneError::Stopped`].
-    pub fn cloud(&self, options: &TruthOptions, progress: &Progress) -> Result<LabelledCloud, SceneError> {
+    pub fn cloud(
+        &self,
+        options: &TruthOptions,
+        progress: &Progress,
+    ) -> Result<LabelledCloud, SceneError> {
         let scene = (&self.model, &self.light, &self.tree);
         exact_cloud(scene, (&self.views, self.options.seed), options, progress)
     }

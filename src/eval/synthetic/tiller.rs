@@ -22,23 +22,38 @@ const LEAVES: [usize; 3] = [3, 3, 2];
 pub(super) fn build_tiller(seed: u64) -> Assembly {
     let mut assembly = Assembly::default();
     let rice = assembly.label("rice", None);
-    let [stem, leaf, panicle] = ["stem", "leaf", "panicle"].map(|name| assembly.label(name, Some(rice)));
+    let [stem, leaf, panicle] =
+        ["stem", "leaf", "panicle"].map(|name| assembly.label(name, Some(rice)));
     let plant = full_height_plant(seed);
     let mut textures = Dice::new(seed, 2);
     for (k, shoot) in plant.shoots.iter().enumerate() {
         let id = assembly.label(&format!("stem {}", k + 1), Some(stem));
         let nodes_m = shoot.culm.nodes_m.iter().map(|&node| node as f32).collect();
-        assembly.add(id, Material::Culm { nodes_m }, textures.texture_seed(), shoot.culm.mesh());
+        assembly.add(
+            id,
+            Material::Culm { nodes_m },
+            textures.texture_seed(),
+            shoot.culm.mesh(),
+        );
         add_stem_traits(&mut assembly, id, &shoot.culm);
     }
-    let leaves = plant.shoots.iter().flat_map(|shoot| shoot.leaves.iter().map(move |grown| (shoot, grown)));
+    let leaves = plant
+        .shoots
+        .iter()
+        .flat_map(|shoot| shoot.leaves.iter().map(move |grown| (shoot, grown)));
     for (k, (shoot, grown)) in leaves.enumerate() {
         let id = assembly.label(&format!("leaf {}", k + 1), Some(leaf));
-        let part_ids = ["blade", "sheath"].map(|part| assembly.label(&format!("leaf {} {part}", k + 1), Some(id)));
+        let part_ids = ["blade", "sheath"]
+            .map(|part| assembly.label(&format!("leaf {} {part}", k + 1), Some(id)));
         let meshes = [grown.blade.mesh(), grown.sheath.mesh(&shoot.culm)];
         let areas_m2 = [meshes[0].area_m2(), meshes[1].area_m2() * Sheath::VISIBLE];
         add_leaf_traits(&mut assembly, (id, part_ids), (shoot, grown), areas_m2);
-        let materials = [Material::Blade { length_m: grown.plan.length_m as f32 }, Material::Sheath];
+        let materials = [
+            Material::Blade {
+                length_m: grown.plan.length_m as f32,
+            },
+            Material::Sheath,
+        ];
         for ((id, mesh), material) in part_ids.into_iter().zip(meshes).zip(materials) {
             assembly.add(id, material, textures.texture_seed(), mesh);
         }
@@ -50,7 +65,8 @@ pub(super) fn build_tiller(seed: u64) -> Assembly {
 }
 
 fn add_panicle(assembly: &mut Assembly, id: LabelId, panicle: &Panicle, textures: &mut Dice) {
-    let [rachis, grains] = ["panicle rachis", "panicle grains"].map(|name| assembly.label(name, Some(id)));
+    let [rachis, grains] =
+        ["panicle rachis", "panicle grains"].map(|name| assembly.label(name, Some(id)));
     let axes = panicle.axes_mesh();
     let mut all = axes.clone();
     assembly.add(rachis, Material::Rachis, textures.texture_seed(), axes);
@@ -99,7 +115,9 @@ impl Plant {
     fn grow(seed: u64, stretch: f64) -> Self {
         let mut dice = Dice::new(seed, 1);
         let turn = dice.range(0.0, std::f64::consts::TAU);
-        let shoots: Vec<Shoot> = (0..3).map(|k| Shoot::grow(k, turn, stretch, &mut dice)).collect();
+        let shoots: Vec<Shoot> = (0..3)
+            .map(|k| Shoot::grow(k, turn, stretch, &mut dice))
+            .collect();
         let main = &shoots[0].culm;
         let neck = main.curve.end();
         let azimuth = turn + dice.range(-0.6, 0.6);
@@ -109,9 +127,20 @@ impl Plant {
 
     fn top_m(&self) -> f64 {
         let top = |mesh: &Mesh| mesh.positions.iter().map(|x| x.z).fold(0.0, f64::max);
-        let leaves = self.shoots.iter().flat_map(|shoot| &shoot.leaves).map(|leaf| top(&leaf.blade.mesh()));
-        let grains = self.panicle.grains.iter().map(|grain| top(&Panicle::grain_mesh(grain)));
-        leaves.chain(grains).chain([top(&self.panicle.axes_mesh())]).fold(0.0, f64::max)
+        let leaves = self
+            .shoots
+            .iter()
+            .flat_map(|shoot| &shoot.leaves)
+            .map(|leaf| top(&leaf.blade.mesh()));
+        let grains = self
+            .panicle
+            .grains
+            .iter()
+            .map(|grain| top(&Panicle::grain_mesh(grain)));
+        leaves
+            .chain(grains)
+            .chain([top(&self.panicle.axes_mesh())])
+            .fold(0.0, f64::max)
     }
 }
 
@@ -121,17 +150,39 @@ impl Shoot {
         let azimuth = turn + std::f64::consts::TAU * k as f64 / 3.0 + dice.range(-0.25, 0.25);
         let outward = DVec3::new(azimuth.cos(), azimuth.sin(), 0.0);
         let leaning = |degrees: f64| (DVec3::Z + degrees.to_radians().tan() * outward).normalize();
-        let (from, to) = (leaning(dice.range(4.0, 8.0)), leaning(dice.range(-2.0, 2.0)));
-        let length = stretch * if k == 0 { dice.range(0.43, 0.45) } else { dice.range(0.29, 0.35) };
+        let (from, to) = (
+            leaning(dice.range(4.0, 8.0)),
+            leaning(dice.range(-2.0, 2.0)),
+        );
+        let length = stretch
+            * if k == 0 {
+                dice.range(0.43, 0.45)
+            } else {
+                dice.range(0.29, 0.35)
+            };
         let side = from.cross(DVec3::Y).normalize();
-        let curve = Curve::turning(outward * dice.range(0.012, 0.016), from, to, 1.0, length, side);
+        let curve = Curve::turning(
+            outward * dice.range(0.012, 0.016),
+            from,
+            to,
+            1.0,
+            length,
+            side,
+        );
         let count = LEAVES[k];
         // The main culm rises bare above its last leaf; the others a little.
-        let pitch = if k == 0 { 0.87 * length / count as f64 } else { 0.86 * length / (count as f64 - 0.42) };
-        let nodes_m: Vec<f64> =
-            (0..count).map(|i| 0.08 * length + pitch * (i as f64 + dice.range(-0.05, 0.05))).collect();
+        let pitch = if k == 0 {
+            0.87 * length / count as f64
+        } else {
+            0.86 * length / (count as f64 - 0.42)
+        };
+        let nodes_m: Vec<f64> = (0..count)
+            .map(|i| 0.08 * length + pitch * (i as f64 + dice.range(-0.05, 0.05)))
+            .collect();
         let culm = Culm::new(curve, nodes_m, dice);
-        let leaves = (0..count).map(|i| Leaf::grow(&culm, i, pitch, azimuth, dice)).collect();
+        let leaves = (0..count)
+            .map(|i| Leaf::grow(&culm, i, pitch, azimuth, dice))
+            .collect();
         Self { culm, leaves }
     }
 }
@@ -145,8 +196,16 @@ impl Leaf {
         let to_m = from_m + pitch * dice.range(0.50, 0.58);
         let collar = culm.curve.at(to_m);
         let level = DVec3::new(azimuth.cos(), azimuth.sin(), 0.0);
-        let sheath = Sheath { from_m, to_m, angle: level.dot(collar.up).atan2(level.dot(collar.side)) };
+        let sheath = Sheath {
+            from_m,
+            to_m,
+            angle: level.dot(collar.up).atan2(level.dot(collar.side)),
+        };
         let plan = BladePlan::draw(dice.range(0.19, 0.25), dice);
-        Self { plan, sheath, blade: Blade::grow(plan, &sheath, culm) }
+        Self {
+            plan,
+            sheath,
+            blade: Blade::grow(plan, &sheath, culm),
+        }
     }
 }

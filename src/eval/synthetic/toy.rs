@@ -38,7 +38,11 @@ impl Toy {
     /// Stands on `place` with the middle of `studs` (across, away), turned about the vertical.
     pub(super) fn new(place: DVec3, turn: DQuat, studs: (i32, i32)) -> Self {
         let half = DVec3::new(f64::from(studs.0), f64::from(studs.1), 0.0) * 0.5 * PITCH_M;
-        Self { origin: place - turn * half, turn, bricks: Vec::new() }
+        Self {
+            origin: place - turn * half,
+            turn,
+            bricks: Vec::new(),
+        }
     }
 
     /// Fills cells from `low` up to, not including, `high` with bricks in stretcher bond. sRGB.
@@ -61,16 +65,28 @@ impl Toy {
 
     /// Adds all bricks, with studs where nothing stands on them, and what each label measures.
     pub(super) fn build(self, assembly: &mut Assembly, dice: &mut Dice) {
-        let filled: BTreeSet<[i32; 3]> =
-            self.bricks.iter().flat_map(Brick::cells).map(|cell| cell.to_array()).collect();
+        let filled: BTreeSet<[i32; 3]> = self
+            .bricks
+            .iter()
+            .flat_map(Brick::cells)
+            .map(|cell| cell.to_array())
+            .collect();
         let mut meshes: BTreeMap<LabelId, Vec<Mesh>> = BTreeMap::new();
         for brick in &self.bricks {
             let mut mesh = self.cuboid(brick);
-            for cell in brick.cells().filter(|cell| !filled.contains(&(*cell + IVec3::Z).to_array())) {
+            for cell in brick
+                .cells()
+                .filter(|cell| !filled.contains(&(*cell + IVec3::Z).to_array()))
+            {
                 mesh.append(self.stud(cell));
             }
             meshes.entry(brick.label).or_default().push(mesh.clone());
-            assembly.add(brick.label, Material::Plastic { color: brick.color }, dice.texture_seed(), mesh);
+            assembly.add(
+                brick.label,
+                Material::Plastic { color: brick.color },
+                dice.texture_seed(),
+                mesh,
+            );
         }
         for (label, meshes) in meshes {
             record_volume(assembly, label, &meshes);
@@ -83,9 +99,16 @@ impl Toy {
 
     /// Six flat faces.
     fn cuboid(&self, brick: &Brick) -> Mesh {
-        let (low, high) = (self.place(brick.low.as_dvec3()), self.place(brick.high.as_dvec3()));
+        let (low, high) = (
+            self.place(brick.low.as_dvec3()),
+            self.place(brick.high.as_dvec3()),
+        );
         let size = (brick.high - brick.low).as_dvec3() * DVec3::new(PITCH_M, PITCH_M, RISE_M);
-        let axes = [self.turn * DVec3::X * size.x, self.turn * DVec3::Y * size.y, DVec3::Z * size.z];
+        let axes = [
+            self.turn * DVec3::X * size.x,
+            self.turn * DVec3::Y * size.y,
+            DVec3::Z * size.z,
+        ];
         let mut mesh = Mesh::default();
         for k in 0..3 {
             let (u, v) = (axes[(k + 1) % 3], axes[(k + 2) % 3]);
@@ -104,14 +127,23 @@ impl Toy {
 impl Brick {
     fn cells(&self) -> impl Iterator<Item = IVec3> {
         let (low, high) = (self.low, self.high);
-        (low.z..high.z)
-            .flat_map(move |z| (low.y..high.y).flat_map(move |y| (low.x..high.x).map(move |x| IVec3::new(x, y, z))))
+        (low.z..high.z).flat_map(move |z| {
+            (low.y..high.y).flat_map(move |y| (low.x..high.x).map(move |x| IVec3::new(x, y, z)))
+        })
     }
 }
 
 /// Records the volume of the hull of a label's surfaces.
 pub(super) fn record_volume(assembly: &mut Assembly, id: LabelId, meshes: &[Mesh]) {
-    let all: Vec<DVec3> = meshes.iter().flat_map(|mesh| mesh.positions.iter().copied()).collect();
+    let all: Vec<DVec3> = meshes
+        .iter()
+        .flat_map(|mesh| mesh.positions.iter().copied())
+        .collect();
     let volume = (hull_volume(&all), Dimension::Volume);
-    assembly.record(id, "hull_volume", volume, "volume of the convex hull of the whole surface");
+    assembly.record(
+        id,
+        "hull_volume",
+        volume,
+        "volume of the convex hull of the whole surface",
+    );
 }

@@ -24,7 +24,11 @@ pub struct TruthOptions {
 
 impl Default for TruthOptions {
     fn default() -> Self {
-        Self { spacing_m: 0.001, surroundings_m: Some(0.005), min_views: 2 }
+        Self {
+            spacing_m: 0.001,
+            surroundings_m: Some(0.005),
+            min_views: 2,
+        }
     }
 }
 
@@ -41,9 +45,11 @@ impl TruthOptions {
             )));
         }
         match self.surroundings_m {
-            Some(spacing) if !(0.001..=0.1).contains(&spacing) => Err(SceneError::Request(format!(
-                "a spacing of {spacing} m for the surroundings is out of range; choose 0.001 to 0.1"
-            ))),
+            Some(spacing) if !(0.001..=0.1).contains(&spacing) => {
+                Err(SceneError::Request(format!(
+                    "a spacing of {spacing} m for the surroundings is out of range; choose 0.001 to 0.1"
+                )))
+            }
             _ => Ok(()),
         }
     }
@@ -57,23 +63,35 @@ pub(super) fn exact_cloud(
 ) -> Result<LabelledCloud, SceneError> {
     options.check()?;
     let spots = cover(model, seed, |part| {
-        if model.looks[part].label.0 == 0 { options.surroundings_m } else { Some(options.spacing_m) }
+        if model.looks[part].label.0 == 0 {
+            options.surroundings_m
+        } else {
+            Some(options.spacing_m)
+        }
     });
     let views = if options.min_views == 0 { &[] } else { views };
     let sightings = count_sightings(model, &spots, views, progress)?;
-    let mut cloud = LabelledCloud { tree: tree.clone(), ..LabelledCloud::default() };
+    let mut cloud = LabelledCloud {
+        tree: tree.clone(),
+        ..LabelledCloud::default()
+    };
     for (spot, (count, towards)) in spots.iter().zip(sightings) {
         if count < options.min_views {
             continue;
         }
         let outward = interpolate(spot, model, |v| model.normals[v]).normalize_or(Vec3::Z);
-        let normal =
-            if towards.is_some_and(|eye| (eye - spot.x).as_vec3().dot(outward) < 0.0) { -outward } else { outward };
+        let normal = if towards.is_some_and(|eye| (eye - spot.x).as_vec3().dot(outward) < 0.0) {
+            -outward
+        } else {
+            outward
+        };
         let look = model.look(spot.triangle as usize);
         let uv: Vec2 = interpolate(spot, model, |v| model.uv[v]);
         cloud.positions.push(spot.x.as_vec3());
         cloud.normals.push(normal);
-        cloud.colors.push(encoded(look.albedo(uv, &model.bitmaps) * light.on(spot.x, normal, normal, look).0));
+        cloud.colors.push(encoded(
+            look.albedo(uv, &model.bitmaps) * light.on(spot.x, normal, normal, look).0,
+        ));
         cloud.labels.push(look.label);
         cloud.confidence.push(1.0);
     }
@@ -85,7 +103,11 @@ where
     T: std::ops::Mul<f32, Output = T> + std::iter::Sum,
 {
     let corners = model.triangles[spot.triangle as usize];
-    corners.iter().zip(spot.shares).map(|(&v, share)| value(v as usize) * share as f32).sum()
+    corners
+        .iter()
+        .zip(spot.shares)
+        .map(|(&v, share)| value(v as usize) * share as f32)
+        .sum()
 }
 
 /// Per spot, how many views see it and the centre of the first camera that does.

@@ -51,25 +51,52 @@ struct Subject {
 /// Views from left to right along an arc about the specimen, looking slightly down at its middle.
 pub(super) fn arc_of_views(options: &SceneOptions) -> Vec<View> {
     let subject = match options.scene {
-        SceneKind::Tiller => {
-            Subject { middle: DVec3::new(0.0, 0.0, 0.303), width_m: 0.50, height_m: 0.69, pitch_deg: 9.0 }
-        }
-        SceneKind::Bricks => {
-            Subject { middle: DVec3::new(0.0, 0.0, 0.06), width_m: 0.40, height_m: 0.30, pitch_deg: 22.0 }
-        }
+        SceneKind::Tiller => Subject {
+            middle: DVec3::new(0.0, 0.0, 0.303),
+            width_m: 0.50,
+            height_m: 0.69,
+            pitch_deg: 9.0,
+        },
+        SceneKind::Bricks => Subject {
+            middle: DVec3::new(0.0, 0.0, 0.06),
+            width_m: 0.40,
+            height_m: 0.30,
+            pitch_deg: 22.0,
+        },
     };
     let (width, height) = (f64::from(options.width), f64::from(options.height));
     let focal = options.distance_m * (width / subject.width_m).min(height / subject.height_m);
-    let camera = Camera::pinhole(options.width, options.height, focal, focal, 0.5 * width, 0.5 * height);
+    let camera = Camera::pinhole(
+        options.width,
+        options.height,
+        focal,
+        focal,
+        0.5 * width,
+        0.5 * height,
+    );
     let digits = (options.views.max(2) - 1).to_string().len().max(3);
     (0..options.views)
         .map(|index| {
-            let share = if options.views > 1 { index as f64 / (options.views - 1) as f64 - 0.5 } else { 0.0 };
+            let share = if options.views > 1 {
+                index as f64 / (options.views - 1) as f64 - 0.5
+            } else {
+                0.0
+            };
             let azimuth = (share * options.arc_deg).to_radians();
             let pitch = subject.pitch_deg.to_radians();
-            let away = DVec3::new(pitch.cos() * azimuth.sin(), -pitch.cos() * azimuth.cos(), pitch.sin());
-            let camera_from_world = look_at(subject.middle + options.distance_m * away, subject.middle);
-            View { name: format!("{index:0digits$}"), index, camera, camera_from_world }
+            let away = DVec3::new(
+                pitch.cos() * azimuth.sin(),
+                -pitch.cos() * azimuth.cos(),
+                pitch.sin(),
+            );
+            let camera_from_world =
+                look_at(subject.middle + options.distance_m * away, subject.middle);
+            View {
+                name: format!("{index:0digits$}"),
+                index,
+                camera,
+                camera_from_world,
+            }
         })
         .collect()
 }
@@ -80,5 +107,9 @@ pub(super) fn look_at(centre: DVec3, target: DVec3) -> Pose {
     let right = forward.cross(DVec3::Z).normalize();
     let down = forward.cross(right);
     let world_from_camera = DQuat::from_mat3(&DMat3::from_cols(right, down, forward)).normalize();
-    Pose { rotation: world_from_camera, translation: centre }.inverse()
+    Pose {
+        rotation: world_from_camera,
+        translation: centre,
+    }
+    .inverse()
 }

@@ -23,7 +23,11 @@ impl Scene {
     /// # Errors
     /// [`SceneError::Io`] naming the file, [`SceneError::Stopped`].
     pub fn write(&self, dir: &Path, progress: &Progress) -> Result<(), SceneError> {
-        let [color, depth, masks] = [dir.join("color"), dir.join("depth"), dir.join("truth").join("masks")];
+        let [color, depth, masks] = [
+            dir.join("color"),
+            dir.join("depth"),
+            dir.join("truth").join("masks"),
+        ];
         for folder in [&color, &depth, &masks] {
             fs::create_dir_all(folder).map_err(io_error(folder))?;
         }
@@ -38,9 +42,14 @@ impl Scene {
         }
         write_cameras(&dir.join("sparse"), self.views())?;
         let labels = serde_json::to_string_pretty(&self.tree().iter().collect::<Vec<_>>())
-            .map_err(|source| SceneError::Request(format!("the labels cannot be written: {source}")))?;
+            .map_err(|source| {
+                SceneError::Request(format!("the labels cannot be written: {source}"))
+            })?;
         write_text(&dir.join("truth").join("labels.json"), &labels)?;
-        write_text(&dir.join("truth").join("traits.csv"), &traits_csv(self.traits(), LengthUnit::Metre))
+        write_text(
+            &dir.join("truth").join("traits.csv"),
+            &traits_csv(self.traits(), LengthUnit::Metre),
+        )
     }
 }
 
@@ -78,7 +87,12 @@ fn write_image(path: &Path, image: &Image) -> Result<(), SceneError> {
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_compression(png::Compression::Fast);
     };
-    encode_png(path, (image.width, image.height), set, image.pixels.as_flattened())
+    encode_png(
+        path,
+        (image.width, image.height),
+        set,
+        image.pixels.as_flattened(),
+    )
 }
 
 fn write_depth(path: &Path, depth: &DepthMap, unit_m: f64) -> Result<(), SceneError> {
@@ -86,7 +100,11 @@ fn write_depth(path: &Path, depth: &DepthMap, unit_m: f64) -> Result<(), SceneEr
         let steps = (f64::from(z) / unit_m).round();
         if steps < 65_535.0 { steps as u16 } else { 0 }
     };
-    let bytes: Vec<u8> = depth.depths.iter().flat_map(|z| step(z).to_be_bytes()).collect();
+    let bytes: Vec<u8> = depth
+        .depths
+        .iter()
+        .flat_map(|z| step(z).to_be_bytes())
+        .collect();
     let set = |encoder: &mut PngEncoder<'_>| {
         encoder.set_color(png::ColorType::Grayscale);
         encoder.set_depth(png::BitDepth::Sixteen);
@@ -118,14 +136,28 @@ fn write_cameras(dir: &Path, views: &[View]) -> Result<(), SceneError> {
     );
     if let Some(camera) = views.first().map(|view| &view.camera) {
         let (f, c) = (camera.focal_px, camera.principal_px);
-        let _ = writeln!(cameras, "1 PINHOLE {} {} {} {} {} {}", camera.width, camera.height, f.x, f.y, c.x, c.y);
+        let _ = writeln!(
+            cameras,
+            "1 PINHOLE {} {} {} {} {} {}",
+            camera.width, camera.height, f.x, f.y, c.x, c.y
+        );
     }
     for view in views {
-        let (q, t) = (view.camera_from_world.rotation, view.camera_from_world.translation);
+        let (q, t) = (
+            view.camera_from_world.rotation,
+            view.camera_from_world.translation,
+        );
         let id = view.index + 1;
-        let _ = writeln!(images, "{id} {} {} {} {} {} {} {} 1 {}.png\n", q.w, q.x, q.y, q.z, t.x, t.y, t.z, view.name);
+        let _ = writeln!(
+            images,
+            "{id} {} {} {} {} {} {} {} 1 {}.png\n",
+            q.w, q.x, q.y, q.z, t.x, t.y, t.z, view.name
+        );
     }
     write_text(&dir.join("cameras.txt"), &cameras)?;
     write_text(&dir.join("images.txt"), &images)?;
-    write_text(&dir.join("points3D.txt"), "# POINT3D_ID X Y Z R G B ERROR TRACK[]\n")
+    write_text(
+        &dir.join("points3D.txt"),
+        "# POINT3D_ID X Y Z R G B ERROR TRACK[]\n",
+    )
 }

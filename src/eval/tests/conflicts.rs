@@ -13,23 +13,40 @@ struct Plant {
 
 impl Plant {
     fn new() -> Self {
-        let options = SceneOptions { views: 12, width: 360, height: 480, ..SceneOptions::default() };
+        let options = SceneOptions {
+            views: 12,
+            width: 360,
+            height: 480,
+            ..SceneOptions::default()
+        };
         let rendered = Rendered::new(&options, Some(2));
-        Self { truth: rendered.masks.clone(), rendered }
+        Self {
+            truth: rendered.masks.clone(),
+            rendered,
+        }
     }
 
     /// Frames by how much their masks contradict the vote, the worst first.
     fn ranked(&self, fused: &Fused) -> Vec<(usize, f32)> {
         let masks = &self.rendered.masks;
-        let share = |frame| frame_doubt(&fused.votes, &fused.cloud.labels, frame, &masks[frame]).share();
-        let mut ranked: Vec<(usize, f32)> = (0..masks.len()).map(|frame| (frame, share(frame))).collect();
+        let share =
+            |frame| frame_doubt(&fused.votes, &fused.cloud.labels, frame, &masks[frame]).share();
+        let mut ranked: Vec<(usize, f32)> = (0..masks.len())
+            .map(|frame| (frame, share(frame)))
+            .collect();
         ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
         ranked
     }
 
     fn iou(&self, mask: &LabelMask, frame: usize, label: LabelId) -> f64 {
-        let pairs = || mask.ids.iter().zip(&self.truth[frame].ids).map(|(&a, &b)| (a == label, b == label));
-        pairs().filter(|(a, b)| *a && *b).count() as f64 / pairs().filter(|(a, b)| *a || *b).count() as f64
+        let pairs = || {
+            mask.ids
+                .iter()
+                .zip(&self.truth[frame].ids)
+                .map(|(&a, &b)| (a == label, b == label))
+        };
+        pairs().filter(|(a, b)| *a && *b).count() as f64
+            / pairs().filter(|(a, b)| *a || *b).count() as f64
     }
 }
 
@@ -43,12 +60,23 @@ fn spoilt(mask: &LabelMask, way: usize, stem: LabelId, leaf: LabelId) -> LabelMa
         (0, id) if id == stem => LabelId::NONE,
         (1, id) if id == stem => leaf,
         (2, id) => {
-            let moved = if at % width >= 9 { mask.ids[at - 9] } else { LabelId::NONE };
-            if moved == leaf || id == leaf { if moved == leaf { leaf } else { LabelId::NONE } } else { id }
+            let moved = if at % width >= 9 {
+                mask.ids[at - 9]
+            } else {
+                LabelId::NONE
+            };
+            if moved == leaf || id == leaf {
+                if moved == leaf { leaf } else { LabelId::NONE }
+            } else {
+                id
+            }
         }
         (_, id) => id,
     });
-    LabelMask { ids: ids.collect(), ..*mask }
+    LabelMask {
+        ids: ids.collect(),
+        ..*mask
+    }
 }
 
 #[test]
@@ -69,8 +97,14 @@ fn spoilt_masks_are_the_most_doubtful_and_the_vote_repairs_them() {
     for frame in SPOILT {
         let depth = &plant.rendered.views[frame].depth;
         let of = (frame, &plant.rendered.frames[frame]);
-        let mask =
-            voted_mask((&fused.cloud, &fused.votes), of, Some(depth), &plant.rendered.masks[frame], &[]).unwrap();
+        let mask = voted_mask(
+            (&fused.cloud, &fused.votes),
+            of,
+            Some(depth),
+            &plant.rendered.masks[frame],
+            &[],
+        )
+        .unwrap();
         for label in [stem, leaf, plant.rendered.label("panicle")] {
             let iou = plant.iou(&mask, frame, label);
             assert!(iou >= 0.97, "frame {frame}, label {label:?}: {iou}");
@@ -85,13 +119,37 @@ fn one_label_is_repaired_alone_and_a_frame_without_depth_by_what_it_sees() {
     plant.rendered.masks[4] = spoilt(&plant.truth[4], 1, stem, leaf);
     // The panicle is gone besides, and nobody asks for it.
     let panicle = plant.rendered.label("panicle");
-    plant.rendered.masks[4].ids.iter_mut().filter(|id| **id == panicle).for_each(|id| *id = LabelId::NONE);
+    plant.rendered.masks[4]
+        .ids
+        .iter_mut()
+        .filter(|id| **id == panicle)
+        .for_each(|id| *id = LabelId::NONE);
     let fused = plant.rendered.fused();
     let of = (4, &plant.rendered.frames[4]);
-    let mask = voted_mask((&fused.cloud, &fused.votes), of, None, &plant.rendered.masks[4], &[stem]).unwrap();
-    assert!(plant.iou(&mask, 4, stem) > 0.85, "{}", plant.iou(&mask, 4, stem));
+    let mask = voted_mask(
+        (&fused.cloud, &fused.votes),
+        of,
+        None,
+        &plant.rendered.masks[4],
+        &[stem],
+    )
+    .unwrap();
+    assert!(
+        plant.iou(&mask, 4, stem) > 0.85,
+        "{}",
+        plant.iou(&mask, 4, stem)
+    );
     assert!(!mask.ids.contains(&panicle));
     let mut other = fused.votes.clone();
     other = other.select(&[0, 1]);
-    assert!(voted_mask((&fused.cloud, &other), of, None, &plant.rendered.masks[4], &[]).is_err());
+    assert!(
+        voted_mask(
+            (&fused.cloud, &other),
+            of,
+            None,
+            &plant.rendered.masks[4],
+            &[]
+        )
+        .is_err()
+    );
 }

@@ -11,7 +11,15 @@ use crate::synthetic::SceneOptions;
 
 /// The synthetic plant by organs.
 fn plant() -> Rendered {
-    Rendered::new(&SceneOptions { views: 8, width: 240, height: 320, ..SceneOptions::default() }, Some(2))
+    Rendered::new(
+        &SceneOptions {
+            views: 8,
+            width: 240,
+            height: 320,
+            ..SceneOptions::default()
+        },
+        Some(2),
+    )
 }
 
 /// The pixels of each frame that see the chosen points.
@@ -32,7 +40,9 @@ fn seeing(
 
 fn chosen(fused: &Fused, steps: &[SelectStep]) -> (Selector, Selection) {
     let selector = Selector::new(Arc::new(fused.cloud.clone())).unwrap();
-    let selection = selector.select(&[], &fused.cloud.tree, steps, &Progress::default()).unwrap();
+    let selection = selector
+        .select(&[], &fused.cloud.tree, steps, &Progress::default())
+        .unwrap();
     (selector, selection)
 }
 
@@ -44,9 +54,15 @@ fn what_sees_an_organ_are_its_pixels() {
         let label = plant.label(name);
         let (selector, selection) = chosen(&fused, &[SelectStep::Label(label)]);
         for (least, by_depth) in [(0.93, true), (0.8, false)] {
-            for (number, region) in seeing(&plant, &fused, &selector, &selection, by_depth).into_iter().enumerate() {
+            for (number, region) in seeing(&plant, &fused, &selector, &selection, by_depth)
+                .into_iter()
+                .enumerate()
+            {
                 let iou = region.unwrap().iou(&plant.masks[number].region(label));
-                assert!(iou > least, "{name} on frame {number}, by depth {by_depth}: {iou}");
+                assert!(
+                    iou > least,
+                    "{name} on frame {number}, by depth {by_depth}: {iou}"
+                );
             }
         }
     }
@@ -57,20 +73,43 @@ fn after_writing_back_the_vote_gives_the_points_their_label_and_leaves_others() 
     let mut plant = plant();
     let before = plant.fused();
     let (panicle, stem) = (plant.label("panicle"), plant.label("stem"));
-    let (selector, selection) = chosen(&before, &[SelectStep::Label(panicle), SelectStep::Piece(0)]);
+    let (selector, selection) =
+        chosen(&before, &[SelectStep::Label(panicle), SelectStep::Piece(0)]);
     let regions = seeing(&plant, &before, &selector, &selection, true);
     for (mask, region) in plant.masks.iter_mut().zip(regions.into_iter().flatten()) {
-        mask.ids.iter_mut().zip(region.inside).filter(|(_, inside)| *inside).for_each(|(id, _)| *id = stem);
+        mask.ids
+            .iter_mut()
+            .zip(region.inside)
+            .filter(|(_, inside)| *inside)
+            .for_each(|(id, _)| *id = stem);
     }
     let after = plant.fused();
     assert_eq!(after.cloud.positions, before.cloud.positions);
     let is_chosen = |point: usize| selection.points.binary_search(&(point as u32)).is_ok();
     let voted = |point: &usize| !before.votes.histogram(*point).is_empty();
-    let moved = selection.points.iter().filter(|&&point| after.cloud.labels[point as usize] == stem).count();
-    assert!(moved * 1000 >= selection.points.len() * 995, "{moved} of {}", selection.points.len());
-    let others: Vec<usize> = (0..before.cloud.len()).filter(voted).filter(|&point| !is_chosen(point)).collect();
-    let kept = others.iter().filter(|&&point| after.cloud.labels[point] == before.cloud.labels[point]).count();
-    assert!(kept * 1000 >= others.len() * 998, "{kept} of {}", others.len());
+    let moved = selection
+        .points
+        .iter()
+        .filter(|&&point| after.cloud.labels[point as usize] == stem)
+        .count();
+    assert!(
+        moved * 1000 >= selection.points.len() * 995,
+        "{moved} of {}",
+        selection.points.len()
+    );
+    let others: Vec<usize> = (0..before.cloud.len())
+        .filter(voted)
+        .filter(|&point| !is_chosen(point))
+        .collect();
+    let kept = others
+        .iter()
+        .filter(|&&point| after.cloud.labels[point] == before.cloud.labels[point])
+        .count();
+    assert!(
+        kept * 1000 >= others.len() * 998,
+        "{kept} of {}",
+        others.len()
+    );
 }
 
 #[test]

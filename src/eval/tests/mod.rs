@@ -27,12 +27,19 @@ impl Rendered {
     /// Renders all views; masks show labels down to `level`, or all levels.
     fn new(options: &SceneOptions, level: Option<usize>) -> Self {
         let scene = Scene::build(options).unwrap();
-        let views: Vec<RenderedView> = scene.views().iter().map(|view| scene.render(view)).collect();
+        let views: Vec<RenderedView> = scene
+            .views()
+            .iter()
+            .map(|view| scene.render(view))
+            .collect();
         let frame = |(name, view): (String, &RenderedView)| Frame {
             name,
             width: view.image.width,
             height: view.image.height,
-            picture: PictureSource::File { path: "none".into(), orientation: Orientation(1) },
+            picture: PictureSource::File {
+                path: "none".into(),
+                orientation: Orientation(1),
+            },
             depth: None,
             camera: Some(view.camera),
         };
@@ -43,7 +50,12 @@ impl Rendered {
             let ids = view.mask.ids.iter().map(|&id| id_at(id)).collect();
             LabelMask { ids, ..view.mask }
         };
-        Self { masks: views.iter().map(mask).collect(), frames, views, scene }
+        Self {
+            masks: views.iter().map(mask).collect(),
+            frames,
+            views,
+            scene,
+        }
     }
 
     fn label(&self, name: &str) -> LabelId {
@@ -51,7 +63,13 @@ impl Rendered {
     }
 
     fn fused(&self) -> Fused {
-        fuse(self, self.scene.tree(), &FuseOptions::default(), &Progress::default()).unwrap()
+        fuse(
+            self,
+            self.scene.tree(),
+            &FuseOptions::default(),
+            &Progress::default(),
+        )
+        .unwrap()
     }
 }
 

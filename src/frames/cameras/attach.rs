@@ -8,7 +8,10 @@ use ostra_geometry::{Camera, GeometryError, Pose, Turn};
 /// [`GeometryError::Mirrored`] for an orientation that mirrors.
 pub(super) fn turn_of(frame: &Frame) -> Result<Turn, GeometryError> {
     match frame.picture {
-        PictureSource::File { orientation: Orientation(orientation), .. } => Turn::from_exif(orientation),
+        PictureSource::File {
+            orientation: Orientation(orientation),
+            ..
+        } => Turn::from_exif(orientation),
         PictureSource::Film { .. } => Ok(Turn::None),
     }
 }
@@ -33,12 +36,17 @@ pub(super) fn shown_camera(
             named("the file of cameras holds poses only; give the intrinsics too (--intrinsics FX,FY,CX,CY)".into())
         })?,
     };
-    Ok(FrameCamera::given(intrinsics, camera_from_world.map(|pose| pose.turned(turn))))
+    Ok(FrameCamera::given(
+        intrinsics,
+        camera_from_world.map(|pose| pose.turned(turn)),
+    ))
 }
 
 /// The camera and pose of the stored picture of a frame that has both; `None` otherwise.
 pub(super) fn stored_camera(frame: &Frame) -> Result<Option<(Camera, Pose)>, GeometryError> {
-    let Some((camera, pose)) = frame.posed_camera() else { return Ok(None) };
+    let Some((camera, pose)) = frame.posed_camera() else {
+        return Ok(None);
+    };
     let back = turn_of(frame)?.inverse();
     Ok(Some((camera.turned(back), pose.turned(back))))
 }
@@ -58,7 +66,8 @@ pub fn attach_intrinsics(frames: &mut [Frame], given: &GivenIntrinsics) -> Resul
     let mut cameras = Vec::with_capacity(frames.len());
     let mut first: Option<(&Frame, (u32, u32))> = None;
     for frame in frames.iter() {
-        let turn = turn_of(frame).map_err(|error| FrameError::NotFound(format!("frame {}: {error}", frame.name)))?;
+        let turn = turn_of(frame)
+            .map_err(|error| FrameError::NotFound(format!("frame {}: {error}", frame.name)))?;
         let size = stored_size(frame, turn);
         let (of, fits) = *first.get_or_insert((frame, size));
         if size != fits {
@@ -67,7 +76,10 @@ pub fn attach_intrinsics(frames: &mut [Frame], given: &GivenIntrinsics) -> Resul
                 of.name, fits.0, fits.1, frame.name, size.0, size.1
             )));
         }
-        let pose = frame.camera.and_then(|camera| camera.camera_from_world).map(|pose| pose.turned(turn.inverse()));
+        let pose = frame
+            .camera
+            .and_then(|camera| camera.camera_from_world)
+            .map(|pose| pose.turned(turn.inverse()));
         cameras.push(shown_camera(frame, Some(given), pose.as_ref())?);
     }
     for (frame, camera) in frames.iter_mut().zip(cameras) {

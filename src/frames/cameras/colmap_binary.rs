@@ -26,10 +26,17 @@ pub struct Cursor<'a> {
 
 impl<'a> Cursor<'a> {
     pub fn open(path: &'a Path) -> Result<Self, FrameError> {
-        let io = |reason| FrameError::Io { path: path.to_owned(), reason };
+        let io = |reason| FrameError::Io {
+            path: path.to_owned(),
+            reason,
+        };
         let file = disk::open_regular(path).map_err(io)?;
         let left = file.metadata().map_err(io)?.len();
-        Ok(Self { path, reader: BufReader::new(file), left })
+        Ok(Self {
+            path,
+            reader: BufReader::new(file),
+            left,
+        })
     }
 
     /// The number of records of at least so many bytes that follow to the end of the file.
@@ -37,9 +44,14 @@ impl<'a> Cursor<'a> {
         let count = self.u64()?;
         if count == 0 && self.left > 0 {
             let left = self.left;
-            return Err(self.error(format!("has 0 records but {left} more bytes; the file is damaged, copy it again")));
+            return Err(self.error(format!(
+                "has 0 records but {left} more bytes; the file is damaged, copy it again"
+            )));
         }
-        if count.checked_mul(bytes_each).is_none_or(|bytes| bytes > self.left) {
+        if count
+            .checked_mul(bytes_each)
+            .is_none_or(|bytes| bytes > self.left)
+        {
             return Err(self.truncated());
         }
         Ok(count)
@@ -55,7 +67,10 @@ impl<'a> Cursor<'a> {
 
     /// Counts bytes as read.
     fn take(&mut self, count: u64) -> Result<(), FrameError> {
-        self.left = self.left.checked_sub(count).ok_or_else(|| self.truncated())?;
+        self.left = self
+            .left
+            .checked_sub(count)
+            .ok_or_else(|| self.truncated())?;
         Ok(())
     }
 
@@ -63,13 +78,18 @@ impl<'a> Cursor<'a> {
         if reason.kind() == ErrorKind::UnexpectedEof {
             return self.truncated(); // the file became shorter
         }
-        FrameError::Io { path: self.path.to_owned(), reason }
+        FrameError::Io {
+            path: self.path.to_owned(),
+            reason,
+        }
     }
 
     fn array<const N: usize>(&mut self) -> Result<[u8; N], FrameError> {
         self.take(N as u64)?;
         let mut bytes = [0; N];
-        self.reader.read_exact(&mut bytes).map_err(|reason| self.io(reason))?;
+        self.reader
+            .read_exact(&mut bytes)
+            .map_err(|reason| self.io(reason))?;
         Ok(bytes)
     }
 
@@ -92,10 +112,16 @@ impl<'a> Cursor<'a> {
     /// Bytes up to a zero, which is taken too.
     fn name(&mut self) -> Result<String, FrameError> {
         let mut bytes = Vec::new();
-        let read = self.reader.by_ref().take(MAX_NAME_BYTES.min(self.left)).read_until(0, &mut bytes);
+        let read = self
+            .reader
+            .by_ref()
+            .take(MAX_NAME_BYTES.min(self.left))
+            .read_until(0, &mut bytes);
         self.take(read.map_err(|reason| self.io(reason))? as u64)?;
         match bytes.pop() {
-            Some(0) if bytes.is_empty() => Err(self.error("holds an image without a name; the file is damaged")),
+            Some(0) if bytes.is_empty() => {
+                Err(self.error("holds an image without a name; the file is damaged"))
+            }
             Some(0) => Ok(String::from_utf8_lossy(&bytes).into_owned()),
             _ => Err(self.truncated()),
         }
@@ -106,7 +132,9 @@ impl<'a> Cursor<'a> {
         let length = count.checked_mul(bytes).ok_or_else(|| self.truncated())?;
         self.take(length)?;
         let offset = i64::try_from(length).map_err(|_| self.truncated())?;
-        self.reader.seek_relative(offset).map_err(|reason| self.io(reason))
+        self.reader
+            .seek_relative(offset)
+            .map_err(|reason| self.io(reason))
     }
 }
 
@@ -119,7 +147,9 @@ pub fn read(folder: &Path) -> Result<Vec<GivenCamera>, FrameError> {
 }
 
 /// Cameras by number. One that cannot be used is an error only where an image has it.
-fn read_cameras(file: &mut Cursor<'_>) -> Result<BTreeMap<u32, Result<GivenIntrinsics, String>>, FrameError> {
+fn read_cameras(
+    file: &mut Cursor<'_>,
+) -> Result<BTreeMap<u32, Result<GivenIntrinsics, String>>, FrameError> {
     let mut cameras = BTreeMap::new();
     for _ in 0..file.count(24)? {
         let id = file.u32()?;
@@ -127,7 +157,10 @@ fn read_cameras(file: &mut Cursor<'_>) -> Result<BTreeMap<u32, Result<GivenIntri
         let size = [file.u64()?, file.u64()?];
         let count = parameter_count(&model).map_err(|what| file.error(what))?;
         let parameters: Vec<f64> = (0..count).map(|_| file.f64()).collect::<Result<_, _>>()?;
-        cameras.insert(id, intrinsics(&model, size, &parameters).map_err(|what| format!("cameras.bin: {what}")));
+        cameras.insert(
+            id,
+            intrinsics(&model, size, &parameters).map_err(|what| format!("cameras.bin: {what}")),
+        );
     }
     Ok(cameras)
 }
@@ -149,10 +182,16 @@ fn read_images(
         file.skip_records(points, 24)?;
         let pose = pose_from_quaternion([v[1], v[2], v[3], v[0]], DVec3::new(v[4], v[5], v[6]))
             .map_err(|error| format!("{name}: {error}"));
-        let given = cameras
-            .get(&camera)
-            .ok_or_else(|| file.error(format!("{name} has camera {camera}, which cameras.bin does not hold")))?;
-        images.push(GivenCamera::with_intrinsics(CameraKey::Name(name), given, pose));
+        let given = cameras.get(&camera).ok_or_else(|| {
+            file.error(format!(
+                "{name} has camera {camera}, which cameras.bin does not hold"
+            ))
+        })?;
+        images.push(GivenCamera::with_intrinsics(
+            CameraKey::Name(name),
+            given,
+            pose,
+        ));
     }
     Ok(images)
 }

@@ -42,22 +42,33 @@ pub fn model_name(number: i32) -> String {
     usize::try_from(number)
         .ok()
         .and_then(|i| MODELS.get(i))
-        .map_or_else(|| format!("number {number}"), |(name, _)| (*name).to_owned())
+        .map_or_else(
+            || format!("number {number}"),
+            |(name, _)| (*name).to_owned(),
+        )
 }
 
 /// The number of a model that is written.
 pub fn model_number(name: &str) -> i32 {
-    MODELS.iter().position(|&(known, _)| known == name).map_or(-1, |number| number as i32)
+    MODELS
+        .iter()
+        .position(|&(known, _)| known == name)
+        .map_or(-1, |number| number as i32)
 }
 
 /// Number of parameters of a model, whether it is supported or not.
 pub fn parameter_count(model: &str) -> Result<usize, String> {
     let known = MODELS.iter().find(|(name, _)| *name == model);
-    known.map(|&(_, count)| count).ok_or_else(|| unsupported(model))
+    known
+        .map(|&(_, count)| count)
+        .ok_or_else(|| unsupported(model))
 }
 
 fn unsupported(model: &str) -> String {
-    format!("camera model {model} is not supported; undistort the images or use one of {}", SUPPORTED.join(", "))
+    format!(
+        "camera model {model} is not supported; undistort the images or use one of {}",
+        SUPPORTED.join(", ")
+    )
 }
 
 /// Intrinsics from a model's name, size and parameters in COLMAP's order.
@@ -67,13 +78,23 @@ pub fn intrinsics(model: &str, size: [u64; 2], p: &[f64]) -> Result<GivenIntrins
     }
     let count = parameter_count(model)?;
     if p.len() != count {
-        return Err(format!("a {model} camera has {count} parameters, not {}; check that the file is whole", p.len()));
+        return Err(format!(
+            "a {model} camera has {count} parameters, not {}; check that the file is whole",
+            p.len()
+        ));
     }
     if p.iter().any(|v| !v.is_finite()) {
         return Err("a camera parameter is not a finite number; remove or repair it".into());
     }
-    let side = |side: u64| u32::try_from(side).ok().filter(|&side| (1..=Camera::MAX_SIDE).contains(&side));
-    let Some(size) = side(size[0]).zip(side(size[1])).map(|(width, height)| [width, height]) else {
+    let side = |side: u64| {
+        u32::try_from(side)
+            .ok()
+            .filter(|&side| (1..=Camera::MAX_SIDE).contains(&side))
+    };
+    let Some(size) = side(size[0])
+        .zip(side(size[1]))
+        .map(|(width, height)| [width, height])
+    else {
         return Err(format!(
             "an image size of {} × {} pixels is not possible for a camera; sides are 1 to {}",
             size[0],
@@ -82,17 +103,31 @@ pub fn intrinsics(model: &str, size: [u64; 2], p: &[f64]) -> Result<GivenIntrins
         ));
     };
     let single = matches!(model, "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL");
-    let (focal, rest) = if single { ([p[0], p[0]], &p[1..]) } else { ([p[0], p[1]], &p[2..]) };
+    let (focal, rest) = if single {
+        ([p[0], p[0]], &p[1..])
+    } else {
+        ([p[0], p[1]], &p[2..])
+    };
     let (principal, d) = (DVec2::new(rest[0], rest[1]), &rest[2..]);
     let distortion = match model {
         "SIMPLE_RADIAL" => Distortion::Radial { k: [d[0], 0.0] },
         "RADIAL" => Distortion::Radial { k: [d[0], d[1]] },
-        "OPENCV" => Distortion::OpenCv { k: [d[0], d[1]], p: [d[2], d[3]] },
-        "FULL_OPENCV" => Distortion::FullOpenCv { k: [d[0], d[1], d[4], d[5], d[6], d[7]], p: [d[2], d[3]] },
-        "OPENCV_FISHEYE" => Distortion::OpenCvFisheye { k: [d[0], d[1], d[2], d[3]] },
-        "THIN_PRISM_FISHEYE" => {
-            Distortion::ThinPrismFisheye { k: [d[0], d[1], d[4], d[5]], p: [d[2], d[3]], s: [d[6], d[7]] }
-        }
+        "OPENCV" => Distortion::OpenCv {
+            k: [d[0], d[1]],
+            p: [d[2], d[3]],
+        },
+        "FULL_OPENCV" => Distortion::FullOpenCv {
+            k: [d[0], d[1], d[4], d[5], d[6], d[7]],
+            p: [d[2], d[3]],
+        },
+        "OPENCV_FISHEYE" => Distortion::OpenCvFisheye {
+            k: [d[0], d[1], d[2], d[3]],
+        },
+        "THIN_PRISM_FISHEYE" => Distortion::ThinPrismFisheye {
+            k: [d[0], d[1], d[4], d[5]],
+            p: [d[2], d[3]],
+            s: [d[6], d[7]],
+        },
         _ => Distortion::None,
     };
     Ok(GivenIntrinsics {
@@ -112,10 +147,14 @@ pub fn model_and_parameters(camera: &Camera) -> (&'static str, Vec<f64>) {
         Distortion::Radial { k } if f.x == f.y => ("RADIAL", vec![f.x, c.x, c.y, k[0], k[1]]),
         Distortion::Radial { k } => ("OPENCV", with(&[k[0], k[1], 0.0, 0.0])),
         Distortion::OpenCv { k, p } => ("OPENCV", with(&[k[0], k[1], p[0], p[1]])),
-        Distortion::FullOpenCv { k, p } => ("FULL_OPENCV", with(&[k[0], k[1], p[0], p[1], k[2], k[3], k[4], k[5]])),
+        Distortion::FullOpenCv { k, p } => (
+            "FULL_OPENCV",
+            with(&[k[0], k[1], p[0], p[1], k[2], k[3], k[4], k[5]]),
+        ),
         Distortion::OpenCvFisheye { k } => ("OPENCV_FISHEYE", with(&k)),
-        Distortion::ThinPrismFisheye { k, p, s } => {
-            ("THIN_PRISM_FISHEYE", with(&[k[0], k[1], p[0], p[1], k[2], k[3], s[0], s[1]]))
-        }
+        Distortion::ThinPrismFisheye { k, p, s } => (
+            "THIN_PRISM_FISHEYE",
+            with(&[k[0], k[1], p[0], p[1], k[2], k[3], s[0], s[1]]),
+        ),
     }
 }

@@ -27,13 +27,18 @@ impl<'a> ModelOut<'a> {
     ///
     /// # Errors
     /// The name of a frame whose picture is mirrored, and why that is none.
-    pub fn new(frames: &'a [Frame], sparse: &'a SparsePoints) -> Result<Self, (&'a str, GeometryError)> {
+    pub fn new(
+        frames: &'a [Frame],
+        sparse: &'a SparsePoints,
+    ) -> Result<Self, (&'a str, GeometryError)> {
         let mut cameras: Vec<Camera> = Vec::new();
         let mut images = Vec::new();
         let mut tracks = vec![Vec::new(); sparse.points.len()];
         for (number, frame) in frames.iter().enumerate() {
             let failed = |error| (frame.name.as_str(), error);
-            let Some((camera, camera_from_world)) = stored_camera(frame).map_err(failed)? else { continue };
+            let Some((camera, camera_from_world)) = stored_camera(frame).map_err(failed)? else {
+                continue;
+            };
             let known = cameras.iter().rposition(|&other| other == camera);
             let camera = known.unwrap_or_else(|| {
                 cameras.push(camera);
@@ -41,16 +46,36 @@ impl<'a> ModelOut<'a> {
             });
             let back = turn_of(frame).map_err(failed)?.inverse();
             let keypoints = sparse.keypoints.get(&number).map_or(&[][..], Vec::as_slice);
-            for (index, point) in keypoints.iter().enumerate().filter_map(|(index, k)| Some((index, k.point?))) {
+            for (index, point) in keypoints
+                .iter()
+                .enumerate()
+                .filter_map(|(index, k)| Some((index, k.point?)))
+            {
                 tracks[point as usize].push((images.len(), index as u32));
             }
-            let keypoints = keypoints.iter().map(|&keypoint| stored_keypoint(frame, back, keypoint)).collect();
-            images.push(ImageOut { name: &frame.name, camera, camera_from_world, keypoints });
+            let keypoints = keypoints
+                .iter()
+                .map(|&keypoint| stored_keypoint(frame, back, keypoint))
+                .collect();
+            images.push(ImageOut {
+                name: &frame.name,
+                camera,
+                camera_from_world,
+                keypoints,
+            });
         }
-        Ok(Self { cameras, images, points: &sparse.points, tracks })
+        Ok(Self {
+            cameras,
+            images,
+            points: &sparse.points,
+            tracks,
+        })
     }
 }
 
 fn stored_keypoint(frame: &Frame, back: Turn, keypoint: SparseKeypoint) -> SparseKeypoint {
-    SparseKeypoint { at_px: back.turn_px(keypoint.at_px, frame.width, frame.height), ..keypoint }
+    SparseKeypoint {
+        at_px: back.turn_px(keypoint.at_px, frame.width, frame.height),
+        ..keypoint
+    }
 }

@@ -15,30 +15,51 @@ use crate::FrameError;
 /// [`FrameError::NotFound`] where there is no model; [`FrameError::Invalid`] for damaged files.
 pub fn read_sparse_points(path: &Path) -> Result<Vec<SparsePoint>, FrameError> {
     let folder = colmap_folder(path).ok_or_else(|| {
-        FrameError::NotFound(format!("{}: holds no COLMAP model (cameras and images, .txt or .bin)", path.display()))
+        FrameError::NotFound(format!(
+            "{}: holds no COLMAP model (cameras and images, .txt or .bin)",
+            path.display()
+        ))
     })?;
     let (binary, text) = (folder.join("points3D.bin"), folder.join("points3D.txt"));
     let points = if folder.join("cameras.bin").is_file() && binary.is_file() {
         read_binary(&mut Cursor::open(&binary)?)?
     } else if text.is_file() {
-        TextFile::read(&text)?.content().map(|line| read_line(line)).collect::<Result<Vec<_>, _>>()?
+        TextFile::read(&text)?
+            .content()
+            .map(|line| read_line(line))
+            .collect::<Result<Vec<_>, _>>()?
     } else {
         Vec::new()
     };
     if points.iter().all(|point| point.position.is_finite()) {
         Ok(points)
     } else {
-        Err(invalid(&folder, "a 3-D point has a value that is not a finite number; remove or repair it"))
+        Err(invalid(
+            &folder,
+            "a 3-D point has a value that is not a finite number; remove or repair it",
+        ))
     }
 }
 
 fn read_line(line: Line<'_>) -> Result<SparsePoint, FrameError> {
     let mut words = line.words();
     let _id: u64 = line.parse(words.next())?;
-    let position = DVec3::new(line.parse(words.next())?, line.parse(words.next())?, line.parse(words.next())?);
-    let color = [line.parse(words.next())?, line.parse(words.next())?, line.parse(words.next())?];
+    let position = DVec3::new(
+        line.parse(words.next())?,
+        line.parse(words.next())?,
+        line.parse(words.next())?,
+    );
+    let color = [
+        line.parse(words.next())?,
+        line.parse(words.next())?,
+        line.parse(words.next())?,
+    ];
     let error: f64 = line.parse(words.next())?;
-    Ok(SparsePoint { position, color, error_px: known(error) })
+    Ok(SparsePoint {
+        position,
+        color,
+        error_px: known(error),
+    })
 }
 
 /// COLMAP writes −1 for an error that is not known.
@@ -55,7 +76,11 @@ fn read_binary(file: &mut Cursor<'_>) -> Result<Vec<SparsePoint>, FrameError> {
         let error_px = known(file.f64()?);
         let track = file.u64()?;
         file.skip_records(track, 8)?;
-        points.push(SparsePoint { position, color, error_px });
+        points.push(SparsePoint {
+            position,
+            color,
+            error_px,
+        });
     }
     Ok(points)
 }

@@ -15,7 +15,9 @@ pub fn read(folder: &Path) -> Result<Vec<GivenCamera>, FrameError> {
 }
 
 /// Cameras by number. One that cannot be used is an error only where an image has it.
-fn read_cameras(file: &TextFile) -> Result<BTreeMap<u32, Result<GivenIntrinsics, String>>, FrameError> {
+fn read_cameras(
+    file: &TextFile,
+) -> Result<BTreeMap<u32, Result<GivenIntrinsics, String>>, FrameError> {
     file.content().map(|line| read_camera(line)).collect()
 }
 
@@ -24,8 +26,14 @@ fn read_camera(line: Line<'_>) -> Result<(u32, Result<GivenIntrinsics, String>),
     let id = line.parse(words.next())?;
     let model: String = line.parse(words.next())?;
     let size = [line.parse(words.next())?, line.parse(words.next())?];
-    let parameters: Vec<f64> = words.map(|word| line.parse(Some(word))).collect::<Result<_, _>>()?;
-    Ok((id, intrinsics(&model, size, &parameters).map_err(|what| format!("cameras.txt: {}", line.fault(&what)))))
+    let parameters: Vec<f64> = words
+        .map(|word| line.parse(Some(word)))
+        .collect::<Result<_, _>>()?;
+    Ok((
+        id,
+        intrinsics(&model, size, &parameters)
+            .map_err(|what| format!("cameras.txt: {}", line.fault(&what))),
+    ))
 }
 
 /// Two lines an image: the second lists its 2-D points and may be empty.
@@ -61,10 +69,16 @@ fn read_image(
     let name = name_after(line.text, 9).ok_or_else(|| line.error("an image has no name"))?;
     let pose = pose_from_quaternion([v[1], v[2], v[3], v[0]], DVec3::new(v[4], v[5], v[6]))
         .map_err(|error| line.fault(&format!("{name}: {error}")));
-    let given = cameras
-        .get(&camera)
-        .ok_or_else(|| line.error(&format!("{name} has camera {camera}, which cameras.txt does not hold")))?;
-    Ok(GivenCamera::with_intrinsics(CameraKey::Name(name.to_owned()), given, pose))
+    let given = cameras.get(&camera).ok_or_else(|| {
+        line.error(&format!(
+            "{name} has camera {camera}, which cameras.txt does not hold"
+        ))
+    })?;
+    Ok(GivenCamera::with_intrinsics(
+        CameraKey::Name(name.to_owned()),
+        given,
+        pose,
+    ))
 }
 
 /// The rest of a line after `count` words: a name, which may hold spaces.
@@ -82,7 +96,9 @@ fn check_points(line: Line<'_>) -> Result<(), FrameError> {
     let numbers = line.words().count().is_multiple_of(3);
     let begin = line.words().take(3).all(|word| word.parse::<f64>().is_ok());
     if line.text.starts_with('#') || !numbers || !begin {
-        return Err(line.error("after each image belongs a line with its 2-D points, which may be empty"));
+        return Err(
+            line.error("after each image belongs a line with its 2-D points, which may be empty")
+        );
     }
     Ok(())
 }

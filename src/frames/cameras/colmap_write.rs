@@ -33,17 +33,32 @@ pub fn write_colmap_model(
     sparse: &SparsePoints,
     encoding: ModelEncoding,
 ) -> Result<(), FrameError> {
-    std::fs::create_dir_all(folder).map_err(|reason| FrameError::Io { path: folder.to_owned(), reason })?;
-    let model = ModelOut::new(frames, sparse)
-        .map_err(|(name, reason)| FrameError::Geometry { path: folder.join(name), reason })?;
+    std::fs::create_dir_all(folder).map_err(|reason| FrameError::Io {
+        path: folder.to_owned(),
+        reason,
+    })?;
+    let model = ModelOut::new(frames, sparse).map_err(|(name, reason)| FrameError::Geometry {
+        path: folder.join(name),
+        reason,
+    })?;
     let (ending, files) = match encoding {
         ModelEncoding::Text => (
             "txt",
-            [camera_list(&model.cameras), image_list(&model.images), point_list(&model)].map(String::into_bytes),
+            [
+                camera_list(&model.cameras),
+                image_list(&model.images),
+                point_list(&model),
+            ]
+            .map(String::into_bytes),
         ),
-        ModelEncoding::Binary => {
-            ("bin", [cameras_bytes(&model.cameras), images_bytes(&model.images), points_bytes(&model)])
-        }
+        ModelEncoding::Binary => (
+            "bin",
+            [
+                cameras_bytes(&model.cameras),
+                images_bytes(&model.images),
+                points_bytes(&model),
+            ],
+        ),
     };
     for (name, bytes) in ["cameras", "images", "points3D"].into_iter().zip(files) {
         let path = folder.join(format!("{name}.{ending}"));
@@ -60,8 +75,11 @@ pub fn with_text_names(frames: &[Frame]) -> Option<Vec<Frame>> {
     if !frames.iter().any(|frame| frame.name.contains(is_unsafe)) {
         return None;
     }
-    let mut taken: BTreeSet<String> =
-        frames.iter().filter(|frame| !frame.name.contains(is_unsafe)).map(|frame| frame.name.clone()).collect();
+    let mut taken: BTreeSet<String> = frames
+        .iter()
+        .filter(|frame| !frame.name.contains(is_unsafe))
+        .map(|frame| frame.name.clone())
+        .collect();
     let rename = |frame: &Frame| {
         if !frame.name.contains(is_unsafe) {
             return frame.clone();
@@ -70,10 +88,15 @@ pub fn with_text_names(frames: &[Frame]) -> Option<Vec<Frame>> {
         let (stem, ending) = plain.rsplit_once('.').unwrap_or((&plain, ""));
         let dot = if ending.is_empty() { "" } else { "." };
         let numbered = (2..).map(|number| format!("{stem}_{number}{dot}{ending}"));
-        let name =
-            std::iter::once(plain.clone()).chain(numbered).find(|name| !taken.contains(name)).unwrap_or_default();
+        let name = std::iter::once(plain.clone())
+            .chain(numbered)
+            .find(|name| !taken.contains(name))
+            .unwrap_or_default();
         taken.insert(name.clone());
-        Frame { name, ..frame.clone() }
+        Frame {
+            name,
+            ..frame.clone()
+        }
     };
     Some(frames.iter().map(rename).collect())
 }
@@ -96,13 +119,31 @@ fn image_list(images: &[ImageOut<'_>]) -> String {
         "# Image list: IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME; then a line of POINTS2D[] as X, Y, POINT3D_ID\n",
     );
     for (i, image) in images.iter().enumerate() {
-        let (q, t) = (image.camera_from_world.rotation, image.camera_from_world.translation);
-        let _ = write!(text, "{} {} {} {} {} {} {} {}", i + 1, q.w, q.x, q.y, q.z, t.x, t.y, t.z);
+        let (q, t) = (
+            image.camera_from_world.rotation,
+            image.camera_from_world.translation,
+        );
+        let _ = write!(
+            text,
+            "{} {} {} {} {} {} {} {}",
+            i + 1,
+            q.w,
+            q.x,
+            q.y,
+            q.z,
+            t.x,
+            t.y,
+            t.z
+        );
         let _ = writeln!(text, " {} {}", image.camera + 1, image.name);
         let mut gap = "";
         for keypoint in &image.keypoints {
             let point = keypoint.point.map_or(-1, |point| i64::from(point) + 1);
-            let _ = write!(text, "{gap}{} {} {point}", keypoint.at_px.x, keypoint.at_px.y);
+            let _ = write!(
+                text,
+                "{gap}{} {} {point}",
+                keypoint.at_px.x, keypoint.at_px.y
+            );
             gap = " ";
         }
         text.push('\n');
@@ -111,11 +152,24 @@ fn image_list(images: &[ImageOut<'_>]) -> String {
 }
 
 fn point_list(model: &ModelOut<'_>) -> String {
-    let mut text =
-        String::from("# 3D point list: POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as IMAGE_ID, POINT2D_IDX\n");
+    let mut text = String::from(
+        "# 3D point list: POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as IMAGE_ID, POINT2D_IDX\n",
+    );
     for (i, (point, track)) in model.points.iter().zip(&model.tracks).enumerate() {
-        let SparsePoint { position: x, color: [r, g, b], error_px } = point;
-        let _ = write!(text, "{} {} {} {} {r} {g} {b} {}", i + 1, x.x, x.y, x.z, error_px.unwrap_or(-1.0));
+        let SparsePoint {
+            position: x,
+            color: [r, g, b],
+            error_px,
+        } = point;
+        let _ = write!(
+            text,
+            "{} {} {} {} {r} {g} {b} {}",
+            i + 1,
+            x.x,
+            x.y,
+            x.z,
+            error_px.unwrap_or(-1.0)
+        );
         for (image, keypoint) in track {
             let _ = write!(text, " {} {keypoint}", image + 1);
         }
@@ -132,7 +186,11 @@ fn cameras_bytes(cameras: &[Camera]) -> Vec<u8> {
         bytes.extend(model_number(model).to_le_bytes());
         bytes.extend(u64::from(camera.width).to_le_bytes());
         bytes.extend(u64::from(camera.height).to_le_bytes());
-        bytes.extend(parameters.iter().flat_map(|parameter| parameter.to_le_bytes()));
+        bytes.extend(
+            parameters
+                .iter()
+                .flat_map(|parameter| parameter.to_le_bytes()),
+        );
     }
     bytes
 }
@@ -140,16 +198,32 @@ fn cameras_bytes(cameras: &[Camera]) -> Vec<u8> {
 fn images_bytes(images: &[ImageOut<'_>]) -> Vec<u8> {
     let mut bytes = (images.len() as u64).to_le_bytes().to_vec();
     for (i, image) in images.iter().enumerate() {
-        let (q, t) = (image.camera_from_world.rotation, image.camera_from_world.translation);
+        let (q, t) = (
+            image.camera_from_world.rotation,
+            image.camera_from_world.translation,
+        );
         bytes.extend((i as u32 + 1).to_le_bytes());
-        bytes.extend([q.w, q.x, q.y, q.z, t.x, t.y, t.z].iter().flat_map(|value| value.to_le_bytes()));
+        bytes.extend(
+            [q.w, q.x, q.y, q.z, t.x, t.y, t.z]
+                .iter()
+                .flat_map(|value| value.to_le_bytes()),
+        );
         bytes.extend((image.camera as u32 + 1).to_le_bytes());
         bytes.extend(image.name.as_bytes());
         bytes.push(0);
         bytes.extend((image.keypoints.len() as u64).to_le_bytes());
         for keypoint in &image.keypoints {
-            bytes.extend([keypoint.at_px.x, keypoint.at_px.y].iter().flat_map(|value| value.to_le_bytes()));
-            bytes.extend(keypoint.point.map_or(u64::MAX, |point| u64::from(point) + 1).to_le_bytes());
+            bytes.extend(
+                [keypoint.at_px.x, keypoint.at_px.y]
+                    .iter()
+                    .flat_map(|value| value.to_le_bytes()),
+            );
+            bytes.extend(
+                keypoint
+                    .point
+                    .map_or(u64::MAX, |point| u64::from(point) + 1)
+                    .to_le_bytes(),
+            );
         }
     }
     bytes
@@ -159,7 +233,13 @@ fn points_bytes(model: &ModelOut<'_>) -> Vec<u8> {
     let mut bytes = (model.points.len() as u64).to_le_bytes().to_vec();
     for (i, (point, track)) in model.points.iter().zip(&model.tracks).enumerate() {
         bytes.extend((i as u64 + 1).to_le_bytes());
-        bytes.extend(point.position.to_array().iter().flat_map(|value| value.to_le_bytes()));
+        bytes.extend(
+            point
+                .position
+                .to_array()
+                .iter()
+                .flat_map(|value| value.to_le_bytes()),
+        );
         bytes.extend(point.color);
         bytes.extend(point.error_px.unwrap_or(-1.0).to_le_bytes());
         bytes.extend((track.len() as u64).to_le_bytes());

@@ -1,7 +1,10 @@
 use std::path::{Path, PathBuf};
 
 use super::lines::{TextFile, invalid};
-use super::{GivenCameras, colmap_binary, colmap_text, dtu, middlebury, pose_files, trajectory_log, transforms, tum};
+use super::{
+    GivenCameras, colmap_binary, colmap_text, dtu, middlebury, pose_files, trajectory_log,
+    transforms, tum,
+};
 use crate::FrameError;
 
 /// How many files of a folder are read to find out whether they hold poses: the first ones may be damaged.
@@ -15,25 +18,39 @@ impl GivenCameras {
     /// # Errors
     /// [`FrameError`] that names the file, and the line where there is one, for what cannot be read.
     pub fn read(path: &Path) -> Result<Self, FrameError> {
-        let cameras = if path.is_dir() { read_folder(path)? } else { read_file(path)? };
+        let cameras = if path.is_dir() {
+            read_folder(path)?
+        } else {
+            read_file(path)?
+        };
         Self::new(path.to_owned(), cameras)
     }
 }
 
 /// The folder of a COLMAP model in `path`: itself, `sparse/` or `sparse/0`.
 pub fn colmap_folder(path: &Path) -> Option<PathBuf> {
-    ["", "sparse", "sparse/0"].iter().map(|below| path.join(below)).find(|folder| model_ending(folder).is_some())
+    ["", "sparse", "sparse/0"]
+        .iter()
+        .map(|below| path.join(below))
+        .find(|folder| model_ending(folder).is_some())
 }
 
 /// `bin` or `txt`; as COLMAP does, the binary one where both are there.
 fn model_ending(folder: &Path) -> Option<&'static str> {
-    let whole =
-        |ending: &str| ["cameras", "images"].iter().all(|name| folder.join(format!("{name}.{ending}")).is_file());
+    let whole = |ending: &str| {
+        ["cameras", "images"]
+            .iter()
+            .all(|name| folder.join(format!("{name}.{ending}")).is_file())
+    };
     ["bin", "txt"].into_iter().find(|ending| whole(ending))
 }
 
 fn read_model(folder: &Path) -> Result<Vec<super::GivenCamera>, FrameError> {
-    if model_ending(folder) == Some("bin") { colmap_binary::read(folder) } else { colmap_text::read(folder) }
+    if model_ending(folder) == Some("bin") {
+        colmap_binary::read(folder)
+    } else {
+        colmap_text::read(folder)
+    }
 }
 
 fn read_folder(path: &Path) -> Result<Vec<super::GivenCamera>, FrameError> {
@@ -45,8 +62,13 @@ fn read_folder(path: &Path) -> Result<Vec<super::GivenCamera>, FrameError> {
         return transforms::read(&json);
     }
     let texts = text_files(path)?;
-    let named =
-        |ending: &str| texts.iter().filter(|file| file_name(file).ends_with(ending)).cloned().collect::<Vec<_>>();
+    let named = |ending: &str| {
+        texts
+            .iter()
+            .filter(|file| file_name(file).ends_with(ending))
+            .cloned()
+            .collect::<Vec<_>>()
+    };
     if let [parameters] = named("_par.txt").as_slice() {
         return middlebury::read(&TextFile::read(parameters)?);
     }
@@ -57,7 +79,8 @@ fn read_folder(path: &Path) -> Result<Vec<super::GivenCamera>, FrameError> {
     if !poses.is_empty() {
         return pose_files::read(&poses);
     }
-    let is_pose = |path: &PathBuf| TextFile::read(path).is_ok_and(|file| file.numbers::<16>().is_ok());
+    let is_pose =
+        |path: &PathBuf| TextFile::read(path).is_ok_and(|file| file.numbers::<16>().is_ok());
     if texts.iter().take(MAX_TRIED).any(is_pose) {
         return pose_files::read(&texts);
     }
@@ -73,7 +96,10 @@ fn file_name(path: &Path) -> std::borrow::Cow<'_, str> {
 
 /// The `.txt` files of a folder in order of name, without hidden ones.
 fn text_files(folder: &Path) -> Result<Vec<PathBuf>, FrameError> {
-    let failed = |reason| FrameError::Io { path: folder.to_owned(), reason };
+    let failed = |reason| FrameError::Io {
+        path: folder.to_owned(),
+        reason,
+    };
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
@@ -91,15 +117,26 @@ fn read_file(path: &Path) -> Result<Vec<super::GivenCamera>, FrameError> {
     if name.ends_with(".json") {
         return transforms::read(path);
     }
-    if let "cameras.txt" | "images.txt" | "points3D.txt" | "cameras.bin" | "images.bin" | "points3D.bin" = &*name {
+    if let "cameras.txt" | "images.txt" | "points3D.txt" | "cameras.bin" | "images.bin"
+    | "points3D.bin" = &*name
+    {
         let folder = path
             .parent()
             .filter(|folder| model_ending(folder).is_some())
-            .ok_or_else(|| invalid(path, "is one part of a COLMAP model; cameras and images belong in its folder"))?;
+            .ok_or_else(|| {
+                invalid(
+                    path,
+                    "is one part of a COLMAP model; cameras and images belong in its folder",
+                )
+            })?;
         return read_model(folder);
     }
     let file = TextFile::read(path)?;
-    let words: Vec<usize> = file.content().take(2).map(|line| line.words().count()).collect();
+    let words: Vec<usize> = file
+        .content()
+        .take(2)
+        .map(|line| line.words().count())
+        .collect();
     match words.as_slice() {
         [] => Err(invalid(path, "is empty; give a file of cameras")),
         [1, 22] => middlebury::read(&file),

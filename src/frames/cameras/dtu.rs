@@ -12,7 +12,12 @@ pub const LARGEST_SKEW: f64 = 2e-3;
 
 /// The number of a file `pos_NNN.txt`.
 pub fn number_of(path: &Path) -> Option<u64> {
-    path.file_name()?.to_str()?.strip_prefix("pos_")?.strip_suffix(".txt")?.parse().ok()
+    path.file_name()?
+        .to_str()?
+        .strip_prefix("pos_")?
+        .strip_suffix(".txt")?
+        .parse()
+        .ok()
 }
 
 /// One 3×4 projection matrix a file, `pos_NNN.txt` with NNN from 1, as in the DTU sets; pixel centres at whole numbers.
@@ -31,13 +36,19 @@ fn read_file(path: &Path, number: u64) -> Result<GivenCamera, FrameError> {
         Ok((intrinsics, pose)) => (Some(intrinsics), Ok(pose)),
         Err(what) => (None, Err(format!("{name}: {what}"))),
     };
-    Ok(GivenCamera { key: CameraKey::Index(number), intrinsics, camera_from_world: pose })
+    Ok(GivenCamera {
+        key: CameraKey::Index(number),
+        intrinsics,
+        camera_from_world: pose,
+    })
 }
 
 /// `P = K [R t]` up to scale, taken apart by an RQ decomposition of its left 3×3 part, from the last row up.
 fn decompose(p: &[f64; 12]) -> Result<(GivenIntrinsics, Pose), String> {
     if p.iter().any(|v| !v.is_finite()) {
-        return Err("the matrix has a value that is not a finite number; remove or repair it".into());
+        return Err(
+            "the matrix has a value that is not a finite number; remove or repair it".into(),
+        );
     }
     let row = |i: usize| DVec3::new(p[4 * i], p[4 * i + 1], p[4 * i + 2]);
     let sign = row(0).dot(row(1).cross(row(2))).signum();
@@ -50,15 +61,26 @@ fn decompose(p: &[f64; 12]) -> Result<(GivenIntrinsics, Pose), String> {
     let (cx, skew) = (m1.dot(r3), m1.dot(r2));
     let fx = (m1 - cx * r3 - skew * r2).length();
     let r1 = (m1 - cx * r3 - skew * r2) / fx;
-    if !(fx > 0.0 && fy > 0.0 && fx.is_finite() && fy.is_finite() && r1.is_finite() && r2.is_finite()) {
+    if !(fx > 0.0
+        && fy > 0.0
+        && fx.is_finite()
+        && fy.is_finite()
+        && r1.is_finite()
+        && r2.is_finite())
+    {
         return Err("the matrix is no projection of a camera; check the file".into());
     }
     if skew.abs() > LARGEST_SKEW * fx {
-        return Err("the camera is skewed, which no camera model here is; undistort the pictures".into());
+        return Err(
+            "the camera is skewed, which no camera model here is; undistort the pictures".into(),
+        );
     }
     let y = (last.y - cy * last.z) / fy;
     let translation = DVec3::new((last.x - cx * last.z - skew * y) / fx, y, last.z);
     let rotation = DMat3::from_cols(r1, r2, r3).transpose();
     let pose = Pose::from_matrix(rotation, translation).map_err(|error| error.to_string())?;
-    Ok((GivenIntrinsics::pinhole(DVec2::new(fx, fy), DVec2::new(cx + 0.5, cy + 0.5)), pose))
+    Ok((
+        GivenIntrinsics::pinhole(DVec2::new(fx, fy), DVec2::new(cx + 0.5, cy + 0.5)),
+        pose,
+    ))
 }

@@ -64,7 +64,10 @@ impl GivenCameras {
     #[must_use]
     pub fn have_intrinsics(&self) -> bool {
         let posed = |camera: &&GivenCamera| camera.camera_from_world.is_ok();
-        self.cameras.iter().filter(posed).all(|camera| camera.intrinsics.is_some())
+        self.cameras
+            .iter()
+            .filter(posed)
+            .all(|camera| camera.intrinsics.is_some())
     }
 
     /// A camera per item; an error where none of them has a pose.
@@ -73,10 +76,14 @@ impl GivenCameras {
             let what = "holds no cameras; give a file of cameras that were found".into();
             return Err(FrameError::Invalid { path, what });
         }
-        if cameras.iter().all(|camera| camera.camera_from_world.is_err())
+        if cameras
+            .iter()
+            .all(|camera| camera.camera_from_world.is_err())
             && let Some(Err(reason)) = cameras.first().map(|camera| &camera.camera_from_world)
         {
-            let what = format!("holds no cameras with a pose ({reason}); give a file of cameras that were found");
+            let what = format!(
+                "holds no cameras with a pose ({reason}); give a file of cameras that were found"
+            );
             return Err(FrameError::Invalid { path, what });
         }
         Ok(Self { path, cameras })
@@ -91,8 +98,16 @@ impl GivenCamera {
         pose: Result<Pose, String>,
     ) -> Self {
         match intrinsics {
-            Ok(intrinsics) => Self { key, intrinsics: Some(*intrinsics), camera_from_world: pose },
-            Err(reason) => Self { key, intrinsics: None, camera_from_world: Err(reason.clone()) },
+            Ok(intrinsics) => Self {
+                key,
+                intrinsics: Some(*intrinsics),
+                camera_from_world: pose,
+            },
+            Err(reason) => Self {
+                key,
+                intrinsics: None,
+                camera_from_world: Err(reason.clone()),
+            },
         }
     }
 }
@@ -101,7 +116,12 @@ impl GivenIntrinsics {
     /// From an undistorted camera matrix without a size.
     pub(super) fn pinhole(focal_px: DVec2, principal_px: DVec2) -> Self {
         let distortion = Distortion::None;
-        Self { size: None, focal: Focal::Pixels(focal_px), principal_px: Some(principal_px), distortion }
+        Self {
+            size: None,
+            focal: Focal::Pixels(focal_px),
+            principal_px: Some(principal_px),
+            distortion,
+        }
     }
 
     /// The camera of a stored picture of this size.
@@ -128,6 +148,12 @@ impl GivenIntrinsics {
                 focal_px.x, focal_px.y, principal_px.x, principal_px.y
             ));
         }
-        Ok(Camera { width, height, focal_px, principal_px, distortion: self.distortion })
+        Ok(Camera {
+            width,
+            height,
+            focal_px,
+            principal_px,
+            distortion: self.distortion,
+        })
     }
 }

@@ -28,7 +28,9 @@ impl IntrinsicsSource {
     pub fn read(&self) -> Result<GivenIntrinsics, FrameError> {
         match self {
             Self::Values(values) => Ok((*values).into()),
-            Self::File(path) if path.extension().is_some_and(|ending| ending == "json") => read_json(path),
+            Self::File(path) if path.extension().is_some_and(|ending| ending == "json") => {
+                read_json(path)
+            }
             Self::File(path) => read_matrix(path),
         }
     }
@@ -45,16 +47,29 @@ impl FromStr for IntrinsicsSource {
 
     /// `FX,FY,CX,CY` with focal lengths above 0; anything else that is no list of numbers is a path.
     fn from_str(text: &str) -> Result<Self, String> {
-        let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
+        let numbers: Result<Vec<f64>, _> = text
+            .split(',')
+            .map(|part| part.trim().parse::<f64>())
+            .collect();
         let Ok(numbers) = numbers else {
             let lists = text.contains(',') && !Path::new(text.trim()).exists();
-            let wrong = || "intrinsics are four numbers, FX,FY,CX,CY, or a file that holds a camera matrix".into();
-            return if lists { Err(wrong()) } else { Ok(Self::File(text.trim().into())) };
+            let wrong = || {
+                "intrinsics are four numbers, FX,FY,CX,CY, or a file that holds a camera matrix"
+                    .into()
+            };
+            return if lists {
+                Err(wrong())
+            } else {
+                Ok(Self::File(text.trim().into()))
+            };
         };
         match <[f64; 4]>::try_from(numbers) {
             Ok(values) if values[0] > 0.0 && values[1] > 0.0 => Ok(Self::Values(values)),
             Ok(_) => Err("focal lengths must be above 0".into()),
-            Err(numbers) => Err(format!("intrinsics are four numbers, FX,FY,CX,CY, not {}", numbers.len())),
+            Err(numbers) => Err(format!(
+                "intrinsics are four numbers, FX,FY,CX,CY, not {}",
+                numbers.len()
+            )),
         }
     }
 }
@@ -69,10 +84,16 @@ struct Open3d {
 
 fn read_json(path: &Path) -> Result<GivenIntrinsics, FrameError> {
     let read: Open3d = serde_json::from_str(&TextFile::read(path)?.text).map_err(|error| {
-        invalid(path, format!("holds no width, height and intrinsic_matrix as Open3D's do ({error})"))
+        invalid(
+            path,
+            format!("holds no width, height and intrinsic_matrix as Open3D's do ({error})"),
+        )
     })?;
     let m = read.intrinsic_matrix;
-    Ok(GivenIntrinsics { size: Some([read.width, read.height]), ..from_matrix(path, [m[0], m[4], m[6], m[7]], m[8])? })
+    Ok(GivenIntrinsics {
+        size: Some([read.width, read.height]),
+        ..from_matrix(path, [m[0], m[4], m[6], m[7]], m[8])?
+    })
 }
 
 fn read_matrix(path: &Path) -> Result<GivenIntrinsics, FrameError> {
@@ -80,9 +101,12 @@ fn read_matrix(path: &Path) -> Result<GivenIntrinsics, FrameError> {
     let (values, last) = match file.numbers::<9>() {
         Ok(m) => ([m[0], m[4], m[2], m[5]], m[8]),
         Err(_) => {
-            let m: [f64; 16] = file
-                .numbers()
-                .map_err(|_| invalid(path, "holds no camera matrix of 3 × 3 or 4 × 4 numbers; check the file"))?;
+            let m: [f64; 16] = file.numbers().map_err(|_| {
+                invalid(
+                    path,
+                    "holds no camera matrix of 3 × 3 or 4 × 4 numbers; check the file",
+                )
+            })?;
             ([m[0], m[5], m[2], m[6]], m[10])
         }
     };
@@ -90,9 +114,16 @@ fn read_matrix(path: &Path) -> Result<GivenIntrinsics, FrameError> {
 }
 
 /// From the entries of a camera matrix whose last one is 1.
-fn from_matrix(path: &Path, [fx, fy, cx, cy]: [f64; 4], last: f64) -> Result<GivenIntrinsics, FrameError> {
+fn from_matrix(
+    path: &Path,
+    [fx, fy, cx, cy]: [f64; 4],
+    last: f64,
+) -> Result<GivenIntrinsics, FrameError> {
     if (last - 1.0).abs() > 1e-9 || !(fx > 0.0 && fy > 0.0 && cx > 0.0 && cy > 0.0) {
-        return Err(invalid(path, "holds numbers that are no camera matrix (fx, fy, cx, cy above 0); check the file"));
+        return Err(invalid(
+            path,
+            "holds numbers that are no camera matrix (fx, fy, cx, cy above 0); check the file",
+        ));
     }
     Ok([fx, fy, cx + 0.5, cy + 0.5].into())
 }
@@ -104,8 +135,14 @@ mod tests {
     #[test]
     fn numbers_and_files_are_told_apart() {
         let source = |text: &str| text.parse::<IntrinsicsSource>();
-        assert_eq!(source("500, 501.5,320,240"), Ok(IntrinsicsSource::Values([500.0, 501.5, 320.0, 240.0])));
-        assert_eq!(source("camera/intrinsic.json"), Ok(IntrinsicsSource::File("camera/intrinsic.json".into())));
+        assert_eq!(
+            source("500, 501.5,320,240"),
+            Ok(IntrinsicsSource::Values([500.0, 501.5, 320.0, 240.0]))
+        );
+        assert_eq!(
+            source("camera/intrinsic.json"),
+            Ok(IntrinsicsSource::File("camera/intrinsic.json".into()))
+        );
         for wrong in ["500,501,320", "0,1,2,3", "500,x,320,240", "500"] {
             assert!(source(wrong).is_err(), "{wrong}");
         }
@@ -117,17 +154,32 @@ mod tests {
         let read = |name: &str, text: &str| {
             let path = folder.path().join(name);
             std::fs::write(&path, text).unwrap();
-            IntrinsicsSource::File(path).read().map_err(|error| error.to_string())
+            IntrinsicsSource::File(path)
+                .read()
+                .map_err(|error| error.to_string())
         };
         let expected: GivenIntrinsics = [525.0, 526.0, 320.0, 240.0].into();
         let open3d = r#"{"width": 640, "height": 480, "intrinsic_matrix": [525, 0, 0, 0, 526, 0, 319.5, 239.5, 1]}"#;
         let json = read("intrinsic.json", open3d).unwrap();
-        assert_eq!(json, GivenIntrinsics { size: Some([640, 480]), ..expected });
+        assert_eq!(
+            json,
+            GivenIntrinsics {
+                size: Some([640, 480]),
+                ..expected
+            }
+        );
         assert!(json.for_picture(320, 240).unwrap_err().contains("640x480"));
         let three = "525 0 319.5\n0 526 239.5\n0 0 1\n";
         let four = "525 0 319.5 0\n0 526 239.5 0\n0 0 1 0\n0 0 0 1\n";
-        assert_eq!((read("k.txt", three), read("intrinsic_color.txt", four)), (Ok(expected), Ok(expected)));
-        assert!(read("pose.txt", "1 0 0 0\n0 1 0 0\n0 0 1 2\n0 0 0 1\n").unwrap_err().contains("pose.txt"));
+        assert_eq!(
+            (read("k.txt", three), read("intrinsic_color.txt", four)),
+            (Ok(expected), Ok(expected))
+        );
+        assert!(
+            read("pose.txt", "1 0 0 0\n0 1 0 0\n0 0 1 2\n0 0 0 1\n")
+                .unwrap_err()
+                .contains("pose.txt")
+        );
         assert!(read("other.json", "{}").unwrap_err().contains("other.json"));
     }
 }

@@ -24,24 +24,38 @@ pub struct Line<'a> {
 
 /// A [`FrameError::Invalid`] for `path`.
 pub fn invalid(path: &Path, what: impl Into<String>) -> FrameError {
-    FrameError::Invalid { path: path.to_owned(), what: what.into() }
+    FrameError::Invalid {
+        path: path.to_owned(),
+        what: what.into(),
+    }
 }
 
 impl TextFile {
     pub fn read(path: &Path) -> Result<Self, FrameError> {
         let text = disk::read_text(path).map_err(|reason| match reason.kind() {
-            std::io::ErrorKind::InvalidData => {
-                invalid(path, format!("is not a text file ({reason}); check which file was given"))
-            }
-            _ => FrameError::Io { path: path.to_owned(), reason },
+            std::io::ErrorKind::InvalidData => invalid(
+                path,
+                format!("is not a text file ({reason}); check which file was given"),
+            ),
+            _ => FrameError::Io {
+                path: path.to_owned(),
+                reason,
+            },
         })?;
-        Ok(Self { path: path.to_owned(), text })
+        Ok(Self {
+            path: path.to_owned(),
+            text,
+        })
     }
 
     /// All lines, trimmed.
     pub fn lines(&self) -> impl Iterator<Item = Line<'_>> {
         let path = self.path.as_path();
-        self.text.lines().enumerate().map(move |(i, text)| Line { number: i + 1, text: text.trim(), path })
+        self.text.lines().enumerate().map(move |(i, text)| Line {
+            number: i + 1,
+            text: text.trim(),
+            path,
+        })
     }
 
     /// Lines that are neither empty nor a comment (`#`).
@@ -56,8 +70,12 @@ impl TextFile {
             all.extend(line.numbers()?);
         }
         let count = all.len();
-        all.try_into()
-            .map_err(|_| invalid(&self.path, format!("holds {count} numbers where {N} belong; check the file")))
+        all.try_into().map_err(|_| {
+            invalid(
+                &self.path,
+                format!("holds {count} numbers where {N} belong; check the file"),
+            )
+        })
     }
 }
 
@@ -81,7 +99,8 @@ impl<'a> Line<'a> {
 
     /// Reads one word of the line.
     pub fn parse<T: FromStr>(&self, word: Option<&str>) -> Result<T, FrameError> {
-        let word = word.ok_or_else(|| self.error("ends too early; check that the file is whole"))?;
+        let word =
+            word.ok_or_else(|| self.error("ends too early; check that the file is whole"))?;
         word.parse()
             .or_else(|_| usual_spelling(word).parse())
             .map_err(|_| self.error(&format!("'{word}' is not the number expected here")))
@@ -96,7 +115,9 @@ impl<'a> Line<'a> {
     pub fn array<const N: usize>(&self) -> Result<[f64; N], FrameError> {
         let numbers = self.numbers()?;
         let count = numbers.len();
-        numbers.try_into().map_err(|_| self.error(&format!("has {count} numbers where {N} belong")))
+        numbers
+            .try_into()
+            .map_err(|_| self.error(&format!("has {count} numbers where {N} belong")))
     }
 }
 
@@ -104,7 +125,9 @@ impl<'a> Line<'a> {
 /// any other word as it is.
 pub fn usual_spelling(word: &str) -> &str {
     let lower = word.to_ascii_lowercase();
-    let (sign, rest) = lower.strip_prefix('-').map_or(("", lower.as_str()), |rest| ("-", rest));
+    let (sign, rest) = lower
+        .strip_prefix('-')
+        .map_or(("", lower.as_str()), |rest| ("-", rest));
     let starts = |names: &[&str]| names.iter().any(|name| rest.starts_with(name));
     match sign {
         _ if rest.starts_with("nan(") || starts(&["1.#qnan", "1.#snan", "1.#ind"]) => "NaN",
@@ -118,15 +141,24 @@ pub fn usual_spelling(word: &str) -> &str {
 pub fn pose_from_quaternion(xyzw: [f64; 4], translation: DVec3) -> Result<Pose, GeometryError> {
     let rotation = DQuat::from_array(xyzw);
     if !rotation.is_finite() || !translation.is_finite() {
-        return Err(GeometryError::NotFinite { what: "pose".into() });
+        return Err(GeometryError::NotFinite {
+            what: "pose".into(),
+        });
     }
     let length = rotation.length();
     if length < 1e-6 {
         return Err(GeometryError::NotARotation { error: 1.0 });
     }
     // A quaternion of unit length stays as it is, bit for bit.
-    let rotation = if (length - 1.0).abs() > 1e-12 { rotation / length } else { rotation };
-    Ok(Pose { rotation, translation })
+    let rotation = if (length - 1.0).abs() > 1e-12 {
+        rotation / length
+    } else {
+        rotation
+    };
+    Ok(Pose {
+        rotation,
+        translation,
+    })
 }
 
 /// A pose from the upper three rows of a 4×4 matrix, row by row.

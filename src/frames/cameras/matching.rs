@@ -27,12 +27,17 @@ impl GivenCameras {
         let mut cameras = Vec::with_capacity(frames.len());
         for (frame, camera) in frames.iter().zip(&assigned) {
             let given = camera.map(|i| &self.cameras[i]);
-            let posed = given.and_then(|camera| Some((camera, camera.camera_from_world.as_ref().ok()?)));
-            let shown = posed.map(|(camera, pose)| shown_camera(frame, camera.intrinsics.as_ref(), Some(pose)));
+            let posed =
+                given.and_then(|camera| Some((camera, camera.camera_from_world.as_ref().ok()?)));
+            let shown = posed
+                .map(|(camera, pose)| shown_camera(frame, camera.intrinsics.as_ref(), Some(pose)));
             cameras.push(shown.transpose()?);
         }
         if cameras.iter().all(Option::is_none) && !frames.is_empty() {
-            return Err(invalid(&self.path, "no frame has a camera with a pose; give the cameras of these images"));
+            return Err(invalid(
+                &self.path,
+                "no frame has a camera with a pose; give the cameras of these images",
+            ));
         }
         let warnings = self.warn_of(frames, &assigned);
         for (frame, camera) in frames.iter_mut().zip(cameras) {
@@ -58,7 +63,10 @@ impl GivenCameras {
         let mut warnings = Vec::new();
         if !missing.is_empty() {
             let names = first_of(missing.iter(), ", ");
-            warnings.push(format!("{} of {count} frames have no camera in {path}: {names}", missing.len()));
+            warnings.push(format!(
+                "{} of {count} frames have no camera in {path}: {names}",
+                missing.len()
+            ));
         }
         if let Some(reason) = first_reason {
             let (number, names) = (unusable.len(), first_of(unusable.iter(), ", "));
@@ -98,7 +106,10 @@ impl GivenCameras {
     }
 
     fn keys<'a, K>(&'a self, key: impl Fn(&'a CameraKey) -> Option<K>) -> Vec<K> {
-        self.cameras.iter().filter_map(|camera| key(&camera.key)).collect()
+        self.cameras
+            .iter()
+            .filter_map(|camera| key(&camera.key))
+            .collect()
     }
 
     fn no_match(&self, frames: &[Frame]) -> String {
@@ -116,7 +127,9 @@ impl GivenCameras {
 }
 
 /// From the most to the least a name says; each level is used only where it is unique on both sides.
-const LEVELS: [fn(&str) -> Option<&str>; 6] = [whole_name, path_alone, last_two, file_alone, stem, first_part];
+const LEVELS: [fn(&str) -> Option<&str>; 6] = [
+    whole_name, path_alone, last_two, file_alone, stem, first_part,
+];
 
 fn whole_name(name: &str) -> Option<&str> {
     Some(name)
@@ -130,7 +143,9 @@ fn path_alone(name: &str) -> Option<&str> {
 fn last_two(name: &str) -> Option<&str> {
     let mut slashes = name.rmatch_indices('/').map(|(at, _)| at);
     slashes.next()?;
-    Some(without_ending(slashes.next().map_or(name, |at| &name[at + 1..])))
+    Some(without_ending(
+        slashes.next().map_or(name, |at| &name[at + 1..]),
+    ))
 }
 
 fn file_alone(name: &str) -> Option<&str> {
@@ -176,26 +191,53 @@ fn by_name(names: &[&str], frames: &[Frame]) -> Vec<Option<usize>> {
 /// Where each key stands that occurs once.
 fn unique<'a>(keys: impl Iterator<Item = Option<&'a str>>) -> BTreeMap<&'a str, usize> {
     let mut places: BTreeMap<&str, Option<usize>> = BTreeMap::new();
-    for (place, key) in keys.enumerate().filter_map(|(place, key)| Some((place, key?))) {
-        places.entry(key).and_modify(|at| *at = None).or_insert(Some(place));
+    for (place, key) in keys
+        .enumerate()
+        .filter_map(|(place, key)| Some((place, key?)))
+    {
+        places
+            .entry(key)
+            .and_modify(|at| *at = None)
+            .or_insert(Some(place));
     }
-    places.into_iter().filter_map(|(key, place)| Some((key, place?))).collect()
+    places
+        .into_iter()
+        .filter_map(|(key, place)| Some((key, place?)))
+        .collect()
 }
 
 /// Numbers in names where they cover all frames; else one camera a frame in order; else numbers counted from another
 /// start; else as many numbers as there are; else the order of frames.
 fn by_number(indices: &[u64], frames: &[Frame]) -> Vec<Option<usize>> {
-    let place: BTreeMap<u64, usize> = indices.iter().enumerate().map(|(place, &index)| (index, place)).collect();
+    let place: BTreeMap<u64, usize> = indices
+        .iter()
+        .enumerate()
+        .map(|(place, &index)| (index, place))
+        .collect();
     let numbers = numbers_in_names(frames, &place);
     let shifted = |shift: i64| -> Vec<Option<usize>> {
         let at = |n: &u64| place.get(&n.checked_add_signed(shift)?).copied();
-        numbers.as_ref().map_or_else(|| vec![None; frames.len()], |numbers| numbers.iter().map(at).collect())
+        numbers.as_ref().map_or_else(
+            || vec![None; frames.len()],
+            |numbers| numbers.iter().map(at).collect(),
+        )
     };
-    let whole = |shift: i64| Some(shifted(shift)).filter(|assigned| assigned.iter().all(Option::is_some));
-    let in_order = || (frames.len() == place.len()).then(|| place.values().copied().map(Some).collect());
+    let whole =
+        |shift: i64| Some(shifted(shift)).filter(|assigned| assigned.iter().all(Option::is_some));
+    let in_order =
+        || (frames.len() == place.len()).then(|| place.values().copied().map(Some).collect());
     let some = || Some(shifted(0)).filter(|assigned| assigned.iter().any(Option::is_some));
-    let counted = || (0..frames.len() as u64).map(|n| place.get(&n).copied()).collect();
-    whole(0).or_else(in_order).or_else(|| whole(1)).or_else(|| whole(-1)).or_else(some).unwrap_or_else(counted)
+    let counted = || {
+        (0..frames.len() as u64)
+            .map(|n| place.get(&n).copied())
+            .collect()
+    };
+    whole(0)
+        .or_else(in_order)
+        .or_else(|| whole(1))
+        .or_else(|| whole(-1))
+        .or_else(some)
+        .unwrap_or_else(counted)
 }
 
 /// One number of each frame's file name, the first or the last: all different, with as many cameras as can be.
@@ -203,15 +245,23 @@ fn numbers_in_names(frames: &[Frame], place: &BTreeMap<u64, usize>) -> Option<Ve
     let first = |name: &str| numbers_of(name).next();
     let last = |name: &str| numbers_of(name).last();
     let all = |pick: &dyn Fn(&str) -> Option<u64>| -> Option<Vec<u64>> {
-        let numbers: Vec<u64> = frames.iter().map(|f| pick(file_of(&f.name))).collect::<Option<_>>()?;
+        let numbers: Vec<u64> = frames
+            .iter()
+            .map(|f| pick(file_of(&f.name)))
+            .collect::<Option<_>>()?;
         (numbers.iter().collect::<BTreeSet<_>>().len() == numbers.len()).then_some(numbers)
     };
     let fitting = |numbers: &Vec<u64>| numbers.iter().filter(|n| place.contains_key(n)).count();
-    [all(&last), all(&first)].into_iter().flatten().max_by_key(fitting)
+    [all(&last), all(&first)]
+        .into_iter()
+        .flatten()
+        .max_by_key(fitting)
 }
 
 fn numbers_of(file: &str) -> impl Iterator<Item = u64> {
-    without_ending(file).split(|c: char| !c.is_ascii_digit()).filter_map(|digits| digits.parse().ok())
+    without_ending(file)
+        .split(|c: char| !c.is_ascii_digit())
+        .filter_map(|digits| digits.parse().ok())
 }
 
 fn by_time(times: &[f64], frames: &[Frame]) -> Vec<Option<usize>> {
@@ -220,11 +270,17 @@ fn by_time(times: &[f64], frames: &[Frame]) -> Vec<Option<usize>> {
     let nearest = |time: f64| {
         let after = order.partition_point(|&i| times[i] < time);
         let around = [after.checked_sub(1), Some(after)];
-        let near = around.into_iter().flatten().filter_map(|at| order.get(at).copied());
+        let near = around
+            .into_iter()
+            .flatten()
+            .filter_map(|at| order.get(at).copied());
         near.min_by(|&a, &b| (times[a] - time).abs().total_cmp(&(times[b] - time).abs()))
             .filter(|&i| (times[i] - time).abs() <= NEAR_S)
     };
-    frames.iter().map(|frame| time_of(frame).and_then(nearest)).collect()
+    frames
+        .iter()
+        .map(|frame| time_of(frame).and_then(nearest))
+        .collect()
 }
 
 /// The time that a frame's name ends in, or its time in a film.
@@ -233,5 +289,8 @@ fn time_of(frame: &Frame) -> Option<f64> {
         return Some(time_s);
     }
     let name = without_ending(file_of(&frame.name));
-    name.rsplit(|c: char| !(c.is_ascii_digit() || c == '.')).next()?.parse().ok()
+    name.rsplit(|c: char| !(c.is_ascii_digit() || c == '.'))
+        .next()?
+        .parse()
+        .ok()
 }

@@ -18,7 +18,11 @@ pub fn read(files: &[PathBuf]) -> Result<Vec<GivenCamera>, FrameError> {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let name = name.strip_suffix(".txt").unwrap_or(&name);
         let key = CameraKey::Name(name.strip_suffix(".pose").unwrap_or(name).to_owned());
-        cameras.push(GivenCamera { key, intrinsics: None, camera_from_world: pose.map(|pose| pose.inverse()) });
+        cameras.push(GivenCamera {
+            key,
+            intrinsics: None,
+            camera_from_world: pose.map(|pose| pose.inverse()),
+        });
     }
     Ok(cameras)
 }
@@ -33,10 +37,21 @@ fn read_matrix(path: &Path) -> Result<[f64; 16], FrameError> {
 }
 
 fn pose_of(path: &Path, rows: [f64; 16]) -> Result<Result<Pose, String>, FrameError> {
-    let in_file = |reason: String| format!("{}: {reason}", path.file_name().unwrap_or_default().display());
-    let is_pose = rows.iter().all(|number| number.is_finite()) && rows.iter().any(|&number| number != 0.0);
-    if is_pose && (0..4).any(|column| (rows[12 + column] - f64::from(u8::from(column == 3))).abs() > 1e-6) {
-        return Err(invalid(path, "the last row of its matrix is not 0 0 0 1; write it row by row"));
+    let in_file = |reason: String| {
+        format!(
+            "{}: {reason}",
+            path.file_name().unwrap_or_default().display()
+        )
+    };
+    let is_pose =
+        rows.iter().all(|number| number.is_finite()) && rows.iter().any(|&number| number != 0.0);
+    if is_pose
+        && (0..4).any(|column| (rows[12 + column] - f64::from(u8::from(column == 3))).abs() > 1e-6)
+    {
+        return Err(invalid(
+            path,
+            "the last row of its matrix is not 0 0 0 1; write it row by row",
+        ));
     }
     Ok(pose_from_rows(&rows).map_err(|error| in_file(error.to_string())))
 }

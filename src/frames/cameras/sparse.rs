@@ -35,7 +35,10 @@ impl SparsePoints {
     /// Points whose keypoints are not known.
     #[must_use]
     pub fn without_keypoints(points: Vec<SparsePoint>) -> Self {
-        Self { points, keypoints: BTreeMap::new() }
+        Self {
+            points,
+            keypoints: BTreeMap::new(),
+        }
     }
 
     /// Per point the (frame, keypoint) pairs that see it, in that order.
@@ -44,7 +47,10 @@ impl SparsePoints {
         let mut tracks = vec![Vec::new(); self.points.len()];
         for (&frame, keypoints) in &self.keypoints {
             for (index, keypoint) in keypoints.iter().enumerate() {
-                if let Some(track) = keypoint.point.and_then(|point| tracks.get_mut(point as usize)) {
+                if let Some(track) = keypoint
+                    .point
+                    .and_then(|point| tracks.get_mut(point as usize))
+                {
                     track.push((frame, index as u32));
                 }
             }

@@ -18,16 +18,30 @@ fn frames(names: &[&str]) -> Vec<Frame> {
 }
 
 fn frame(name: &str, width: u32, height: u32, orientation: u8) -> Frame {
-    let picture =
-        PictureSource::File { path: Path::new("/pictures").join(name), orientation: Orientation(orientation) };
-    Frame { name: name.into(), width, height, picture, depth: None, camera: None }
+    let picture = PictureSource::File {
+        path: Path::new("/pictures").join(name),
+        orientation: Orientation(orientation),
+    };
+    Frame {
+        name: name.into(),
+        width,
+        height,
+        picture,
+        depth: None,
+        camera: None,
+    }
 }
 
 /// A pose that differs in everything from camera to camera.
 fn pose(i: u32) -> Pose {
     let i = f64::from(i);
-    let rotation = DQuat::from_rotation_y(0.3 * i) * DQuat::from_rotation_x(0.2) * DQuat::from_rotation_z(-0.1 * i);
-    Pose { rotation, translation: DVec3::new(0.1 * i, -0.2, 1.0 + i) }
+    let rotation = DQuat::from_rotation_y(0.3 * i)
+        * DQuat::from_rotation_x(0.2)
+        * DQuat::from_rotation_z(-0.1 * i);
+    Pose {
+        rotation,
+        translation: DVec3::new(0.1 * i, -0.2, 1.0 + i),
+    }
 }
 
 fn assert_near(found: &Pose, expected: &Pose) {
@@ -38,7 +52,8 @@ fn assert_near(found: &Pose, expected: &Pose) {
 /// The four rows of a camera-to-world matrix as text.
 fn world_from_camera_text(pose: &Pose) -> String {
     let rows = pose.inverse().matrix().transpose().to_cols_array_2d();
-    rows.map(|row| row.map(|v| v.to_string()).join(" ")).join("\n")
+    rows.map(|row| row.map(|v| v.to_string()).join(" "))
+        .join("\n")
 }
 
 fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) {

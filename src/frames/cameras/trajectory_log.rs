@@ -17,12 +17,18 @@ pub fn read(file: &TextFile) -> Result<Vec<GivenCamera>, FrameError> {
         }
         let mut rows = [0.0; 16];
         for row in rows.chunks_exact_mut(4) {
-            let next = lines.next().ok_or_else(|| line.error("the matrix is cut off; check that the file is whole"))?;
+            let next = lines
+                .next()
+                .ok_or_else(|| line.error("the matrix is cut off; check that the file is whole"))?;
             row.copy_from_slice(&next.array::<4>()?);
         }
         let pose = pose_from_rows(&rows).map_err(|error| line.fault(&error.to_string()));
         let camera_from_world = pose.map(|pose| pose.inverse());
-        cameras.push(GivenCamera { key: CameraKey::Index(index), intrinsics: None, camera_from_world });
+        cameras.push(GivenCamera {
+            key: CameraKey::Index(index),
+            intrinsics: None,
+            camera_from_world,
+        });
     }
     Ok(cameras)
 }

@@ -59,7 +59,9 @@ impl TryFrom<Value> for Number {
             Value::Null => Some(f64::NAN),
             value => value.as_f64(),
         };
-        number.map(Self).ok_or_else(|| format!("{value} is not a number"))
+        number
+            .map(Self)
+            .ok_or_else(|| format!("{value} is not a number"))
     }
 }
 
@@ -69,8 +71,14 @@ fn with_quoted_numbers(json: &str) -> String {
     let mut quoted = String::with_capacity(json.len());
     let (mut rest, mut in_string) = (json, false);
     while let Some(first) = rest.chars().next() {
-        let word = if in_string { "" } else { rest.split(is_between_words).next().unwrap_or_default() };
-        let is_special = usual_spelling(word).parse::<f64>().is_ok_and(|number| !number.is_finite());
+        let word = if in_string {
+            ""
+        } else {
+            rest.split(is_between_words).next().unwrap_or_default()
+        };
+        let is_special = usual_spelling(word)
+            .parse::<f64>()
+            .is_ok_and(|number| !number.is_finite());
         let length = match first {
             '\\' if in_string => 1 + rest.chars().nth(1).map_or(0, char::len_utf8),
             _ if word.is_empty() => first.len_utf8(),
@@ -95,10 +103,16 @@ fn is_between_words(c: char) -> bool {
 /// Reads a `transforms.json`.
 pub fn read(path: &Path) -> Result<Vec<GivenCamera>, FrameError> {
     let file = TextFile::read(path)?;
-    let transforms: Transforms = serde_json::from_str(&with_quoted_numbers(&file.text))
-        .map_err(|error| invalid(path, format!("is no transforms.json that can be read ({error}); check the file")))?;
+    let transforms: Transforms =
+        serde_json::from_str(&with_quoted_numbers(&file.text)).map_err(|error| {
+            invalid(
+                path,
+                format!("is no transforms.json that can be read ({error}); check the file"),
+            )
+        })?;
     let one = |frame: &TransformsFrame| {
-        read_frame(frame, &transforms.lens).map_err(|what| invalid(path, format!("{}: {what}", frame.file_path)))
+        read_frame(frame, &transforms.lens)
+            .map_err(|what| invalid(path, format!("{}: {what}", frame.file_path)))
     };
     transforms.frames.iter().map(one).collect()
 }
@@ -108,7 +122,12 @@ fn number_or_zero(number: Option<Number>) -> f64 {
 }
 
 fn read_frame(frame: &TransformsFrame, shared: &Lens) -> Result<GivenCamera, String> {
-    let rows: Vec<f64> = frame.transform_matrix.concat().into_iter().map(|Number(number)| number).collect();
+    let rows: Vec<f64> = frame
+        .transform_matrix
+        .concat()
+        .into_iter()
+        .map(|Number(number)| number)
+        .collect();
     if frame.transform_matrix.iter().any(|row| row.len() != 4) || !matches!(rows.len(), 12 | 16) {
         return Err("its transform_matrix is not 4x4; check the file".into());
     }
@@ -120,14 +139,23 @@ fn read_frame(frame: &TransformsFrame, shared: &Lens) -> Result<GivenCamera, Str
         Ok(intrinsics) => (intrinsics, pose),
         Err(what) => (None, Err(format!("{}: {what}", frame.file_path))),
     };
-    Ok(GivenCamera { key, intrinsics, camera_from_world })
+    Ok(GivenCamera {
+        key,
+        intrinsics,
+        camera_from_world,
+    })
 }
 
 /// `camera_from_world` with OpenCV axes from a camera-to-world matrix with OpenGL axes.
 fn pose_from_opengl(rows: &[f64]) -> Result<Pose, GeometryError> {
     let world_from_camera = pose_from_rows(rows)?;
     let half_turn = glam::DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0);
-    Ok(world_from_camera.compose(&Pose { rotation: half_turn, translation: DVec3::ZERO }).inverse())
+    Ok(world_from_camera
+        .compose(&Pose {
+            rotation: half_turn,
+            translation: DVec3::ZERO,
+        })
+        .inverse())
 }
 
 impl Lens {
@@ -147,7 +175,10 @@ impl Lens {
             k4: self.k4.or(shared.k4),
             p1: self.p1.or(shared.p1),
             p2: self.p2.or(shared.p2),
-            camera_model: self.camera_model.clone().or_else(|| shared.camera_model.clone()),
+            camera_model: self
+                .camera_model
+                .clone()
+                .or_else(|| shared.camera_model.clone()),
             is_fisheye: self.is_fisheye.or(shared.is_fisheye),
         }
     }
@@ -161,31 +192,46 @@ impl Lens {
         };
         let size = self.w.zip(self.h).map(|(w, h)| [w.0 as u32, h.0 as u32]);
         let principal_px = self.cx.zip(self.cy).map(|(cx, cy)| DVec2::new(cx.0, cy.0));
-        Ok(Some(GivenIntrinsics { size, focal, principal_px, distortion: self.distortion()? }))
+        Ok(Some(GivenIntrinsics {
+            size,
+            focal,
+            principal_px,
+            distortion: self.distortion()?,
+        }))
     }
 
     fn distortion(&self) -> Result<Distortion, String> {
         let k = [self.k1, self.k2, self.k3, self.k4].map(number_or_zero);
         let p = [self.p1, self.p2].map(number_or_zero);
         if k.iter().chain(&p).any(|v| !v.is_finite()) {
-            return Err("a distortion parameter is not a finite number; remove or repair it".into());
+            return Err(
+                "a distortion parameter is not a finite number; remove or repair it".into(),
+            );
         }
         let fisheye = match self.camera_model.as_deref() {
             None => self.is_fisheye == Some(true),
             Some("OPENCV_FISHEYE") => true,
             Some(
-                "OPENCV" | "FULL_OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "PERSPECTIVE",
+                "OPENCV" | "FULL_OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL"
+                | "RADIAL" | "PERSPECTIVE",
             ) => false,
             Some(other) => {
-                return Err(format!("camera model {other} is not supported; undistort the pictures or use OPENCV"));
+                return Err(format!(
+                    "camera model {other} is not supported; undistort the pictures or use OPENCV"
+                ));
             }
         };
         match (fisheye, k, p) {
             (true, _, _) => Ok(Distortion::OpenCvFisheye { k }),
             (false, [0.0, 0.0, 0.0, 0.0], [0.0, 0.0]) => Ok(Distortion::None),
             (false, [k1, k2, 0.0, 0.0], _) => Ok(Distortion::OpenCv { k: [k1, k2], p }),
-            (false, [k1, k2, k3, 0.0], _) => Ok(Distortion::FullOpenCv { k: [k1, k2, k3, 0.0, 0.0, 0.0], p }),
-            _ => Err("k4 fits only a fisheye lens; undistort the pictures or set camera_model".into()),
+            (false, [k1, k2, k3, 0.0], _) => Ok(Distortion::FullOpenCv {
+                k: [k1, k2, k3, 0.0, 0.0, 0.0],
+                p,
+            }),
+            _ => Err(
+                "k4 fits only a fisheye lens; undistort the pictures or set camera_model".into(),
+            ),
         }
     }
 }

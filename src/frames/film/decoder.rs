@@ -45,8 +45,17 @@ impl Decoder {
     /// Starts ffmpeg. After a seek the first frame is that of a key frame somewhere near, or any other: compare its info.
     pub fn start(programs: &Programs, path: &Path, start: Start) -> Result<Self, FrameError> {
         let mut command = decoding(programs, path, start)?;
-        command.args(["-pix_fmt", "rgb24", "-c:v", "ppm", "-f", "image2pipe", "pipe:1"]);
-        let child = ChildProcess::spawn(&mut command).map_err(|error| not_started(path, &programs.ffmpeg, &error))?;
+        command.args([
+            "-pix_fmt",
+            "rgb24",
+            "-c:v",
+            "ppm",
+            "-f",
+            "image2pipe",
+            "pipe:1",
+        ]);
+        let child = ChildProcess::spawn(&mut command)
+            .map_err(|error| not_started(path, &programs.ffmpeg, &error))?;
         let (sender, images) = sync_channel(start.ahead.max(1));
         let (info_sender, infos) = channel();
         let (stdout, stderr) = (child.take_stdout(), child.take_stderr());
@@ -57,7 +66,13 @@ impl Decoder {
                 read_images(stdout, &sender);
             }
         });
-        let mut decoder = Self { child, images: Some(images), infos, reader: None, log: None };
+        let mut decoder = Self {
+            child,
+            images: Some(images),
+            infos,
+            reader: None,
+            log: None,
+        };
         decoder.log = Some(log.map_err(|source| FrameError::io(path, source))?);
         decoder.reader = Some(reader.map_err(|source| FrameError::io(path, source))?);
         Ok(decoder)
@@ -66,7 +81,9 @@ impl Decoder {
     /// The next frame; an error says why there is none.
     pub fn next(&mut self) -> Result<Decoded, String> {
         let received = self.images.as_ref().map(Receiver::recv);
-        let image = received.and_then(Result::ok).unwrap_or_else(|| Err(self.end()))?;
+        let image = received
+            .and_then(Result::ok)
+            .unwrap_or_else(|| Err(self.end()))?;
         // Each frame is logged before it is written.
         let info = self.infos.recv().map_err(|_| self.end())?;
         Ok(Decoded { image, info })
@@ -94,9 +111,22 @@ impl Drop for Decoder {
 }
 
 /// The part of ffmpeg's command line that decodes: every frame once, each reported by `showinfo` with its own time.
-pub(super) fn decoding(programs: &Programs, path: &Path, start: Start) -> Result<std::process::Command, FrameError> {
+pub(super) fn decoding(
+    programs: &Programs,
+    path: &Path,
+    start: Start,
+) -> Result<std::process::Command, FrameError> {
     let input = input(path)?;
-    let mut command = command(&programs.ffmpeg, ["-hide_banner", "-nostats", "-nostdin", "-v", "level+repeat+info"]);
+    let mut command = command(
+        &programs.ffmpeg,
+        [
+            "-hide_banner",
+            "-nostats",
+            "-nostdin",
+            "-v",
+            "level+repeat+info",
+        ],
+    );
     if start.single_thread {
         command.args(["-threads", "1"]);
     }
@@ -105,8 +135,15 @@ pub(super) fn decoding(programs: &Programs, path: &Path, start: Start) -> Result
         // Frames before the time asked for are not dropped by ffmpeg: the first one shows where decoding began.
         command.args(["-noaccurate_seek", "-ss", &format!("{seek_s:.6}")]);
     }
-    let info = if start.checksums { "showinfo" } else { "showinfo=checksum=0" };
-    command.args(input).args(["-map", "0:V:0", "-vf", info]).args(programs.every_picture_once());
+    let info = if start.checksums {
+        "showinfo"
+    } else {
+        "showinfo=checksum=0"
+    };
+    command
+        .args(input)
+        .args(["-map", "0:V:0", "-vf", info])
+        .args(programs.every_picture_once());
     command.stdin(Stdio::null());
     Ok(command)
 }
@@ -133,14 +170,22 @@ fn read_ppm(reader: &mut impl BufRead) -> std::io::Result<Image> {
         reader.by_ref().take(32).read_line(&mut header)?;
     }
     let words: Vec<&str> = header.split_whitespace().collect();
-    let &["P6", width, height, "255"] = words.as_slice() else { return Err(invalid()) };
-    let (Ok(width), Ok(height)) = (width.parse::<u32>(), height.parse::<u32>()) else { return Err(invalid()) };
+    let &["P6", width, height, "255"] = words.as_slice() else {
+        return Err(invalid());
+    };
+    let (Ok(width), Ok(height)) = (width.parse::<u32>(), height.parse::<u32>()) else {
+        return Err(invalid());
+    };
     if !(1..=MAX_PIXELS).contains(&(u64::from(width) * u64::from(height))) {
         return Err(invalid());
     }
     let mut pixels = vec![[0; 3]; width as usize * height as usize];
     reader.read_exact(bytemuck::cast_slice_mut(&mut pixels))?;
-    Ok(Image { width, height, pixels })
+    Ok(Image {
+        width,
+        height,
+        pixels,
+    })
 }
 
 #[cfg(test)]
@@ -149,9 +194,18 @@ mod tests {
 
     #[test]
     fn pictures_follow_each_other_and_a_cut_one_is_an_error() {
-        let bytes = [b"P6\n2 1\n255\n".as_slice(), &[10, 1, 2, 3, 4, 5], b"P6\n1 1\n255\n", &[9, 9]].concat();
+        let bytes = [
+            b"P6\n2 1\n255\n".as_slice(),
+            &[10, 1, 2, 3, 4, 5],
+            b"P6\n1 1\n255\n",
+            &[9, 9],
+        ]
+        .concat();
         let mut reader = bytes.as_slice();
-        assert_eq!(read_ppm(&mut reader).unwrap().pixels, [[10, 1, 2], [3, 4, 5]]);
+        assert_eq!(
+            read_ppm(&mut reader).unwrap().pixels,
+            [[10, 1, 2], [3, 4, 5]]
+        );
         assert!(read_ppm(&mut reader).is_err());
         assert!(read_ppm(&mut b"P6\n99999999 99999999\n255\n".as_slice()).is_err());
         assert!(read_ppm(&mut b"P5\n1 1\n255\n0".as_slice()).is_err());

@@ -32,7 +32,10 @@ pub fn write_film(
     progress: &Progress,
 ) -> Result<(), FrameError> {
     // A folder of its own keeps the ending, by which ffmpeg knows what to write.
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
     let work = WorkFolder::create(folder).map_err(|error| invalid(path, &error))?;
     let _listed = Unfinished::list(work.path());
     let part = work.path().join(path.file_name().unwrap_or_default());
@@ -54,7 +57,10 @@ fn encode(
         progress.step(number, options.count)?;
         let picture = draw(number);
         let bytes: &[u8] = bytemuck::cast_slice(&picture.pixels);
-        if input.as_ref().is_none_or(|mut input| input.write_all(bytes).is_err()) {
+        if input
+            .as_ref()
+            .is_none_or(|mut input| input.write_all(bytes).is_err())
+        {
             break; // ffmpeg has ended and says why
         }
     }
@@ -65,21 +71,36 @@ fn encode(
 /// Refuses a film that does not hold all pictures: ffmpeg may end well although the disk was full.
 fn check_whole(path: &Path, part: &Path, count: usize) -> Result<(), FrameError> {
     let programs = Programs::default();
-    let mut probe = command(&programs.ffprobe, ["-v", "error", "-count_packets", "-select_streams", "v:0"]);
-    probe.args(["-show_entries", "stream=nb_read_packets", "-of", "csv=p=0"]).arg(file_argument(path, part)?);
-    let cannot = |error: &dyn std::fmt::Display| invalid(path, &format!("ffprobe cannot check it: {error}"));
-    let child =
-        ChildProcess::spawn(probe.stdin(Stdio::null()).stdout(Stdio::piped())).map_err(|error| cannot(&error))?;
+    let mut probe = command(
+        &programs.ffprobe,
+        ["-v", "error", "-count_packets", "-select_streams", "v:0"],
+    );
+    probe
+        .args(["-show_entries", "stream=nb_read_packets", "-of", "csv=p=0"])
+        .arg(file_argument(path, part)?);
+    let cannot =
+        |error: &dyn std::fmt::Display| invalid(path, &format!("ffprobe cannot check it: {error}"));
+    let child = ChildProcess::spawn(probe.stdin(Stdio::null()).stdout(Stdio::piped()))
+        .map_err(|error| cannot(&error))?;
     let mut counted = String::new();
     if let Some(mut stdout) = child.take_stdout() {
-        stdout.read_to_string(&mut counted).map_err(|error| cannot(&error))?;
+        stdout
+            .read_to_string(&mut counted)
+            .map_err(|error| cannot(&error))?;
     }
     let ended = child.wait().map_err(|error| cannot(&error))?;
-    let packets = counted.trim().trim_end_matches(',').parse::<usize>().unwrap_or_default();
+    let packets = counted
+        .trim()
+        .trim_end_matches(',')
+        .parse::<usize>()
+        .unwrap_or_default();
     if ended.success() && packets >= count {
         return Ok(());
     }
-    Err(invalid(path, &format!("it holds {packets} of {count} pictures; the disk may be full")))
+    Err(invalid(
+        path,
+        &format!("it holds {packets} of {count} pictures; the disk may be full"),
+    ))
 }
 
 /// A file as ffmpeg takes it, so that no name is taken for an option or an address.
@@ -92,12 +113,30 @@ fn file_argument(path: &Path, part: &Path) -> Result<OsString, FrameError> {
 fn start(path: &Path, part: &Path, options: &FilmOptions) -> Result<ChildProcess, FrameError> {
     let programs = Programs::default();
     let size = format!("{}x{}", options.size.0, options.size.1);
-    let mut command =
-        command(&programs.ffmpeg, ["-v", "error", "-xerror", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"]);
-    command.args(["-s", &size, "-framerate", &options.fps.to_string(), "-i", "pipe:0"]);
+    let mut command = command(
+        &programs.ffmpeg,
+        [
+            "-v", "error", "-xerror", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24",
+        ],
+    );
+    command.args([
+        "-s",
+        &size,
+        "-framerate",
+        &options.fps.to_string(),
+        "-i",
+        "pipe:0",
+    ]);
     let output = file_argument(path, part)?;
     // Most players want even sides and half the colour.
-    command.args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p"]).arg(output);
+    command
+        .args([
+            "-vf",
+            "pad=ceil(iw/2)*2:ceil(ih/2)*2",
+            "-pix_fmt",
+            "yuv420p",
+        ])
+        .arg(output);
     ChildProcess::spawn(command.stdin(Stdio::piped()).stdout(Stdio::null())).map_err(|error| FrameError::Invalid {
         path: path.into(),
         what: format!(
@@ -119,18 +158,26 @@ impl Encoder {
         }
         match self.0.wait() {
             Ok(status) if status.success() => Ok(()),
-            Ok(status) if status.code().is_none() => {
-                Err(invalid(path, &format!("ffmpeg was ended from outside: {status}")))
-            }
-            _ => Err(invalid(path, &said.lines().last().unwrap_or("ffmpeg ended early"))),
+            Ok(status) if status.code().is_none() => Err(invalid(
+                path,
+                &format!("ffmpeg was ended from outside: {status}"),
+            )),
+            _ => Err(invalid(
+                path,
+                &said.lines().last().unwrap_or("ffmpeg ended early"),
+            )),
         }
     }
 }
 
 fn invalid(path: &Path, why: &dyn std::fmt::Display) -> FrameError {
-    let what =
-        format!("the film cannot be written ({why}); check the folder, its permissions and the ending, e.g. .mp4");
-    FrameError::Invalid { path: path.into(), what }
+    let what = format!(
+        "the film cannot be written ({why}); check the folder, its permissions and the ending, e.g. .mp4"
+    );
+    FrameError::Invalid {
+        path: path.into(),
+        what,
+    }
 }
 
 #[cfg(test)]
@@ -138,13 +185,21 @@ mod tests {
     use super::*;
 
     fn grey(number: usize) -> Image {
-        Image { width: 31, height: 20, pixels: vec![[number as u8 * 20; 3]; 31 * 20] }
+        Image {
+            width: 31,
+            height: 20,
+            pixels: vec![[number as u8 * 20; 3]; 31 * 20],
+        }
     }
 
     #[test]
     fn a_film_that_is_stopped_or_refused_leaves_nothing_behind() {
         let folder = tempfile::tempdir().unwrap();
-        let options = FilmOptions { size: (31, 20), count: 10, fps: 5.0 };
+        let options = FilmOptions {
+            size: (31, 20),
+            count: 10,
+            fps: 5.0,
+        };
         let stopped = Progress::default();
         let path = folder.path().join("film.mp4");
         let stop_at_3 = |number| {
@@ -154,13 +209,26 @@ mod tests {
             grey(number)
         };
         let result = write_film(&path, &options, stop_at_3, &stopped);
-        if result.as_ref().is_err_and(|error| error.to_string().contains("cannot be started")) {
+        if result
+            .as_ref()
+            .is_err_and(|error| error.to_string().contains("cannot be started"))
+        {
             assert!(std::env::var_os("CI").is_none(), "ffmpeg is missing");
             return;
         }
         assert!(matches!(result, Err(FrameError::Stopped(_))));
-        let refused = write_film(&folder.path().join("film.xyz"), &options, grey, &Progress::default());
-        assert!(refused.unwrap_err().to_string().contains("film cannot be written"));
+        let refused = write_film(
+            &folder.path().join("film.xyz"),
+            &options,
+            grey,
+            &Progress::default(),
+        );
+        assert!(
+            refused
+                .unwrap_err()
+                .to_string()
+                .contains("film cannot be written")
+        );
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
         write_film(&path, &options, grey, &Progress::default()).unwrap();
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);

@@ -67,24 +67,54 @@ fn report(path: &Path, damage: &Damage) {
          file or leave these frames out",
         path.display()
     );
-    DAMAGE.lock().unwrap_or_else(PoisonError::into_inner).push(line);
+    DAMAGE
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .push(line);
 }
 
 impl Films {
     /// Decodes frame `index` of a video, which is at `time_s` from its start and about `bytes` large.
-    pub fn read(&self, film: &Path, index: u64, time_s: f64, bytes: usize) -> Result<Image, FrameError> {
+    pub fn read(
+        &self,
+        film: &Path,
+        index: u64,
+        time_s: f64,
+        bytes: usize,
+    ) -> Result<Image, FrameError> {
         input(film)?;
         let known = self.knowledge(film)?;
-        let has_reliable_seeks = known.lock().unwrap_or_else(PoisonError::into_inner).has_reliable_seeks();
-        let mut lease = self.lease(film, index, if has_reliable_seeks { MAX_SKIP } else { u64::MAX });
+        let has_reliable_seeks = known
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .has_reliable_seeks();
+        let mut lease = self.lease(
+            film,
+            index,
+            if has_reliable_seeks {
+                MAX_SKIP
+            } else {
+                u64::MAX
+            },
+        );
         let ahead = (AHEAD_BYTES / *MAX_DECODERS / bytes.max(1)).clamp(1, 16);
         let mut mine = known.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let had_damage = mine.damage.is_some();
         let running = lease.decoder.take();
-        let read = read_frame(&self.programs, film, running, (Target { index, time_s }, ahead), &mut mine);
+        let read = read_frame(
+            &self.programs,
+            film,
+            running,
+            (Target { index, time_s }, ahead),
+            &mut mine,
+        );
         {
             let mut shared = known.lock().unwrap_or_else(PoisonError::into_inner);
-            if let Some(damage) = mine.damage.as_ref().filter(|_| !had_damage && shared.damage.is_none()) {
+            if let Some(damage) = mine
+                .damage
+                .as_ref()
+                .filter(|_| !had_damage && shared.damage.is_none())
+            {
                 report(film, damage);
             }
             shared.learn_from(mine);
@@ -115,18 +145,29 @@ impl Films {
                     if let Some(decoder) = slot.decoder.take() {
                         let decoder = Some(decoder);
                         slot.next = index + 1;
-                        return Lease { films: self, id: slot.id, decoder };
+                        return Lease {
+                            films: self,
+                            id: slot.id,
+                            decoder,
+                        };
                     }
                 }
                 None => {
                     if let Some((id, ended)) = state.new_slot(film, index) {
                         drop(state);
                         drop(ended); // ending a process takes time
-                        return Lease { films: self, id, decoder: None };
+                        return Lease {
+                            films: self,
+                            id,
+                            decoder: None,
+                        };
                     }
                 }
             }
-            state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
+            state = self
+                .changed
+                .wait(state)
+                .unwrap_or_else(PoisonError::into_inner);
         }
     }
 
@@ -140,24 +181,40 @@ impl State {
     /// where it is near.
     fn slot_for(&self, film: &Path, index: u64, max_skip: u64) -> Option<usize> {
         let fits = |slot: &Slot| {
-            let skip = if slot.decoder.is_some() { max_skip } else { MAX_SKIP };
+            let skip = if slot.decoder.is_some() {
+                max_skip
+            } else {
+                MAX_SKIP
+            };
             slot.film == film && slot.next <= index && index - slot.next <= skip
         };
         let fitting = self.slots.iter().enumerate().filter(|(_, slot)| fits(slot));
-        fitting.max_by_key(|(_, slot)| (slot.next, slot.decoder.is_some())).map(|(at, _)| at)
+        fitting
+            .max_by_key(|(_, slot)| (slot.next, slot.decoder.is_some()))
+            .map(|(at, _)| at)
     }
 
     /// A place for a new decoder and the one that had to go for it; `None` when all are being read from.
     fn new_slot(&mut self, film: &Path, index: u64) -> Option<(u64, Option<Slot>)> {
         let mut ended = None;
         if self.slots.len() >= *MAX_DECODERS {
-            let idle = self.slots.iter().enumerate().filter(|(_, slot)| slot.decoder.is_some());
+            let idle = self
+                .slots
+                .iter()
+                .enumerate()
+                .filter(|(_, slot)| slot.decoder.is_some());
             let oldest = idle.min_by_key(|(_, slot)| slot.used).map(|(at, _)| at)?;
             ended = Some(self.slots.swap_remove(oldest));
         }
         self.clock += 1;
         let id = self.clock;
-        self.slots.push(Slot { id, film: film.into(), next: index + 1, used: id, decoder: None });
+        self.slots.push(Slot {
+            id,
+            film: film.into(),
+            next: index + 1,
+            used: id,
+            decoder: None,
+        });
         Some((id, ended))
     }
 }
@@ -177,7 +234,9 @@ impl Drop for Lease<'_> {
         let now = state.clock;
         if let Some(at) = state.slots.iter().position(|slot| slot.id == self.id) {
             match self.decoder.take() {
-                Some(decoder) => (state.slots[at].decoder, state.slots[at].used) = (Some(decoder), now),
+                Some(decoder) => {
+                    (state.slots[at].decoder, state.slots[at].used) = (Some(decoder), now)
+                }
                 None => drop(state.slots.swap_remove(at)),
             }
         }

@@ -35,8 +35,12 @@ impl LogParser {
             return None;
         }
         if let Some((_, base)) = info.split_once("config in time_base: ") {
-            let fraction = base.split(',').next().and_then(|base| base.trim().split_once('/'));
-            let parts = fraction.and_then(|(n, d)| Some((n.parse::<f64>().ok()?, d.parse::<f64>().ok()?)));
+            let fraction = base
+                .split(',')
+                .next()
+                .and_then(|base| base.trim().split_once('/'));
+            let parts =
+                fraction.and_then(|(n, d)| Some((n.parse::<f64>().ok()?, d.parse::<f64>().ok()?)));
             self.time_base_s = parts.filter(|(_, d)| *d > 0.0).map_or(0.0, |(n, d)| n / d);
             return None;
         }
@@ -45,7 +49,9 @@ impl LogParser {
         }
         let pts = value(info, "pts:").and_then(|pts| pts.parse::<i64>().ok());
         Some(FrameInfo {
-            pts_s: pts.filter(|_| self.time_base_s > 0.0).map(|pts| pts as f64 * self.time_base_s),
+            pts_s: pts
+                .filter(|_| self.time_base_s > 0.0)
+                .map(|pts| pts as f64 * self.time_base_s),
             is_intra_key: value(info, "iskey:") == Some("1") && value(info, "type:") == Some("I"),
             checksum: value(info, "checksum:").and_then(|sum| u32::from_str_radix(sum, 16).ok()),
             error: self.error.take(),
@@ -72,7 +78,10 @@ fn parts(line: &str) -> Option<(&str, &str, &str)> {
     while line[at..].starts_with('[') {
         let end = at + line[at..].find("] ")?;
         let (word, after) = (&line[at + 1..end], end + 2);
-        if matches!(word, "panic" | "fatal" | "error" | "warning" | "info" | "verbose" | "debug" | "trace") {
+        if matches!(
+            word,
+            "panic" | "fatal" | "error" | "warning" | "info" | "verbose" | "debug" | "trace"
+        ) {
             return Some((&line[..at], word, &line[after..]));
         }
         at = after;
@@ -82,7 +91,10 @@ fn parts(line: &str) -> Option<(&str, &str, &str)> {
 
 /// The word after `key`, which begins a word itself.
 fn value<'a>(line: &'a str, key: &str) -> Option<&'a str> {
-    let at = line.match_indices(key).map(|(at, _)| at).find(|&at| at == 0 || line.as_bytes()[at - 1] == b' ')?;
+    let at = line
+        .match_indices(key)
+        .map(|(at, _)| at)
+        .find(|&at| at == 0 || line.as_bytes()[at - 1] == b' ')?;
     line[at + key.len()..].split_whitespace().next()
 }
 
@@ -92,7 +104,12 @@ pub(super) fn read_log(stderr: impl Read, sender: &Sender<FrameInfo>) -> Option<
     let mut parser = LogParser::default();
     let mut reader = BufReader::new(stderr);
     let (mut line, mut is_start) = (Vec::new(), true);
-    while reader.by_ref().take(1 << 16).read_until(b'\n', &mut line).is_ok_and(|read| read > 0) {
+    while reader
+        .by_ref()
+        .take(1 << 16)
+        .read_until(b'\n', &mut line)
+        .is_ok_and(|read| read > 0)
+    {
         // The rest of an overlong line may look like a line of its own.
         if is_start && let Some(info) = parser.parse(&String::from_utf8_lossy(&line)) {
             let _ = sender.send(info); // fails once the decoder is dropped
@@ -114,33 +131,63 @@ mod tests {
     fn frames_are_reported_with_exact_times_and_the_error_before_them() {
         let mut parser = LogParser::default();
         assert_eq!(
-            parser.parse("[Parsed_showinfo_0 @ 0x5] [info] config in time_base: 1/12800, frame_rate: 25/1"),
+            parser.parse(
+                "[Parsed_showinfo_0 @ 0x5] [info] config in time_base: 1/12800, frame_rate: 25/1"
+            ),
             None
         );
-        assert_eq!(parser.parse("[h264 @ 0x6] [error] concealing 12 DC errors"), None);
-        assert_eq!(parser.parse("[error] Error while decoding stream #0:0"), None);
+        assert_eq!(
+            parser.parse("[h264 @ 0x6] [error] concealing 12 DC errors"),
+            None
+        );
+        assert_eq!(
+            parser.parse("[error] Error while decoding stream #0:0"),
+            None
+        );
         let frame = parser.parse(FRAME).unwrap();
         assert_eq!(frame.pts_s, Some(1024.0 / 12800.0));
         assert!(frame.is_intra_key && frame.checksum == Some(0x1880_9BF5));
         assert_eq!(frame.error.as_deref(), Some("concealing 12 DC errors"));
-        let next = parser.parse(&FRAME.replace("1024", "NOPTS").replace("type:I", "type:P")).unwrap();
+        let next = parser
+            .parse(&FRAME.replace("1024", "NOPTS").replace("type:I", "type:P"))
+            .unwrap();
         assert!(next.pts_s.is_none() && !next.is_intra_key && next.error.is_none());
-        assert_eq!(parser.parse("[Parsed_showinfo_0 @ 0x5] [info]   side data - User Data"), None);
+        assert_eq!(
+            parser.parse("[Parsed_showinfo_0 @ 0x5] [info]   side data - User Data"),
+            None
+        );
     }
 
     #[test]
     fn text_in_the_video_is_neither_a_frame_nor_an_error() {
         let mut parser = LogParser::default();
         for title in [FRAME, "a [error] b", "x] [error] b", "[error] b"] {
-            assert_eq!(parser.parse(&format!("[info]     title           : {title}")), None, "{title}");
-            assert_eq!(parser.parse(&format!("    title           : {title}")), None, "{title}");
+            assert_eq!(
+                parser.parse(&format!("[info]     title           : {title}")),
+                None,
+                "{title}"
+            );
+            assert_eq!(
+                parser.parse(&format!("    title           : {title}")),
+                None,
+                "{title}"
+            );
         }
-        assert_eq!(parser.parse(&FRAME.replacen("[Parsed_showinfo_0", "[a_showinfo_0", 1)), None);
+        assert_eq!(
+            parser.parse(&FRAME.replacen("[Parsed_showinfo_0", "[a_showinfo_0", 1)),
+            None
+        );
         assert!(parser.parse(FRAME).unwrap().error.is_none());
-        assert_eq!(parser.parse("[vist#0:0/h264 @ 0x5] [dec:h264 @ 0x6] [error] no frame"), None);
+        assert_eq!(
+            parser.parse("[vist#0:0/h264 @ 0x5] [dec:h264 @ 0x6] [error] no frame"),
+            None
+        );
         assert_eq!(parser.last_error().as_deref(), Some("no frame"));
         let (sender, frames) = std::sync::mpsc::channel();
-        let overlong = format!("[info] {}{FRAME}\n", " ".repeat((1 << 16) - "[info] ".len()));
+        let overlong = format!(
+            "[info] {}{FRAME}\n",
+            " ".repeat((1 << 16) - "[info] ".len())
+        );
         assert!(read_log(overlong.as_bytes(), &sender).is_none() && frames.try_recv().is_err());
     }
 }

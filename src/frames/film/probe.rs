@@ -34,7 +34,9 @@ const COARSE_CLOCK_S: f64 = 1e-4;
 const TIMED_CONTAINERS: [&str; 4] = ["mov", "mp4", "matroska", "webm"];
 
 /// Codecs whose packets are one shown frame each, and whose decoder shows where decoding may begin.
-const SEEKABLE_CODECS: [&str; 9] = ["h264", "hevc", "vp8", "vp9", "av1", "mjpeg", "prores", "dnxhd", "ffv1"];
+const SEEKABLE_CODECS: [&str; 9] = [
+    "h264", "hevc", "vp8", "vp9", "av1", "mjpeg", "prores", "dnxhd", "ffv1",
+];
 
 /// Videos of at most so many pixels in all frames are decoded when they are opened, which takes a few seconds and finds
 /// every damage. The frames of longer ones are taken from the container where that lists them.
@@ -52,11 +54,27 @@ fn probe_with(programs: &Programs, path: &Path, progress: &Progress) -> Result<P
     let stream = Stream::read(programs, path, progress)?;
     let (times_s, damage) = times(programs, path, &stream, progress)?;
     if times_s.is_empty() {
-        return Err(no_film(path, damage.as_deref().unwrap_or("it has no frames")));
+        return Err(no_film(
+            path,
+            damage.as_deref().unwrap_or("it has no frames"),
+        ));
     }
-    let start = Start { seek_s: None, ahead: 1, checksums: false, single_thread: false };
-    let first = Decoder::start(programs, path, start)?.next().map_err(|why| no_film(path, &why))?.image;
-    Ok(Probed { width: first.width, height: first.height, times_s, damage })
+    let start = Start {
+        seek_s: None,
+        ahead: 1,
+        checksums: false,
+        single_thread: false,
+    };
+    let first = Decoder::start(programs, path, start)?
+        .next()
+        .map_err(|why| no_film(path, &why))?
+        .image;
+    Ok(Probed {
+        width: first.width,
+        height: first.height,
+        times_s,
+        damage,
+    })
 }
 
 /// What the header says of the first video stream.
@@ -77,41 +95,76 @@ impl Stream {
     /// A stream of which only this is known.
     #[cfg(test)]
     pub fn for_tests(is_seekable: bool) -> Self {
-        Self { is_seekable, start_s: 0.0, pixels: 1, clock_step_s: 1e-5 }
+        Self {
+            is_seekable,
+            start_s: 0.0,
+            pixels: 1,
+            clock_step_s: 1e-5,
+        }
     }
 
     /// Reads the header.
     pub fn read(programs: &Programs, path: &Path, progress: &Progress) -> Result<Self, FrameError> {
         let mut stream = None;
         let (mut start_s, mut is_timed) = (0.0, false);
-        let entries = "stream=codec_name,field_order,width,height,time_base:format=format_name,start_time";
+        let entries =
+            "stream=codec_name,field_order,width,height,time_base:format=format_name,start_time";
         let errors = ffprobe(programs, path, entries, progress, |line| {
             if let Some(codec) = field(line, "stream|", "codec_name") {
-                let progressive =
-                    matches!(field(line, "stream|", "field_order"), None | Some("progressive" | "unknown"));
-                let side = |name| field(line, "stream|", name).and_then(|side| side.parse::<u32>().ok()).unwrap_or(0);
+                let progressive = matches!(
+                    field(line, "stream|", "field_order"),
+                    None | Some("progressive" | "unknown")
+                );
+                let side = |name| {
+                    field(line, "stream|", name)
+                        .and_then(|side| side.parse::<u32>().ok())
+                        .unwrap_or(0)
+                };
                 let pixels = u64::from(side("width")) * u64::from(side("height"));
-                let base = field(line, "stream|", "time_base").and_then(|base| base.split_once('/'));
-                let step = base.and_then(|(n, d)| Some(n.parse::<f64>().ok()? / d.parse::<f64>().ok()?));
+                let base =
+                    field(line, "stream|", "time_base").and_then(|base| base.split_once('/'));
+                let step =
+                    base.and_then(|(n, d)| Some(n.parse::<f64>().ok()? / d.parse::<f64>().ok()?));
                 let step_s = step.filter(|step| step.is_finite()).unwrap_or(1.0);
-                stream = Some((progressive && SEEKABLE_CODECS.contains(&codec), pixels, step_s));
+                stream = Some((
+                    progressive && SEEKABLE_CODECS.contains(&codec),
+                    pixels,
+                    step_s,
+                ));
             }
             if let Some(names) = field(line, "format|", "format_name") {
-                is_timed = names.split(',').any(|name| TIMED_CONTAINERS.contains(&name));
+                is_timed = names
+                    .split(',')
+                    .any(|name| TIMED_CONTAINERS.contains(&name));
             }
-            if let Some(start) = field(line, "format|", "start_time").and_then(|start| start.parse().ok()) {
+            if let Some(start) =
+                field(line, "format|", "start_time").and_then(|start| start.parse().ok())
+            {
                 start_s = start;
             }
         })?;
         let Some((is_seekable, pixels, clock_step_s)) = stream else {
-            return Err(no_film(path, errors.as_deref().unwrap_or("it has no video stream")));
+            return Err(no_film(
+                path,
+                errors.as_deref().unwrap_or("it has no video stream"),
+            ));
         };
-        Ok(Self { is_seekable: is_seekable && is_timed, start_s, pixels, clock_step_s })
+        Ok(Self {
+            is_seekable: is_seekable && is_timed,
+            start_s,
+            pixels,
+            clock_step_s,
+        })
     }
 
     /// Marks the stream as not seekable where two frames have the same time. Reads all packets where the clock is coarse, as
     /// in Matroska, whose usual steps are milliseconds.
-    pub fn check_times(&mut self, programs: &Programs, path: &Path, progress: &Progress) -> Result<(), FrameError> {
+    pub fn check_times(
+        &mut self,
+        programs: &Programs,
+        path: &Path,
+        progress: &Progress,
+    ) -> Result<(), FrameError> {
         if self.is_seekable && self.clock_step_s >= COARSE_CLOCK_S {
             let (packets, _) = Packets::read(programs, path, progress)?;
             self.is_seekable = !packets.has_equal_times();
@@ -131,7 +184,9 @@ fn times(
     if stream.is_seekable {
         let (packets, errors) = Packets::read(programs, path, progress)?;
         listed = packets.whole().filter(|_| errors.is_none());
-        if let Some(times_s) = listed.take_if(|times_s| times_s.len() as u64 * stream.pixels > MAX_SCAN_PIXELS) {
+        if let Some(times_s) =
+            listed.take_if(|times_s| times_s.len() as u64 * stream.pixels > MAX_SCAN_PIXELS)
+        {
             return Ok((from_start(times_s, stream.start_s), None));
         }
     }
@@ -154,10 +209,16 @@ fn scan(
     single_thread: bool,
     progress: &Progress,
 ) -> Result<(Vec<f64>, Option<String>), FrameError> {
-    let start = Start { seek_s: None, ahead: 1, checksums: false, single_thread };
+    let start = Start {
+        seek_s: None,
+        ahead: 1,
+        checksums: false,
+        single_thread,
+    };
     let mut command = decoding(programs, path, start)?;
     command.args(["-f", "null", "-"]).stdout(Stdio::null());
-    let child = ChildProcess::spawn(&mut command).map_err(|error| not_started(path, &programs.ffmpeg, &error))?;
+    let child = ChildProcess::spawn(&mut command)
+        .map_err(|error| not_started(path, &programs.ffmpeg, &error))?;
     let (sender, infos) = channel();
     let stderr = child.take_stderr();
     let log = std::thread::spawn(move || stderr.and_then(|stderr| read_log(stderr, &sender)));
@@ -174,8 +235,15 @@ fn scan(
         times_s.push(info.pts_s.unwrap_or_else(|| after(&times_s)));
     }
     let _ = child.wait();
-    let last = log.join().ok().flatten().map(|error| format!("after frame {}: {error}", times_s.len().max(1) - 1));
-    Ok((times_s, damage.or(last).map(|complaint| explained(&complaint))))
+    let last = log
+        .join()
+        .ok()
+        .flatten()
+        .map(|error| format!("after frame {}: {error}", times_s.len().max(1) - 1));
+    Ok((
+        times_s,
+        damage.or(last).map(|complaint| explained(&complaint)),
+    ))
 }
 
 /// Times that packets give; `None` once one has no time.
@@ -186,9 +254,18 @@ struct Packets {
 
 impl Packets {
     /// Reads all packets of the video; also gives ffprobe's first error.
-    fn read(programs: &Programs, path: &Path, progress: &Progress) -> Result<(Self, Option<String>), FrameError> {
-        let mut packets = Self { times_s: Some(Vec::new()), starts_with_key: None };
-        let errors = ffprobe(programs, path, "packet=pts_time,flags", progress, |line| packets.take(line))?;
+    fn read(
+        programs: &Programs,
+        path: &Path,
+        progress: &Progress,
+    ) -> Result<(Self, Option<String>), FrameError> {
+        let mut packets = Self {
+            times_s: Some(Vec::new()),
+            starts_with_key: None,
+        };
+        let errors = ffprobe(programs, path, "packet=pts_time,flags", progress, |line| {
+            packets.take(line)
+        })?;
         Ok((packets, errors))
     }
 
@@ -196,16 +273,23 @@ impl Packets {
     fn has_equal_times(&self) -> bool {
         let mut times_s = self.times_s.clone().unwrap_or_default();
         times_s.sort_by(f64::total_cmp);
-        times_s.windows(2).any(|pair| pair[1] - pair[0] <= SAME_TIME_S)
+        times_s
+            .windows(2)
+            .any(|pair| pair[1] - pair[0] <= SAME_TIME_S)
     }
 
     /// The times in order of presentation, where they are certain: each its own, and none before that of the first key
     /// frame, which could not be decoded.
     fn whole(self) -> Option<Vec<f64>> {
-        let mut times_s = self.times_s.filter(|_| self.starts_with_key == Some(true))?;
+        let mut times_s = self
+            .times_s
+            .filter(|_| self.starts_with_key == Some(true))?;
         let first = *times_s.first()?;
         times_s.sort_by(f64::total_cmp);
-        let is_certain = times_s[0] == first && times_s.windows(2).all(|pair| pair[1] - pair[0] > SAME_TIME_S);
+        let is_certain = times_s[0] == first
+            && times_s
+                .windows(2)
+                .all(|pair| pair[1] - pair[0] > SAME_TIME_S);
         is_certain.then_some(times_s)
     }
 
@@ -250,12 +334,24 @@ fn ffprobe(
     progress: &Progress,
     mut take: impl FnMut(&str),
 ) -> Result<Option<String>, FrameError> {
-    let arguments =
-        ["-hide_banner", "-v", "error", "-select_streams", "V:0", "-show_entries", entries, "-of", "compact"];
+    let arguments = [
+        "-hide_banner",
+        "-v",
+        "error",
+        "-select_streams",
+        "V:0",
+        "-show_entries",
+        entries,
+        "-of",
+        "compact",
+    ];
     let mut command = command(&programs.ffprobe, arguments);
     command.args(input(path)?);
-    let child = ChildProcess::spawn(&mut command).map_err(|error| not_started(path, &programs.ffprobe, &error))?;
-    let complaint = child.take_stderr().map(|stderr| std::thread::spawn(move || first_line(stderr)));
+    let child = ChildProcess::spawn(&mut command)
+        .map_err(|error| not_started(path, &programs.ffprobe, &error))?;
+    let complaint = child
+        .take_stderr()
+        .map(|stderr| std::thread::spawn(move || first_line(stderr)));
     let stdout = child.take_stdout();
     let read = stdout.map_or(Ok(()), |stdout| {
         for line in BufReader::new(stdout).lines() {
@@ -279,20 +375,30 @@ fn first_line(stderr: ChildStderr) -> Option<String> {
     let _ = reader.read_until(b'\n', &mut line);
     let _ = std::io::copy(&mut reader.by_ref(), &mut std::io::sink());
     let line = String::from_utf8_lossy(&line).trim().to_owned();
-    let message = line.rsplit_once("] ").map_or(line.as_str(), |(_, message)| message);
+    let message = line
+        .rsplit_once("] ")
+        .map_or(line.as_str(), |(_, message)| message);
     (!message.is_empty()).then(|| message.to_owned())
 }
 
 /// The value of `key` in a line of ffprobe's compact form, when the line belongs to `section`.
 fn field<'a>(line: &'a str, section: &str, key: &str) -> Option<&'a str> {
     let fields = line.strip_prefix(section)?.split('|');
-    fields.filter_map(|field| field.split_once('=')).find(|(name, _)| *name == key).map(|(_, value)| value)
+    fields
+        .filter_map(|field| field.split_once('='))
+        .find(|(name, _)| *name == key)
+        .map(|(_, value)| value)
 }
 
 fn no_film(path: &Path, why: &str) -> FrameError {
     let why = explained(why);
-    let what = format!("ffmpeg cannot read this as a video ({why}); give a video, an image or a folder of images");
-    FrameError::Invalid { path: path.into(), what }
+    let what = format!(
+        "ffmpeg cannot read this as a video ({why}); give a video, an image or a folder of images"
+    );
+    FrameError::Invalid {
+        path: path.into(),
+        what,
+    }
 }
 
 #[cfg(test)]
@@ -303,16 +409,28 @@ mod tests {
     fn missing_programs_are_named_with_what_to_install() {
         let nowhere = Programs::new("/nowhere/ffmpeg".into(), "/nowhere/ffprobe".into());
         let file = tempfile::NamedTempFile::with_suffix("video.mp4").unwrap();
-        let error = probe_with(&nowhere, file.path(), &Progress::default()).unwrap_err().to_string();
-        assert!(error.contains("video.mp4") && error.contains("/nowhere/ffprobe") && error.contains("install ffmpeg"));
+        let error = probe_with(&nowhere, file.path(), &Progress::default())
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("video.mp4")
+                && error.contains("/nowhere/ffprobe")
+                && error.contains("install ffmpeg")
+        );
     }
 
     #[test]
     fn packets_in_decoding_order_give_rising_times() {
-        let mut packets = Packets { times_s: Some(Vec::new()), starts_with_key: None };
-        for line in
-            ["packet|pts_time=1.0|flags=K_", "packet|pts_time=1.16|flags=__", "packet|pts_time=1.08|flags=__", ""]
-        {
+        let mut packets = Packets {
+            times_s: Some(Vec::new()),
+            starts_with_key: None,
+        };
+        for line in [
+            "packet|pts_time=1.0|flags=K_",
+            "packet|pts_time=1.16|flags=__",
+            "packet|pts_time=1.08|flags=__",
+            "",
+        ] {
             packets.take(line);
         }
         packets.take("packet|pts_time=0.9|flags=_D");

@@ -32,35 +32,55 @@ impl Default for Programs {
 impl Programs {
     /// Programs at other places than the system's own.
     pub fn new(ffmpeg: PathBuf, ffprobe: PathBuf) -> Self {
-        Self { ffmpeg, ffprobe, every_picture_once: OnceLock::new() }
+        Self {
+            ffmpeg,
+            ffprobe,
+            every_picture_once: OnceLock::new(),
+        }
     }
 
     /// The options that pass every picture on once, without doubling or dropping any to keep a rate.
     pub fn every_picture_once(&self) -> [&'static str; 2] {
         *self.every_picture_once.get_or_init(|| {
             let mut text = String::new();
-            if let Ok(child) = ChildProcess::spawn(command(&self.ffmpeg, ["-version"]).stderr(Stdio::null()))
+            if let Ok(child) =
+                ChildProcess::spawn(command(&self.ffmpeg, ["-version"]).stderr(Stdio::null()))
                 && let Some(mut stdout) = child.take_stdout()
             {
                 let _ = stdout.read_to_string(&mut text);
             }
-            if is_before_5_1(&text) { ["-vsync", "passthrough"] } else { ["-fps_mode", "passthrough"] }
+            if is_before_5_1(&text) {
+                ["-vsync", "passthrough"]
+            } else {
+                ["-fps_mode", "passthrough"]
+            }
         })
     }
 }
 
 /// A program that reads nothing from the terminal; its output is piped here.
-pub(super) fn command(program: &Path, arguments: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Command {
+pub(super) fn command(
+    program: &Path,
+    arguments: impl IntoIterator<Item = impl AsRef<OsStr>>,
+) -> Command {
     let mut command = Command::from(FfmpegCommand::new_with_path(program)); // opens no console on Windows
-    command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+        .args(arguments)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
     command
 }
 
 /// The program next to this one, else that of the `PATH`; the bare name, which [`ChildProcess::spawn`] refuses, where there is none.
 fn located(name: &str) -> PathBuf {
     let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
-    let own = std::env::current_exe().ok().and_then(|exe| Some(exe.parent()?.join(file)));
-    own.filter(|path| path.is_absolute() && path.is_file()).or_else(|| find(name)).unwrap_or_else(|| name.into())
+    let own = std::env::current_exe()
+        .ok()
+        .and_then(|exe| Some(exe.parent()?.join(file)));
+    own.filter(|path| path.is_absolute() && path.is_file())
+        .or_else(|| find(name))
+        .unwrap_or_else(|| name.into())
 }
 
 /// The arguments that name an input: a regular file by its absolute path, read by no protocol but `file:`.
@@ -68,18 +88,35 @@ fn located(name: &str) -> PathBuf {
 /// # Errors
 /// [`FrameError`] when the path is relative (it may be an address) or is no regular file.
 pub(super) fn input(path: &Path) -> Result<Vec<OsString>, FrameError> {
-    let invalid = |what: &str| FrameError::Invalid { path: path.into(), what: what.to_owned() };
+    let invalid = |what: &str| FrameError::Invalid {
+        path: path.into(),
+        what: what.to_owned(),
+    };
     if !path.is_absolute() {
-        return Err(invalid("the path of a video must be absolute; point the project to the file"));
+        return Err(invalid(
+            "the path of a video must be absolute; point the project to the file",
+        ));
     }
-    let file = path.metadata().map_err(|source| FrameError::io(path, source))?;
+    let file = path
+        .metadata()
+        .map_err(|source| FrameError::io(path, source))?;
     if !file.is_file() {
         return Err(invalid("not a regular file; give a video file"));
     }
     let mut name = OsString::from("file:");
     name.push(path);
-    let options = ["-protocol_whitelist", "file", "-format_whitelist", CONTAINERS, "-i"];
-    Ok(options.into_iter().map(OsString::from).chain([name]).collect())
+    let options = [
+        "-protocol_whitelist",
+        "file",
+        "-format_whitelist",
+        CONTAINERS,
+        "-i",
+    ];
+    Ok(options
+        .into_iter()
+        .map(OsString::from)
+        .chain([name])
+        .collect())
 }
 
 /// What a complaint of ffmpeg means to the user, where its own text says too little.
@@ -98,14 +135,24 @@ pub(super) fn not_started(film: &Path, program: &Path, error: &std::io::Error) -
          found by the PATH (apt install ffmpeg, brew install ffmpeg, winget install ffmpeg), or give a folder of pictures",
         program.display()
     );
-    FrameError::Invalid { path: film.into(), what }
+    FrameError::Invalid {
+        path: film.into(),
+        what,
+    }
 }
 
 /// Reads `ffmpeg version 4.4.2-…` or `ffmpeg version n5.0 …`; builds named otherwise are taken for new ones.
 fn is_before_5_1(text: &str) -> bool {
-    let version = text.strip_prefix("ffmpeg version ").unwrap_or_default().trim_start_matches('n');
-    let mut numbers = version.split(|c: char| !c.is_ascii_digit()).map_while(|number| number.parse::<u32>().ok());
-    numbers.next().is_some_and(|major| (major, numbers.next().unwrap_or(0)) < (5, 1))
+    let version = text
+        .strip_prefix("ffmpeg version ")
+        .unwrap_or_default()
+        .trim_start_matches('n');
+    let mut numbers = version
+        .split(|c: char| !c.is_ascii_digit())
+        .map_while(|number| number.parse::<u32>().ok());
+    numbers
+        .next()
+        .is_some_and(|major| (major, numbers.next().unwrap_or(0)) < (5, 1))
 }
 
 #[cfg(test)]
@@ -117,7 +164,14 @@ mod tests {
         for old in ["4.4.2-0ubuntu0.22.04.1", "n5.0 Copyright", "5 Copyright"] {
             assert!(is_before_5_1(&format!("ffmpeg version {old}")), "{old}");
         }
-        for new in ["5.1.9-0+deb12u1", "n6.0", "7.1", "10", "N-109468-gd39b34123d", "2024-01-01-git"] {
+        for new in [
+            "5.1.9-0+deb12u1",
+            "n6.0",
+            "7.1",
+            "10",
+            "N-109468-gd39b34123d",
+            "2024-01-01-git",
+        ] {
             assert!(!is_before_5_1(&format!("ffmpeg version {new}")), "{new}");
         }
     }

@@ -53,7 +53,12 @@ pub(super) struct Seen {
 
 impl Knowledge {
     pub fn new(stream: Stream) -> Self {
-        Self { stream: Arc::new(stream), is_unseekable: false, damage: None, seen: Vec::new() }
+        Self {
+            stream: Arc::new(stream),
+            is_unseekable: false,
+            damage: None,
+            seen: Vec::new(),
+        }
     }
 
     /// Whether seeks are believed by the time of what they give.
@@ -70,11 +75,21 @@ impl Knowledge {
     /// How to start decoding so that `target` is reached, best first.
     fn starts(&self, target: Target, ahead: usize) -> Vec<Start> {
         let (checksums, single_thread) = (!self.has_reliable_seeks(), self.damage.is_some());
-        let start = |seek_s| Start { seek_s, ahead, checksums, single_thread };
+        let start = |seek_s| Start {
+            seek_s,
+            ahead,
+            checksums,
+            single_thread,
+        };
         let is_seen = (target.index as usize) < self.seen.len();
         let may_seek = self.has_reliable_seeks() || self.damage.is_none() && is_seen;
-        let seeks = RUN_UPS_S.map(|run_up_s| target.time_s - run_up_s).into_iter().filter(|time_s| *time_s > 0.0);
-        let seeks = seeks.filter(|_| may_seek && target.index > NEAR_START).map(|time_s| start(Some(time_s)));
+        let seeks = RUN_UPS_S
+            .map(|run_up_s| target.time_s - run_up_s)
+            .into_iter()
+            .filter(|time_s| *time_s > 0.0);
+        let seeks = seeks
+            .filter(|_| may_seek && target.index > NEAR_START)
+            .map(|time_s| start(Some(time_s)));
         seeks.chain([start(None)]).collect()
     }
 }
@@ -106,21 +121,37 @@ impl Running {
         loop {
             let frame = self.decoder.next().map_err(Missed::Ended)?;
             // Frames that are recognised by their content need no other proof.
-            let counts = known.damage.is_none() && (self.is_from_start || known.has_reliable_seeks());
+            let counts =
+                known.damage.is_none() && (self.is_from_start || known.has_reliable_seeks());
             if let Some(error) = frame.info.error.clone().filter(|_| counts) {
-                return Err(Missed::Error(Damage { index: self.next.unwrap_or(target.index), error }));
+                return Err(Missed::Error(Damage {
+                    index: self.next.unwrap_or(target.index),
+                    error,
+                }));
             }
             let is_target = self.is_target(&frame, target, known)?;
-            self.next = if is_target { Some(target.index + 1) } else { self.next.map(|next| next + 1) };
+            self.next = if is_target {
+                Some(target.index + 1)
+            } else {
+                self.next.map(|next| next + 1)
+            };
             if is_target {
                 return Ok(frame.image);
             }
         }
     }
 
-    fn is_target(&mut self, frame: &Decoded, target: Target, known: &mut Knowledge) -> Result<bool, Missed> {
+    fn is_target(
+        &mut self,
+        frame: &Decoded,
+        target: Target,
+        known: &mut Knowledge,
+    ) -> Result<bool, Missed> {
         let pts_s = frame.info.pts_s;
-        let seen = Seen { pts_s, checksum: frame.info.checksum };
+        let seen = Seen {
+            pts_s,
+            checksum: frame.info.checksum,
+        };
         if self.is_from_start {
             let number = self.next.unwrap_or(0);
             known.note(number, seen);
@@ -132,7 +163,9 @@ impl Running {
         if !known.has_reliable_seeks() {
             return self.is_seen_target(seen, target, known);
         }
-        let Some(pts_s) = pts_s else { return Err(Missed::Passed) };
+        let Some(pts_s) = pts_s else {
+            return Err(Missed::Passed);
+        };
         if self.next.is_none() && !frame.info.is_intra_key {
             return Err(Missed::Passed);
         }
@@ -142,13 +175,27 @@ impl Running {
 
     /// After a seek in a video whose seeks prove nothing: frames are recognised by time and content, those of the first
     /// pass from the beginning.
-    fn is_seen_target(&self, found: Seen, target: Target, known: &Knowledge) -> Result<bool, Missed> {
+    fn is_seen_target(
+        &self,
+        found: Seen,
+        target: Target,
+        known: &Knowledge,
+    ) -> Result<bool, Missed> {
         if let Some(next) = self.next {
             // It goes on from a recognised frame: each must be the one that followed it in the first pass.
-            let is_known = known.seen.get(next as usize) == Some(&found) && found.checksum.is_some();
-            return if is_known { compare_number(next, target) } else { Err(Missed::Passed) };
+            let is_known =
+                known.seen.get(next as usize) == Some(&found) && found.checksum.is_some();
+            return if is_known {
+                compare_number(next, target)
+            } else {
+                Err(Missed::Passed)
+            };
         }
-        let wanted = known.seen.get(target.index as usize).copied().ok_or(Missed::Passed)?;
+        let wanted = known
+            .seen
+            .get(target.index as usize)
+            .copied()
+            .ok_or(Missed::Passed)?;
         match (found.pts_s, wanted.pts_s) {
             (Some(found_s), Some(wanted_s)) if found_s < wanted_s => Ok(false),
             _ if found == wanted && found.checksum.is_some() => Ok(true),
@@ -167,7 +214,11 @@ fn compare_time(time_s: f64, target: Target) -> Result<bool, Missed> {
 
 /// Whether the frame of this number is the one asked for.
 fn compare_number(number: u64, target: Target) -> Result<bool, Missed> {
-    if number > target.index { Err(Missed::Passed) } else { Ok(number == target.index) }
+    if number > target.index {
+        Err(Missed::Passed)
+    } else {
+        Ok(number == target.index)
+    }
 }
 
 /// Reads one frame: from a decoder that comes to it soon, else from one that is started near it, else from the
@@ -210,10 +261,18 @@ fn start_and_read(
         if is_from_start && target.index > NEAR_START {
             known.is_unseekable = true; // no seek gave it
         }
-        let start = Start { checksums: !known.has_reliable_seeks(), ..start };
+        let start = Start {
+            checksums: !known.has_reliable_seeks(),
+            ..start
+        };
         let decoder = Decoder::start(programs, path, start)?;
         let next = is_from_start.then_some(0);
-        let mut running = Running { decoder, next, is_from_start, is_single_thread: start.single_thread };
+        let mut running = Running {
+            decoder,
+            next,
+            is_from_start,
+            is_single_thread: start.single_thread,
+        };
         match running.advance(target, known) {
             Ok(image) => return Ok(Ok((image, running))),
             Err(Missed::Error(damage)) if is_from_start => {
@@ -259,7 +318,10 @@ fn no_frame(film: &Path, target: Target, missed: &Missed, known: &Knowledge) -> 
          frames again",
         target.index
     );
-    FrameError::Invalid { path: film.into(), what }
+    FrameError::Invalid {
+        path: film.into(),
+        what,
+    }
 }
 
 #[cfg(test)]
@@ -272,16 +334,38 @@ mod tests {
 
     #[test]
     fn videos_without_reliable_seeks_are_decoded_from_the_beginning() {
-        let target = Target { index: 100, time_s: 4.0 };
-        let seeks = |known: &Knowledge| known.starts(target, 1).iter().map(|start| start.seek_s).collect::<Vec<_>>();
+        let target = Target {
+            index: 100,
+            time_s: 4.0,
+        };
+        let seeks = |known: &Knowledge| {
+            known
+                .starts(target, 1)
+                .iter()
+                .map(|start| start.seek_s)
+                .collect::<Vec<_>>()
+        };
         assert_eq!(seeks(&known(true)), [Some(4.0), Some(2.0), None]);
         assert_eq!(seeks(&known(false)), [None]);
         let mut seen = known(false);
         for index in 0..=100 {
-            seen.note(index, Seen { pts_s: Some(index as f64), checksum: Some(7) });
+            seen.note(
+                index,
+                Seen {
+                    pts_s: Some(index as f64),
+                    checksum: Some(7),
+                },
+            );
         }
-        assert_eq!(seeks(&seen), [Some(4.0), Some(2.0), None], "what was seen once proves a seek");
-        seen.damage = Some(Damage { index: 3, error: String::new() });
+        assert_eq!(
+            seeks(&seen),
+            [Some(4.0), Some(2.0), None],
+            "what was seen once proves a seek"
+        );
+        seen.damage = Some(Damage {
+            index: 3,
+            error: String::new(),
+        });
         assert_eq!(seeks(&seen), [None]);
         assert!(seen.starts(target, 1)[0].single_thread);
     }

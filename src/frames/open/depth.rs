@@ -20,12 +20,19 @@ pub(super) fn pair(
         pairs.join(0, 0);
         return Ok(pairs);
     }
-    let folders: Vec<&Path> = places.iter().flat_map(|place| [Some(*place), place.parent()]).flatten().collect();
+    let folders: Vec<&Path> = places
+        .iter()
+        .flat_map(|place| [Some(*place), place.parent()])
+        .flatten()
+        .collect();
     if let Some(list) = pair_by_associations(&mut pairs, &folders, pictures, depths)? {
         if pairs.count() > 0 {
             return Ok(pairs);
         }
-        warnings.push(format!("{}: names none of these pictures; depth is paired by name", list.display()));
+        warnings.push(format!(
+            "{}: names none of these pictures; depth is paired by name",
+            list.display()
+        ));
     }
     let (pictures, depths) = (names(pictures), names(depths));
     if !pair_by_time(&mut pairs, &pictures, &depths) {
@@ -36,7 +43,10 @@ pub(super) fn pair(
 
 /// Puts the paired depths into the pictures they belong to.
 pub(super) fn with_depth(items: Vec<Item>, depths: &[Listed], pairs: &Pairs) -> Vec<Item> {
-    let one = |(item, depth): (Item, &Option<usize>)| Item { depth: depth.map(|at| depths[at].path.clone()), ..item };
+    let one = |(item, depth): (Item, &Option<usize>)| Item {
+        depth: depth.map(|at| depths[at].path.clone()),
+        ..item
+    };
     items.into_iter().zip(&pairs.depth_of).map(one).collect()
 }
 

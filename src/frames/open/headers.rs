@@ -74,12 +74,18 @@ pub(super) fn read_frames(
         warn_of_float_colors(&read),
         warn_of_alpha(&read),
     ];
-    Ok((read.into_iter().map(|read| read.frame).collect(), warnings.into_iter().flatten().collect()))
+    Ok((
+        read.into_iter().map(|read| read.frame).collect(),
+        warnings.into_iter().flatten().collect(),
+    ))
 }
 
 /// Gives frames whose header cannot be read the size of the frame before them, else of the first that has one.
 fn give_sizes(read: &mut [Read]) {
-    let size_of = |read: &Read| read.has_size.then_some((read.frame.width, read.frame.height));
+    let size_of = |read: &Read| {
+        read.has_size
+            .then_some((read.frame.width, read.frame.height))
+    };
     let mut size = read.iter().find_map(size_of).unwrap_or((1, 1));
     for one in read {
         size = size_of(one).unwrap_or(size);
@@ -104,11 +110,23 @@ fn frame_of(item: &Item, sensor: &Sensor) -> Result<Read, FrameError> {
                 Err(error) => (None, Some(error)),
             };
             let orientation = header.map_or_else(Orientation::default, |header| header.orientation);
-            (PictureSource::File { path: path.clone(), orientation }, header, problem)
+            (
+                PictureSource::File {
+                    path: path.clone(),
+                    orientation,
+                },
+                header,
+                problem,
+            )
         }
         Origin::Film(source, (width, height)) => {
             let orientation = Orientation::default();
-            let header = Header { width: *width, height: *height, orientation, content: Content::Color };
+            let header = Header {
+                width: *width,
+                height: *height,
+                orientation,
+                content: Content::Color,
+            };
             (source.clone(), Some(header), None)
         }
     };
@@ -121,18 +139,40 @@ fn frame_of(item: &Item, sensor: &Sensor) -> Result<Read, FrameError> {
         }
     }
     let has_size = header.is_some();
-    let header =
-        header.unwrap_or(Header { width: 1, height: 1, orientation: Orientation::default(), content: Content::Color });
+    let header = header.unwrap_or(Header {
+        width: 1,
+        height: 1,
+        orientation: Orientation::default(),
+        content: Content::Color,
+    });
     let (width, height) = header.orientation.shown_size(header.width, header.height);
-    let frame = Frame { name: item.name.clone(), width, height, picture, depth, camera: None };
+    let frame = Frame {
+        name: item.name.clone(),
+        width,
+        height,
+        picture,
+        depth,
+        camera: None,
+    };
     let content = header.content;
-    Ok(Read { frame, content, has_float_depth, float_white: float, problem, has_size, depth_problem })
+    Ok(Read {
+        frame,
+        content,
+        has_float_depth,
+        float_white: float,
+        problem,
+        has_size,
+        depth_problem,
+    })
 }
 
 fn only_depth(path: &Path) -> FrameError {
     let what = "one channel of floats or of large integers is depth, not an image; give it with --depth, or convert it \
                 to grey of 8 or 16 bits";
-    FrameError::Invalid { path: path.into(), what: what.into() }
+    FrameError::Invalid {
+        path: path.into(),
+        what: what.into(),
+    }
 }
 
 impl Sensor {
@@ -146,13 +186,21 @@ impl Sensor {
     }
 
     /// An image's depth, judged by its header, and whether it is of floats.
-    fn depth(&self, path: &Path, picture_path: &Path, picture: Header) -> Result<(DepthSource, bool), FrameError> {
+    fn depth(
+        &self,
+        path: &Path,
+        picture_path: &Path,
+        picture: Header,
+    ) -> Result<(DepthSource, bool), FrameError> {
         let depth = read_header(path)?;
         if !depth.is_depth() {
             return Err(not_depth(path));
         }
         check_complete(path)?;
-        let invalid = |what: String| FrameError::Invalid { path: path.into(), what };
+        let invalid = |what: String| FrameError::Invalid {
+            path: path.into(),
+            what,
+        };
         let (size, of_picture) = ((depth.width, depth.height), (picture.width, picture.height));
         let camera = match &self.camera {
             Some(given) => {
@@ -178,30 +226,61 @@ impl Sensor {
         };
         let is_float = depth.content == Content::FloatDepth;
         let unit = if is_float { self.float_unit } else { self.unit };
-        Ok((DepthSource::Sensor { path: path.into(), unit, orientation: picture.orientation, camera }, is_float))
+        Ok((
+            DepthSource::Sensor {
+                path: path.into(),
+                unit,
+                orientation: picture.orientation,
+                camera,
+            },
+            is_float,
+        ))
     }
 }
 
 fn warn_of_problems(read: &[Read]) -> Option<String> {
     let reasons = |problems: &[&FrameError]| first_of(problems.iter(), "; ");
-    let images: Vec<&FrameError> = read.iter().filter_map(|read| read.problem.as_ref()).collect();
-    let depths: Vec<&FrameError> = read.iter().filter_map(|read| read.depth_problem.as_ref()).collect();
+    let images: Vec<&FrameError> = read
+        .iter()
+        .filter_map(|read| read.problem.as_ref())
+        .collect();
+    let depths: Vec<&FrameError> = read
+        .iter()
+        .filter_map(|read| read.depth_problem.as_ref())
+        .collect();
     let images = (!images.is_empty()).then(|| {
         let (count, all) = (images.len(), read.len());
-        format!("{count} of {all} images cannot be read and are shown as grey tiles: {}", reasons(&images))
+        format!(
+            "{count} of {all} images cannot be read and are shown as grey tiles: {}",
+            reasons(&images)
+        )
     });
-    let depths = (!depths.is_empty())
-        .then(|| format!("{} depths cannot be used; their frames have none: {}", depths.len(), reasons(&depths)));
+    let depths = (!depths.is_empty()).then(|| {
+        format!(
+            "{} depths cannot be used; their frames have none: {}",
+            depths.len(),
+            reasons(&depths)
+        )
+    });
     let lines: Vec<String> = images.into_iter().chain(depths).collect();
     (!lines.is_empty()).then(|| lines.join(". "))
 }
 
 fn warn_of_missing_depth(read: &[Read]) -> Option<String> {
-    let without: Vec<&Frame> = read.iter().map(|read| &read.frame).filter(|frame| frame.depth.is_none()).collect();
+    let without: Vec<&Frame> = read
+        .iter()
+        .map(|read| &read.frame)
+        .filter(|frame| frame.depth.is_none())
+        .collect();
     if without.is_empty() || without.len() == read.len() {
         return None;
     }
-    Some(format!("{} of {} frames have no depth: {}", without.len(), read.len(), some_names(&without)))
+    Some(format!(
+        "{} of {} frames have no depth: {}",
+        without.len(),
+        read.len(),
+        some_names(&without)
+    ))
 }
 
 fn warn_of_float_depth(read: &[Read], sensor: &Sensor) -> Option<String> {
@@ -213,21 +292,33 @@ fn warn_of_float_depth(read: &[Read], sensor: &Sensor) -> Option<String> {
 }
 
 fn warn_of_depth_as_pictures(read: &[Read]) -> Option<String> {
-    let grey = read.iter().filter(|read| read.content == Content::Grey16).map(|read| &read.frame);
+    let grey = read
+        .iter()
+        .filter(|read| read.content == Content::Grey16)
+        .map(|read| &read.frame);
     let grey: Vec<&Frame> = grey.collect();
     if grey.is_empty() {
         return None;
     }
     let (count, names) = (grey.len(), some_names(&grey));
-    Some(format!("{count} frames are grey pictures of 16 bits ({names}); if they are depth, give them with --depth"))
+    Some(format!(
+        "{count} frames are grey pictures of 16 bits ({names}); if they are depth, give them with --depth"
+    ))
 }
 
 fn warn_of_alpha(read: &[Read]) -> Option<String> {
-    let alpha = read.iter().filter(|read| read.content.has_alpha()).map(|read| &read.frame);
+    let alpha = read
+        .iter()
+        .filter(|read| read.content.has_alpha())
+        .map(|read| &read.frame);
     let alpha: Vec<&Frame> = alpha.collect();
     // Many programs write an alpha channel into images that are opaque everywhere.
     let samples = [0, alpha.len() / 2, alpha.len().saturating_sub(1)];
-    if !samples.into_iter().filter_map(|at| alpha.get(at)).any(|frame| is_transparent(frame)) {
+    if !samples
+        .into_iter()
+        .filter_map(|at| alpha.get(at))
+        .any(|frame| is_transparent(frame))
+    {
         return None;
     }
     let (count, all, names) = (alpha.len(), read.len(), some_names(&alpha));
@@ -247,12 +338,19 @@ fn is_transparent(frame: &Frame) -> bool {
 }
 
 fn warn_of_float_colors(read: &[Read]) -> Option<String> {
-    let divided: Vec<(&Frame, f32)> =
-        read.iter().filter_map(|read| Some((&read.frame, read.float_white.filter(|&white| white > 1.0)?))).collect();
+    let divided: Vec<(&Frame, f32)> = read
+        .iter()
+        .filter_map(|read| Some((&read.frame, read.float_white.filter(|&white| white > 1.0)?)))
+        .collect();
     if divided.is_empty() {
         return None;
     }
-    let names = first_of(divided.iter().map(|(frame, white)| format!("{} by {white}", frame.name)), ", ");
+    let names = first_of(
+        divided
+            .iter()
+            .map(|(frame, white)| format!("{} by {white}", frame.name)),
+        ", ",
+    );
     let count = divided.len();
     Some(format!(
         "the colours of {count} images are floats beyond 1 and are divided: {names}; if that is wrong, convert the images \
@@ -261,7 +359,11 @@ fn warn_of_float_colors(read: &[Read]) -> Option<String> {
 }
 
 fn some_names(frames: &[&Frame]) -> String {
-    let names: Vec<&str> = frames.iter().take(NAMED).map(|frame| frame.name.as_str()).collect();
+    let names: Vec<&str> = frames
+        .iter()
+        .take(NAMED)
+        .map(|frame| frame.name.as_str())
+        .collect();
     let more = if frames.len() > NAMED { ", …" } else { "" };
     format!("{}{more}", names.join(", "))
 }

@@ -28,7 +28,11 @@ struct Recording {
 
 /// Finds the RGB-D recordings in a folder given without depth (`color/` beside `depth/`, or `*.color.png` beside
 /// `*.depth.png`), so that depth is never taken for pictures, and says so in a warning.
-pub(super) fn recognise(place: &Path, listed: Vec<Listed>, listing: &mut Listing) -> Result<Vec<Item>, FrameError> {
+pub(super) fn recognise(
+    place: &Path,
+    listed: Vec<Listed>,
+    listing: &mut Listing,
+) -> Result<Vec<Item>, FrameError> {
     let mut items = Vec::new();
     for recording in recordings(place, listed) {
         items.extend(recording.items(listing)?);
@@ -39,7 +43,8 @@ pub(super) fn recognise(place: &Path, listed: Vec<Listed>, listing: &mut Listing
 
 /// Tells colour from depth by the words in file names; depth is what says so and has a colour picture beside it.
 pub(super) fn split_by_name(listed: Vec<Listed>) -> (Vec<Listed>, Vec<Listed>) {
-    let (depths, pictures): (Vec<_>, Vec<_>) = listed.into_iter().partition(|file| says_depth(&file.name));
+    let (depths, pictures): (Vec<_>, Vec<_>) =
+        listed.into_iter().partition(|file| says_depth(&file.name));
     let key = |file: &Listed| without_role(without_ending(&file.name));
     let keys: BTreeSet<String> = pictures.iter().map(key).collect();
     if depths.iter().any(|depth| keys.contains(&key(depth))) {
@@ -54,7 +59,11 @@ pub(super) fn split_by_name(listed: Vec<Listed>) -> (Vec<Listed>, Vec<Listed>) {
 pub(super) fn beside_depth(mut pictures: Vec<Listed>, depth: &Path) -> Vec<Listed> {
     pictures.retain(|picture| !picture.path.starts_with(depth));
     let beside = COLOR_FOLDERS.iter().map(|name| depth.with_file_name(name));
-    let color = beside.into_iter().find(|color| pictures.iter().any(|picture| picture.path.starts_with(color)));
+    let color = beside.into_iter().find(|color| {
+        pictures
+            .iter()
+            .any(|picture| picture.path.starts_with(color))
+    });
     if let Some(color) = color {
         pictures.retain(|picture| picture.path.starts_with(&color));
     }
@@ -66,12 +75,19 @@ fn recordings(place: &Path, listed: Vec<Listed>) -> Vec<Recording> {
     let mut found = BTreeMap::<String, Recording>::new();
     let mut rest = Vec::new();
     for file in listed {
-        let Some((folder, (color, depth))) = roles.iter().find(|(folder, _)| is_below(&file.name, folder)) else {
+        let Some((folder, (color, depth))) = roles
+            .iter()
+            .find(|(folder, _)| is_below(&file.name, folder))
+        else {
             rest.push(file);
             continue;
         };
         let recording = found.entry(folder.clone()).or_insert_with(|| Recording {
-            place: if folder.is_empty() { place.into() } else { place.join(folder) },
+            place: if folder.is_empty() {
+                place.into()
+            } else {
+                place.join(folder)
+            },
             ..Recording::default()
         });
         if is_below(&file.name, color) {
@@ -83,7 +99,12 @@ fn recordings(place: &Path, listed: Vec<Listed>) -> Vec<Recording> {
         }
     }
     let (pictures, depths) = split_by_name(rest);
-    let rest = Recording { place: place.into(), pictures, depths, left_out: 0 };
+    let rest = Recording {
+        place: place.into(),
+        pictures,
+        depths,
+        left_out: 0,
+    };
     found.into_values().chain([rest]).collect()
 }
 
@@ -100,17 +121,31 @@ fn role_folders(listed: &[Listed]) -> BTreeMap<String, (String, String)> {
     }
     let both = children.into_iter().filter_map(|(parent, children)| {
         let named = |names: &[&str]| {
-            let find = |name| children.iter().find(|child| child.eq_ignore_ascii_case(name));
+            let find = |name| {
+                children
+                    .iter()
+                    .find(|child| child.eq_ignore_ascii_case(name))
+            };
             let child = names.iter().copied().find_map(find)?;
-            Some(if parent.is_empty() { (*child).to_owned() } else { format!("{parent}/{child}") })
+            Some(if parent.is_empty() {
+                (*child).to_owned()
+            } else {
+                format!("{parent}/{child}")
+            })
         };
-        Some((parent.to_owned(), (named(&COLOR_FOLDERS)?, named(&DEPTH_FOLDERS)?)))
+        Some((
+            parent.to_owned(),
+            (named(&COLOR_FOLDERS)?, named(&DEPTH_FOLDERS)?),
+        ))
     });
     both.collect()
 }
 
 fn is_below(name: &str, folder: &str) -> bool {
-    folder.is_empty() || name.strip_prefix(folder).is_some_and(|rest| rest.starts_with('/'))
+    folder.is_empty()
+        || name
+            .strip_prefix(folder)
+            .is_some_and(|rest| rest.starts_with('/'))
 }
 
 impl Recording {
@@ -119,12 +154,25 @@ impl Recording {
         if self.depths.is_empty() {
             return Ok(items);
         }
-        let pairs = pair(&self.pictures, &self.depths, &[&self.place], &mut listing.warnings)?;
+        let pairs = pair(
+            &self.pictures,
+            &self.depths,
+            &[&self.place],
+            &mut listing.warnings,
+        )?;
         let with = with_depth(items, &self.depths, &pairs);
         let (place, count) = (self.place.display(), with.len());
         if let Some(why) = why_unfit(&with, listing.sensor) {
-            listing.warnings.push(format!("{place}: looks like an RGB-D recording but is opened without depth: {why}"));
-            return Ok(with.into_iter().map(|item| Item { depth: None, ..item }).collect());
+            listing.warnings.push(format!(
+                "{place}: looks like an RGB-D recording but is opened without depth: {why}"
+            ));
+            return Ok(with
+                .into_iter()
+                .map(|item| Item {
+                    depth: None,
+                    ..item
+                })
+                .collect());
         }
         let left_out = match self.left_out {
             0 => String::new(),
@@ -135,7 +183,9 @@ impl Recording {
             "{place}: taken for an RGB-D recording: {paired} of {count} pictures have depth{left_out}; if that is wrong, \
              name its folders with --frames and --depth"
         ));
-        listing.warnings.extend(warn_of_tum_unit(&self.pictures, listing.sensor.unit));
+        listing
+            .warnings
+            .extend(warn_of_tum_unit(&self.pictures, listing.sensor.unit));
         Ok(with)
     }
 }
@@ -145,7 +195,9 @@ fn why_unfit(items: &[Item], sensor: &Sensor) -> Option<String> {
     let Some((picture, depth)) = items.iter().find_map(Item::files_with_depth) else {
         return Some("no depth picture fits a colour picture by name, number or time".into());
     };
-    let (Ok(picture), Ok(depth)) = (read_header(picture), read_header(depth)) else { return None };
+    let (Ok(picture), Ok(depth)) = (read_header(picture), read_header(depth)) else {
+        return None;
+    };
     if !depth.is_depth() {
         return Some("its depth images are not grey images of 16 bits or of floats".into());
     }

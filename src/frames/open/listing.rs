@@ -8,13 +8,15 @@ use crate::named::first_of;
 use ostra_core::disk;
 
 /// The endings of image files, in lower case.
-pub(super) const PICTURE_ENDINGS: [&str; 8] = ["jpg", "jpeg", "png", "tif", "tiff", "webp", "jfif", "jpe"];
+pub(super) const PICTURE_ENDINGS: [&str; 8] =
+    ["jpg", "jpeg", "png", "tif", "tiff", "webp", "jfif", "jpe"];
 
 /// The endings of image files that cannot be read, in lower case: phones, other formats, raw files of cameras.
 const UNSUPPORTED_ENDINGS: [&str; 45] = [
-    "heic", "heif", "hif", "avif", "jxl", "jp2", "j2k", "jpx", "jpf", "bmp", "dib", "gif", "ppm", "pgm", "pbm", "pnm",
-    "pfm", "tga", "exr", "hdr", "psd", "dng", "cr2", "cr3", "crw", "nef", "nrw", "arw", "srf", "sr2", "orf", "rw2",
-    "raf", "pef", "srw", "x3f", "3fr", "iiq", "rwl", "raw", "mpo", "jps", "svg", "qoi", "btf",
+    "heic", "heif", "hif", "avif", "jxl", "jp2", "j2k", "jpx", "jpf", "bmp", "dib", "gif", "ppm",
+    "pgm", "pbm", "pnm", "pfm", "tga", "exr", "hdr", "psd", "dng", "cr2", "cr3", "crw", "nef",
+    "nrw", "arw", "srf", "sr2", "orf", "rw2", "raf", "pef", "srw", "x3f", "3fr", "iiq", "rwl",
+    "raw", "mpo", "jps", "svg", "qoi", "btf",
 ];
 
 /// A file below a folder.
@@ -42,18 +44,32 @@ pub(super) struct FolderContent {
 impl FolderContent {
     /// Lines about what was left out.
     pub fn warnings(&self, folder: &Path) -> Vec<String> {
-        let unsupported = self.unsupported().map(|what| format!("{}: {what}", folder.display()));
+        let unsupported = self
+            .unsupported()
+            .map(|what| format!("{}: {what}", folder.display()));
         let system = (!self.system.is_empty()).then(|| {
             let (count, names) = (self.system.len(), first_of(self.system.iter(), ", "));
-            format!("{}: {count} folders or thumbnails of the system are left out: {names}", folder.display())
+            format!(
+                "{}: {count} folders or thumbnails of the system are left out: {names}",
+                folder.display()
+            )
         });
-        let not_utf8 = self.not_utf8().map(|what| format!("{}: {what}", folder.display()));
-        [unsupported, system, not_utf8].into_iter().flatten().collect()
+        let not_utf8 = self
+            .not_utf8()
+            .map(|what| format!("{}: {what}", folder.display()));
+        [unsupported, system, not_utf8]
+            .into_iter()
+            .flatten()
+            .collect()
     }
 
     /// Describes what was left out and could be opened after a change; empty where there is nothing.
     pub fn left_out(&self) -> String {
-        [self.unsupported(), self.not_utf8()].into_iter().flatten().map(|what| format!("; {what}")).collect()
+        [self.unsupported(), self.not_utf8()]
+            .into_iter()
+            .flatten()
+            .map(|what| format!("; {what}"))
+            .collect()
     }
 
     fn not_utf8(&self) -> Option<String> {
@@ -71,9 +87,14 @@ impl FolderContent {
         if self.unsupported.is_empty() {
             return None;
         }
-        let (count, names) = (self.unsupported.len(), first_of(self.unsupported.iter(), ", "));
+        let (count, names) = (
+            self.unsupported.len(),
+            first_of(self.unsupported.iter(), ", "),
+        );
         let how = how_to_convert(self.unsupported.iter().map(String::as_str));
-        Some(format!("{count} images are left out, because only {FORMATS} can be read: {names}; {how}"))
+        Some(format!(
+            "{count} images are left out, because only {FORMATS} can be read: {names}; {how}"
+        ))
     }
 }
 
@@ -92,15 +113,26 @@ pub(super) fn unsupported_image(path: &Path) -> Option<FrameError> {
     is_unsupported.then(|| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         let how = how_to_convert([&*name].into_iter());
-        FrameError::Invalid { path: path.into(), what: format!("only {FORMATS} images can be read; {how}") }
+        FrameError::Invalid {
+            path: path.into(),
+            what: format!("only {FORMATS} images can be read; {how}"),
+        }
     })
 }
 
 /// The images in a folder and its subfolders. Hidden files and folders, and those of systems, are skipped.
 pub(super) fn list_pictures(folder: &Path) -> Result<FolderContent, FrameError> {
-    let mut walk = Walk { found: FolderContent::default(), entered: BTreeSet::new() };
+    let mut walk = Walk {
+        found: FolderContent::default(),
+        entered: BTreeSet::new(),
+    };
     walk.enter(folder, "")?;
-    let FolderContent { pictures, unsupported, system, not_utf8 } = &mut walk.found;
+    let FolderContent {
+        pictures,
+        unsupported,
+        system,
+        not_utf8,
+    } = &mut walk.found;
     pictures.sort_by(|a, b| natural_order(&a.name, &b.name));
     for names in [unsupported, system, not_utf8] {
         names.sort_by(|a, b| natural_order(a, b));
@@ -114,7 +146,9 @@ pub(super) fn has_picture_ending(path: &Path) -> bool {
 }
 
 fn ending_is(path: &Path, endings: &[&str]) -> bool {
-    let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+    let ending = path
+        .extension()
+        .map(|e| e.to_string_lossy().to_ascii_lowercase());
     ending.is_some_and(|ending| endings.contains(&ending.as_str()))
 }
 
@@ -148,17 +182,25 @@ impl Walk {
         if own_name.to_string_lossy().starts_with('.') {
             return Ok(());
         }
-        let kind = entry.file_type().map_err(|source| FrameError::io(&path, source))?;
+        let kind = entry
+            .file_type()
+            .map_err(|source| FrameError::io(&path, source))?;
         let is_folder = kind.is_dir() || (kind.is_symlink() && path.is_dir());
         let is_file = kind.is_file() || kind.is_symlink();
-        let (is_picture, is_unsupported) =
-            (is_file && has_picture_ending(&path), is_file && ending_is(&path, &UNSUPPORTED_ENDINGS));
+        let (is_picture, is_unsupported) = (
+            is_file && has_picture_ending(&path),
+            is_file && ending_is(&path, &UNSUPPORTED_ENDINGS),
+        );
         if !is_folder && !is_picture && !is_unsupported {
             return Ok(());
         }
         let own_name = own_name.to_string_lossy();
         let is_of_system = disk::is_system_file(&own_name);
-        let name = if folder_name.is_empty() { own_name.into_owned() } else { format!("{folder_name}/{own_name}") };
+        let name = if folder_name.is_empty() {
+            own_name.into_owned()
+        } else {
+            format!("{folder_name}/{own_name}")
+        };
         if is_of_system {
             self.found.system.push(name);
             return Ok(());
@@ -193,8 +235,18 @@ mod tests {
         std::fs::write(folder.path().join(OsStr::from_bytes(b"b\xe9.png")), "").unwrap();
         std::fs::create_dir(folder.path().join(OsStr::from_bytes(b"c\xe9"))).unwrap();
         let found = list_pictures(folder.path()).unwrap();
-        assert_eq!(found.pictures.iter().map(|listed| listed.name.as_str()).collect::<Vec<_>>(), ["a.png"]);
+        assert_eq!(
+            found
+                .pictures
+                .iter()
+                .map(|listed| listed.name.as_str())
+                .collect::<Vec<_>>(),
+            ["a.png"]
+        );
         let warnings = found.warnings(folder.path());
-        assert!(warnings.len() == 1 && warnings[0].contains("2 images or folders are left out"), "{warnings:?}");
+        assert!(
+            warnings.len() == 1 && warnings[0].contains("2 images or folders are left out"),
+            "{warnings:?}"
+        );
     }
 }

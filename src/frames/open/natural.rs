@@ -4,9 +4,15 @@ use std::cmp::Ordering;
 /// folder along `/`. Names that differ in nothing but leading zeros follow in byte order, so that only equal names
 /// compare equal.
 pub fn natural_order(a: &str, b: &str) -> Ordering {
-    let parts = a.split('/').zip(b.split('/')).map(|(a, b)| compare_parts(a, b));
+    let parts = a
+        .split('/')
+        .zip(b.split('/'))
+        .map(|(a, b)| compare_parts(a, b));
     let depth = || a.split('/').count().cmp(&b.split('/').count());
-    parts.fold(Ordering::Equal, Ordering::then).then_with(depth).then_with(|| a.cmp(b))
+    parts
+        .fold(Ordering::Equal, Ordering::then)
+        .then_with(depth)
+        .then_with(|| a.cmp(b))
 }
 
 fn compare_parts(a: &str, b: &str) -> Ordering {
@@ -26,7 +32,9 @@ fn compare_parts(a: &str, b: &str) -> Ordering {
 }
 
 fn take_digits<'a>(text: &mut &'a str) -> &'a str {
-    let end = text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len());
+    let end = text
+        .find(|c: char| !c.is_ascii_digit())
+        .unwrap_or(text.len());
     let (digits, rest) = text.split_at(end);
     *text = rest;
     digits
@@ -46,17 +54,38 @@ mod tests {
 
     #[test]
     fn numbers_count_and_folders_stay_together() {
-        let mut names = ["10.png", "9.png", "a/2.png", "a-b/1.png", "a/10.png", "img_2b.png", "img_02a.png", "B.png"];
+        let mut names = [
+            "10.png",
+            "9.png",
+            "a/2.png",
+            "a-b/1.png",
+            "a/10.png",
+            "img_2b.png",
+            "img_02a.png",
+            "B.png",
+        ];
         names.sort_by(|a, b| natural_order(a, b));
         assert_eq!(
             names,
-            ["9.png", "10.png", "B.png", "a/2.png", "a/10.png", "a-b/1.png", "img_02a.png", "img_2b.png"]
+            [
+                "9.png",
+                "10.png",
+                "B.png",
+                "a/2.png",
+                "a/10.png",
+                "a-b/1.png",
+                "img_02a.png",
+                "img_2b.png"
+            ]
         );
     }
 
     #[test]
     fn numbers_longer_than_any_integer() {
-        let (a, b) = (format!("1{}.png", "0".repeat(40)), format!("2{}.png", "0".repeat(39)));
+        let (a, b) = (
+            format!("1{}.png", "0".repeat(40)),
+            format!("2{}.png", "0".repeat(39)),
+        );
         assert_eq!(natural_order(&b, &a), Ordering::Less);
         assert_eq!(natural_order("007", "7"), Ordering::Less);
         assert_eq!(natural_order("7", "7"), Ordering::Equal);

@@ -14,7 +14,10 @@ pub(super) struct Pairs {
 impl Pairs {
     /// No pairs among so many pictures and depths.
     pub fn none(pictures: usize, depths: usize) -> Self {
-        Self { depth_of: vec![None; pictures], used: vec![false; depths] }
+        Self {
+            depth_of: vec![None; pictures],
+            used: vec![false; depths],
+        }
     }
 
     /// How many pictures have a depth.
@@ -31,7 +34,12 @@ impl Pairs {
     }
 
     /// Pairs what has the same key, where only one picture and one depth have it.
-    fn join_by_key(&mut self, pictures: &[&str], depths: &[&str], key: impl Fn(&str) -> Option<String>) {
+    fn join_by_key(
+        &mut self,
+        pictures: &[&str],
+        depths: &[&str],
+        key: impl Fn(&str) -> Option<String>,
+    ) {
         let (pictures, depths) = (unique_by_key(pictures, &key), unique_by_key(depths, &key));
         for (key, picture) in pictures {
             if let (Some(picture), Some(Some(depth))) = (picture, depths.get(&key)) {
@@ -45,15 +53,25 @@ impl Pairs {
 /// then by the number in the file name.
 pub(super) fn pair_by_name(pairs: &mut Pairs, pictures: &[&str], depths: &[&str]) {
     pairs.join_by_key(pictures, depths, |name| Some(without_ending(name).into()));
-    pairs.join_by_key(pictures, depths, |name| Some(without_role(without_ending(name))));
-    let position = [Position::Last, Position::First].into_iter().max_by_key(|position| {
-        let mut trial = Pairs::none(pictures.len(), depths.len());
-        trial.join_by_key(pictures, depths, |name| number_in_file_name(name, *position));
-        (trial.count(), *position == Position::Last)
+    pairs.join_by_key(pictures, depths, |name| {
+        Some(without_role(without_ending(name)))
     });
+    let position = [Position::Last, Position::First]
+        .into_iter()
+        .max_by_key(|position| {
+            let mut trial = Pairs::none(pictures.len(), depths.len());
+            trial.join_by_key(pictures, depths, |name| {
+                number_in_file_name(name, *position)
+            });
+            (trial.count(), *position == Position::Last)
+        });
     let position = position.unwrap_or(Position::Last);
     pairs.join_by_key(pictures, depths, |name| {
-        Some(format!("{}/{}", folder_of(name), number_in_file_name(name, position)?))
+        Some(format!(
+            "{}/{}",
+            folder_of(name),
+            number_in_file_name(name, position)?
+        ))
     });
     pairs.join_by_key(pictures, depths, |name| number_in_file_name(name, position));
 }
@@ -65,11 +83,17 @@ enum Position {
     Last,
 }
 
-fn unique_by_key(names: &[&str], key: impl Fn(&str) -> Option<String>) -> BTreeMap<String, Option<usize>> {
+fn unique_by_key(
+    names: &[&str],
+    key: impl Fn(&str) -> Option<String>,
+) -> BTreeMap<String, Option<usize>> {
     let mut by_key = BTreeMap::new();
     for (index, name) in names.iter().enumerate() {
         if let Some(key) = key(name) {
-            by_key.entry(key).and_modify(|one| *one = None).or_insert(Some(index));
+            by_key
+                .entry(key)
+                .and_modify(|one| *one = None)
+                .or_insert(Some(index));
         }
     }
     by_key
@@ -78,7 +102,9 @@ fn unique_by_key(names: &[&str], key: impl Fn(&str) -> Option<String>) -> BTreeM
 /// The name up to the last dot of its last part.
 pub(super) fn without_ending(name: &str) -> &str {
     let file = name.rfind('/').map_or(0, |slash| slash + 1);
-    name[file..].rfind('.').map_or(name, |dot| &name[..file + dot])
+    name[file..]
+        .rfind('.')
+        .map_or(name, |dot| &name[..file + dot])
 }
 
 fn folder_of(name: &str) -> &str {
@@ -100,7 +126,11 @@ fn words_of(name: &str) -> impl Iterator<Item = &str> {
 
 /// The name without the words that tell colour from depth, e.g. `frame-7.color` → `frame-7`.
 pub(super) fn without_role(name: &str) -> String {
-    let is_role = |word: &&str| ROLE_WORDS.iter().any(|role| word.eq_ignore_ascii_case(role));
+    let is_role = |word: &&str| {
+        ROLE_WORDS
+            .iter()
+            .any(|role| word.eq_ignore_ascii_case(role))
+    };
     let words: Vec<&str> = words_of(name).filter(|word| !is_role(word)).collect();
     format!("{}/{}", folder_of(name), words.join("-"))
 }
@@ -108,13 +138,19 @@ pub(super) fn without_role(name: &str) -> String {
 /// A number of the file name without leading zeros, as text, so that it can have any length.
 fn number_in_file_name(name: &str, position: Position) -> Option<String> {
     let stem = file_of(without_ending(name));
-    let mut runs = stem.split(|c: char| !c.is_ascii_digit()).filter(|run| !run.is_empty());
+    let mut runs = stem
+        .split(|c: char| !c.is_ascii_digit())
+        .filter(|run| !run.is_empty());
     let run = match position {
         Position::First => runs.next(),
         Position::Last => runs.next_back(),
     }?;
     let number = run.trim_start_matches('0');
-    Some(if number.is_empty() { "0".into() } else { number.into() })
+    Some(if number.is_empty() {
+        "0".into()
+    } else {
+        number.into()
+    })
 }
 
 #[cfg(test)]
@@ -129,30 +165,57 @@ mod tests {
 
     #[test]
     fn by_name_without_ending() {
-        assert_eq!(pair(&["a/x.jpg", "a/y.jpg", "b/x.jpg"], &["a/x.png", "b/x.png"]), [Some(0), None, Some(1)]);
+        assert_eq!(
+            pair(&["a/x.jpg", "a/y.jpg", "b/x.jpg"], &["a/x.png", "b/x.png"]),
+            [Some(0), None, Some(1)]
+        );
     }
 
     #[test]
     fn by_name_without_the_words_color_and_depth() {
         let pictures = ["frame-000000.color.png", "frame-000001.color.png"];
-        assert_eq!(pair(&pictures, &["frame-000001.depth.png", "frame-000000.depth.png"]), [Some(1), Some(0)]);
+        assert_eq!(
+            pair(
+                &pictures,
+                &["frame-000001.depth.png", "frame-000000.depth.png"]
+            ),
+            [Some(1), Some(0)]
+        );
     }
 
     #[test]
     fn by_number_with_other_padding() {
-        assert_eq!(pair(&["9.jpg", "10.jpg", "11.jpg"], &["d009.png", "d010.png"]), [Some(0), Some(1), None]);
-        assert_eq!(pair(&["98.jpg", "100.jpg"], &["098.png", "100.png"]), [Some(0), Some(1)]);
+        assert_eq!(
+            pair(&["9.jpg", "10.jpg", "11.jpg"], &["d009.png", "d010.png"]),
+            [Some(0), Some(1), None]
+        );
+        assert_eq!(
+            pair(&["98.jpg", "100.jpg"], &["098.png", "100.png"]),
+            [Some(0), Some(1)]
+        );
     }
 
     #[test]
     fn by_the_first_number_where_a_time_follows() {
         let depths = ["0000001-000000000040.png", "0000002-000000033407.png"];
-        assert_eq!(pair(&["0000001-000000000000.jpg", "0000002-000000033369.jpg"], &depths), [Some(0), Some(1)]);
+        assert_eq!(
+            pair(
+                &["0000001-000000000000.jpg", "0000002-000000033369.jpg"],
+                &depths
+            ),
+            [Some(0), Some(1)]
+        );
     }
 
     #[test]
     fn an_ambiguous_number_pairs_nothing() {
-        assert_eq!(pair(&["left_1.jpg", "right_1.jpg"], &["d1.png"]), [None, None]);
-        assert_eq!(pair(&["a/img1.jpg", "b/img1.jpg"], &["b/d1.png", "a/d1.png"]), [Some(1), Some(0)]);
+        assert_eq!(
+            pair(&["left_1.jpg", "right_1.jpg"], &["d1.png"]),
+            [None, None]
+        );
+        assert_eq!(
+            pair(&["a/img1.jpg", "b/img1.jpg"], &["b/d1.png", "a/d1.png"]),
+            [Some(1), Some(0)]
+        );
     }
 }

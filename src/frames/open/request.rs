@@ -52,7 +52,10 @@ pub struct FrameFolder {
 
 impl From<PathBuf> for FrameFolder {
     fn from(frames: PathBuf) -> Self {
-        Self { frames, depth: None }
+        Self {
+            frames,
+            depth: None,
+        }
     }
 }
 

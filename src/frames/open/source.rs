@@ -3,7 +3,9 @@ use std::path::{Path, PathBuf};
 use super::depth::{pair, warn_of_tum_unit, with_depth};
 use super::headers::Sensor;
 use super::layout::{beside_depth, recognise, split_by_name};
-use super::listing::{Listed, PICTURE_ENDINGS, has_picture_ending, list_pictures, text_of, unsupported_image};
+use super::listing::{
+    Listed, PICTURE_ENDINGS, has_picture_ending, list_pictures, text_of, unsupported_image,
+};
 use super::pairing::without_ending;
 use super::request::FrameFolder;
 use crate::film::{Probed, probe};
@@ -77,7 +79,11 @@ impl Listing<'_> {
 
     fn with_given_depth(&mut self, place: &Path, depth: &Path) -> Result<Vec<Item>, FrameError> {
         let mut pictures = self.pictures_at(place)?;
-        let mut depths = if depth == place { Vec::new() } else { self.pictures_at(depth)? };
+        let mut depths = if depth == place {
+            Vec::new()
+        } else {
+            self.pictures_at(depth)?
+        };
         if depth == place {
             (pictures, depths) = split_by_name(pictures);
         } else if depth.starts_with(place) {
@@ -91,7 +97,10 @@ impl Listing<'_> {
         let probed = probe(film, self.progress)?;
         if let Some(damage) = &probed.damage {
             let count = probed.times_s.len();
-            self.warnings.push(format!("{}: damaged ({damage}); {count} pictures can be read", film.display()));
+            self.warnings.push(format!(
+                "{}: damaged ({damage}); {count} pictures can be read",
+                film.display()
+            ));
         }
         let items = film_items(film, &probed);
         match depth {
@@ -104,7 +113,11 @@ impl Listing<'_> {
     }
 
     fn pictures_at(&mut self, place: &Path) -> Result<Vec<Listed>, FrameError> {
-        if place.is_dir() { self.pictures_in(place) } else { Ok(vec![one_file(place)]) }
+        if place.is_dir() {
+            self.pictures_in(place)
+        } else {
+            Ok(vec![one_file(place)])
+        }
     }
 
     fn pictures_in(&mut self, place: &Path) -> Result<Vec<Listed>, FrameError> {
@@ -123,7 +136,12 @@ impl Listing<'_> {
     }
 
     /// Gives pictures the depth the user named; that none fits is an error.
-    fn paired(&mut self, items: Vec<Item>, depths: &[Listed], places: [&Path; 2]) -> Result<Vec<Item>, FrameError> {
+    fn paired(
+        &mut self,
+        items: Vec<Item>,
+        depths: &[Listed],
+        places: [&Path; 2],
+    ) -> Result<Vec<Item>, FrameError> {
         let names: Vec<Listed> = items.iter().map(Item::listed).collect();
         let pairs = pair(&names, depths, &places, &mut self.warnings)?;
         if pairs.count() == 0 {
@@ -133,7 +151,8 @@ impl Listing<'_> {
                  together"
             )));
         }
-        self.warnings.extend(warn_of_tum_unit(&names, self.sensor.unit));
+        self.warnings
+            .extend(warn_of_tum_unit(&names, self.sensor.unit));
         Ok(with_depth(items, depths, &pairs))
     }
 }
@@ -145,7 +164,10 @@ impl Item {
             Origin::File(path) => path.clone(),
             Origin::Film(source, _) => source.path().into(),
         };
-        Listed { name: self.name.clone(), path }
+        Listed {
+            name: self.name.clone(),
+            path,
+        }
     }
 
     /// What tells this picture from all others: its file, and which one of the film.
@@ -167,13 +189,25 @@ impl Item {
 
 /// A picture without depth so far.
 pub(super) fn without_depth(picture: Listed) -> Item {
-    Item { name: picture.name, origin: Origin::File(picture.path), depth: None }
+    Item {
+        name: picture.name,
+        origin: Origin::File(picture.path),
+        depth: None,
+    }
 }
 
 fn film_items(film: &Path, probed: &Probed) -> Vec<Item> {
     let item = |(index, &time_s): (u64, &f64)| {
-        let source = PictureSource::Film { path: film.into(), index, time_s };
-        Item { name: format!("{index:06}"), origin: Origin::Film(source, (probed.width, probed.height)), depth: None }
+        let source = PictureSource::Film {
+            path: film.into(),
+            index,
+            time_s,
+        };
+        Item {
+            name: format!("{index:06}"),
+            origin: Origin::Film(source, (probed.width, probed.height)),
+            depth: None,
+        }
     };
     (0..).zip(&probed.times_s).map(item).collect()
 }
@@ -204,7 +238,10 @@ fn kind_of(place: &Path) -> Result<Kind, FrameError> {
 /// The absolute path of what the user named, with its own last name kept even where that is a link.
 fn located(given: &Path) -> Result<PathBuf, FrameError> {
     if !given.exists() {
-        return Err(FrameError::NotFound(format!("{}: no such file or folder; check the path", given.display())));
+        return Err(FrameError::NotFound(format!(
+            "{}: no such file or folder; check the path",
+            given.display()
+        )));
     }
     let io = |source| FrameError::io(given, source);
     let whole = std::path::absolute(given).map_err(io)?;
@@ -217,5 +254,8 @@ fn located(given: &Path) -> Result<PathBuf, FrameError> {
 }
 
 fn one_file(path: &Path) -> Listed {
-    Listed { name: String::new(), path: path.into() }
+    Listed {
+        name: String::new(),
+        path: path.into(),
+    }
 }

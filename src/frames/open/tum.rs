@@ -17,13 +17,21 @@ pub(super) fn pair_by_associations(
     pictures: &[Listed],
     depths: &[Listed],
 ) -> Result<Option<PathBuf>, FrameError> {
-    let found = folders.iter().map(|folder| folder.join("associations.txt")).find(|path| path.is_file());
+    let found = folders
+        .iter()
+        .map(|folder| folder.join("associations.txt"))
+        .find(|path| path.is_file());
     let Some(path) = found else { return Ok(None) };
     let text = disk::read_text(&path).map_err(|reason| FrameError::io(&path, reason))?;
     let (pictures, depths) = (ByFileName::new(pictures), ByFileName::new(depths));
-    for line in text.lines().filter(|line| !line.trim_start().starts_with('#')) {
+    for line in text
+        .lines()
+        .filter(|line| !line.trim_start().starts_with('#'))
+    {
         let words: Vec<&str> = line.split_whitespace().collect();
-        let &[_, one, _, other, ..] = words.as_slice() else { continue };
+        let &[_, one, _, other, ..] = words.as_slice() else {
+            continue;
+        };
         for (picture, depth) in [(one, other), (other, one)] {
             if let (Some(picture), Some(depth)) = (pictures.find(picture), depths.find(depth)) {
                 pairs.join(picture, depth);
@@ -35,13 +43,17 @@ pub(super) fn pair_by_associations(
 
 /// Adds pairs of nearest times, at most 0.02 s apart, where every name is a time in seconds. Returns whether they are.
 pub(super) fn pair_by_time(pairs: &mut Pairs, pictures: &[&str], depths: &[&str]) -> bool {
-    let (Some(pictures), Some(depths)) = (times_of(pictures), times_of(depths)) else { return false };
+    let (Some(pictures), Some(depths)) = (times_of(pictures), times_of(depths)) else {
+        return false;
+    };
     let mut by_time: Vec<(f64, usize)> = depths.iter().copied().zip(0..).collect();
     by_time.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut candidates = Vec::new();
     for (picture, time) in pictures.iter().enumerate() {
         let start = by_time.partition_point(|(t, _)| *t < time - MAX_TIME_DIFFERENCE_S);
-        let near = by_time[start..].iter().take_while(|(t, _)| *t <= time + MAX_TIME_DIFFERENCE_S);
+        let near = by_time[start..]
+            .iter()
+            .take_while(|(t, _)| *t <= time + MAX_TIME_DIFFERENCE_S);
         candidates.extend(near.map(|(t, depth)| ((t - time).abs(), picture, *depth)));
     }
     candidates.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
@@ -58,7 +70,9 @@ pub(super) fn times_of(names: &[&str]) -> Option<Vec<f64>> {
         let stem = stem.rsplit('/').next().unwrap_or(stem);
         let (seconds, fraction) = stem.split_once('.')?;
         let digits = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
-        (digits(seconds) && digits(fraction)).then(|| stem.parse().ok()).flatten()
+        (digits(seconds) && digits(fraction))
+            .then(|| stem.parse().ok())
+            .flatten()
     };
     names.iter().map(time_of).collect()
 }
@@ -72,7 +86,10 @@ impl<'a> ByFileName<'a> {
     fn new(listed: &'a [Listed]) -> Self {
         let mut files = BTreeMap::<_, Vec<_>>::new();
         for (index, file) in listed.iter().enumerate() {
-            files.entry(file.path.file_name().unwrap_or_default()).or_default().push((index, file.path.as_path()));
+            files
+                .entry(file.path.file_name().unwrap_or_default())
+                .or_default()
+                .push((index, file.path.as_path()));
         }
         Self { files }
     }
@@ -80,7 +97,10 @@ impl<'a> ByFileName<'a> {
     fn find(&self, path: &str) -> Option<usize> {
         let path = Path::new(path.trim_start_matches("./"));
         let same_name = self.files.get(path.file_name()?)?;
-        same_name.iter().find(|(_, file)| file.ends_with(path)).map(|(index, _)| *index)
+        same_name
+            .iter()
+            .find(|(_, file)| file.ends_with(path))
+            .map(|(index, _)| *index)
     }
 }
 
@@ -89,7 +109,13 @@ mod tests {
     use super::*;
 
     fn listed(names: &[&str]) -> Vec<Listed> {
-        names.iter().map(|name| Listed { name: (*name).into(), path: Path::new("/rec").join(name) }).collect()
+        names
+            .iter()
+            .map(|name| Listed {
+                name: (*name).into(),
+                path: Path::new("/rec").join(name),
+            })
+            .collect()
     }
 
     #[test]
@@ -98,13 +124,21 @@ mod tests {
         let depths = ["10.030.png", "10.012.png", "11.021.png"];
         let mut pairs = Pairs::none(3, 3);
         assert!(pair_by_time(&mut pairs, &pictures, &depths));
-        assert_eq!(pairs.depth_of, [Some(1), Some(0), None], "0.021 s is too far");
+        assert_eq!(
+            pairs.depth_of,
+            [Some(1), Some(0), None],
+            "0.021 s is too far"
+        );
     }
 
     #[test]
     fn names_that_are_no_times_are_left_alone() {
         let mut pairs = Pairs::none(2, 1);
-        assert!(!pair_by_time(&mut pairs, &["10.0.png", "frame.png"], &["10.0.png"]));
+        assert!(!pair_by_time(
+            &mut pairs,
+            &["10.0.png", "frame.png"],
+            &["10.0.png"]
+        ));
         assert_eq!(pairs.count(), 0);
     }
 
@@ -113,9 +147,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let text = "# depth first\n1.0 depth/b.png 1.01 rgb/a.png\n2.0 rgb/c.png 2.0 depth/d.png\nbroken line\n";
         std::fs::write(folder.path().join("associations.txt"), text).unwrap();
-        let (pictures, depths) = (listed(&["rgb/a.png", "rgb/c.png"]), listed(&["depth/b.png", "depth/d.png"]));
+        let (pictures, depths) = (
+            listed(&["rgb/a.png", "rgb/c.png"]),
+            listed(&["depth/b.png", "depth/d.png"]),
+        );
         let mut pairs = Pairs::none(2, 2);
-        assert!(pair_by_associations(&mut pairs, &[folder.path()], &pictures, &depths).unwrap().is_some());
+        assert!(
+            pair_by_associations(&mut pairs, &[folder.path()], &pictures, &depths)
+                .unwrap()
+                .is_some()
+        );
         assert_eq!(pairs.depth_of, [Some(0), Some(1)]);
     }
 }

@@ -23,7 +23,13 @@ pub struct AbsolutePoseOptions {
 
 impl Default for AbsolutePoseOptions {
     fn default() -> Self {
-        Self { max_error_px: 12.0, confidence: 0.999, max_iterations: 10_000, min_inliers: 30, seed: 0 }
+        Self {
+            max_error_px: 12.0,
+            confidence: 0.999,
+            max_iterations: 10_000,
+            min_inliers: 30,
+            seed: 0,
+        }
     }
 }
 
@@ -54,18 +60,48 @@ pub fn estimate_absolute_pose(
 ) -> Option<AbsolutePose> {
     let seen = seen(camera, at_px, points);
     let (pose, places) = pose_of(camera, &seen, options)?;
-    let inliers = places.iter().map(|&place| seen[place as usize].given).collect();
-    Some(AbsolutePose { camera_from_world: pose, inliers })
+    let inliers = places
+        .iter()
+        .map(|&place| seen[place as usize].given)
+        .collect();
+    Some(AbsolutePose {
+        camera_from_world: pose,
+        inliers,
+    })
 }
 
 /// Pose and places of the inliers.
-pub(super) fn pose_of(camera: &Camera, seen: &[Seen], options: &AbsolutePoseOptions) -> Option<(Pose, Vec<u32>)> {
-    let search = Resection { camera, seen, blocks: Blocks::new(seen, options.max_error_px) };
-    let &AbsolutePoseOptions { confidence, max_iterations, seed, .. } = options;
+pub(super) fn pose_of(
+    camera: &Camera,
+    seen: &[Seen],
+    options: &AbsolutePoseOptions,
+) -> Option<(Pose, Vec<u32>)> {
+    let search = Resection {
+        camera,
+        seen,
+        blocks: Blocks::new(seen, options.max_error_px),
+    };
+    let &AbsolutePoseOptions {
+        confidence,
+        max_iterations,
+        seed,
+        ..
+    } = options;
     let min_inliers = options.min_inliers.max(BY_CHANCE);
-    let ransac = RansacOptions { confidence, max_iterations, max_vain: max_iterations, min_inliers, seed };
+    let ransac = RansacOptions {
+        confidence,
+        max_iterations,
+        max_vain: max_iterations,
+        min_inliers,
+        seed,
+    };
     let found = consensus(&search, &ransac)?;
-    if in_one_line(found.inliers.iter().map(|&place| seen[place as usize].point)) {
+    if in_one_line(
+        found
+            .inliers
+            .iter()
+            .map(|&place| seen[place as usize].point),
+    ) {
         return None;
     }
     let pose = refined(camera, &found.model, &chosen(seen, &found.inliers), 20);
@@ -81,10 +117,16 @@ pub(super) fn chosen(seen: &[Seen], places: &[u32]) -> Vec<Seen> {
 fn in_one_line(points: impl Iterator<Item = DVec3> + Clone) -> bool {
     let count = points.clone().count() as f64;
     let mean = points.clone().sum::<DVec3>() / count;
-    let longest =
-        points.clone().map(|x| x - mean).fold(DVec3::ZERO, |a, b| if b.length() > a.length() { b } else { a });
-    let Some(along) = longest.try_normalize() else { return true };
-    let off = points.map(|x| (x - mean).reject_from_normalized(along).length_squared()).sum::<f64>() / count;
+    let longest = points.clone().map(|x| x - mean).fold(DVec3::ZERO, |a, b| {
+        if b.length() > a.length() { b } else { a }
+    });
+    let Some(along) = longest.try_normalize() else {
+        return true;
+    };
+    let off = points
+        .map(|x| (x - mean).reject_from_normalized(along).length_squared())
+        .sum::<f64>()
+        / count;
     off.is_nan() || off.sqrt() <= 1e-4 * longest.length()
 }
 
@@ -119,6 +161,7 @@ impl Estimator for Resection<'_> {
         let inliers = self.blocks.within(pose);
         let every = inliers.len().div_ceil(QUICK_POINTS).max(1);
         let some: Vec<u32> = inliers.into_iter().step_by(every).collect();
-        (some.len() > Self::SAMPLE).then(|| refined(self.camera, pose, &chosen(self.seen, &some), QUICK_STEPS))
+        (some.len() > Self::SAMPLE)
+            .then(|| refined(self.camera, pose, &chosen(self.seen, &some), QUICK_STEPS))
     }
 }

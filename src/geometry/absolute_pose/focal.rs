@@ -23,22 +23,47 @@ pub fn estimate_absolute_pose_and_focal(
     options: &AbsolutePoseOptions,
 ) -> Option<(f64, AbsolutePose)> {
     let mut best: Option<Found> = None;
-    for &factor in factors.iter().filter(|factor| factor.is_finite() && **factor > 0.0) {
-        let camera = Camera { focal_px: camera.focal_px * factor, ..*camera };
+    for &factor in factors
+        .iter()
+        .filter(|factor| factor.is_finite() && **factor > 0.0)
+    {
+        let camera = Camera {
+            focal_px: camera.focal_px * factor,
+            ..*camera
+        };
         let seen = seen(&camera, at_px, points);
         if let Some((pose, inliers)) = pose_of(&camera, &seen, options)
-            && best.as_ref().is_none_or(|b| inliers.len() > b.inliers.len())
+            && best
+                .as_ref()
+                .is_none_or(|b| inliers.len() > b.inliers.len())
         {
-            best = Some(Found { camera, seen, pose, inliers });
+            best = Some(Found {
+                camera,
+                seen,
+                pose,
+                inliers,
+            });
         }
     }
     let mut found = best?;
     for _ in 0..ROUNDS {
-        found = found.with_focal_refined(at_px, points, options).unwrap_or(found);
+        found = found
+            .with_focal_refined(at_px, points, options)
+            .unwrap_or(found);
     }
-    let inliers = found.inliers.iter().map(|&place| found.seen[place as usize].given).collect();
+    let inliers = found
+        .inliers
+        .iter()
+        .map(|&place| found.seen[place as usize].given)
+        .collect();
     let factor = found.camera.focal_px.x / camera.focal_px.x;
-    Some((factor, AbsolutePose { camera_from_world: found.pose, inliers }))
+    Some((
+        factor,
+        AbsolutePose {
+            camera_from_world: found.pose,
+            inliers,
+        },
+    ))
 }
 
 /// A camera's pose with one focal length.
@@ -51,12 +76,26 @@ struct Found {
 
 impl Found {
     /// Focal length and pose refined over the inliers; `None` where that loses inliers.
-    fn with_focal_refined(&self, at_px: &[DVec2], points: &[DVec3], options: &AbsolutePoseOptions) -> Option<Self> {
+    fn with_focal_refined(
+        &self,
+        at_px: &[DVec2],
+        points: &[DVec3],
+        options: &AbsolutePoseOptions,
+    ) -> Option<Self> {
         let chosen = chosen(&self.seen, &self.inliers);
-        let start = Reprojection { camera: self.camera, pose: self.pose, seen: &chosen };
+        let start = Reprojection {
+            camera: self.camera,
+            pose: self.pose,
+            seen: &chosen,
+        };
         let Reprojection { camera, pose, .. } = minimise::<7, _>(start, STEPS);
         let seen = seen(&camera, at_px, points);
         let inliers = Blocks::new(&seen, options.max_error_px).within(&pose);
-        (inliers.len() >= self.inliers.len()).then_some(Self { camera, seen, pose, inliers })
+        (inliers.len() >= self.inliers.len()).then_some(Self {
+            camera,
+            seen,
+            pose,
+            inliers,
+        })
     }
 }

@@ -12,7 +12,12 @@ const DOUBT_PX: f64 = 1.0;
 /// The pose near `start` with the least reprojection error under Cauchy's loss (scale 1 px), lens distortion included.
 /// Points that are not finite are passed over; `start` is given back where fewer than three remain.
 #[must_use]
-pub fn refine_absolute_pose(camera: &Camera, start: &Pose, at_px: &[DVec2], points: &[DVec3]) -> Pose {
+pub fn refine_absolute_pose(
+    camera: &Camera,
+    start: &Pose,
+    at_px: &[DVec2],
+    points: &[DVec3],
+) -> Pose {
     refined(camera, start, &seen(camera, at_px, points), STEPS)
 }
 
@@ -20,7 +25,15 @@ pub(super) fn refined(camera: &Camera, start: &Pose, seen: &[Seen], max_steps: u
     if seen.len() < 3 {
         return *start;
     }
-    minimise::<6, _>(Reprojection { camera: *camera, pose: *start, seen }, max_steps).pose
+    minimise::<6, _>(
+        Reprojection {
+            camera: *camera,
+            pose: *start,
+            seen,
+        },
+        max_steps,
+    )
+    .pose
 }
 
 /// Pose, or pose and focal length, of a camera against the points it sees.
@@ -60,11 +73,23 @@ impl Reprojection<'_> {
             let miss = at - one.at_px;
             let doubt = miss.length_squared() / SCALE;
             cost += SCALE * doubt.ln_1p();
-            let plane = [DVec3::new(1.0, 0.0, -x.x / x.z) / x.z, DVec3::new(0.0, 1.0, -x.y / x.z) / x.z];
+            let plane = [
+                DVec3::new(1.0, 0.0, -x.x / x.z) / x.z,
+                DVec3::new(0.0, 1.0, -x.y / x.z) / x.z,
+            ];
             let (u, v) = (one.slope.x_axis, one.slope.y_axis);
-            let shift = [plane[0] * u.x + plane[1] * v.x, plane[0] * u.y + plane[1] * v.y];
+            let shift = [
+                plane[0] * u.x + plane[1] * v.x,
+                plane[0] * u.y + plane[1] * v.y,
+            ];
             let from_centre = at - self.camera.principal_px;
-            add(&Row { miss, shift, turned, from_centre, weight: (1.0 + doubt).recip() });
+            add(&Row {
+                miss,
+                shift,
+                turned,
+                from_centre,
+                weight: (1.0 + doubt).recip(),
+            });
         }
         cost
     }
@@ -83,7 +108,11 @@ impl Problem<6> for Reprojection<'_> {
         sum.cost = self.each(|row| {
             for (i, shift) in row.shift.into_iter().enumerate() {
                 let turn = row.turned.cross(shift);
-                sum.add(row.miss[i], &[turn.x, turn.y, turn.z, shift.x, shift.y, shift.z], row.weight);
+                sum.add(
+                    row.miss[i],
+                    &[turn.x, turn.y, turn.z, shift.x, shift.y, shift.z],
+                    row.weight,
+                );
             }
         });
         sum
@@ -102,7 +131,15 @@ impl Problem<7> for Reprojection<'_> {
         sum.cost = self.each(|row| {
             for (i, shift) in row.shift.into_iter().enumerate() {
                 let turn = row.turned.cross(shift);
-                let slope = [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z, row.from_centre[i]];
+                let slope = [
+                    turn.x,
+                    turn.y,
+                    turn.z,
+                    shift.x,
+                    shift.y,
+                    shift.z,
+                    row.from_centre[i],
+                ];
                 sum.add(row.miss[i], &slope, row.weight);
             }
         });
@@ -111,7 +148,14 @@ impl Problem<7> for Reprojection<'_> {
 
     fn moved(&self, step: &[f64; 7]) -> Self {
         let pose = self.moved_pose([step[0], step[1], step[2]], [step[3], step[4], step[5]]);
-        let camera = Camera { focal_px: self.camera.focal_px * step[6].exp(), ..self.camera };
-        Self { camera, pose, seen: self.seen }
+        let camera = Camera {
+            focal_px: self.camera.focal_px * step[6].exp(),
+            ..self.camera
+        };
+        Self {
+            camera,
+            pose,
+            seen: self.seen,
+        }
     }
 }

@@ -22,10 +22,25 @@ pub(super) fn seen(camera: &Camera, at_px: &[DVec2], points: &[DVec3]) -> Vec<Se
     let one = |(given, (&at_px, &point)): (usize, (&DVec2, &DVec3))| {
         let ray = camera.unproject(at_px);
         let finite = at_px.is_finite() && point.is_finite() && ray.is_finite();
-        let slope = if finite { pixel_slope(camera, ray)? } else { return None };
-        slope.is_finite().then_some(Seen { point, at_px, ray, slope, given: given as u32 })
+        let slope = if finite {
+            pixel_slope(camera, ray)?
+        } else {
+            return None;
+        };
+        slope.is_finite().then_some(Seen {
+            point,
+            at_px,
+            ray,
+            slope,
+            given: given as u32,
+        })
     };
-    at_px.iter().zip(points).enumerate().filter_map(one).collect()
+    at_px
+        .iter()
+        .zip(points)
+        .enumerate()
+        .filter_map(one)
+        .collect()
 }
 
 /// Eight of them side by side; places without one hold NaN, which no pose explains.
@@ -47,7 +62,14 @@ pub(super) struct Blocks {
 impl Blocks {
     pub fn new(seen: &[Seen], max_error_px: f64) -> Self {
         let nan = [f64::NAN; LANES];
-        let mut blocks = vec![Block { point: [nan; 3], ray: [nan; 2], slope: [nan; 4] }; seen.len().div_ceil(LANES)];
+        let mut blocks = vec![
+            Block {
+                point: [nan; 3],
+                ray: [nan; 2],
+                slope: [nan; 4]
+            };
+            seen.len().div_ceil(LANES)
+        ];
         for (place, one) in seen.iter().enumerate() {
             let (block, lane) = (&mut blocks[place / LANES], place % LANES);
             (0..3).for_each(|i| block.point[i][lane] = one.point[i]);
@@ -55,7 +77,12 @@ impl Blocks {
             let slope = one.slope.to_cols_array();
             (0..4).for_each(|i| block.slope[i][lane] = slope[i]);
         }
-        Self { blocks, count: seen.len(), limit: max_error_px * max_error_px, arch: Arch::new() }
+        Self {
+            blocks,
+            count: seen.len(),
+            limit: max_error_px * max_error_px,
+            arch: Arch::new(),
+        }
     }
 
     /// Sum of squared errors cut off at the limit; stops early above `enough`.
@@ -73,7 +100,9 @@ impl Blocks {
     /// Places whose squared error is below the limit, ascending.
     pub fn within(&self, pose: &Pose) -> Vec<u32> {
         let rotation = DMat3::from_quat(pose.rotation);
-        within(&self.blocks, self.limit, |block| errors(&rotation, pose.translation, block))
+        within(&self.blocks, self.limit, |block| {
+            errors(&rotation, pose.translation, block)
+        })
     }
 }
 
@@ -90,7 +119,11 @@ fn errors(r: &DMat3, t: DVec3, b: &Block) -> [f64; LANES] {
         let v = (r.x_axis.y * x + r.y_axis.y * y + r.z_axis.y * z + t.y) * near - b.ray[1][lane];
         let du = b.slope[0][lane] * u + b.slope[2][lane] * v;
         let dv = b.slope[1][lane] * u + b.slope[3][lane] * v;
-        *error = if depth > 0.0 { du * du + dv * dv } else { f64::INFINITY };
+        *error = if depth > 0.0 {
+            du * du + dv * dv
+        } else {
+            f64::INFINITY
+        };
     }
     errors
 }

@@ -15,7 +15,10 @@ const PLAIN: Camera = Camera {
 
 fn truth() -> Pose {
     let rotation = DQuat::from_euler(glam::EulerRot::XYZ, 0.4, -0.8, 1.2);
-    Pose { rotation, translation: DVec3::new(0.4, -0.3, 2.0) }
+    Pose {
+        rotation,
+        translation: DVec3::new(0.4, -0.3, 2.0),
+    }
 }
 
 struct Made {
@@ -27,17 +30,30 @@ struct Made {
 /// Points at a depth of 2 to 8 seen with 0.5 px noise, mixed with `bad` ones seen anywhere.
 fn made(seed: u64, camera: &Camera, good: usize, bad: usize) -> Made {
     let random = &mut Pcg64Mcg::seed_from_u64(seed);
-    let mut made = Made { at_px: Vec::new(), points: Vec::new(), good: Vec::new() };
+    let mut made = Made {
+        at_px: Vec::new(),
+        points: Vec::new(),
+        good: Vec::new(),
+    };
     for i in 0..good + bad {
-        let place =
-            |random: &mut Pcg64Mcg| DVec2::new(random.random_range(0.0..1600.0), random.random_range(0.0..1200.0));
+        let place = |random: &mut Pcg64Mcg| {
+            DVec2::new(
+                random.random_range(0.0..1600.0),
+                random.random_range(0.0..1200.0),
+            )
+        };
         let at = place(random);
         let depth = random.random_range(2.0..8.0);
-        made.points.push(truth().inverse().transform(camera.unproject(at).extend(1.0) * depth));
+        made.points.push(
+            truth()
+                .inverse()
+                .transform(camera.unproject(at).extend(1.0) * depth),
+        );
         let mut noise = || (0..12).map(|_| random.random_range(-0.5..0.5)).sum::<f64>() * 0.5;
         let noise = DVec2::new(noise(), noise());
         // Bad ones first: the order must not decide.
-        made.at_px.push(if i < bad { place(random) } else { at + noise });
+        made.at_px
+            .push(if i < bad { place(random) } else { at + noise });
         made.good.push(i >= bad);
     }
     made
@@ -45,15 +61,26 @@ fn made(seed: u64, camera: &Camera, good: usize, bad: usize) -> Made {
 
 /// Rotation error in degrees, and error of the centre.
 fn errors(found: &Pose) -> [f64; 2] {
-    [found.rotation.angle_between(truth().rotation).to_degrees(), found.centre().distance(truth().centre())]
+    [
+        found.rotation.angle_between(truth().rotation).to_degrees(),
+        found.centre().distance(truth().centre()),
+    ]
 }
 
 fn cameras() -> [Camera; 3] {
     [
         PLAIN,
-        Camera { distortion: Distortion::OpenCv { k: [-0.2, 0.05], p: [1e-3, -2e-3] }, ..PLAIN },
         Camera {
-            distortion: Distortion::OpenCvFisheye { k: [0.05, -0.01, 0.004, -0.001] },
+            distortion: Distortion::OpenCv {
+                k: [-0.2, 0.05],
+                p: [1e-3, -2e-3],
+            },
+            ..PLAIN
+        },
+        Camera {
+            distortion: Distortion::OpenCvFisheye {
+                k: [0.05, -0.01, 0.004, -0.001],
+            },
             focal_px: DVec2::splat(700.0),
             ..PLAIN
         },
@@ -65,11 +92,20 @@ fn half_wrong_and_the_pose_is_found_through_every_lens() {
     for camera in cameras() {
         for seed in 0..10 {
             let made = made(seed, &camera, 200, 200);
-            let found = estimate_absolute_pose(&camera, &made.at_px, &made.points, &AbsolutePoseOptions::default());
+            let found = estimate_absolute_pose(
+                &camera,
+                &made.at_px,
+                &made.points,
+                &AbsolutePoseOptions::default(),
+            );
             let found = found.unwrap();
             let [turn, centre] = errors(&found.camera_from_world);
             assert!(turn < 0.03 && centre < 3e-3, "{turn} {centre}");
-            let right = found.inliers.iter().filter(|&&i| made.good[i as usize]).count();
+            let right = found
+                .inliers
+                .iter()
+                .filter(|&&i| made.good[i as usize])
+                .count();
             assert!(right == 200 && found.inliers.len() <= 203 && found.inliers.is_sorted());
         }
     }
@@ -83,36 +119,63 @@ fn refinement_leaves_a_bad_start_and_bears_outliers() {
             rotation: DQuat::from_rotation_y(0.02) * truth().rotation,
             translation: truth().translation + DVec3::splat(0.03),
         };
-        let [turn, centre] = errors(&refine_absolute_pose(&camera, &start, &made.at_px, &made.points));
+        let [turn, centre] = errors(&refine_absolute_pose(
+            &camera,
+            &start,
+            &made.at_px,
+            &made.points,
+        ));
         assert!(turn < 0.03 && centre < 3e-3, "{turn} {centre}");
     }
     let start = truth();
-    assert_eq!(refine_absolute_pose(&PLAIN, &start, &[DVec2::ZERO; 2], &[DVec3::Z; 2]), start);
-    assert_eq!(refine_absolute_pose(&PLAIN, &start, &[DVec2::NAN; 9], &[DVec3::Z; 9]), start);
+    assert_eq!(
+        refine_absolute_pose(&PLAIN, &start, &[DVec2::ZERO; 2], &[DVec3::Z; 2]),
+        start
+    );
+    assert_eq!(
+        refine_absolute_pose(&PLAIN, &start, &[DVec2::NAN; 9], &[DVec3::Z; 9]),
+        start
+    );
 }
 
 #[test]
 fn an_unknown_focal_length_is_found() {
     for camera in cameras() {
         let made = made(4, &camera, 300, 100);
-        let guess = Camera { focal_px: camera.focal_px * 1.35, ..camera };
+        let guess = Camera {
+            focal_px: camera.focal_px * 1.35,
+            ..camera
+        };
         let factors = [0.5, 0.6, 0.72, 0.85, 1.0, 1.2, 1.45];
         let options = AbsolutePoseOptions::default();
         let (factor, found) =
-            estimate_absolute_pose_and_focal(&guess, &factors, &made.at_px, &made.points, &options).unwrap();
+            estimate_absolute_pose_and_focal(&guess, &factors, &made.at_px, &made.points, &options)
+                .unwrap();
         assert!((factor * 1.35 - 1.0).abs() < 2e-3, "{}", factor * 1.35);
         let [turn, centre] = errors(&found.camera_from_world);
-        assert!(turn < 0.05 && centre < 1e-2 && found.inliers.len() >= 300, "{turn} {centre}");
+        assert!(
+            turn < 0.05 && centre < 1e-2 && found.inliers.len() >= 300,
+            "{turn} {centre}"
+        );
     }
 }
 
 #[test]
 fn nothing_agrees_and_degenerate_input_are_none() {
     let options = AbsolutePoseOptions::default();
-    let eager = AbsolutePoseOptions { min_inliers: 0, max_iterations: 200, ..options };
+    let eager = AbsolutePoseOptions {
+        min_inliers: 0,
+        max_iterations: 200,
+        ..options
+    };
     let noise = made(5, &PLAIN, 0, 200);
-    assert_eq!(estimate_absolute_pose(&PLAIN, &noise.at_px, &noise.points, &options), None);
-    let line: Vec<DVec3> = (0..40).map(|i| DVec3::new(0.1 * f64::from(i), 0.0, 5.0)).collect();
+    assert_eq!(
+        estimate_absolute_pose(&PLAIN, &noise.at_px, &noise.points, &options),
+        None
+    );
+    let line: Vec<DVec3> = (0..40)
+        .map(|i| DVec3::new(0.1 * f64::from(i), 0.0, 5.0))
+        .collect();
     let on_line: Vec<DVec2> = line.iter().map(|&x| PLAIN.project(x).unwrap()).collect();
     let at = [DVec2::new(100.0, 100.0); 40];
     for (at_px, points) in [
@@ -125,6 +188,9 @@ fn nothing_agrees_and_degenerate_input_are_none() {
         (&[], &[]),
     ] {
         assert_eq!(estimate_absolute_pose(&PLAIN, at_px, points, &eager), None);
-        assert_eq!(estimate_absolute_pose_and_focal(&PLAIN, &[1.0, f64::NAN], at_px, points, &eager), None);
+        assert_eq!(
+            estimate_absolute_pose_and_focal(&PLAIN, &[1.0, f64::NAN], at_px, points, &eager),
+            None
+        );
     }
 }

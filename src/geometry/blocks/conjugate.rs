@@ -65,7 +65,11 @@ impl WithSimd for Solve<'_> {
 /// Which blocks of each row are not zero, the diagonal left out.
 fn filled(matrix: &Skyline) -> Vec<Vec<u32>> {
     let is_filled = |block: &Block| block.as_flattened().iter().any(|&v| v != 0.0);
-    let of_row = |blocks: &[Block]| (0..blocks.len() as u32 - 1).filter(|&j| is_filled(&blocks[j as usize])).collect();
+    let of_row = |blocks: &[Block]| {
+        (0..blocks.len() as u32 - 1)
+            .filter(|&j| is_filled(&blocks[j as usize]))
+            .collect()
+    };
     matrix.rows.iter().map(|row| of_row(&row.blocks)).collect()
 }
 
@@ -74,7 +78,11 @@ fn preconditioner(matrix: &Skyline) -> Option<Vec<Block>> {
         let mut factor = *block;
         factor_block(&mut factor, block).then_some(factor)
     };
-    matrix.rows.iter().map(|row| row.blocks.last().and_then(factored)).collect()
+    matrix
+        .rows
+        .iter()
+        .map(|row| row.blocks.last().and_then(factored))
+        .collect()
 }
 
 #[inline(always)]
@@ -116,7 +124,11 @@ fn inner(a: &[Column], b: &[Column]) -> f64 {
 
 #[inline(always)]
 fn advance(x: &mut [Column], length: f64, direction: &[Column]) {
-    for (x, direction) in x.as_flattened_mut().iter_mut().zip(direction.as_flattened()) {
+    for (x, direction) in x
+        .as_flattened_mut()
+        .iter_mut()
+        .zip(direction.as_flattened())
+    {
         *x += length * direction;
     }
 }

@@ -36,8 +36,13 @@ impl WithSimd for Factor<'_> {
 impl Skyline {
     /// All zero; `first` holds the first block of each row.
     pub fn new(first: &[usize]) -> Self {
-        let row = |(i, &first): (usize, &usize)| Row { first, blocks: vec![[[0.0; BLOCK]; BLOCK]; i + 1 - first] };
-        Self { rows: first.iter().enumerate().map(row).collect() }
+        let row = |(i, &first): (usize, &usize)| Row {
+            first,
+            blocks: vec![[[0.0; BLOCK]; BLOCK]; i + 1 - first],
+        };
+        Self {
+            rows: first.iter().enumerate().map(row).collect(),
+        }
     }
 
     /// Multiplications that [`Self::factor`] takes.
@@ -58,12 +63,20 @@ impl Skyline {
         for (j, row) in done.iter().enumerate().skip(*first) {
             let from = row.first.max(*first);
             let (left, right) = blocks.split_at_mut(j - *first);
-            let Some((diagonal, others)) = row.blocks.split_last() else { return false };
+            let Some((diagonal, others)) = row.blocks.split_last() else {
+                return false;
+            };
             let target = &mut right[0];
-            subtract_products(target, left[from - *first..].as_flattened(), others[from - row.first..].as_flattened());
+            subtract_products(
+                target,
+                left[from - *first..].as_flattened(),
+                others[from - row.first..].as_flattened(),
+            );
             divide(target, diagonal);
         }
-        let Some((diagonal, others)) = blocks.split_last_mut() else { return false };
+        let Some((diagonal, others)) = blocks.split_last_mut() else {
+            return false;
+        };
         let before = *diagonal;
         subtract_products(diagonal, others.as_flattened(), others.as_flattened());
         factor_block(diagonal, &before)

@@ -23,7 +23,8 @@ const MOST_DAMPING: f64 = 1e12;
 
 impl Damping {
     fn accept(&mut self, gain: f64) {
-        self.value = (self.value * (1.0 - (2.0 * gain - 1.0).powi(3)).max(1.0 / 3.0)).max(LEAST_DAMPING);
+        self.value =
+            (self.value * (1.0 - (2.0 * gain - 1.0).powi(3)).max(1.0 / 3.0)).max(LEAST_DAMPING);
         self.growth = 2.0;
     }
 
@@ -49,7 +50,13 @@ pub fn adjust(
     let state = State::new(bundle, options);
     let (layout, pieces) = arrange(bundle, options, &state);
     let cost = cost(&pieces, &state);
-    let mut search = Search { normal: Normal::new(&layout), layout, pieces, state, cost };
+    let mut search = Search {
+        normal: Normal::new(&layout),
+        layout,
+        pieces,
+        state,
+        cost,
+    };
     let summary = search.run(options, step);
     if summary.final_cost < summary.initial_cost {
         search.store(bundle);
@@ -67,8 +74,15 @@ struct Search {
 }
 
 impl Search {
-    fn run(&mut self, options: &BundleOptions, step: &mut dyn FnMut(usize, f64) -> ControlFlow<()>) -> BundleSummary {
-        let mut damping = Damping { value: FIRST_DAMPING, growth: 2.0 };
+    fn run(
+        &mut self,
+        options: &BundleOptions,
+        step: &mut dyn FnMut(usize, f64) -> ControlFlow<()>,
+    ) -> BundleSummary {
+        let mut damping = Damping {
+            value: FIRST_DAMPING,
+            growth: 2.0,
+        };
         let mut summary = BundleSummary {
             iterations: 0,
             initial_cost: self.cost,
@@ -90,8 +104,12 @@ impl Search {
 
     /// One step, taken if it lowers the cost; returns whether nothing is left to be gained.
     fn iterate(&mut self, damping: &mut Damping, tolerance: f64) -> bool {
-        self.normal.build(&self.pieces, &self.layout, &self.state, damping.value);
-        let tried = self.normal.solve().map(|step| self.attempt(&step, damping.value));
+        self.normal
+            .build(&self.pieces, &self.layout, &self.state, damping.value);
+        let tried = self
+            .normal
+            .solve()
+            .map(|step| self.attempt(&step, damping.value));
         let Some((moved, outcome)) = tried else {
             damping.refuse();
             return damping.value > MOST_DAMPING;
@@ -109,7 +127,13 @@ impl Search {
 
     fn attempt(&mut self, step: &[Column], damping: f64) -> (State, Outcome) {
         let moved = self.state.moved(&self.layout, step);
-        let trial = Trial { layout: &self.layout, state: &self.state, moved: &moved, step, damping };
+        let trial = Trial {
+            layout: &self.layout,
+            state: &self.state,
+            moved: &moved,
+            step,
+            damping,
+        };
         let outcome = trial.evaluate(&mut self.pieces);
         (moved, outcome)
     }

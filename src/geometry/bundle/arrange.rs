@@ -38,13 +38,23 @@ struct Track {
 /// Sorts a bundle into pieces and numbers its unknowns. Left out are observations that are not finite, name something
 /// that does not exist or are not seen at the start, and points seen from fewer than two images (unless points are
 /// fixed); what then has no observation stays as it is.
-pub(super) fn arrange(bundle: &Bundle, options: &BundleOptions, state: &State) -> (Layout, Vec<Piece>) {
+pub(super) fn arrange(
+    bundle: &Bundle,
+    options: &BundleOptions,
+    state: &State,
+) -> (Layout, Vec<Piece>) {
     let tracks = tracks(bundle, options, state);
     let mut layout = number(bundle, options, state, &tracks);
     let mut pieces: Vec<Piece> = Vec::new();
     for track in tracks {
-        if pieces.last().is_none_or(|piece| piece.sightings.len() >= PIECE) {
-            pieces.push(Piece { starts: vec![0], ..Piece::default() });
+        if pieces
+            .last()
+            .is_none_or(|piece| piece.sightings.len() >= PIECE)
+        {
+            pieces.push(Piece {
+                starts: vec![0],
+                ..Piece::default()
+            });
         }
         if let Some(piece) = pieces.last_mut() {
             append(piece, bundle, options, state, &mut layout, track);
@@ -60,27 +70,43 @@ pub(super) fn arrange(bundle: &Bundle, options: &BundleOptions, state: &State) -
 
 fn tracks(bundle: &Bundle, options: &BundleOptions, state: &State) -> Vec<Track> {
     let exists = |image: u32| {
-        let camera = bundle.images.get(image as usize).map(|image| image.camera as usize);
+        let camera = bundle
+            .images
+            .get(image as usize)
+            .map(|image| image.camera as usize);
         camera.is_some_and(|camera| camera < bundle.cameras.len())
     };
     let mut order: Vec<u32> = (0..bundle.observations.len() as u32).collect();
     order.retain(|&i| {
         let seen = &bundle.observations[i as usize];
         let point = bundle.points.get(seen.point as usize);
-        exists(seen.image) && seen.at_px.is_finite() && point.is_some_and(|&point| state.sees(point, seen.image))
+        exists(seen.image)
+            && seen.at_px.is_finite()
+            && point.is_some_and(|&point| state.sees(point, seen.image))
     });
-    let key = |&i: &u32| (bundle.observations[i as usize].point, bundle.observations[i as usize].image);
+    let key = |&i: &u32| {
+        (
+            bundle.observations[i as usize].point,
+            bundle.observations[i as usize].image,
+        )
+    };
     order.sort_by_key(key);
     let same_point = |a: &u32, b: &u32| key(a).0 == key(b).0;
     let many = |of_point: &&[u32]| {
-        options.fixed_points || of_point.first().map(key).map(|k| k.1) != of_point.last().map(key).map(|k| k.1)
+        options.fixed_points
+            || of_point.first().map(key).map(|k| k.1) != of_point.last().map(key).map(|k| k.1)
     };
     let sighting = |&i: &u32| {
         let seen = &bundle.observations[i as usize];
-        Sighting { image: seen.image, at_px: seen.at_px }
+        Sighting {
+            image: seen.image,
+            at_px: seen.at_px,
+        }
     };
-    let track =
-        |of_point: &[u32]| Track { point: key(&of_point[0]).0, sightings: of_point.iter().map(sighting).collect() };
+    let track = |of_point: &[u32]| Track {
+        point: key(&of_point[0]).0,
+        sightings: of_point.iter().map(sighting).collect(),
+    };
     order.chunk_by(same_point).filter(many).map(track).collect()
 }
 
@@ -90,7 +116,10 @@ fn number(bundle: &Bundle, options: &BundleOptions, state: &State, tracks: &[Tra
     for sighting in tracks.iter().flat_map(|track| &track.sightings) {
         observed[sighting.image as usize] = true;
     }
-    let mut layout = Layout { fixed_points: options.fixed_points, ..Layout::default() };
+    let mut layout = Layout {
+        fixed_points: options.fixed_points,
+        ..Layout::default()
+    };
     let mut next = 0;
     for (image, &observed) in observed.iter().enumerate() {
         let moves = observed && !options.fixed_images.get(image).copied().unwrap_or(false);
@@ -98,8 +127,13 @@ fn number(bundle: &Bundle, options: &BundleOptions, state: &State, tracks: &[Tra
         next += usize::from(moves);
     }
     for camera in 0..bundle.cameras.len() {
-        let seen = (0..bundle.images.len()).any(|image| observed[image] && state.camera_of(image as u32) == camera);
-        let blocks = if seen { state.intrinsics(camera).div_ceil(BLOCK) } else { 0 };
+        let seen = (0..bundle.images.len())
+            .any(|image| observed[image] && state.camera_of(image as u32) == camera);
+        let blocks = if seen {
+            state.intrinsics(camera).div_ceil(BLOCK)
+        } else {
+            0
+        };
         layout.intrinsics.push(next..next + blocks);
         next += blocks;
     }
@@ -115,24 +149,36 @@ fn append(
     layout: &mut Layout,
     mut track: Track,
 ) {
-    let intrinsics = |sighting: &Sighting| layout.intrinsics[state.camera_of(sighting.image)].clone();
-    track.sightings.sort_by_key(|sighting| layout.poses[sighting.image as usize]);
+    let intrinsics =
+        |sighting: &Sighting| layout.intrinsics[state.camera_of(sighting.image)].clone();
+    track
+        .sightings
+        .sort_by_key(|sighting| layout.poses[sighting.image as usize]);
     let mut shared: Vec<usize> = Vec::new();
     for sighting in &track.sightings {
         let pose = layout.poses[sighting.image as usize];
-        piece.by_sighting.push(pose.into_iter().chain(intrinsics(sighting)));
+        piece
+            .by_sighting
+            .push(pose.into_iter().chain(intrinsics(sighting)));
         shared.extend(intrinsics(sighting));
     }
     shared.sort_unstable();
     shared.dedup();
-    let poses = track.sightings.iter().filter_map(|sighting| layout.poses[sighting.image as usize]);
+    let poses = track
+        .sightings
+        .iter()
+        .filter_map(|sighting| layout.poses[sighting.image as usize]);
     let blocks: Vec<usize> = poses.chain(shared).collect();
     if let Some(&lowest) = blocks.first() {
         for &block in &blocks {
             layout.first[block] = layout.first[block].min(lowest);
         }
     }
-    piece.by_point.push(if options.fixed_points { Vec::new() } else { blocks });
+    piece.by_point.push(if options.fixed_points {
+        Vec::new()
+    } else {
+        blocks
+    });
     piece.ids.push(track.point);
     piece.points.push(bundle.points[track.point as usize]);
     piece.sightings.extend(track.sightings);

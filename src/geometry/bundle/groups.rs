@@ -52,7 +52,8 @@ impl Groups {
         if self.starts.is_empty() {
             self.starts.push(0);
         }
-        self.blocks.extend(blocks.into_iter().map(|block| block as u32));
+        self.blocks
+            .extend(blocks.into_iter().map(|block| block as u32));
         self.starts.push(self.blocks.len() as u32);
     }
 
@@ -64,11 +65,19 @@ impl Groups {
             for at in entries.clone() {
                 let beyond = (at..entries.end).find(|&other| blocks[other] > blocks[at]);
                 let (first, end) = (entries.start as u32, beyond.unwrap_or(entries.end) as u32);
-                self.sorted.push(Entry { at: at as u32, group: group as u32, first, end });
+                self.sorted.push(Entry {
+                    at: at as u32,
+                    group: group as u32,
+                    first,
+                    end,
+                });
             }
         }
         self.sorted.sort_by_key(|entry| blocks[entry.at as usize]);
-        let begin = |block: usize| self.sorted.partition_point(|e| (blocks[e.at as usize] as usize) < block) as u32;
+        let begin = |block: usize| {
+            self.sorted
+                .partition_point(|e| (blocks[e.at as usize] as usize) < block) as u32
+        };
         self.row_starts = (0..=count).map(begin).collect();
     }
 
@@ -85,8 +94,18 @@ impl Groups {
 
     /// Each entry of a block: the entry, its group, and its partners in that group (itself among them).
     #[inline(always)]
-    pub fn of_block(&self, block: usize) -> impl Iterator<Item = (usize, usize, std::ops::Range<usize>)> {
-        let entries = &self.sorted[self.row_starts[block] as usize..self.row_starts[block + 1] as usize];
-        entries.iter().map(|entry| (entry.at as usize, entry.group as usize, entry.first as usize..entry.end as usize))
+    pub fn of_block(
+        &self,
+        block: usize,
+    ) -> impl Iterator<Item = (usize, usize, std::ops::Range<usize>)> {
+        let entries =
+            &self.sorted[self.row_starts[block] as usize..self.row_starts[block + 1] as usize];
+        entries.iter().map(|entry| {
+            (
+                entry.at as usize,
+                entry.group as usize,
+                entry.first as usize..entry.end as usize,
+            )
+        })
     }
 }

@@ -40,8 +40,10 @@ pub(super) struct Seen {
 impl Lens {
     pub fn new(camera: &Camera, refine: Refine) -> Self {
         let (slots, used) = slots(&camera.distortion);
-        let fisheye =
-            matches!(camera.distortion, Distortion::OpenCvFisheye { .. } | Distortion::ThinPrismFisheye { .. });
+        let fisheye = matches!(
+            camera.distortion,
+            Distortion::OpenCvFisheye { .. } | Distortion::ThinPrismFisheye { .. }
+        );
         let mut lens = Self {
             focal: camera.focal_px,
             principal: camera.principal_px,
@@ -62,15 +64,25 @@ impl Lens {
 
     /// How many intrinsics are refined, fewer than [`INTRINSICS`].
     pub fn intrinsics(&self) -> usize {
-        let Refine { focal, principal, distortion } = self.refine;
-        usize::from(focal) + if principal { 2 } else { 0 } + if distortion { self.used.len() } else { 0 }
+        let Refine {
+            focal,
+            principal,
+            distortion,
+        } = self.refine;
+        usize::from(focal)
+            + if principal { 2 } else { 0 }
+            + if distortion { self.used.len() } else { 0 }
     }
 
     /// Pixel position of a point in camera space; `None` where [`Camera::project`] has none.
     #[inline(always)]
     pub fn project(&self, x: DVec3) -> Option<DVec2> {
         let q = self.at_plane(x)?;
-        let q = if self.fisheye { q * draw_in(q.length_squared()).0 } else { q };
+        let q = if self.fisheye {
+            q * draw_in(q.length_squared()).0
+        } else {
+            q
+        };
         let at_px = self.distort(q)?.0 * self.focal + self.principal;
         at_px.is_finite().then_some(at_px)
     }
@@ -79,13 +91,20 @@ impl Lens {
     #[inline(always)]
     pub fn see(&self, x: DVec3) -> Option<Seen> {
         let plane = self.at_plane(x)?;
-        let (q, by_plane) = if self.fisheye { draw_in_jacobian(plane) } else { (plane, DMat2::IDENTITY) };
+        let (q, by_plane) = if self.fisheye {
+            draw_in_jacobian(plane)
+        } else {
+            (plane, DMat2::IDENTITY)
+        };
         let (distorted, by_q) = self.distort(q)?;
         let jacobian = if self.fisheye { by_q * by_plane } else { by_q };
         let at_px = distorted * self.focal + self.principal;
         // d(x/z, y/z) / dx = (1, 0, −u; 0, 1, −v) / z.
         let row = |a: DVec2| DVec3::new(a.x, a.y, -a.dot(plane)) / x.z;
-        let by_point = [row(self.focal.x * jacobian.row(0)), row(self.focal.y * jacobian.row(1))];
+        let by_point = [
+            row(self.focal.x * jacobian.row(0)),
+            row(self.focal.y * jacobian.row(1)),
+        ];
         (at_px.is_finite() && by_point[0].is_finite() && by_point[1].is_finite()).then_some(Seen {
             at_px,
             by_point,
@@ -196,20 +215,33 @@ impl Lens {
 
     /// The squared radius up to which the distorted radius grows.
     fn find_fold(&self) -> f64 {
-        let squared = |angle: f64| if self.fisheye { angle * angle } else { angle.tan().powi(2) };
+        let squared = |angle: f64| {
+            if self.fisheye {
+                angle * angle
+            } else {
+                angle.tan().powi(2)
+            }
+        };
         let grows = |angle: f64| {
             let s = squared(angle);
             let (factor, slope) = self.radial(s);
             factor + 2.0 * s * slope > 0.0
         };
         let step = std::f64::consts::FRAC_PI_2 / f64::from(FOLD_STEPS);
-        let Some(first) = (1..FOLD_STEPS).map(|k| f64::from(k) * step).find(|&angle| !grows(angle)) else {
+        let Some(first) = (1..FOLD_STEPS)
+            .map(|k| f64::from(k) * step)
+            .find(|&angle| !grows(angle))
+        else {
             return f64::INFINITY;
         };
         let (mut below, mut above) = (first - step, first);
         for _ in 0..50 {
             let middle = 0.5 * (below + above);
-            if grows(middle) { below = middle } else { above = middle }
+            if grows(middle) {
+                below = middle
+            } else {
+                above = middle
+            }
         }
         squared(below)
     }
@@ -231,7 +263,10 @@ fn draw_in(s: f64) -> (f64, f64) {
 fn draw_in_jacobian(plane: DVec2) -> (DVec2, DMat2) {
     let (factor, slope) = draw_in(plane.length_squared());
     let bend = slope * plane;
-    let jacobian = DMat2::from_cols(plane * bend.x + DVec2::new(factor, 0.0), plane * bend.y + DVec2::new(0.0, factor));
+    let jacobian = DMat2::from_cols(
+        plane * bend.x + DVec2::new(factor, 0.0),
+        plane * bend.y + DVec2::new(0.0, factor),
+    );
     (plane * factor, jacobian)
 }
 
@@ -248,13 +283,15 @@ fn slots(distortion: &Distortion) -> ([f64; SLOTS], &'static [usize]) {
         Distortion::None => fill(&[], &[]),
         Distortion::Radial { k } => fill(&k, &[0, 1]),
         Distortion::OpenCv { k, p } => fill(&[k[0], k[1], p[0], p[1]], &[0, 1, 7, 8]),
-        Distortion::FullOpenCv { k, p } => {
-            fill(&[k[0], k[1], k[2], k[3], k[4], k[5], p[0], p[1]], &[0, 1, 2, 4, 5, 6, 7, 8])
-        }
+        Distortion::FullOpenCv { k, p } => fill(
+            &[k[0], k[1], k[2], k[3], k[4], k[5], p[0], p[1]],
+            &[0, 1, 2, 4, 5, 6, 7, 8],
+        ),
         Distortion::OpenCvFisheye { k } => fill(&k, &[0, 1, 2, 3]),
-        Distortion::ThinPrismFisheye { k, p, s } => {
-            fill(&[k[0], k[1], k[2], k[3], p[0], p[1], s[0], s[1]], &[0, 1, 2, 3, 7, 8, 9, 10])
-        }
+        Distortion::ThinPrismFisheye { k, p, s } => fill(
+            &[k[0], k[1], k[2], k[3], p[0], p[1], s[0], s[1]],
+            &[0, 1, 2, 3, 7, 8, 9, 10],
+        ),
     };
     (slots, used)
 }
@@ -265,11 +302,21 @@ fn from_slots(like: &Distortion, slots: &[f64; SLOTS]) -> Distortion {
     match like {
         Distortion::None => Distortion::None,
         Distortion::Radial { .. } => Distortion::Radial { k: [a1, a2] },
-        Distortion::OpenCv { .. } => Distortion::OpenCv { k: [a1, a2], p: [p1, p2] },
-        Distortion::FullOpenCv { .. } => Distortion::FullOpenCv { k: [a1, a2, a3, b1, b2, b3], p: [p1, p2] },
-        Distortion::OpenCvFisheye { .. } => Distortion::OpenCvFisheye { k: [a1, a2, a3, a4] },
-        Distortion::ThinPrismFisheye { .. } => {
-            Distortion::ThinPrismFisheye { k: [a1, a2, a3, a4], p: [p1, p2], s: [sx, sy] }
-        }
+        Distortion::OpenCv { .. } => Distortion::OpenCv {
+            k: [a1, a2],
+            p: [p1, p2],
+        },
+        Distortion::FullOpenCv { .. } => Distortion::FullOpenCv {
+            k: [a1, a2, a3, b1, b2, b3],
+            p: [p1, p2],
+        },
+        Distortion::OpenCvFisheye { .. } => Distortion::OpenCvFisheye {
+            k: [a1, a2, a3, a4],
+        },
+        Distortion::ThinPrismFisheye { .. } => Distortion::ThinPrismFisheye {
+            k: [a1, a2, a3, a4],
+            p: [p1, p2],
+            s: [sx, sy],
+        },
     }
 }

@@ -33,7 +33,13 @@ impl WithSimd for Linearise<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Self { piece, layout, state, damping, out } = self;
+        let Self {
+            piece,
+            layout,
+            state,
+            damping,
+            out,
+        } = self;
         out.by_sighting.resize(&piece.by_sighting);
         out.by_point.resize(&piece.by_point);
         for point in 0..piece.points.len() {
@@ -47,7 +53,13 @@ impl WithSimd for Linearise<'_> {
 
 /// The derivatives of a point's observations.
 #[inline(always)]
-fn observations(piece: &Piece, point: usize, layout: &Layout, state: &State, out: &mut Derivatives) -> PointTerms {
+fn observations(
+    piece: &Piece,
+    point: usize,
+    layout: &Layout,
+    state: &State,
+    out: &mut Derivatives,
+) -> PointTerms {
     let mut terms = PointTerms::default();
     out.rows.clear();
     for at in piece.sightings_of(point) {
@@ -75,7 +87,13 @@ fn observations(piece: &Piece, point: usize, layout: &Layout, state: &State, out
 
 /// What eliminating a point takes away; where its observations do not hold it, they are left out.
 #[inline(always)]
-fn eliminate(piece: &Piece, point: usize, layout: &Layout, factor: Option<PointFactor>, out: &mut Derivatives) {
+fn eliminate(
+    piece: &Piece,
+    point: usize,
+    layout: &Layout,
+    factor: Option<PointFactor>,
+    out: &mut Derivatives,
+) {
     let entries = piece.by_point.entries(point);
     let (by_sighting, by_point) = (&mut out.by_sighting, &mut out.by_point);
     by_point.leave_out(&piece.by_point, point);
@@ -98,9 +116,19 @@ fn eliminate(piece: &Piece, point: usize, layout: &Layout, factor: Option<PointF
         }
         for entry in own {
             let block = piece.by_sighting.blocks[entry];
-            let Some(shared) = entries.clone().rev().find(|&e| piece.by_point.blocks[e] == block) else { continue };
+            let Some(shared) = entries
+                .clone()
+                .rev()
+                .find(|&e| piece.by_point.blocks[e] == block)
+            else {
+                continue;
+            };
             let more = through(&by_sighting.columns[entry], &rows);
-            for (column, more) in by_point.columns[shared].as_flattened_mut().iter_mut().zip(more.as_flattened()) {
+            for (column, more) in by_point.columns[shared]
+                .as_flattened_mut()
+                .iter_mut()
+                .zip(more.as_flattened())
+            {
                 *column += more;
             }
         }
@@ -111,5 +139,7 @@ fn eliminate(piece: &Piece, point: usize, layout: &Layout, factor: Option<PointF
 /// `J_cᵀ (J_p L⁻ᵀ)`.
 #[inline(always)]
 fn through(columns: &[Column; 2], rows: &[DVec3; 2]) -> [Column; 3] {
-    std::array::from_fn(|k| std::array::from_fn(|i| columns[0][i] * rows[0][k] + columns[1][i] * rows[1][k]))
+    std::array::from_fn(|k| {
+        std::array::from_fn(|i| columns[0][i] * rows[0][k] + columns[1][i] * rows[1][k])
+    })
 }

@@ -27,7 +27,12 @@ impl Normal {
     pub fn new(layout: &Layout) -> Self {
         let zero = vec![[0.0; BLOCK]; layout.len()];
         let matrix = Skyline::new(&layout.first);
-        Self { matrix, right: zero.clone(), curvature: zero, wave: vec![Derivatives::default(); WAVE] }
+        Self {
+            matrix,
+            right: zero.clone(),
+            curvature: zero,
+            wave: vec![Derivatives::default(); WAVE],
+        }
     }
 
     /// Builds the equations at `state`. Each row of blocks is summed by one thread in the order of the pieces, so that
@@ -41,16 +46,44 @@ impl Normal {
         let arch = Arch::new();
         for pieces in pieces.chunks(WAVE) {
             let wave = &mut self.wave[..pieces.len()];
-            let fill = |(piece, out)| arch.dispatch(Linearise { piece, layout, state, damping, out });
+            let fill = |(piece, out)| {
+                arch.dispatch(Linearise {
+                    piece,
+                    layout,
+                    state,
+                    damping,
+                    out,
+                })
+            };
             pieces.par_iter().zip(wave.par_iter_mut()).for_each(fill);
-            let rows = self.matrix.rows.par_iter_mut().zip(&mut self.right).zip(&mut self.curvature).enumerate();
+            let rows = self
+                .matrix
+                .rows
+                .par_iter_mut()
+                .zip(&mut self.right)
+                .zip(&mut self.curvature)
+                .enumerate();
             let wave = &*wave;
             rows.for_each(|(block, ((row, right), curvature))| {
                 for (piece, derivatives) in pieces.iter().zip(wave) {
                     let (groups, factors) = (&piece.by_sighting, &derivatives.by_sighting);
-                    arch.dispatch(Add { block, curvature: Some(curvature), row, right, groups, factors });
+                    arch.dispatch(Add {
+                        block,
+                        curvature: Some(curvature),
+                        row,
+                        right,
+                        groups,
+                        factors,
+                    });
                     let (groups, factors) = (&piece.by_point, &derivatives.by_point);
-                    arch.dispatch(Add { block, curvature: None, row, right, groups, factors });
+                    arch.dispatch(Add {
+                        block,
+                        curvature: None,
+                        row,
+                        right,
+                        groups,
+                        factors,
+                    });
                 }
             });
         }
@@ -64,8 +97,16 @@ impl Normal {
 
     /// Adds to the diagonal; an unknown that nothing depends on is made to stay.
     fn damp(&mut self, damping: f64) {
-        for ((row, right), curvature) in self.matrix.rows.iter_mut().zip(&mut self.right).zip(&self.curvature) {
-            let Some(block) = row.blocks.last_mut() else { continue };
+        for ((row, right), curvature) in self
+            .matrix
+            .rows
+            .iter_mut()
+            .zip(&mut self.right)
+            .zip(&self.curvature)
+        {
+            let Some(block) = row.blocks.last_mut() else {
+                continue;
+            };
             let largest = curvature.iter().fold(0.0f64, |a, &b| a.max(b));
             for (i, &own) in curvature.iter().enumerate() {
                 if own > 0.0 {
@@ -94,7 +135,14 @@ impl<const K: usize> WithSimd for Add<'_, K> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Self { block, mut curvature, row, right, groups, factors } = self;
+        let Self {
+            block,
+            mut curvature,
+            row,
+            right,
+            groups,
+            factors,
+        } = self;
         let sign = if curvature.is_some() { -1.0 } else { 1.0 };
         for (entry, group, partners) in groups.of_block(block) {
             let signed = factors.columns[entry].map(|column| column.map(|v| sign * v));

@@ -48,7 +48,11 @@ pub struct Refine {
 
 impl Refine {
     /// The intrinsics are known and stay as they are.
-    pub const NOTHING: Self = Self { focal: false, principal: false, distortion: false };
+    pub const NOTHING: Self = Self {
+        focal: false,
+        principal: false,
+        distortion: false,
+    };
 }
 
 /// What [`super::adjust`] may change, and when it ends.

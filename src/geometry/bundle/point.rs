@@ -19,7 +19,14 @@ impl PointTerms {
     #[inline(always)]
     pub fn add(&mut self, by_point: &[DVec3; 2], residual: DVec2) {
         for (d, r) in by_point.iter().zip(residual.to_array()) {
-            let terms = [d.x * d.x, d.x * d.y, d.x * d.z, d.y * d.y, d.y * d.z, d.z * d.z];
+            let terms = [
+                d.x * d.x,
+                d.x * d.y,
+                d.x * d.z,
+                d.y * d.y,
+                d.y * d.z,
+                d.z * d.z,
+            ];
             for (v, term) in self.v.iter_mut().zip(terms) {
                 *v += term;
             }
@@ -38,7 +45,13 @@ impl PointTerms {
         let e = (yz - b * c) / d;
         let f = (zz * more - c * c - e * e).sqrt();
         let inverse_diagonal = [1.0 / a, 1.0 / d, 1.0 / f];
-        inverse_diagonal.iter().all(|v| v.is_finite()).then_some(PointFactor { inverse_diagonal, below: [b, c, e] })
+        inverse_diagonal
+            .iter()
+            .all(|v| v.is_finite())
+            .then_some(PointFactor {
+                inverse_diagonal,
+                below: [b, c, e],
+            })
     }
 
     /// The point's step.

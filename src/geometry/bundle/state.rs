@@ -60,18 +60,47 @@ impl Observed<'_> {
         self.lens.by_intrinsics(&self.seen, &mut by);
         std::array::from_fn(|block| {
             let of = |i: usize| self.weight * by[block * BLOCK + i];
-            [std::array::from_fn(|i| of(i).x), std::array::from_fn(|i| of(i).y)]
+            [
+                std::array::from_fn(|i| of(i).x),
+                std::array::from_fn(|i| of(i).y),
+            ]
         })
     }
 }
 
 impl State {
     pub fn new(bundle: &Bundle, options: &BundleOptions) -> Self {
-        let refine = |camera: usize| options.refine.get(camera).copied().unwrap_or(Refine::NOTHING);
-        let lenses = bundle.cameras.iter().enumerate().map(|(i, camera)| Lens::new(camera, refine(i))).collect();
-        let poses: Vec<Pose> = bundle.images.iter().map(|image| image.camera_from_world).collect();
-        let views = bundle.images.iter().zip(&poses).map(|(image, pose)| view(pose, image.camera as usize)).collect();
-        Self { cameras: bundle.cameras.clone(), poses, lenses, views, loss: options.loss }
+        let refine = |camera: usize| {
+            options
+                .refine
+                .get(camera)
+                .copied()
+                .unwrap_or(Refine::NOTHING)
+        };
+        let lenses = bundle
+            .cameras
+            .iter()
+            .enumerate()
+            .map(|(i, camera)| Lens::new(camera, refine(i)))
+            .collect();
+        let poses: Vec<Pose> = bundle
+            .images
+            .iter()
+            .map(|image| image.camera_from_world)
+            .collect();
+        let views = bundle
+            .images
+            .iter()
+            .zip(&poses)
+            .map(|(image, pose)| view(pose, image.camera as usize))
+            .collect();
+        Self {
+            cameras: bundle.cameras.clone(),
+            poses,
+            lenses,
+            views,
+            loss: options.loss,
+        }
     }
 
     /// How many intrinsics of a camera are refined.
@@ -95,7 +124,8 @@ impl State {
         for (camera, blocks) in layout.intrinsics.iter().enumerate() {
             if !blocks.is_empty() {
                 let lens = &self.lenses[camera];
-                moved.cameras[camera] = lens.moved(&self.cameras[camera], step[blocks.clone()].as_flattened());
+                moved.cameras[camera] =
+                    lens.moved(&self.cameras[camera], step[blocks.clone()].as_flattened());
                 moved.lenses[camera] = lens.of(&moved.cameras[camera]);
             }
         }
@@ -105,7 +135,9 @@ impl State {
     /// Whether a point is seen by the image at all.
     pub fn sees(&self, point: DVec3, image: u32) -> bool {
         let view = &self.views[image as usize];
-        self.lenses[view.camera].project(view.rotation * point + view.translation).is_some()
+        self.lenses[view.camera]
+            .project(view.rotation * point + view.translation)
+            .is_some()
     }
 
     /// The loss of one observation in px². One that has gone behind its camera costs as much as an error of the
@@ -134,18 +166,38 @@ impl State {
         let residual = seen.at_px - sighting.at_px;
         let weight = self.loss.weight(residual.length_squared()).sqrt();
         let by_x = seen.by_point.map(|d| weight * d);
-        let by_point = by_x
-            .map(|d| DVec3::new(view.rotation.x_axis.dot(d), view.rotation.y_axis.dot(d), view.rotation.z_axis.dot(d)));
-        Some(Observed { residual: weight * residual, x, by_x, by_point, weight, seen, lens })
+        let by_point = by_x.map(|d| {
+            DVec3::new(
+                view.rotation.x_axis.dot(d),
+                view.rotation.y_axis.dot(d),
+                view.rotation.z_axis.dot(d),
+            )
+        });
+        Some(Observed {
+            residual: weight * residual,
+            x,
+            by_x,
+            by_point,
+            weight,
+            seen,
+            lens,
+        })
     }
 }
 
 fn view(pose: &Pose, camera: usize) -> View {
-    View { rotation: DMat3::from_quat(pose.rotation), translation: pose.translation, camera }
+    View {
+        rotation: DMat3::from_quat(pose.rotation),
+        translation: pose.translation,
+        camera,
+    }
 }
 
 fn moved_pose(pose: &Pose, step: &Column) -> Pose {
     let [a, b, c, x, y, z] = *step;
-    let turn = Pose { rotation: DQuat::from_scaled_axis(DVec3::new(a, b, c)), translation: DVec3::new(x, y, z) };
+    let turn = Pose {
+        rotation: DQuat::from_scaled_axis(DVec3::new(a, b, c)),
+        translation: DVec3::new(x, y, z),
+    };
     turn.compose(pose)
 }

@@ -31,7 +31,9 @@ pub(super) struct Outcome {
 /// Half the sum of the loss over all pieces, in px².
 pub(super) fn cost(pieces: &[Piece], state: &State) -> f64 {
     let of = |piece: &Piece| -> f64 {
-        (0..piece.points.len()).map(|point| cost_at(piece, point, piece.points[point], state)).sum()
+        (0..piece.points.len())
+            .map(|point| cost_at(piece, point, piece.points[point], state))
+            .sum()
     };
     let costs: Vec<f64> = pieces.par_iter().map(of).collect();
     costs.iter().sum()
@@ -42,12 +44,16 @@ impl Trial<'_> {
     /// the pieces.
     pub fn evaluate(&self, pieces: &mut [Piece]) -> Outcome {
         let arch = Arch::new();
-        let outcomes: Vec<Outcome> =
-            pieces.par_iter_mut().map(|piece| arch.dispatch(TrialOf { trial: self, piece })).collect();
-        outcomes.iter().fold(Outcome::default(), |sum, outcome| Outcome {
-            cost: sum.cost + outcome.cost,
-            predicted: sum.predicted + outcome.predicted,
-        })
+        let outcomes: Vec<Outcome> = pieces
+            .par_iter_mut()
+            .map(|piece| arch.dispatch(TrialOf { trial: self, piece }))
+            .collect();
+        outcomes
+            .iter()
+            .fold(Outcome::default(), |sum, outcome| Outcome {
+                cost: sum.cost + outcome.cost,
+                predicted: sum.predicted + outcome.predicted,
+            })
     }
 
     /// The step of one point that belongs to the step of poses and intrinsics, and by how much the model's cost falls.
@@ -56,7 +62,9 @@ impl Trial<'_> {
         let mut terms = PointTerms::default();
         let mut change = 0.0;
         for sighting in &piece.sightings[piece.sightings_of(point)] {
-            let Some(observed) = self.state.observe(piece.points[point], sighting) else { continue };
+            let Some(observed) = self.state.observe(piece.points[point], sighting) else {
+                continue;
+            };
             let shift = self.shift(&observed, sighting.image);
             terms.add(&observed.by_point, observed.residual + shift);
             change += shift.dot(observed.residual + 0.5 * shift);
@@ -64,7 +72,9 @@ impl Trial<'_> {
         if self.layout.fixed_points {
             return (DVec3::ZERO, -change);
         }
-        let Some(factor) = terms.factor(self.damping) else { return (DVec3::ZERO, 0.0) };
+        let Some(factor) = terms.factor(self.damping) else {
+            return (DVec3::ZERO, 0.0);
+        };
         let step = terms.step(&factor);
         (step, -change - terms.change(step))
     }
@@ -79,7 +89,11 @@ impl Trial<'_> {
         }
         let intrinsics = &self.layout.intrinsics[self.state.camera_of(image)];
         if !intrinsics.is_empty() {
-            for ([x, y], step) in observed.by_intrinsics().iter().zip(&self.step[intrinsics.clone()]) {
+            for ([x, y], step) in observed
+                .by_intrinsics()
+                .iter()
+                .zip(&self.step[intrinsics.clone()])
+            {
                 shift += DVec2::new(dot(x, step), dot(y, step));
             }
         }
@@ -113,5 +127,8 @@ impl WithSimd for TrialOf<'_> {
 #[inline(always)]
 fn cost_at(piece: &Piece, point: usize, at: DVec3, state: &State) -> f64 {
     let sightings = &piece.sightings[piece.sightings_of(point)];
-    sightings.iter().map(|sighting| 0.5 * state.cost(at, sighting)).sum()
+    sightings
+        .iter()
+        .map(|sighting| 0.5 * state.cost(at, sighting))
+        .sum()
 }

@@ -50,7 +50,10 @@ pub struct Consensus<M> {
 /// (O. Chum, J. Matas, J. Kittler, *Locally Optimized RANSAC*, DAGM 2003). Every second sample prefers early
 /// correspondences, in the spirit of O. Chum, J. Matas, *Matching with PROSAC*, CVPR 2005. `None` where fewer than
 /// `min_inliers` agree.
-pub fn consensus<E: Estimator>(estimator: &E, options: &RansacOptions) -> Option<Consensus<E::Model>> {
+pub fn consensus<E: Estimator>(
+    estimator: &E,
+    options: &RansacOptions,
+) -> Option<Consensus<E::Model>> {
     let count = estimator.count();
     if count < E::SAMPLE.max(options.min_inliers) {
         return None;
@@ -71,7 +74,11 @@ pub fn consensus<E: Estimator>(estimator: &E, options: &RansacOptions) -> Option
         iteration += 1;
         models.clear();
         estimator.fit(sample, &mut models);
-        if let Some(better) = best_of(estimator, &models, best.as_ref().map_or(f64::INFINITY, |b| b.cost)) {
+        if let Some(better) = best_of(
+            estimator,
+            &models,
+            best.as_ref().map_or(f64::INFINITY, |b| b.cost),
+        ) {
             let found = optimised(estimator, better);
             if found.inliers.len() >= options.min_inliers {
                 needed = trials(options, sampler.shares(&found.inliers), E::SAMPLE);
@@ -83,7 +90,11 @@ pub fn consensus<E: Estimator>(estimator: &E, options: &RansacOptions) -> Option
 }
 
 /// The model that costs least, where it costs less than `enough`.
-fn best_of<E: Estimator>(estimator: &E, models: &[E::Model], mut enough: f64) -> Option<(E::Model, f64)> {
+fn best_of<E: Estimator>(
+    estimator: &E,
+    models: &[E::Model],
+    mut enough: f64,
+) -> Option<(E::Model, f64)> {
     let mut best = None;
     for model in models {
         let cost = estimator.cost(model, enough);
@@ -101,9 +112,14 @@ const MIN_ITERATIONS: usize = 60;
 /// How often the refined model is refined again.
 const REFINEMENTS: usize = 3;
 
-fn optimised<E: Estimator>(estimator: &E, (mut model, mut cost): (E::Model, f64)) -> Consensus<E::Model> {
+fn optimised<E: Estimator>(
+    estimator: &E,
+    (mut model, mut cost): (E::Model, f64),
+) -> Consensus<E::Model> {
     for _ in 0..REFINEMENTS {
-        let Some(refined) = estimator.refine(&model) else { break };
+        let Some(refined) = estimator.refine(&model) else {
+            break;
+        };
         let its_cost = estimator.cost(&refined, cost);
         let gain = cost - its_cost;
         if gain.is_nan() || gain <= 0.0 {
@@ -115,15 +131,29 @@ fn optimised<E: Estimator>(estimator: &E, (mut model, mut cost): (E::Model, f64)
             break;
         }
     }
-    Consensus { model, inliers: estimator.inliers(&model), cost }
+    Consensus {
+        model,
+        inliers: estimator.inliers(&model),
+        cost,
+    }
 }
 
 /// Samples after which one without outliers was drawn with the wanted probability, given the probabilities that a
 /// correspondence of an early and of a uniform sample is an inlier; the two kinds take turns.
 fn trials(options: &RansacOptions, shares: [f64; 2], sample: usize) -> usize {
     let power = i32::try_from(sample).unwrap_or(i32::MAX);
-    let tainted: f64 = shares.map(|share| (1.0 - share.min(1.0).powi(power)).max(f64::MIN_POSITIVE).ln()).iter().sum();
+    let tainted: f64 = shares
+        .map(|share| {
+            (1.0 - share.min(1.0).powi(power))
+                .max(f64::MIN_POSITIVE)
+                .ln()
+        })
+        .iter()
+        .sum();
     let wanted = 2.0 * (1.0 - options.confidence).max(f64::MIN_POSITIVE).ln() / tainted;
     // A float beyond the range becomes the largest number.
-    (wanted.ceil() as usize).clamp(MIN_ITERATIONS.min(options.max_iterations), options.max_iterations)
+    (wanted.ceil() as usize).clamp(
+        MIN_ITERATIONS.min(options.max_iterations),
+        options.max_iterations,
+    )
 }

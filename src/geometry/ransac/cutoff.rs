@@ -19,7 +19,13 @@ impl<'a, B, E: Fn(&B) -> [f64; LANES]> Cutoff<'a, B, E> {
     /// Of `count` correspondences in blocks, whose squared errors `errors` tells; cut off at `limit`, and free to end
     /// early above `enough`.
     pub fn new(blocks: &'a [B], count: usize, [limit, enough]: [f64; 2], errors: E) -> Self {
-        Self { blocks, count, limit, enough, errors }
+        Self {
+            blocks,
+            count,
+            limit,
+            enough,
+            errors,
+        }
     }
 }
 
@@ -28,7 +34,13 @@ impl<B, E: Fn(&B) -> [f64; LANES]> WithSimd for Cutoff<'_, B, E> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> f64 {
-        let Self { blocks, count, limit, enough, errors } = self;
+        let Self {
+            blocks,
+            count,
+            limit,
+            enough,
+            errors,
+        } = self;
         let mut total = -limit * (blocks.len() * LANES - count) as f64;
         for chunk in blocks.chunks(BLOCKS_BETWEEN_CHECKS) {
             let mut sums = [0.0; LANES];
@@ -36,7 +48,11 @@ impl<B, E: Fn(&B) -> [f64; LANES]> WithSimd for Cutoff<'_, B, E> {
                 let errors = errors(block);
                 for lane in 0..LANES {
                     // NaN compares false and costs the limit.
-                    sums[lane] += if errors[lane] < limit { errors[lane] } else { limit };
+                    sums[lane] += if errors[lane] < limit {
+                        errors[lane]
+                    } else {
+                        limit
+                    };
                 }
             }
             total += sums.iter().sum::<f64>();
@@ -53,7 +69,11 @@ pub fn within<B>(blocks: &[B], limit: f64, errors: impl Fn(&B) -> [f64; LANES]) 
     let mut places = Vec::new();
     for (at, block) in blocks.iter().enumerate() {
         let errors = errors(block);
-        places.extend((0..LANES).filter(|&lane| errors[lane] < limit).map(|lane| (at * LANES + lane) as u32));
+        places.extend(
+            (0..LANES)
+                .filter(|&lane| errors[lane] < limit)
+                .map(|lane| (at * LANES + lane) as u32),
+        );
     }
     places
 }

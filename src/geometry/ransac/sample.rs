@@ -9,7 +9,10 @@ pub(super) struct Sampler {
 
 impl Sampler {
     pub fn new(seed: u64, count: usize) -> Self {
-        Self { random: Pcg64Mcg::seed_from_u64(seed), count }
+        Self {
+            random: Pcg64Mcg::seed_from_u64(seed),
+            count,
+        }
     }
 
     /// Fills `sample` with different indices, each as likely as the others; `sample` may not be longer than the count.
@@ -26,7 +29,10 @@ impl Sampler {
     pub fn shares(&self, places: &[u32]) -> [f64; 2] {
         let count = self.count as f64;
         let below = |place: f64| (place / count).cbrt();
-        let early = places.iter().map(|&place| below(f64::from(place) + 1.0) - below(f64::from(place))).sum();
+        let early = places
+            .iter()
+            .map(|&place| below(f64::from(place) + 1.0) - below(f64::from(place)))
+            .sum();
         [early, places.len() as f64 / count]
     }
 

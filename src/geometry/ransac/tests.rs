@@ -31,18 +31,31 @@ impl Estimator for Line {
     }
 
     fn cost(&self, line: &[f64; 2], _enough: f64) -> f64 {
-        (0..self.points.len()).map(|i| self.miss(line, i).min(self.limit).powi(2)).sum()
+        (0..self.points.len())
+            .map(|i| self.miss(line, i).min(self.limit).powi(2))
+            .sum()
     }
 
     fn inliers(&self, line: &[f64; 2]) -> Vec<u32> {
-        (0..self.points.len() as u32).filter(|&i| self.miss(line, i as usize) < self.limit).collect()
+        (0..self.points.len() as u32)
+            .filter(|&i| self.miss(line, i as usize) < self.limit)
+            .collect()
     }
 
     fn refine(&self, line: &[f64; 2]) -> Option<[f64; 2]> {
-        let chosen: Vec<[f64; 2]> = self.inliers(line).iter().map(|&i| self.points[i as usize]).collect();
+        let chosen: Vec<[f64; 2]> = self
+            .inliers(line)
+            .iter()
+            .map(|&i| self.points[i as usize])
+            .collect();
         let count = chosen.len() as f64;
         let mean = [0, 1].map(|k| chosen.iter().map(|p| p[k]).sum::<f64>() / count);
-        let [xy, xx] = [1, 0].map(|k| chosen.iter().map(|p| (p[0] - mean[0]) * (p[k] - mean[k])).sum::<f64>());
+        let [xy, xx] = [1, 0].map(|k| {
+            chosen
+                .iter()
+                .map(|p| (p[0] - mean[0]) * (p[k] - mean[k]))
+                .sum::<f64>()
+        });
         (count > 2.0).then(|| [xy / xx, mean[1] - xy / xx * mean[0]])
     }
 }
@@ -54,19 +67,35 @@ fn points(good: usize, bad: usize) -> Line {
         let x: f64 = random.random_range(-10.0..10.0);
         let noise = random.random_range(-0.05..0.05);
         // Good ones last: the order must not decide.
-        points.push([x, if i < bad { random.random_range(-20.0..20.0) } else { 2.0 * x - 1.0 + noise }]);
+        points.push([
+            x,
+            if i < bad {
+                random.random_range(-20.0..20.0)
+            } else {
+                2.0 * x - 1.0 + noise
+            },
+        ]);
     }
     Line { points, limit: 0.1 }
 }
 
-const OPTIONS: RansacOptions =
-    RansacOptions { confidence: 0.999, max_iterations: 5000, max_vain: 1000, min_inliers: 10, seed: 3 };
+const OPTIONS: RansacOptions = RansacOptions {
+    confidence: 0.999,
+    max_iterations: 5000,
+    max_vain: 1000,
+    min_inliers: 10,
+    seed: 3,
+};
 
 #[test]
 fn finds_the_line_among_outliers_and_the_same_again() {
     let lines = points(60, 140);
     let found = consensus(&lines, &OPTIONS).unwrap();
-    assert!((found.model[0] - 2.0).abs() < 2e-3 && (found.model[1] + 1.0).abs() < 1e-2, "{:?}", found.model);
+    assert!(
+        (found.model[0] - 2.0).abs() < 2e-3 && (found.model[1] + 1.0).abs() < 1e-2,
+        "{:?}",
+        found.model
+    );
     assert!(found.inliers.len() >= 60 && found.inliers.is_sorted());
     assert_eq!(found, consensus(&lines, &OPTIONS).unwrap());
 }
@@ -75,5 +104,14 @@ fn finds_the_line_among_outliers_and_the_same_again() {
 fn too_few_that_agree_are_none() {
     assert_eq!(consensus(&points(5, 60), &OPTIONS), None);
     assert_eq!(consensus(&points(9, 0), &OPTIONS), None);
-    assert_eq!(consensus(&points(0, 0), &RansacOptions { min_inliers: 0, ..OPTIONS }), None);
+    assert_eq!(
+        consensus(
+            &points(0, 0),
+            &RansacOptions {
+                min_inliers: 0,
+                ..OPTIONS
+            }
+        ),
+        None
+    );
 }

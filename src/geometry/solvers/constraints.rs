@@ -17,14 +17,30 @@ pub(super) fn essential_constraints(basis: &[[f64; 9]; 4]) -> [[f64; 20]; 10] {
         std::array::from_fn(|k| lanes(basis[k][3 * i], basis[k][3 * i + 1], basis[k][3 * i + 2]))
     };
     let e = [row(0), row(1), row(2)];
-    let gram = |i: usize, k: usize| square(&e[i], &e[k]).map(|lanes| f64x4::splat(lanes.reduce_add()));
-    let (aa, bb, cc, ab, ac, bc) = (gram(0, 0), gram(1, 1), gram(2, 2), gram(0, 1), gram(0, 2), gram(1, 2));
+    let gram =
+        |i: usize, k: usize| square(&e[i], &e[k]).map(|lanes| f64x4::splat(lanes.reduce_add()));
+    let (aa, bb, cc, ab, ac, bc) = (
+        gram(0, 0),
+        gram(1, 1),
+        gram(2, 2),
+        gram(0, 1),
+        gram(0, 2),
+        gram(1, 2),
+    );
     // E Eᵀ − trace / 2 on the diagonal: half of what the other two leave out.
     let half = |plus: &Quadratic, minus: [&Quadratic; 2]| -> Quadratic {
         std::array::from_fn(|m| (plus[m] - minus[0][m] - minus[1][m]) * 0.5)
     };
-    let diagonal = [half(&aa, [&bb, &cc]), half(&bb, [&aa, &cc]), half(&cc, [&aa, &bb])];
-    let rows = [[&diagonal[0], &ab, &ac], [&ab, &diagonal[1], &bc], [&ac, &bc, &diagonal[2]]];
+    let diagonal = [
+        half(&aa, [&bb, &cc]),
+        half(&bb, [&aa, &cc]),
+        half(&cc, [&aa, &bb]),
+    ];
+    let rows = [
+        [&diagonal[0], &ab, &ac],
+        [&ab, &diagonal[1], &bc],
+        [&ac, &bc, &diagonal[2]],
+    ];
     let mut equations = [[0.0; 20]; 10];
     for (i, factors) in rows.iter().enumerate() {
         let mut sum = [f64x4::ZERO; 20];

@@ -39,9 +39,15 @@ impl Centring {
         let total: f64 = weights.iter().sum();
         let weighted = || pairs.iter().zip(weights).map(|(pair, &w)| (pair[side], w));
         let centre = weighted().map(|(x, w)| x * w).sum::<DVec2>() / total;
-        let spread = weighted().map(|(x, w)| w * x.distance_squared(centre)).sum::<f64>() / total;
+        let spread = weighted()
+            .map(|(x, w)| w * x.distance_squared(centre))
+            .sum::<f64>()
+            / total;
         let rounding = 1e-24 * (1.0 + centre.length_squared());
-        (spread.is_finite() && spread > rounding).then(|| Self { centre, scale: (2.0 / spread).sqrt() })
+        (spread.is_finite() && spread > rounding).then(|| Self {
+            centre,
+            scale: (2.0 / spread).sqrt(),
+        })
     }
 
     pub fn apply(&self, x: DVec2) -> DVec2 {
@@ -50,7 +56,9 @@ impl Centring {
 
     pub fn matrix(&self) -> DMat3 {
         let shift = -self.scale * self.centre;
-        DMat3::from_cols_array(&[self.scale, 0.0, 0.0, 0.0, self.scale, 0.0, shift.x, shift.y, 1.0])
+        DMat3::from_cols_array(&[
+            self.scale, 0.0, 0.0, 0.0, self.scale, 0.0, shift.x, shift.y, 1.0,
+        ])
     }
 }
 

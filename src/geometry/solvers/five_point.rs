@@ -10,19 +10,29 @@ use super::real_roots::real_roots;
 /// it, as for rays told twice.
 #[must_use]
 pub fn five_point(pairs: &[[DVec2; 2]; 5]) -> Vec<DMat3> {
-    let Some(basis) = null_space::<5, 4>(pairs.map(epipolar_equation)) else { return Vec::new() };
-    let Some(reduced) = eliminate(essential_constraints(&basis)) else { return Vec::new() };
+    let Some(basis) = null_space::<5, 4>(pairs.map(epipolar_equation)) else {
+        return Vec::new();
+    };
+    let Some(reduced) = eliminate(essential_constraints(&basis)) else {
+        return Vec::new();
+    };
     let rows = [0, 2, 4].map(|first| InZ::from_pair(&reduced[first], &reduced[first + 1]));
     let roots = real_roots(&determinant(&rows)).into_iter();
     let basis = basis.map(|entries| from_rows(&entries));
-    roots.filter_map(|z| polished(&basis, solve_at(&rows, z)?)).collect()
+    roots
+        .filter_map(|z| polished(&basis, solve_at(&rows, z)?))
+        .collect()
 }
 
 /// Gauss–Jordan elimination with pivots by rows of the first ten monomials; the rows that then begin with x²z, x²,
 /// y²z, y², xyz, xy, from the eleventh monomial on.
 fn eliminate(mut equations: [[f64; 20]; 10]) -> Option<[[f64; 10]; 6]> {
     for column in 0..10 {
-        let pivot = (column..10).max_by(|&a, &b| equations[a][column].abs().total_cmp(&equations[b][column].abs()))?;
+        let pivot = (column..10).max_by(|&a, &b| {
+            equations[a][column]
+                .abs()
+                .total_cmp(&equations[b][column].abs())
+        })?;
         equations.swap(column, pivot);
         let lead = equations[column][column];
         if lead.is_nan() || lead.abs() < f64::MIN_POSITIVE {
@@ -32,12 +42,20 @@ fn eliminate(mut equations: [[f64; 20]; 10]) -> Option<[[f64; 10]; 6]> {
         row.iter_mut().for_each(|v| *v /= lead);
         equations[column] = row;
         // The first four rows are not needed further on.
-        for other in (4..10).chain(column + 1..4).filter(|&other| other != column) {
+        for other in (4..10)
+            .chain(column + 1..4)
+            .filter(|&other| other != column)
+        {
             let share = equations[other][column];
-            equations[other].iter_mut().zip(&row).for_each(|(v, r)| *v -= share * r);
+            equations[other]
+                .iter_mut()
+                .zip(&row)
+                .for_each(|(v, r)| *v -= share * r);
         }
     }
-    Some(std::array::from_fn(|i| std::array::from_fn(|k| equations[i + 4][k + 10])))
+    Some(std::array::from_fn(|i| {
+        std::array::from_fn(|k| equations[i + 4][k + 10])
+    }))
 }
 
 /// `x(z) · x + y(z) · y + one(z) = 0`, coefficients from the lowest power.
@@ -50,13 +68,25 @@ struct InZ {
 impl InZ {
     /// The first row less z times the second: the leading monomials cancel.
     fn from_pair(a: &[f64; 10], b: &[f64; 10]) -> Self {
-        let cubic = |first: usize| [a[first + 2], a[first + 1] - b[first + 2], a[first] - b[first + 1], -b[first]];
+        let cubic = |first: usize| {
+            [
+                a[first + 2],
+                a[first + 1] - b[first + 2],
+                a[first] - b[first + 1],
+                -b[first],
+            ]
+        };
         let one = [a[9], a[8] - b[9], a[7] - b[8], a[6] - b[7], -b[6]];
-        Self { x: cubic(0), y: cubic(3), one }
+        Self {
+            x: cubic(0),
+            y: cubic(3),
+            one,
+        }
     }
 
     fn at(&self, z: f64) -> DVec3 {
-        let value = |coefficients: &[f64]| coefficients.iter().rev().fold(0.0, |sum, c| sum * z + c);
+        let value =
+            |coefficients: &[f64]| coefficients.iter().rev().fold(0.0, |sum, c| sum * z + c);
         DVec3::new(value(&self.x), value(&self.y), value(&self.one))
     }
 }
@@ -72,7 +102,11 @@ fn determinant(rows: &[InZ; 3]) -> [f64; 11] {
             }
         }
         for (a, m) in minor.iter().enumerate() {
-            rows[k].one.iter().enumerate().for_each(|(b, one)| sum[a + b] += m * one);
+            rows[k]
+                .one
+                .iter()
+                .enumerate()
+                .for_each(|(b, one)| sum[a + b] += m * one);
         }
     }
     sum
@@ -82,7 +116,9 @@ fn determinant(rows: &[InZ; 3]) -> [f64; 11] {
 fn solve_at(rows: &[InZ; 3], z: f64) -> Option<[f64; 4]> {
     let [a, b, c] = [0, 1, 2].map(|i| rows[i].at(z));
     let candidates = [a.cross(b), b.cross(c), c.cross(a)];
-    let best = candidates.into_iter().max_by(|u, v| u.z.abs().total_cmp(&v.z.abs()))?;
+    let best = candidates
+        .into_iter()
+        .max_by(|u, v| u.z.abs().total_cmp(&v.z.abs()))?;
     let shares = [best.x / best.z, best.y / best.z, z, 1.0];
     let norm = shares.iter().map(|v| v * v).sum::<f64>().sqrt();
     norm.is_finite().then(|| shares.map(|v| v / norm))
@@ -128,7 +164,9 @@ fn constraint(e: DMat3) -> DMat3 {
 /// Derivative of [`constraint`] in the direction `d`.
 fn constraint_slope(e: DMat3, d: DMat3) -> DMat3 {
     let turned = e.transpose();
-    2.0 * (d * (turned * e) + e * (d.transpose() * e) + e * (turned * d)) - 2.0 * inner(e, d) * e - inner(e, e) * d
+    2.0 * (d * (turned * e) + e * (d.transpose() * e) + e * (turned * d))
+        - 2.0 * inner(e, d) * e
+        - inner(e, e) * d
 }
 
 fn inner(a: DMat3, b: DMat3) -> f64 {

@@ -36,7 +36,10 @@ fn projective_basis(points: [DVec2; 4]) -> Option<(DMat3, glam::DVec3)> {
     if shares.is_nan() || shares.abs().min_element() <= LINE {
         return None;
     }
-    Some((DMat3::from_cols(a * shares.x, b * shares.y, c * shares.z), shares))
+    Some((
+        DMat3::from_cols(a * shares.x, b * shares.y, c * shares.z),
+        shares,
+    ))
 }
 
 /// The homography with the least weighted algebraic error over four or more pairs, by the direct linear transform on
@@ -52,8 +55,28 @@ pub fn homography(pairs: &[[DVec2; 2]], weights: &[f64]) -> Option<DMat3> {
     for (pair, weight) in pairs.iter().zip(weights) {
         let (x1, x2) = (to_first.apply(pair[0]), to_second.apply(pair[1]));
         let rows = [
-            [x1.x, x1.y, 1.0, 0.0, 0.0, 0.0, -x2.x * x1.x, -x2.x * x1.y, -x2.x],
-            [0.0, 0.0, 0.0, x1.x, x1.y, 1.0, -x2.y * x1.x, -x2.y * x1.y, -x2.y],
+            [
+                x1.x,
+                x1.y,
+                1.0,
+                0.0,
+                0.0,
+                0.0,
+                -x2.x * x1.x,
+                -x2.x * x1.y,
+                -x2.x,
+            ],
+            [
+                0.0,
+                0.0,
+                0.0,
+                x1.x,
+                x1.y,
+                1.0,
+                -x2.y * x1.x,
+                -x2.y * x1.y,
+                -x2.y,
+            ],
         ];
         for i in 0..9 {
             let [u, v] = [weight * rows[0][i], weight * rows[1][i]];

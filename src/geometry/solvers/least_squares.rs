@@ -15,7 +15,11 @@ pub(crate) struct Linearised<const N: usize> {
 
 impl<const N: usize> Linearised<N> {
     /// Nothing summed yet.
-    pub const ZERO: Self = Self { cost: 0.0, normal: [[0.0; N]; N], gradient: [0.0; N] };
+    pub const ZERO: Self = Self {
+        cost: 0.0,
+        normal: [[0.0; N]; N],
+        gradient: [0.0; N],
+    };
 
     /// Adds one residual with its derivative and weight.
     #[inline(always)]
@@ -43,7 +47,9 @@ pub(crate) fn minimise<const N: usize, P: Problem<N>>(start: P, max_steps: usize
     for _ in 0..max_steps {
         let mut damped = here.normal;
         (0..N).for_each(|i| damped[i][i] += damping * damped[i][i] + f64::MIN_POSITIVE);
-        let Some(step) = solve_positive(damped, here.gradient.map(|g| -g)) else { break };
+        let Some(step) = solve_positive(damped, here.gradient.map(|g| -g)) else {
+            break;
+        };
         let trial = state.moved(&step);
         let there = trial.linearise();
         if there.cost < here.cost {
@@ -94,10 +100,23 @@ mod tests {
 
     #[test]
     fn solves_positive_systems_only() {
-        let x = solve_positive([[4.0, 0.0, 0.0], [1.0, 3.0, 0.0], [0.5, -1.0, 2.0]], [7.5, 4.0, 4.5]).unwrap();
+        let x = solve_positive(
+            [[4.0, 0.0, 0.0], [1.0, 3.0, 0.0], [0.5, -1.0, 2.0]],
+            [7.5, 4.0, 4.5],
+        )
+        .unwrap();
         // The whole matrix: [4 1 .5; 1 3 −1; .5 −1 2].
-        let back = [4.0 * x[0] + x[1] + 0.5 * x[2], x[0] + 3.0 * x[1] - x[2], 0.5 * x[0] - x[1] + 2.0 * x[2]];
-        assert!(back.iter().zip([7.5, 4.0, 4.5]).all(|(b, t)| (b - t).abs() < 1e-12), "{back:?}");
+        let back = [
+            4.0 * x[0] + x[1] + 0.5 * x[2],
+            x[0] + 3.0 * x[1] - x[2],
+            0.5 * x[0] - x[1] + 2.0 * x[2],
+        ];
+        assert!(
+            back.iter()
+                .zip([7.5, 4.0, 4.5])
+                .all(|(b, t)| (b - t).abs() < 1e-12),
+            "{back:?}"
+        );
         assert_eq!(solve_positive([[1.0, 0.0], [2.0, 1.0]], [1.0, 1.0]), None);
         assert_eq!(solve_positive([[f64::NAN]], [1.0]), None);
     }
@@ -108,7 +127,10 @@ mod tests {
     impl Problem<2> for Valley {
         fn linearise(&self) -> Linearised<2> {
             let [x, y] = self.0;
-            let rows = [(1.0 - x, [-1.0, 0.0]), (10.0 * (y - x * x), [-20.0 * x, 10.0])];
+            let rows = [
+                (1.0 - x, [-1.0, 0.0]),
+                (10.0 * (y - x * x), [-20.0 * x, 10.0]),
+            ];
             let mut sum = Linearised::ZERO;
             for (residual, slope) in rows {
                 sum.cost += residual * residual;

@@ -2,7 +2,17 @@ use glam::{DMat3, DVec2};
 
 /// The equation `x2ᵀ M x1 = 0` of a pair of rays, by the nine entries of `M` row by row.
 pub(super) fn epipolar_equation([x1, x2]: [DVec2; 2]) -> [f64; 9] {
-    [x2.x * x1.x, x2.x * x1.y, x2.x, x2.y * x1.x, x2.y * x1.y, x2.y, x1.x, x1.y, 1.0]
+    [
+        x2.x * x1.x,
+        x2.x * x1.y,
+        x2.x,
+        x2.y * x1.x,
+        x2.y * x1.y,
+        x2.y,
+        x1.x,
+        x1.y,
+        1.0,
+    ]
 }
 
 /// A matrix from its nine entries row by row.
@@ -15,7 +25,9 @@ const NEW_SHARE: f64 = 1e-12;
 
 /// Orthonormal basis of all vectors that `ROWS` equations send to zero, with `FREE = 9 − ROWS`, by Householder's
 /// reflections; `None` where the equations depend on each other or are not finite.
-pub(super) fn null_space<const ROWS: usize, const FREE: usize>(mut rows: [[f64; 9]; ROWS]) -> Option<[[f64; 9]; FREE]> {
+pub(super) fn null_space<const ROWS: usize, const FREE: usize>(
+    mut rows: [[f64; 9]; ROWS],
+) -> Option<[[f64; 9]; FREE]> {
     const { assert!(ROWS + FREE == 9) };
     let mut mirrors = [[0.0; 9]; ROWS];
     for k in 0..ROWS {
@@ -29,20 +41,27 @@ pub(super) fn null_space<const ROWS: usize, const FREE: usize>(mut rows: [[f64; 
         mirror[k] += length.copysign(mirror[k]);
         let scale = (2.0 / dot(&mirror, &mirror)).sqrt();
         mirror.iter_mut().for_each(|v| *v *= scale);
-        rows[k + 1..].iter_mut().for_each(|row| reflect(row, &mirror));
+        rows[k + 1..]
+            .iter_mut()
+            .for_each(|row| reflect(row, &mirror));
         mirrors[k] = mirror;
     }
     Some(std::array::from_fn(|free| {
         let mut basis = [0.0; 9];
         basis[ROWS + free] = 1.0;
-        mirrors.iter().rev().for_each(|mirror| reflect(&mut basis, mirror));
+        mirrors
+            .iter()
+            .rev()
+            .for_each(|mirror| reflect(&mut basis, mirror));
         basis
     }))
 }
 
 fn reflect(row: &mut [f64; 9], mirror: &[f64; 9]) {
     let along = dot(row, mirror);
-    row.iter_mut().zip(mirror).for_each(|(r, m)| *r -= along * m);
+    row.iter_mut()
+        .zip(mirror)
+        .for_each(|(r, m)| *r -= along * m);
 }
 
 fn dot(a: &[f64; 9], b: &[f64; 9]) -> f64 {

@@ -16,16 +16,23 @@ pub fn p3p(rays: &[DVec2; 3], points: &[DVec3; 3]) -> Vec<Pose> {
     let directions = rays.map(|ray| ray.extend(1.0).normalize());
     let triangle = Triangle::new(&directions, points);
     let mut found = Vec::with_capacity(4);
-    let Some(inverse) = side_frame(points[0] - points[1], points[0] - points[2]).map(|frame| frame.inverse()) else {
+    let Some(inverse) =
+        side_frame(points[0] - points[1], points[0] - points[2]).map(|frame| frame.inverse())
+    else {
         return found;
     };
     for distances in triangle.distances() {
         let [a, b, c] = [0, 1, 2].map(|i| distances[i] * directions[i]);
-        let Some(frame) = side_frame(a - b, a - c) else { continue };
+        let Some(frame) = side_frame(a - b, a - c) else {
+            continue;
+        };
         let rotation = DQuat::from_mat3(&(frame * inverse)).normalize();
         let translation = a - rotation * points[0];
         if rotation.is_finite() && translation.is_finite() {
-            found.push(Pose { rotation, translation });
+            found.push(Pose {
+                rotation,
+                translation,
+            });
         }
     }
     found
@@ -48,7 +55,11 @@ impl Triangle {
     fn new(directions: &[DVec3; 3], [p, q, r]: &[DVec3; 3]) -> Self {
         let [a, b, c] = *directions;
         Self {
-            sides: DVec3::new(p.distance_squared(*q), p.distance_squared(*r), q.distance_squared(*r)),
+            sides: DVec3::new(
+                p.distance_squared(*q),
+                p.distance_squared(*r),
+                q.distance_squared(*r),
+            ),
             cosines: DVec3::new(a.dot(b), a.dot(c), b.dot(c)),
         }
     }
@@ -60,13 +71,23 @@ impl Triangle {
         let first = symmetric([a.z, a.z - a.x, -a.x], [-a.z * b.x, 0.0, a.x * b.z]);
         let second = symmetric([a.z, -a.y, a.z - a.y], [0.0, -a.z * b.y, a.y * b.z]);
         let mixed = |m: DMat3, n: DMat3| trace_product(adjugate(m), n);
-        let pencil = [first.determinant(), mixed(first, second), mixed(second, first), second.determinant()];
+        let pencil = [
+            first.determinant(),
+            mixed(first, second),
+            mixed(second, first),
+            second.determinant(),
+        ];
         let mut found = Vec::with_capacity(4);
-        let Some(&share) = real_roots(&pencil).first() else { return found };
+        let Some(&share) = real_roots(&pencil).first() else {
+            return found;
+        };
         let other = if share.abs() < 1.0 { second } else { first };
         for line in line_pair(first + share * second).into_iter().flatten() {
             for direction in meet(line, other) {
-                found.extend(self.scaled(direction).map(|distances| self.polished(distances)));
+                found.extend(
+                    self.scaled(direction)
+                        .map(|distances| self.polished(distances)),
+                );
             }
         }
         found.retain(|distances| distances.min_element() > 0.0 && distances.is_finite());
@@ -101,7 +122,8 @@ impl Triangle {
                     DVec3::new(0.0, d.z - b.y * d.x, d.z - b.z * d.y),
                 );
             let next = d - jacobian.inverse() * miss;
-            let better = (self.sides_of(next) - self.sides).length_squared() < miss.length_squared();
+            let better =
+                (self.sides_of(next) - self.sides).length_squared() < miss.length_squared();
             if !better {
                 break;
             }
@@ -118,7 +140,11 @@ fn symmetric(d: [f64; 3], o: [f64; 3]) -> DMat3 {
 
 /// Adjugate of a symmetric matrix.
 fn adjugate(m: DMat3) -> DMat3 {
-    DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
+    DMat3::from_cols(
+        m.y_axis.cross(m.z_axis),
+        m.z_axis.cross(m.x_axis),
+        m.x_axis.cross(m.y_axis),
+    )
 }
 
 fn trace_product(m: DMat3, n: DMat3) -> f64 {
@@ -129,7 +155,9 @@ fn trace_product(m: DMat3, n: DMat3) -> f64 {
 /// where they are not real.
 fn line_pair(conic: DMat3) -> Option<[DVec3; 2]> {
     let adjugate = adjugate(conic);
-    let (at, value) = (0..3).map(|i| (i, adjugate.col(i)[i])).max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+    let (at, value) = (0..3)
+        .map(|i| (i, adjugate.col(i)[i]))
+        .max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
     if value >= 0.0 {
         return None;
     }
@@ -147,16 +175,32 @@ fn meet(line: DVec3, conic: DMat3) -> impl Iterator<Item = DVec3> {
     let size = line.abs();
     // Two directions on the line; the largest coefficient is solved for.
     let (u, v) = if size.x >= size.y && size.x >= size.z {
-        (DVec3::new(-line.y / line.x, 1.0, 0.0), DVec3::new(-line.z / line.x, 0.0, 1.0))
+        (
+            DVec3::new(-line.y / line.x, 1.0, 0.0),
+            DVec3::new(-line.z / line.x, 0.0, 1.0),
+        )
     } else if size.y >= size.z {
-        (DVec3::new(1.0, -line.x / line.y, 0.0), DVec3::new(0.0, -line.z / line.y, 1.0))
+        (
+            DVec3::new(1.0, -line.x / line.y, 0.0),
+            DVec3::new(0.0, -line.z / line.y, 1.0),
+        )
     } else {
-        (DVec3::new(1.0, 0.0, -line.x / line.z), DVec3::new(0.0, 1.0, -line.y / line.z))
+        (
+            DVec3::new(1.0, 0.0, -line.x / line.z),
+            DVec3::new(0.0, 1.0, -line.y / line.z),
+        )
     };
     let (square, half, constant) = (u.dot(conic * u), u.dot(conic * v), v.dot(conic * v));
     // Two nearly equal roots may come out complex by rounding.
     let under = half * half - square * constant;
-    let root = if under < 0.0 && -under < 1e-12 * half * half { 0.0 } else { under.sqrt() };
+    let root = if under < 0.0 && -under < 1e-12 * half * half {
+        0.0
+    } else {
+        under.sqrt()
+    };
     let sum = -(half + root.copysign(half));
-    [sum / square, constant / sum].into_iter().filter(|ratio| ratio.is_finite()).map(move |ratio| ratio * u + v)
+    [sum / square, constant / sum]
+        .into_iter()
+        .filter(|ratio| ratio.is_finite())
+        .map(move |ratio| ratio * u + v)
 }

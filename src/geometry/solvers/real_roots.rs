@@ -14,7 +14,9 @@ const MAX_STEPS: usize = 60;
 /// Gems, 1990.)
 pub(super) fn real_roots<const N: usize>(coefficients: &[f64; N]) -> Vec<f64> {
     let mut roots = Vec::new();
-    let largest = coefficients.iter().fold(0.0, |most: f64, c| most.max(c.abs()));
+    let largest = coefficients
+        .iter()
+        .fold(0.0, |most: f64, c| most.max(c.abs()));
     if largest <= 0.0 || !coefficients.iter().all(|c| c.is_finite()) {
         return roots;
     }
@@ -50,7 +52,8 @@ const PARTS: usize = 3;
 /// The roots from −1 to 1.
 fn within_one<const N: usize>(polynomial: &[f64; N], roots: &mut Vec<f64>) {
     let chain = Chain::new(polynomial);
-    let ends: [f64; PARTS + 1] = std::array::from_fn(|i| (1.0 + HAIR) * (2.0 * i as f64 / PARTS as f64 - 1.0));
+    let ends: [f64; PARTS + 1] =
+        std::array::from_fn(|i| (1.0 + HAIR) * (2.0 * i as f64 / PARTS as f64 - 1.0));
     let changes = chain.sign_changes(&ends);
     let mut open = Vec::new();
     for part in 0..PARTS {
@@ -59,21 +62,38 @@ fn within_one<const N: usize>(polynomial: &[f64; N], roots: &mut Vec<f64>) {
             changes: [changes[part], changes[part + 1]],
             depth: 0,
         });
-        while let Some(Interval { ends, changes, depth }) = open.pop() {
+        while let Some(Interval {
+            ends,
+            changes,
+            depth,
+        }) = open.pop()
+        {
             let count = changes[0] - changes[1];
             if count <= 0 {
                 continue;
             }
             let middle = 0.5 * (ends[0] + ends[1]);
-            let alone = if count == 1 { refine(polynomial, ends) } else { None };
+            let alone = if count == 1 {
+                refine(polynomial, ends)
+            } else {
+                None
+            };
             if let Some(root) = alone.or((depth == MAX_DEPTH).then_some(middle)) {
                 roots.push(root);
                 continue;
             }
             let [between] = chain.sign_changes(&[middle]);
             let depth = depth + 1;
-            open.push(Interval { ends: [ends[0], middle], changes: [changes[0], between], depth });
-            open.push(Interval { ends: [middle, ends[1]], changes: [between, changes[1]], depth });
+            open.push(Interval {
+                ends: [ends[0], middle],
+                changes: [changes[0], between],
+                depth,
+            });
+            open.push(Interval {
+                ends: [middle, ends[1]],
+                changes: [between, changes[1]],
+                depth,
+            });
         }
     }
 }
@@ -88,7 +108,11 @@ struct Chain<const N: usize> {
 
 impl<const N: usize> Chain<N> {
     fn new(polynomial: &[f64; N]) -> Self {
-        let mut chain = Self { quotients: [[0.0; 3]; N], length: 0, last: 0.0 };
+        let mut chain = Self {
+            quotients: [[0.0; 3]; N],
+            length: 0,
+            last: 0.0,
+        };
         let mut above = *polynomial;
         let mut degree = (0..N).rev().find(|&i| above[i].abs() > 0.0).unwrap_or(0);
         let mut below = [0.0; N];
@@ -103,7 +127,9 @@ impl<const N: usize> Chain<N> {
                 let shifted = if i > 0 { below[i - 1] } else { 0.0 };
                 rest[i] = slope * shifted + offset * below[i] - above[i];
             }
-            let share = rest[..degree - 1].iter().fold(0.0, |most: f64, c| most.max(c.abs()));
+            let share = rest[..degree - 1]
+                .iter()
+                .fold(0.0, |most: f64, c| most.max(c.abs()));
             if share > 0.0 {
                 rest[..degree - 1].iter_mut().for_each(|c| *c /= share);
             }
@@ -146,7 +172,11 @@ fn refine<const N: usize>(polynomial: &[f64; N], [mut low, mut high]: [f64; 2]) 
             low = z;
         }
         let step = z - value / slope;
-        let next = if step > low && step < high { step } else { 0.5 * (low + high) };
+        let next = if step > low && step < high {
+            step
+        } else {
+            0.5 * (low + high)
+        };
         if (next - z).abs() <= SMALL_STEP {
             return Some(next);
         }
@@ -157,7 +187,12 @@ fn refine<const N: usize>(polynomial: &[f64; N], [mut low, mut high]: [f64; 2]) 
 
 /// Value and derivative.
 fn evaluate<const N: usize>(polynomial: &[f64; N], z: f64) -> (f64, f64) {
-    polynomial.iter().rev().fold((0.0, 0.0), |(value, slope), c| (value * z + c, slope * z + value))
+    polynomial
+        .iter()
+        .rev()
+        .fold((0.0, 0.0), |(value, slope), c| {
+            (value * z + c, slope * z + value)
+        })
 }
 
 #[cfg(test)]
@@ -188,7 +223,10 @@ mod tests {
         assert!(real_roots(&[0.0; 4]).is_empty());
         assert!(real_roots(&[1.0, f64::NAN, 1.0]).is_empty());
         let found = real_roots(&[2.0, 1.0, 0.0, 0.0]);
-        assert!(found.len() == 1 && (found[0] + 2.0).abs() < 1e-9, "{found:?}");
+        assert!(
+            found.len() == 1 && (found[0] + 2.0).abs() < 1e-9,
+            "{found:?}"
+        );
     }
 
     #[test]
@@ -196,6 +234,11 @@ mod tests {
         // (z − 0.5)² (z + 0.25)
         let found = real_roots(&[0.0625, 0.0, -0.75, 1.0]);
         assert!(found.iter().any(|z| (z + 0.25).abs() < 1e-9), "{found:?}");
-        assert!(found.iter().all(|z| (z + 0.25).abs() < 1e-9 || (z - 0.5).abs() < 1e-6), "{found:?}");
+        assert!(
+            found
+                .iter()
+                .all(|z| (z + 0.25).abs() < 1e-9 || (z - 0.5).abs() < 1e-6),
+            "{found:?}"
+        );
     }
 }

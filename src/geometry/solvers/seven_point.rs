@@ -8,7 +8,9 @@ use super::real_roots::real_roots;
 /// the pairs do not fix `F` to a pencil.
 #[must_use]
 pub fn seven_point(pairs: &[[DVec2; 2]; 7]) -> Vec<DMat3> {
-    let Some(basis) = null_space::<7, 2>(pairs.map(epipolar_equation)) else { return Vec::new() };
+    let Some(basis) = null_space::<7, 2>(pairs.map(epipolar_equation)) else {
+        return Vec::new();
+    };
     let [a, b] = basis.map(|entries| from_rows(&entries));
     // det(a z + b) is a cubic; its inner coefficients are the columns of one matrix replaced by the other's.
     let mixed = |m: DMat3, n: DMat3| {
@@ -17,5 +19,8 @@ pub fn seven_point(pairs: &[[DVec2; 2]; 7]) -> Vec<DMat3> {
             + m.z_axis.cross(m.x_axis).dot(n.y_axis)
     };
     let roots = real_roots(&[b.determinant(), mixed(b, a), mixed(a, b), a.determinant()]);
-    roots.into_iter().map(|z| (a * z + b) * (1.0 / z.hypot(1.0))).collect()
+    roots
+        .into_iter()
+        .map(|z| (a * z + b) * (1.0 / z.hypot(1.0)))
+        .collect()
 }

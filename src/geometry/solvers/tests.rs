@@ -19,7 +19,10 @@ fn vector(random: &mut Pcg64Mcg, reach: f64) -> DVec3 {
 fn pose(random: &mut Pcg64Mcg) -> Pose {
     let axis = vector(random, 1.0).normalize();
     let angle = between(random, 0.0, 0.6);
-    Pose { rotation: DQuat::from_axis_angle(axis, angle), translation: vector(random, 1.0) }
+    Pose {
+        rotation: DQuat::from_axis_angle(axis, angle),
+        translation: vector(random, 1.0),
+    }
 }
 
 fn points<const N: usize>(random: &mut Pcg64Mcg) -> [DVec3; N] {
@@ -35,7 +38,11 @@ fn pairs<const N: usize>(points: &[DVec3; N], pose: &Pose) -> [[DVec2; 2]; N] {
 }
 
 fn cross_matrix(t: DVec3) -> DMat3 {
-    DMat3::from_cols(DVec3::new(0.0, t.z, -t.y), DVec3::new(-t.z, 0.0, t.x), DVec3::new(t.y, -t.x, 0.0))
+    DMat3::from_cols(
+        DVec3::new(0.0, t.z, -t.y),
+        DVec3::new(-t.z, 0.0, t.x),
+        DVec3::new(t.y, -t.x, 0.0),
+    )
 }
 
 fn norm(m: DMat3) -> f64 {
@@ -58,7 +65,9 @@ fn epipolar_miss(m: DMat3, [x1, x2]: [DVec2; 2]) -> f64 {
 
 /// In how many seeds the truth was not among what was found.
 fn misses(mut is_found: impl FnMut(&mut Pcg64Mcg) -> bool) -> usize {
-    (0..SEEDS).filter(|&seed| !is_found(&mut Pcg64Mcg::seed_from_u64(seed))).count()
+    (0..SEEDS)
+        .filter(|&seed| !is_found(&mut Pcg64Mcg::seed_from_u64(seed)))
+        .count()
 }
 
 #[test]
@@ -73,7 +82,11 @@ fn five_point_finds_the_truth_and_only_essential_matrices() {
             assert!(pairs.iter().all(|&pair| epipolar_miss(*e, pair) < 1e-9));
             let gram = *e * e.transpose();
             let trace = gram.x_axis.x + gram.y_axis.y + gram.z_axis.z;
-            assert!(norm(2.0 * gram * *e - trace * *e) < 1e-6, "{}", norm(2.0 * gram * *e - trace * *e));
+            assert!(
+                norm(2.0 * gram * *e - trace * *e) < 1e-6,
+                "{}",
+                norm(2.0 * gram * *e - trace * *e)
+            );
             assert!(e.determinant().abs() < 1e-6);
         }
         found.iter().any(|e| distance(*e, essential(&pose)) < 1e-6)
@@ -89,7 +102,10 @@ fn seven_point_finds_the_truth_and_only_singular_matrices() {
         let found = seven_point(&pairs);
         assert!(!found.is_empty() && found.len() <= 3);
         for f in &found {
-            assert!(pairs.iter().all(|&pair| epipolar_miss(*f, pair) < 1e-9) && f.determinant().abs() < 1e-9);
+            assert!(
+                pairs.iter().all(|&pair| epipolar_miss(*f, pair) < 1e-9)
+                    && f.determinant().abs() < 1e-9
+            );
         }
         found.iter().any(|f| distance(*f, essential(&pose)) < 1e-6)
     });
@@ -122,11 +138,14 @@ fn homographies_find_the_truth() {
             seen * (plane_distance / normal.dot(seen))
         });
         let outer = |a: DVec3, b: DVec3| DMat3::from_cols(a * b.x, a * b.y, a * b.z);
-        let truth = DMat3::from_quat(pose.rotation) + outer(pose.translation, normal / plane_distance);
+        let truth =
+            DMat3::from_quat(pose.rotation) + outer(pose.translation, normal / plane_distance);
         let pairs = pairs(&on_plane, &pose);
         let minimal = homography4(&[pairs[0], pairs[1], pairs[2], pairs[3]]);
         let all = homography(&pairs, &[1.0; 9]);
-        [minimal, all].iter().all(|h| h.is_some_and(|h| distance(h, truth) < 1e-6))
+        [minimal, all]
+            .iter()
+            .all(|h| h.is_some_and(|h| distance(h, truth) < 1e-6))
     });
     assert!(missed <= 1, "missed {missed} of {SEEDS}");
 }
@@ -143,11 +162,17 @@ fn p3p_finds_the_truth_and_only_poses_that_fit() {
             assert!((found.rotation.length() - 1.0).abs() < 1e-12);
             for (&x, &seen) in points.iter().zip(&rays) {
                 let at = found.transform(x);
-                assert!(at.z > 0.0 && (ray(at) - seen).length() < 1e-6, "{found:?} {} {}", ray(at), seen);
+                assert!(
+                    at.z > 0.0 && (ray(at) - seen).length() < 1e-6,
+                    "{found:?} {} {}",
+                    ray(at),
+                    seen
+                );
             }
         }
         found.iter().any(|found| {
-            found.rotation.angle_between(pose.rotation) < 1e-6 && found.translation.distance(pose.translation) < 1e-6
+            found.rotation.angle_between(pose.rotation) < 1e-6
+                && found.translation.distance(pose.translation) < 1e-6
         })
     });
     assert!(missed <= 1, "missed {missed} of {SEEDS}");
@@ -156,7 +181,8 @@ fn p3p_finds_the_truth_and_only_poses_that_fit() {
 #[test]
 fn degenerate_input_yields_no_model_and_no_panic() {
     let same = [[DVec2::new(0.1, 0.2), DVec2::new(-0.1, 0.3)]; 8];
-    let line: [[DVec2; 2]; 8] = std::array::from_fn(|i| [DVec2::splat(0.1 * i as f64), DVec2::splat(0.05 * i as f64)]);
+    let line: [[DVec2; 2]; 8] =
+        std::array::from_fn(|i| [DVec2::splat(0.1 * i as f64), DVec2::splat(0.05 * i as f64)]);
     let nan = [[DVec2::NAN; 2]; 8];
     for pairs in [same, line, nan] {
         assert!(five_point(pairs.first_chunk().unwrap()).is_empty());

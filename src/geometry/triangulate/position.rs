@@ -26,7 +26,11 @@ impl Sighting<'_> {
     /// behind the camera.
     pub(super) fn error_squared(&self, position: DVec3) -> f64 {
         let x = self.camera_from_world.transform(position);
-        if x.z > 0.0 { self.miss(x).length_squared() } else { f64::INFINITY }
+        if x.z > 0.0 {
+            self.miss(x).length_squared()
+        } else {
+            f64::INFINITY
+        }
     }
 
     fn miss(&self, x_in_camera: DVec3) -> DVec2 {
@@ -46,12 +50,22 @@ const PARALLEL: f64 = 1e-10;
 #[must_use]
 pub fn triangulate(views: &[Sighting]) -> Option<DVec3> {
     let start = nearest_to_rays(views)?;
-    let end = minimise(Nearness { views, position: start }, STEPS).position;
+    let end = minimise(
+        Nearness {
+            views,
+            position: start,
+        },
+        STEPS,
+    )
+    .position;
     in_front(views, end).then_some(end)
 }
 
 fn in_front(views: &[Sighting], position: DVec3) -> bool {
-    position.is_finite() && views.iter().all(|view| view.camera_from_world.transform(position).z > 0.0)
+    position.is_finite()
+        && views
+            .iter()
+            .all(|view| view.camera_from_world.transform(position).z > 0.0)
 }
 
 /// The point with the least squared distance from all rays.
@@ -88,7 +102,10 @@ impl Problem<3> for Nearness<'_> {
             sum.cost += miss.length_squared();
             let to_world = view.camera_from_world.rotation.conjugate();
             let f = view.camera.focal_px / x.z;
-            let rows = [DVec3::new(f.x, 0.0, -f.x * x.x / x.z), DVec3::new(0.0, f.y, -f.y * x.y / x.z)];
+            let rows = [
+                DVec3::new(f.x, 0.0, -f.x * x.x / x.z),
+                DVec3::new(0.0, f.y, -f.y * x.y / x.z),
+            ];
             for (residual, row) in miss.to_array().into_iter().zip(rows) {
                 sum.add(residual, &(to_world * row).to_array(), 1.0);
             }
@@ -97,7 +114,10 @@ impl Problem<3> for Nearness<'_> {
     }
 
     fn moved(&self, step: &[f64; 3]) -> Self {
-        Self { position: self.position + DVec3::from(*step), ..*self }
+        Self {
+            position: self.position + DVec3::from(*step),
+            ..*self
+        }
     }
 }
 
@@ -105,9 +125,14 @@ impl Problem<3> for Nearness<'_> {
 #[must_use]
 pub fn largest_angle(position: DVec3, centres: &[DVec3]) -> f64 {
     let mut least: f64 = 1.0;
-    let directions: Vec<DVec3> = centres.iter().map(|&centre| (centre - position).normalize_or_zero()).collect();
+    let directions: Vec<DVec3> = centres
+        .iter()
+        .map(|&centre| (centre - position).normalize_or_zero())
+        .collect();
     for (at, a) in directions.iter().enumerate() {
-        least = directions[..at].iter().fold(least, |least, b| least.min(a.dot(*b)));
+        least = directions[..at]
+            .iter()
+            .fold(least, |least, b| least.min(a.dot(*b)));
     }
     least.clamp(-1.0, 1.0).acos()
 }

@@ -15,7 +15,10 @@ pub struct TriangulationOptions {
 
 impl Default for TriangulationOptions {
     fn default() -> Self {
-        Self { max_error_px: 4.0, min_angle: 1.5f64.to_radians() }
+        Self {
+            max_error_px: 4.0,
+            min_angle: 1.5f64.to_radians(),
+        }
     }
 }
 
@@ -38,15 +41,27 @@ const SEED: u64 = 0;
 /// widest angle first, and the point that most sightings see within `max_error_px` is refined over them. `None` where
 /// fewer than two agree, or none of their rays are `min_angle` apart.
 #[must_use]
-pub fn triangulate_robust(views: &[Sighting], options: &TriangulationOptions) -> Option<Triangulated> {
+pub fn triangulate_robust(
+    views: &[Sighting],
+    options: &TriangulationOptions,
+) -> Option<Triangulated> {
     let limit = options.max_error_px * options.max_error_px;
     let mut best: Option<(Vec<u32>, f64)> = None;
     for [i, k] in pairs_by_angle(views, options.min_angle) {
-        let Some(position) = nearest_to_rays(&[views[i], views[k]]) else { continue };
+        let Some(position) = nearest_to_rays(&[views[i], views[k]]) else {
+            continue;
+        };
         let errors = || views.iter().map(|view| view.error_squared(position));
-        let inliers: Vec<u32> = (0..).zip(errors()).filter(|&(_, error)| error <= limit).map(|(at, _)| at).collect();
+        let inliers: Vec<u32> = (0..)
+            .zip(errors())
+            .filter(|&(_, error)| error <= limit)
+            .map(|(at, _)| at)
+            .collect();
         let cost = errors().map(|error| error.min(limit)).sum();
-        if best.as_ref().is_none_or(|(most, least)| (inliers.len(), *least) > (most.len(), cost)) {
+        if best
+            .as_ref()
+            .is_none_or(|(most, least)| (inliers.len(), *least) > (most.len(), cost))
+        {
             let all = inliers.len() == views.len();
             best = Some((inliers, cost));
             if all {
@@ -58,15 +73,28 @@ pub fn triangulate_robust(views: &[Sighting], options: &TriangulationOptions) ->
 }
 
 /// The point refined over its inliers, if these hold.
-fn agreed(views: &[Sighting], inliers: &[u32], options: &TriangulationOptions) -> Option<Triangulated> {
+fn agreed(
+    views: &[Sighting],
+    inliers: &[u32],
+    options: &TriangulationOptions,
+) -> Option<Triangulated> {
     let limit = options.max_error_px * options.max_error_px;
     let chosen: Vec<Sighting> = inliers.iter().map(|&at| views[at as usize]).collect();
     let position = triangulate(&chosen)?;
-    let hold: Vec<u32> =
-        (0..).zip(views).filter(|(_, view)| view.error_squared(position) <= limit).map(|(at, _)| at).collect();
-    let centres: Vec<DVec3> = hold.iter().map(|&at| views[at as usize].camera_from_world.centre()).collect();
+    let hold: Vec<u32> = (0..)
+        .zip(views)
+        .filter(|(_, view)| view.error_squared(position) <= limit)
+        .map(|(at, _)| at)
+        .collect();
+    let centres: Vec<DVec3> = hold
+        .iter()
+        .map(|&at| views[at as usize].camera_from_world.centre())
+        .collect();
     let wide = hold.len() >= 2 && largest_angle(position, &centres) >= options.min_angle;
-    wide.then_some(Triangulated { position, inliers: hold })
+    wide.then_some(Triangulated {
+        position,
+        inliers: hold,
+    })
 }
 
 /// Pairs of views whose rays are at least half of `min_angle` apart, the widest first.
@@ -85,7 +113,10 @@ fn pairs_by_angle(views: &[Sighting], min_angle: f64) -> Vec<[usize; 2]> {
     } else {
         let mut random = Pcg64Mcg::seed_from_u64(SEED);
         for _ in 0..MOST_PAIRS {
-            let (i, step) = (random.random_range(0..views.len()), random.random_range(1..views.len()));
+            let (i, step) = (
+                random.random_range(0..views.len()),
+                random.random_range(1..views.len()),
+            );
             consider(i, (i + step) % views.len());
         }
     }

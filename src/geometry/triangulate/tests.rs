@@ -17,16 +17,29 @@ const CAMERA: Camera = Camera {
 fn ring(count: usize) -> Vec<Pose> {
     let pose = |i: usize| {
         let angle = 1.5 * i as f64 / count as f64;
-        Pose { rotation: DQuat::from_rotation_y(angle), translation: DVec3::new(0.0, 0.0, 5.0) }
+        Pose {
+            rotation: DQuat::from_rotation_y(angle),
+            translation: DVec3::new(0.0, 0.0, 5.0),
+        }
     };
     (0..count).map(pose).collect()
 }
 
-fn seen<'a>(poses: &'a [Pose], x: DVec3, random: &mut Pcg64Mcg, noise_px: f64) -> Vec<Sighting<'a>> {
+fn seen<'a>(
+    poses: &'a [Pose],
+    x: DVec3,
+    random: &mut Pcg64Mcg,
+    noise_px: f64,
+) -> Vec<Sighting<'a>> {
     let one = |pose: &'a Pose| {
         let mut off = || random.random_range(-1.0..1.0) * noise_px;
         let at_px = CAMERA.project(pose.transform(x)).unwrap() + DVec2::new(off(), off());
-        Sighting { camera: &CAMERA, camera_from_world: pose, at_px, at_plane: CAMERA.unproject(at_px) }
+        Sighting {
+            camera: &CAMERA,
+            camera_from_world: pose,
+            at_px,
+            at_plane: CAMERA.unproject(at_px),
+        }
     };
     poses.iter().map(one).collect()
 }
@@ -64,7 +77,14 @@ fn the_point_has_the_least_reprojection_error() {
     let views = seen(&poses, DVec3::new(0.1, 0.05, 0.1), random, 2.0);
     let cost = |x: DVec3| views.iter().map(|view| view.error_squared(x)).sum::<f64>();
     let found = triangulate(&views).unwrap();
-    for step in [DVec3::X, DVec3::Y, DVec3::Z, -DVec3::X, -DVec3::Y, -DVec3::Z] {
+    for step in [
+        DVec3::X,
+        DVec3::Y,
+        DVec3::Z,
+        -DVec3::X,
+        -DVec3::Y,
+        -DVec3::Z,
+    ] {
         assert!(cost(found) <= cost(found + 1e-4 * step));
     }
 }
@@ -82,8 +102,15 @@ fn wrong_sightings_are_left_out() {
                 moved(view, DVec2::new(0.0, if at % 2 == 0 { far } else { -far }));
             }
             let found = triangulate_robust(&views, &TriangulationOptions::default()).unwrap();
-            assert_eq!(found.inliers, (wrong as u32..count as u32).collect::<Vec<_>>());
-            assert!(found.position.distance(x) < 2e-2, "{}", found.position.distance(x));
+            assert_eq!(
+                found.inliers,
+                (wrong as u32..count as u32).collect::<Vec<_>>()
+            );
+            assert!(
+                found.position.distance(x) < 2e-2,
+                "{}",
+                found.position.distance(x)
+            );
         }
     }
 }
@@ -96,7 +123,10 @@ fn too_narrow_behind_and_degenerate_are_none() {
     let views = seen(&narrow[..2], DVec3::ZERO, random, 0.0);
     assert!(triangulate(&views).is_some());
     assert_eq!(triangulate_robust(&views, &options), None);
-    let eager = TriangulationOptions { min_angle: 0.0, ..options };
+    let eager = TriangulationOptions {
+        min_angle: 0.0,
+        ..options
+    };
     assert!(triangulate_robust(&views, &eager).is_some());
 
     // Rays that only meet behind the cameras.

@@ -43,8 +43,16 @@ pub fn estimate_two_view(
         return None;
     }
     let matched = Matched::new(cameras, matches_px, options.max_error_px);
-    let search = Search { cameras, matched: &matched, options };
-    if calibrated { search.calibrated() } else { search.uncalibrated() }
+    let search = Search {
+        cameras,
+        matched: &matched,
+        options,
+    };
+    if calibrated {
+        search.calibrated()
+    } else {
+        search.uncalibrated()
+    }
 }
 
 /// Whether a homography between rays is what a turning camera sees, whatever its focal length: `K R K⁻¹` with
@@ -53,9 +61,13 @@ fn is_turn(homography: &DMat3, matched: &Matched) -> bool {
     let enough = SIMPLE_SHARE * matched.pairs.len() as f64;
     (-FOCAL_STEPS..=FOCAL_STEPS).any(|step| {
         let focal = DVec3::new(1.0, 1.0, FOCAL_RATIO.powi(-step));
-        let (scaled, back) = (DMat3::from_diagonal(focal), DMat3::from_diagonal(focal.recip()));
+        let (scaled, back) = (
+            DMat3::from_diagonal(focal),
+            DMat3::from_diagonal(focal.recip()),
+        );
         let turn = back * *homography * scaled;
-        let turn = turn * turn.determinant().signum() / turn.determinant().abs().cbrt().max(f64::MIN_POSITIVE);
+        let turn = turn * turn.determinant().signum()
+            / turn.determinant().abs().cbrt().max(f64::MIN_POSITIVE);
         let turned = scaled * nearest_rotation(turn) * back;
         Agreement(matched, Homography).inliers(&turned).len() as f64 > enough
     })
@@ -69,8 +81,18 @@ struct Search<'a> {
 
 impl Search<'_> {
     fn calibrated(&self) -> Option<TwoView> {
-        let Some(essential) = self.seek(&Agreement(self.matched, Essential), VAIN, self.chance_of_band()) else {
-            return Some(self.panoramic(&self.seek_simple(&Agreement(self.matched, Rotation))?.inliers));
+        let Some(essential) = self.seek(
+            &Agreement(self.matched, Essential),
+            VAIN,
+            self.chance_of_band(),
+        ) else {
+            return Some(
+                self.panoramic(
+                    &self
+                        .seek_simple(&Agreement(self.matched, Rotation))?
+                        .inliers,
+                ),
+            );
         };
         let inside = self.matched.chosen(&essential.inliers);
         if let Some(turn) = self.most(&Agreement(&inside, Rotation)) {
@@ -83,19 +105,30 @@ impl Search<'_> {
         } else {
             TwoViewKind::Calibrated
         };
-        Some(self.told(kind, &essential.inliers, Some(essential.model), Some(essential.model)))
+        Some(self.told(
+            kind,
+            &essential.inliers,
+            Some(essential.model),
+            Some(essential.model),
+        ))
     }
 
     fn uncalibrated(&self) -> Option<TwoView> {
-        let any = self.seek(&Agreement(self.matched, Fundamental), VAIN, self.chance_of_band());
+        let any = self.seek(
+            &Agreement(self.matched, Fundamental),
+            VAIN,
+            self.chance_of_band(),
+        );
         let plane = match &any {
             // What explains most inliers of the one is found among them.
             Some(any) => self.among(&Agreement(&self.matched.chosen(&any.inliers), Homography)),
             None => self.seek_simple(&Agreement(self.matched, Homography)),
         };
-        let on_plane =
-            plane.as_ref().map_or_else(Vec::new, |plane| Agreement(self.matched, Homography).inliers(&plane.model));
-        let flat = on_plane.len() as f64 > SIMPLE_SHARE * any.as_ref().map_or(0.0, |any| any.inliers.len() as f64);
+        let on_plane = plane.as_ref().map_or_else(Vec::new, |plane| {
+            Agreement(self.matched, Homography).inliers(&plane.model)
+        });
+        let flat = on_plane.len() as f64
+            > SIMPLE_SHARE * any.as_ref().map_or(0.0, |any| any.inliers.len() as f64);
         let agreed = match &any {
             Some(any) if any.inliers.len() >= on_plane.len() => &any.inliers,
             _ => &on_plane,
@@ -107,7 +140,9 @@ impl Search<'_> {
         if flat && plane.is_some_and(|plane| is_turn(&plane.model, &inside)) {
             return Some(self.panoramic(agreed));
         }
-        let essential = self.among(&Agreement(&inside, Essential)).map(|found| found.model);
+        let essential = self
+            .among(&Agreement(&inside, Essential))
+            .map(|found| found.model);
         let (kind, fundamental) = match &any {
             Some(any) if !flat => (TwoViewKind::Uncalibrated, Some(any.model)),
             _ => (TwoViewKind::Planar, essential),
@@ -115,11 +150,19 @@ impl Search<'_> {
         Some(self.told(kind, agreed, fundamental, essential))
     }
 
-    fn seek<E: Estimator>(&self, estimator: &E, max_vain: usize, chance: f64) -> Option<Consensus<E::Model>> {
+    fn seek<E: Estimator>(
+        &self,
+        estimator: &E,
+        max_vain: usize,
+        chance: f64,
+    ) -> Option<Consensus<E::Model>> {
         let by_chance = chance * self.matched.pairs.len() as f64;
         // What random matches reach: a sample's own, those that fall into the band, and the luck of many samples.
         let lucky = (E::SAMPLE as f64 + by_chance + 4.0 * by_chance.sqrt()).ceil() as usize;
-        let found = consensus(estimator, &self.ransac(max_vain, self.options.min_inliers.max(lucky)))?;
+        let found = consensus(
+            estimator,
+            &self.ransac(max_vain, self.options.min_inliers.max(lucky)),
+        )?;
         self.spread_out(&found.inliers).then_some(found)
     }
 
@@ -130,14 +173,18 @@ impl Search<'_> {
 
     /// A model that most matches of a few agree on, which are inliers of another model already.
     fn among<E: Estimator>(&self, estimator: &E) -> Option<Consensus<E::Model>> {
-        let options = RansacOptions { max_iterations: AMONG_INLIERS, ..self.ransac(AMONG_INLIERS, E::SAMPLE) };
+        let options = RansacOptions {
+            max_iterations: AMONG_INLIERS,
+            ..self.ransac(AMONG_INLIERS, E::SAMPLE)
+        };
         consensus(estimator, &options)
     }
 
     /// The model of [`Self::among`] where it explains nearly all.
     fn most<E: Estimator>(&self, estimator: &E) -> Option<E::Model> {
         let found = self.among(estimator)?;
-        (found.inliers.len() as f64 > SIMPLE_SHARE * estimator.count() as f64).then_some(found.model)
+        (found.inliers.len() as f64 > SIMPLE_SHARE * estimator.count() as f64)
+            .then_some(found.model)
     }
 
     /// How many matches agree with the best fundamental matrix near an essential matrix, less those that its two more
@@ -145,24 +192,42 @@ impl Search<'_> {
     fn freed(&self, essential: DMat3) -> f64 {
         let wide = refine_fundamental(self.matched, essential, WIDE);
         let near = wide.and_then(|wide| refine_fundamental(self.matched, wide, 1.0));
-        near.map_or(0.0, |f| Agreement(self.matched, Fundamental).inliers(&f).len() as f64 - 2.0)
+        near.map_or(0.0, |f| {
+            Agreement(self.matched, Fundamental).inliers(&f).len() as f64 - 2.0
+        })
     }
 
     fn ransac(&self, max_vain: usize, min_inliers: usize) -> RansacOptions {
-        let TwoViewOptions { confidence, max_iterations, seed, .. } = *self.options;
-        RansacOptions { confidence, max_iterations, max_vain, min_inliers, seed }
+        let TwoViewOptions {
+            confidence,
+            max_iterations,
+            seed,
+            ..
+        } = *self.options;
+        RansacOptions {
+            confidence,
+            max_iterations,
+            max_vain,
+            min_inliers,
+            seed,
+        }
     }
 
     /// The share of the second picture within the threshold of a line across it.
     fn chance_of_band(&self) -> f64 {
-        let [w, h] = [self.cameras[1].width, self.cameras[1].height].map(|side| f64::from(side.max(1)));
+        let [w, h] =
+            [self.cameras[1].width, self.cameras[1].height].map(|side| f64::from(side.max(1)));
         (2.0 * self.options.max_error_px * w.hypot(h) / (w * h)).min(1.0)
     }
 
     /// Whether inliers lie neither in one place nor in one line in either picture, where they fix no motion.
     fn spread_out(&self, places: &[u32]) -> bool {
         [0, 1].into_iter().all(|side| {
-            let at = || places.iter().map(|&place| self.matched.pairs[place as usize][side]);
+            let at = || {
+                places
+                    .iter()
+                    .map(|&place| self.matched.pairs[place as usize][side])
+            };
             let count = places.len() as f64;
             let mean = at().sum::<DVec2>() / count;
             let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
@@ -178,8 +243,17 @@ impl Search<'_> {
         self.told(TwoViewKind::Panoramic, places, None, None)
     }
 
-    fn told(&self, kind: TwoViewKind, places: &[u32], fundamental: Option<DMat3>, essential: Option<DMat3>) -> TwoView {
-        let pairs: Vec<[DVec2; 2]> = places.iter().map(|&place| self.matched.pairs[place as usize]).collect();
+    fn told(
+        &self,
+        kind: TwoViewKind,
+        places: &[u32],
+        fundamental: Option<DMat3>,
+        essential: Option<DMat3>,
+    ) -> TwoView {
+        let pairs: Vec<[DVec2; 2]> = places
+            .iter()
+            .map(|&place| self.matched.pairs[place as usize])
+            .collect();
         let motion = essential.and_then(|essential| motion_in_front(essential, &pairs));
         TwoView {
             kind,
@@ -192,7 +266,10 @@ impl Search<'_> {
 
     /// Indices in the caller's list, ascending.
     fn given(&self, places: &[u32]) -> Vec<u32> {
-        let mut given: Vec<u32> = places.iter().map(|&place| self.matched.given[place as usize]).collect();
+        let mut given: Vec<u32> = places
+            .iter()
+            .map(|&place| self.matched.given[place as usize])
+            .collect();
         given.sort_unstable();
         given
     }

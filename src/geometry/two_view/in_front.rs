@@ -16,7 +16,10 @@ pub(super) fn motion_in_front(essential: DMat3, pairs: &[[DVec2; 2]]) -> Option<
     let mut best: Option<(Pose, Vec<f64>)> = None;
     for pose in poses_from_essential(essential)? {
         let angles = angles_in_front(&pose, pairs);
-        if best.as_ref().is_none_or(|(_, most)| angles.len() > most.len()) {
+        if best
+            .as_ref()
+            .is_none_or(|(_, most)| angles.len() > most.len())
+        {
             best = Some((pose, angles));
         }
     }
@@ -26,7 +29,10 @@ pub(super) fn motion_in_front(essential: DMat3, pairs: &[[DVec2; 2]]) -> Option<
     }
     let middle = angles.len() / 2;
     let (_, parallax, _) = angles.select_nth_unstable_by(middle, f64::total_cmp);
-    Some(Motion { second_from_first, parallax: *parallax })
+    Some(Motion {
+        second_from_first,
+        parallax: *parallax,
+    })
 }
 
 /// Angles between the rays of all matches whose rays come nearest to each other in front of both cameras.

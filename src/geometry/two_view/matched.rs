@@ -46,7 +46,8 @@ impl Matched {
             let at_px = matches_px[index as usize];
             let rays = [0, 1].map(|side| cameras[side].unproject(at_px[side]));
             let pixels = [0, 1].map(|side| square_of_pixel(cameras[side], rays[side]));
-            let finite = rays.iter().all(|ray| ray.is_finite()) && pixels.iter().all(|p| p.is_finite());
+            let finite =
+                rays.iter().all(|ray| ray.is_finite()) && pixels.iter().all(|p| p.is_finite());
             if finite {
                 rows.push((rays, pixels, index));
             }
@@ -56,13 +57,20 @@ impl Matched {
 
     /// Those at given places, in that order.
     pub fn chosen(&self, places: &[u32]) -> Self {
-        let rows: Vec<Row> = places.iter().map(|&place| self.row(place as usize)).collect();
+        let rows: Vec<Row> = places
+            .iter()
+            .map(|&place| self.row(place as usize))
+            .collect();
         Self::from_rows(&rows, self.limit)
     }
 
     fn row(&self, place: usize) -> Row {
         let (block, lane) = (&self.blocks[place / LANES], place % LANES);
-        (self.pairs[place], [block.pixel1[lane], block.pixel2[lane]], self.given[place])
+        (
+            self.pairs[place],
+            [block.pixel1[lane], block.pixel2[lane]],
+            self.given[place],
+        )
     }
 
     fn from_rows(rows: &[Row], limit: f64) -> Self {
@@ -75,12 +83,23 @@ impl Matched {
         }
         let pairs = rows.iter().map(|row| row.0).collect();
         let given = rows.iter().map(|row| row.2).collect();
-        Self { pairs, blocks, given, limit, arch: Arch::new() }
+        Self {
+            pairs,
+            blocks,
+            given,
+            limit,
+            arch: Arch::new(),
+        }
     }
 
     /// Sum of squared errors cut off at the limit; stops early above `enough`.
     pub fn cost(&self, enough: f64, errors: impl Fn(&Block) -> [f64; LANES]) -> f64 {
-        self.arch.dispatch(Cutoff::new(&self.blocks, self.pairs.len(), [self.limit, enough], errors))
+        self.arch.dispatch(Cutoff::new(
+            &self.blocks,
+            self.pairs.len(),
+            [self.limit, enough],
+            errors,
+        ))
     }
 
     /// Places whose squared error is below the limit, ascending.
@@ -105,7 +124,11 @@ pub(super) fn epipolar_errors(m: &DMat3, b: &Block) -> [f64; LANES] {
     let mut errors = [0.0; LANES];
     for (lane, error) in errors.iter_mut().enumerate() {
         let (x1, y1, x2, y2) = (b.x1[lane], b.y1[lane], b.x2[lane], b.y2[lane]);
-        let line = [c0.x * x1 + c1.x * y1 + c2.x, c0.y * x1 + c1.y * y1 + c2.y, c0.z * x1 + c1.z * y1 + c2.z];
+        let line = [
+            c0.x * x1 + c1.x * y1 + c2.x,
+            c0.y * x1 + c1.y * y1 + c2.y,
+            c0.z * x1 + c1.z * y1 + c2.z,
+        ];
         let back = [c0.x * x2 + c0.y * y2 + c0.z, c1.x * x2 + c1.y * y2 + c1.z];
         let miss = x2 * line[0] + y2 * line[1] + line[2];
         let spread = b.pixel2[lane] * (line[0] * line[0] + line[1] * line[1])

@@ -73,10 +73,20 @@ fn sample_of<const N: usize>(matched: &Matched, sample: &[usize]) -> [[DVec2; 2]
 /// all the opposite way (O. Chum, T. Werner, J. Matas, *Epipolar Geometry Estimation via RANSAC Benefits from the
 /// Oriented Epipolar Constraint*, ICPR 2004).
 fn in_front(m: &DMat3, pairs: &[[DVec2; 2]]) -> bool {
-    let crosses = [m.x_axis.cross(m.y_axis), m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis)];
-    let epipole =
-        crosses.into_iter().fold(crosses[0], |a, b| if b.length_squared() > a.length_squared() { b } else { a });
-    let same_way = |[x1, x2]: &[DVec2; 2]| epipole.cross(x2.extend(1.0)).dot(*m * x1.extend(1.0)) > 0.0;
+    let crosses = [
+        m.x_axis.cross(m.y_axis),
+        m.y_axis.cross(m.z_axis),
+        m.z_axis.cross(m.x_axis),
+    ];
+    let epipole = crosses.into_iter().fold(crosses[0], |a, b| {
+        if b.length_squared() > a.length_squared() {
+            b
+        } else {
+            a
+        }
+    });
+    let same_way =
+        |[x1, x2]: &[DVec2; 2]| epipole.cross(x2.extend(1.0)).dot(*m * x1.extend(1.0)) > 0.0;
     let first = same_way(&pairs[0]);
     pairs[1..].iter().all(|pair| same_way(pair) == first)
 }
@@ -86,7 +96,11 @@ impl Relation for Essential {
 
     fn fit(matched: &Matched, sample: &[usize], found: &mut Vec<DMat3>) {
         let pairs = sample_of(matched, sample);
-        found.extend(five_point(&pairs).into_iter().filter(|e| in_front(e, &pairs)));
+        found.extend(
+            five_point(&pairs)
+                .into_iter()
+                .filter(|e| in_front(e, &pairs)),
+        );
     }
 
     #[inline(always)]
@@ -104,7 +118,11 @@ impl Relation for Fundamental {
 
     fn fit(matched: &Matched, sample: &[usize], found: &mut Vec<DMat3>) {
         let pairs = sample_of(matched, sample);
-        found.extend(seven_point(&pairs).into_iter().filter(|f| in_front(f, &pairs)));
+        found.extend(
+            seven_point(&pairs)
+                .into_iter()
+                .filter(|f| in_front(f, &pairs)),
+        );
     }
 
     #[inline(always)]
@@ -131,7 +149,10 @@ impl Relation for Homography {
 
     fn refine(matched: &Matched, start: &DMat3) -> Option<DMat3> {
         let chosen = agreeing::<Self>(matched, start);
-        let pairs: Vec<[DVec2; 2]> = chosen.iter().map(|&place| matched.pairs[place as usize]).collect();
+        let pairs: Vec<[DVec2; 2]> = chosen
+            .iter()
+            .map(|&place| matched.pairs[place as usize])
+            .collect();
         homography(&pairs, &vec![1.0; pairs.len()])
     }
 }
@@ -147,7 +168,11 @@ impl Relation for Rotation {
             let middle = (a + b).normalize();
             Some(DMat3::from_cols(middle, across, middle.cross(across)))
         };
-        found.extend(frame(a1, b1).zip(frame(a2, b2)).map(|(from, to)| to * from.transpose()));
+        found.extend(
+            frame(a1, b1)
+                .zip(frame(a2, b2))
+                .map(|(from, to)| to * from.transpose()),
+        );
     }
 
     #[inline(always)]

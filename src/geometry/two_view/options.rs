@@ -19,7 +19,13 @@ pub struct TwoViewOptions {
 
 impl Default for TwoViewOptions {
     fn default() -> Self {
-        Self { max_error_px: 4.0, confidence: 0.999, min_inliers: 15, max_iterations: 2000, seed: 0 }
+        Self {
+            max_error_px: 4.0,
+            confidence: 0.999,
+            min_inliers: 15,
+            max_iterations: 2000,
+            seed: 0,
+        }
     }
 }
 

@@ -22,14 +22,35 @@ trait Chart<const N: usize>: Copy {
 pub(super) fn refine_essential(matched: &Matched, start: DMat3) -> Option<DMat3> {
     // Any of the four poses makes the same matrix.
     let chart = poses_from_essential(start)?[0];
-    Some(essential_from_pose(&minimise(Fit { matched, limit: matched.limit, chart }, STEPS).chart))
+    Some(essential_from_pose(
+        &minimise(
+            Fit {
+                matched,
+                limit: matched.limit,
+                chart,
+            },
+            STEPS,
+        )
+        .chart,
+    ))
 }
 
 /// Fundamental matrix (between rays) near `start` with the least error over what agrees with it within `reach` times the
 /// threshold.
 pub(super) fn refine_fundamental(matched: &Matched, start: DMat3, reach: f64) -> Option<DMat3> {
     let limit = reach * reach * matched.limit;
-    Some(minimise(Fit { matched, limit, chart: Rank2::of(start)? }, STEPS).chart.matrix())
+    Some(
+        minimise(
+            Fit {
+                matched,
+                limit,
+                chart: Rank2::of(start)?,
+            },
+            STEPS,
+        )
+        .chart
+        .matrix(),
+    )
 }
 
 struct Fit<'a, C> {
@@ -40,13 +61,21 @@ struct Fit<'a, C> {
 
 impl<const N: usize, C: Chart<N>> Problem<N> for Fit<'_, C> {
     fn linearise(&self) -> Linearised<N> {
-        let sampson = Sampson { matched: self.matched, matrix: self.chart.matrix(), limit: self.limit };
+        let sampson = Sampson {
+            matched: self.matched,
+            matrix: self.chart.matrix(),
+            limit: self.limit,
+        };
         let by_entries = self.matched.arch.dispatch(sampson);
         let slopes = self.chart.slopes().map(|slope| slope.to_cols_array());
-        let mut sum = Linearised { cost: by_entries.cost, ..Linearised::ZERO };
+        let mut sum = Linearised {
+            cost: by_entries.cost,
+            ..Linearised::ZERO
+        };
         for i in 0..N {
-            let towards: [f64; 9] =
-                std::array::from_fn(|r| (0..9).map(|c| by_entries.normal[r][c] * slopes[i][c]).sum());
+            let towards: [f64; 9] = std::array::from_fn(|r| {
+                (0..9).map(|c| by_entries.normal[r][c] * slopes[i][c]).sum()
+            });
             sum.gradient[i] = (0..9).map(|r| by_entries.gradient[r] * slopes[i][r]).sum();
             for (entry, slope) in sum.normal[i].iter_mut().zip(&slopes) {
                 *entry = (0..9).map(|r| towards[r] * slope[r]).sum();
@@ -56,7 +85,10 @@ impl<const N: usize, C: Chart<N>> Problem<N> for Fit<'_, C> {
     }
 
     fn moved(&self, step: &[f64; N]) -> Self {
-        Self { chart: self.chart.moved(step), ..*self }
+        Self {
+            chart: self.chart.moved(step),
+            ..*self
+        }
     }
 }
 
@@ -73,7 +105,11 @@ impl WithSimd for Sampson<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> Linearised<9> {
-        let mut sums = Sums { cost: [0.0; LANES], gradient: [[0.0; LANES]; 9], normal: [[0.0; LANES]; 45] };
+        let mut sums = Sums {
+            cost: [0.0; LANES],
+            gradient: [[0.0; LANES]; 9],
+            normal: [[0.0; LANES]; 45],
+        };
         for block in &self.matched.blocks {
             sums.add(&self.matrix, self.limit, block);
         }
@@ -91,10 +127,15 @@ struct Sums {
 impl Sums {
     #[inline(always)]
     fn add(&mut self, m: &DMat3, limit: f64, b: &Block) {
-        let (mut slopes, mut residual, mut weight) = ([[0.0; LANES]; 9], [0.0; LANES], [0.0; LANES]);
+        let (mut slopes, mut residual, mut weight) =
+            ([[0.0; LANES]; 9], [0.0; LANES], [0.0; LANES]);
         for lane in 0..LANES {
-            let (one, rest) =
-                slope(m, limit, [b.x1[lane], b.y1[lane], b.x2[lane], b.y2[lane]], [b.pixel1[lane], b.pixel2[lane]]);
+            let (one, rest) = slope(
+                m,
+                limit,
+                [b.x1[lane], b.y1[lane], b.x2[lane], b.y2[lane]],
+                [b.pixel1[lane], b.pixel2[lane]],
+            );
             let counts = rest > 0.0;
             let rest = if counts { rest } else { 0.0 };
             self.cost[lane] += limit * (1.0 - rest * rest * rest);
@@ -122,12 +163,16 @@ impl Sums {
 
     fn over_lanes(&self) -> Linearised<9> {
         let total = |lanes: &[f64; LANES]| lanes.iter().sum::<f64>();
-        let mut sum = Linearised { cost: total(&self.cost), ..Linearised::ZERO };
+        let mut sum = Linearised {
+            cost: total(&self.cost),
+            ..Linearised::ZERO
+        };
         let mut at = 0;
         for i in 0..9 {
             sum.gradient[i] = total(&self.gradient[i]);
             for k in 0..=i {
-                (sum.normal[i][k], sum.normal[k][i]) = (total(&self.normal[at]), total(&self.normal[at]));
+                (sum.normal[i][k], sum.normal[k][i]) =
+                    (total(&self.normal[at]), total(&self.normal[at]));
                 at += 1;
             }
         }
@@ -137,17 +182,30 @@ impl Sums {
 
 /// Derivatives of one match's error by the nine entries, the error itself, and 1 less its square over the limit.
 #[inline(always)]
-fn slope(m: &DMat3, limit: f64, [x1, y1, x2, y2]: [f64; 4], [p1, p2]: [f64; 2]) -> ([f64; 10], f64) {
+fn slope(
+    m: &DMat3,
+    limit: f64,
+    [x1, y1, x2, y2]: [f64; 4],
+    [p1, p2]: [f64; 2],
+) -> ([f64; 10], f64) {
     let (a, b, c) = (m.x_axis, m.y_axis, m.z_axis);
-    let line = [a.x * x1 + b.x * y1 + c.x, a.y * x1 + b.y * y1 + c.y, a.z * x1 + b.z * y1 + c.z];
+    let line = [
+        a.x * x1 + b.x * y1 + c.x,
+        a.y * x1 + b.y * y1 + c.y,
+        a.z * x1 + b.z * y1 + c.z,
+    ];
     let back = [a.x * x2 + a.y * y2 + a.z, b.x * x2 + b.y * y2 + b.z];
     let miss = x2 * line[0] + y2 * line[1] + line[2];
-    let spread = p2 * (line[0] * line[0] + line[1] * line[1]) + p1 * (back[0] * back[0] + back[1] * back[1]);
+    let spread =
+        p2 * (line[0] * line[0] + line[1] * line[1]) + p1 * (back[0] * back[0] + back[1] * back[1]);
     // d(miss / √spread) = (dmiss − miss / spread · dspread / 2) / √spread
     let scale = spread.sqrt().recip();
     let share = miss / spread;
     let (l0, l1) = (scale * share * p2 * line[0], scale * share * p2 * line[1]);
-    let (u, v) = (scale * (x1 - share * p1 * back[0]), scale * (y1 - share * p1 * back[1]));
+    let (u, v) = (
+        scale * (x1 - share * p1 * back[0]),
+        scale * (y1 - share * p1 * back[1]),
+    );
     let slopes = [
         x2 * u - l0 * x1,
         y2 * u - l1 * x1,
@@ -208,11 +266,20 @@ impl Rank2 {
         let (most, least) = (s.imax(), s.imin());
         let middle = 3_usize.checked_sub(most + least)?;
         let order = [most, middle, least];
-        let pick =
-            |columns: &DMat3| DMat3::from_cols(columns.col(order[0]), columns.col(order[1]), columns.col(order[2]));
+        let pick = |columns: &DMat3| {
+            DMat3::from_cols(
+                columns.col(order[0]),
+                columns.col(order[1]),
+                columns.col(order[2]),
+            )
+        };
         let u = pick(&DMat3::from_cols_slice(u.as_slice()));
         let v = pick(&DMat3::from_cols_slice(vt.as_slice()).transpose());
-        (most != least).then(|| Self { u, v, ratio: s[middle] / s[most] })
+        (most != least).then(|| Self {
+            u,
+            v,
+            ratio: s[middle] / s[most],
+        })
     }
 
     fn with(&self, shares: [f64; 2]) -> DMat3 {

@@ -21,8 +21,11 @@ pub(super) fn by_support(cameras: [&Camera; 2], matches_px: &[[DVec2; 2]]) -> Ve
     let support: Vec<u32> = (0..matches_px.len())
         .map(|i| {
             let [first, second] = matches_px[i];
-            let near = |&j: &u32| matches_px[j as usize][1].distance_squared(second) < reach * reach;
-            grid.around(first).map(|cell| cell.iter().filter(|&j| near(j)).count() as u32).sum()
+            let near =
+                |&j: &u32| matches_px[j as usize][1].distance_squared(second) < reach * reach;
+            grid.around(first)
+                .map(|cell| cell.iter().filter(|&j| near(j)).count() as u32)
+                .sum()
         })
         .collect();
     order.sort_by_key(|&i| std::cmp::Reverse(support[i as usize]));
@@ -39,11 +42,22 @@ struct Grid {
 
 impl Grid {
     fn new(camera: &Camera, matches_px: &[[DVec2; 2]], chosen: &[u32]) -> Self {
-        let cells = (chosen.len() as f64 / PER_CELL).sqrt().clamp(1.0, MAX_CELLS).floor();
+        let cells = (chosen.len() as f64 / PER_CELL)
+            .sqrt()
+            .clamp(1.0, MAX_CELLS)
+            .floor();
         let cell_px = f64::from(camera.width.max(camera.height)).max(1.0) / cells;
-        let mut grid = Self { cells: cells as usize, cell_px, starts: Vec::new(), members: vec![0; chosen.len()] };
+        let mut grid = Self {
+            cells: cells as usize,
+            cell_px,
+            starts: Vec::new(),
+            members: vec![0; chosen.len()],
+        };
         let mut ends = vec![0; grid.cells * grid.cells + 1];
-        let cell_of: Vec<usize> = chosen.iter().map(|&i| grid.cell(matches_px[i as usize][0])).collect();
+        let cell_of: Vec<usize> = chosen
+            .iter()
+            .map(|&i| grid.cell(matches_px[i as usize][0]))
+            .collect();
         cell_of.iter().for_each(|&cell| ends[cell + 1] += 1);
         (1..ends.len()).for_each(|cell| ends[cell] += ends[cell - 1]);
         grid.starts.clone_from(&ends);
@@ -56,7 +70,9 @@ impl Grid {
 
     fn coordinates(&self, at_px: DVec2) -> [usize; 2] {
         // A position outside the picture counts to the cell at the edge; a negative float becomes 0.
-        (at_px / self.cell_px).to_array().map(|v| (v as usize).min(self.cells - 1))
+        (at_px / self.cell_px)
+            .to_array()
+            .map(|v| (v as usize).min(self.cells - 1))
     }
 
     fn cell(&self, at_px: DVec2) -> usize {

@@ -21,10 +21,19 @@ pub fn standing_apart(depth: &DepthMap, mask: &LabelMask) -> Vec<Unexplained> {
     let smooth = surfaces(depth, &depth_edges(depth));
     let taken = explained(mask);
     let offered = |part: Region| {
-        let free = part.inside.iter().zip(&taken.inside).filter(|(inside, taken)| **inside && !**taken).count();
+        let free = part
+            .inside
+            .iter()
+            .zip(&taken.inside)
+            .filter(|(inside, taken)| **inside && !**taken)
+            .count();
         let strength = behind(depth, &part);
         let stands = strength >= LEAST_BEHIND && 2 * free > part.area();
-        stands.then_some(Unexplained { region: part, why: Apartness::Stands, strength })
+        stands.then_some(Unexplained {
+            region: part,
+            why: Apartness::Stands,
+            strength,
+        })
     };
     parts(&smooth).filter_map(offered).collect()
 }
@@ -34,11 +43,16 @@ fn surfaces(depth: &DepthMap, edges: &DepthEdges) -> Region {
     let width = depth.width as usize;
     let cut = |strengths: &[f32], at: Option<usize>| at.is_some_and(|at| strengths[at] >= PARTS);
     let inside = (0..depth.depths.len()).map(|at| {
-        let beside = cut(&edges.right, Some(at)) || cut(&edges.right, (at % width).checked_sub(1).map(|_| at - 1));
+        let beside = cut(&edges.right, Some(at))
+            || cut(&edges.right, (at % width).checked_sub(1).map(|_| at - 1));
         let above = cut(&edges.down, Some(at)) || cut(&edges.down, at.checked_sub(width));
         known(depth.depths[at]) && !beside && !above
     });
-    Region { width: depth.width, height: depth.height, inside: inside.collect() }
+    Region {
+        width: depth.width,
+        height: depth.height,
+        inside: inside.collect(),
+    }
 }
 
 /// Share of the known depths around an area that lie behind the middle of its own; 0 where few are known.
@@ -46,15 +60,31 @@ fn behind(depth: &DepthMap, part: &Region) -> f32 {
     let mut around = part.dilated(AROUND_PX);
     around.subtract(part);
     let of = |region: &Region| -> Vec<f32> {
-        let inside = depth.depths.iter().zip(&region.inside).filter(|(_, inside)| **inside);
-        inside.map(|(&depth, _)| depth).filter(|&depth| known(depth)).collect()
+        let inside = depth
+            .depths
+            .iter()
+            .zip(&region.inside)
+            .filter(|(_, inside)| **inside);
+        inside
+            .map(|(&depth, _)| depth)
+            .filter(|&depth| known(depth))
+            .collect()
     };
     let mut own = of(part);
     own.sort_unstable_by(f32::total_cmp);
-    let Some(&middle) = own.get(own.len() / 2) else { return 0.0 };
+    let Some(&middle) = own.get(own.len() / 2) else {
+        return 0.0;
+    };
     let others = of(&around);
-    let behind = others.iter().filter(|&&other| other > middle * (1.0 + LEAST_STEP)).count();
-    if others.len() * 4 < around.area() { 0.0 } else { behind as f32 / others.len() as f32 }
+    let behind = others
+        .iter()
+        .filter(|&&other| other > middle * (1.0 + LEAST_STEP))
+        .count();
+    if others.len() * 4 < around.area() {
+        0.0
+    } else {
+        behind as f32 / others.len() as f32
+    }
 }
 
 #[cfg(test)]
@@ -69,7 +99,11 @@ mod tests {
             (120..160, 30..70) => 2.6,
             _ => 2.0,
         };
-        let depth = DepthMap { width: 200, height: 120, depths: (0..200 * 120).map(depth_at).collect() };
+        let depth = DepthMap {
+            width: 200,
+            height: 120,
+            depths: (0..200 * 120).map(depth_at).collect(),
+        };
         let mut mask = LabelMask::empty(200, 120);
         let found = standing_apart(&depth, &mask);
         assert_eq!(found.len(), 1);

@@ -22,11 +22,17 @@ pub(super) struct Palette {
 impl Palette {
     /// Clusters the regions by k-means on (L, a, b, texture), weighted by area.
     pub fn new(regions: &[RegionStats]) -> Self {
-        let features: Vec<(Feature, f32)> = regions.iter().map(|region| (feature(region), region.area)).collect();
+        let features: Vec<(Feature, f32)> = regions
+            .iter()
+            .map(|region| (feature(region), region.area))
+            .collect();
         let mut entries = spread_out(&features);
         let mut of_region = Vec::new();
         for _ in 0..6 {
-            of_region = features.par_iter().map(|(feature, _)| nearest(&entries, feature)).collect::<Vec<u8>>();
+            of_region = features
+                .par_iter()
+                .map(|(feature, _)| nearest(&entries, feature))
+                .collect::<Vec<u8>>();
             let mut sums = vec![([0.0f32; 4], 0.0f32); entries.len()];
             for ((feature, area), &entry) in features.iter().zip(&of_region) {
                 let sum = &mut sums[usize::from(entry)];
@@ -39,7 +45,10 @@ impl Palette {
                 }
             }
         }
-        Self { of_region, alike: likeness(&entries) }
+        Self {
+            of_region,
+            alike: likeness(&entries),
+        }
     }
 
     /// Number of entries.
@@ -62,9 +71,14 @@ impl Palette {
         }
         let mut share = [0.0; ENTRIES];
         for (count, alike) in counts.iter().zip(self.alike.chunks_exact(ENTRIES)) {
-            share.iter_mut().zip(alike).for_each(|(share, alike)| *share += count * alike);
+            share
+                .iter_mut()
+                .zip(alike)
+                .for_each(|(share, alike)| *share += count * alike);
         }
-        Model { share: share.map(|share| share / total.max(f32::MIN_POSITIVE)) }
+        Model {
+            share: share.map(|share| share / total.max(f32::MIN_POSITIVE)),
+        }
     }
 }
 
@@ -123,7 +137,10 @@ fn spread_out(features: &[(Feature, f32)]) -> Vec<Feature> {
 fn likeness(entries: &[Feature]) -> Vec<f32> {
     let mut alike = Vec::with_capacity(ENTRIES * ENTRIES);
     for a in entries {
-        let row: Vec<f32> = entries.iter().map(|b| (-squared(a, b) / (2.0 * BANDWIDTH * BANDWIDTH)).exp()).collect();
+        let row: Vec<f32> = entries
+            .iter()
+            .map(|b| (-squared(a, b) / (2.0 * BANDWIDTH * BANDWIDTH)).exp())
+            .collect();
         let sum: f32 = row.iter().sum();
         alike.extend(row.iter().map(|value| value / sum));
     }

@@ -61,14 +61,21 @@ pub(super) struct Candidates {
 
 /// All different candidates, small discs first.
 pub(super) fn candidates(situation: &Situation<'_>, options: &CandidateOptions) -> Candidates {
-    let radii: Vec<f32> =
-        std::iter::successors(Some(options.least_radius_px), |radius| Some(radius * options.radius_step))
-            .take_while(|&radius| radius <= options.least_radius_px.max(1.1 * situation.reach))
-            .collect();
-    let families: Vec<Vec<Candidate>> =
-        radii.par_iter().map(|&radius| Disc::new(situation, radius).family(options)).collect();
+    let radii: Vec<f32> = std::iter::successors(Some(options.least_radius_px), |radius| {
+        Some(radius * options.radius_step)
+    })
+    .take_while(|&radius| radius <= options.least_radius_px.max(1.1 * situation.reach))
+    .collect();
+    let families: Vec<Vec<Candidate>> = radii
+        .par_iter()
+        .map(|&radius| Disc::new(situation, radius).family(options))
+        .collect();
     let mut found: Vec<Candidate> = Vec::new();
-    for candidate in families.into_iter().flatten().chain(of_its_kind(situation, options)) {
+    for candidate in families
+        .into_iter()
+        .flatten()
+        .chain(of_its_kind(situation, options))
+    {
         if !found.iter().any(|other| other.change == candidate.change) {
             found.push(candidate);
         }
@@ -82,10 +89,22 @@ fn of_its_kind(situation: &Situation<'_>, options: &CandidateOptions) -> Vec<Can
     let near = situation.near(&[situation.seed]);
     let (_, geodesic) = leaning(situation, &near, options.least_radius_px);
     let candidate = |found: Alike| {
-        let traits = traits_of(situation, &found.change, &found.odds, &geodesic, found.limit);
-        Candidate { change: found.change, traits }
+        let traits = traits_of(
+            situation,
+            &found.change,
+            &found.odds,
+            &geodesic,
+            found.limit,
+        );
+        Candidate {
+            change: found.change,
+            traits,
+        }
     };
-    alike(situation, &AlikeOptions::default()).into_iter().map(candidate).collect()
+    alike(situation, &AlikeOptions::default())
+        .into_iter()
+        .map(candidate)
+        .collect()
 }
 
 /// A disc around the click, and how each region leans towards it.
@@ -103,7 +122,9 @@ impl<'a> Disc<'a> {
         let mut disc = Vec::new();
         for (at, role) in roles.iter_mut().enumerate() {
             if *role == Role::Seed
-                || (*role == Role::Open && situation.apart[at] <= radius && situation.off_depth[at] < 0.5)
+                || (*role == Role::Open
+                    && situation.apart[at] <= radius
+                    && situation.off_depth[at] < 0.5)
             {
                 *role = Role::Seed;
                 disc.push(at as u32);
@@ -111,16 +132,28 @@ impl<'a> Disc<'a> {
         }
         let near = situation.near(&disc);
         let (odds, geodesic) = leaning(situation, &near, radius);
-        Self { situation, radius, roles, odds, geodesic }
+        Self {
+            situation,
+            radius,
+            roles,
+            odds,
+            geodesic,
+        }
     }
 
     fn family(&self, options: &CandidateOptions) -> Vec<Candidate> {
         let mut found = Vec::new();
         for (odds, geodesic) in options.mixes {
-            let leaning: Vec<f32> =
-                self.odds.iter().zip(&self.geodesic).map(|(a, b)| odds * a + geodesic * b).collect();
-            let beyond =
-                |at: usize| 0.12 * ((self.situation.apart[at] - self.radius) / (self.radius + 10.0)).clamp(0.0, 10.0);
+            let leaning: Vec<f32> = self
+                .odds
+                .iter()
+                .zip(&self.geodesic)
+                .map(|(a, b)| odds * a + geodesic * b)
+                .collect();
+            let beyond = |at: usize| {
+                0.12 * ((self.situation.apart[at] - self.radius) / (self.radius + 10.0))
+                    .clamp(0.0, 10.0)
+            };
             for balloon in options.balloons {
                 let change = self.cut(options, |at| leaning[at] - balloon - beyond(at));
                 found.push(self.candidate(self.situation.around_seed(&change)));
@@ -128,8 +161,13 @@ impl<'a> Disc<'a> {
         }
         if let Some(same_thing) = &self.situation.same_thing {
             for balloon in options.balloons {
-                let mut change = self.cut(options, |at| options.scattered_odds * self.odds[at] - balloon);
-                change.iter_mut().zip(same_thing).for_each(|(change, same)| *change &= same);
+                let mut change = self.cut(options, |at| {
+                    options.scattered_odds * self.odds[at] - balloon
+                });
+                change
+                    .iter_mut()
+                    .zip(same_thing)
+                    .for_each(|(change, same)| *change &= same);
                 change[self.situation.seed as usize] = true;
                 found.push(self.candidate(change));
             }
@@ -139,7 +177,9 @@ impl<'a> Disc<'a> {
 
     /// The cheapest change when changing a pixel of a region is worth `log_odds`.
     fn cut(&self, options: &CandidateOptions, log_odds: impl Fn(usize) -> f32) -> Vec<bool> {
-        let Situation { graph, off_depth, .. } = self.situation;
+        let Situation {
+            graph, off_depth, ..
+        } = self.situation;
         let gain = |at: usize| {
             let worth = log_odds(at) - options.depth_weight * off_depth[at];
             options.data_weight * graph.regions[at].area * worth
@@ -157,7 +197,10 @@ impl<'a> Disc<'a> {
 /// Log odds per region that it belongs with the disc, from appearance and from geodesic distances.
 fn leaning(situation: &Situation<'_>, near: &[f32], radius: f32) -> (Vec<f32>, Vec<f32>) {
     let spread = 8.0 + 0.3 * radius;
-    let closeness: Vec<f32> = near.iter().map(|near| (-(near / spread).powi(2)).exp()).collect();
+    let closeness: Vec<f32> = near
+        .iter()
+        .map(|near| (-(near / spread).powi(2)).exp())
+        .collect();
     let odds = odds(situation, &closeness);
     let lean = |at: usize| {
         let (near, far) = (near[at], situation.far[at]);
@@ -167,7 +210,12 @@ fn leaning(situation: &Situation<'_>, near: &[f32], radius: f32) -> (Vec<f32>, V
             _ => -1.0,
         }
     };
-    let of_region = situation.palette.of_region.iter().map(|&entry| odds[usize::from(entry)]).collect();
+    let of_region = situation
+        .palette
+        .of_region
+        .iter()
+        .map(|&entry| odds[usize::from(entry)])
+        .collect();
     (of_region, (0..near.len()).map(lean).collect())
 }
 
@@ -176,7 +224,12 @@ fn odds(situation: &Situation<'_>, closeness: &[f32]) -> Vec<f32> {
     const JOINED_SHARE: f32 = 0.25;
     const RARE: f32 = 1e-3;
     const CLEAR: f32 = 2.0;
-    let Situation { graph, palette, roles, .. } = situation;
+    let Situation {
+        graph,
+        palette,
+        roles,
+        ..
+    } = situation;
     let is_joined = |at: &usize| roles[*at] == Role::Joined;
     let weighted = |joined: bool, weight: &dyn Fn(usize) -> f32| -> Model {
         let chosen = (0..roles.len()).filter(|at| is_joined(at) == joined);
@@ -185,10 +238,16 @@ fn odds(situation: &Situation<'_>, closeness: &[f32]) -> Vec<f32> {
     let same = weighted(false, &|at| closeness[at]);
     let other = weighted(false, &|at| 1.0 - closeness[at]);
     let joined = weighted(true, &|_| 1.0);
-    let joined_share = if roles.contains(&Role::Joined) { JOINED_SHARE } else { 0.0 };
+    let joined_share = if roles.contains(&Role::Joined) {
+        JOINED_SHARE
+    } else {
+        0.0
+    };
     let odds_of = |entry: u8| {
         let share = (1.0 - joined_share) * same.share(entry) + joined_share * joined.share(entry);
-        ((share + RARE) / (other.share(entry) + RARE)).ln().clamp(-CLEAR, CLEAR)
+        ((share + RARE) / (other.share(entry) + RARE))
+            .ln()
+            .clamp(-CLEAR, CLEAR)
     };
     (0..palette.entries()).map(odds_of).collect()
 }

@@ -68,7 +68,11 @@ pub(super) fn best(weights: &Weights, kind: Kind, candidates: &Candidates) -> Op
     let weights = &weights[kind as usize];
     let score = |candidate: &Candidate| -> f32 {
         SHARPNESS[kind as usize]
-            * terms(&candidate.traits).iter().zip(weights).map(|(term, weight)| term * weight).sum::<f32>()
+            * terms(&candidate.traits)
+                .iter()
+                .zip(weights)
+                .map(|(term, weight)| term * weight)
+                .sum::<f32>()
     };
     let scores: Vec<f32> = candidates.all.iter().map(score).collect();
     expected_best(&scores, &candidates.shared)
@@ -78,7 +82,16 @@ pub(super) fn best(weights: &Weights, kind: Kind, candidates: &Candidates) -> Op
 pub(super) fn expected_best(scores: &[f32], shared: &[Vec<f32>]) -> Option<usize> {
     let top = scores.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let chances: Vec<f32> = scores.iter().map(|score| (score - top).exp()).collect();
-    let expected: Vec<f32> =
-        shared.iter().map(|row| row.iter().zip(&chances).map(|(shared, chance)| shared * chance).sum()).collect();
-    (0..expected.len()).rev().max_by(|&a, &b| expected[a].total_cmp(&expected[b]))
+    let expected: Vec<f32> = shared
+        .iter()
+        .map(|row| {
+            row.iter()
+                .zip(&chances)
+                .map(|(shared, chance)| shared * chance)
+                .sum()
+        })
+        .collect();
+    (0..expected.len())
+        .rev()
+        .max_by(|&a, &b| expected[a].total_cmp(&expected[b]))
 }

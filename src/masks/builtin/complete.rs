@@ -51,7 +51,9 @@ impl Ballot {
 
     /// The depth of the surface with most votes; 0 without any.
     fn winner(&self) -> f32 {
-        let best = self.sums[..self.count].iter().max_by(|a, b| a.0.total_cmp(&b.0));
+        let best = self.sums[..self.count]
+            .iter()
+            .max_by(|a, b| a.0.total_cmp(&b.0));
         best.map_or(0.0, |(weights, depths)| (depths / weights).exp())
     }
 }
@@ -62,9 +64,16 @@ impl Ballot {
 pub(super) fn completed(depth: &DepthMap, lab: &[[f32; 3]]) -> DepthMap {
     let vote = |at: usize| {
         let own = depth.depths[at];
-        if known(own) { own } else { with_neighbours(Ballot::default(), depth, lab, at).winner() }
+        if known(own) {
+            own
+        } else {
+            with_neighbours(Ballot::default(), depth, lab, at).winner()
+        }
     };
-    DepthMap { depths: (0..depth.depths.len()).into_par_iter().map(vote).collect(), ..*depth }
+    DepthMap {
+        depths: (0..depth.depths.len()).into_par_iter().map(vote).collect(),
+        ..*depth
+    }
 }
 
 /// The depth map with its borders moved to where colours change: near a jump each pixel takes the surface of the
@@ -85,7 +94,10 @@ pub fn settled(depth: &DepthMap, image: &Image) -> DepthMap {
             ballot.add(own.ln(), OWN);
             with_neighbours(ballot, &before, &lab, at).winner()
         };
-        settled = DepthMap { depths: (0..before.depths.len()).into_par_iter().map(vote).collect(), ..before };
+        settled = DepthMap {
+            depths: (0..before.depths.len()).into_par_iter().map(vote).collect(),
+            ..before
+        };
     }
     settled
 }
@@ -93,16 +105,19 @@ pub fn settled(depth: &DepthMap, image: &Image) -> DepthMap {
 /// Whether another surface begins within a few pixels.
 fn is_beside_jump(depth: &DepthMap, at: usize) -> bool {
     let own = depth.depths[at];
-    around(depth, at, BESIDE).any(|from| known(depth.depths[from]) && (depth.depths[from] / own - 1.0).abs() > JUMP)
+    around(depth, at, BESIDE)
+        .any(|from| known(depth.depths[from]) && (depth.depths[from] / own - 1.0).abs() > JUMP)
 }
 
 /// Adds the votes of the other pixels around one, the nearer and the more alike the more.
 fn with_neighbours(mut ballot: Ballot, depth: &DepthMap, lab: &[[f32; 3]], at: usize) -> Ballot {
     let width = depth.width as usize;
     for from in around(depth, at, REACH).filter(|&from| from != at && known(depth.depths[from])) {
-        let apart = ((from / width).abs_diff(at / width).pow(2) + (from % width).abs_diff(at % width).pow(2)) as f32;
+        let apart = ((from / width).abs_diff(at / width).pow(2)
+            + (from % width).abs_diff(at % width).pow(2)) as f32;
         let color = squared_difference(lab[at], lab[from]);
-        let unlike = apart / (2.0 * SPREAD_PX * SPREAD_PX) + color / (2.0 * SPREAD_DELTA_E * SPREAD_DELTA_E);
+        let unlike =
+            apart / (2.0 * SPREAD_PX * SPREAD_PX) + color / (2.0 * SPREAD_DELTA_E * SPREAD_DELTA_E);
         if unlike < LEAST {
             ballot.add(depth.depths[from].ln(), (-unlike).exp());
         }
@@ -129,9 +144,20 @@ mod tests {
     /// A green stripe three pixels wide at depth 1 before a grey wall at 2.
     fn stripe() -> (Vec<[f32; 3]>, DepthMap) {
         let is_stripe = |at: usize| (20..23).contains(&(at % 40));
-        let lab = (0..40 * 30).map(|at| if is_stripe(at) { GREEN } else { GREY }).collect();
-        let depths = (0..40 * 30).map(|at| if is_stripe(at) { 1.0 } else { 2.0 }).collect();
-        (lab, DepthMap { width: 40, height: 30, depths })
+        let lab = (0..40 * 30)
+            .map(|at| if is_stripe(at) { GREEN } else { GREY })
+            .collect();
+        let depths = (0..40 * 30)
+            .map(|at| if is_stripe(at) { 1.0 } else { 2.0 })
+            .collect();
+        (
+            lab,
+            DepthMap {
+                width: 40,
+                height: 30,
+                depths,
+            },
+        )
     }
 
     #[test]
@@ -144,7 +170,12 @@ mod tests {
             }
         }
         let mended = completed(&damaged, &lab);
-        let wrong = mended.depths.iter().zip(&truth.depths).filter(|(a, b)| (*a - *b).abs() > 0.02).count();
+        let wrong = mended
+            .depths
+            .iter()
+            .zip(&truth.depths)
+            .filter(|(a, b)| (*a - *b).abs() > 0.02)
+            .count();
         assert_eq!(wrong, 0);
     }
 
@@ -165,17 +196,42 @@ mod tests {
         let image = Image {
             width: 40,
             height: 30,
-            pixels: lab.iter().map(|lab| if *lab == GREEN { [20, 160, 40] } else { [145, 145, 145] }).collect(),
+            pixels: lab
+                .iter()
+                .map(|lab| {
+                    if *lab == GREEN {
+                        [20, 160, 40]
+                    } else {
+                        [145, 145, 145]
+                    }
+                })
+                .collect(),
         };
         // The stripe's depth lies a pixel to the right of it.
         let mut shifted = truth.clone();
         for row in shifted.depths.chunks_mut(40) {
             row.rotate_right(1);
         }
-        let wrong =
-            |depth: &DepthMap| depth.depths.iter().zip(&truth.depths).filter(|(a, b)| (*a - *b).abs() > 0.02).count();
+        let wrong = |depth: &DepthMap| {
+            depth
+                .depths
+                .iter()
+                .zip(&truth.depths)
+                .filter(|(a, b)| (*a - *b).abs() > 0.02)
+                .count()
+        };
         assert_eq!(wrong(&shifted), 60);
-        assert!(wrong(&settled(&shifted, &image)) < 6, "{}", wrong(&settled(&shifted, &image)));
-        assert!(settled(&truth, &image).depths.iter().zip(&truth.depths).all(|(a, b)| (a - b).abs() < 0.02));
+        assert!(
+            wrong(&settled(&shifted, &image)) < 6,
+            "{}",
+            wrong(&settled(&shifted, &image))
+        );
+        assert!(
+            settled(&truth, &image)
+                .depths
+                .iter()
+                .zip(&truth.depths)
+                .all(|(a, b)| (a - b).abs() < 0.02)
+        );
     }
 }

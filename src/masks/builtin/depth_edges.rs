@@ -17,19 +17,28 @@ const STEP_RANGE: (f32, f32) = (0.008, 0.03);
 /// of its sides.
 pub(super) fn depth_edges(depth: &DepthMap) -> DepthEdges {
     let (width, height) = (depth.width as usize, depth.height as usize);
-    let inverse: Vec<f32> = depth.depths.iter().map(|&depth| if known(depth) { 1.0 / depth } else { 0.0 }).collect();
+    let inverse: Vec<f32> = depth
+        .depths
+        .iter()
+        .map(|&depth| if known(depth) { 1.0 / depth } else { 0.0 })
+        .collect();
     let plane = |stride: usize, room: fn(usize, usize, usize, usize) -> bool| {
         let mut out = vec![0.0; inverse.len()];
-        out.par_chunks_exact_mut(width).enumerate().for_each(|(y, out)| {
-            for (x, out) in out.iter_mut().enumerate() {
-                if room(x, y, width, height) {
-                    *out = strength_at(&inverse, y * width + x, stride);
+        out.par_chunks_exact_mut(width)
+            .enumerate()
+            .for_each(|(y, out)| {
+                for (x, out) in out.iter_mut().enumerate() {
+                    if room(x, y, width, height) {
+                        *out = strength_at(&inverse, y * width + x, stride);
+                    }
                 }
-            }
-        });
+            });
         out
     };
-    DepthEdges { right: plane(1, |x, _, width, _| x + 1 < width), down: plane(width, |_, y, _, height| y + 1 < height) }
+    DepthEdges {
+        right: plane(1, |x, _, width, _| x + 1 < width),
+        down: plane(width, |_, y, _, height| y + 1 < height),
+    }
 }
 
 /// Whether a depth value says anything.
@@ -38,19 +47,24 @@ pub(super) fn known(depth: f32) -> bool {
 }
 
 fn strength_at(inverse: &[f32], at: usize, stride: usize) -> f32 {
-    let value = |at: Option<usize>| at.and_then(|at| inverse.get(at)).copied().filter(|&value| value > 0.0);
+    let value = |at: Option<usize>| {
+        at.and_then(|at| inverse.get(at))
+            .copied()
+            .filter(|&value| value > 0.0)
+    };
     let (Some(near), Some(far)) = (value(Some(at)), value(Some(at + stride))) else {
         return 0.0;
     };
     let step = far - near;
     let beyond_slope = |before: Option<f32>, from: f32, to: f32| {
-        before.map_or(f32::INFINITY, |before| ((to - from) - (from - before)).abs())
+        before.map_or(f32::INFINITY, |before| {
+            ((to - from) - (from - before)).abs()
+        })
     };
-    let least = step.abs().min(beyond_slope(value(at.checked_sub(stride)), near, far)).min(beyond_slope(
-        value(Some(at + 2 * stride)),
-        far,
-        near,
-    ));
+    let least = step
+        .abs()
+        .min(beyond_slope(value(at.checked_sub(stride)), near, far))
+        .min(beyond_slope(value(Some(at + 2 * stride)), far, near));
     let relative = least / near.max(far);
     ((relative - STEP_RANGE.0) / (STEP_RANGE.1 - STEP_RANGE.0)).clamp(0.0, 1.0)
 }
@@ -60,8 +74,14 @@ mod tests {
     use super::*;
 
     fn map(width: u32, height: u32, depth_at: impl Fn(u32, u32) -> f32) -> DepthMap {
-        let depths = (0..width * height).map(|at| depth_at(at % width, at / width)).collect();
-        DepthMap { width, height, depths }
+        let depths = (0..width * height)
+            .map(|at| depth_at(at % width, at / width))
+            .collect();
+        DepthMap {
+            width,
+            height,
+            depths,
+        }
     }
 
     #[test]

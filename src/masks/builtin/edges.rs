@@ -42,19 +42,31 @@ pub(super) fn edge_map(
     let (small, large) = (mean(1), mean(3));
     let steps = |dx: usize, dy: usize| {
         let mut out = vec![Step::default(); lab.len()];
-        out.par_chunks_exact_mut(width).enumerate().for_each(|(y, out)| {
-            for (x, out) in out.iter_mut().enumerate() {
-                if x + dx < width && y + dy < height {
-                    *out = step_at(lab, &small, &large, surfaces, (x, y), (dx, dy), (width, height));
+        out.par_chunks_exact_mut(width)
+            .enumerate()
+            .for_each(|(y, out)| {
+                for (x, out) in out.iter_mut().enumerate() {
+                    if x + dx < width && y + dy < height {
+                        *out = step_at(
+                            lab,
+                            &small,
+                            &large,
+                            surfaces,
+                            (x, y),
+                            (dx, dy),
+                            (width, height),
+                        );
+                    }
                 }
-            }
-        });
+            });
         out
     };
     let (mut right, mut down) = (steps(1, 0), steps(0, 1));
     suppress_surround(&mut right, &mut down, width, height);
     if let Some((depth, _)) = depth {
-        let add = |(step, &depth): (&mut Step, &f32)| step.strength = 1.0 - (1.0 - step.strength) * (1.0 - depth);
+        let add = |(step, &depth): (&mut Step, &f32)| {
+            step.strength = 1.0 - (1.0 - step.strength) * (1.0 - depth)
+        };
         right.par_iter_mut().zip(&depth.right).for_each(add);
         down.par_iter_mut().zip(&depth.down).for_each(add);
     }
@@ -78,24 +90,39 @@ fn step_at(
     };
     // The farthest place up to `along` steps away that lies on the surface next to this place.
     let shifted = |along: isize| {
-        let Some(surfaces) = surfaces else { return shifted(along) };
+        let Some(surfaces) = surfaces else {
+            return shifted(along);
+        };
         let base = shifted(along.signum().max(0));
         let mut steps = along;
         while steps.signum() == along.signum() && !surfaces.same(base, shifted(steps)) {
             steps -= along.signum();
         }
-        if steps.signum() == along.signum() { shifted(steps) } else { base }
+        if steps.signum() == along.signum() {
+            shifted(steps)
+        } else {
+            base
+        }
     };
-    let step = |plane: &[[f32; 3]], near, far| squared_difference(plane[shifted(near)], plane[shifted(far)]).sqrt();
+    let step = |plane: &[[f32; 3]], near, far| {
+        squared_difference(plane[shifted(near)], plane[shifted(far)]).sqrt()
+    };
     let fine = step(lab, 0, 1);
-    Step { fine, strength: 0.5 * step(small, -1, 2) + 0.5 * step(large, -3, 4) }
+    Step {
+        fine,
+        strength: 0.5 * step(small, -1, 2) + 0.5 * step(large, -3, 4),
+    }
 }
 
 /// Turns colour steps into strengths 0–1 by setting each against the mean nearby and in the whole picture.
 fn suppress_surround(right: &mut [Step], down: &mut [Step], width: usize, height: usize) {
     const SURROUND_PX: usize = 16;
     const LEAST_STEP: f32 = 1.5;
-    let both: Vec<[f32; 1]> = right.iter().zip(&*down).map(|(a, b)| [a.strength.max(b.strength)]).collect();
+    let both: Vec<[f32; 1]> = right
+        .iter()
+        .zip(&*down)
+        .map(|(a, b)| [a.strength.max(b.strength)])
+        .collect();
     let near = box_mean(&both, width, height, SURROUND_PX);
     let whole = both.iter().map(|[step]| f64::from(*step)).sum::<f64>() / both.len() as f64;
     let settle = |(step, [near]): (&mut Step, &[f32; 1])| {
@@ -115,14 +142,23 @@ mod tests {
         let (width, height) = (80usize, 40usize);
         let lab: Vec<[f32; 3]> = (0..width * height)
             .map(|at| match at % width {
-                0..40 => [30.0 + 8.0 * (((at * 2_654_435_761) >> 7) % 3) as f32, 0.0, 0.0],
+                0..40 => [
+                    30.0 + 8.0 * (((at * 2_654_435_761) >> 7) % 3) as f32,
+                    0.0,
+                    0.0,
+                ],
                 _ => [75.0, 10.0, 0.0],
             })
             .collect();
         let edges = edge_map(&lab, width, height, None);
         let row = 20 * width;
         let border = edges.right[row + 39].strength;
-        let inside = (5..30).map(|x| edges.right[row + x].strength).fold(0.0, f32::max);
-        assert!(border > 0.5 && inside < border * 0.7, "border {border}, texture {inside}");
+        let inside = (5..30)
+            .map(|x| edges.right[row + x].strength)
+            .fold(0.0, f32::max);
+        assert!(
+            border > 0.5 && inside < border * 0.7,
+            "border {border}, texture {inside}"
+        );
     }
 }

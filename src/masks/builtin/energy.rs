@@ -27,7 +27,12 @@ pub(super) fn border_price(edge: &Edge) -> f32 {
 
 /// Which open regions change at least energy; `gain` per region is what its change is worth, in pixel sides of a
 /// border without any edge; `pull` scales the price of a gap to regions joined already.
-pub(super) fn cheapest_change(graph: &RegionGraph, roles: &[Role], gain: &[f32], pull: f32) -> Vec<bool> {
+pub(super) fn cheapest_change(
+    graph: &RegionGraph,
+    roles: &[Role],
+    gain: &[f32],
+    pull: f32,
+) -> Vec<bool> {
     let mut node_of = vec![u32::MAX; roles.len()];
     let mut terminal: Vec<i32> = Vec::new();
     for (region, role) in roles.iter().enumerate() {
@@ -45,11 +50,19 @@ pub(super) fn cheapest_change(graph: &RegionGraph, roles: &[Role], gain: &[f32],
             (u32::MAX, u32::MAX) => {}
             (u32::MAX, node) => rest(&mut terminal[node as usize], roles[a], price, pull),
             (node, u32::MAX) => rest(&mut terminal[node as usize], roles[b], price, pull),
-            (from, to) => links.push(Link { from, to, forward: price, backward: price }),
+            (from, to) => links.push(Link {
+                from,
+                to,
+                forward: price,
+                backward: price,
+            }),
         }
     }
     let side = FlowGraph::new(terminal, &links).source_side();
-    node_of.iter().map(|&node| side.get(node as usize).copied().unwrap_or(false)).collect()
+    node_of
+        .iter()
+        .map(|&node| side.get(node as usize).copied().unwrap_or(false))
+        .collect()
 }
 
 /// A border with a region that the cut does not decide.

@@ -10,9 +10,11 @@ pub(super) fn box_mean<const N: usize>(
     radius: usize,
 ) -> Vec<[f32; N]> {
     let mut rows = vec![[0.0; N]; values.len()];
-    rows.par_chunks_exact_mut(width).zip(values.par_chunks_exact(width)).for_each(|(out, row)| {
-        running_mean(row, out, radius);
-    });
+    rows.par_chunks_exact_mut(width)
+        .zip(values.par_chunks_exact(width))
+        .for_each(|(out, row)| {
+            running_mean(row, out, radius);
+        });
     column_mean(&rows, width, height, radius)
 }
 
@@ -43,34 +45,41 @@ fn add<const N: usize>(sum: &mut [f32; N], value: &[f32; N], sign: f32) {
 }
 
 /// Columns, in bands of rows so that each band runs down the picture on its own.
-fn column_mean<const N: usize>(rows: &[[f32; N]], width: usize, height: usize, radius: usize) -> Vec<[f32; N]> {
+fn column_mean<const N: usize>(
+    rows: &[[f32; N]],
+    width: usize,
+    height: usize,
+    radius: usize,
+) -> Vec<[f32; N]> {
     const BAND: usize = 32;
     let mut out = vec![[0.0; N]; rows.len()];
-    out.par_chunks_mut(width * BAND).enumerate().for_each(|(band, out)| {
-        let top = band * BAND;
-        let mut sums = vec![[0.0; N]; width];
-        let add_row = |sums: &mut [[f32; N]], y: usize, sign: f32| {
-            for (sum, value) in sums.iter_mut().zip(&rows[y * width..(y + 1) * width]) {
-                add(sum, value, sign);
+    out.par_chunks_mut(width * BAND)
+        .enumerate()
+        .for_each(|(band, out)| {
+            let top = band * BAND;
+            let mut sums = vec![[0.0; N]; width];
+            let add_row = |sums: &mut [[f32; N]], y: usize, sign: f32| {
+                for (sum, value) in sums.iter_mut().zip(&rows[y * width..(y + 1) * width]) {
+                    add(sum, value, sign);
+                }
+            };
+            for y in top.saturating_sub(radius)..(top + radius).min(height) {
+                add_row(&mut sums, y, 1.0);
             }
-        };
-        for y in top.saturating_sub(radius)..(top + radius).min(height) {
-            add_row(&mut sums, y, 1.0);
-        }
-        for (step, out) in out.chunks_exact_mut(width).enumerate() {
-            let y = top + step;
-            if y + radius < height {
-                add_row(&mut sums, y + radius, 1.0);
+            for (step, out) in out.chunks_exact_mut(width).enumerate() {
+                let y = top + step;
+                if y + radius < height {
+                    add_row(&mut sums, y + radius, 1.0);
+                }
+                if step > 0 && y > radius {
+                    add_row(&mut sums, y - radius - 1, -1.0);
+                }
+                let count = ((y + radius).min(height - 1) - y.saturating_sub(radius) + 1) as f32;
+                for (out, sum) in out.iter_mut().zip(&sums) {
+                    *out = sum.map(|channel| channel / count);
+                }
             }
-            if step > 0 && y > radius {
-                add_row(&mut sums, y - radius - 1, -1.0);
-            }
-            let count = ((y + radius).min(height - 1) - y.saturating_sub(radius) + 1) as f32;
-            for (out, sum) in out.iter_mut().zip(&sums) {
-                *out = sum.map(|channel| channel / count);
-            }
-        }
-    });
+        });
     out
 }
 
@@ -81,7 +90,9 @@ mod tests {
     #[test]
     fn mean_equals_a_plain_sum() {
         let (width, height) = (37usize, 71usize);
-        let values: Vec<[f32; 1]> = (0..width * height).map(|at| [(at * 31 % 97) as f32]).collect();
+        let values: Vec<[f32; 1]> = (0..width * height)
+            .map(|at| [(at * 31 % 97) as f32])
+            .collect();
         for radius in [1, 3, 40] {
             let fast = box_mean(&values, width, height, radius);
             for (at, found) in fast.iter().enumerate() {
@@ -93,7 +104,10 @@ mod tests {
                     .flat_map(|y| columns.clone().map(move |x| (x, y)))
                     .map(|(x, y)| values[y * width + x][0])
                     .sum();
-                assert!((found[0] - sum / count).abs() < 1e-2, "radius {radius}, pixel {at}");
+                assert!(
+                    (found[0] - sum / count).abs() < 1e-2,
+                    "radius {radius}, pixel {at}"
+                );
             }
         }
     }

@@ -14,18 +14,32 @@ pub(super) struct Distances {
 }
 
 /// Dijkstra's shortest paths from `sources` (region, distance at the start); `cost` of crossing an edge, not negative.
-pub(super) fn distances(graph: &RegionGraph, sources: &[(u32, f32)], cost: impl Fn(&Edge) -> f32) -> Distances {
+pub(super) fn distances(
+    graph: &RegionGraph,
+    sources: &[(u32, f32)],
+    cost: impl Fn(&Edge) -> f32,
+) -> Distances {
     let count = graph.region_count();
-    let mut found = Distances { to: vec![f32::INFINITY; count], origin: vec![u32::MAX; count] };
+    let mut found = Distances {
+        to: vec![f32::INFINITY; count],
+        origin: vec![u32::MAX; count],
+    };
     let mut open = BinaryHeap::with_capacity(count);
     for &(region, start) in sources {
         if start < found.to[region as usize] {
             found.to[region as usize] = start;
             found.origin[region as usize] = region;
-            open.push(Reached { cost: start, at: region });
+            open.push(Reached {
+                cost: start,
+                at: region,
+            });
         }
     }
-    while let Some(Reached { cost: distance, at: region }) = open.pop() {
+    while let Some(Reached {
+        cost: distance,
+        at: region,
+    }) = open.pop()
+    {
         if distance > found.to[region as usize] {
             continue;
         }
@@ -34,7 +48,10 @@ pub(super) fn distances(graph: &RegionGraph, sources: &[(u32, f32)], cost: impl 
             if there < found.to[neighbour as usize] {
                 found.to[neighbour as usize] = there;
                 found.origin[neighbour as usize] = found.origin[region as usize];
-                open.push(Reached { cost: there, at: neighbour });
+                open.push(Reached {
+                    cost: there,
+                    at: neighbour,
+                });
             }
         }
     }

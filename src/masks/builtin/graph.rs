@@ -84,9 +84,20 @@ impl RegionGraph {
             .collect();
         let (first, neighbours) = adjacency(&edges, regions.len());
         strengthen(&mut edges, &regions);
-        let mut graph = Self { width, height, regions: Vec::new(), edges, hops: Vec::new(), first, neighbours };
+        let mut graph = Self {
+            width,
+            height,
+            regions: Vec::new(),
+            edges,
+            hops: Vec::new(),
+            first,
+            neighbours,
+        };
         if depth.is_some() {
-            let seen: Vec<bool> = regions.iter().map(|region| !region.ln_depth.is_nan()).collect();
+            let seen: Vec<bool> = regions
+                .iter()
+                .map(|region| !region.ln_depth.is_nan())
+                .collect();
             graph.fill_depth(&mut regions);
             graph.add_depth_steps(&regions, &seen);
             graph.hops = hops(&regions, &graph.edges, width, &HopOptions::default());
@@ -110,7 +121,10 @@ impl RegionGraph {
 
     /// Distance between the middles of an edge's regions, pixels.
     pub fn apart(&self, edge: &Edge) -> f32 {
-        let (a, b) = (&self.regions[edge.a as usize], &self.regions[edge.b as usize]);
+        let (a, b) = (
+            &self.regions[edge.a as usize],
+            &self.regions[edge.b as usize],
+        );
         (a.at[0] - b.at[0]).hypot(a.at[1] - b.at[1])
     }
 
@@ -137,12 +151,19 @@ impl RegionGraph {
             + size_of_val(&*self.edges)
             + size_of_val(&*self.first)
             + size_of_val(&*self.neighbours)
-            + self.hops.iter().map(|hops| size_of_val(&**hops)).sum::<usize>()
+            + self
+                .hops
+                .iter()
+                .map(|hops| size_of_val(&**hops))
+                .sum::<usize>()
     }
 
     /// Regions without depth take that of the neighbour they are least kept apart from, growing from the known ones.
     fn fill_depth(&self, regions: &mut [RegionStats]) {
-        let sources = regions.iter().enumerate().filter(|(_, region)| !region.ln_depth.is_nan());
+        let sources = regions
+            .iter()
+            .enumerate()
+            .filter(|(_, region)| !region.ln_depth.is_nan());
         let sources: Vec<(u32, f32)> = sources.map(|(at, _)| (at as u32, 0.0)).collect();
         let nearest = super::geodesic::distances(self, &sources, |edge| 1.0 + 40.0 * edge.strength);
         let known: Vec<f32> = regions.iter().map(|region| region.ln_depth).collect();
@@ -160,7 +181,11 @@ impl RegionGraph {
             let apart = ((a.at[0] - b.at[0]).powi(2) + (a.at[1] - b.at[1]).powi(2)).sqrt();
             // A slope of 0.1 % of the depth a pixel is a surface seen at a slant.
             let step = (a.ln_depth - b.ln_depth).abs() - 0.001 * apart - 0.01;
-            let sure = if seen[edge.a as usize] && seen[edge.b as usize] { 0.9 } else { 0.5 };
+            let sure = if seen[edge.a as usize] && seen[edge.b as usize] {
+                0.9
+            } else {
+                0.5
+            };
             let extra = (step / 0.03).clamp(0.0, 1.0) * sure;
             if extra.is_finite() {
                 edge.strength = 1.0 - (1.0 - edge.strength) * (1.0 - extra);
@@ -176,7 +201,10 @@ fn stats(
     width: usize,
     height: usize,
 ) -> Vec<RegionStats> {
-    let moments: Vec<[f32; 2]> = lab.par_iter().map(|lab| [lab[0], lab[0] * lab[0]]).collect();
+    let moments: Vec<[f32; 2]> = lab
+        .par_iter()
+        .map(|lab| [lab[0], lab[0] * lab[0]])
+        .collect();
     let moments = box_mean(&moments, width, height, 3);
     let mut regions = vec![RegionStats::default(); partition.count];
     let mut depth_area = vec![0.0f32; partition.count];
@@ -185,12 +213,21 @@ fn stats(
         let region = &mut regions[of as usize];
         region.area += 1.0;
         (0..3).for_each(|channel| region.lab[channel] += lab[at][channel]);
-        region.texture += (moments[at][1] - moments[at][0] * moments[at][0]).max(0.0).sqrt();
+        region.texture += (moments[at][1] - moments[at][0] * moments[at][0])
+            .max(0.0)
+            .sqrt();
         region.at[0] += x as f32;
         region.at[1] += y as f32;
-        region.rim +=
-            f32::from(u8::from(x == 0) + u8::from(x + 1 == width) + u8::from(y == 0) + u8::from(y + 1 == height));
-        if let Some(depth) = depth.map(|depth| depth.depths[at]).filter(|&depth| known(depth)) {
+        region.rim += f32::from(
+            u8::from(x == 0)
+                + u8::from(x + 1 == width)
+                + u8::from(y == 0)
+                + u8::from(y + 1 == height),
+        );
+        if let Some(depth) = depth
+            .map(|depth| depth.depths[at])
+            .filter(|&depth| known(depth))
+        {
             region.ln_depth += depth.ln();
             depth_area[of as usize] += 1.0;
         }
@@ -199,7 +236,11 @@ fn stats(
         region.lab = region.lab.map(|sum| sum / region.area);
         region.texture /= region.area;
         region.at = region.at.map(|sum| sum / region.area + 0.5);
-        region.ln_depth = if depth_area > 0.25 * region.area { region.ln_depth / depth_area } else { f32::NAN };
+        region.ln_depth = if depth_area > 0.25 * region.area {
+            region.ln_depth / depth_area
+        } else {
+            f32::NAN
+        };
     }
     regions
 }
@@ -244,9 +285,13 @@ fn adjacency(edges: &[Edge], count: usize) -> (Vec<u32>, Vec<(u32, u32)>) {
 
 /// Adds how far the mean colours of both sides are apart, against the typical difference of neighbours.
 fn strengthen(edges: &mut [Edge], regions: &[RegionStats]) {
-    let difference =
-        |edge: &Edge| squared_difference(regions[edge.a as usize].lab, regions[edge.b as usize].lab).sqrt();
-    let typical = edges.iter().map(|edge| difference(edge) * edge.length).sum::<f32>()
+    let difference = |edge: &Edge| {
+        squared_difference(regions[edge.a as usize].lab, regions[edge.b as usize].lab).sqrt()
+    };
+    let typical = edges
+        .iter()
+        .map(|edge| difference(edge) * edge.length)
+        .sum::<f32>()
         / edges.iter().map(|edge| edge.length).sum::<f32>().max(1.0);
     for edge in edges {
         let apart = difference(edge);

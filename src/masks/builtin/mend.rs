@@ -105,34 +105,71 @@ impl Site {
     ) -> Option<Self> {
         let width = image.width as usize;
         let reach = f64::from(OPTIONS.reach_px * unit_px);
-        let bounds =
-            |at: f64, end: u32| ((at - reach).max(0.0) as usize, ((at + reach) as usize + 1).min(end as usize));
-        let ((left, right), (top, bottom)) = (bounds(click.at_px.x, image.width), bounds(click.at_px.y, image.height));
-        let window = Window { left, top, right, bottom };
+        let bounds = |at: f64, end: u32| {
+            (
+                (at - reach).max(0.0) as usize,
+                ((at + reach) as usize + 1).min(end as usize),
+            )
+        };
+        let ((left, right), (top, bottom)) = (
+            bounds(click.at_px.x, image.width),
+            bounds(click.at_px.y, image.height),
+        );
+        let window = Window {
+            left,
+            top,
+            right,
+            bottom,
+        };
         let places: Vec<usize> = window.places(width).collect();
         let centre = |at: usize| DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
         // Who clicks where another click was takes that one back.
         let near = f64::from(unit_px);
-        let against = |other: &&Click| other.include != click.include && other.at_px.distance(click.at_px) > 2.0 * near;
+        let against = |other: &&Click| {
+            other.include != click.include && other.at_px.distance(click.at_px) > 2.0 * near
+        };
         let against: Vec<&Click> = earlier.iter().filter(against).collect();
         let holds = |at: usize| {
-            against.iter().any(|other| other.at_px.distance(centre(at)) <= near)
+            against
+                .iter()
+                .any(|other| other.at_px.distance(centre(at)) <= near)
                 || taken.is_some_and(|taken| taken.inside[at])
         };
-        let joined: Vec<bool> = places.iter().map(|&at| mask.inside[at] == click.include).collect();
-        let open: Vec<bool> = places.iter().zip(&joined).map(|(&at, joined)| !joined && !holds(at)).collect();
+        let joined: Vec<bool> = places
+            .iter()
+            .map(|&at| mask.inside[at] == click.include)
+            .collect();
+        let open: Vec<bool> = places
+            .iter()
+            .zip(&joined)
+            .map(|(&at, joined)| !joined && !holds(at))
+            .collect();
         if !joined.contains(&true) {
             return None;
         }
-        let own = Region { width: window.width() as u32, height: window.height() as u32, inside: joined };
-        let to_own: Vec<f32> = squared_distance_to(&own).into_iter().map(|squared| (squared as f32).sqrt()).collect();
-        let to_click: Vec<f32> = places.iter().map(|&at| centre(at).distance(click.at_px) as f32).collect();
-        let clicked = (click.at_px.y as usize - top) * window.width() + click.at_px.x as usize - left;
+        let own = Region {
+            width: window.width() as u32,
+            height: window.height() as u32,
+            inside: joined,
+        };
+        let to_own: Vec<f32> = squared_distance_to(&own)
+            .into_iter()
+            .map(|squared| (squared as f32).sqrt())
+            .collect();
+        let to_click: Vec<f32> = places
+            .iter()
+            .map(|&at| centre(at).distance(click.at_px) as f32)
+            .collect();
+        let clicked =
+            (click.at_px.y as usize - top) * window.width() + click.at_px.x as usize - left;
         let (least, most) = OPTIONS.depth_px;
         let depth_px = to_own[clicked].clamp(least * unit_px, most * unit_px);
         let in_depths = |all: Vec<f32>| all.into_iter().map(|px| px / depth_px).collect();
         Some(Self {
-            lab: places.iter().map(|&at| lab_of_pixel(image.pixels[at])).collect(),
+            lab: places
+                .iter()
+                .map(|&at| lab_of_pixel(image.pixels[at]))
+                .collect(),
             apart: in_depths(to_click),
             thick: in_depths(to_own),
             window,
@@ -146,11 +183,29 @@ impl Site {
 
     /// The pixels to change: the part of the cheapest cut that the click lies in.
     fn change(&self) -> Vec<usize> {
-        let local = Window { left: 0, top: 0, right: self.window.width(), bottom: self.window.height() };
-        let borders = Borders::new(&self.lab, local.right, local, OPTIONS.outline * self.unit_px).among(&self.open);
+        let local = Window {
+            left: 0,
+            top: 0,
+            right: self.window.width(),
+            bottom: self.window.height(),
+        };
+        let borders = Borders::new(
+            &self.lab,
+            local.right,
+            local,
+            OPTIONS.outline * self.unit_px,
+        )
+        .among(&self.open);
         let mut inside = borders.cut(&self.odds(), 0.0);
-        inside.iter_mut().zip(&self.open).for_each(|(inside, open)| *inside &= open);
-        let region = Region { width: local.right as u32, height: local.bottom as u32, inside };
+        inside
+            .iter_mut()
+            .zip(&self.open)
+            .for_each(|(inside, open)| *inside &= open);
+        let region = Region {
+            width: local.right as u32,
+            height: local.bottom as u32,
+            inside,
+        };
         let parts = components(&region, Connectivity::Eight).labels;
         (0..parts.len())
             .filter(|&at| parts[at] > 0 && parts[at] == parts[self.clicked])
@@ -181,15 +236,23 @@ impl Site {
 
     /// Some of the colours of open pixels, by their distance from the click.
     fn sampled(&self, is_wanted: impl Fn(f32) -> bool) -> Vec<[f32; 3]> {
-        let wanted: Vec<usize> =
-            (0..self.places.len()).filter(|&at| self.open[at] && is_wanted(self.apart[at])).collect();
-        wanted.iter().step_by(wanted.len().div_ceil(SAMPLES).max(1)).map(|&at| self.lab[at]).collect()
+        let wanted: Vec<usize> = (0..self.places.len())
+            .filter(|&at| self.open[at] && is_wanted(self.apart[at]))
+            .collect();
+        wanted
+            .iter()
+            .step_by(wanted.len().div_ceil(SAMPLES).max(1))
+            .map(|&at| self.lab[at])
+            .collect()
     }
 }
 
 /// How often a colour is met among others, 0–1.
 fn likelihood(lab: [f32; 3], samples: &[[f32; 3]]) -> f32 {
     let spread = 2.0 * OPTIONS.alike_delta_e * OPTIONS.alike_delta_e;
-    let sum: f32 = samples.iter().map(|&other| (-squared_difference(lab, other) / spread).exp()).sum();
+    let sum: f32 = samples
+        .iter()
+        .map(|&other| (-squared_difference(lab, other) / spread).exp())
+        .sum();
     sum / samples.len().max(1) as f32
 }

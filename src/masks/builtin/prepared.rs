@@ -19,33 +19,58 @@ pub(super) struct Prepared {
 }
 
 impl PreparedFrame for Prepared {
-    fn segment(&self, request: &SegmentRequest<'_>, _progress: &Progress) -> Result<Region, MaskError> {
+    fn segment(
+        &self,
+        request: &SegmentRequest<'_>,
+        _progress: &Progress,
+    ) -> Result<Region, MaskError> {
         self.check(request)?;
-        let SegmentRequest { prompt, previous, taken } = *request;
+        let SegmentRequest {
+            prompt,
+            previous,
+            taken,
+        } = *request;
         // With an answer to refine only the last click is new.
         if let (Some(previous), Some(last)) = (previous, prompt.clicks.len().checked_sub(1)) {
             let flat = self.flat.as_ref().filter(|_| prompt.corrects);
-            let mended = flat.and_then(|image| mended(image, self.raster.factor, previous, &prompt.clicks, taken));
-            return Ok(mended.unwrap_or_else(|| self.refined(previous, &prompt.clicks, last, taken)));
+            let mended = flat.and_then(|image| {
+                mended(image, self.raster.factor, previous, &prompt.clicks, taken)
+            });
+            return Ok(
+                mended.unwrap_or_else(|| self.refined(previous, &prompt.clicks, last, taken))
+            );
         }
         let mut boxed = Query::new(self, taken);
         boxed.add_boxes(&prompt.boxes);
         let clicks = 0..prompt.clicks.len();
-        Ok(clicks.fold(boxed.answer(), |answer, at| self.refined(&answer, &prompt.clicks, at, taken)))
+        Ok(clicks.fold(boxed.answer(), |answer, at| {
+            self.refined(&answer, &prompt.clicks, at, taken)
+        }))
     }
 
     fn bytes(&self) -> usize {
-        let picture = self.flat.as_ref().map_or(0, |image| size_of_val(&*image.pixels));
+        let picture = self
+            .flat
+            .as_ref()
+            .map_or(0, |image| size_of_val(&*image.pixels));
         self.raster.bytes() + self.graph.bytes() + self.palette.bytes() + picture
     }
 }
 
 impl Prepared {
     /// The `previous` answer, to the clicks before `at`, refined by the click there; later clicks are not looked at.
-    fn refined(&self, previous: &Region, clicks: &[Click], at: usize, taken: Option<&Region>) -> Region {
+    fn refined(
+        &self,
+        previous: &Region,
+        clicks: &[Click],
+        at: usize,
+        taken: Option<&Region>,
+    ) -> Region {
         let mut query = Query::new(self, taken);
         query.start_from(previous);
-        clicks[..at].iter().for_each(|click| query.add_known_click(click));
+        clicks[..at]
+            .iter()
+            .for_each(|click| query.add_known_click(click));
         query.add_click(&clicks[at]);
         query.answer()
     }
@@ -53,7 +78,9 @@ impl Prepared {
     fn check(&self, request: &SegmentRequest<'_>) -> Result<(), MaskError> {
         let (width, height) = (self.raster.width, self.raster.height);
         if request.prompt.is_empty() {
-            return Err(MaskError::Request("there is no click and no box; click on the object first".into()));
+            return Err(MaskError::Request(
+                "there is no click and no box; click on the object first".into(),
+            ));
         }
         let inside = |click: &Click| {
             let at = click.at_px;
@@ -78,12 +105,20 @@ impl Prepared {
             )));
         }
         let fits = |region: &Region| {
-            region.width as usize == width && region.height as usize == height && region.inside.len() == width * height
+            region.width as usize == width
+                && region.height as usize == height
+                && region.inside.len() == width * height
         };
-        if [request.previous, request.taken].into_iter().flatten().all(fits) {
+        if [request.previous, request.taken]
+            .into_iter()
+            .flatten()
+            .all(fits)
+        {
             Ok(())
         } else {
-            Err(MaskError::Request(format!("a mask given does not have the picture's size of {width}×{height}")))
+            Err(MaskError::Request(format!(
+                "a mask given does not have the picture's size of {width}×{height}"
+            )))
         }
     }
 }

@@ -28,7 +28,12 @@ pub(super) struct Query<'a> {
 
 impl<'a> Query<'a> {
     pub fn new(frame: &'a Prepared, taken: Option<&'a Region>) -> Self {
-        let Prepared { raster, graph, palette, .. } = frame;
+        let Prepared {
+            raster,
+            graph,
+            palette,
+            ..
+        } = frame;
         let count = graph.region_count();
         let closed = taken.map_or_else(|| vec![false; count], |taken| raster.mostly(taken));
         Self {
@@ -54,8 +59,17 @@ impl<'a> Query<'a> {
     pub fn add_boxes(&mut self, boxes: &[PxBox]) {
         let factor = self.raster.factor as f64;
         for within in boxes {
-            let within = PxBox { min_px: within.min_px / factor, max_px: within.max_px / factor };
-            let found = object_in_box(self.graph, self.palette, &self.closed, &within, &BoxOptions::default());
+            let within = PxBox {
+                min_px: within.min_px / factor,
+                max_px: within.max_px / factor,
+            };
+            let found = object_in_box(
+                self.graph,
+                self.palette,
+                &self.closed,
+                &within,
+                &BoxOptions::default(),
+            );
             self.apply(&found, true);
         }
     }
@@ -63,8 +77,9 @@ impl<'a> Query<'a> {
     /// Notes an earlier click, which holds even where the answer started from says otherwise.
     pub fn add_known_click(&mut self, click: &Click) {
         let at = self.note(click);
-        let holds =
-            self.previous.is_some_and(|previous| previous.inside[self.raster.pixel_at(click.at_px)] == click.include);
+        let holds = self.previous.is_some_and(|previous| {
+            previous.inside[self.raster.pixel_at(click.at_px)] == click.include
+        });
         if !holds && !self.closed[at] {
             self.inside[at] = click.include;
             self.decided[at] = true;
@@ -87,7 +102,10 @@ impl<'a> Query<'a> {
 
     fn note(&mut self, click: &Click) -> usize {
         let region = self.raster.region_at(click.at_px);
-        let reduced = Click { at_px: click.at_px / self.raster.factor as f64, ..*click };
+        let reduced = Click {
+            at_px: click.at_px / self.raster.factor as f64,
+            ..*click
+        };
         self.clicks.push((reduced, region));
         region as usize
     }
@@ -104,16 +122,34 @@ impl<'a> Query<'a> {
     pub fn situation(&self) -> Option<Situation<'_>> {
         let (click, region) = self.clicks.last()?;
         let at = *region as usize;
-        let contested = self.clicks.iter().any(|(other, there)| there == region && other.include != click.include);
+        let contested = self
+            .clicks
+            .iter()
+            .any(|(other, there)| there == region && other.include != click.include);
         let changes = !self.closed[at] && !contested && self.inside[at] != click.include;
-        changes.then(|| Situation::new(self.graph, self.palette, &self.clicks, &self.inside, &self.closed)).flatten()
+        changes
+            .then(|| {
+                Situation::new(
+                    self.graph,
+                    self.palette,
+                    &self.clicks,
+                    &self.inside,
+                    &self.closed,
+                )
+            })
+            .flatten()
     }
 
     /// The answer as pixels.
     pub fn answer(self) -> Region {
         let (width, height) = (self.raster.width, self.raster.height);
         let mut answer = Region::empty(width as u32, height as u32);
-        for (at, (out, &region)) in answer.inside.iter_mut().zip(&self.raster.of_pixel).enumerate() {
+        for (at, (out, &region)) in answer
+            .inside
+            .iter_mut()
+            .zip(&self.raster.of_pixel)
+            .enumerate()
+        {
             let region = region as usize;
             *out = match self.previous {
                 Some(previous) if !self.decided[region] => previous.inside[at],
@@ -130,7 +166,12 @@ impl<'a> Query<'a> {
             let here = || self.clicks.iter().filter(|(_, other)| *other == region);
             here().any(|(click, _)| click.include) && here().any(|(click, _)| !click.include)
         };
-        let mut regions: Vec<u32> = self.clicks.iter().map(|&(_, region)| region).filter(|&at| contested(at)).collect();
+        let mut regions: Vec<u32> = self
+            .clicks
+            .iter()
+            .map(|&(_, region)| region)
+            .filter(|&at| contested(at))
+            .collect();
         regions.sort_unstable();
         regions.dedup();
         if regions.is_empty() {
@@ -138,12 +179,15 @@ impl<'a> Query<'a> {
         }
         for (at, region) in self.raster.of_pixel.iter().enumerate() {
             if regions.contains(region) && !self.taken.is_some_and(|taken| taken.inside[at]) {
-                let centre =
-                    glam::DVec2::new((at % self.raster.width) as f64 + 0.5, (at / self.raster.width) as f64 + 0.5)
-                        / self.raster.factor as f64;
+                let centre = glam::DVec2::new(
+                    (at % self.raster.width) as f64 + 0.5,
+                    (at / self.raster.width) as f64 + 0.5,
+                ) / self.raster.factor as f64;
                 let here = self.clicks.iter().filter(|(_, other)| other == region);
                 let nearest = here.min_by(|(a, _), (b, _)| {
-                    a.at_px.distance_squared(centre).total_cmp(&b.at_px.distance_squared(centre))
+                    a.at_px
+                        .distance_squared(centre)
+                        .total_cmp(&b.at_px.distance_squared(centre))
                 });
                 answer.inside[at] = nearest.is_some_and(|(click, _)| click.include);
             }

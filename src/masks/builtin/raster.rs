@@ -34,29 +34,43 @@ pub(super) fn reduction(width: usize, height: usize) -> usize {
 pub(super) fn reduced_image(image: &Image, factor: usize) -> Image {
     let (width, height) = reduced_size(image.width, image.height, factor);
     let mut pixels = vec![[0u8; 3]; width * height];
-    pixels.par_chunks_exact_mut(width).enumerate().for_each(|(y, row)| {
-        for (x, out) in row.iter_mut().enumerate() {
-            let mut sum = [0u32; 3];
-            for line in y * factor..(y + 1) * factor {
-                let start = line * image.width as usize + x * factor;
-                for pixel in &image.pixels[start..start + factor] {
-                    (0..3).for_each(|channel| sum[channel] += u32::from(pixel[channel]));
+    pixels
+        .par_chunks_exact_mut(width)
+        .enumerate()
+        .for_each(|(y, row)| {
+            for (x, out) in row.iter_mut().enumerate() {
+                let mut sum = [0u32; 3];
+                for line in y * factor..(y + 1) * factor {
+                    let start = line * image.width as usize + x * factor;
+                    for pixel in &image.pixels[start..start + factor] {
+                        (0..3).for_each(|channel| sum[channel] += u32::from(pixel[channel]));
+                    }
                 }
+                *out = sum.map(|sum| (sum / (factor * factor) as u32) as u8);
             }
-            *out = sum.map(|sum| (sum / (factor * factor) as u32) as u8);
-        }
-    });
-    Image { width: width as u32, height: height as u32, pixels }
+        });
+    Image {
+        width: width as u32,
+        height: height as u32,
+        pixels,
+    }
 }
 
 /// The depths in the middle of every `factor²` pixels: means would lie between two surfaces.
 pub(super) fn reduced_depth(depth: &DepthMap, factor: usize) -> DepthMap {
     let (width, height) = reduced_size(depth.width, depth.height, factor);
     let at = |place: usize| {
-        let (x, y) = (place % width * factor + factor / 2, place / width * factor + factor / 2);
+        let (x, y) = (
+            place % width * factor + factor / 2,
+            place / width * factor + factor / 2,
+        );
         depth.depths[y * depth.width as usize + x]
     };
-    DepthMap { width: width as u32, height: height as u32, depths: (0..width * height).map(at).collect() }
+    DepthMap {
+        width: width as u32,
+        height: height as u32,
+        depths: (0..width * height).map(at).collect(),
+    }
 }
 
 fn reduced_size(width: u32, height: u32, factor: usize) -> (usize, usize) {
@@ -73,10 +87,22 @@ impl Raster {
         progress: &Progress,
     ) -> Result<Self, Stopped> {
         let (width, height) = (image.width as usize, image.height as usize);
-        let of_pixel = if factor == 1 { reduced } else { enlarged(image, factor, &reduced, regions, progress)? };
+        let of_pixel = if factor == 1 {
+            reduced
+        } else {
+            enlarged(image, factor, &reduced, regions, progress)?
+        };
         let mut areas = vec![0; regions.len()];
-        of_pixel.iter().for_each(|&region| areas[region as usize] += 1);
-        Ok(Self { width, height, factor, of_pixel, areas })
+        of_pixel
+            .iter()
+            .for_each(|&region| areas[region as usize] += 1);
+        Ok(Self {
+            width,
+            height,
+            factor,
+            of_pixel,
+            areas,
+        })
     }
 
     /// The region at a place in the picture as given, pixels.
@@ -97,7 +123,11 @@ impl Raster {
         for (&region, &is_inside) in self.of_pixel.iter().zip(&mask.inside) {
             inside[region as usize] += u32::from(is_inside);
         }
-        inside.iter().zip(&self.areas).map(|(inside, area)| inside * 2 > *area).collect()
+        inside
+            .iter()
+            .zip(&self.areas)
+            .map(|(inside, area)| inside * 2 > *area)
+            .collect()
     }
 
     /// Bytes held.
@@ -118,31 +148,38 @@ fn enlarged(
     let width = image.width as usize;
     let (columns, rows) = reduced_size(image.width, image.height, factor);
     let mut of_pixel = vec![0u32; image.pixels.len()];
-    of_pixel.par_chunks_exact_mut(width).enumerate().try_for_each(|(line, out)| {
-        let y = (line / factor).min(rows - 1);
-        for (at, out) in out.iter_mut().enumerate() {
-            let x = (at / factor).min(columns - 1);
-            let own = reduced[y * columns + x];
-            let around = [
-                (x.saturating_sub(1), y),
-                ((x + 1).min(columns - 1), y),
-                (x, y.saturating_sub(1)),
-                (x, (y + 1).min(rows - 1)),
-            ]
-            .map(|(x, y)| reduced[y * columns + x]);
-            *out = own;
-            if around.iter().any(|&region| region != own) {
-                let lab = lab_of_pixel(image.pixels[line * width + at]);
-                let apart = |region: u32| squared_difference(lab, regions[region as usize].lab);
-                let mut least = apart(own) - LEAVING;
-                for region in around {
-                    if apart(region) < least {
-                        (*out, least) = (region, apart(region));
+    of_pixel
+        .par_chunks_exact_mut(width)
+        .enumerate()
+        .try_for_each(|(line, out)| {
+            let y = (line / factor).min(rows - 1);
+            for (at, out) in out.iter_mut().enumerate() {
+                let x = (at / factor).min(columns - 1);
+                let own = reduced[y * columns + x];
+                let around = [
+                    (x.saturating_sub(1), y),
+                    ((x + 1).min(columns - 1), y),
+                    (x, y.saturating_sub(1)),
+                    (x, (y + 1).min(rows - 1)),
+                ]
+                .map(|(x, y)| reduced[y * columns + x]);
+                *out = own;
+                if around.iter().any(|&region| region != own) {
+                    let lab = lab_of_pixel(image.pixels[line * width + at]);
+                    let apart = |region: u32| squared_difference(lab, regions[region as usize].lab);
+                    let mut least = apart(own) - LEAVING;
+                    for region in around {
+                        if apart(region) < least {
+                            (*out, least) = (region, apart(region));
+                        }
                     }
                 }
             }
-        }
-        if line % 64 == 0 { progress.check() } else { Ok(()) }
-    })?;
+            if line % 64 == 0 {
+                progress.check()
+            } else {
+                Ok(())
+            }
+        })?;
     Ok(of_pixel)
 }

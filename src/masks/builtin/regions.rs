@@ -25,7 +25,11 @@ pub(super) struct RegionOptions {
 
 impl Default for RegionOptions {
     fn default() -> Self {
-        Self { area_px: 130, compactness: 0.12, depth_weight: 300.0 }
+        Self {
+            area_px: 130,
+            compactness: 0.12,
+            depth_weight: 300.0,
+        }
     }
 }
 
@@ -69,14 +73,27 @@ pub(super) fn partition(
     let fineness = depth.map(|(_, surfaces)| surfaces.fineness());
     let mut of_pixel = specks(edges, depth.map(|(_, surfaces)| surfaces), width);
     let count = compact(&mut of_pixel);
-    let nodes = nodes_of(&of_pixel, count, lab, depth.map(|(depth, _)| depth), fineness.as_deref(), width);
+    let nodes = nodes_of(
+        &of_pixel,
+        count,
+        lab,
+        depth.map(|(depth, _)| depth),
+        fineness.as_deref(),
+        width,
+    );
     let borders = borders_of(&of_pixel, edges, width);
     let fineness = fineness.map_or(lab.len() as f32, |fineness| fineness.iter().sum());
     let target = (fineness as usize / options.area_px).max(2);
     let (of_speck, borders) = merge(nodes, borders, target, options);
-    of_pixel.par_iter_mut().for_each(|speck| *speck = of_speck[*speck as usize]);
+    of_pixel
+        .par_iter_mut()
+        .for_each(|speck| *speck = of_speck[*speck as usize]);
     let count = of_speck.iter().max().map_or(0, |&last| last as usize + 1);
-    Partition { of_pixel, count, borders }
+    Partition {
+        of_pixel,
+        count,
+        borders,
+    }
 }
 
 /// Joins neighbouring pixels of like colour, most alike first, to specks of at most [`SPECK_PX`] pixels.
@@ -87,10 +104,17 @@ fn specks(edges: &EdgeMap, surfaces: Option<&Surfaces>, width: usize) -> Vec<u32
     let level = |step: &super::edges::Step| {
         ((step.fine + 8.0 * step.strength * step.strength) * LEVELS_PER_DELTA_E).min(255.0) as u8
     };
-    let levels: Vec<[u8; 2]> =
-        edges.right.par_iter().zip(&edges.down).map(|(right, down)| [level(right), level(down)]).collect();
+    let levels: Vec<[u8; 2]> = edges
+        .right
+        .par_iter()
+        .zip(&edges.down)
+        .map(|(right, down)| [level(right), level(down)])
+        .collect();
     let mut first = [0usize; 257];
-    levels.iter().flatten().for_each(|&level| first[usize::from(level) + 1] += 1);
+    levels
+        .iter()
+        .flatten()
+        .for_each(|&level| first[usize::from(level) + 1] += 1);
     (1..first.len()).for_each(|at| first[at] += first[at - 1]);
     let mut order = vec![0u32; pixels * 2];
     for (at, &level) in levels.iter().flatten().enumerate() {
@@ -102,11 +126,18 @@ fn specks(edges: &EdgeMap, surfaces: Option<&Surfaces>, width: usize) -> Vec<u32
     for place in order {
         let at = place as usize / 2;
         let neighbour = if place % 2 == 0 { at + 1 } else { at + width };
-        let inside = if place % 2 == 0 { neighbour % width != 0 } else { neighbour < pixels };
+        let inside = if place % 2 == 0 {
+            neighbour % width != 0
+        } else {
+            neighbour < pixels
+        };
         if !inside || surfaces.is_some_and(|surfaces| !surfaces.same(at, neighbour)) {
             continue;
         }
-        let (a, b) = (root(&mut parent, at as u32), root(&mut parent, neighbour as u32));
+        let (a, b) = (
+            root(&mut parent, at as u32),
+            root(&mut parent, neighbour as u32),
+        );
         if a != b && size[a as usize] + size[b as usize] <= SPECK_PX {
             let (low, high) = (a.min(b), a.max(b));
             parent[high as usize] = low;
@@ -150,7 +181,9 @@ fn nodes_of(
 ) -> Vec<Node> {
     let mut nodes = vec![Node::default(); count];
     for (at, &node) in of_pixel.iter().enumerate() {
-        let depth = depth.map(|depth| depth.depths[at]).filter(|&depth| known(depth));
+        let depth = depth
+            .map(|depth| depth.depths[at])
+            .filter(|&depth| known(depth));
         let area = fineness.map_or(1.0, |fineness| fineness[at]);
         let pixel = Node {
             area,
@@ -190,7 +223,12 @@ fn borders_of(of_pixel: &[u32], edges: &EdgeMap, width: usize) -> Vec<Border> {
                 let mut add = |there: u32, strength: f32| {
                     if here != there {
                         let (a, b) = (here.min(there), here.max(there));
-                        found.push(Border { a, b, length: 1.0, strength_sum: strength });
+                        found.push(Border {
+                            a,
+                            b,
+                            length: 1.0,
+                            strength_sum: strength,
+                        });
                     }
                 };
                 if let Some(&there) = row.get(x + 1) {
@@ -231,7 +269,10 @@ fn merge(
 ) -> (Vec<u32>, Vec<Border>) {
     let mut of_node: Vec<u32> = (0..nodes.len() as u32).collect();
     while nodes.len() > target && !borders.is_empty() {
-        let costs: Vec<f32> = borders.par_iter().map(|border| cost(&nodes, border, options)).collect();
+        let costs: Vec<f32> = borders
+            .par_iter()
+            .map(|border| cost(&nodes, border, options))
+            .collect();
         let mut pairs = mutual_best(&borders, &costs, nodes.len());
         let surplus = nodes.len() - target;
         if pairs.len() > surplus {
@@ -247,9 +288,13 @@ fn merge(
         let count = compact(&mut new);
         let mut kept = vec![Node::default(); count];
         // Going down, the lower number of a pair, which holds the joined node, is written last.
-        (0..nodes.len()).rev().for_each(|node| kept[new[node] as usize] = nodes[node]);
+        (0..nodes.len())
+            .rev()
+            .for_each(|node| kept[new[node] as usize] = nodes[node]);
         nodes = kept;
-        of_node.par_iter_mut().for_each(|node| *node = new[*node as usize]);
+        of_node
+            .par_iter_mut()
+            .for_each(|node| *node = new[*node as usize]);
         for border in &mut borders {
             let (a, b) = (new[border.a as usize], new[border.b as usize]);
             (border.a, border.b) = (a.min(b), a.max(b));
@@ -264,7 +309,11 @@ fn cost(nodes: &[Node], border: &Border, options: &RegionOptions) -> f32 {
     let (a, b) = (&nodes[border.a as usize], &nodes[border.b as usize]);
     let apart = (a.at[0] - b.at[0]).powi(2) + (a.at[1] - b.at[1]).powi(2);
     let both_deep = a.depth_area > 0.0 && b.depth_area > 0.0;
-    let depth = if both_deep { (options.depth_weight * (a.depth - b.depth)).powi(2) } else { 0.0 };
+    let depth = if both_deep {
+        (options.depth_weight * (a.depth - b.depth)).powi(2)
+    } else {
+        0.0
+    };
     let error = squared_difference(a.lab, b.lab) + options.compactness * apart + depth;
     let strength = border.strength_sum / border.length;
     a.area * b.area / (a.area + b.area) * error * (0.3 + strength)
@@ -297,8 +346,15 @@ mod tests {
     fn regions_never_cross_a_clear_border_even_of_a_thin_stripe() {
         let (width, height) = (90usize, 60usize);
         let is_stripe = |at: usize| (40..43).contains(&(at % width));
-        let lab: Vec<[f32; 3]> =
-            (0..width * height).map(|at| if is_stripe(at) { [60.0, -30.0, 30.0] } else { [60.0, 5.0, 10.0] }).collect();
+        let lab: Vec<[f32; 3]> = (0..width * height)
+            .map(|at| {
+                if is_stripe(at) {
+                    [60.0, -30.0, 30.0]
+                } else {
+                    [60.0, 5.0, 10.0]
+                }
+            })
+            .collect();
         let edges = edge_map(&lab, width, height, None);
         let partition = partition(&lab, None, &edges, width, &RegionOptions::default());
         let mut stripe = vec![None; partition.count];

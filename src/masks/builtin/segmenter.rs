@@ -29,7 +29,11 @@ impl Segmenter for BuiltinSegmenter {
         depth: Option<&Arc<DepthMap>>,
         progress: &Progress,
     ) -> Result<Arc<dyn PreparedFrame>, MaskError> {
-        Ok(Arc::new(prepare(image, depth.map(AsRef::as_ref), progress)?))
+        Ok(Arc::new(prepare(
+            image,
+            depth.map(AsRef::as_ref),
+            progress,
+        )?))
     }
 }
 
@@ -41,9 +45,13 @@ pub(super) fn prepare(
 ) -> Result<Prepared, MaskError> {
     let (width, height) = (image.width as usize, image.height as usize);
     if width == 0 || height == 0 || image.pixels.len() != width * height {
-        return Err(MaskError::Request(format!("a picture of {width}×{height} cannot be segmented; open another")));
+        return Err(MaskError::Request(format!(
+            "a picture of {width}×{height} cannot be segmented; open another"
+        )));
     }
-    if let Some(depth) = depth.filter(|depth| (depth.width, depth.height) != (image.width, image.height)) {
+    if let Some(depth) =
+        depth.filter(|depth| (depth.width, depth.height) != (image.width, image.height))
+    {
         return Err(MaskError::Request(format!(
             "the depth map is {}×{}, the picture {width}×{height}; give depth of the picture's size",
             depth.width, depth.height
@@ -54,7 +62,13 @@ pub(super) fn prepare(
         return prepare_reduced(image, image, depth, factor, progress);
     }
     let depth = depth.map(|depth| reduced_depth(depth, factor));
-    prepare_reduced(image, &reduced_image(image, factor), depth.as_ref(), factor, progress)
+    prepare_reduced(
+        image,
+        &reduced_image(image, factor),
+        depth.as_ref(),
+        factor,
+        progress,
+    )
 }
 
 /// Works on `reduced`, then carries the regions to `image`, which is `factor` times as large.
@@ -75,14 +89,31 @@ fn prepare_reduced(
     let depth = depth.as_ref().map(|depth| (depth, Surfaces::new(depth)));
     let depth = depth.as_ref().map(|(depth, surfaces)| (*depth, surfaces));
     let jumps = depth.map(|(depth, surfaces)| (depth_edges(depth), surfaces));
-    let edges = edge_map(&lab, width, height, jumps.as_ref().map(|(jumps, surfaces)| (jumps, *surfaces)));
+    let edges = edge_map(
+        &lab,
+        width,
+        height,
+        jumps.as_ref().map(|(jumps, surfaces)| (jumps, *surfaces)),
+    );
     progress.step(2, STAGES)?;
     // Depth separates things too small for colour, which need regions of their own.
     let area_px = RegionOptions::default().area_px;
-    let options =
-        RegionOptions { area_px: if depth.is_some() { area_px * 2 / 3 } else { area_px }, ..RegionOptions::default() };
+    let options = RegionOptions {
+        area_px: if depth.is_some() {
+            area_px * 2 / 3
+        } else {
+            area_px
+        },
+        ..RegionOptions::default()
+    };
     let smooth = depth.map(|(_, surfaces)| surfaces.mean(&lab, 1));
-    let partition = partition(smooth.as_ref().unwrap_or(&lab), depth, &edges, width, &options);
+    let partition = partition(
+        smooth.as_ref().unwrap_or(&lab),
+        depth,
+        &edges,
+        width,
+        &options,
+    );
     progress.step(3, STAGES)?;
     let graph = RegionGraph::new(&partition, &lab, depth, measured, width);
     let palette = Palette::new(&graph.regions);
@@ -90,5 +121,10 @@ fn prepare_reduced(
     let raster = Raster::new(image, factor, partition.of_pixel, &graph.regions, progress)?;
     progress.step(STAGES, STAGES)?;
     let flat = depth.is_none().then(|| Arc::clone(image));
-    Ok(Prepared { raster, graph, palette, flat })
+    Ok(Prepared {
+        raster,
+        graph,
+        palette,
+        flat,
+    })
 }

@@ -52,29 +52,67 @@ impl<'a> Situation<'a> {
             () => Role::Open,
         };
         let mut roles: Vec<Role> = (0..graph.region_count()).map(role).collect();
-        let opposite = || clicks.iter().filter(|(other, _)| other.include != include).map(|&(_, region)| region);
-        for region in opposite().filter(|&region| roles[region as usize] == Role::Open).collect::<Vec<_>>() {
+        let opposite = || {
+            clicks
+                .iter()
+                .filter(|(other, _)| other.include != include)
+                .map(|&(_, region)| region)
+        };
+        for region in opposite()
+            .filter(|&region| roles[region as usize] == Role::Open)
+            .collect::<Vec<_>>()
+        {
             roles[region as usize] = Role::Wall;
         }
         roles[seed as usize] = Role::Seed;
         let (x, y) = (click.at_px.x as f32, click.at_px.y as f32);
-        let apart: Vec<f32> = graph.regions.iter().map(|region| (region.at[0] - x).hypot(region.at[1] - y)).collect();
+        let apart: Vec<f32> = graph
+            .regions
+            .iter()
+            .map(|region| (region.at[0] - x).hypot(region.at[1] - y))
+            .collect();
         let mut sources: Vec<(u32, f32)> = opposite().map(|region| (region, 0.0)).collect();
         if include {
             let at_rim = |at: &usize| graph.regions[*at].rim > 0.0 && roles[*at] == Role::Open;
-            sources.extend((0..roles.len()).filter(at_rim).map(|at| (at as u32, RIM_LEAD)));
+            sources.extend(
+                (0..roles.len())
+                    .filter(at_rim)
+                    .map(|at| (at as u32, RIM_LEAD)),
+            );
         }
         let far = distances(graph, &sources, |edge| step_cost(graph, edge)).to;
         let widest = 0.45 * graph.width.min(graph.height) as f32;
-        let joined = roles.iter().zip(&apart).filter(|(role, _)| **role == Role::Joined);
-        let reach = joined.map(|(_, &apart)| apart).fold(widest, f32::min).max(4.0);
+        let joined = roles
+            .iter()
+            .zip(&apart)
+            .filter(|(role, _)| **role == Role::Joined);
+        let reach = joined
+            .map(|(_, &apart)| apart)
+            .fold(widest, f32::min)
+            .max(4.0);
         let of_thing = trusted(&graph.regions, (click, seed), &apart);
         let off_depth = off_depth(graph, of_thing as usize, &apart);
         let has_depth = !graph.regions[of_thing as usize].ln_depth.is_nan();
         let same_thing = has_depth.then(|| same_thing(graph, of_thing, &roles, &off_depth));
-        let area =
-            inside.iter().zip(&graph.regions).map(|(&inside, region)| if inside { region.area } else { 0.0 }).sum();
-        Some(Self { graph, palette, clicks, roles, seed, include, apart, far, reach, off_depth, same_thing, area })
+        let area = inside
+            .iter()
+            .zip(&graph.regions)
+            .map(|(&inside, region)| if inside { region.area } else { 0.0 })
+            .sum();
+        Some(Self {
+            graph,
+            palette,
+            clicks,
+            roles,
+            seed,
+            include,
+            apart,
+            far,
+            reach,
+            off_depth,
+            same_thing,
+            area,
+        })
     }
 
     /// Whether a region may change.
@@ -87,7 +125,11 @@ impl<'a> Situation<'a> {
         let sources: Vec<(u32, f32)> = sources.iter().map(|&region| (region, 0.0)).collect();
         let cost = |edge: &Edge| {
             let open = self.is_open(edge.a as usize) && self.is_open(edge.b as usize);
-            if open { step_cost(self.graph, edge) } else { f32::INFINITY }
+            if open {
+                step_cost(self.graph, edge)
+            } else {
+                f32::INFINITY
+            }
         };
         distances(self.graph, &sources, cost).to
     }
@@ -102,9 +144,15 @@ impl<'a> Situation<'a> {
             if seen[start] || self.roles[start] != Role::Open {
                 continue;
             }
-            let part = self.graph.flood(start as u32, &mut seen, |at| !kept[at] && self.roles[at] == Role::Open);
-            let area: f32 = part.iter().map(|&at| self.graph.regions[at as usize].area).sum();
-            if area < LARGEST_HOLE_PX && part.iter().all(|&at| self.is_enclosed(at as usize, &kept)) {
+            let part = self.graph.flood(start as u32, &mut seen, |at| {
+                !kept[at] && self.roles[at] == Role::Open
+            });
+            let area: f32 = part
+                .iter()
+                .map(|&at| self.graph.regions[at as usize].area)
+                .sum();
+            if area < LARGEST_HOLE_PX && part.iter().all(|&at| self.is_enclosed(at as usize, &kept))
+            {
                 part.iter().for_each(|&at| kept[at as usize] = true);
             }
         }
@@ -115,7 +163,9 @@ impl<'a> Situation<'a> {
     fn is_enclosed(&self, region: usize, kept: &[bool]) -> bool {
         let neighbours = self.graph.neighbours(region);
         self.graph.regions[region].rim == 0.0
-            && neighbours.iter().all(|&(to, _)| kept[to as usize] || self.is_open(to as usize))
+            && neighbours
+                .iter()
+                .all(|&(to, _)| kept[to as usize] || self.is_open(to as usize))
     }
 }
 
@@ -135,10 +185,13 @@ fn trusted(regions: &[RegionStats], (click, seed): (Click, u32), apart: &[f32]) 
     }
     let before = |at: &usize| {
         let region = &regions[*at];
-        let stands_before = clicked.ln_depth.is_nan() || region.ln_depth < clicked.ln_depth - BEFORE;
+        let stands_before =
+            clicked.ln_depth.is_nan() || region.ln_depth < clicked.ln_depth - BEFORE;
         region.measured && apart[*at] < NEAR_PX && stands_before
     };
-    let nearest = (0..apart.len()).filter(before).min_by(|&a, &b| apart[a].total_cmp(&apart[b]));
+    let nearest = (0..apart.len())
+        .filter(before)
+        .min_by(|&a, &b| apart[a].total_cmp(&apart[b]));
     nearest.map_or(seed, |at| at as u32)
 }
 
@@ -152,7 +205,11 @@ fn off_depth(graph: &RegionGraph, seed: usize, apart: &[f32]) -> Vec<f32> {
     let off = |(region, apart): (&RegionStats, &f32)| {
         let step = (region.ln_depth - clicked).abs() - ALLOWED - SLANT_PER_PX * apart;
         // Unknown depths compare as not a number, which says nothing.
-        if step > 0.0 { (step / SURE).min(1.0) } else { 0.0 }
+        if step > 0.0 {
+            (step / SURE).min(1.0)
+        } else {
+            0.0
+        }
     };
     graph.regions.iter().zip(apart).map(off).collect()
 }
@@ -179,7 +236,11 @@ fn same_thing(graph: &RegionGraph, seed: u32, roles: &[Role], off_depth: &[f32])
             }
         }
     }
-    reached.iter().zip(roles).map(|(&reached, role)| reached && matches!(role, Role::Open | Role::Seed)).collect()
+    reached
+        .iter()
+        .zip(roles)
+        .map(|(&reached, role)| reached && matches!(role, Role::Open | Role::Seed))
+        .collect()
 }
 
 #[cfg(test)]
@@ -188,16 +249,44 @@ mod tests {
 
     #[test]
     fn a_click_into_a_hole_means_what_stands_before_it() {
-        let region = |ln_depth: f32, measured: bool| RegionStats { ln_depth, measured, ..RegionStats::default() };
+        let region = |ln_depth: f32, measured: bool| RegionStats {
+            ln_depth,
+            measured,
+            ..RegionStats::default()
+        };
         // A hole filled as wall, the wall itself, two leaves and a guess that lies nearer still.
-        let regions =
-            [region(0.7, false), region(0.7, true), region(0.1, true), region(0.0, true), region(-0.2, false)];
+        let regions = [
+            region(0.7, false),
+            region(0.7, true),
+            region(0.1, true),
+            region(0.0, true),
+            region(-0.2, false),
+        ];
         let apart = [0.0, 4.0, 9.0, 12.0, 2.0];
-        let at = |include: bool| Click { at_px: glam::DVec2::ZERO, include };
-        assert_eq!(trusted(&regions, (at(true), 0), &apart), 2, "the nearest that was measured before it");
-        assert_eq!(trusted(&regions, (at(false), 0), &apart), 0, "an excluded wall is the wall");
-        assert_eq!(trusted(&regions, (at(true), 1), &apart), 1, "what was measured counts as it is");
-        assert_eq!(trusted(&regions, (at(true), 0), &[0.0, 4.0, 40.0, 40.0, 2.0]), 0, "nothing near stands before it");
+        let at = |include: bool| Click {
+            at_px: glam::DVec2::ZERO,
+            include,
+        };
+        assert_eq!(
+            trusted(&regions, (at(true), 0), &apart),
+            2,
+            "the nearest that was measured before it"
+        );
+        assert_eq!(
+            trusted(&regions, (at(false), 0), &apart),
+            0,
+            "an excluded wall is the wall"
+        );
+        assert_eq!(
+            trusted(&regions, (at(true), 1), &apart),
+            1,
+            "what was measured counts as it is"
+        );
+        assert_eq!(
+            trusted(&regions, (at(true), 0), &[0.0, 4.0, 40.0, 40.0, 2.0]),
+            0,
+            "nothing near stands before it"
+        );
         let unknown = [region(f32::NAN, false), region(0.7, true)];
         assert_eq!(trusted(&unknown, (at(true), 0), &[0.0, 4.0]), 1);
     }

@@ -38,23 +38,27 @@ impl Surfaces {
     pub fn mean(&self, values: &[[f32; 3]], radius: usize) -> Vec<[f32; 3]> {
         let (width, height) = (self.width, self.height);
         let mut out = vec![[0.0; 3]; values.len()];
-        out.par_chunks_exact_mut(width).enumerate().for_each(|(y, row)| {
-            let rows = y.saturating_sub(radius)..(y + radius + 1).min(height);
-            for (x, out) in row.iter_mut().enumerate() {
-                let columns = x.saturating_sub(radius)..(x + radius + 1).min(width);
-                let (mut sum, mut count) = ([0.0f32; 3], 0.0f32);
-                for line in rows.clone() {
-                    let start = line * width + columns.start;
-                    for (beside, value) in values[start..start + columns.len()].iter().enumerate() {
-                        if self.same(y * width + x, start + beside) {
-                            (0..3).for_each(|channel| sum[channel] += value[channel]);
-                            count += 1.0;
+        out.par_chunks_exact_mut(width)
+            .enumerate()
+            .for_each(|(y, row)| {
+                let rows = y.saturating_sub(radius)..(y + radius + 1).min(height);
+                for (x, out) in row.iter_mut().enumerate() {
+                    let columns = x.saturating_sub(radius)..(x + radius + 1).min(width);
+                    let (mut sum, mut count) = ([0.0f32; 3], 0.0f32);
+                    for line in rows.clone() {
+                        let start = line * width + columns.start;
+                        for (beside, value) in
+                            values[start..start + columns.len()].iter().enumerate()
+                        {
+                            if self.same(y * width + x, start + beside) {
+                                (0..3).for_each(|channel| sum[channel] += value[channel]);
+                                count += 1.0;
+                            }
                         }
                     }
+                    *out = sum.map(|sum| sum / count);
                 }
-                *out = sum.map(|sum| sum / count);
-            }
-        });
+            });
         out
     }
 
@@ -74,16 +78,22 @@ impl Surfaces {
         let width = self.width;
         let rows: Vec<f32> = (self.ln_depth.par_chunks_exact(width))
             .flat_map_iter(|row| {
-                (0..width).map(move |x| largest(&row[x.saturating_sub(radius)..(x + radius + 1).min(width)]))
+                (0..width).map(move |x| {
+                    largest(&row[x.saturating_sub(radius)..(x + radius + 1).min(width)])
+                })
             })
             .collect();
         let mut out = vec![f32::NEG_INFINITY; rows.len()];
-        out.par_chunks_exact_mut(width).enumerate().for_each(|(y, out)| {
-            for line in y.saturating_sub(radius)..(y + radius + 1).min(self.height) {
-                let row = &rows[line * width..(line + 1) * width];
-                out.iter_mut().zip(row).for_each(|(out, value)| *out = out.max(*value));
-            }
-        });
+        out.par_chunks_exact_mut(width)
+            .enumerate()
+            .for_each(|(y, out)| {
+                for line in y.saturating_sub(radius)..(y + radius + 1).min(self.height) {
+                    let row = &rows[line * width..(line + 1) * width];
+                    out.iter_mut()
+                        .zip(row)
+                        .for_each(|(out, value)| *out = out.max(*value));
+                }
+            });
         out
     }
 }
@@ -98,15 +108,34 @@ mod tests {
     use super::*;
 
     fn stalk_before_a_wall() -> Surfaces {
-        let depths = (0..60 * 20).map(|at| if (28..31).contains(&(at % 60)) { 0.9 } else { 1.4 }).collect();
-        Surfaces::new(&DepthMap { width: 60, height: 20, depths })
+        let depths = (0..60 * 20)
+            .map(|at| {
+                if (28..31).contains(&(at % 60)) {
+                    0.9
+                } else {
+                    1.4
+                }
+            })
+            .collect();
+        Surfaces::new(&DepthMap {
+            width: 60,
+            height: 20,
+            depths,
+        })
     }
 
     #[test]
     fn colour_of_a_stalk_is_not_mixed_with_that_of_the_wall() {
         let surfaces = stalk_before_a_wall();
-        let lab: Vec<[f32; 3]> =
-            (0..60 * 20).map(|at| if (28..31).contains(&(at % 60)) { [50.0; 3] } else { [90.0; 3] }).collect();
+        let lab: Vec<[f32; 3]> = (0..60 * 20)
+            .map(|at| {
+                if (28..31).contains(&(at % 60)) {
+                    [50.0; 3]
+                } else {
+                    [90.0; 3]
+                }
+            })
+            .collect();
         assert_eq!(surfaces.mean(&lab, 3), lab);
     }
 

@@ -52,23 +52,47 @@ pub(super) fn traits_of(
     let graph = situation.graph;
     let sums = border_sums(situation, change, odds, geodesic);
     let changed = || (0..change.len()).filter(|&at| change[at]);
-    let area = changed().map(|at| graph.regions[at].area).sum::<f32>().max(1.0);
+    let area = changed()
+        .map(|at| graph.regions[at].area)
+        .sum::<f32>()
+        .max(1.0);
     let depth = depths(situation, change);
     let at_click = depth[situation.seed as usize].max(2.0);
-    let deepest = changed().map(|at| depth[at]).filter(|depth| depth.is_finite()).fold(at_click, f32::max);
-    let farthest = changed().map(|at| situation.apart[at]).fold(1.0f32, f32::max);
-    let mean =
-        |axis: usize| changed().map(|at| graph.regions[at].at[axis] * graph.regions[at].area).sum::<f32>() / area;
+    let deepest = changed()
+        .map(|at| depth[at])
+        .filter(|depth| depth.is_finite())
+        .fold(at_click, f32::max);
+    let farthest = changed()
+        .map(|at| situation.apart[at])
+        .fold(1.0f32, f32::max);
+    let mean = |axis: usize| {
+        changed()
+            .map(|at| graph.regions[at].at[axis] * graph.regions[at].area)
+            .sum::<f32>()
+            / area
+    };
     let click = situation.clicks[situation.clicks.len() - 1].0.at_px;
     let offset = (mean(0) - click.x as f32).hypot(mean(1) - click.y as f32);
     let mut seen = vec![false; change.len()];
     let seed_part = graph.flood(situation.seed, &mut seen, |at| change[at]);
-    let seed_part: f32 = seed_part.iter().map(|&at| graph.regions[at as usize].area).sum();
+    let seed_part: f32 = seed_part
+        .iter()
+        .map(|&at| graph.regions[at as usize].area)
+        .sum();
     let outer = (sums.length + sums.rim).max(1.0);
     let whole = (outer + sums.joined).max(1.0);
-    let inner = |values: &[f32]| changed().map(|at| values[at] * graph.regions[at].area).sum::<f32>() / area;
+    let inner = |values: &[f32]| {
+        changed()
+            .map(|at| values[at] * graph.regions[at].area)
+            .sum::<f32>()
+            / area
+    };
     let alike = limit / 10.0;
-    let same_side = situation.clicks.iter().filter(|(click, _)| click.include == situation.include).count() as f32;
+    let same_side = situation
+        .clicks
+        .iter()
+        .filter(|(click, _)| click.include == situation.include)
+        .count() as f32;
     let against_answer = (area / situation.area.max(100.0)).ln();
     [
         (sums.price + 0.25 * sums.rim) / outer,
@@ -85,7 +109,11 @@ pub(super) fn traits_of(
         0.0,
         against_answer,
         against_answer * (situation.clicks.len() as f32).ln(),
-        changed().filter(|&at| is_nearer_opposite(situation, at)).map(|at| graph.regions[at].area).sum::<f32>() / area,
+        changed()
+            .filter(|&at| is_nearer_opposite(situation, at))
+            .map(|at| graph.regions[at].area)
+            .sum::<f32>()
+            / area,
         inner(geodesic),
         sums.ring_geodesic / sums.length.max(1.0),
         sums.inner_price / sums.inner_length.max(1.0),
@@ -103,7 +131,13 @@ pub(super) fn traits_of(
 /// Area of the axis-parallel box around the middles of the changed regions, pixels.
 fn box_area(situation: &Situation<'_>, change: &[bool]) -> f32 {
     let (mut min, mut max) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
-    for (region, _) in situation.graph.regions.iter().zip(change).filter(|(_, change)| **change) {
+    for (region, _) in situation
+        .graph
+        .regions
+        .iter()
+        .zip(change)
+        .filter(|(_, change)| **change)
+    {
         let half = 0.5 * region.area.sqrt();
         for axis in 0..2 {
             min[axis] = min[axis].min(region.at[axis] - half);
@@ -113,7 +147,12 @@ fn box_area(situation: &Situation<'_>, change: &[bool]) -> f32 {
     ((max[0] - min[0]) * (max[1] - min[1])).max(1.0)
 }
 
-fn border_sums(situation: &Situation<'_>, change: &[bool], odds: &[f32], geodesic: &[f32]) -> BorderSums {
+fn border_sums(
+    situation: &Situation<'_>,
+    change: &[bool],
+    odds: &[f32],
+    geodesic: &[f32],
+) -> BorderSums {
     const WEAK: f32 = 0.35;
     let graph = situation.graph;
     let mut sums = BorderSums::default();
@@ -132,12 +171,21 @@ fn border_sums(situation: &Situation<'_>, change: &[bool], odds: &[f32], geodesi
         } else {
             sums.length += edge.length;
             sums.price += edge.length * border_price(edge);
-            sums.weak += if edge.strength < WEAK { edge.length } else { 0.0 };
+            sums.weak += if edge.strength < WEAK {
+                edge.length
+            } else {
+                0.0
+            };
             sums.ring_odds += edge.length * odds[outside];
             sums.ring_geodesic += edge.length * geodesic[outside];
         }
     }
-    sums.rim = graph.regions.iter().zip(change).map(|(region, &change)| if change { region.rim } else { 0.0 }).sum();
+    sums.rim = graph
+        .regions
+        .iter()
+        .zip(change)
+        .map(|(region, &change)| if change { region.rim } else { 0.0 })
+        .sum();
     sums
 }
 
@@ -145,13 +193,27 @@ fn border_sums(situation: &Situation<'_>, change: &[bool], odds: &[f32], geodesi
 fn depths(situation: &Situation<'_>, change: &[bool]) -> Vec<f32> {
     let graph = situation.graph;
     let half_width = |at: u32| (at, 0.5 * graph.regions[at as usize].area.sqrt());
-    let at_border = graph.edges.iter().filter(|edge| change[edge.a as usize] != change[edge.b as usize]);
-    let mut border: Vec<(u32, f32)> =
-        at_border.map(|edge| half_width(if change[edge.a as usize] { edge.a } else { edge.b })).collect();
+    let at_border = graph
+        .edges
+        .iter()
+        .filter(|edge| change[edge.a as usize] != change[edge.b as usize]);
+    let mut border: Vec<(u32, f32)> = at_border
+        .map(|edge| {
+            half_width(if change[edge.a as usize] {
+                edge.a
+            } else {
+                edge.b
+            })
+        })
+        .collect();
     let at_rim = (0..change.len()).filter(|&at| change[at] && graph.regions[at].rim > 0.0);
     border.extend(at_rim.map(|at| half_width(at as u32)));
     let cost = |edge: &Edge| {
-        if change[edge.a as usize] && change[edge.b as usize] { graph.apart(edge) } else { f32::INFINITY }
+        if change[edge.a as usize] && change[edge.b as usize] {
+            graph.apart(edge)
+        } else {
+            f32::INFINITY
+        }
     };
     distances(graph, &border, cost).to
 }
@@ -159,7 +221,10 @@ fn depths(situation: &Situation<'_>, change: &[bool]) -> Vec<f32> {
 fn is_nearer_opposite(situation: &Situation<'_>, region: usize) -> bool {
     let [x, y] = situation.graph.regions[region].at;
     let nearest = |include: bool| {
-        let of_side = situation.clicks.iter().filter(move |(click, _)| click.include == include);
+        let of_side = situation
+            .clicks
+            .iter()
+            .filter(move |(click, _)| click.include == include);
         of_side
             .map(|(click, _)| (click.at_px.x as f32 - x).hypot(click.at_px.y as f32 - y))
             .fold(f32::INFINITY, f32::min)
@@ -169,7 +234,12 @@ fn is_nearer_opposite(situation: &Situation<'_>, region: usize) -> bool {
 
 /// Sets each candidate's mean IoU with the others; the IoU of every two.
 pub(super) fn agreement(situation: &Situation<'_>, candidates: &mut [Candidate]) -> Vec<Vec<f32>> {
-    let areas: Vec<f32> = situation.graph.regions.iter().map(|region| region.area).collect();
+    let areas: Vec<f32> = situation
+        .graph
+        .regions
+        .iter()
+        .map(|region| region.area)
+        .collect();
     let mut shared = vec![vec![1.0; candidates.len()]; candidates.len()];
     for a in 0..candidates.len() {
         for b in a + 1..candidates.len() {

@@ -27,7 +27,11 @@ pub fn assign(
     region.check_size(mask.width, mask.height)?;
     let yields = yielding(label, &[], tree);
     let may = |at: LabelId| rule == PaintRule::Replace || yields.contains(&at);
-    let targets = mask.ids.iter_mut().zip(&region.inside).filter(|(at, inside)| **inside && **at != label && may(**at));
+    let targets = mask
+        .ids
+        .iter_mut()
+        .zip(&region.inside)
+        .filter(|(at, inside)| **inside && **at != label && may(**at));
     Ok(targets.map(|(at, _)| *at = label).count())
 }
 
@@ -35,10 +39,18 @@ pub fn assign(
 ///
 /// # Errors
 /// [`MaskError::Request`] when the region has another size than the mask.
-pub fn erase(mask: &mut LabelMask, region: &Region, only: Option<LabelId>) -> Result<usize, MaskError> {
+pub fn erase(
+    mask: &mut LabelMask,
+    region: &Region,
+    only: Option<LabelId>,
+) -> Result<usize, MaskError> {
     region.check_size(mask.width, mask.height)?;
     let goes = |at: LabelId| at != LabelId::NONE && only.is_none_or(|only| only == at);
-    let targets = mask.ids.iter_mut().zip(&region.inside).filter(|(at, inside)| **inside && goes(**at));
+    let targets = mask
+        .ids
+        .iter_mut()
+        .zip(&region.inside)
+        .filter(|(at, inside)| **inside && goes(**at));
     Ok(targets.map(|(at, _)| *at = LabelId::NONE).count())
 }
 
@@ -97,7 +109,16 @@ mod tests {
     #[test]
     fn a_region_of_another_size_is_refused() {
         let mut mask = LabelMask::empty(4, 4);
-        assert!(assign(&mut mask, &Region::empty(4, 3), LabelId(1), PaintRule::Replace, &tree()).is_err());
+        assert!(
+            assign(
+                &mut mask,
+                &Region::empty(4, 3),
+                LabelId(1),
+                PaintRule::Replace,
+                &tree()
+            )
+            .is_err()
+        );
         assert!(erase(&mut mask, &Region::empty(2, 8), None).is_err());
     }
 }

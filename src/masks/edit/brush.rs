@@ -12,10 +12,17 @@ const MIN_RADIUS_PX: f64 = 0.5;
 ///
 /// # Errors
 /// [`MaskError::Request`] for no points, points or a radius that are not numbers, or a radius of 0 and below.
-pub fn stroke(width: u32, height: u32, points_px: &[DVec2], radius_px: f64) -> Result<Region, MaskError> {
+pub fn stroke(
+    width: u32,
+    height: u32,
+    points_px: &[DVec2],
+    radius_px: f64,
+) -> Result<Region, MaskError> {
     check_points(points_px)?;
     if points_px.is_empty() || !radius_px.is_finite() || radius_px <= 0.0 {
-        return Err(MaskError::Request("a stroke needs at least one point and a radius above 0".into()));
+        return Err(MaskError::Request(
+            "a stroke needs at least one point and a radius above 0".into(),
+        ));
     }
     let radius = radius_px.max(MIN_RADIUS_PX);
     let mut region = Region::empty(width, height);
@@ -39,13 +46,25 @@ fn touch(region: &mut Region, point: DVec2) {
 /// All pixels whose centre is at most `radius` from the segment, row by row: a capsule is convex, so each row holds one
 /// stretch of it.
 fn draw_capsule(region: &mut Region, a: DVec2, b: DVec2, radius: f64) {
-    let top = (a.y.min(b.y) - radius - 0.5).ceil().clamp(0.0, f64::from(region.height)) as usize;
-    let bottom = (a.y.max(b.y) + radius + 0.5).floor().clamp(0.0, f64::from(region.height)) as usize;
+    let top = (a.y.min(b.y) - radius - 0.5)
+        .ceil()
+        .clamp(0.0, f64::from(region.height)) as usize;
+    let bottom = (a.y.max(b.y) + radius + 0.5)
+        .floor()
+        .clamp(0.0, f64::from(region.height)) as usize;
     let width = region.width as usize;
     for row in top..bottom {
         let y = row as f64 + 0.5;
-        let parts = [disk_at(a, radius, y), disk_at(b, radius, y), band_at(a, b, radius, y)];
-        let Some((left, right)) = parts.into_iter().flatten().reduce(|m, n| (m.0.min(n.0), m.1.max(n.1))) else {
+        let parts = [
+            disk_at(a, radius, y),
+            disk_at(b, radius, y),
+            band_at(a, b, radius, y),
+        ];
+        let Some((left, right)) = parts
+            .into_iter()
+            .flatten()
+            .reduce(|m, n| (m.0.min(n.0), m.1.max(n.1)))
+        else {
             continue;
         };
         let columns = columns_between(left, right, width);
@@ -71,14 +90,19 @@ fn band_at(a: DVec2, b: DVec2, radius: f64, y: f64) -> Option<(f64, f64)> {
     // Place along the segment: along.x·u + along.y·off in 0..length; distance beside it: along.y·u − along.x·off.
     let beside_ends = between(along.x, along.y * off, 0.0, length)?;
     let beside_line = between(along.y, -along.x * off, -radius, radius)?;
-    let (left, right) = (beside_ends.0.max(beside_line.0), beside_ends.1.min(beside_line.1));
+    let (left, right) = (
+        beside_ends.0.max(beside_line.0),
+        beside_ends.1.min(beside_line.1),
+    );
     (left <= right).then_some((a.x + left, a.x + right))
 }
 
 /// All u with `slope · u + offset` in `low..=high`; `None` when there are none.
 fn between(slope: f64, offset: f64, low: f64, high: f64) -> Option<(f64, f64)> {
     if slope == 0.0 {
-        return (low..=high).contains(&offset).then_some((f64::NEG_INFINITY, f64::INFINITY));
+        return (low..=high)
+            .contains(&offset)
+            .then_some((f64::NEG_INFINITY, f64::INFINITY));
     }
     let (first, second) = ((low - offset) / slope, (high - offset) / slope);
     Some((first.min(second), first.max(second)))
@@ -93,7 +117,10 @@ mod tests {
     use crate::outline::distance_to_segment;
 
     fn points() -> impl Strategy<Value = Vec<DVec2>> {
-        prop::collection::vec((-5.0f64..35.0, -5.0f64..25.0).prop_map(|(x, y)| DVec2::new(x, y)), 1..5)
+        prop::collection::vec(
+            (-5.0f64..35.0, -5.0f64..25.0).prop_map(|(x, y)| DVec2::new(x, y)),
+            1..5,
+        )
     }
 
     proptest! {
@@ -129,6 +156,9 @@ mod tests {
         assert!(stroke(9, 9, &[DVec2::ZERO], 0.0).is_err());
         assert!(stroke(9, 9, &[DVec2::ZERO], f64::INFINITY).is_err());
         assert!(stroke(9, 9, &[DVec2::splat(1e300), DVec2::splat(-1e300)], 1.0).is_ok());
-        assert_eq!(stroke(9, 9, &[DVec2::splat(4.5)], 100.0).unwrap().area(), 81);
+        assert_eq!(
+            stroke(9, 9, &[DVec2::splat(4.5)], 100.0).unwrap().area(),
+            81
+        );
     }
 }

@@ -22,8 +22,11 @@ pub fn compose(
             *at = if inside { label } else { LabelId::NONE };
         }
     }
-    for pixel in
-        prompt.clicks.iter().filter(|click| click.include).filter_map(|click| click.pixel_in(mask.width, mask.height))
+    for pixel in prompt
+        .clicks
+        .iter()
+        .filter(|click| click.include)
+        .filter_map(|click| click.pixel_in(mask.width, mask.height))
     {
         mask.ids[pixel] = label;
     }
@@ -33,10 +36,19 @@ pub fn compose(
 /// The pixels that [`compose`] would keep from `label` because other labels hold them: what a segmenter is told is
 /// taken.
 #[must_use]
-pub fn taken_by_others(mask: &LabelMask, label: LabelId, replaceable: &[LabelId], tree: &LabelTree) -> Region {
+pub fn taken_by_others(
+    mask: &LabelMask,
+    label: LabelId,
+    replaceable: &[LabelId],
+    tree: &LabelTree,
+) -> Region {
     let yields = yielding(label, replaceable, tree);
     let inside = mask.ids.iter().map(|at| !yields.contains(at)).collect();
-    Region { width: mask.width, height: mask.height, inside }
+    Region {
+        width: mask.width,
+        height: mask.height,
+        inside,
+    }
 }
 
 #[cfg(test)]
@@ -84,11 +96,35 @@ mod tests {
     #[test]
     fn a_part_takes_from_its_parent_and_not_the_other_way() {
         let ids = |row: [u16; 4]| row.map(LabelId).to_vec();
-        let all = Region { width: 4, height: 1, inside: vec![true; 4] };
-        let mut mask = LabelMask { width: 4, height: 1, ids: ids([1, 2, 5, 0]) };
-        compose(&mut mask, &all, LabelId(2), &Prompt::default(), &[], &tree()).unwrap();
+        let all = Region {
+            width: 4,
+            height: 1,
+            inside: vec![true; 4],
+        };
+        let mut mask = LabelMask {
+            width: 4,
+            height: 1,
+            ids: ids([1, 2, 5, 0]),
+        };
+        compose(
+            &mut mask,
+            &all,
+            LabelId(2),
+            &Prompt::default(),
+            &[],
+            &tree(),
+        )
+        .unwrap();
         assert_eq!(mask.ids, ids([2, 2, 5, 2]));
-        compose(&mut mask, &all, LabelId(1), &Prompt::default(), &[], &tree()).unwrap();
+        compose(
+            &mut mask,
+            &all,
+            LabelId(1),
+            &Prompt::default(),
+            &[],
+            &tree(),
+        )
+        .unwrap();
         assert_eq!(mask.ids, ids([2, 2, 5, 2]));
     }
 }

@@ -8,7 +8,11 @@ use crate::{LabelId, MaskError, RunMask};
 ///
 /// # Errors
 /// [`MaskError::Request`] when the two masks differ in size.
-pub fn hold(before: &RunMask, after: &RunMask, held: &BTreeSet<LabelId>) -> Result<RunMask, MaskError> {
+pub fn hold(
+    before: &RunMask,
+    after: &RunMask,
+    held: &BTreeSet<LabelId>,
+) -> Result<RunMask, MaskError> {
     before.check_same_size(after)?;
     let kept = |(before, after, length): (LabelId, LabelId, u32)| {
         let id = match (held.contains(&before), held.contains(&after)) {
@@ -18,7 +22,11 @@ pub fn hold(before: &RunMask, after: &RunMask, held: &BTreeSet<LabelId>) -> Resu
         };
         (id, length)
     };
-    Ok(RunMask { width: after.width, height: after.height, runs: merged(before.joint_runs(after).map(kept)) })
+    Ok(RunMask {
+        width: after.width,
+        height: after.height,
+        runs: merged(before.joint_runs(after).map(kept)),
+    })
 }
 
 #[cfg(test)]
@@ -54,6 +62,13 @@ mod tests {
 
     #[test]
     fn masks_of_two_sizes_are_refused() {
-        assert!(hold(&RunMask::empty(4, 3), &RunMask::empty(3, 4), &BTreeSet::new()).is_err());
+        assert!(
+            hold(
+                &RunMask::empty(4, 3),
+                &RunMask::empty(3, 4),
+                &BTreeSet::new()
+            )
+            .is_err()
+        );
     }
 }

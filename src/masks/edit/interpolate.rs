@@ -30,9 +30,14 @@ impl ShapeBlend {
     pub fn new(first: &Region, second: &Region) -> Result<Self, MaskError> {
         first.check_size(second.width, second.height)?;
         if first.is_empty() || second.is_empty() {
-            return Err(MaskError::Request("there is nothing to interpolate from; give both ends a mask".into()));
+            return Err(MaskError::Request(
+                "there is nothing to interpolate from; give both ends a mask".into(),
+            ));
         }
-        Ok(Self { first: Shape::of(first), second: Shape::of(second) })
+        Ok(Self {
+            first: Shape::of(first),
+            second: Shape::of(second),
+        })
     }
 
     /// The shape at `share` of the way from the first (0) to the second (1).
@@ -42,13 +47,20 @@ impl ShapeBlend {
         let centroid_px = a.centroid_px.lerp(b.centroid_px, share);
         let size_px = a.size_px.powf(1.0 - share) * b.size_px.powf(share);
         let mut inside = vec![false; a.distance_px.len()];
-        inside.par_chunks_mut(a.width.max(1)).enumerate().for_each(|(y, row)| {
-            for (x, inside) in row.iter_mut().enumerate() {
-                let off = (DVec2::new(x as f64 + 0.5, y as f64 + 0.5) - centroid_px) / size_px;
-                *inside = (1.0 - share) * a.relative_at(off) + share * b.relative_at(off) < 0.0;
-            }
-        });
-        Region { width: a.width as u32, height: a.height as u32, inside }
+        inside
+            .par_chunks_mut(a.width.max(1))
+            .enumerate()
+            .for_each(|(y, row)| {
+                for (x, inside) in row.iter_mut().enumerate() {
+                    let off = (DVec2::new(x as f64 + 0.5, y as f64 + 0.5) - centroid_px) / size_px;
+                    *inside = (1.0 - share) * a.relative_at(off) + share * b.relative_at(off) < 0.0;
+                }
+            });
+        Region {
+            width: a.width as u32,
+            height: a.height as u32,
+            inside,
+        }
     }
 }
 
@@ -57,14 +69,32 @@ impl Shape {
         let (width, height) = (region.width as usize, region.height as usize);
         let longest = (width + height) as f32;
         let root = |squared: u32| (squared as f32).sqrt().min(longest);
-        let (outside, within) = (squared_distance_to(region), squared_distance_to(&region.inverted()));
+        let (outside, within) = (
+            squared_distance_to(region),
+            squared_distance_to(&region.inverted()),
+        );
         // Distances run from centre to centre: the outline lies half a pixel before the nearest pixel beyond it.
-        let signed = |(&out, &within): (&u32, &u32)| if out > 0 { root(out) - 0.5 } else { 0.5 - root(within) };
+        let signed = |(&out, &within): (&u32, &u32)| {
+            if out > 0 {
+                root(out) - 0.5
+            } else {
+                0.5 - root(within)
+            }
+        };
         let distance_px = outside.iter().zip(&within).map(signed).collect();
         let area = region.area() as f64;
         let at = |at: usize| DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
-        let sum: DVec2 = (0..region.inside.len()).filter(|&pixel| region.inside[pixel]).map(at).sum();
-        Self { width, height, distance_px, centroid_px: sum / area, size_px: area.sqrt() }
+        let sum: DVec2 = (0..region.inside.len())
+            .filter(|&pixel| region.inside[pixel])
+            .map(at)
+            .sum();
+        Self {
+            width,
+            height,
+            distance_px,
+            centroid_px: sum / area,
+            size_px: area.sqrt(),
+        }
     }
 
     /// Signed distance in units of the shape's size, at `off` from its centroid in the same units; beyond the frame's
@@ -90,24 +120,40 @@ mod tests {
     fn ellipse(centre: (f64, f64), radii: (f64, f64)) -> Region {
         let (width, height) = (120u32, 80u32);
         let inside = (0..width * height).map(|at| {
-            let (x, y) = (f64::from(at % width) + 0.5 - centre.0, f64::from(at / width) + 0.5 - centre.1);
+            let (x, y) = (
+                f64::from(at % width) + 0.5 - centre.0,
+                f64::from(at / width) + 0.5 - centre.1,
+            );
             (x / radii.0).powi(2) + (y / radii.1).powi(2) <= 1.0
         });
-        Region { width, height, inside: inside.collect() }
+        Region {
+            width,
+            height,
+            inside: inside.collect(),
+        }
     }
 
     #[test]
     fn the_ends_are_the_shapes_themselves() {
-        let (a, b) = (ellipse((30.0, 40.0), (18.0, 7.0)), ellipse((85.0, 30.0), (9.0, 14.0)));
+        let (a, b) = (
+            ellipse((30.0, 40.0), (18.0, 7.0)),
+            ellipse((85.0, 30.0), (9.0, 14.0)),
+        );
         let blend = ShapeBlend::new(&a, &b).unwrap();
         assert!(blend.at(0.0).iou(&a) > 0.99 && blend.at(1.0).iou(&b) > 0.99);
     }
 
     #[test]
     fn what_travels_and_grows_keeps_its_form() {
-        let blend = ShapeBlend::new(&ellipse((25.0, 40.0), (10.0, 5.0)), &ellipse((85.0, 50.0), (20.0, 10.0))).unwrap();
+        let blend = ShapeBlend::new(
+            &ellipse((25.0, 40.0), (10.0, 5.0)),
+            &ellipse((85.0, 50.0), (20.0, 10.0)),
+        )
+        .unwrap();
         let half = 2.0f64.sqrt();
-        let iou = blend.at(0.5).iou(&ellipse((55.0, 45.0), (10.0 * half, 5.0 * half)));
+        let iou = blend
+            .at(0.5)
+            .iou(&ellipse((55.0, 45.0), (10.0 * half, 5.0 * half)));
         assert!(iou > 0.94, "{iou}");
     }
 

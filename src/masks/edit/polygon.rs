@@ -12,7 +12,9 @@ use crate::{MaskError, Region};
 /// [`MaskError::Request`] for corners that are not numbers.
 pub fn fill_polygons(width: u32, height: u32, rings: &[Vec<DVec2>]) -> Result<Region, MaskError> {
     let mut region = Region::empty(width, height);
-    polygon_spans(width, height, rings, |pixels| region.inside[pixels].fill(true))?;
+    polygon_spans(width, height, rings, |pixels| {
+        region.inside[pixels].fill(true)
+    })?;
     Ok(region)
 }
 
@@ -85,7 +87,9 @@ fn crossings<R: AsRef<[DVec2]>>(
     rings: &[R],
 ) -> Result<impl Iterator<Item = (Row, Vec<Crossing>)> + use<R>, MaskError> {
     let (width, height) = (width as usize, height as usize);
-    rings.iter().try_for_each(|ring| check_points(ring.as_ref()))?;
+    rings
+        .iter()
+        .try_for_each(|ring| check_points(ring.as_ref()))?;
     let heights = || rings.iter().flat_map(AsRef::as_ref).map(|corner| corner.y);
     let top = first_from(heights().fold(f64::INFINITY, f64::min), height);
     let bottom = first_from(heights().fold(f64::NEG_INFINITY, f64::max), height);
@@ -98,7 +102,13 @@ fn crossings<R: AsRef<[DVec2]>>(
     }
     Ok((top..).zip(crossings).map(move |(row, mut crossings)| {
         crossings.sort_unstable_by(|a, b| a.at.total_cmp(&b.at));
-        (Row { start: row * width, width }, crossings)
+        (
+            Row {
+                start: row * width,
+                width,
+            },
+            crossings,
+        )
     }))
 }
 
@@ -107,7 +117,9 @@ pub(super) fn check_points(points: &[DVec2]) -> Result<(), MaskError> {
     if points.iter().all(|point| point.is_finite()) {
         return Ok(());
     }
-    Err(MaskError::Request("a point of the drawing is not a number; draw it anew".into()))
+    Err(MaskError::Request(
+        "a point of the drawing is not a number; draw it anew".into(),
+    ))
 }
 
 /// Columns of the pixels whose centres lie in `left..=right`.
@@ -126,11 +138,18 @@ fn first_from(edge: f64, count: usize) -> usize {
 /// the line counts once.
 fn add_crossings(crossings: &mut [Vec<Crossing>], top: usize, from: DVec2, to: DVec2) {
     // The same order for both ways of a side, so that a seam walked there and back cancels exactly.
-    let (a, b, turn) = if (from.y, from.x) <= (to.y, to.x) { (from, to, 1) } else { (to, from, -1) };
+    let (a, b, turn) = if (from.y, from.x) <= (to.y, to.x) {
+        (from, to, 1)
+    } else {
+        (to, from, -1)
+    };
     let bottom = top + crossings.len();
     for row in first_from(a.y, bottom)..first_from(b.y, bottom) {
         let share = (row as f64 + 0.5 - a.y) / (b.y - a.y);
-        crossings[row - top].push(Crossing { at: a.x + share * (b.x - a.x), turn });
+        crossings[row - top].push(Crossing {
+            at: a.x + share * (b.x - a.x),
+            turn,
+        });
     }
 }
 
@@ -141,22 +160,48 @@ mod tests {
     use super::*;
 
     fn rectangle(x0: f64, y0: f64, x1: f64, y1: f64) -> Vec<DVec2> {
-        [(x0, y0), (x1, y0), (x1, y1), (x0, y1)].map(|(x, y)| DVec2::new(x, y)).to_vec()
+        [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
+            .map(|(x, y)| DVec2::new(x, y))
+            .to_vec()
     }
 
     #[test]
     fn a_ring_inside_is_a_hole() {
-        let region = fill_polygons(8, 6, &[rectangle(1.0, 1.0, 7.0, 5.0), rectangle(3.0, 2.0, 5.0, 4.0)]).unwrap();
+        let region = fill_polygons(
+            8,
+            6,
+            &[rectangle(1.0, 1.0, 7.0, 5.0), rectangle(3.0, 2.0, 5.0, 4.0)],
+        )
+        .unwrap();
         assert_eq!(region.area(), 24 - 4);
         assert!(region.at(1, 1) && region.at(6, 4) && !region.at(3, 2) && !region.at(7, 5));
     }
 
     #[test]
     fn pixels_are_decided_by_their_centres() {
-        assert_eq!(fill_polygons(4, 1, &[rectangle(0.6, 0.0, 2.4, 1.0)]).unwrap().inside, [false, true, false, false]);
-        assert_eq!(fill_polygons(4, 1, &[rectangle(0.5, 0.0, 2.5, 1.0)]).unwrap().inside, [true, true, false, false]);
-        assert_eq!(fill_polygons(4, 4, &[rectangle(-1e9, -1e9, 1e9, 1e9)]).unwrap().area(), 16);
-        assert!(fill_polygons(4, 4, &[vec![DVec2::ZERO, DVec2::X]]).unwrap().is_empty());
+        assert_eq!(
+            fill_polygons(4, 1, &[rectangle(0.6, 0.0, 2.4, 1.0)])
+                .unwrap()
+                .inside,
+            [false, true, false, false]
+        );
+        assert_eq!(
+            fill_polygons(4, 1, &[rectangle(0.5, 0.0, 2.5, 1.0)])
+                .unwrap()
+                .inside,
+            [true, true, false, false]
+        );
+        assert_eq!(
+            fill_polygons(4, 4, &[rectangle(-1e9, -1e9, 1e9, 1e9)])
+                .unwrap()
+                .area(),
+            16
+        );
+        assert!(
+            fill_polygons(4, 4, &[vec![DVec2::ZERO, DVec2::X]])
+                .unwrap()
+                .is_empty()
+        );
         assert!(fill_polygons(4, 4, &[vec![DVec2::splat(f64::NAN)]]).is_err());
     }
 

@@ -36,8 +36,14 @@ impl ElasticBorders {
     /// The outer borders of a region and those of its holes.
     #[must_use]
     pub fn of(region: &Region) -> Self {
-        let rings = outlines(region).into_iter().flat_map(|outline| [vec![outline.outer], outline.holes].concat());
-        Self { width: region.width, height: region.height, rings: rings.collect() }
+        let rings = outlines(region)
+            .into_iter()
+            .flat_map(|outline| [vec![outline.outer], outline.holes].concat());
+        Self {
+            width: region.width,
+            height: region.height,
+            rings: rings.collect(),
+        }
     }
 
     /// The borders' corners, border by border.
@@ -58,22 +64,39 @@ impl ElasticBorders {
     #[must_use]
     pub fn pull(&self, from_px: DVec2, to_px: DVec2) -> Option<Pull> {
         let Place { ring, side, at_px } = self.place(from_px)?;
-        let across = ring.iter().map(|corner| corner.distance(at_px)).fold(0.0, f64::max);
+        let across = ring
+            .iter()
+            .map(|corner| corner.distance(at_px))
+            .fold(0.0, f64::max);
         let mut reach_px = (REACH_PX + REACH_PER_PX * at_px.distance(to_px)).min(across / 2.0);
         let mut gives_way = piece(ring, side, at_px, reach_px);
         // Down both flanks of something thin the ends come together: the pull would take off what it means to make longer.
-        while reach_px > LEAST_REACH_PX && gives_way[0].distance(gives_way[gives_way.len() - 1]) < reach_px {
+        while reach_px > LEAST_REACH_PX
+            && gives_way[0].distance(gives_way[gives_way.len() - 1]) < reach_px
+        {
             reach_px /= 2.0;
             gives_way = piece(ring, side, at_px, reach_px);
         }
-        Some(Pull { width: self.width, height: self.height, gives_way, to_px })
+        Some(Pull {
+            width: self.width,
+            height: self.height,
+            gives_way,
+            to_px,
+        })
     }
 
     fn place(&self, at_px: DVec2) -> Option<Place<'_>> {
-        let sides = self.rings.iter().flat_map(|ring| (0..ring.len()).map(move |side| (ring, side)));
+        let sides = self
+            .rings
+            .iter()
+            .flat_map(|ring| (0..ring.len()).map(move |side| (ring, side)));
         let places = sides.map(|(ring, side)| {
             let nearest = nearest_on_segment(at_px, ring[side], ring[(side + 1) % ring.len()]);
-            Place { ring, side, at_px: nearest }
+            Place {
+                ring,
+                side,
+                at_px: nearest,
+            }
         });
         let off = |place: &Place<'_>| place.at_px.distance_squared(at_px);
         places.min_by(|a, b| off(a).total_cmp(&off(b)))
@@ -117,7 +140,11 @@ fn within(at_px: DVec2, reach_px: f64, corners: impl Iterator<Item = DVec2>) -> 
 /// Where the way from a place inside a circle around the origin to one outside crosses it.
 fn leaves(inside: DVec2, outside: DVec2, radius: f64) -> DVec2 {
     let way = outside - inside;
-    let (square, half, off) = (way.length_squared(), inside.dot(way), inside.length_squared() - radius * radius);
+    let (square, half, off) = (
+        way.length_squared(),
+        inside.dot(way),
+        inside.length_squared() - radius * radius,
+    );
     inside + way * (((half * half - square * off).max(0.0).sqrt() - half) / square)
 }
 
@@ -127,10 +154,15 @@ impl Pull {
     ///
     /// # Errors
     /// [`MaskError::Request`] for places that are not numbers.
-    pub fn spans(&self, mut emit: impl FnMut(std::ops::Range<usize>, bool)) -> Result<(), MaskError> {
+    pub fn spans(
+        &self,
+        mut emit: impl FnMut(std::ops::Range<usize>, bool),
+    ) -> Result<(), MaskError> {
         let mut ring = self.gives_way.clone();
         ring.push(self.to_px);
-        winding_spans(self.width, self.height, &ring, |pixels, turns| emit(pixels, turns > 0))
+        winding_spans(self.width, self.height, &ring, |pixels, turns| {
+            emit(pixels, turns > 0)
+        })
     }
 }
 
@@ -148,10 +180,13 @@ pub fn pull(
 ) -> Result<usize, MaskError> {
     check_points(&[from_px, to_px])?;
     let pull = ElasticBorders::of(&mask.region(label)).pull(from_px, to_px);
-    let pull = pull.ok_or_else(|| MaskError::Request("there is nothing of the label to be pulled".into()))?;
+    let pull = pull
+        .ok_or_else(|| MaskError::Request("there is nothing of the label to be pulled".into()))?;
     let empty = Region::empty(mask.width, mask.height);
     let (mut comes, mut goes) = (empty.clone(), empty);
-    pull.spans(|pixels, inside| if inside { &mut comes } else { &mut goes }.inside[pixels].fill(true))?;
+    pull.spans(|pixels, inside| {
+        if inside { &mut comes } else { &mut goes }.inside[pixels].fill(true)
+    })?;
     Ok(assign(mask, &comes, label, rule, tree)? + erase(mask, &goes, Some(label))?)
 }
 
@@ -167,8 +202,18 @@ mod tests {
 
     fn mask(is_inside: impl Fn(f64, f64) -> bool) -> LabelMask {
         let at = |at: u32| (f64::from(at % SIZE) + 0.5, f64::from(at / SIZE) + 0.5);
-        let id = |pixel: u32| if is_inside(at(pixel).0, at(pixel).1) { LABEL } else { LabelId::NONE };
-        LabelMask { width: SIZE, height: SIZE, ids: (0..SIZE * SIZE).map(id).collect() }
+        let id = |pixel: u32| {
+            if is_inside(at(pixel).0, at(pixel).1) {
+                LABEL
+            } else {
+                LabelId::NONE
+            }
+        };
+        LabelMask {
+            width: SIZE,
+            height: SIZE,
+            ids: (0..SIZE * SIZE).map(id).collect(),
+        }
     }
 
     fn square() -> LabelMask {
@@ -177,7 +222,14 @@ mod tests {
 
     fn pulled(mask: &LabelMask, from: [f64; 2], to: [f64; 2]) -> LabelMask {
         let mut pulled = mask.clone();
-        pull(&mut pulled, (from.into(), to.into()), LABEL, PaintRule::Protect, &tree()).unwrap();
+        pull(
+            &mut pulled,
+            (from.into(), to.into()),
+            LABEL,
+            PaintRule::Protect,
+            &tree(),
+        )
+        .unwrap();
         pulled
     }
 
@@ -214,7 +266,10 @@ mod tests {
     fn a_small_piece_stays_one() {
         let dot = mask(|x, y| (x - 30.0).abs() < 2.0 && (y - 30.0).abs() < 2.0);
         let out = pulled(&dot, [32.0, 30.0], [44.0, 30.0]);
-        assert!(has(&out, 40, 30) && has(&out, 28, 28) && has(&out, 28, 31), "it reaches out, and is still there");
+        assert!(
+            has(&out, 40, 30) && has(&out, 28, 28) && has(&out, 28, 31),
+            "it reaches out, and is still there"
+        );
     }
 
     #[test]
@@ -222,15 +277,20 @@ mod tests {
         let leaf = mask(|x, y| (5.0..35.0).contains(&x) && (y - 30.0).abs() < 3.0);
         let longer = pulled(&leaf, [35.0, 30.0], [43.0, 30.0]);
         let pairs = || leaf.ids.iter().zip(&longer.ids);
-        let (lost, gained) =
-            (pairs().filter(|(was, is)| was > is).count(), pairs().filter(|(was, is)| was < is).count());
+        let (lost, gained) = (
+            pairs().filter(|(was, is)| was > is).count(),
+            pairs().filter(|(was, is)| was < is).count(),
+        );
         assert!(lost <= 4 && gained >= 16, "{lost} px lost, {gained} gained");
     }
 
     #[test]
     fn other_labels_stay_unless_they_are_replaced() {
         let mut both = square();
-        both.ids.iter_mut().skip(41 * SIZE as usize).for_each(|id| *id = LabelId(5));
+        both.ids
+            .iter_mut()
+            .skip(41 * SIZE as usize)
+            .for_each(|id| *id = LabelId(5));
         let ends = (DVec2::new(30.0, 40.0), DVec2::new(30.0, 45.0));
         let mut protected = both.clone();
         pull(&mut protected, ends, LABEL, PaintRule::Protect, &tree()).unwrap();
@@ -245,7 +305,16 @@ mod tests {
         let ends = (DVec2::splat(3.0), DVec2::splat(5.0));
         assert!(pull(&mut none, ends, LABEL, PaintRule::Protect, &tree()).is_err());
         let not_a_number = (DVec2::splat(3.0), DVec2::splat(f64::NAN));
-        assert!(pull(&mut square(), not_a_number, LABEL, PaintRule::Protect, &tree()).is_err());
+        assert!(
+            pull(
+                &mut square(),
+                not_a_number,
+                LABEL,
+                PaintRule::Protect,
+                &tree()
+            )
+            .is_err()
+        );
     }
 
     proptest! {

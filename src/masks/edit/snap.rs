@@ -34,7 +34,11 @@ const UNITS: f32 = 1000.0;
 ///
 /// # Errors
 /// As [`stroke`]; `image` has the frame's size.
-pub fn snapped_stroke(image: &Image, points_px: &[DVec2], radius_px: f64) -> Result<Region, MaskError> {
+pub fn snapped_stroke(
+    image: &Image,
+    points_px: &[DVec2],
+    radius_px: f64,
+) -> Result<Region, MaskError> {
     let whole = stroke(image.width, image.height, points_px, radius_px)?;
     let core = stroke(image.width, image.height, points_px, radius_px * CORE_SHARE)?;
     let band = Band::new(image, &whole, &core);
@@ -58,13 +62,22 @@ struct Band<'a> {
 
 impl<'a> Band<'a> {
     fn new(image: &'a Image, whole: &'a Region, core: &'a Region) -> Self {
-        let places: Vec<u32> = (0..whole.inside.len() as u32).filter(|&at| whole.inside[at as usize]).collect();
+        let places: Vec<u32> = (0..whole.inside.len() as u32)
+            .filter(|&at| whole.inside[at as usize])
+            .collect();
         let colors = places.iter().map(|&at| lab(image, at as usize)).collect();
         let mut nodes = vec![u32::MAX; whole.inside.len()];
         for (node, &at) in places.iter().enumerate() {
             nodes[at as usize] = node as u32;
         }
-        Self { image, whole, core, places, colors, nodes }
+        Self {
+            image,
+            whole,
+            core,
+            places,
+            colors,
+            nodes,
+        }
     }
 
     /// Pairs of neighbouring pixels of the stroke with their colour difference.
@@ -76,7 +89,11 @@ impl<'a> Band<'a> {
             let right = (at % width + 1 < width).then_some(at + 1);
             for next in [right, Some(at + width)].into_iter().flatten() {
                 if let Some(&other) = self.nodes.get(next).filter(|&&other| other != u32::MAX) {
-                    steps.push((node as u32, other, self.colors[node].distance(self.colors[other as usize])));
+                    steps.push((
+                        node as u32,
+                        other,
+                        self.colors[node].distance(self.colors[other as usize]),
+                    ));
                 }
             }
         }
@@ -90,15 +107,27 @@ impl<'a> Band<'a> {
             if self.core.inside[at as usize] {
                 return (8.0 * BORDER_COST * UNITS) as i32;
             }
-            let center = DVec2::new(f64::from(at % self.image.width) + 0.5, f64::from(at / self.image.width) + 0.5);
+            let center = DVec2::new(
+                f64::from(at % self.image.width) + 0.5,
+                f64::from(at / self.image.width) + 0.5,
+            );
             let (off, half) = (looks.difference(center, color).powi(2), scale * scale);
             ((half - off) / (half + off) * UNITS) as i32
         });
         let link = |&(from, to, step): &(u32, u32, f32)| {
             let cost = (BORDER_COST * (-(step / scale).powi(2)).exp() * UNITS) as i32 + 1;
-            Link { from, to, forward: cost, backward: cost }
+            Link {
+                from,
+                to,
+                forward: cost,
+                backward: cost,
+            }
         };
-        let side = FlowGraph::new(terminal.collect(), &steps.iter().map(link).collect::<Vec<_>>()).source_side();
+        let side = FlowGraph::new(
+            terminal.collect(),
+            &steps.iter().map(link).collect::<Vec<_>>(),
+        )
+        .source_side();
         let mut kept = Region::empty(self.whole.width, self.whole.height);
         for (&at, &inside) in self.places.iter().zip(&side) {
             kept.inside[at as usize] = inside || self.core.inside[at as usize];
@@ -128,7 +157,12 @@ impl Looks {
     fn new(image: &Image, points_px: &[DVec2], core_px: f64) -> Self {
         let place = |at: DVec2| (at, colors_around(image, at, core_px));
         let size = DVec2::new(f64::from(image.width), f64::from(image.height));
-        Self { places: places_along(points_px, core_px.max(1.0), size).into_iter().map(place).collect() }
+        Self {
+            places: places_along(points_px, core_px.max(1.0), size)
+                .into_iter()
+                .map(place)
+                .collect(),
+        }
     }
 
     /// How much a colour differs from the likest one of the core at the place nearest to a position.
@@ -136,7 +170,10 @@ impl Looks {
         let off = |place: &&(DVec2, Vec<Vec3>)| place.0.distance_squared(at_px);
         let near = self.places.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
         let colors = near.map_or(&[][..], |place| &place.1);
-        colors.iter().map(|other| other.distance(color)).fold(f32::INFINITY, f32::min)
+        colors
+            .iter()
+            .map(|other| other.distance(color))
+            .fold(f32::INFINITY, f32::min)
     }
 }
 
@@ -145,10 +182,17 @@ impl Looks {
 fn places_along(points_px: &[DVec2], step_px: f64, size: DVec2) -> Vec<DVec2> {
     let mut places = vec![points_px[0]];
     for ends in points_px.windows(2) {
-        let Some([enters, leaves]) = shares_inside(ends[0], ends[1], size, NEAR_STEPS * step_px) else { continue };
+        let Some([enters, leaves]) = shares_inside(ends[0], ends[1], size, NEAR_STEPS * step_px)
+        else {
+            continue;
+        };
         let count = (ends[0].distance(ends[1]) / step_px).ceil().max(1.0);
-        let (first, last) = ((enters * count).floor().max(1.0), (leaves * count).ceil().min(count));
-        places.extend((first as u64..=last as u64).map(|k| ends[0].lerp(ends[1], k as f64 / count)));
+        let (first, last) = (
+            (enters * count).floor().max(1.0),
+            (leaves * count).ceil().min(count),
+        );
+        places
+            .extend((first as u64..=last as u64).map(|k| ends[0].lerp(ends[1], k as f64 / count)));
     }
     places.dedup_by(|next, kept| next.distance(*kept) < step_px / 2.0);
     places
@@ -177,9 +221,19 @@ fn shares_inside(a: DVec2, b: DVec2, size: DVec2, margin: f64) -> Option<[f64; 2
 fn colors_around(image: &Image, at: DVec2, radius_px: f64) -> Vec<Vec3> {
     let reach = (radius_px - 0.5).max(0.0);
     let far = DVec2::new(f64::from(image.width), f64::from(image.height)) - 1.0;
-    let grid = (-2..=2).flat_map(|y| (-2..=2).map(move |x| DVec2::new(f64::from(x), f64::from(y)) / 2.0));
-    let inside = grid.filter(|by| by.length() <= 1.0).map(|by| (at + by * reach).floor().clamp(DVec2::ZERO, far));
-    inside.map(|pixel| lab(image, pixel.y as usize * image.width as usize + pixel.x as usize)).collect()
+    let grid =
+        (-2..=2).flat_map(|y| (-2..=2).map(move |x| DVec2::new(f64::from(x), f64::from(y)) / 2.0));
+    let inside = grid
+        .filter(|by| by.length() <= 1.0)
+        .map(|by| (at + by * reach).floor().clamp(DVec2::ZERO, far));
+    inside
+        .map(|pixel| {
+            lab(
+                image,
+                pixel.y as usize * image.width as usize + pixel.x as usize,
+            )
+        })
+        .collect()
 }
 
 /// Drops the parts that do not hang together with the core.
@@ -209,28 +263,41 @@ mod tests {
             let color = if at % 120 < 60 { left } else { right };
             color.map(|value| (value + wobble).clamp(0, 255) as u8)
         };
-        Image { width: 120, height: 80, pixels: (0..120 * 80).map(pixel).collect() }
+        Image {
+            width: 120,
+            height: 80,
+            pixels: (0..120 * 80).map(pixel).collect(),
+        }
     }
 
     const UPRIGHT: [DVec2; 2] = [DVec2::new(52.0, 20.0), DVec2::new(52.0, 60.0)];
 
     #[test]
     fn a_brush_over_an_edge_does_not_spill() {
-        for (left, right) in
-            [([90, 120, 60], [170, 160, 150]), ([60, 60, 60], [90, 90, 90]), ([120, 120, 120], [150, 105, 120])]
-        {
+        for (left, right) in [
+            ([90, 120, 60], [170, 160, 150]),
+            ([60, 60, 60], [90, 90, 90]),
+            ([120, 120, 120], [150, 105, 120]),
+        ] {
             let image = halves(left, right, 4);
             let plain = stroke(120, 80, &UPRIGHT, 14.0).unwrap();
             let snapped = snapped_stroke(&image, &UPRIGHT, 14.0).unwrap();
             let beyond = |region: &Region| {
-                (0..80).flat_map(|y| (60..120).map(move |x| (x, y))).filter(|&(x, y)| region.at(x, y)).count()
+                (0..80)
+                    .flat_map(|y| (60..120).map(move |x| (x, y)))
+                    .filter(|&(x, y)| region.at(x, y))
+                    .count()
             };
             let lost = (0..80)
                 .flat_map(|y| (0..60).map(move |x| (x, y)))
                 .filter(|&(x, y)| plain.at(x, y) && !snapped.at(x, y))
                 .count();
             assert!(beyond(&plain) > 200, "the plain brush spills");
-            assert!(beyond(&snapped) < 8, "{left:?} | {right:?}: {} pixels spilt", beyond(&snapped));
+            assert!(
+                beyond(&snapped) < 8,
+                "{left:?} | {right:?}: {} pixels spilt",
+                beyond(&snapped)
+            );
             assert!(lost < 20, "{left:?} | {right:?}: {lost} pixels lost");
         }
     }
@@ -255,7 +322,10 @@ mod tests {
                 let mut core = stroke(120, 80, &points, radius * CORE_SHARE).unwrap();
                 core.subtract(&snapped);
                 snapped.subtract(&stroke(120, 80, &points, radius).unwrap());
-                assert!(core.is_empty() && snapped.is_empty(), "x {x}, radius {radius}");
+                assert!(
+                    core.is_empty() && snapped.is_empty(),
+                    "x {x}, radius {radius}"
+                );
             }
         }
         assert!(snapped_stroke(&image, &[], 3.0).is_err());
@@ -268,18 +338,34 @@ mod tests {
             image.pixels[y * 120 + 60..y * 120 + 62].fill([20, 20, 20]);
         }
         let snapped = snapped_stroke(&image, &UPRIGHT, 16.0).unwrap();
-        let behind = (0..80).flat_map(|y| (62..120).map(move |x| (x, y))).filter(|&(x, y)| snapped.at(x, y)).count();
+        let behind = (0..80)
+            .flat_map(|y| (62..120).map(move |x| (x, y)))
+            .filter(|&(x, y)| snapped.at(x, y))
+            .count();
         assert_eq!(behind, 0);
     }
 
     #[test]
     fn strokes_that_go_far_outside_cost_no_more_than_their_part_inside() {
         let image = halves([90, 120, 60], [170, 160, 150], 4);
-        let far = [DVec2::new(52.0, -1e13), DVec2::new(52.0, 1e13), DVec2::new(4e9, 1e13)];
+        let far = [
+            DVec2::new(52.0, -1e13),
+            DVec2::new(52.0, 1e13),
+            DVec2::new(4e9, 1e13),
+        ];
         let through = [DVec2::new(52.0, -100.0), DVec2::new(52.0, 200.0)];
-        let areas = [&far[..], &through].map(|points| snapped_stroke(&image, points, 6.0).unwrap().area());
-        assert!(areas[0] > 0 && areas[0].abs_diff(areas[1]) * 50 <= areas[1], "{areas:?}");
-        assert_eq!(snapped_stroke(&image, &[DVec2::new(500.0, -1e13), DVec2::splat(1e13)], 6.0).unwrap().area(), 0);
+        let areas =
+            [&far[..], &through].map(|points| snapped_stroke(&image, points, 6.0).unwrap().area());
+        assert!(
+            areas[0] > 0 && areas[0].abs_diff(areas[1]) * 50 <= areas[1],
+            "{areas:?}"
+        );
+        assert_eq!(
+            snapped_stroke(&image, &[DVec2::new(500.0, -1e13), DVec2::splat(1e13)], 6.0)
+                .unwrap()
+                .area(),
+            0
+        );
         assert!(places_along(&far, 3.0, DVec2::new(120.0, 80.0)).len() < 100);
     }
 }

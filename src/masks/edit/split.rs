@@ -21,11 +21,25 @@ pub fn nearer_part(whole: &Region, part: &Region, rest: &Region) -> Result<Regio
     }
     let pieces = components(whole, Connectivity::Eight);
     let mut taken = vec![0usize; pieces.areas.len()];
-    for (&piece, _) in pieces.labels.iter().zip(&nearer.inside).filter(|(_, inside)| **inside) {
+    for (&piece, _) in pieces
+        .labels
+        .iter()
+        .zip(&nearer.inside)
+        .filter(|(_, inside)| **inside)
+    {
         taken[piece as usize - 1] += 1;
     }
-    let shares: Vec<f64> = taken.iter().zip(&pieces.areas).map(|(&taken, &area)| taken as f64 / area as f64).collect();
-    for (inside, &piece) in nearer.inside.iter_mut().zip(&pieces.labels).filter(|(_, piece)| **piece > 0) {
+    let shares: Vec<f64> = taken
+        .iter()
+        .zip(&pieces.areas)
+        .map(|(&taken, &area)| taken as f64 / area as f64)
+        .collect();
+    for (inside, &piece) in nearer
+        .inside
+        .iter_mut()
+        .zip(&pieces.labels)
+        .filter(|(_, piece)| **piece > 0)
+    {
         let share = shares[piece as usize - 1];
         *inside = share >= WHOLE_SHARE || (*inside && share > 1.0 - WHOLE_SHARE);
     }
@@ -37,21 +51,34 @@ mod tests {
     use super::*;
 
     fn row(text: &str) -> Region {
-        Region { width: text.len() as u32, height: 1, inside: text.bytes().map(|sign| sign == b'#').collect() }
+        Region {
+            width: text.len() as u32,
+            height: 1,
+            inside: text.bytes().map(|sign| sign == b'#').collect(),
+        }
     }
 
     #[test]
     fn pieces_follow_what_they_were() {
         let cut = |whole, part, rest| nearer_part(&row(whole), &row(part), &row(rest)).unwrap();
         let nothing = "..............";
-        assert_eq!(cut(".####...####..", "..####........", "........####.."), row(".####........."));
+        assert_eq!(
+            cut(".####...####..", "..####........", "........####.."),
+            row(".####.........")
+        );
         assert_eq!(
             cut(".##########...", "..####........", "......####...."),
             row(".#####........"),
             "joined: cut between"
         );
-        assert_eq!(cut(".####.........", "..####........", nothing), row(".####........."));
-        assert_eq!(cut(".####.........", nothing, "..####........"), row(nothing));
+        assert_eq!(
+            cut(".####.........", "..####........", nothing),
+            row(".####.........")
+        );
+        assert_eq!(
+            cut(".####.........", nothing, "..####........"),
+            row(nothing)
+        );
     }
 
     #[test]

@@ -17,7 +17,9 @@ pub fn tidy(
     tree: &LabelTree,
 ) -> Result<usize, MaskError> {
     if !mask.ids.contains(&label) {
-        return Err(MaskError::Label("the label is not on this frame; choose another frame or label".into()));
+        return Err(MaskError::Label(
+            "the label is not on this frame; choose another frame or label".into(),
+        ));
     }
     let mut filled = filled(mask, label, holes_below_px, tree);
     let islands = islands(&filled, islands_below_px);
@@ -29,7 +31,9 @@ pub fn tidy(
 /// The pixels of a label and its parts with those that it may take in its holes below a size; what others cut off from it there stays.
 fn filled(mask: &LabelMask, label: LabelId, below_px: usize, tree: &LabelTree) -> Region {
     let mut filled = mask.region_with_parts(label, tree);
-    let Some(most) = below_px.checked_sub(1) else { return filled };
+    let Some(most) = below_px.checked_sub(1) else {
+        return filled;
+    };
     let mut closed = filled.clone();
     closed.fill_holes(most);
     let yields = yielding(label, &[], tree);
@@ -105,18 +109,31 @@ mod tests {
 
     #[test]
     fn a_pinhole_is_filled_and_a_speck_removed() {
-        let rows = ["#####....", "#.#.#..#.", "#####....", ".....2...", "........."];
+        let rows = [
+            "#####....",
+            "#.#.#..#.",
+            "#####....",
+            ".....2...",
+            ".........",
+        ];
         let id = |byte: u8| match byte {
             b'#' => LabelId(5),
             b'2' => LabelId(2),
             _ => LabelId::NONE,
         };
         let ids = rows.iter().flat_map(|row| row.bytes().map(id)).collect();
-        let mut mask = LabelMask { width: 9, height: 5, ids };
+        let mut mask = LabelMask {
+            width: 9,
+            height: 5,
+            ids,
+        };
         let mut plain = mask.clone();
         assert_eq!(tidy(&mut plain, LabelId(5), 0, 0, &tree()).unwrap(), 0);
         assert_eq!(tidy(&mut mask, LabelId(5), 2, 2, &tree()).unwrap(), 3);
-        assert_eq!((mask.at(1, 1), mask.at(7, 1), mask.at(5, 3)), (LabelId(5), LabelId::NONE, LabelId(2)));
+        assert_eq!(
+            (mask.at(1, 1), mask.at(7, 1), mask.at(5, 3)),
+            (LabelId(5), LabelId::NONE, LabelId(2))
+        );
         assert!(tidy(&mut mask, LabelId(4), 2, 2, &tree()).is_err());
     }
 
@@ -129,7 +146,11 @@ mod tests {
             _ => LabelId::NONE,
         };
         let ids = rows.iter().flat_map(|row| row.bytes().map(id)).collect();
-        let mut mask = LabelMask { width: 9, height: 3, ids };
+        let mut mask = LabelMask {
+            width: 9,
+            height: 3,
+            ids,
+        };
         assert_eq!(tidy(&mut mask, LabelId(5), 2, 8, &tree()).unwrap(), 0);
         assert_eq!(tidy(&mut mask, LabelId(5), 2, 9, &tree()).unwrap(), 8);
         assert_eq!((mask.at(6, 0), mask.at(7, 1)), (LabelId::NONE, LabelId(2)));
@@ -143,8 +164,14 @@ mod tests {
             4 => LabelId(2),
             _ => LabelId::NONE,
         };
-        let ids = (0..13).flat_map(|y| (0..13).map(move |x| id(x, y))).collect();
-        let mut mask = LabelMask { width: 13, height: 13, ids };
+        let ids = (0..13)
+            .flat_map(|y| (0..13).map(move |x| id(x, y)))
+            .collect();
+        let mut mask = LabelMask {
+            width: 13,
+            height: 13,
+            ids,
+        };
         let before = mask.clone();
         assert_eq!(tidy(&mut mask, LabelId(5), 82, 41, &tree()).unwrap(), 0);
         assert_eq!(mask, before);

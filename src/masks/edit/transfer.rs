@@ -24,7 +24,11 @@ pub fn transfer(
         };
         (id, length)
     };
-    Ok(RunMask { width: mask.width, height: mask.height, runs: merged(mask.joint_runs(source).map(moved)) })
+    Ok(RunMask {
+        width: mask.width,
+        height: mask.height,
+        runs: merged(mask.joint_runs(source).map(moved)),
+    })
 }
 
 #[cfg(test)]
@@ -62,6 +66,14 @@ mod tests {
 
     #[test]
     fn masks_of_two_sizes_are_refused() {
-        assert!(transfer(&RunMask::empty(4, 3), &RunMask::empty(3, 4), &BTreeSet::new(), false).is_err());
+        assert!(
+            transfer(
+                &RunMask::empty(4, 3),
+                &RunMask::empty(3, 4),
+                &BTreeSet::new(),
+                false
+            )
+            .is_err()
+        );
     }
 }

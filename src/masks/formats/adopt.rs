@@ -22,7 +22,11 @@ pub(super) struct Newcomer<'a> {
 impl Adoption {
     /// Starts from a project's tree; `reserved` is the highest id that stands as a number in the files.
     pub(super) fn new(tree: &LabelTree, reserved: LabelId) -> Self {
-        Self { tree: tree.clone(), added: Vec::new(), reserved }
+        Self {
+            tree: tree.clone(),
+            added: Vec::new(),
+            reserved,
+        }
     }
 
     /// The tree with all that was added.
@@ -39,7 +43,12 @@ impl Adoption {
         while self.tree.by_name(&name).is_some() {
             name.insert(0, '#');
         }
-        self.add(Label { id, name, color: LabelTree::color_for(id), parent: None })
+        self.add(Label {
+            id,
+            name,
+            color: LabelTree::color_for(id),
+            parent: None,
+        })
     }
 
     /// The project's label of that name, or a new one.
@@ -47,21 +56,36 @@ impl Adoption {
         if let Some(known) = self.tree.by_name(newcomer.name) {
             return Ok(known.id);
         }
-        let wish = newcomer.id.filter(|&id| id != LabelId::NONE && self.tree.get(id).is_none());
+        let wish = newcomer
+            .id
+            .filter(|&id| id != LabelId::NONE && self.tree.get(id).is_none());
         let id = wish.unwrap_or_else(|| self.fresh_id());
         let color = newcomer.color.unwrap_or_else(|| LabelTree::color_for(id));
-        self.add(Label { id, name: newcomer.name.to_owned(), color, parent: newcomer.parent })
+        self.add(Label {
+            id,
+            name: newcomer.name.to_owned(),
+            color,
+            parent: newcomer.parent,
+        })
     }
 
     /// All labels of another tree, parents first; returns which id each has now.
-    pub(super) fn tree_of(&mut self, other: &LabelTree) -> Result<BTreeMap<LabelId, LabelId>, MaskError> {
+    pub(super) fn tree_of(
+        &mut self,
+        other: &LabelTree,
+    ) -> Result<BTreeMap<LabelId, LabelId>, MaskError> {
         let mut ids = BTreeMap::new();
         // By depth, so that parents come first; asking for the children of each would compare all labels with all.
         let mut all: Vec<&Label> = other.iter().collect();
         all.sort_by_key(|label| other.depth(label.id));
         for label in all {
             let parent = label.parent.and_then(|parent| ids.get(&parent).copied());
-            let newcomer = Newcomer { name: &label.name, id: Some(label.id), parent, color: Some(label.color) };
+            let newcomer = Newcomer {
+                name: &label.name,
+                id: Some(label.id),
+                parent,
+                color: Some(label.color),
+            };
             ids.insert(label.id, self.named(&newcomer)?);
         }
         Ok(ids)
@@ -69,12 +93,19 @@ impl Adoption {
 
     /// The labels that were added, each after its parent.
     pub(super) fn into_added(self) -> Vec<Label> {
-        self.added.iter().filter_map(|&id| self.tree.get(id).cloned()).collect()
+        self.added
+            .iter()
+            .filter_map(|&id| self.tree.get(id).cloned())
+            .collect()
     }
 
     fn fresh_id(&self) -> LabelId {
         let above = LabelId(self.reserved.0.saturating_add(1)).max(self.tree.next_id());
-        if self.tree.get(above).is_none() { above } else { self.tree.next_id() }
+        if self.tree.get(above).is_none() {
+            above
+        } else {
+            self.tree.next_id()
+        }
     }
 
     fn add(&mut self, label: Label) -> Result<LabelId, MaskError> {
@@ -96,16 +127,28 @@ mod tests {
             color: [id as u8; 3],
             parent: parent.map(LabelId),
         };
-        labels.iter().map(label).collect::<Vec<_>>().try_into().unwrap()
+        labels
+            .iter()
+            .map(label)
+            .collect::<Vec<_>>()
+            .try_into()
+            .unwrap()
     }
 
     #[test]
     fn names_decide_and_numbers_are_left_alone() {
         let project = tree(&[(1, "leaf", None), (7, "stem", None)]);
-        let file = tree(&[(1, "grain", Some(2)), (2, "panicle", None), (3, "stem", None)]);
+        let file = tree(&[
+            (1, "grain", Some(2)),
+            (2, "panicle", None),
+            (3, "stem", None),
+        ]);
         let mut adoption = Adoption::new(&project, LabelId(8));
         let ids = adoption.tree_of(&file).unwrap();
-        assert_eq!(ids, BTreeMap::from([(1, 9), (2, 2), (3, 7)].map(|(a, b)| (LabelId(a), LabelId(b)))));
+        assert_eq!(
+            ids,
+            BTreeMap::from([(1, 9), (2, 2), (3, 7)].map(|(a, b)| (LabelId(a), LabelId(b))))
+        );
         assert_eq!(adoption.number(LabelId(8)).unwrap(), LabelId(8));
         assert_eq!(adoption.number(LabelId(7)).unwrap(), LabelId(7));
         let added: Vec<(u16, String, Option<u16>)> = adoption
@@ -113,7 +156,14 @@ mod tests {
             .into_iter()
             .map(|label| (label.id.0, label.name, label.parent.map(|parent| parent.0)))
             .collect();
-        assert_eq!(added, [(2, "panicle".into(), None), (9, "grain".into(), Some(2)), (8, "8".into(), None)]);
+        assert_eq!(
+            added,
+            [
+                (2, "panicle".into(), None),
+                (9, "grain".into(), Some(2)),
+                (8, "8".into(), None)
+            ]
+        );
     }
 
     #[test]
@@ -127,7 +177,12 @@ mod tests {
     fn the_last_id_of_all_is_not_given_twice() {
         let mut adoption = Adoption::new(&tree(&[(1, "a", None)]), LabelId(u16::MAX));
         adoption.number(LabelId(u16::MAX)).unwrap();
-        let newcomer = Newcomer { name: "b", id: None, parent: None, color: None };
+        let newcomer = Newcomer {
+            name: "b",
+            id: None,
+            parent: None,
+            color: None,
+        };
         assert_eq!(adoption.named(&newcomer).unwrap(), LabelId(2));
     }
 }

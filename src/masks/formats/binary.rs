@@ -32,24 +32,54 @@ pub(super) fn import(
         let label = folder_label(folder, &names, &mut adoption)?;
         let matched = index.match_files(&dir.join(folder), found)?;
         unmatched.extend(matched.unmatched.iter().map(|file| file.stem.as_str()));
-        files.extend(matched.pairs.into_iter().map(|(frame, file)| LabelFile { label, folder, frame, file }));
+        files.extend(matched.pairs.into_iter().map(|(frame, file)| LabelFile {
+            label,
+            folder,
+            frame,
+            file,
+        }));
     }
     if files.is_empty() {
-        return Err(nothing_fits(dir, unmatched.first().copied().unwrap_or_default(), frames));
+        return Err(nothing_fits(
+            dir,
+            unmatched.first().copied().unwrap_or_default(),
+            frames,
+        ));
     }
     let mut skipped = Skipped::default();
     let objects = read_files(&files, frames, &mut skipped, progress)?;
     let jobs: Vec<(usize, Vec<(LabelId, Object)>)> = objects.into_iter().collect();
-    let read = in_parallel(&jobs, progress, |(frame, objects)| frame_mask(&frames[*frame], objects, adoption.tree()))?;
+    let read = in_parallel(&jobs, progress, |(frame, objects)| {
+        frame_mask(&frames[*frame], objects, adoption.tree())
+    })?;
     let contested = read.iter().map(|(_, contested)| contested).sum();
-    let masks = jobs.iter().map(|job| job.0).zip(read.into_iter().map(|(mask, _)| mask)).collect();
-    let decided = unmatched_warning(&unmatched).into_iter().chain(contested_warning(contested));
-    let warnings = listed.warning.into_iter().chain(decided).chain(skipped.warnings()).collect();
-    Ok(Imported { masks, new_labels: adoption.into_added(), warnings })
+    let masks = jobs
+        .iter()
+        .map(|job| job.0)
+        .zip(read.into_iter().map(|(mask, _)| mask))
+        .collect();
+    let decided = unmatched_warning(&unmatched)
+        .into_iter()
+        .chain(contested_warning(contested));
+    let warnings = listed
+        .warning
+        .into_iter()
+        .chain(decided)
+        .chain(skipped.warnings())
+        .collect();
+    Ok(Imported {
+        masks,
+        new_labels: adoption.into_added(),
+        warnings,
+    })
 }
 
 /// Writes one folder per label that any frame has, with a picture of every frame in each.
-pub(super) fn export(dir: &Path, export: &Export<'_>, progress: &Progress) -> Result<(), MaskError> {
+pub(super) fn export(
+    dir: &Path,
+    export: &Export<'_>,
+    progress: &Progress,
+) -> Result<(), MaskError> {
     write_labels_json(dir, export.tree)?;
     let mut ids = super::davis::ids_in(export.masks.iter().map(|(_, mask)| *mask));
     ids.remove(&LabelId::NONE);
@@ -57,7 +87,9 @@ pub(super) fn export(dir: &Path, export: &Export<'_>, progress: &Progress) -> Re
     in_parallel(&export.masks, progress, |&(frame, mask)| {
         for id in &ids {
             let folder = folders.get(id).cloned().unwrap_or_else(|| id.0.to_string());
-            let path = dir.join(folder).join(format!("{}.png", export.stems[frame]));
+            let path = dir
+                .join(folder)
+                .join(format!("{}.png", export.stems[frame]));
             write_whole(&path, &encode_black_and_white(mask, *id)?)?;
         }
         Ok(())
@@ -73,11 +105,17 @@ fn label_folders(dir: &Path) -> Result<BTreeMap<String, Vec<FoundFile>>, MaskErr
             let what = "is not in the folder of a label; binary masks lie as LABEL/FRAME.png (for label ids in one image use --format davis)";
             return Err(invalid(&file.path, what));
         };
-        let found = FoundFile { path: file.path.clone(), stem: stem.to_owned() };
+        let found = FoundFile {
+            path: file.path.clone(),
+            stem: stem.to_owned(),
+        };
         folders.entry(folder.to_owned()).or_default().push(found);
     }
     if folders.is_empty() {
-        return Err(invalid(dir, "holds no PNG; give the folder that holds LABEL/FRAME.png"));
+        return Err(invalid(
+            dir,
+            "holds no PNG; give the folder that holds LABEL/FRAME.png",
+        ));
     }
     Ok(folders)
 }
@@ -87,11 +125,17 @@ fn adopted_folders(
     adoption: &mut Adoption,
     listed: Option<&LabelTree>,
 ) -> Result<BTreeMap<String, LabelId>, MaskError> {
-    let mut names: BTreeMap<String, LabelId> =
-        folder_names(adoption.tree()).into_iter().map(|(id, name)| (name, id)).collect();
+    let mut names: BTreeMap<String, LabelId> = folder_names(adoption.tree())
+        .into_iter()
+        .map(|(id, name)| (name, id))
+        .collect();
     if let Some(listed) = listed {
         let ids = adoption.tree_of(listed)?;
-        names.extend(folder_names(listed).into_iter().filter_map(|(id, name)| Some((name, *ids.get(&id)?))));
+        names.extend(
+            folder_names(listed)
+                .into_iter()
+                .filter_map(|(id, name)| Some((name, *ids.get(&id)?))),
+        );
     }
     Ok(names)
 }
@@ -106,12 +150,22 @@ fn folder_label(
     }
     match folder.parse() {
         Ok(number) if number > 0 => adoption.number(LabelId(number)),
-        _ => adoption.named(&Newcomer { name: folder, id: None, parent: None, color: None }),
+        _ => adoption.named(&Newcomer {
+            name: folder,
+            id: None,
+            parent: None,
+            color: None,
+        }),
     }
 }
 
 fn highest_number<'n>(folders: impl Iterator<Item = &'n String>) -> LabelId {
-    LabelId(folders.filter_map(|folder| folder.parse().ok()).max().unwrap_or(0))
+    LabelId(
+        folders
+            .filter_map(|folder| folder.parse().ok())
+            .max()
+            .unwrap_or(0),
+    )
 }
 
 /// A file with the mask of one label in one frame.
@@ -146,7 +200,11 @@ fn read_files(
     progress: &Progress,
 ) -> Result<BTreeMap<usize, Vec<(LabelId, Object)>>, MaskError> {
     let read_file = |label_file: &LabelFile<'_>| {
-        let MaskFrame { name, width, height } = frames[label_file.frame];
+        let MaskFrame {
+            name,
+            width,
+            height,
+        } = frames[label_file.frame];
         let path = &label_file.file.path;
         let read = PngValues::read(path, Some((name, width, height)))?.into_ids(path, None)?;
         Ok((RunMask::encode(&read.mask), read.how))
@@ -156,7 +214,10 @@ fn read_files(
     let mut by_label: BTreeMap<LabelId, Vec<(&LabelFile<'_>, RunMask, HowRead)>> = BTreeMap::new();
     for (file, result) in files.iter().zip(results) {
         match result {
-            Ok((mask, how)) => by_label.entry(file.label).or_default().push((file, mask, how)),
+            Ok((mask, how)) => by_label
+                .entry(file.label)
+                .or_default()
+                .push((file, mask, how)),
             Err(error) => {
                 skipped.add_unreadable(&error);
                 first_error.get_or_insert(error);
@@ -170,11 +231,19 @@ fn read_files(
     for (label, mut read) in by_label {
         reconcile_cut_outs(read.iter_mut().map(|(_, mask, how)| (mask, how)));
         let in_steps = |how: &HowRead| !how.alpha.is_cut_out() && !how.is_bilevel;
-        let highest = read.iter().filter(|(_, _, how)| in_steps(how)).map(|(_, mask, _)| highest_value(mask)).max();
+        let highest = read
+            .iter()
+            .filter(|(_, _, how)| in_steps(how))
+            .map(|(_, mask, _)| highest_value(mask))
+            .max();
         let highest = highest.unwrap_or_default();
         for (file, mask, how) in read {
             // Twice the value must be above the highest and one: 128 of 255 is the middle of a trimap.
-            let lowest = if in_steps(&how) { (highest.div_ceil(2) + 1).min(highest).max(1) } else { 1 };
+            let lowest = if in_steps(&how) {
+                (highest.div_ceil(2) + 1).min(highest).max(1)
+            } else {
+                1
+            };
             for what in how.warnings() {
                 skipped.add(what, file.place());
             }
@@ -182,14 +251,21 @@ fn read_files(
                 let what = "masks have values only up to half of the highest of their label, and became empty";
                 skipped.add(what, file.place());
             }
-            objects.entry(file.frame).or_default().push((label, Object { mask, lowest }));
+            objects
+                .entry(file.frame)
+                .or_default()
+                .push((label, Object { mask, lowest }));
         }
     }
     Ok(objects)
 }
 
 fn highest_value(mask: &RunMask) -> u32 {
-    mask.runs.iter().map(|run| u32::from(run.0.0)).max().unwrap_or_default()
+    mask.runs
+        .iter()
+        .map(|run| u32::from(run.0.0))
+        .max()
+        .unwrap_or_default()
 }
 
 fn frame_mask(
@@ -197,7 +273,10 @@ fn frame_mask(
     objects: &[(LabelId, Object)],
     tree: &LabelTree,
 ) -> Result<(RunMask, usize), MaskError> {
-    let layers = objects.iter().map(|(label, object)| (*label, object)).collect();
+    let layers = objects
+        .iter()
+        .map(|(label, object)| (*label, object))
+        .collect();
     let (mask, contested) = stacked((frame.width, frame.height), layers, tree, |object, emit| {
         let mut start = 0;
         for &(value, length) in &object.mask.runs {
@@ -217,9 +296,16 @@ fn frame_mask(
 fn folder_names(tree: &LabelTree) -> BTreeMap<LabelId, String> {
     let plain = |name: &str| -> String {
         let refused = |c: char| c.is_control() || "/\\:*?\"<>|".contains(c);
-        let name: String = name.chars().map(|c| if refused(c) { '_' } else { c }).collect();
+        let name: String = name
+            .chars()
+            .map(|c| if refused(c) { '_' } else { c })
+            .collect();
         let name = name.trim_matches(['.', ' ']);
-        if name.is_empty() { "_".into() } else { name.to_owned() }
+        if name.is_empty() {
+            "_".into()
+        } else {
+            name.to_owned()
+        }
     };
     let mut uses: BTreeMap<String, usize> = BTreeMap::new();
     for label in tree.iter() {
@@ -227,15 +313,24 @@ fn folder_names(tree: &LabelTree) -> BTreeMap<LabelId, String> {
     }
     let folder = |name: String, id: LabelId| {
         let is_free = uses.get(&name.to_lowercase()) == Some(&1) && !disk::is_system_file(&name);
-        if is_free { name } else { format!("{name}_{}", id.0) }
+        if is_free {
+            name
+        } else {
+            format!("{name}_{}", id.0)
+        }
     };
-    tree.iter().map(|label| (label.id, folder(plain(&label.name), label.id))).collect()
+    tree.iter()
+        .map(|label| (label.id, folder(plain(&label.name), label.id)))
+        .collect()
 }
 
 fn encode_black_and_white(mask: &RunMask, id: LabelId) -> Result<Vec<u8>, MaskError> {
     let mut pixels = Vec::with_capacity(mask.width as usize * mask.height as usize);
     for &(at, length) in &mask.runs {
-        pixels.resize(pixels.len() + length as usize, if at == id { 255u8 } else { 0 });
+        pixels.resize(
+            pixels.len() + length as usize,
+            if at == id { 255u8 } else { 0 },
+        );
     }
     encode_png(mask.width, mask.height, Stored::Grey, &pixels)
 }

@@ -7,7 +7,9 @@ use glam::DVec2;
 
 use super::adopt::Adoption;
 use super::coco_categories::{CategoryLabels, adopt_categories};
-use super::coco_json::{self, Annotation, Category, Counts, Dataset, Entry, Id, ImageEntry, Segmentation};
+use super::coco_json::{
+    self, Annotation, Category, Counts, Dataset, Entry, Id, ImageEntry, Segmentation,
+};
 use super::exchange::{Export, Imported, MaskFrame, nothing_fits, unmatched_warning};
 use super::files::{FoundFile, in_parallel, invalid, io_error, list_files, read_text, write_whole};
 use super::frame_names::NameIndex;
@@ -34,17 +36,28 @@ pub(super) fn import(
     progress: &Progress,
 ) -> Result<Imported, MaskError> {
     let path = dataset_file(path)?;
-    let dataset = coco_json::parse(&read_text(&path)?)
-        .map_err(|error| invalid(&path, format!("is not a COCO JSON file ({error}); export it again")))?;
+    let dataset = coco_json::parse(&read_text(&path)?).map_err(|error| {
+        invalid(
+            &path,
+            format!("is not a COCO JSON file ({error}); export it again"),
+        )
+    })?;
     let mut skipped = Skipped::default();
     let images = images_by_frame(&path, &dataset.images, frames, &mut skipped)?;
     let (annotations, without_outline) = drawn_by_frame(&dataset, &images, &mut skipped);
     let mut adoption = Adoption::new(tree, LabelId::NONE);
-    let used = annotations.values().flatten().map(|drawn| &drawn.annotation.category_id).collect();
-    let categories: Vec<&Category> =
-        readable(&dataset.categories, "categories without id or name were left out", &mut skipped);
-    let CategoryLabels { labels, warnings } =
-        adopt_categories(&categories, &used, &mut adoption).map_err(|error| invalid(&path, error.to_string()))?;
+    let used = annotations
+        .values()
+        .flatten()
+        .map(|drawn| &drawn.annotation.category_id)
+        .collect();
+    let categories: Vec<&Category> = readable(
+        &dataset.categories,
+        "categories without id or name were left out",
+        &mut skipped,
+    );
+    let CategoryLabels { labels, warnings } = adopt_categories(&categories, &used, &mut adoption)
+        .map_err(|error| invalid(&path, error.to_string()))?;
     let jobs: Vec<(usize, Vec<Drawn<'_>>)> = annotations.into_iter().collect();
     let read = in_parallel(&jobs, progress, |(frame, drawn)| {
         frame_mask(&frames[*frame], drawn, (&labels, adoption.tree()), progress)
@@ -61,17 +74,36 @@ pub(super) fn import(
     }
     if masks.is_empty() && !skipped.is_empty() {
         let faults: Vec<String> = skipped.warnings().collect();
-        return Err(invalid(&path, format!("no annotation can be used: {}", faults.join("; "))));
+        return Err(invalid(
+            &path,
+            format!("no annotation can be used: {}", faults.join("; ")),
+        ));
     }
     let without_mask = images.frames().len() - masks.len();
     let counted = [
         (without_mask, "images have no outlines and got no mask"),
-        (without_outline, "annotations have no outline (boxes only) and were left out"),
+        (
+            without_outline,
+            "annotations have no outline (boxes only) and were left out",
+        ),
     ];
-    let counted = counted.into_iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}"));
-    let decided = unmatched_warning(&images.unmatched).into_iter().chain(contested_warning(contested));
-    let warnings = decided.chain(counted).chain(warnings).chain(skipped.warnings()).collect();
-    Ok(Imported { masks, new_labels: adoption.into_added(), warnings })
+    let counted = counted
+        .into_iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, what)| format!("{count} {what}"));
+    let decided = unmatched_warning(&images.unmatched)
+        .into_iter()
+        .chain(contested_warning(contested));
+    let warnings = decided
+        .chain(counted)
+        .chain(warnings)
+        .chain(skipped.warnings())
+        .collect();
+    Ok(Imported {
+        masks,
+        new_labels: adoption.into_added(),
+        warnings,
+    })
 }
 
 /// The annotations that have an outline, by frame, and how many have none.
@@ -85,12 +117,21 @@ fn drawn_by_frame<'d>(
     let what = "annotations without image or category were left out";
     for annotation in readable(&dataset.annotations, what, skipped) {
         let place = || format!("annotation {}", annotation.id);
-        match (images.frame_of_id.get(&annotation.image_id), outline_of(annotation)) {
-            (None, _) => skipped.add("annotations of an image that is not listed were left out", place()),
+        match (
+            images.frame_of_id.get(&annotation.image_id),
+            outline_of(annotation),
+        ) {
+            (None, _) => skipped.add(
+                "annotations of an image that is not listed were left out",
+                place(),
+            ),
             (Some(None), _) => {}
             (Some(Some(_)), None) => without_outline += 1,
             (Some(&Some(frame)), Some(outline)) => {
-                drawn.entry(frame).or_default().push(Drawn { annotation, outline });
+                drawn.entry(frame).or_default().push(Drawn {
+                    annotation,
+                    outline,
+                });
             }
         }
     }
@@ -98,7 +139,11 @@ fn drawn_by_frame<'d>(
 }
 
 /// The entries that could be read; the others are counted.
-fn readable<'e, T>(entries: &'e [Entry<T>], what: &'static str, skipped: &mut Skipped) -> Vec<&'e T> {
+fn readable<'e, T>(
+    entries: &'e [Entry<T>],
+    what: &'static str,
+    skipped: &mut Skipped,
+) -> Vec<&'e T> {
     let mut found = Vec::with_capacity(entries.len());
     for (at, entry) in (1..).zip(entries) {
         match entry.read() {
@@ -110,7 +155,11 @@ fn readable<'e, T>(entries: &'e [Entry<T>], what: &'static str, skipped: &mut Sk
 }
 
 /// Writes `annotations.json`: one annotation per frame and label, regions as packed run lengths, category id = label id.
-pub(super) fn export(dir: &Path, export: &Export<'_>, progress: &Progress) -> Result<(), MaskError> {
+pub(super) fn export(
+    dir: &Path,
+    export: &Export<'_>,
+    progress: &Progress,
+) -> Result<(), MaskError> {
     let image = |&(frame, mask): &(usize, &RunMask)| {
         Entry::Read(ImageEntry {
             id: image_id(frame),
@@ -119,7 +168,9 @@ pub(super) fn export(dir: &Path, export: &Export<'_>, progress: &Progress) -> Re
             height: Some(mask.height),
         })
     };
-    let per_frame = in_parallel(&export.masks, progress, |&(frame, mask)| Ok(annotations(frame, mask)))?;
+    let per_frame = in_parallel(&export.masks, progress, |&(frame, mask)| {
+        Ok(annotations(frame, mask))
+    })?;
     let mut annotations: Vec<Annotation> = per_frame.into_iter().flatten().collect();
     for (id, annotation) in (1i64..).zip(&mut annotations) {
         annotation.id = id.into();
@@ -127,7 +178,11 @@ pub(super) fn export(dir: &Path, export: &Export<'_>, progress: &Progress) -> Re
     let images = export.masks.iter().map(image).collect();
     let annotations = annotations.into_iter().map(Entry::Read).collect();
     let categories = categories(export)?.into_iter().map(Entry::Read).collect();
-    let dataset = Dataset { images, annotations, categories };
+    let dataset = Dataset {
+        images,
+        annotations,
+        categories,
+    };
     let path = dir.join(FILE);
     let text = serde_json::to_vec(&dataset).map_err(|error| io_error(&path)(error.into()))?;
     write_whole(&path, &text)
@@ -143,8 +198,14 @@ fn dataset_file(path: &Path) -> Result<PathBuf, MaskError> {
     let mut found = list_files(path, &["json"])?;
     match (found.pop(), found.is_empty()) {
         (Some(only), true) => Ok(only.path),
-        (Some(_), false) => Err(invalid(path, "holds several JSON files; give the COCO file itself")),
-        (None, _) => Err(invalid(path, "holds no JSON; give the COCO file or its folder")),
+        (Some(_), false) => Err(invalid(
+            path,
+            "holds several JSON files; give the COCO file itself",
+        )),
+        (None, _) => Err(invalid(
+            path,
+            "holds no JSON; give the COCO file or its folder",
+        )),
     }
 }
 
@@ -169,27 +230,48 @@ fn images_by_frame<'i>(
     skipped: &mut Skipped,
 ) -> Result<Images<'i>, MaskError> {
     let index = NameIndex::new(frames.iter().map(|frame| frame.name));
-    let images = readable(images, "images without id or file name were left out", skipped);
-    let names: Vec<String> = images.iter().map(|image| plain_path(&image.file_name)).collect();
+    let images = readable(
+        images,
+        "images without id or file name were left out",
+        skipped,
+    );
+    let names: Vec<String> = images
+        .iter()
+        .map(|image| plain_path(&image.file_name))
+        .collect();
     // Merged sets list an image once for each set; it is one file all the same.
     let different: BTreeSet<&str> = names.iter().map(String::as_str).collect();
-    let entry = |name: &str| FoundFile { path: name.into(), stem: index.stem_of(name).to_owned() };
+    let entry = |name: &str| FoundFile {
+        path: name.into(),
+        stem: index.stem_of(name).to_owned(),
+    };
     let entries: Vec<FoundFile> = different.into_iter().map(entry).collect();
     let matched = index.match_files(path, &entries)?.pairs;
-    let frame_of_name: BTreeMap<&Path, usize> =
-        matched.into_iter().map(|(frame, file)| (file.path.as_path(), frame)).collect();
-    let mut found = Images { frame_of_id: BTreeMap::new(), unmatched: Vec::new() };
+    let frame_of_name: BTreeMap<&Path, usize> = matched
+        .into_iter()
+        .map(|(frame, file)| (file.path.as_path(), frame))
+        .collect();
+    let mut found = Images {
+        frame_of_id: BTreeMap::new(),
+        unmatched: Vec::new(),
+    };
     let mut listed: BTreeMap<&Id, &str> = BTreeMap::new();
     let mut entry_of_name: BTreeSet<&str> = BTreeSet::new();
     let mut first_fault = None;
     for (image, name) in images.into_iter().zip(&names) {
         if let Some(other) = listed.insert(&image.id, name).filter(|other| other != name) {
-            let what = format!("the image id {} is listed for '{other}' and for '{name}'; give each its own", image.id);
+            let what = format!(
+                "the image id {} is listed for '{other}' and for '{name}'; give each its own",
+                image.id
+            );
             return Err(invalid(path, what));
         }
         let place = || format!("'{}'", image.file_name);
         if !entry_of_name.insert(name) {
-            skipped.add("images are listed more than once; the annotations of all entries were taken", place());
+            skipped.add(
+                "images are listed more than once; the annotations of all entries were taken",
+                place(),
+            );
         }
         let Some(&frame) = frame_of_name.get(Path::new(name)) else {
             found.frame_of_id.insert(&image.id, None);
@@ -198,10 +280,20 @@ fn images_by_frame<'i>(
         };
         let size = (frames[frame].width, frames[frame].height);
         match image.width.zip(image.height) {
-            None => skipped.add("images have no size; their outlines are taken to be in the frame's pixels", place()),
+            None => skipped.add(
+                "images have no size; their outlines are taken to be in the frame's pixels",
+                place(),
+            ),
             Some(its) if its != size => {
-                let fault = format!("the image {} {}", place(), size_fault(its, frames[frame].name, size));
-                skipped.add("images have another size than their frame and were left out", fault.clone());
+                let fault = format!(
+                    "the image {} {}",
+                    place(),
+                    size_fault(its, frames[frame].name, size)
+                );
+                skipped.add(
+                    "images have another size than their frame and were left out",
+                    fault.clone(),
+                );
                 first_fault.get_or_insert(fault);
                 found.frame_of_id.insert(&image.id, None);
                 continue;
@@ -214,7 +306,11 @@ fn images_by_frame<'i>(
         return Err(invalid(path, fault));
     }
     if found.frames().is_empty() {
-        return Err(nothing_fits(path, found.unmatched.first().copied().unwrap_or_default(), frames));
+        return Err(nothing_fits(
+            path,
+            found.unmatched.first().copied().unwrap_or_default(),
+            frames,
+        ));
     }
     Ok(found)
 }
@@ -251,24 +347,50 @@ fn frame_mask(
 ) -> Result<FrameMask, MaskError> {
     let mut skipped = Skipped::default();
     let mut layers = Vec::new();
-    for Drawn { annotation, outline } in drawn {
+    for Drawn {
+        annotation,
+        outline,
+    } in drawn
+    {
         match labels.get(&annotation.category_id) {
             Some(&label) => layers.push((label, (&annotation.id, *outline))),
             None => {
-                let place = format!("annotation {}: category {}", annotation.id, annotation.category_id);
-                skipped.add("annotations of a category that is not listed were left out", place);
+                let place = format!(
+                    "annotation {}: category {}",
+                    annotation.id, annotation.category_id
+                );
+                skipped.add(
+                    "annotations of a category that is not listed were left out",
+                    place,
+                );
             }
         }
     }
     let skipped = RefCell::new(skipped);
-    let (mask, contested) = stacked((frame.width, frame.height), layers, tree, |(id, outline), emit| {
-        progress.check()?;
-        draw(outline, (frame.width, frame.height), emit, &mut |what, detail| {
-            skipped.borrow_mut().add(what, format!("annotation {id}{detail}"));
-        });
-        Ok(())
-    })?;
-    Ok(FrameMask { mask: RunMask::encode(&mask), contested, skipped: skipped.into_inner() })
+    let (mask, contested) = stacked(
+        (frame.width, frame.height),
+        layers,
+        tree,
+        |(id, outline), emit| {
+            progress.check()?;
+            draw(
+                outline,
+                (frame.width, frame.height),
+                emit,
+                &mut |what, detail| {
+                    skipped
+                        .borrow_mut()
+                        .add(what, format!("annotation {id}{detail}"));
+                },
+            );
+            Ok(())
+        },
+    )?;
+    Ok(FrameMask {
+        mask: RunMask::encode(&mask),
+        contested,
+        skipped: skipped.into_inner(),
+    })
 }
 
 /// What an annotation says about its pixels; `None` when it holds only a box.
@@ -278,7 +400,10 @@ fn outline_of(annotation: &Annotation) -> Option<&Segmentation> {
         Segmentation::Polygon(corners) => corners.is_empty(),
         _ => false,
     };
-    annotation.segmentation.as_ref().filter(|outline| !empty(outline))
+    annotation
+        .segmentation
+        .as_ref()
+        .filter(|outline| !empty(outline))
 }
 
 /// Hands out an object's pixels; `skip` is called with each part that cannot be used: its kind, and what is wrong.
@@ -295,29 +420,39 @@ fn draw(
     };
     let usable = match outline {
         Segmentation::Polygons(polygons) => {
-            polygons.iter().filter(|polygon| draw_polygon(polygon, size, &mut emit, skip)).count() > 0
+            polygons
+                .iter()
+                .filter(|polygon| draw_polygon(polygon, size, &mut emit, skip))
+                .count()
+                > 0
         }
         Segmentation::Polygon(polygon) => draw_polygon(polygon, size, &mut emit, skip),
         Segmentation::Runs { size: its, counts } => {
             let spans = match counts {
-                _ if *its != [size.1, size.0] => {
-                    Err(format!("its region is {}×{} pixels, the image is {}×{}", its[1], its[0], size.0, size.1))
-                }
+                _ if *its != [size.1, size.0] => Err(format!(
+                    "its region is {}×{} pixels, the image is {}×{}",
+                    its[1], its[0], size.0, size.1
+                )),
                 Counts::Plain(counts) => rle::spans(counts, size.0, size.1, &mut emit),
-                Counts::Packed(text) => {
-                    rle::unpacked(text).and_then(|counts| rle::spans(&counts, size.0, size.1, &mut emit))
-                }
+                Counts::Packed(text) => rle::unpacked(text)
+                    .and_then(|counts| rle::spans(&counts, size.0, size.1, &mut emit)),
             };
             match spans {
                 Ok(()) => true,
                 Err(what) => {
-                    skip("regions that are damaged or do not fit their image were left out", format!(": {what}"));
+                    skip(
+                        "regions that are damaged or do not fit their image were left out",
+                        format!(": {what}"),
+                    );
                     false
                 }
             }
         }
         Segmentation::Unreadable(_) => {
-            skip("annotations whose segmentation is neither polygons nor run lengths were left out", String::new());
+            skip(
+                "annotations whose segmentation is neither polygons nor run lengths were left out",
+                String::new(),
+            );
             false
         }
     };
@@ -334,21 +469,35 @@ fn draw_polygon(
     skip: &mut dyn FnMut(&'static str, String),
 ) -> bool {
     if polygon.len() % 2 == 1 {
-        skip("polygons with an x but no y were left out", format!(": {} numbers", polygon.len()));
+        skip(
+            "polygons with an x but no y were left out",
+            format!(": {} numbers", polygon.len()),
+        );
         return false;
     }
     if polygon.len() < 6 {
-        skip("polygons of fewer than three corners were left out", String::new());
+        skip(
+            "polygons of fewer than three corners were left out",
+            String::new(),
+        );
         return false;
     }
     let usable = |number: &f64| number.abs() <= MAX_COORDINATE;
     let ring: Option<Vec<DVec2>> = polygon
         .chunks_exact(2)
-        .map(|corner| Some(DVec2::new(corner[0].filter(usable)?, corner[1].filter(usable)?)))
+        .map(|corner| {
+            Some(DVec2::new(
+                corner[0].filter(usable)?,
+                corner[1].filter(usable)?,
+            ))
+        })
         .collect();
     let drawn = ring.is_some_and(|ring| polygon_spans(width, height, &[ring], emit).is_ok());
     if !drawn {
-        skip("polygons with a coordinate that is not a number or far outside were left out", String::new());
+        skip(
+            "polygons with a coordinate that is not a number or far outside were left out",
+            String::new(),
+        );
     }
     drawn
 }
@@ -381,7 +530,14 @@ fn categories(export: &Export<'_>) -> Result<Vec<Category>, MaskError> {
     let category = |label: &Label| Category {
         id: i64::from(label.id.0).into(),
         name: label.name.clone(),
-        supercategory: Some(label.parent.and_then(|parent| export.tree.get(parent)).unwrap_or(label).name.clone()),
+        supercategory: Some(
+            label
+                .parent
+                .and_then(|parent| export.tree.get(parent))
+                .unwrap_or(label)
+                .name
+                .clone(),
+        ),
         color: Some(label.color),
     };
     let mut adoption = Adoption::new(export.tree, LabelId::NONE);
@@ -405,11 +561,19 @@ mod tests {
             [{"id": 1, "image_id": 1, "category_id": 1, "segmentation": [[0, 0, 2, 0, 2, 2]]}]}"#;
         let dataset = coco_json::parse(text).unwrap();
         let annotation = dataset.annotations[0].read().unwrap();
-        let drawn = [Drawn { annotation, outline: outline_of(annotation).unwrap() }];
+        let drawn = [Drawn {
+            annotation,
+            outline: outline_of(annotation).unwrap(),
+        }];
         let labels = BTreeMap::from([(&annotation.category_id, LabelId(1))]);
-        let frame = MaskFrame { name: "a.jpg", width: 4, height: 3 };
+        let frame = MaskFrame {
+            name: "a.jpg",
+            width: 4,
+            height: 3,
+        };
         let progress = Progress::default();
-        let read = |progress| frame_mask(&frame, &drawn, (&labels, &LabelTree::default()), progress);
+        let read =
+            |progress| frame_mask(&frame, &drawn, (&labels, &LabelTree::default()), progress);
         assert!(read(&progress).is_ok());
         progress.stop();
         assert!(matches!(read(&progress), Err(MaskError::Stopped(_))));

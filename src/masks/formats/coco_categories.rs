@@ -31,7 +31,9 @@ pub(super) fn adopt_categories<'c>(
     let mut by_name = Categories(BTreeMap::new());
     for category in categories {
         match by_id.insert(&category.id, category) {
-            Some(other) if (&other.name, above(other)) == (&category.name, above(category)) => continue,
+            Some(other) if (&other.name, above(other)) == (&category.name, above(category)) => {
+                continue;
+            }
             Some(other) => {
                 return Err(MaskError::Label(format!(
                     "the category id {} is listed for '{}' and for '{}'; give each category its own id",
@@ -41,15 +43,23 @@ pub(super) fn adopt_categories<'c>(
             None => by_name.0.entry(&category.name).or_default().push(category),
         }
     }
-    let mut found = CategoryLabels { labels: BTreeMap::new(), warnings: Vec::new() };
+    let mut found = CategoryLabels {
+        labels: BTreeMap::new(),
+        warnings: Vec::new(),
+    };
     // In the file's order: the first of several of one name gets the plain name.
-    for category in categories.iter().filter(|category| used.contains(&category.id)) {
+    for category in categories
+        .iter()
+        .filter(|category| used.contains(&category.id))
+    {
         let label = by_name.adopt(category, &mut Vec::new(), adoption, &mut found.warnings)?;
         found.labels.insert(&category.id, label);
     }
     let labels = &found.labels;
     let of_one_name = by_name.0.values().filter(|twins| twins.len() > 1);
-    found.warnings.extend(of_one_name.filter_map(|twins| describe_twins(twins, labels, adoption)));
+    found
+        .warnings
+        .extend(of_one_name.filter_map(|twins| describe_twins(twins, labels, adoption)));
     Ok(found)
 }
 
@@ -64,33 +74,57 @@ impl<'c> Categories<'c> {
     ) -> Result<LabelId, MaskError> {
         below.push(&category.name);
         let mut parent = None;
-        if let Some(above) = above(category).filter(|above| !below.contains(above) && below.len() < MAX_DEPTH) {
+        if let Some(above) =
+            above(category).filter(|above| !below.contains(above) && below.len() < MAX_DEPTH)
+        {
             parent = Some(match self.0.get(above).and_then(|listed| listed.first()) {
                 Some(listed) => self.adopt(listed, below, adoption, warnings)?,
-                None => adoption.named(&Newcomer { name: &one_line(above), id: None, parent: None, color: None })?,
+                None => adoption.named(&Newcomer {
+                    name: &one_line(above),
+                    id: None,
+                    parent: None,
+                    color: None,
+                })?,
             });
         }
         let plain = one_line(&category.name);
-        let known = adoption.tree().by_name(&plain).map(|known| (known.id, known.parent));
+        let known = adoption
+            .tree()
+            .by_name(&plain)
+            .map(|known| (known.id, known.parent));
         let name = match known {
             Some((id, its_parent)) if its_parent == parent => return Ok(id),
-            Some((_, its_parent)) if self.is_ambiguous(category) || (its_parent.is_some() && parent.is_some()) => {
+            Some((_, its_parent))
+                if self.is_ambiguous(category) || (its_parent.is_some() && parent.is_some()) =>
+            {
                 qualified(&plain, category)
             }
             Some((id, _)) => {
                 if let Some(above) = above(category).filter(|_| parent.is_some()) {
                     let path = adoption.tree().name_path(id);
-                    warnings.push(format!("the category '{plain}' under '{above}' was taken as the label '{path}'"));
+                    warnings.push(format!(
+                        "the category '{plain}' under '{above}' was taken as the label '{path}'"
+                    ));
                 }
                 return Ok(id);
             }
             None => match qualified(&plain, category) {
-                qualified if self.is_ambiguous(category) && adoption.tree().by_name(&qualified).is_some() => qualified,
+                qualified
+                    if self.is_ambiguous(category)
+                        && adoption.tree().by_name(&qualified).is_some() =>
+                {
+                    qualified
+                }
                 _ => plain,
             },
         };
         let id = category.id.number().map(LabelId);
-        adoption.named(&Newcomer { name: &name, id, parent, color: category.color })
+        adoption.named(&Newcomer {
+            name: &name,
+            id,
+            parent,
+            color: category.color,
+        })
     }
 
     /// Whether another category has the same name under another supercategory.
@@ -119,14 +153,24 @@ fn one_line(name: &str) -> String {
 }
 
 /// What became of several used categories of one name.
-fn describe_twins(twins: &[&Category], labels: &BTreeMap<&Id, LabelId>, adoption: &Adoption) -> Option<String> {
-    let used: Vec<LabelId> = twins.iter().filter_map(|twin| labels.get(&twin.id).copied()).collect();
+fn describe_twins(
+    twins: &[&Category],
+    labels: &BTreeMap<&Id, LabelId>,
+    adoption: &Adoption,
+) -> Option<String> {
+    let used: Vec<LabelId> = twins
+        .iter()
+        .filter_map(|twin| labels.get(&twin.id).copied())
+        .collect();
     if used.len() < 2 {
         return None;
     }
     let different: BTreeSet<LabelId> = used.iter().copied().collect();
-    let paths: Vec<String> =
-        different.iter().take(10).map(|&id| format!("'{}'", adoption.tree().name_path(id))).collect();
+    let paths: Vec<String> = different
+        .iter()
+        .take(10)
+        .map(|&id| format!("'{}'", adoption.tree().name_path(id)))
+        .collect();
     let (count, name, paths) = (used.len(), &twins[0].name, paths.join(", "));
     Some(match different.len() {
         1 => format!("{count} categories are named '{name}' and became one label, {paths}"),

@@ -70,7 +70,8 @@ impl Serialize for Id {
 impl<'de> Deserialize<'de> for Id {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let text = Scalar::deserialize(deserializer)?.text();
-        text.map(Self).ok_or_else(|| serde::de::Error::custom("an id must be a number or text"))
+        text.map(Self)
+            .ok_or_else(|| serde::de::Error::custom("an id must be a number or text"))
     }
 }
 
@@ -106,7 +107,9 @@ fn optional_text<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<St
 
 fn optional_size<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<u32>, D::Error> {
     let text = Scalar::deserialize(deserializer)?.text();
-    Ok(text.and_then(|text| text.parse().ok()).filter(|&size| size > 0))
+    Ok(text
+        .and_then(|text| text.parse().ok())
+        .filter(|&size| size > 0))
 }
 
 /// An image.
@@ -133,7 +136,11 @@ pub(super) struct Category {
     #[serde(default, deserialize_with = "optional_text")]
     pub supercategory: Option<String>,
     /// sRGB, as in COCO's panoptic files; COCO Annotator writes `#rrggbb`.
-    #[serde(default, deserialize_with = "optional_color", skip_serializing_if = "Option::is_none")]
+    #[serde(
+        default,
+        deserialize_with = "optional_color",
+        skip_serializing_if = "Option::is_none"
+    )]
     pub color: Option<[u8; 3]>,
 }
 
@@ -178,7 +185,9 @@ fn no_id() -> Id {
 }
 
 fn any_id<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Id, D::Error> {
-    Ok(Scalar::deserialize(deserializer)?.text().map_or_else(no_id, Id))
+    Ok(Scalar::deserialize(deserializer)?
+        .text()
+        .map_or_else(no_id, Id))
 }
 
 /// The pixels of an object.
@@ -227,7 +236,9 @@ fn without_number_words(text: &str) -> Option<String> {
     while let Some(at) = rest.find(['"', 'N', 'I', '-']) {
         out.push_str(&rest[..at]);
         rest = &rest[at..];
-        let word = ["NaN", "-Infinity", "Infinity", "-NaN"].into_iter().find(|word| rest.starts_with(word));
+        let word = ["NaN", "-Infinity", "Infinity", "-NaN"]
+            .into_iter()
+            .find(|word| rest.starts_with(word));
         let length = match word {
             Some(word) => {
                 found = true;
@@ -236,7 +247,11 @@ fn without_number_words(text: &str) -> Option<String> {
                 word.len()
             }
             None => {
-                let length = if rest.starts_with('"') { quoted_length(rest) } else { 1 };
+                let length = if rest.starts_with('"') {
+                    quoted_length(rest)
+                } else {
+                    1
+                };
                 out.push_str(&rest[..length]);
                 length
             }
@@ -275,6 +290,9 @@ mod tests {
         let ids: Vec<Id> = serde_json::from_str(r#"[1, "1", 1.0, " 1 ", "a-b", -3]"#).unwrap();
         assert!(ids[..4].iter().all(|id| *id == Id::from(1i64)));
         assert_eq!(serde_json::to_string(&ids[3..]).unwrap(), r#"[1,"a-b",-3]"#);
-        assert!(serde_json::from_str::<Id>("null").is_err() && serde_json::from_str::<Id>("[1]").is_err());
+        assert!(
+            serde_json::from_str::<Id>("null").is_err()
+                && serde_json::from_str::<Id>("[1]").is_err()
+        );
     }
 }

@@ -9,8 +9,8 @@ use super::exchange::{Export, Imported, MaskFrame, nothing_fits, unmatched_warni
 use super::files::{FoundFile, in_parallel, invalid, list_files, unless_stopped, write_whole};
 use super::frame_names::NameIndex;
 use super::grey_kinds::{
-    EdgeStatistics, White, covers_most, is_black_and_white, may_be_soft, may_be_soft_edges, meaning_of_white,
-    white_as_one,
+    EdgeStatistics, White, covers_most, is_black_and_white, may_be_soft, may_be_soft_edges,
+    meaning_of_white, white_as_one,
 };
 use super::labels_json::{Listed, ids_of_colors, listed_labels, write_labels_json};
 use super::png_values::{HowRead, PngValues, Stored, encode_png, reconcile_cut_outs};
@@ -31,7 +31,10 @@ const MAX_NAMED_IDS: usize = 10;
 pub fn encode_palette_png(mask: &RunMask, tree: &LabelTree) -> Result<Vec<u8>, MaskError> {
     let highest = mask.runs.iter().map(|run| run.0).max().unwrap_or_default();
     let (stored, pixels) = match u8::try_from(highest.0) {
-        Ok(highest) => (Stored::Palette(palette(tree, highest)), fill(mask, |id| [id.0 as u8])),
+        Ok(highest) => (
+            Stored::Palette(palette(tree, highest)),
+            fill(mask, |id| [id.0 as u8]),
+        ),
         Err(_) => (Stored::Grey16, fill(mask, |id| id.0.to_be_bytes())),
     };
     encode_png(mask.width, mask.height, stored, &pixels)
@@ -51,12 +54,17 @@ pub fn read_palette_png(path: &Path) -> Result<LabelMask, MaskError> {
 /// # Errors
 /// As [`read_palette_png`], and for another size.
 pub fn read_palette_png_of(path: &Path, frame: (&str, u32, u32)) -> Result<LabelMask, MaskError> {
-    Ok(PngValues::read(path, Some(frame))?.into_ids(path, None)?.mask)
+    Ok(PngValues::read(path, Some(frame))?
+        .into_ids(path, None)?
+        .mask)
 }
 
 /// All ids in masks, 0 among them.
 pub(crate) fn ids_in<'m>(masks: impl IntoIterator<Item = &'m RunMask>) -> BTreeSet<LabelId> {
-    masks.into_iter().flat_map(|mask| mask.runs.iter().map(|run| run.0)).collect()
+    masks
+        .into_iter()
+        .flat_map(|mask| mask.runs.iter().map(|run| run.0))
+        .collect()
 }
 
 /// What is read of the files before their values are understood.
@@ -87,9 +95,21 @@ pub(super) fn import(
     let (matched_frames, masks): (Vec<usize>, Vec<RunMask>) = read.masks.into_iter().unzip();
     let masks = understood(dir, masks, &read.ids, (&listed, tree), &mut warnings)?;
     let (masks, adoption) = with_labels(&masks, listed.tree.as_ref(), tree, &mut warnings)?;
-    let unmatched: Vec<&str> = matched.unmatched.iter().map(|file| file.stem.as_str()).collect();
-    warnings.extend(unmatched_warning(&unmatched).into_iter().chain(read.skipped.warnings()));
-    Ok(Imported { masks: matched_frames.into_iter().zip(masks).collect(), new_labels: adoption.into_added(), warnings })
+    let unmatched: Vec<&str> = matched
+        .unmatched
+        .iter()
+        .map(|file| file.stem.as_str())
+        .collect();
+    warnings.extend(
+        unmatched_warning(&unmatched)
+            .into_iter()
+            .chain(read.skipped.warnings()),
+    );
+    Ok(Imported {
+        masks: matched_frames.into_iter().zip(masks).collect(),
+        new_labels: adoption.into_added(),
+        warnings,
+    })
 }
 
 /// Reads the files that can be read.
@@ -104,7 +124,11 @@ fn read_files(
 ) -> Result<ReadFiles, MaskError> {
     let colors = listed.tree.as_ref().map(ids_of_colors);
     let read_file = |&(frame, file): &(usize, &FoundFile)| {
-        let MaskFrame { name, width, height } = frames[frame];
+        let MaskFrame {
+            name,
+            width,
+            height,
+        } = frames[frame];
         let values = PngValues::read(&file.path, Some((name, width, height)))?;
         let read = values.into_ids(&file.path, colors.as_ref())?;
         Ok((RunMask::encode(&read.mask), read.how))
@@ -131,9 +155,16 @@ fn read_files(
             skipped.add(what, format!("'{}'", file.stem));
         }
     }
-    let masks: Vec<(usize, RunMask)> = read.into_iter().map(|(frame, _, mask, _)| (frame, mask)).collect();
+    let masks: Vec<(usize, RunMask)> = read
+        .into_iter()
+        .map(|(frame, _, mask, _)| (frame, mask))
+        .collect();
     let ids = ids_in(masks.iter().map(|(_, mask)| mask));
-    Ok(ReadFiles { masks, ids, skipped })
+    Ok(ReadFiles {
+        masks,
+        ids,
+        skipped,
+    })
 }
 
 /// Masks with ids only: values that mean "void", or soft edges, are replaced or refused.
@@ -150,7 +181,10 @@ fn understood(
         // Decoding takes a moment, and masks with few values or low ones are never soft.
         None if may_be_soft(ids) && counted(&masks, EdgeStatistics::of).are_soft() => {
             let half = highest.0 / 2;
-            masks = masks.iter().map(|mask| mask.map_ids(|id| LabelId(u16::from(id.0 > half)))).collect();
+            masks = masks
+                .iter()
+                .map(|mask| mask.map_ids(|id| LabelId(u16::from(id.0 > half))))
+                .collect();
             warnings.push(format!(
                 "the masks have {} grey values with soft edges, which are no label ids; values above {half} (half of the \
                  highest) became label 1, the others no label",
@@ -160,7 +194,13 @@ fn understood(
         }
         None => {}
     }
-    let known = |id| listed.tree.as_ref().or(Some(tree)).is_some_and(|tree| tree.get(id).is_some());
+    let known = |id| {
+        listed
+            .tree
+            .as_ref()
+            .or(Some(tree))
+            .is_some_and(|tree| tree.get(id).is_some())
+    };
     match meaning_of_white(ids, known) {
         White::Id => {}
         White::SpreadId => warnings.push(format!(
@@ -196,13 +236,24 @@ fn understood(
     Ok(masks)
 }
 
-fn counted(masks: &[RunMask], count: impl Fn(&LabelMask) -> EdgeStatistics + Sync) -> EdgeStatistics {
-    masks.par_iter().map(|mask| count(&mask.decode())).reduce(EdgeStatistics::default, EdgeStatistics::plus)
+fn counted(
+    masks: &[RunMask],
+    count: impl Fn(&LabelMask) -> EdgeStatistics + Sync,
+) -> EdgeStatistics {
+    masks
+        .par_iter()
+        .map(|mask| count(&mask.decode()))
+        .reduce(EdgeStatistics::default, EdgeStatistics::plus)
 }
 
 /// Refuses masks in which values that no label is listed for are soft edges: an image editor has smoothed or resized
 /// them.
-fn check_unlisted(dir: &Path, masks: &[RunMask], ids: &BTreeSet<LabelId>, listed: &LabelTree) -> Result<(), MaskError> {
+fn check_unlisted(
+    dir: &Path,
+    masks: &[RunMask],
+    ids: &BTreeSet<LabelId>,
+    listed: &LabelTree,
+) -> Result<(), MaskError> {
     let is_unlisted = |id: LabelId| id != LabelId::NONE && listed.get(id).is_none();
     let unlisted: Vec<LabelId> = ids.iter().copied().filter(|&id| is_unlisted(id)).collect();
     if !may_be_soft_edges(&unlisted) {
@@ -222,8 +273,16 @@ fn check_unlisted(dir: &Path, masks: &[RunMask], ids: &BTreeSet<LabelId>, listed
 
 /// The first of some ids.
 fn named(ids: &[LabelId]) -> String {
-    let more = if ids.len() > MAX_NAMED_IDS { ", …" } else { "" };
-    let first: Vec<String> = ids.iter().take(MAX_NAMED_IDS).map(|id| id.0.to_string()).collect();
+    let more = if ids.len() > MAX_NAMED_IDS {
+        ", …"
+    } else {
+        ""
+    };
+    let first: Vec<String> = ids
+        .iter()
+        .take(MAX_NAMED_IDS)
+        .map(|id| id.0.to_string())
+        .collect();
     format!("{}{more}", first.join(", "))
 }
 
@@ -241,7 +300,8 @@ fn with_labels(
     };
     found = ids_in(&masks);
     let mut adoption = Adoption::new(tree, found.last().copied().unwrap_or_default());
-    let mut new_ids = listed.map_or_else(|| Ok(BTreeMap::new()), |listed| adoption.tree_of(listed))?;
+    let mut new_ids =
+        listed.map_or_else(|| Ok(BTreeMap::new()), |listed| adoption.tree_of(listed))?;
     let mut numbered = Vec::new();
     for id in found {
         if let Entry::Vacant(vacant) = new_ids.entry(id) {
@@ -262,13 +322,17 @@ fn with_labels(
              no label ids, undo the import"
         ));
     }
-    let masks = masks.iter().map(|mask| mask.map_ids(|id| new_ids.get(&id).copied().unwrap_or(id))).collect();
+    let masks = masks
+        .iter()
+        .map(|mask| mask.map_ids(|id| new_ids.get(&id).copied().unwrap_or(id)))
+        .collect();
     Ok((masks, adoption))
 }
 
 /// The error for a folder without PNG files; images of other kinds in it are named.
 fn no_png(dir: &Path) -> MaskError {
-    let others = list_files(dir, &["jpg", "jpeg", "tif", "tiff", "bmp", "webp", "gif"]).unwrap_or_default();
+    let others =
+        list_files(dir, &["jpg", "jpeg", "tif", "tiff", "bmp", "webp", "gif"]).unwrap_or_default();
     match others.first() {
         Some(first) => invalid(
             dir,
@@ -283,16 +347,27 @@ fn no_png(dir: &Path) -> MaskError {
     }
 }
 
-pub(super) fn export(dir: &Path, export: &Export<'_>, progress: &Progress) -> Result<(), MaskError> {
+pub(super) fn export(
+    dir: &Path,
+    export: &Export<'_>,
+    progress: &Progress,
+) -> Result<(), MaskError> {
     write_labels_json(dir, export.tree)?;
     in_parallel(&export.masks, progress, |&(frame, mask)| {
-        write_whole(&dir.join(format!("{}.png", export.stems[frame])), &encode_palette_png(mask, export.tree)?)
+        write_whole(
+            &dir.join(format!("{}.png", export.stems[frame])),
+            &encode_palette_png(mask, export.tree)?,
+        )
     })?;
     Ok(())
 }
 
 fn palette(tree: &LabelTree, highest_in_mask: u8) -> Vec<u8> {
-    let in_tree = tree.iter().filter_map(|label| u8::try_from(label.id.0).ok()).max().unwrap_or(0);
+    let in_tree = tree
+        .iter()
+        .filter_map(|label| u8::try_from(label.id.0).ok())
+        .max()
+        .unwrap_or(0);
     let color = |id: u8| match (id, tree.get(LabelId(u16::from(id)))) {
         (0, _) => [0; 3],
         (_, Some(label)) => label.color,

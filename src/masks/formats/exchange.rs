@@ -80,15 +80,25 @@ impl FromStr for MaskFormat {
     type Err = MaskError;
 
     fn from_str(name: &str) -> Result<Self, MaskError> {
-        let unknown =
-            || MaskError::Request(format!("there is no mask format '{name}'; use davis, binary, coco or yolo"));
-        Self::ALL.into_iter().find(|format| format.name() == name).ok_or_else(unknown)
+        let unknown = || {
+            MaskError::Request(format!(
+                "there is no mask format '{name}'; use davis, binary, coco or yolo"
+            ))
+        };
+        Self::ALL
+            .into_iter()
+            .find(|format| format.name() == name)
+            .ok_or_else(unknown)
     }
 }
 
 impl<'a> From<&'a Frame> for MaskFrame<'a> {
     fn from(frame: &'a Frame) -> Self {
-        Self { name: &frame.name, width: frame.width, height: frame.height }
+        Self {
+            name: &frame.name,
+            width: frame.width,
+            height: frame.height,
+        }
     }
 }
 
@@ -131,16 +141,26 @@ pub fn export_masks<M: Borrow<RunMask>>(
 ) -> Result<(), MaskError> {
     progress.stage("export masks")?;
     let held: Vec<(usize, M)> = masks.into_iter().collect();
-    let masks: Vec<(usize, &RunMask)> = held.iter().map(|(frame, mask)| (*frame, mask.borrow())).collect();
+    let masks: Vec<(usize, &RunMask)> = held
+        .iter()
+        .map(|(frame, mask)| (*frame, mask.borrow()))
+        .collect();
     for &(frame, mask) in &masks {
-        let fits = frames.get(frame).is_some_and(|frame| (frame.width, frame.height) == (mask.width, mask.height));
+        let fits = frames
+            .get(frame)
+            .is_some_and(|frame| (frame.width, frame.height) == (mask.width, mask.height));
         if !fits {
             return Err(MaskError::Request(format!(
                 "the mask of frame {frame} has not the frame's size; make it anew"
             )));
         }
     }
-    let export = Export { frames, stems: file_stems(frames)?, masks, tree };
+    let export = Export {
+        frames,
+        stems: file_stems(frames)?,
+        masks,
+        tree,
+    };
     match format {
         MaskFormat::Davis => davis::export(dir, &export, progress),
         MaskFormat::Binary => binary::export(dir, &export, progress),
@@ -152,7 +172,10 @@ pub fn export_masks<M: Borrow<RunMask>>(
 /// The warning about files (or entries) that belong to no frame.
 pub(super) fn unmatched_warning(names: &[&str]) -> Option<String> {
     let first = names.first()?;
-    Some(format!("{} of the masks match no frame's name and were left out (first: {first})", names.len()))
+    Some(format!(
+        "{} of the masks match no frame's name and were left out (first: {first})",
+        names.len()
+    ))
 }
 
 /// The error when nothing fits any frame.

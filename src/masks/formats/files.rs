@@ -35,7 +35,10 @@ pub(crate) fn list_files(dir: &Path, endings: &[&str]) -> Result<Vec<FoundFile>,
             if entry.file_type().map_err(io_error(&path))?.is_dir() {
                 open.push(path);
             } else if has_ending(&path, endings) {
-                found.push(FoundFile { stem: stem_below(dir, &path), path });
+                found.push(FoundFile {
+                    stem: stem_below(dir, &path),
+                    path,
+                });
             }
         }
     }
@@ -71,7 +74,9 @@ pub(crate) fn in_parallel<T: Sync, R: Send>(
 }
 
 /// Makes a failure a value, so that work on other items goes on; a stop remains an error.
-pub(crate) fn unless_stopped<R>(result: Result<R, MaskError>) -> Result<Result<R, MaskError>, MaskError> {
+pub(crate) fn unless_stopped<R>(
+    result: Result<R, MaskError>,
+) -> Result<Result<R, MaskError>, MaskError> {
     match result {
         Err(error @ MaskError::Stopped(_)) => Err(error),
         result => Ok(result),
@@ -88,22 +93,35 @@ pub(super) fn read_text(path: &Path) -> Result<String, MaskError> {
 
 /// Names a file in an error of the system.
 pub(super) fn io_error(path: &Path) -> impl FnOnce(std::io::Error) -> MaskError + '_ {
-    move |reason| MaskError::Io { path: path.to_path_buf(), reason }
+    move |reason| MaskError::Io {
+        path: path.to_path_buf(),
+        reason,
+    }
 }
 
 /// An error about a file's content.
 pub(super) fn invalid(path: &Path, what: impl Into<String>) -> MaskError {
-    MaskError::Invalid { path: path.to_path_buf(), what: what.into() }
+    MaskError::Invalid {
+        path: path.to_path_buf(),
+        what: what.into(),
+    }
 }
 
 fn has_ending(path: &Path, endings: &[&str]) -> bool {
-    let ending = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    let ending = path
+        .extension()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .to_ascii_lowercase();
     endings.contains(&ending.as_str())
 }
 
 fn stem_below(dir: &Path, path: &Path) -> String {
     let below = path.strip_prefix(dir).unwrap_or(path).with_extension("");
-    let parts: Vec<_> = below.components().map(|part| part.as_os_str().to_string_lossy()).collect();
+    let parts: Vec<_> = below
+        .components()
+        .map(|part| part.as_os_str().to_string_lossy())
+        .collect();
     parts.join("/")
 }
 
@@ -114,7 +132,16 @@ mod tests {
     #[test]
     fn files_are_found_in_natural_order() {
         let dir = tempfile::tempdir().unwrap();
-        for name in ["f10.PNG", "f9.png", "a/f1.png", "notes.txt", ".hidden.png", "f010b.png"].into_iter().chain([
+        for name in [
+            "f10.PNG",
+            "f9.png",
+            "a/f1.png",
+            "notes.txt",
+            ".hidden.png",
+            "f010b.png",
+        ]
+        .into_iter()
+        .chain([
             "@eaDir/f1.png",
             "a/#recycle/f2.png",
             "__MACOSX/f3.png",
@@ -122,7 +149,11 @@ mod tests {
         ]) {
             write_whole(&dir.path().join(name), b"x").unwrap();
         }
-        let stems: Vec<String> = list_files(dir.path(), &["png"]).unwrap().into_iter().map(|file| file.stem).collect();
+        let stems: Vec<String> = list_files(dir.path(), &["png"])
+            .unwrap()
+            .into_iter()
+            .map(|file| file.stem)
+            .collect();
         assert_eq!(stems, ["a/f1", "f9", "f10", "f010b"]);
         assert!(list_files(&dir.path().join("none"), &["png"]).is_err());
     }
@@ -141,11 +172,20 @@ mod tests {
     #[test]
     fn the_first_error_in_order_is_told() {
         let items: Vec<usize> = (0..100).collect();
-        let work = |&at: &usize| if at % 30 == 29 { Err(MaskError::Request(at.to_string())) } else { Ok(at) };
+        let work = |&at: &usize| {
+            if at % 30 == 29 {
+                Err(MaskError::Request(at.to_string()))
+            } else {
+                Ok(at)
+            }
+        };
         let error = in_parallel(&items, &Progress::default(), work).unwrap_err();
         assert_eq!(error.to_string(), "29");
         let stopped = Progress::default();
         stopped.stop();
-        assert!(matches!(in_parallel(&items, &stopped, |_| Ok(())), Err(MaskError::Stopped(_))));
+        assert!(matches!(
+            in_parallel(&items, &stopped, |_| Ok(())),
+            Err(MaskError::Stopped(_))
+        ));
     }
 }

@@ -27,7 +27,10 @@ impl NameIndex {
         for (at, name) in names.into_iter().enumerate() {
             let keys = [name, without_ending(name), last_part(without_ending(name))];
             for (level, key) in levels.iter_mut().zip(keys) {
-                level.entry(key.to_owned()).and_modify(|place| *place = None).or_insert(Some(at));
+                level
+                    .entry(key.to_owned())
+                    .and_modify(|place| *place = None)
+                    .or_insert(Some(at));
             }
         }
         Self { levels }
@@ -36,21 +39,34 @@ impl NameIndex {
     /// The place of the name that a stem (a path without ending) fits, and how sure that is (0 = surest).
     fn find(&self, stem: &str) -> Option<(usize, usize)> {
         let keys = [stem, stem, last_part(stem)];
-        let hits = self.levels.iter().zip(keys).map(|(level, key)| level.get(key).copied().flatten());
-        hits.enumerate().find_map(|(sureness, hit)| Some((hit?, sureness)))
+        let hits = self
+            .levels
+            .iter()
+            .zip(keys)
+            .map(|(level, key)| level.get(key).copied().flatten());
+        hits.enumerate()
+            .find_map(|(sureness, hit)| Some((hit?, sureness)))
     }
 
     /// What a file's full name is matched by: itself where a name is exactly that, else without its ending.
     pub(super) fn stem_of<'n>(&self, file_name: &'n str) -> &'n str {
         let exact = self.levels[0].contains_key(file_name);
-        if exact { file_name } else { without_ending(file_name) }
+        if exact {
+            file_name
+        } else {
+            without_ending(file_name)
+        }
     }
 
     /// Gives every file to its frame; where several fit one frame, the surest gets it.
     ///
     /// # Errors
     /// [`MaskError::Invalid`] when two files fit the same frame equally well.
-    pub fn match_files<'f>(&self, dir: &Path, files: &'f [FoundFile]) -> Result<Matched<'f>, MaskError> {
+    pub fn match_files<'f>(
+        &self,
+        dir: &Path,
+        files: &'f [FoundFile],
+    ) -> Result<Matched<'f>, MaskError> {
         let mut best: BTreeMap<usize, (usize, &FoundFile)> = BTreeMap::new();
         let mut unmatched = Vec::new();
         for file in files {
@@ -74,7 +90,13 @@ impl NameIndex {
                 None => {}
             }
         }
-        Ok(Matched { pairs: best.into_iter().map(|(frame, (_, file))| (frame, file)).collect(), unmatched })
+        Ok(Matched {
+            pairs: best
+                .into_iter()
+                .map(|(frame, (_, file))| (frame, file))
+                .collect(),
+            unmatched,
+        })
     }
 }
 
@@ -87,13 +109,25 @@ pub fn file_stems(frames: &[MaskFrame<'_>]) -> Result<Vec<String>, MaskError> {
     let mut uses: BTreeMap<String, usize> = BTreeMap::new();
     for frame in frames {
         // Some file systems do not tell upper from lower case.
-        *uses.entry(without_ending(frame.name).to_lowercase()).or_default() += 1;
+        *uses
+            .entry(without_ending(frame.name).to_lowercase())
+            .or_default() += 1;
     }
     let stem = |frame: &MaskFrame<'_>| {
         let short = without_ending(frame.name);
-        let stem = if uses.get(&short.to_lowercase()) == Some(&1) { short } else { frame.name };
-        let inside = stem.split(['/', '\\']).all(|part| !part.is_empty() && part != "." && part != "..");
-        let fault = || MaskError::Request(format!("the frame name '{stem}' is no file name; rename its source"));
+        let stem = if uses.get(&short.to_lowercase()) == Some(&1) {
+            short
+        } else {
+            frame.name
+        };
+        let inside = stem
+            .split(['/', '\\'])
+            .all(|part| !part.is_empty() && part != "." && part != "..");
+        let fault = || {
+            MaskError::Request(format!(
+                "the frame name '{stem}' is no file name; rename its source"
+            ))
+        };
         inside.then(|| stem.to_owned()).ok_or_else(fault)
     };
     frames.iter().map(stem).collect()
@@ -117,35 +151,61 @@ mod tests {
     use super::*;
 
     fn file(stem: &str) -> FoundFile {
-        FoundFile { path: format!("{stem}.png").into(), stem: stem.into() }
+        FoundFile {
+            path: format!("{stem}.png").into(),
+            stem: stem.into(),
+        }
     }
 
     fn matched(names: &[&str], stems: &[&str]) -> Result<Vec<(usize, String)>, MaskError> {
         let files: Vec<FoundFile> = stems.iter().map(|stem| file(stem)).collect();
         let index = NameIndex::new(names.iter().copied());
         let matched = index.match_files(Path::new("dir"), &files)?;
-        Ok(matched.pairs.into_iter().map(|(frame, file)| (frame, file.stem.clone())).collect())
+        Ok(matched
+            .pairs
+            .into_iter()
+            .map(|(frame, file)| (frame, file.stem.clone()))
+            .collect())
     }
 
     #[test]
     fn by_path_then_by_file_name() {
         let names = ["a/0.jpg", "a/1.jpg", "b/1.jpg", "film.mp4/000007"];
         let found = matched(&names, &["a/1", "x/0", "000007", "1", "9"]).unwrap();
-        assert_eq!(found, [(0, "x/0".into()), (1, "a/1".into()), (3, "000007".into())], "'1' alone fits two frames");
+        assert_eq!(
+            found,
+            [(0, "x/0".into()), (1, "a/1".into()), (3, "000007".into())],
+            "'1' alone fits two frames"
+        );
     }
 
     #[test]
     fn the_surer_of_two_files_wins_and_equals_are_an_error() {
-        assert_eq!(matched(&["a/0.jpg"], &["a/0", "z/0"]).unwrap(), [(0, "a/0".into())]);
-        assert_eq!(matched(&["a/0.jpg"], &["0", "a/0"]).unwrap(), [(0, "a/0".into())]);
-        let error = matched(&["0.jpg"], &["a/0", "z/0"]).unwrap_err().to_string();
+        assert_eq!(
+            matched(&["a/0.jpg"], &["a/0", "z/0"]).unwrap(),
+            [(0, "a/0".into())]
+        );
+        assert_eq!(
+            matched(&["a/0.jpg"], &["0", "a/0"]).unwrap(),
+            [(0, "a/0".into())]
+        );
+        let error = matched(&["0.jpg"], &["a/0", "z/0"])
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("a/0") && error.contains("z/0"), "{error}");
     }
 
     #[test]
     fn frames_that_share_a_stem_keep_their_endings() {
         let frames = ["a.jpg", "A.png", "b.c.jpg", "cam/b.jpg"];
-        let frames: Vec<MaskFrame<'_>> = frames.iter().map(|name| MaskFrame { name, width: 1, height: 1 }).collect();
+        let frames: Vec<MaskFrame<'_>> = frames
+            .iter()
+            .map(|name| MaskFrame {
+                name,
+                width: 1,
+                height: 1,
+            })
+            .collect();
         let stems = file_stems(&frames).unwrap();
         assert_eq!(stems, ["a.jpg", "A.png", "b.c", "cam/b"]);
         let index = NameIndex::new(frames.iter().map(|frame| frame.name));
@@ -153,7 +213,15 @@ mod tests {
             assert_eq!(index.find(stem).map(|hit| hit.0), Some(at));
         }
         for name in ["../x.png", "/etc/x.png", "a//b.png"] {
-            assert!(file_stems(&[MaskFrame { name, width: 1, height: 1 }]).is_err(), "{name}");
+            assert!(
+                file_stems(&[MaskFrame {
+                    name,
+                    width: 1,
+                    height: 1
+                }])
+                .is_err(),
+                "{name}"
+            );
         }
     }
 }

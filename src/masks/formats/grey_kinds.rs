@@ -16,7 +16,9 @@ const MIN_SOFT_HIGHEST: u16 = 128;
 pub(crate) fn is_black_and_white(ids: &BTreeSet<LabelId>, listed: Option<&LabelTree>) -> bool {
     let mut values = ids.iter().filter(|&&id| id != LabelId::NONE);
     let white = values.next().filter(|id| WHITES.contains(id));
-    white.is_some_and(|white| values.next().is_none() && listed.is_none_or(|tree| tree.get(*white).is_none()))
+    white.is_some_and(|white| {
+        values.next().is_none() && listed.is_none_or(|tree| tree.get(*white).is_none())
+    })
 }
 
 /// Label 1 wherever there is any.
@@ -39,8 +41,14 @@ pub(crate) enum White {
 
 /// Decides what white means. `known` says whether a label has an id.
 pub(crate) fn meaning_of_white(ids: &BTreeSet<LabelId>, known: impl Fn(LabelId) -> bool) -> White {
-    let Some(&white) = ids.last().filter(|id| WHITES.contains(id) && !known(**id)) else { return White::Id };
-    let others: Vec<u16> = ids.iter().map(|id| id.0).filter(|&id| id != 0 && id != white.0).collect();
+    let Some(&white) = ids.last().filter(|id| WHITES.contains(id) && !known(**id)) else {
+        return White::Id;
+    };
+    let others: Vec<u16> = ids
+        .iter()
+        .map(|id| id.0)
+        .filter(|&id| id != 0 && id != white.0)
+        .collect();
     if let [middle] = others[..]
         && (white.0 / 2..=white.0 / 2 + 1).contains(&middle)
     {
@@ -59,7 +67,10 @@ pub(crate) fn meaning_of_white(ids: &BTreeSet<LabelId>, known: impl Fn(LabelId) 
 
 /// Whether white covers more than all other labels together, in the masks that have it: more than the rims and gaps
 /// that void marks.
-pub(crate) fn covers_most<'m>(white: LabelId, masks: impl IntoIterator<Item = &'m RunMask>) -> bool {
+pub(crate) fn covers_most<'m>(
+    white: LabelId,
+    masks: impl IntoIterator<Item = &'m RunMask>,
+) -> bool {
     let (mut white_area, mut other_area) = (0, 0);
     for extents in masks.into_iter().map(RunMask::extents) {
         if let Some(extent) = extents.get(&white) {
@@ -90,7 +101,12 @@ impl EdgeStatistics {
     /// pixel of it has the highest value of all masks. What is almost the highest is left out too, as networks seldom
     /// give the inside of an object one value.
     pub(crate) fn of(mask: &LabelMask) -> Self {
-        let highest = mask.ids.iter().map(|id| u32::from(id.0)).max().unwrap_or_default();
+        let highest = mask
+            .ids
+            .iter()
+            .map(|id| u32::from(id.0))
+            .max()
+            .unwrap_or_default();
         Self::of_values(mask, |id| u32::from(id.0) * 16 < highest * 15)
     }
 
@@ -138,7 +154,10 @@ impl EdgeStatistics {
 /// Whether masks with these values may be soft masks of one object: several values, up to a high one.
 pub(crate) fn may_be_soft(ids: &BTreeSet<LabelId>) -> bool {
     let highest = ids.last().copied().unwrap_or_default();
-    let between = ids.iter().filter(|&&id| id != LabelId::NONE && id != highest).count();
+    let between = ids
+        .iter()
+        .filter(|&&id| id != LabelId::NONE && id != highest)
+        .count();
     between >= MIN_SOFT_VALUES && highest.0 >= MIN_SOFT_HIGHEST
 }
 
@@ -160,15 +179,24 @@ mod tests {
         let meaning = |values: &[u16]| meaning_of_white(&ids(values.iter().copied()), |_| false);
         assert_eq!(meaning(&[0, 1, 2, 255]), White::Void(LabelId(255)));
         assert_eq!(meaning(&[0, 1, 65535]), White::Void(LabelId(65535)));
-        assert_eq!(meaning(&[0, 1, 255, 300]), White::Id, "16-bit ids go on above 255");
+        assert_eq!(
+            meaning(&[0, 1, 255, 300]),
+            White::Id,
+            "16-bit ids go on above 255"
+        );
         assert_eq!(meaning(&[0, 85, 170, 255]), White::SpreadId);
         assert_eq!(meaning(&[0, 51, 102, 255]), White::Void(LabelId(255)));
         assert_eq!(meaning(&[0, 128, 255]), White::Trimap);
         assert_eq!(meaning(&[0, 127, 255]), White::Trimap);
         assert_eq!(meaning(&[0, 255]), White::Id);
         assert_eq!(meaning_of_white(&ids(0..=255), |_| false), White::Id);
-        assert_eq!(meaning_of_white(&ids([0, 1, 255]), |id| id.0 == 255), White::Id);
-        assert!(is_black_and_white(&ids([0, 255]), None) && is_black_and_white(&ids([65535]), None));
+        assert_eq!(
+            meaning_of_white(&ids([0, 1, 255]), |id| id.0 == 255),
+            White::Id
+        );
+        assert!(
+            is_black_and_white(&ids([0, 255]), None) && is_black_and_white(&ids([65535]), None)
+        );
         assert!(!is_black_and_white(&ids([0, 1]), None) && !is_black_and_white(&ids([0]), None));
     }
 
@@ -176,15 +204,26 @@ mod tests {
     fn soft_edges_are_not_ids() {
         let disc = |value: &dyn Fn(f64) -> u16| {
             let at = |x: u32, y: u32| (f64::from(x) - 20.3).hypot(f64::from(y) - 17.6);
-            let values = (0..36).flat_map(|y| (0..40).map(move |x| (x, y))).map(|(x, y)| LabelId(value(at(x, y))));
-            LabelMask { width: 40, height: 36, ids: values.collect() }
+            let values = (0..36)
+                .flat_map(|y| (0..40).map(move |x| (x, y)))
+                .map(|(x, y)| LabelId(value(at(x, y))));
+            LabelMask {
+                width: 40,
+                height: 36,
+                ids: values.collect(),
+            }
         };
         let soft = |mask: &LabelMask| {
             let ids: BTreeSet<LabelId> = mask.ids.iter().copied().collect();
             may_be_soft(&ids) && EdgeStatistics::of(mask).are_soft()
         };
         for width in [1.0, 3.0, 8.0] {
-            assert!(soft(&disc(&|r| (((10.0 - r) / width + 0.5).clamp(0.0, 1.0) * 255.0) as u16)), "{width}");
+            assert!(
+                soft(&disc(
+                    &|r| (((10.0 - r) / width + 0.5).clamp(0.0, 1.0) * 255.0) as u16
+                )),
+                "{width}"
+            );
         }
         assert!(!soft(&disc(&|r| if r < 4.0 {
             200
@@ -200,7 +239,9 @@ mod tests {
         let grid = |step: u32| LabelMask {
             width: 64,
             height: 64,
-            ids: (0..64 * 64).map(|at: u32| LabelId((at % 64 / step + at / 64 / step * (64 / step)) as u16)).collect(),
+            ids: (0..64 * 64)
+                .map(|at: u32| LabelId((at % 64 / step + at / 64 / step * (64 / step)) as u16))
+                .collect(),
         };
         assert!(!soft(&grid(4)), "256 instances side by side");
     }
@@ -208,9 +249,19 @@ mod tests {
     #[test]
     fn white_on_most_of_the_labels_is_not_void() {
         let mask = |runs: &[(u16, u32)]| {
-            RunMask::new(10, 1, runs.iter().map(|&(id, length)| (LabelId(id), length)).collect()).unwrap()
+            RunMask::new(
+                10,
+                1,
+                runs.iter()
+                    .map(|&(id, length)| (LabelId(id), length))
+                    .collect(),
+            )
+            .unwrap()
         };
-        let (rim, object) = (mask(&[(0, 3), (1, 5), (255, 2)]), mask(&[(0, 3), (254, 2), (255, 5)]));
+        let (rim, object) = (
+            mask(&[(0, 3), (1, 5), (255, 2)]),
+            mask(&[(0, 3), (254, 2), (255, 5)]),
+        );
         let other = mask(&[(2, 10)]);
         assert!(!covers_most(LabelId(255), [&rim, &other]));
         assert!(covers_most(LabelId(255), [&object, &other]));

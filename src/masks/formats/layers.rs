@@ -45,7 +45,9 @@ mod tests {
             color: [0; 3],
             parent: parent.map(LabelId),
         };
-        let tree: LabelTree = vec![label(1, None), label(2, Some(1)), label(3, None)].try_into().unwrap();
+        let tree: LabelTree = vec![label(1, None), label(2, Some(1)), label(3, None)]
+            .try_into()
+            .unwrap();
         let layers = vec![(LabelId(2), 0..2), (LabelId(1), 0..3), (LabelId(3), 2..4)];
         let draw = |pixels: &Range<usize>, emit: &mut dyn FnMut(Range<usize>)| {
             emit(pixels.clone());

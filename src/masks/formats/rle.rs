@@ -15,10 +15,17 @@ pub(super) fn column_counts(mask: &LabelMask, ids: &[LabelId]) -> Vec<Vec<u32>> 
 ///
 /// # Errors
 /// What is wrong, for run lengths that do not add up to the picture.
-pub(super) fn spans(counts: &[u32], width: u32, height: u32, emit: &mut dyn FnMut(Range<usize>)) -> Result<(), String> {
+pub(super) fn spans(
+    counts: &[u32],
+    width: u32,
+    height: u32,
+    emit: &mut dyn FnMut(Range<usize>),
+) -> Result<(), String> {
     let sum: u64 = counts.iter().map(|&count| u64::from(count)).sum();
     if sum != u64::from(width) * u64::from(height) {
-        return Err(format!("run lengths add up to {sum} pixels, {width}×{height} are needed"));
+        return Err(format!(
+            "run lengths add up to {sum} pixels, {width}×{height} are needed"
+        ));
     }
     let mut start = 0usize;
     for (turn, &count) in counts.iter().enumerate() {
@@ -65,7 +72,10 @@ pub(super) fn unpacked(text: &str) -> Result<Vec<u32>, String> {
     let mut counts: Vec<u32> = Vec::new();
     let (mut value, mut shift) = (0i64, 0u32);
     for byte in text.bytes() {
-        let group = byte.checked_sub(b'0').filter(|&group| group < 64 && shift <= 35).ok_or_else(broken)?;
+        let group = byte
+            .checked_sub(b'0')
+            .filter(|&group| group < 64 && shift <= 35)
+            .ok_or_else(broken)?;
         value |= i64::from(group & 31) << shift;
         shift += 5;
         if group & 32 != 0 {
@@ -74,11 +84,19 @@ pub(super) fn unpacked(text: &str) -> Result<Vec<u32>, String> {
         if group & 16 != 0 {
             value |= -1 << shift;
         }
-        let before = if counts.len() > 2 { i64::from(counts[counts.len() - 2]) } else { 0 };
+        let before = if counts.len() > 2 {
+            i64::from(counts[counts.len() - 2])
+        } else {
+            0
+        };
         counts.push(u32::try_from(value + before).map_err(|_| broken())?);
         (value, shift) = (0, 0);
     }
-    if shift == 0 { Ok(counts) } else { Err(broken()) }
+    if shift == 0 {
+        Ok(counts)
+    } else {
+        Err(broken())
+    }
 }
 
 fn transposed(mask: &LabelMask) -> LabelMask {
@@ -92,7 +110,11 @@ fn transposed(mask: &LabelMask) -> LabelMask {
             }
         }
     }
-    LabelMask { width: mask.height, height: mask.width, ids }
+    LabelMask {
+        width: mask.height,
+        height: mask.width,
+        ids,
+    }
 }
 
 fn counts_of(columns: &RunMask, id: LabelId) -> Vec<u32> {
@@ -127,8 +149,14 @@ mod tests {
 
     const REFERENCE: &[(&[u32], &str)] = &[
         (&[11, 3, 2, 1, 1, 1, 2, 3, 2, 3, 6], ";32NO012004"),
-        (&[0, 5, 475, 5, 475, 5, 23135, 200, 280, 200, 385_140], "05k>000TTf0S6ieYO0ljg;"),
-        (&[100_000, 1, 2, 300_000, 9917, 1, 1], "PeQ312onT9ke9QQkFTZF"),
+        (
+            &[0, 5, 475, 5, 475, 5, 23135, 200, 280, 200, 385_140],
+            "05k>000TTf0S6ieYO0ljg;",
+        ),
+        (
+            &[100_000, 1, 2, 300_000, 9917, 1, 1],
+            "PeQ312onT9ke9QQkFTZF",
+        ),
         (&[409_920], "PZ`<"),
     ];
 

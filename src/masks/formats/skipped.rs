@@ -15,14 +15,23 @@ struct Kind {
 impl Skipped {
     /// Counts a fault. `kind` reads on from a number: "polygons of fewer than three corners were left out".
     pub(crate) fn add(&mut self, kind: &'static str, place: impl Into<String>) {
-        self.0.entry(kind).or_insert_with(|| Kind { count: 0, first: place.into() }).count += 1;
+        self.0
+            .entry(kind)
+            .or_insert_with(|| Kind {
+                count: 0,
+                first: place.into(),
+            })
+            .count += 1;
     }
 
     /// Adds what was counted elsewhere, later in the file.
     pub(crate) fn join(&mut self, later: Self) {
         for (kind, found) in later.0 {
             let count = found.count;
-            self.0.entry(kind).or_insert(Kind { count: 0, ..found }).count += count;
+            self.0
+                .entry(kind)
+                .or_insert(Kind { count: 0, ..found })
+                .count += count;
         }
     }
 
@@ -38,9 +47,11 @@ impl Skipped {
 
     /// One sentence for each kind, for the user.
     pub(crate) fn warnings(&self) -> impl Iterator<Item = String> {
-        self.0.iter().map(|(kind, Kind { count, first })| match count {
-            1 => format!("{count} {kind} ({first})"),
-            _ => format!("{count} {kind} (first: {first})"),
-        })
+        self.0
+            .iter()
+            .map(|(kind, Kind { count, first })| match count {
+                1 => format!("{count} {kind} ({first})"),
+                _ => format!("{count} {kind} (first: {first})"),
+            })
     }
 }

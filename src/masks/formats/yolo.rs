@@ -6,7 +6,9 @@ use glam::DVec2;
 
 use super::adopt::{Adoption, Newcomer};
 use super::exchange::{Export, Imported, MaskFrame, nothing_fits, unmatched_warning};
-use super::files::{FoundFile, in_parallel, invalid, list_files, read_text, unless_stopped, write_whole};
+use super::files::{
+    FoundFile, in_parallel, invalid, list_files, read_text, unless_stopped, write_whole,
+};
 use super::frame_names::NameIndex;
 use super::labels_json::{listed_labels, write_labels_json};
 use super::layers::{contested_warning, stacked};
@@ -46,12 +48,16 @@ pub(super) fn import(
     let below = dir.join("labels");
     let mut files = list_files(if below.is_dir() { &below } else { dir }, &["txt"])?;
     files.retain(|file| !is_names_file(&file.path));
-    let first = files.first().ok_or_else(|| invalid(dir, "holds no .txt file; give the folder above `labels`"))?;
+    let first = files
+        .first()
+        .ok_or_else(|| invalid(dir, "holds no .txt file; give the folder above `labels`"))?;
     let matched = NameIndex::new(frames.iter().map(|frame| frame.name)).match_files(dir, &files)?;
     if matched.pairs.is_empty() {
         return Err(nothing_fits(dir, &first.stem, frames));
     }
-    let results = in_parallel(&matched.pairs, progress, |&(_, file)| unless_stopped(read_lines(file)))?;
+    let results = in_parallel(&matched.pairs, progress, |&(_, file)| {
+        unless_stopped(read_lines(file))
+    })?;
     let (mut files_lines, mut skipped, mut first_error) = (Vec::new(), Skipped::default(), None);
     for (&(frame, _), result) in matched.pairs.iter().zip(results) {
         match result {
@@ -65,15 +71,33 @@ pub(super) fn import(
     if let Some(error) = first_error.filter(|_| files_lines.is_empty()) {
         return Err(error);
     }
-    let folders = matched.pairs.iter().filter_map(|(_, file)| file.path.parent()).collect();
-    let classes = files_lines.iter().flat_map(|(_, file)| file.lines.iter().map(|line| line.class)).collect();
-    let Classes { labels, adoption, mut warnings } = adopted(dir, &folders, classes, tree)?;
-    let jobs: Vec<(usize, &Vec<Line>)> = files_lines.iter().map(|(frame, file)| (*frame, &file.lines)).collect();
-    let read =
-        in_parallel(&jobs, progress, |(frame, lines)| frame_mask(&frames[*frame], lines, &labels, adoption.tree()))?;
+    let folders = matched
+        .pairs
+        .iter()
+        .filter_map(|(_, file)| file.path.parent())
+        .collect();
+    let classes = files_lines
+        .iter()
+        .flat_map(|(_, file)| file.lines.iter().map(|line| line.class))
+        .collect();
+    let Classes {
+        labels,
+        adoption,
+        mut warnings,
+    } = adopted(dir, &folders, classes, tree)?;
+    let jobs: Vec<(usize, &Vec<Line>)> = files_lines
+        .iter()
+        .map(|(frame, file)| (*frame, &file.lines))
+        .collect();
+    let read = in_parallel(&jobs, progress, |(frame, lines)| {
+        frame_mask(&frames[*frame], lines, &labels, adoption.tree())
+    })?;
     let contested = read.iter().map(|(_, contested)| contested).sum();
-    let mut masks: BTreeMap<usize, RunMask> =
-        jobs.iter().map(|job| job.0).zip(read.into_iter().map(|(mask, _)| mask)).collect();
+    let mut masks: BTreeMap<usize, RunMask> = jobs
+        .iter()
+        .map(|job| job.0)
+        .zip(read.into_iter().map(|(mask, _)| mask))
+        .collect();
     let mut boxes = 0;
     for (frame, file) in files_lines {
         // A file of boxes or unusable outlines is not a frame without labels.
@@ -83,21 +107,42 @@ pub(super) fn import(
         boxes += file.boxes;
         skipped.join(file.skipped);
     }
-    let boxes = (boxes > 0).then(|| format!("{boxes} lines hold boxes, no outlines, and were left out"));
+    let boxes =
+        (boxes > 0).then(|| format!("{boxes} lines hold boxes, no outlines, and were left out"));
     if masks.is_empty() {
         let faults: Vec<String> = boxes.into_iter().chain(skipped.warnings()).collect();
-        return Err(invalid(dir, format!("no outline can be used: {}", faults.join("; "))));
+        return Err(invalid(
+            dir,
+            format!("no outline can be used: {}", faults.join("; ")),
+        ));
     }
-    let unmatched: Vec<&str> = matched.unmatched.iter().map(|file: &&FoundFile| file.stem.as_str()).collect();
-    warnings.extend(unmatched_warning(&unmatched).into_iter().chain(contested_warning(contested)).chain(boxes));
+    let unmatched: Vec<&str> = matched
+        .unmatched
+        .iter()
+        .map(|file: &&FoundFile| file.stem.as_str())
+        .collect();
+    warnings.extend(
+        unmatched_warning(&unmatched)
+            .into_iter()
+            .chain(contested_warning(contested))
+            .chain(boxes),
+    );
     warnings.extend(skipped.warnings());
-    Ok(Imported { masks, new_labels: adoption.into_added(), warnings })
+    Ok(Imported {
+        masks,
+        new_labels: adoption.into_added(),
+        warnings,
+    })
 }
 
 /// Writes `labels/FRAME.txt`, `data.yaml` and `labels.json`. Classes are the labels in the order of their ids. Outlines
 /// follow the pixels' corners, so that reading them gives the same pixels; a hole is joined to the outline around it by
 /// a seam of no width.
-pub(super) fn export(dir: &Path, export: &Export<'_>, progress: &Progress) -> Result<(), MaskError> {
+pub(super) fn export(
+    dir: &Path,
+    export: &Export<'_>,
+    progress: &Progress,
+) -> Result<(), MaskError> {
     let mut adoption = Adoption::new(export.tree, LabelId::NONE);
     for id in super::davis::ids_in(export.masks.iter().map(|(_, mask)| *mask)) {
         adoption.number(id)?;
@@ -108,7 +153,9 @@ pub(super) fn export(dir: &Path, export: &Export<'_>, progress: &Progress) -> Re
     write_labels_json(dir, tree)?;
     write_whole(&dir.join("data.yaml"), yaml(&names).as_bytes())?;
     in_parallel(&export.masks, progress, |&(frame, mask)| {
-        let path = dir.join("labels").join(format!("{}.txt", export.stems[frame]));
+        let path = dir
+            .join("labels")
+            .join(format!("{}.txt", export.stems[frame]));
         write_whole(&path, lines(mask, &classes).as_bytes())
     })?;
     Ok(())
@@ -129,7 +176,11 @@ fn adopted(
     classes: BTreeSet<usize>,
     tree: &LabelTree,
 ) -> Result<Classes, MaskError> {
-    let ClassNames { names, place, mut warnings } = find_names(dir, folders)?;
+    let ClassNames {
+        names,
+        place,
+        mut warnings,
+    } = find_names(dir, folders)?;
     let highest = classes.last().map_or(0, |&class| class as u64 + 1);
     let mut adoption = Adoption::new(tree, LabelId(u16::try_from(highest).unwrap_or(u16::MAX)));
     let listed = listed_labels(dir)?;
@@ -143,19 +194,30 @@ fn adopted(
         let name = names.get(class).filter(|name| !name.is_empty());
         let number = u16::try_from(class + 1).map(LabelId);
         let label = match (name, number) {
-            (Some(name), _) => adoption.named(&Newcomer { name, id: number.ok(), parent: None, color: None })?,
+            (Some(name), _) => adoption.named(&Newcomer {
+                name,
+                id: number.ok(),
+                parent: None,
+                color: None,
+            })?,
             (None, Ok(number)) => {
                 unnamed.push(class);
                 adoption.number(number)?
             }
             (None, Err(_)) => {
-                return Err(invalid(dir, format!("class {class} is too high; give it a name in data.yaml")));
+                return Err(invalid(
+                    dir,
+                    format!("class {class} is too high; give it a name in data.yaml"),
+                ));
             }
         };
         labels.insert(class, label);
     }
     let as_label = |class: &usize| {
-        let name = labels.get(class).map(|&id| adoption.tree().name_path(id)).unwrap_or_default();
+        let name = labels
+            .get(class)
+            .map(|&id| adoption.tree().name_path(id))
+            .unwrap_or_default();
         format!("{class} as '{name}'")
     };
     if let Some(first) = unnamed.first().filter(|_| listed.tree.is_none()) {
@@ -173,25 +235,41 @@ fn adopted(
             ),
         });
     }
-    Ok(Classes { labels, adoption, warnings })
+    Ok(Classes {
+        labels,
+        adoption,
+        warnings,
+    })
 }
 
 /// Reads the outlines of a file.
 fn read_lines(file: &FoundFile) -> Result<FileLines, MaskError> {
     let text = read_text(&file.path)?;
     let mut read = FileLines::default();
-    for (number, text) in (1..).zip(text.lines()).filter(|(_, text)| !text.trim().is_empty()) {
-        let mut skip = |what| read.skipped.add(what, format!("'{}', line {number}", file.stem));
+    for (number, text) in (1..)
+        .zip(text.lines())
+        .filter(|(_, text)| !text.trim().is_empty())
+    {
+        let mut skip = |what| {
+            read.skipped
+                .add(what, format!("'{}', line {number}", file.stem))
+        };
         let mut words = text.split_whitespace();
         let Some(class) = words.next().and_then(class_number) else {
             skip("lines do not begin with the number of a class and were left out");
             continue;
         };
         let numbers: Option<Vec<f64>> = words
-            .map(|word| word.parse().ok().filter(|share: &f64| !share.is_finite() || share.abs() <= MAX_SHARE))
+            .map(|word| {
+                word.parse()
+                    .ok()
+                    .filter(|share: &f64| !share.is_finite() || share.abs() <= MAX_SHARE)
+            })
             .collect();
         let Some(mut numbers) = numbers else {
-            skip("lines whose coordinates are not numbers from 0 to 1, as shares of width and height, were left out");
+            skip(
+                "lines whose coordinates are not numbers from 0 to 1, as shares of width and height, were left out",
+            );
             continue;
         };
         if numbers.iter().any(|share| !share.is_finite()) {
@@ -204,10 +282,15 @@ fn read_lines(file: &FoundFile) -> Result<FileLines, MaskError> {
             count if count < 6 => skip("outlines of fewer than three corners were left out"),
             count => {
                 if count % 2 == 1 {
-                    skip("outlines have one number after their corners, which was taken as a confidence");
+                    skip(
+                        "outlines have one number after their corners, which was taken as a confidence",
+                    );
                     numbers.pop();
                 }
-                let ring = numbers.chunks_exact(2).map(|corner| DVec2::new(corner[0], corner[1])).collect();
+                let ring = numbers
+                    .chunks_exact(2)
+                    .map(|corner| DVec2::new(corner[0], corner[1]))
+                    .collect();
                 read.lines.push(Line { class, ring });
             }
         }
@@ -217,9 +300,15 @@ fn read_lines(file: &FoundFile) -> Result<FileLines, MaskError> {
 
 /// Classes are whole numbers; some programs write them as `1.0`.
 fn class_number(word: &str) -> Option<usize> {
-    let whole =
-        word.split_once('.').filter(|(_, rest)| rest.bytes().all(|digit| digit == b'0')).map(|(whole, _)| whole);
-    whole.unwrap_or(word).parse().ok().filter(|&class: &usize| class < usize::MAX)
+    let whole = word
+        .split_once('.')
+        .filter(|(_, rest)| rest.bytes().all(|digit| digit == b'0'))
+        .map(|(whole, _)| whole);
+    whole
+        .unwrap_or(word)
+        .parse()
+        .ok()
+        .filter(|&class: &usize| class < usize::MAX)
 }
 
 fn frame_mask(
@@ -229,11 +318,19 @@ fn frame_mask(
     tree: &LabelTree,
 ) -> Result<(RunMask, usize), MaskError> {
     let size = DVec2::new(f64::from(frame.width), f64::from(frame.height));
-    let layers = lines.iter().map(|line| (labels.get(&line.class).copied().unwrap_or_default(), line)).collect();
-    let (mask, contested) = stacked((frame.width, frame.height), layers, tree, |line: &&Line, emit| {
-        let ring = line.ring.iter().map(|&corner| corner * size).collect();
-        polygon_spans(frame.width, frame.height, &[ring], emit)
-    })?;
+    let layers = lines
+        .iter()
+        .map(|line| (labels.get(&line.class).copied().unwrap_or_default(), line))
+        .collect();
+    let (mask, contested) = stacked(
+        (frame.width, frame.height),
+        layers,
+        tree,
+        |line: &&Line, emit| {
+            let ring = line.ring.iter().map(|&corner| corner * size).collect();
+            polygon_spans(frame.width, frame.height, &[ring], emit)
+        },
+    )?;
     Ok((RunMask::encode(&mask), contested))
 }
 

@@ -24,7 +24,8 @@ pub(super) struct ClassNames {
 
 /// Text files that hold names and lie among label files.
 pub(super) fn is_names_file(path: &Path) -> bool {
-    path.file_name().is_some_and(|name| name == "classes.txt" || name == "predefined_classes.txt")
+    path.file_name()
+        .is_some_and(|name| name == "classes.txt" || name == "predefined_classes.txt")
 }
 
 /// A folder that may hold class names.
@@ -39,7 +40,11 @@ struct Place {
 /// Finds the names for the labels in `dir`, whose files lie in `folders`: in `dir`, in the folders of the files, then in
 /// the folders above, up to the one that holds `labels` and the next.
 pub(super) fn find_names(dir: &Path, folders: &BTreeSet<&Path>) -> Result<ClassNames, MaskError> {
-    let given = |folder: PathBuf| Place { folder, is_given: true, takes_any_yaml: true };
+    let given = |folder: PathBuf| Place {
+        folder,
+        is_given: true,
+        takes_any_yaml: true,
+    };
     let mut places = vec![given(dir.to_path_buf()), given(dir.join("labels"))];
     places.extend(folders.iter().map(|folder| given(folder.to_path_buf())));
     let full = std::fs::canonicalize(dir).map_err(io_error(dir))?;
@@ -48,25 +53,41 @@ pub(super) fn find_names(dir: &Path, folders: &BTreeSet<&Path>) -> Result<ClassN
         .take(LEVELS_TO_LABELS)
         .position(|folder| folder.file_name().is_some_and(|name| name == "labels"));
     let inside = labels.map_or(0, |depth| depth + 1);
-    places.extend(full.ancestors().skip(1).take(inside + 1).enumerate().map(|(at, folder)| Place {
-        folder: folder.to_path_buf(),
-        is_given: false,
-        takes_any_yaml: at < inside,
-    }));
+    places.extend(
+        full.ancestors()
+            .skip(1)
+            .take(inside + 1)
+            .enumerate()
+            .map(|(at, folder)| Place {
+                folder: folder.to_path_buf(),
+                is_given: false,
+                takes_any_yaml: at < inside,
+            }),
+    );
     let mut warnings = Vec::new();
     for place in places.iter().filter(|place| place.folder.is_dir()) {
         if let Some((names, file)) = names_in(place, &mut warnings)? {
             if !place.is_given {
                 warnings.push(format!("class names are from {}", file.display()));
             }
-            return Ok(ClassNames { names, place: Some(file), warnings });
+            return Ok(ClassNames {
+                names,
+                place: Some(file),
+                warnings,
+            });
         }
     }
-    Ok(ClassNames { warnings, ..ClassNames::default() })
+    Ok(ClassNames {
+        warnings,
+        ..ClassNames::default()
+    })
 }
 
 /// The names in one folder: those of a file with a usual name, else of the other YAML files.
-fn names_in(place: &Place, warnings: &mut Vec<String>) -> Result<Option<(Vec<String>, PathBuf)>, MaskError> {
+fn names_in(
+    place: &Place,
+    warnings: &mut Vec<String>,
+) -> Result<Option<(Vec<String>, PathBuf)>, MaskError> {
     for (file, parse) in [
         ("data.yaml", yaml_names as fn(&str) -> Option<Vec<String>>),
         ("data.yml", yaml_names),
@@ -90,30 +111,50 @@ fn names_in(place: &Place, warnings: &mut Vec<String>) -> Result<Option<(Vec<Str
         match text.and_then(|text| parse(&text)) {
             Some(names) => return Ok(Some((names, path))),
             None if place.is_given && file == "data.yaml" => {
-                return Err(invalid(&path, "has no readable `names`; list them as `0: name`"));
+                return Err(invalid(
+                    &path,
+                    "has no readable `names`; list them as `0: name`",
+                ));
             }
-            None => warnings.push(format!("{} holds no class names and was not used", path.display())),
+            None => warnings.push(format!(
+                "{} holds no class names and was not used",
+                path.display()
+            )),
         }
     }
-    if place.takes_any_yaml { names_of_any_yaml(&place.folder, warnings) } else { Ok(None) }
+    if place.takes_any_yaml {
+        names_of_any_yaml(&place.folder, warnings)
+    } else {
+        Ok(None)
+    }
 }
 
 /// The names that all YAML files in a folder agree on. Files without names are for something else.
-fn names_of_any_yaml(dir: &Path, warnings: &mut Vec<String>) -> Result<Option<(Vec<String>, PathBuf)>, MaskError> {
+fn names_of_any_yaml(
+    dir: &Path,
+    warnings: &mut Vec<String>,
+) -> Result<Option<(Vec<String>, PathBuf)>, MaskError> {
     let mut found: Vec<(Vec<String>, PathBuf)> = Vec::new();
-    let mut entries: Vec<PathBuf> =
-        std::fs::read_dir(dir).map_err(io_error(dir))?.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    let mut entries: Vec<PathBuf> = std::fs::read_dir(dir)
+        .map_err(io_error(dir))?
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .collect();
     entries.sort();
     for path in entries {
         let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
         if (ending == "yaml" || ending == "yml") && path.is_file() {
             // Not a file that was given, so that one which cannot be read is not an error.
-            let names = small_text(&path).ok().flatten().and_then(|text| yaml_names(&text));
+            let names = small_text(&path)
+                .ok()
+                .flatten()
+                .and_then(|text| yaml_names(&text));
             found.extend(names.map(|names| (names, path)));
         }
     }
     if let [(first, one), .., (last, other)] = &found[..]
-        && found.iter().any(|(names, _)| names != first || names != last)
+        && found
+            .iter()
+            .any(|(names, _)| names != first || names != last)
     {
         warnings.push(format!(
             "{} and {} list different class names, so none of them were used; keep one, or name it data.yaml",
@@ -128,7 +169,11 @@ fn names_of_any_yaml(dir: &Path, warnings: &mut Vec<String>) -> Result<Option<(V
 /// The text of a file; `None` for one that is too large.
 fn small_text(path: &Path) -> Result<Option<String>, MaskError> {
     let bytes = std::fs::metadata(path).map_err(io_error(path))?.len();
-    if bytes > MAX_BYTES { Ok(None) } else { read_text(path).map(Some) }
+    if bytes > MAX_BYTES {
+        Ok(None)
+    } else {
+        read_text(path).map(Some)
+    }
 }
 
 /// `data.yaml` for names in the order of their class numbers.
@@ -142,7 +187,11 @@ pub(super) fn yaml(names: &[String]) -> String {
 }
 
 fn plain_names(text: &str) -> Option<Vec<String>> {
-    let names: Vec<String> = text.lines().map(|line| line.trim().to_owned()).filter(|line| !line.is_empty()).collect();
+    let names: Vec<String> = text
+        .lines()
+        .map(|line| line.trim().to_owned())
+        .filter(|line| !line.is_empty())
+        .collect();
     (!names.is_empty()).then_some(names)
 }
 
@@ -152,19 +201,32 @@ fn yaml_names(text: &str) -> Option<Vec<String>> {
     let first = lines.find_map(|line| line.strip_prefix("names:"))?.trim();
     if let Some(open) = first.strip_prefix(['[', '{']) {
         let rest: Vec<&str> = std::iter::once(open).chain(lines).collect();
-        return numbered(&split_outside_quotes(rest.join(" ").split_once([']', '}'])?.0));
+        return numbered(&split_outside_quotes(
+            rest.join(" ").split_once([']', '}'])?.0,
+        ));
     }
-    let block = lines.map(str::trim_end).filter(|line| !line.trim().is_empty() && !line.trim().starts_with('#'));
+    let block = lines
+        .map(str::trim_end)
+        .filter(|line| !line.trim().is_empty() && !line.trim().starts_with('#'));
     let block = block.take_while(|line| line.starts_with([' ', '\t', '-']));
-    let entries: Vec<String> = block.map(|line| line.trim().trim_start_matches("- ").to_owned()).collect();
+    let entries: Vec<String> = block
+        .map(|line| line.trim().trim_start_matches("- ").to_owned())
+        .collect();
     numbered(&entries)
 }
 
 /// Puts entries (`name` or `number: name`) in the order of their numbers.
 fn numbered(entries: &[String]) -> Option<Vec<String>> {
     let mut names = Vec::new();
-    for (at, entry) in entries.iter().map(|entry| entry.trim()).filter(|entry| !entry.is_empty()).enumerate() {
-        let keyed = entry.split_once(':').and_then(|(key, name)| Some((key.trim().parse().ok()?, name)));
+    for (at, entry) in entries
+        .iter()
+        .map(|entry| entry.trim())
+        .filter(|entry| !entry.is_empty())
+        .enumerate()
+    {
+        let keyed = entry
+            .split_once(':')
+            .and_then(|(key, name)| Some((key.trim().parse().ok()?, name)));
         let (class, name): (usize, &str) = keyed.unwrap_or((at, entry));
         if class > usize::from(u16::MAX) {
             return None;
@@ -193,10 +255,24 @@ fn split_outside_quotes(text: &str) -> Vec<String> {
 }
 
 fn unquoted(text: &str) -> String {
-    let inner = |quote: char| text.strip_prefix(quote).and_then(|rest| rest.split_once(quote)).map(|(name, _)| name);
-    let single = text.strip_prefix('\'').and_then(|rest| rest.strip_suffix('\'')).map(|name| name.replace("''", "'"));
-    let bare = || text.split_once(" #").map_or(text, |(name, _)| name).trim().to_owned();
-    single.or_else(|| inner('"').map(str::to_owned)).unwrap_or_else(bare)
+    let inner = |quote: char| {
+        text.strip_prefix(quote)
+            .and_then(|rest| rest.split_once(quote))
+            .map(|(name, _)| name)
+    };
+    let single = text
+        .strip_prefix('\'')
+        .and_then(|rest| rest.strip_suffix('\''))
+        .map(|name| name.replace("''", "'"));
+    let bare = || {
+        text.split_once(" #")
+            .map_or(text, |(name, _)| name)
+            .trim()
+            .to_owned()
+    };
+    single
+        .or_else(|| inner('"').map(str::to_owned))
+        .unwrap_or_else(bare)
 }
 
 #[cfg(test)]
@@ -214,11 +290,18 @@ mod tests {
             "names: ['leaf',\n  'stem 1', \"it's\"]",
             "names:\n  2: it's\n  0: leaf\n  1: stem 1",
         ] {
-            assert_eq!(yaml_names(text).unwrap(), ["leaf", "stem 1", "it's"], "{text}");
+            assert_eq!(
+                yaml_names(text).unwrap(),
+                ["leaf", "stem 1", "it's"],
+                "{text}"
+            );
         }
         assert_eq!(yaml_names("nc: 3"), None);
         assert_eq!(yaml_names("names:\n  9999999: x"), None);
-        assert_eq!(plain_names("leaf\r\n\nstem 1\n").unwrap(), ["leaf", "stem 1"]);
+        assert_eq!(
+            plain_names("leaf\r\n\nstem 1\n").unwrap(),
+            ["leaf", "stem 1"]
+        );
     }
 
     #[test]
@@ -227,7 +310,10 @@ mod tests {
             ("set/labels/train/classes.txt", "leaf\r\nstem\r\n"),
             ("set/labels/classes.txt", "\u{feff}leaf\nstem\n"),
             ("set/obj.names", "leaf\nstem"),
-            ("set/coco8-seg.yaml", "path: x\nnames:\n  0: leaf\n  1: stem\n"),
+            (
+                "set/coco8-seg.yaml",
+                "path: x\nnames:\n  0: leaf\n  1: stem\n",
+            ),
             ("data.yaml", "names: [leaf, stem]"),
             ("set/My Set.YML", "nc: 2\nnames:\n- leaf\n- stem\n"),
         ] {
@@ -235,9 +321,18 @@ mod tests {
             let labels = root.path().join("set/labels/train");
             std::fs::create_dir_all(&labels).unwrap();
             std::fs::write(root.path().join(file), text).unwrap();
-            for dir in [root.path().join("set"), root.path().join("set/labels"), labels.clone()] {
+            for dir in [
+                root.path().join("set"),
+                root.path().join("set/labels"),
+                labels.clone(),
+            ] {
                 let found = find_names(&dir, &BTreeSet::from([labels.as_path()])).unwrap();
-                assert_eq!(found.names, ["leaf", "stem"], "{file} for {}", dir.display());
+                assert_eq!(
+                    found.names,
+                    ["leaf", "stem"],
+                    "{file} for {}",
+                    dir.display()
+                );
                 assert!(found.place.is_some());
             }
         }
@@ -252,7 +347,11 @@ mod tests {
         let find = || find_names(dir.path(), &BTreeSet::new()).unwrap();
         assert_eq!(find().names, ["leaf", "stem"]);
         std::fs::write(dir.path().join("b.yaml"), "names: [cat, dog]").unwrap();
-        assert!(find().names.is_empty() && find().warnings[0].contains("a.yaml"), "{:?}", find().warnings);
+        assert!(
+            find().names.is_empty() && find().warnings[0].contains("a.yaml"),
+            "{:?}",
+            find().warnings
+        );
     }
 
     #[test]
@@ -263,14 +362,23 @@ mod tests {
             std::fs::create_dir(&set).unwrap();
             std::fs::write(root.path().join(file), b"Bl\xe4tt").unwrap();
             let found = find_names(&set, &BTreeSet::new()).unwrap();
-            assert!(found.names.is_empty() && found.warnings[0].contains(file), "{:?}", found.warnings);
-            assert!(find_names(root.path(), &BTreeSet::new()).is_err(), "given by the user");
+            assert!(
+                found.names.is_empty() && found.warnings[0].contains(file),
+                "{:?}",
+                found.warnings
+            );
+            assert!(
+                find_names(root.path(), &BTreeSet::new()).is_err(),
+                "given by the user"
+            );
         }
     }
 
     #[test]
     fn written_names_are_read_again() {
-        let names = ["a: b", "it's", "\"x\", #y", "[z]", "Ä"].map(String::from).to_vec();
+        let names = ["a: b", "it's", "\"x\", #y", "[z]", "Ä"]
+            .map(String::from)
+            .to_vec();
         assert_eq!(yaml_names(&yaml(&names)).unwrap(), names);
     }
 }

@@ -2,10 +2,17 @@ use crate::PxBox;
 
 /// Non-maximum suppression: of those whose boxes overlap by an IoU of more than `most_overlap` only the first stays;
 /// the surest must come first.
-pub(super) fn without_doubles<T>(found: Vec<T>, most_overlap: f64, extent: impl Fn(&T) -> PxBox) -> Vec<T> {
+pub(super) fn without_doubles<T>(
+    found: Vec<T>,
+    most_overlap: f64,
+    extent: impl Fn(&T) -> PxBox,
+) -> Vec<T> {
     let mut kept: Vec<T> = Vec::new();
     for one in found {
-        if kept.iter().all(|other| extent(&one).iou(&extent(other)) <= most_overlap) {
+        if kept
+            .iter()
+            .all(|other| extent(&one).iou(&extent(other)) <= most_overlap)
+        {
             kept.push(one);
         }
     }
@@ -20,7 +27,10 @@ mod tests {
 
     #[test]
     fn of_boxes_on_one_another_the_first_stays() {
-        let square = |x: f64| PxBox { min_px: DVec2::new(x, 0.0), max_px: DVec2::new(x + 10.0, 10.0) };
+        let square = |x: f64| PxBox {
+            min_px: DVec2::new(x, 0.0),
+            max_px: DVec2::new(x + 10.0, 10.0),
+        };
         // IoU of squares 2 px apart 2/3, 4 px apart 3/7.
         let kept = without_doubles(vec![4.0, 6.0, 0.0, 30.0], 0.5, |&x| square(x));
         assert_eq!(kept, [4.0, 0.0, 30.0]);

@@ -86,10 +86,21 @@ pub(super) const CLASSES: [&str; 80] = [
 
 /// The class that a phrase names: its words, in lower case, as they are or in the plural, with or without an article.
 pub(super) fn class_of(phrase: &str) -> Option<usize> {
-    let words = phrase.split_whitespace().map(str::to_lowercase).collect::<Vec<_>>().join(" ");
-    let plain = ["a ", "an ", "the "].iter().find_map(|article| words.strip_prefix(article)).unwrap_or(&words);
+    let words = phrase
+        .split_whitespace()
+        .map(str::to_lowercase)
+        .collect::<Vec<_>>()
+        .join(" ");
+    let plain = ["a ", "an ", "the "]
+        .iter()
+        .find_map(|article| words.strip_prefix(article))
+        .unwrap_or(&words);
     let one = CLASSES.iter().position(|class| *class == plain);
-    let many = || CLASSES.iter().position(|class| plurals(class).iter().any(|many| many == plain));
+    let many = || {
+        CLASSES
+            .iter()
+            .position(|class| plurals(class).iter().any(|many| many == plain))
+    };
     one.or_else(many)
 }
 
@@ -101,7 +112,10 @@ fn plurals(class: &str) -> [String; 2] {
         "knife" => Some("knives".to_owned()),
         _ => None,
     };
-    [irregular.unwrap_or_else(|| format!("{class}s")), format!("{class}es")]
+    [
+        irregular.unwrap_or_else(|| format!("{class}s")),
+        format!("{class}es"),
+    ]
 }
 
 #[cfg(test)]
@@ -121,7 +135,11 @@ mod tests {
             ("panicle", ""),
             ("", ""),
         ] {
-            assert_eq!(class_of(phrase).map_or("", |at| CLASSES[at]), class, "{phrase}");
+            assert_eq!(
+                class_of(phrase).map_or("", |at| CLASSES[at]),
+                class,
+                "{phrase}"
+            );
         }
     }
 }

@@ -12,16 +12,26 @@ struct Taps {
 /// A picture of `from` (columns, rows) at the size of `to`, bit for bit as Pillow's bilinear filter makes it, which
 /// networks were trained with: a triangle as wide as a new pixel where it shrinks, rounded to bytes after the rows and
 /// after the columns.
-pub(super) fn resized(pixels: &[[u8; 3]], from: (usize, usize), to: (usize, usize)) -> Vec<[u8; 3]> {
+pub(super) fn resized(
+    pixels: &[[u8; 3]],
+    from: (usize, usize),
+    to: (usize, usize),
+) -> Vec<[u8; 3]> {
     let columns = taps(from.0, to.0);
     let mut wide = vec![[0; 3]; to.0 * from.1];
-    wide.par_chunks_mut(to.0).zip(pixels.par_chunks(from.0)).for_each(|(out, row)| {
-        out.iter_mut().zip(&columns).for_each(|(out, taps)| *out = taps.sum(|at| row[at]));
-    });
+    wide.par_chunks_mut(to.0)
+        .zip(pixels.par_chunks(from.0))
+        .for_each(|(out, row)| {
+            out.iter_mut()
+                .zip(&columns)
+                .for_each(|(out, taps)| *out = taps.sum(|at| row[at]));
+        });
     let rows = taps(from.1, to.1);
     let mut out = vec![[0; 3]; to.0 * to.1];
     out.par_chunks_mut(to.0).zip(&rows).for_each(|(out, taps)| {
-        out.iter_mut().enumerate().for_each(|(x, out)| *out = taps.sum(|at| wide[at * to.0 + x]));
+        out.iter_mut()
+            .enumerate()
+            .for_each(|(x, out)| *out = taps.sum(|at| wide[at * to.0 + x]));
     });
     out
 }
@@ -30,27 +40,38 @@ pub(super) fn resized(pixels: &[[u8; 3]], from: (usize, usize), to: (usize, usiz
 pub fn resized_planes(pixels: &[[u8; 3]], from: (usize, usize), to: (usize, usize)) -> Vec<f32> {
     let columns = weights(from.0, to.0);
     let mut wide = vec![[0.0f32; 3]; to.0 * from.1];
-    wide.par_chunks_mut(to.0).zip(pixels.par_chunks(from.0)).for_each(|(out, row)| {
-        for (out, (first, weights)) in out.iter_mut().zip(&columns) {
-            for (weight, pixel) in weights.iter().zip(&row[*first..]) {
-                out.iter_mut().zip(pixel).for_each(|(sum, &value)| *sum += *weight as f32 * f32::from(value));
+    wide.par_chunks_mut(to.0)
+        .zip(pixels.par_chunks(from.0))
+        .for_each(|(out, row)| {
+            for (out, (first, weights)) in out.iter_mut().zip(&columns) {
+                for (weight, pixel) in weights.iter().zip(&row[*first..]) {
+                    out.iter_mut()
+                        .zip(pixel)
+                        .for_each(|(sum, &value)| *sum += *weight as f32 * f32::from(value));
+                }
             }
-        }
-    });
+        });
     let rows = weights(from.1, to.1);
     let mut out = vec![0.0; 3 * to.0 * to.1];
-    out.par_chunks_mut(to.0).enumerate().for_each(|(line, out)| {
-        let (channel, (first, weights)) = (line / to.1, &rows[line % to.1]);
-        for (weight, row) in weights.iter().zip(wide[first * to.0..].chunks_exact(to.0)) {
-            out.iter_mut().zip(row).for_each(|(sum, value)| *sum += *weight as f32 * value[channel]);
-        }
-    });
+    out.par_chunks_mut(to.0)
+        .enumerate()
+        .for_each(|(line, out)| {
+            let (channel, (first, weights)) = (line / to.1, &rows[line % to.1]);
+            for (weight, row) in weights.iter().zip(wide[first * to.0..].chunks_exact(to.0)) {
+                out.iter_mut()
+                    .zip(row)
+                    .for_each(|(sum, value)| *sum += *weight as f32 * value[channel]);
+            }
+        });
     out
 }
 
 fn taps(from: usize, to: usize) -> Vec<Taps> {
     let fixed = |weight: f64| (weight * f64::from(1 << PRECISION) + 0.5) as i64;
-    let one = |(first, weights): (usize, Vec<f64>)| Taps { first, weights: weights.into_iter().map(fixed).collect() };
+    let one = |(first, weights): (usize, Vec<f64>)| Taps {
+        first,
+        weights: weights.into_iter().map(fixed).collect(),
+    };
     weights(from, to).into_iter().map(one).collect()
 }
 
@@ -74,7 +95,9 @@ impl Taps {
         let mut sums = [1i64 << (PRECISION - 1); 3];
         for (offset, &weight) in self.weights.iter().enumerate() {
             let pixel = pixel(self.first + offset);
-            sums.iter_mut().zip(pixel).for_each(|(sum, value)| *sum += weight * i64::from(value));
+            sums.iter_mut()
+                .zip(pixel)
+                .for_each(|(sum, value)| *sum += weight * i64::from(value));
         }
         sums.map(|sum| (sum >> PRECISION).clamp(0, 255) as u8)
     }
@@ -94,10 +117,18 @@ mod tests {
     fn planes_are_the_same_picture_unrounded() {
         let pixels: Vec<[u8; 3]> = (0..63u8).map(|at| [at, 3 * at, 255 - at]).collect();
         for to in [(4, 5), (20, 11)] {
-            let (bytes, planes) = (resized(&pixels, (9, 7), to), resized_planes(&pixels, (9, 7), to));
+            let (bytes, planes) = (
+                resized(&pixels, (9, 7), to),
+                resized_planes(&pixels, (9, 7), to),
+            );
             for (channel, plane) in planes.chunks_exact(to.0 * to.1).enumerate() {
-                let near = |(byte, value): (&[u8; 3], &f32)| (f32::from(byte[channel]) - value).abs() <= 1.01;
-                assert!(bytes.iter().zip(plane).all(near), "two roundings of half a step");
+                let near = |(byte, value): (&[u8; 3], &f32)| {
+                    (f32::from(byte[channel]) - value).abs() <= 1.01
+                };
+                assert!(
+                    bytes.iter().zip(plane).all(near),
+                    "two roundings of half a step"
+                );
             }
         }
     }
@@ -106,8 +137,14 @@ mod tests {
     fn shrinking_averages_and_enlarging_goes_between() {
         // By hand: weights 1 3 3 1 of a triangle over four pixels, cut at the edges; then quarters between two.
         let row = [0, 0, 100, 200, 200, 200].map(|value| [value; 3]);
-        assert_eq!(resized(&row, (6, 1), (3, 1)), [14, 138, 200].map(|value| [value; 3]));
+        assert_eq!(
+            resized(&row, (6, 1), (3, 1)),
+            [14, 138, 200].map(|value| [value; 3])
+        );
         let pair = [0, 100].map(|value| [value; 3]);
-        assert_eq!(resized(&pair, (2, 1), (4, 1)), [0, 25, 75, 100].map(|value| [value; 3]));
+        assert_eq!(
+            resized(&pair, (2, 1), (4, 1)),
+            [0, 25, 75, 100].map(|value| [value; 3])
+        );
     }
 }

@@ -38,18 +38,30 @@ impl Yolox {
     /// When it is not installed there, does not load, or ONNX Runtime is missing.
     pub fn load(folder: &Path) -> Result<Self, NnError> {
         let missing = || NnError::Request("the catalogue has no file for `yolox`".to_owned());
-        Ok(Self { network: load(folder, "yolox")?.pop().ok_or_else(missing)? })
+        Ok(Self {
+            network: load(folder, "yolox")?.pop().ok_or_else(missing)?,
+        })
     }
 
     fn run(&self, image: &Image, scale: f64, progress: &Progress) -> Result<Vec<f32>, MaskError> {
         let told = |error: NnError| MaskError::Network(error.to_string());
         let input = Tensor::floats(&[1, 3, SIDE, SIDE], fed(image, scale)).map_err(told)?;
         let is_wanted = || progress.check().is_ok();
-        let given = self.network.run_while(&[("images", &input)], &is_wanted).map_err(told)?.ok_or(Stopped)?;
+        let given = self
+            .network
+            .run_while(&[("images", &input)], &is_wanted)
+            .map_err(told)?
+            .ok_or(Stopped)?;
         let cells: usize = STRIDES.iter().map(|stride| (SIDE / stride).pow(2)).sum();
-        let output = given.first().filter(|output| output.shape() == [1, cells, VALUES]);
+        let output = given
+            .first()
+            .filter(|output| output.shape() == [1, cells, VALUES]);
         let path = self.network.path().display();
-        let unfit = || MaskError::Network(format!("{path}: does not give {cells} cells of {VALUES} values"));
+        let unfit = || {
+            MaskError::Network(format!(
+                "{path}: does not give {cells} cells of {VALUES} values"
+            ))
+        };
         Ok(output.ok_or_else(unfit)?.as_floats().to_vec())
     }
 }
@@ -71,7 +83,9 @@ impl TextGrounder for Yolox {
     ) -> Result<Vec<Grounded>, MaskError> {
         let classes = classes(request.phrases)?;
         if image.pixels.is_empty() {
-            return Err(MaskError::Request("there is nothing to find in an empty picture; open another".into()));
+            return Err(MaskError::Request(
+                "there is nothing to find in an empty picture; open another".into(),
+            ));
         }
         progress.step(0, 1)?;
         let scale = scale(image);
@@ -84,7 +98,11 @@ impl TextGrounder for Yolox {
             // Stable: of equal scores the first cell's.
             of_class.sort_by(|a, b| b.0.total_cmp(&a.0));
             let apart = without_doubles(of_class, MOST_OVERLAP, |(_, extent)| *extent);
-            found.extend(apart.into_iter().map(|(score, extent)| Grounded { phrase, extent, score }));
+            found.extend(apart.into_iter().map(|(score, extent)| Grounded {
+                phrase,
+                extent,
+                score,
+            }));
         }
         found.sort_by(|a, b| b.score.total_cmp(&a.score));
         progress.step(1, 1)?;
@@ -95,13 +113,18 @@ impl TextGrounder for Yolox {
 /// The class of each phrase.
 fn classes(phrases: &[String]) -> Result<Vec<usize>, MaskError> {
     if phrases.is_empty() {
-        return Err(MaskError::Request("there is no word to look for; name what is to be found".into()));
+        return Err(MaskError::Request(
+            "there is no word to look for; name what is to be found".into(),
+        ));
     }
     let unknown = |phrase: &str| {
         let words = CLASSES.join(", ");
         MaskError::Request(format!("yolox does not know '{phrase}'; it knows {words}"))
     };
-    phrases.iter().map(|phrase| class_of(phrase).ok_or_else(|| unknown(phrase))).collect()
+    phrases
+        .iter()
+        .map(|phrase| class_of(phrase).ok_or_else(|| unknown(phrase)))
+        .collect()
 }
 
 /// Pixels of the square per pixel of the picture.
@@ -113,11 +136,20 @@ fn scale(image: &Image) -> f64 {
 fn fed(image: &Image, scale: f64) -> Vec<f32> {
     let shown = |count: u32| ((f64::from(count) * scale) as usize).clamp(1, SIDE);
     let (columns, rows) = (shown(image.width), shown(image.height));
-    let small = resized(&image.pixels, (image.width as usize, image.height as usize), (columns, rows));
+    let small = resized(
+        &image.pixels,
+        (image.width as usize, image.height as usize),
+        (columns, rows),
+    );
     let mut planes = vec![PADDING; 3 * SIDE * SIDE];
     for (channel, plane) in planes.chunks_exact_mut(SIDE * SIDE).enumerate() {
-        for (out, row) in plane.chunks_exact_mut(SIDE).zip(small.chunks_exact(columns)) {
-            out.iter_mut().zip(row).for_each(|(out, pixel)| *out = f32::from(pixel[2 - channel]));
+        for (out, row) in plane
+            .chunks_exact_mut(SIDE)
+            .zip(small.chunks_exact(columns))
+        {
+            out.iter_mut()
+                .zip(row)
+                .for_each(|(out, pixel)| *out = f32::from(pixel[2 - channel]));
         }
     }
     planes
@@ -126,7 +158,10 @@ fn fed(image: &Image, scale: f64) -> Vec<f32> {
 /// Score and box, in the picture, of every cell that sees a thing of a class.
 fn things(given: &[f32], class: usize, least: f32, scale: f64, size: DVec2) -> Vec<(f32, PxBox)> {
     let in_level = |stride: usize| (0..(SIDE / stride).pow(2)).map(move |at| (stride, at));
-    let cells = STRIDES.into_iter().flat_map(in_level).zip(given.chunks_exact(VALUES));
+    let cells = STRIDES
+        .into_iter()
+        .flat_map(in_level)
+        .zip(given.chunks_exact(VALUES));
     let thing = |((stride, at), values): ((usize, usize), &[f32])| {
         let score = values[4] * values[5 + class];
         let number = |at: usize| f64::from(values[at]);
@@ -134,7 +169,10 @@ fn things(given: &[f32], class: usize, least: f32, scale: f64, size: DVec2) -> V
         let middle = (DVec2::new(number(0), number(1)) + cell) * stride as f64;
         let half = DVec2::new(number(2).exp(), number(3).exp()) * stride as f64 / 2.0;
         let within = |corner: DVec2| (corner / scale).clamp(DVec2::ZERO, size);
-        let extent = PxBox { min_px: within(middle - half), max_px: within(middle + half) };
+        let extent = PxBox {
+            min_px: within(middle - half),
+            max_px: within(middle + half),
+        };
         let is_there = score > least && extent.max_px.cmpgt(extent.min_px).all();
         is_there.then_some((score, extent))
     };
@@ -152,8 +190,15 @@ mod tests {
     fn ready() -> Option<Yolox> {
         let found = Runtime::find()
             .map_err(|error| error.to_string())
-            .and_then(|_| Yolox::load(&folder("OSTRA_MODELS", "../../../shared/models")).map_err(|error| error.to_string()));
-        assert!(found.is_ok() || std::env::var_os("CI").is_none(), "{}", found.unwrap_err());
+            .and_then(|_| {
+                Yolox::load(&folder("OSTRA_MODELS", "../../../shared/models"))
+                    .map_err(|error| error.to_string())
+            });
+        assert!(
+            found.is_ok() || std::env::var_os("CI").is_none(),
+            "{}",
+            found.unwrap_err()
+        );
         found.inspect_err(|error| println!("skipped: {error}")).ok()
     }
 
@@ -164,15 +209,40 @@ mod tests {
 
     fn picture(path: &str) -> Option<Image> {
         let path = folder("OSTRA_DATA", "../../../shared/data").join(path);
-        assert!(path.exists() || std::env::var_os("CI").is_none(), "{} is missing", path.display());
-        let picture = image::open(&path).inspect_err(|error| println!("skipped: {error}")).ok()?.to_rgb8();
+        assert!(
+            path.exists() || std::env::var_os("CI").is_none(),
+            "{} is missing",
+            path.display()
+        );
+        let picture = image::open(&path)
+            .inspect_err(|error| println!("skipped: {error}"))
+            .ok()?
+            .to_rgb8();
         let pixels = picture.pixels().map(|pixel| pixel.0).collect();
-        Some(Image { width: picture.width(), height: picture.height(), pixels })
+        Some(Image {
+            width: picture.width(),
+            height: picture.height(),
+            pixels,
+        })
     }
 
-    fn ground(yolox: &Yolox, image: &Image, phrases: &[&str], threshold: Option<f32>) -> Vec<Grounded> {
+    fn ground(
+        yolox: &Yolox,
+        image: &Image,
+        phrases: &[&str],
+        threshold: Option<f32>,
+    ) -> Vec<Grounded> {
         let phrases: Vec<String> = phrases.iter().map(|&phrase| phrase.to_owned()).collect();
-        yolox.ground(image, &GroundRequest { phrases: &phrases, threshold }, &Progress::default()).unwrap()
+        yolox
+            .ground(
+                image,
+                &GroundRequest {
+                    phrases: &phrases,
+                    threshold,
+                },
+                &Progress::default(),
+            )
+            .unwrap()
     }
 
     /// Share of a box that is yellow.
@@ -190,12 +260,19 @@ mod tests {
 
     #[test]
     fn bananas_are_found_on_photos_of_bananas() {
-        let (Some(yolox), mut on) = (ready(), 0) else { return };
+        let (Some(yolox), mut on) = (ready(), 0) else {
+            return;
+        };
         for number in [423, 427, 431, 435] {
-            let Some(image) = picture(&format!("banana/images/DSC_0{number}.jpg")) else { return };
+            let Some(image) = picture(&format!("banana/images/DSC_0{number}.jpg")) else {
+                return;
+            };
             let found = ground(&yolox, &image, &["dog", "bananas"], None);
             println!("{number}: {found:?}");
-            assert!(found.iter().all(|one| one.phrase == 1), "there is no dog on {number}: {found:?}");
+            assert!(
+                found.iter().all(|one| one.phrase == 1),
+                "there is no dog on {number}: {found:?}"
+            );
             assert!(found.windows(2).all(|pair| pair[0].score >= pair[1].score));
             on += usize::from(found.iter().any(|one| yellow(&image, &one.extent) > 0.25));
         }
@@ -205,9 +282,16 @@ mod tests {
     /// The box around the white pixels of a picture.
     fn extent(truth: &Image) -> PxBox {
         let width = truth.width as usize;
-        let inside = truth.pixels.iter().enumerate().filter(|(_, pixel)| pixel[0] > 127);
+        let inside = truth
+            .pixels
+            .iter()
+            .enumerate()
+            .filter(|(_, pixel)| pixel[0] > 127);
         let corners = inside.map(|(at, _)| DVec2::new((at % width) as f64, (at / width) as f64));
-        let (min_px, max_px) = corners.map(|at| (at, at + 1.0)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).unwrap();
+        let (min_px, max_px) = corners
+            .map(|at| (at, at + 1.0))
+            .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+            .unwrap();
         PxBox { min_px, max_px }
     }
 
@@ -215,10 +299,16 @@ mod tests {
     fn boxes_lie_where_the_thing_lies() {
         let Some(yolox) = ready() else { return };
         for (clip, phrase) in [("blackswan", "bird"), ("car-shadow", "a car")] {
-            let Some(image) = picture(&format!("davis2016/JPEGImages/{clip}/00000.jpg")) else { return };
-            let truth = extent(&picture(&format!("davis2016/Annotations/{clip}/00000.png")).unwrap());
+            let Some(image) = picture(&format!("davis2016/JPEGImages/{clip}/00000.jpg")) else {
+                return;
+            };
+            let truth =
+                extent(&picture(&format!("davis2016/Annotations/{clip}/00000.png")).unwrap());
             let found = ground(&yolox, &image, &[phrase], None);
-            println!("{clip}: {:.2} of {truth:?}, {found:?}", found[0].extent.iou(&truth));
+            println!(
+                "{clip}: {:.2} of {truth:?}, {found:?}",
+                found[0].extent.iou(&truth)
+            );
             assert!(found[0].extent.iou(&truth) > 0.8, "{clip}: {found:?}");
             assert!(ground(&yolox, &image, &[phrase], Some(0.99)).is_empty());
         }
@@ -227,11 +317,23 @@ mod tests {
     #[test]
     fn unknown_words_are_told_with_the_known_ones() {
         let Some(yolox) = ready() else { return };
-        let image = Image { width: 2, height: 2, pixels: vec![[0; 3]; 4] };
-        for (phrases, told) in [(vec!["banana".to_owned(), "panicle".to_owned()], "'panicle'"), (Vec::new(), "no word")]
-        {
-            let asked = GroundRequest { phrases: &phrases, threshold: None };
-            let text = yolox.ground(&image, &asked, &Progress::default()).unwrap_err().to_string();
+        let image = Image {
+            width: 2,
+            height: 2,
+            pixels: vec![[0; 3]; 4],
+        };
+        for (phrases, told) in [
+            (vec!["banana".to_owned(), "panicle".to_owned()], "'panicle'"),
+            (Vec::new(), "no word"),
+        ] {
+            let asked = GroundRequest {
+                phrases: &phrases,
+                threshold: None,
+            };
+            let text = yolox
+                .ground(&image, &asked, &Progress::default())
+                .unwrap_err()
+                .to_string();
             assert!(text.contains(told) && !text.contains('\n'), "{text}");
             assert_eq!(text.contains("dining table"), phrases.len() == 2, "{text}");
         }
@@ -239,7 +341,13 @@ mod tests {
         let stopped = Progress::default();
         stopped.stop();
         let phrases = ["cat".to_owned()];
-        let asked = GroundRequest { phrases: &phrases, threshold: None };
-        assert!(matches!(yolox.ground(&image, &asked, &stopped), Err(MaskError::Stopped(_))));
+        let asked = GroundRequest {
+            phrases: &phrases,
+            threshold: None,
+        };
+        assert!(matches!(
+            yolox.ground(&image, &asked, &stopped),
+            Err(MaskError::Stopped(_))
+        ));
     }
 }

@@ -5,8 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use super::table::{FramePair, MaskScore, misfit, score_pairs};
 use crate::formats::{
-    FoundFile, NameIndex, PngValues, Skipped, White, ids_in, ids_of_colors, in_parallel, is_black_and_white,
-    list_files, listed_labels, meaning_of_white, reconcile_cut_outs, unless_stopped, white_as_one,
+    FoundFile, NameIndex, PngValues, Skipped, White, ids_in, ids_of_colors, in_parallel,
+    is_black_and_white, list_files, listed_labels, meaning_of_white, reconcile_cut_outs,
+    unless_stopped, white_as_one,
 };
 use crate::{LabelId, LabelTree, MaskError, RunMask};
 use ostra_core::job::Progress;
@@ -60,23 +61,35 @@ pub fn score_masks(
     if let Some(level) = options.level {
         read_at_level(&mut truth, &mut result, level)?;
     }
-    let mut warnings: Vec<String> = [&truth, &result].into_iter().flat_map(|folder| folder.warnings.clone()).collect();
+    let mut warnings: Vec<String> = [&truth, &result]
+        .into_iter()
+        .flat_map(|folder| folder.warnings.clone())
+        .collect();
     warnings.extend(void);
     let mut pairs = pairs(&truth, &result, (truth_dir, result_dir), &mut warnings)?;
     if options.skip_first {
         pairs.remove(0);
     }
     truth.ids.remove(&LabelId::NONE);
-    let extra: Vec<String> =
-        result.ids.difference(&truth.ids).filter(|id| id.0 != 0).map(|id| id.0.to_string()).collect();
+    let extra: Vec<String> = result
+        .ids
+        .difference(&truth.ids)
+        .filter(|id| id.0 != 0)
+        .map(|id| id.0.to_string())
+        .collect();
     if !extra.is_empty() {
-        warnings.push(format!("labels that only the result has are not scored: {}", extra.join(", ")));
+        warnings.push(format!(
+            "labels that only the result has are not scored: {}",
+            extra.join(", ")
+        ));
     }
     progress.stage("score masks")?;
     let mut score = score_pairs(&pairs, &truth.ids, progress)?;
     let tree = truth.tree.as_ref().or(result.tree.as_ref());
     for label in &mut score.labels {
-        label.name = tree.and_then(|tree| tree.get(label.id)).map(|label| label.name.clone());
+        label.name = tree
+            .and_then(|tree| tree.get(label.id))
+            .map(|label| label.name.clone());
     }
     score.warnings = warnings;
     Ok(score)
@@ -87,7 +100,10 @@ impl Folder {
         let found = list_files(dir, &["png"])?;
         if found.is_empty() {
             let what = "holds no PNG; give the folder of the masks".into();
-            return Err(MaskError::Invalid { path: dir.to_path_buf(), what });
+            return Err(MaskError::Invalid {
+                path: dir.to_path_buf(),
+                what,
+            });
         }
         let listed = listed_labels(dir)?;
         let tree = listed.tree;
@@ -122,7 +138,17 @@ impl Folder {
         }
         let masks: Vec<RunMask> = read.into_iter().map(|(mask, _)| mask).collect();
         let ids = ids_in(&masks);
-        Ok(Self { files, masks, tree, ids, warnings: listed.warning.into_iter().chain(skipped.warnings()).collect() })
+        Ok(Self {
+            files,
+            masks,
+            tree,
+            ids,
+            warnings: listed
+                .warning
+                .into_iter()
+                .chain(skipped.warnings())
+                .collect(),
+        })
     }
 
     fn map(&mut self, change: impl Fn(&RunMask) -> RunMask) {
@@ -134,14 +160,24 @@ impl Folder {
 /// Removes the value that means void in the truth from both folders. It stays in a black and white result, where it is
 /// the object.
 fn without_void(truth: &mut Folder, result: &mut Folder) -> Option<String> {
-    let known = |id| truth.tree.as_ref().is_some_and(|tree| tree.get(id).is_some());
-    let White::Void(void) = meaning_of_white(&truth.ids, known) else { return None };
+    let known = |id| {
+        truth
+            .tree
+            .as_ref()
+            .is_some_and(|tree| tree.get(id).is_some())
+    };
+    let White::Void(void) = meaning_of_white(&truth.ids, known) else {
+        return None;
+    };
     let cleared = |mask: &RunMask| mask.map_ids(|id| if id == void { LabelId::NONE } else { id });
     truth.map(cleared);
     if !is_black_and_white(&result.ids, result.tree.as_ref()) {
         result.map(cleared);
     }
-    Some(format!("the value {} means void next to smaller ids; its pixels were taken as unlabelled", void.0))
+    Some(format!(
+        "the value {} means void next to smaller ids; its pixels were taken as unlabelled",
+        void.0
+    ))
 }
 
 /// Each folder by its own tree, or by the other's where it has none.
@@ -151,7 +187,11 @@ fn read_at_level(truth: &mut Folder, result: &mut Folder, level: usize) -> Resul
                     the masks";
         MaskError::Request(what.into())
     };
-    let truth_tree = truth.tree.clone().or_else(|| result.tree.clone()).ok_or_else(missing)?;
+    let truth_tree = truth
+        .tree
+        .clone()
+        .or_else(|| result.tree.clone())
+        .ok_or_else(missing)?;
     let result_tree = result.tree.clone().unwrap_or_else(|| truth_tree.clone());
     truth.map(|mask| mask.at_level(&truth_tree, level));
     result.map(|mask| mask.at_level(&result_tree, level));
@@ -173,7 +213,10 @@ fn pairs(
             "no mask has the name of one in {} (first '{first}' and '{other}'); name the results as the truth",
             truth_dir.display()
         );
-        return Err(MaskError::Invalid { path: result_dir.to_path_buf(), what });
+        return Err(MaskError::Invalid {
+            path: result_dir.to_path_buf(),
+            what,
+        });
     }
     let mut pairs: Vec<FramePair> = truth
         .files
@@ -186,8 +229,12 @@ fn pairs(
         })
         .collect();
     let mut has_result = vec![false; pairs.len()];
-    let masks: BTreeMap<&Path, &RunMask> =
-        result.files.iter().map(|file| file.path.as_path()).zip(&result.masks).collect();
+    let masks: BTreeMap<&Path, &RunMask> = result
+        .files
+        .iter()
+        .map(|file| file.path.as_path())
+        .zip(&result.masks)
+        .collect();
     let (count, mut misfits) = (matched.pairs.len(), Vec::new());
     for (frame, file) in matched.pairs {
         let (mask, pair) = (masks[file.path.as_path()], &mut pairs[frame]);
@@ -202,17 +249,29 @@ fn pairs(
         if misfits.len() == count {
             return Err(MaskError::Request(first.clone()));
         }
-        warnings.push(format!("{} results have another size and count as empty (first: {first})", misfits.len()));
+        warnings.push(format!(
+            "{} results have another size and count as empty (first: {first})",
+            misfits.len()
+        ));
     }
-    let missing: Vec<&str> =
-        pairs.iter().zip(has_result).filter(|(_, has)| !has).map(|(pair, _)| pair.name.as_str()).collect();
+    let missing: Vec<&str> = pairs
+        .iter()
+        .zip(has_result)
+        .filter(|(_, has)| !has)
+        .map(|(pair, _)| pair.name.as_str())
+        .collect();
     if let Some(first) = missing.first() {
-        warnings.push(format!("{} true masks have no result and count as empty (first: {first})", missing.len()));
+        warnings.push(format!(
+            "{} true masks have no result and count as empty (first: {first})",
+            missing.len()
+        ));
     }
     if let Some(first) = matched.unmatched.first() {
         let count = matched.unmatched.len();
-        warnings
-            .push(format!("{count} masks of the result have no true mask and were left out (first: {})", first.stem));
+        warnings.push(format!(
+            "{count} masks of the result have no true mask and were left out (first: {})",
+            first.stem
+        ));
     }
     Ok(pairs)
 }
@@ -227,10 +286,24 @@ mod tests {
     }
 
     fn write(dir: &Path, masks: &[(&str, [u16; 12])], tree: &LabelTree) {
-        let frames: Vec<MaskFrame<'_>> =
-            masks.iter().map(|&(name, _)| MaskFrame { name, width: 4, height: 3 }).collect();
+        let frames: Vec<MaskFrame<'_>> = masks
+            .iter()
+            .map(|&(name, _)| MaskFrame {
+                name,
+                width: 4,
+                height: 3,
+            })
+            .collect();
         let masks = masks.iter().map(|&(_, ids)| mask(ids)).enumerate();
-        export_masks(dir, MaskFormat::Davis, &frames, masks, tree, &Progress::default()).unwrap();
+        export_masks(
+            dir,
+            MaskFormat::Davis,
+            &frames,
+            masks,
+            tree,
+            &Progress::default(),
+        )
+        .unwrap();
         if tree.iter().next().is_none() {
             std::fs::remove_file(dir.join("labels.json")).unwrap();
         }
@@ -260,12 +333,28 @@ mod tests {
         let found = score(&truth, &result, &none, ScoreOptions::default()).unwrap();
         assert!((found.j - (0.5 + 1.0 + 0.0) / 3.0).abs() < 1e-12);
         assert_eq!(
-            found.labels[0].frames.iter().map(|frame| frame.frame.as_str()).collect::<Vec<_>>(),
+            found.labels[0]
+                .frames
+                .iter()
+                .map(|frame| frame.frame.as_str())
+                .collect::<Vec<_>>(),
             ["2", "10", "11"]
         );
         assert_eq!(found.warnings.len(), 2, "{:?}", found.warnings);
-        let later = score(&truth, &result, &none, ScoreOptions { skip_first: true, level: None }).unwrap();
-        assert!((later.j - 0.5).abs() < 1e-12, "the first in natural order is left out");
+        let later = score(
+            &truth,
+            &result,
+            &none,
+            ScoreOptions {
+                skip_first: true,
+                level: None,
+            },
+        )
+        .unwrap();
+        assert!(
+            (later.j - 0.5).abs() < 1e-12,
+            "the first in natural order is left out"
+        );
         assert_eq!(later.frames, 2);
     }
 
@@ -274,7 +363,13 @@ mod tests {
         let none = LabelTree::default();
         let white = HALF.map(|id| id * 255);
         let j = |truth, result| {
-            let found = score(&[("a", truth)], &[("a", result)], &none, ScoreOptions::default()).unwrap();
+            let found = score(
+                &[("a", truth)],
+                &[("a", result)],
+                &none,
+                ScoreOptions::default(),
+            )
+            .unwrap();
             (found.j, found.labels[0].id.0, found.warnings.len())
         };
         assert_eq!(j(white, white), (1.0, 1, 0));
@@ -282,9 +377,21 @@ mod tests {
         assert_eq!(j(HALF, white), (1.0, 1, 0));
         let mut with_void = HALF;
         with_void[11] = 255;
-        assert_eq!(j(with_void, HALF), (1.0, 1, 1), "next to label 1 the 255 of the truth is void, which is reported");
-        assert_eq!(j(with_void, with_void), (1.0, 1, 1), "so it is in the result");
-        assert_eq!(j(with_void, white), (1.0, 1, 1), "in a black and white result it is the object");
+        assert_eq!(
+            j(with_void, HALF),
+            (1.0, 1, 1),
+            "next to label 1 the 255 of the truth is void, which is reported"
+        );
+        assert_eq!(
+            j(with_void, with_void),
+            (1.0, 1, 1),
+            "so it is in the result"
+        );
+        assert_eq!(
+            j(with_void, white),
+            (1.0, 1, 1),
+            "in a black and white result it is the object"
+        );
     }
 
     #[test]
@@ -294,11 +401,23 @@ mod tests {
         write(&truth, &[("a", HALF)], &LabelTree::default());
         std::fs::create_dir(&result).unwrap();
         let image = image::GrayAlphaImage::from_fn(4, 3, |x, y| {
-            image::LumaA([HALF[(y * 4 + x) as usize] as u8, if x == 0 { 0 } else { 255 }])
+            image::LumaA([
+                HALF[(y * 4 + x) as usize] as u8,
+                if x == 0 { 0 } else { 255 },
+            ])
         });
         image.save(result.join("a.png")).unwrap();
-        let found = score_masks(&truth, &result, &ScoreOptions::default(), &Progress::default()).unwrap();
-        assert!((found.j - 0.5).abs() < 1e-12 && found.warnings[0].contains("transparent pixels"), "{found:?}");
+        let found = score_masks(
+            &truth,
+            &result,
+            &ScoreOptions::default(),
+            &Progress::default(),
+        )
+        .unwrap();
+        assert!(
+            (found.j - 0.5).abs() < 1e-12 && found.warnings[0].contains("transparent pixels"),
+            "{found:?}"
+        );
     }
 
     #[test]
@@ -309,14 +428,21 @@ mod tests {
             color: [0; 3],
             parent: parent.map(LabelId),
         };
-        let tree: LabelTree = vec![label(1, "rice", None), label(2, "stem", Some(1))].try_into().unwrap();
+        let tree: LabelTree = vec![label(1, "rice", None), label(2, "stem", Some(1))]
+            .try_into()
+            .unwrap();
         let (truth, result) = ([("a", FULL)], [("a", FULL.map(|id| id * 2))]);
-        let level = |level| ScoreOptions { skip_first: false, level };
+        let level = |level| ScoreOptions {
+            skip_first: false,
+            level,
+        };
         assert!(score(&truth, &result, &tree, level(None)).unwrap().j.abs() < 1e-12);
         let coarse = score(&truth, &result, &tree, level(Some(1))).unwrap();
         assert!((coarse.j - 1.0).abs() < 1e-12);
         assert_eq!(coarse.labels[0].name.as_deref(), Some("rice"));
-        let error = score(&truth, &result, &LabelTree::default(), level(Some(1))).unwrap_err().to_string();
+        let error = score(&truth, &result, &LabelTree::default(), level(Some(1)))
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("labels.json"), "{error}");
     }
 
@@ -327,19 +453,35 @@ mod tests {
         let masks = [("a", FULL), ("b", FULL), ("c", FULL)];
         write(&truth, &masks, &LabelTree::default());
         write(&result, &masks, &LabelTree::default());
-        let score = || score_masks(&truth, &result, &ScoreOptions::default(), &Progress::default());
+        let score = || {
+            score_masks(
+                &truth,
+                &result,
+                &ScoreOptions::default(),
+                &Progress::default(),
+            )
+        };
         for path in [truth.join("a.png"), result.join("b.png")] {
             let whole = std::fs::read(&path).unwrap();
             std::fs::write(&path, &whole[..20]).unwrap();
         }
         let found = score().unwrap();
-        assert!(found.frames == 2 && (found.j - 0.5).abs() < 1e-12, "a result that is damaged is empty: {found:?}");
+        assert!(
+            found.frames == 2 && (found.j - 0.5).abs() < 1e-12,
+            "a result that is damaged is empty: {found:?}"
+        );
         let said = found.warnings.join("; ");
-        assert!(said.contains("a.png") && said.contains("b.png") && said.contains("count as empty"), "{said}");
+        assert!(
+            said.contains("a.png") && said.contains("b.png") && said.contains("count as empty"),
+            "{said}"
+        );
         for name in ["a.png", "c.png"] {
             std::fs::write(result.join(name), "").unwrap();
         }
-        assert!(score().unwrap_err().to_string().contains("a.png"), "the first of them, where none can be read");
+        assert!(
+            score().unwrap_err().to_string().contains("a.png"),
+            "the first of them, where none can be read"
+        );
     }
 
     #[test]
@@ -350,26 +492,66 @@ mod tests {
         write(&truth, &masks, &LabelTree::default());
         write(&result, &masks, &LabelTree::default());
         let shrink = |name: &str| {
-            image::GrayImage::from_pixel(2, 2, image::Luma([1])).save(result.join(name)).unwrap();
-            score_masks(&truth, &result, &ScoreOptions::default(), &Progress::default())
+            image::GrayImage::from_pixel(2, 2, image::Luma([1]))
+                .save(result.join(name))
+                .unwrap();
+            score_masks(
+                &truth,
+                &result,
+                &ScoreOptions::default(),
+                &Progress::default(),
+            )
         };
         let found = shrink("b.png").unwrap();
-        assert!(found.frames == 2 && (found.j - 0.5).abs() < 1e-12, "{found:?}");
-        assert!(found.warnings.len() == 1 && found.warnings[0].contains("b: the result is 2×2"), "{found:?}");
+        assert!(
+            found.frames == 2 && (found.j - 0.5).abs() < 1e-12,
+            "{found:?}"
+        );
+        assert!(
+            found.warnings.len() == 1 && found.warnings[0].contains("b: the result is 2×2"),
+            "{found:?}"
+        );
         let error = shrink("a.png").unwrap_err().to_string();
-        assert!(error.contains("a: the result is 2×2") && error.contains("4×3"), "where none fits: {error}");
+        assert!(
+            error.contains("a: the result is 2×2") && error.contains("4×3"),
+            "where none fits: {error}"
+        );
     }
 
     #[test]
     fn what_cannot_be_scored_is_told() {
         let none = LabelTree::default();
         let options = ScoreOptions::default();
-        assert!(score(&[("a", FULL)], &[("b", FULL)], &none, options).unwrap_err().to_string().contains("'b'"));
-        assert!(score(&[("a", [0; 12])], &[("a", FULL)], &none, options).is_err(), "no label in the truth");
-        assert!(score(&[("a", FULL)], &[("a", FULL)], &none, ScoreOptions { skip_first: true, level: None }).is_err());
+        assert!(
+            score(&[("a", FULL)], &[("b", FULL)], &none, options)
+                .unwrap_err()
+                .to_string()
+                .contains("'b'")
+        );
+        assert!(
+            score(&[("a", [0; 12])], &[("a", FULL)], &none, options).is_err(),
+            "no label in the truth"
+        );
+        assert!(
+            score(
+                &[("a", FULL)],
+                &[("a", FULL)],
+                &none,
+                ScoreOptions {
+                    skip_first: true,
+                    level: None
+                }
+            )
+            .is_err()
+        );
         assert!(score(&[], &[("a", FULL)], &none, options).is_err());
-        let extra =
-            score(&[("a", FULL)], &[("a", FULL.map(|id| if id == 0 { 4 } else { id }))], &none, options).unwrap();
+        let extra = score(
+            &[("a", FULL)],
+            &[("a", FULL.map(|id| if id == 0 { 4 } else { id }))],
+            &none,
+            options,
+        )
+        .unwrap();
         assert!(extra.warnings[0].ends_with(": 4"), "{:?}", extra.warnings);
     }
 }

@@ -73,17 +73,35 @@ pub fn score_pairs(
     progress: &Progress,
 ) -> Result<MaskScore, MaskError> {
     if pairs.is_empty() || labels.is_empty() {
-        return Err(MaskError::Request("there is no frame or no label to score; check the true masks".into()));
+        return Err(MaskError::Request(
+            "there is no frame or no label to score; check the true masks".into(),
+        ));
     }
     let per_frame = in_parallel(pairs, progress, |pair| score_frame(pair, labels))?;
     let scored = labels.iter().enumerate().map(|(at, &id)| {
         let frames: Vec<FrameScore> = per_frame.iter().map(|scores| scores[at].clone()).collect();
         let mean_over = |score: fn(&FrameScore) -> f64| mean(frames.iter().map(score));
-        LabelScore { id, name: None, j: mean_over(|frame| frame.j), f: mean_over(|frame| frame.f), frames }
+        LabelScore {
+            id,
+            name: None,
+            j: mean_over(|frame| frame.j),
+            f: mean_over(|frame| frame.f),
+            frames,
+        }
     });
     let labels: Vec<LabelScore> = scored.collect();
-    let (j, f) = (mean(labels.iter().map(|label| label.j)), mean(labels.iter().map(|label| label.f)));
-    Ok(MaskScore { j, f, jf: f64::midpoint(j, f), frames: pairs.len(), labels, warnings: Vec::new() })
+    let (j, f) = (
+        mean(labels.iter().map(|label| label.j)),
+        mean(labels.iter().map(|label| label.f)),
+    );
+    Ok(MaskScore {
+        j,
+        f,
+        jf: f64::midpoint(j, f),
+        frames: pairs.len(),
+        labels,
+        warnings: Vec::new(),
+    })
 }
 
 fn score_frame(pair: &FramePair, labels: &BTreeSet<LabelId>) -> Result<Vec<FrameScore>, MaskError> {
@@ -93,7 +111,11 @@ fn score_frame(pair: &FramePair, labels: &BTreeSet<LabelId>) -> Result<Vec<Frame
     }
     let score = |&id: &LabelId| {
         let (truth, result) = (truth.region(id), result.region(id));
-        FrameScore { frame: pair.name.clone(), j: truth.iou(&result), f: boundary_f(&truth, &result) }
+        FrameScore {
+            frame: pair.name.clone(),
+            j: truth.iou(&result),
+            f: boundary_f(&truth, &result),
+        }
     };
     Ok(labels.par_iter().map(score).collect())
 }
@@ -121,7 +143,11 @@ mod tests {
 
     #[test]
     fn mean_over_frames_then_over_labels() {
-        let pair = |truth, result| FramePair { name: "f".into(), truth: mask(truth), result: mask(result) };
+        let pair = |truth, result| FramePair {
+            name: "f".into(),
+            truth: mask(truth),
+            result: mask(result),
+        };
         let pairs = [
             pair([1, 1, 0, 0, 2, 2, 2, 2], [1, 0, 0, 0, 2, 2, 2, 2]),
             pair([1, 1, 1, 1, 0, 0, 0, 0], [0, 0, 1, 1, 1, 1, 0, 0]),
@@ -135,7 +161,10 @@ mod tests {
         assert!((score.j - (expected_j[0] + 1.0) / 2.0).abs() < 1e-12);
         assert!((score.jf - (score.j + score.f) / 2.0).abs() < 1e-12);
         assert!(
-            score.labels[1].frames.iter().all(|frame| frame.f > 0.999 && frame.j > 0.999),
+            score.labels[1]
+                .frames
+                .iter()
+                .all(|frame| frame.f > 0.999 && frame.j > 0.999),
             "absent on both sides is 1"
         );
     }
@@ -143,9 +172,18 @@ mod tests {
     #[test]
     fn what_cannot_be_scored_is_told() {
         let small = RunMask::empty(3, 2);
-        let pair = FramePair { name: "a/7".into(), truth: mask([1; 8]), result: small };
-        let error = score_pairs(&[pair], &[LabelId(1)].into(), &Progress::default()).unwrap_err().to_string();
-        assert!(error.contains("a/7") && error.contains("3×2") && error.contains("4×2"), "{error}");
+        let pair = FramePair {
+            name: "a/7".into(),
+            truth: mask([1; 8]),
+            result: small,
+        };
+        let error = score_pairs(&[pair], &[LabelId(1)].into(), &Progress::default())
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("a/7") && error.contains("3×2") && error.contains("4×2"),
+            "{error}"
+        );
         assert!(score_pairs(&[], &[LabelId(1)].into(), &Progress::default()).is_err());
     }
 }

@@ -28,19 +28,27 @@ impl Crop {
         let [width, height] = [to[0] - from[0], to[1] - from[1]];
         let across = width + 1;
         let mut sums = vec![i32x4::ZERO; across * (height + 1)];
-        sums.par_chunks_exact_mut(across).skip(1).enumerate().for_each(|(row, sums)| {
-            let start = (from[1] + row) * image.width as usize + from[0];
-            let mut sum = i32x4::ZERO;
-            for (at, &pixel) in image.pixels[start..start + width].iter().enumerate() {
-                let [l, a, b] = lab_of_pixel(pixel).map(|value| (value * STEPS).round() as i32);
-                sum += i32x4::new([l, a, b, 0]);
-                sums[at + 1] = sum;
-            }
-        });
+        sums.par_chunks_exact_mut(across)
+            .skip(1)
+            .enumerate()
+            .for_each(|(row, sums)| {
+                let start = (from[1] + row) * image.width as usize + from[0];
+                let mut sum = i32x4::ZERO;
+                for (at, &pixel) in image.pixels[start..start + width].iter().enumerate() {
+                    let [l, a, b] = lab_of_pixel(pixel).map(|value| (value * STEPS).round() as i32);
+                    sum += i32x4::new([l, a, b, 0]);
+                    sums[at + 1] = sum;
+                }
+            });
         for at in across..sums.len() {
             sums[at] = sums[at] + sums[at - across];
         }
-        Self { origin: from, width, height, sums }
+        Self {
+            origin: from,
+            width,
+            height,
+            sums,
+        }
     }
 
     /// Mean colour of the `(2 · radius + 1)²` pixels around one, cut off at the crop's border; a middle outside is
@@ -49,29 +57,42 @@ impl Crop {
         let (left, right) = within(x, radius, self.width);
         let (top, bottom) = within(y, radius, self.height);
         let (above, below) = (top * (self.width + 1), bottom * (self.width + 1));
-        let sum =
-            self.sums[below + right] - self.sums[below + left] - self.sums[above + right] + self.sums[above + left];
+        let sum = self.sums[below + right] - self.sums[below + left] - self.sums[above + right]
+            + self.sums[above + left];
         let [l, a, b, _] = sum.to_array();
-        Vec3A::new(l as f32, a as f32, b as f32) / (((right - left) * (bottom - top)) as f32 * STEPS)
+        Vec3A::new(l as f32, a as f32, b as f32)
+            / (((right - left) * (bottom - top)) as f32 * STEPS)
     }
 }
 
 /// The colour at a position of the picture in CIE Lab, between the centres of four pixels; the border's beyond it.
 pub(super) fn color_at(image: &Image, at_px: DVec2) -> Vec3 {
     let [right, bottom] = [f64::from(image.width - 1), f64::from(image.height - 1)];
-    let (x, y) = ((at_px.x - 0.5).clamp(0.0, right), (at_px.y - 0.5).clamp(0.0, bottom));
+    let (x, y) = (
+        (at_px.x - 0.5).clamp(0.0, right),
+        (at_px.y - 0.5).clamp(0.0, bottom),
+    );
     let (column, row) = (x as u32, y as u32);
-    let (next_column, next_row) = ((column + 1).min(image.width - 1), (row + 1).min(image.height - 1));
+    let (next_column, next_row) = (
+        (column + 1).min(image.width - 1),
+        (row + 1).min(image.height - 1),
+    );
     let lab = |x: u32, y: u32| Vec3::from_array(lab_of_pixel(image.at(x, y)));
     let (across, down) = ((x - f64::from(column)) as f32, (y - f64::from(row)) as f32);
     let upper = lab(column, row).lerp(lab(next_column, row), across);
-    upper.lerp(lab(column, next_row).lerp(lab(next_column, next_row), across), down)
+    upper.lerp(
+        lab(column, next_row).lerp(lab(next_column, next_row), across),
+        down,
+    )
 }
 
 /// First and one past the last place at most `radius` from `middle` in `0..count`.
 fn within(middle: isize, radius: isize, count: usize) -> (usize, usize) {
     let middle = middle.clamp(0, count as isize - 1);
-    ((middle - radius).max(0) as usize, ((middle + radius + 1) as usize).min(count))
+    (
+        (middle - radius).max(0) as usize,
+        ((middle + radius + 1) as usize).min(count),
+    )
 }
 
 #[cfg(test)]
@@ -80,18 +101,29 @@ mod tests {
 
     #[test]
     fn box_means_equal_plain_sums() {
-        let pixels = (0..30 * 20_usize).map(|at| [at * 7 % 251, at * 3 % 241, at % 5 * 40].map(|v| v as u8)).collect();
-        let image = Image { width: 30, height: 20, pixels };
+        let pixels = (0..30 * 20_usize)
+            .map(|at| [at * 7 % 251, at * 3 % 241, at % 5 * 40].map(|v| v as u8))
+            .collect();
+        let image = Image {
+            width: 30,
+            height: 20,
+            pixels,
+        };
         let crop = Crop::cut(&image, [4, 3], [25, 19]);
         for (x, y, radius) in [(0, 0, 0), (3, 5, 2), (20, 15, 4), (-7, 8, 1)] {
-            let near = |at: isize, middle: isize, count: isize| (at - middle.clamp(0, count - 1)).abs() <= radius;
+            let near = |at: isize, middle: isize, count: isize| {
+                (at - middle.clamp(0, count - 1)).abs() <= radius
+            };
             let all = (0..16_isize).flat_map(|v| (0..21_isize).map(move |u| (u, v)));
             let inside: Vec<Vec3A> = all
                 .filter(|&(u, v)| near(u, x, 21) && near(v, y, 16))
                 .map(|(u, v)| Vec3A::from_array(lab_of_pixel(image.at(u as u32 + 4, v as u32 + 3))))
                 .collect();
             let mean = inside.iter().sum::<Vec3A>() / inside.len() as f32;
-            assert!(mean.distance(crop.mean(x, y, radius)) < 0.05, "{x}, {y}, {radius}");
+            assert!(
+                mean.distance(crop.mean(x, y, radius)) < 0.05,
+                "{x}, {y}, {radius}"
+            );
         }
     }
 }

@@ -49,7 +49,12 @@ pub(super) struct PathPixel {
 /// (minimal paths: Cohen and Kimmel, "Global minimum for active contour models: a minimal path approach", IJCV 1997;
 /// from pixel to pixel by Dijkstra's algorithm as in Mortensen and Barrett, "Intelligent scissors for image
 /// composition", SIGGRAPH 1995).
-pub(super) fn path_between(image: &Image, filter: &RidgeFilter, from_px: DVec2, to_px: DVec2) -> Vec<PathPixel> {
+pub(super) fn path_between(
+    image: &Image,
+    filter: &RidgeFilter,
+    from_px: DVec2,
+    to_px: DVec2,
+) -> Vec<PathPixel> {
     let crop = crop_around(image, from_px, to_px);
     let mut search = Search::new(&crop, filter);
     let ends = [search.snapped(from_px), search.snapped(to_px)];
@@ -63,7 +68,11 @@ fn crop_around(image: &Image, a: DVec2, b: DVec2) -> Crop {
     let size = DVec2::new(f64::from(image.width), f64::from(image.height));
     let from = (a.min(b) - room).max(DVec2::ZERO);
     let to = (a.max(b) + room).min(size);
-    Crop::cut(image, [from.x as usize, from.y as usize], [to.x.ceil() as usize, to.y.ceil() as usize])
+    Crop::cut(
+        image,
+        [from.x as usize, from.y as usize],
+        [to.x.ceil() as usize, to.y.ceil() as usize],
+    )
 }
 
 /// The search over the pixels of a crop, towards its goal (A*: Hart, Nilsson and Raphael, "A formal basis for the
@@ -100,7 +109,9 @@ impl<'a> Search<'a> {
     /// The pixel of a line that a position means: of the line that it lies on, or, where that is weak beside a line
     /// nearby, of that.
     fn snapped(&mut self, at_px: DVec2) -> usize {
-        let pixel = |at: f64, origin: usize, count: usize| (at as usize).clamp(origin, origin + count - 1) - origin;
+        let pixel = |at: f64, origin: usize, count: usize| {
+            (at as usize).clamp(origin, origin + count - 1) - origin
+        };
         let x = pixel(at_px.x, self.crop.origin[0], self.crop.width) as isize;
         let y = pixel(at_px.y, self.crop.origin[1], self.crop.height) as isize;
         let [own, strongest] = FAR_COSTS.map(|far_cost| self.strongest_near(x, y, far_cost));
@@ -112,43 +123,70 @@ impl<'a> Search<'a> {
     fn strongest_near(&mut self, x: isize, y: isize, far_cost: f32) -> usize {
         let near = (-SNAP_PX..=SNAP_PX).flat_map(|dy| (-SNAP_PX..=SNAP_PX).map(move |dx| (dx, dy)));
         let inside: Vec<(usize, f32)> = near
-            .filter_map(|(dx, dy)| Some((self.place(x + dx, y + dy)?, 1.0 + far_cost * (dx * dx + dy * dy) as f32)))
+            .filter_map(|(dx, dy)| {
+                Some((
+                    self.place(x + dx, y + dy)?,
+                    1.0 + far_cost * (dx * dx + dy * dy) as f32,
+                ))
+            })
             .collect();
-        let worth = inside.iter().map(|&(at, far)| (self.ridge(at).contrast / far, at));
-        worth.max_by(|a, b| a.0.total_cmp(&b.0)).map_or(0, |(_, at)| at)
+        let worth = inside
+            .iter()
+            .map(|&(at, far)| (self.ridge(at).contrast / far, at));
+        worth
+            .max_by(|a, b| a.0.total_cmp(&b.0))
+            .map_or(0, |(_, at)| at)
     }
 
     fn place(&self, x: isize, y: isize) -> Option<usize> {
-        let inside = x >= 0 && y >= 0 && x < self.crop.width as isize && y < self.crop.height as isize;
+        let inside =
+            x >= 0 && y >= 0 && x < self.crop.width as isize && y < self.crop.height as isize;
         inside.then(|| y as usize * self.crop.width + x as usize)
     }
 
     fn ridge(&mut self, at: usize) -> Ridge {
-        let (x, y) = ((at % self.crop.width) as isize, (at / self.crop.width) as isize);
+        let (x, y) = (
+            (at % self.crop.width) as isize,
+            (at / self.crop.width) as isize,
+        );
         *self.ridges[at].get_or_insert_with(|| self.filter.at(self.crop, x, y))
     }
 
     fn middle(&self, at: usize) -> DVec2 {
-        DVec2::new((at % self.crop.width) as f64 + 0.5, (at / self.crop.width) as f64 + 0.5)
+        DVec2::new(
+            (at % self.crop.width) as f64 + 0.5,
+            (at / self.crop.width) as f64 + 0.5,
+        )
     }
 
     fn color(&self, at: usize) -> Vec3A {
-        self.crop.mean((at % self.crop.width) as isize, (at / self.crop.width) as isize, 0)
+        self.crop.mean(
+            (at % self.crop.width) as isize,
+            (at / self.crop.width) as isize,
+            0,
+        )
     }
 
     /// Learns from the two ends what the line looks like.
     fn learn(&mut self, ends: [usize; 2]) {
-        let weaker = ends.map(|end| self.ridge(end).contrast).into_iter().fold(f32::INFINITY, f32::min);
+        let weaker = ends
+            .map(|end| self.ridge(end).contrast)
+            .into_iter()
+            .fold(f32::INFINITY, f32::min);
         self.contrast_half = (weaker / 2.0).clamp(CONTRAST_HALF.0, CONTRAST_HALF.1);
         self.ends = ends.map(|end| (self.middle(end), self.color(end)));
-        self.least = ends.map(|end| self.cost(end)).into_iter().fold(f32::INFINITY, f32::min);
+        self.least = ends
+            .map(|end| self.cost(end))
+            .into_iter()
+            .fold(f32::INFINITY, f32::min);
     }
 
     fn cost(&mut self, at: usize) -> f32 {
         let ridge = self.ridge(at);
         let missing = self.contrast_half / (ridge.contrast + self.contrast_half);
         let off = ((self.color(at) - self.expected(at)) * SHADING).length_squared();
-        let cost = LENGTH_COST + missing * missing + COLOR_COST * off / (off + COLOR_HALF * COLOR_HALF);
+        let cost =
+            LENGTH_COST + missing * missing + COLOR_COST * off / (off + COLOR_HALF * COLOR_HALF);
         cost.max(self.least)
     }
 
@@ -160,7 +198,10 @@ impl<'a> Search<'a> {
     }
 
     fn run(&mut self, [from, to]: [usize; 2]) {
-        let mut open = BinaryHeap::from([Reached { cost: self.left(from, to), at: from as u32 }]);
+        let mut open = BinaryHeap::from([Reached {
+            cost: self.left(from, to),
+            at: from as u32,
+        }]);
         self.distance[from] = 0.0;
         while let Some(Reached { cost, at }) = open.pop() {
             let at = at as usize;
@@ -172,10 +213,19 @@ impl<'a> Search<'a> {
                 continue;
             }
             let here = self.cost(at);
-            let (x, y) = ((at % self.crop.width) as isize, (at / self.crop.width) as isize);
+            let (x, y) = (
+                (at % self.crop.width) as isize,
+                (at / self.crop.width) as isize,
+            );
             for (dx, dy) in (-1..2).flat_map(|dy| (-1..2).map(move |dx| (dx, dy))) {
-                let Some(next) = self.place(x + dx, y + dy) else { continue };
-                let length = if dx * dy == 0 { 1.0 } else { std::f32::consts::SQRT_2 };
+                let Some(next) = self.place(x + dx, y + dy) else {
+                    continue;
+                };
+                let length = if dx * dy == 0 {
+                    1.0
+                } else {
+                    std::f32::consts::SQRT_2
+                };
                 if self.distance[next] <= distance + length * here / 2.0 {
                     continue;
                 }
@@ -183,7 +233,10 @@ impl<'a> Search<'a> {
                 if there < self.distance[next] {
                     self.distance[next] = there;
                     self.before[next] = at as u32;
-                    open.push(Reached { cost: there + self.left(next, to), at: next as u32 });
+                    open.push(Reached {
+                        cost: there + self.left(next, to),
+                        at: next as u32,
+                    });
                 }
             }
         }
@@ -196,10 +249,20 @@ impl<'a> Search<'a> {
 
     fn way_to(&mut self, end: usize) -> Vec<PathPixel> {
         let mut way = vec![end];
-        while let Some(&before) = way.last().and_then(|&at| self.before.get(at)).filter(|&&at| at != u32::MAX) {
+        while let Some(&before) = way
+            .last()
+            .and_then(|&at| self.before.get(at))
+            .filter(|&&at| at != u32::MAX)
+        {
             way.push(before as usize);
         }
         let origin = DVec2::new(self.crop.origin[0] as f64, self.crop.origin[1] as f64);
-        way.into_iter().rev().map(|at| PathPixel { at_px: origin + self.middle(at), ridge: self.ridge(at) }).collect()
+        way.into_iter()
+            .rev()
+            .map(|at| PathPixel {
+                at_px: origin + self.middle(at),
+                ridge: self.ridge(at),
+            })
+            .collect()
     }
 }

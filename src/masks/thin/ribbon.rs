@@ -33,10 +33,17 @@ pub(super) struct LinePoint {
 pub(super) fn smooth_line(places: &[DVec2], ridges: &[Ridge]) -> Vec<LinePoint> {
     let smooth = smoothed(places, POSITION_SIGMA_PX);
     let normal = |at: usize| {
-        let (before, after) = (smooth[at.saturating_sub(2)], smooth[(at + 2).min(smooth.len() - 1)]);
+        let (before, after) = (
+            smooth[at.saturating_sub(2)],
+            smooth[(at + 2).min(smooth.len() - 1)],
+        );
         (after - before).normalize_or(DVec2::X).perp()
     };
-    let point = |(at, (&at_px, &ridge))| LinePoint { at_px, normal: normal(at), ridge };
+    let point = |(at, (&at_px, &ridge))| LinePoint {
+        at_px,
+        normal: normal(at),
+        ridge,
+    };
     smooth.iter().zip(ridges).enumerate().map(point).collect()
 }
 
@@ -49,13 +56,19 @@ pub(super) fn split(path: &[PathPixel]) -> (Vec<DVec2>, Vec<Ridge>) {
 /// of the same colour touches, there is no edge), then a Gaussian mean.
 pub(super) fn smooth_widths(widths_px: &[f64]) -> Vec<f64> {
     let median = |at: usize, reach: usize| {
-        let mut near = widths_px[at.saturating_sub(reach)..(at + reach + 1).min(widths_px.len())].to_vec();
+        let mut near =
+            widths_px[at.saturating_sub(reach)..(at + reach + 1).min(widths_px.len())].to_vec();
         near.sort_unstable_by(f64::total_cmp);
         near[near.len() / 2]
     };
     let settled = |at| median(at, 2).min(median(at, SURROUNDINGS) * MOST_SWELL.0 + MOST_SWELL.1);
-    let settled: Vec<DVec2> = (0..widths_px.len()).map(|at| DVec2::splat(settled(at))).collect();
-    smoothed(&settled, WIDTH_SIGMA_PX).iter().map(|width| width.x).collect()
+    let settled: Vec<DVec2> = (0..widths_px.len())
+        .map(|at| DVec2::splat(settled(at)))
+        .collect();
+    smoothed(&settled, WIDTH_SIGMA_PX)
+        .iter()
+        .map(|width| width.x)
+        .collect()
 }
 
 /// Gaussian means along a list, mirrored through its ends, which stay where they are.
@@ -67,10 +80,17 @@ fn smoothed(values: &[DVec2], sigma: f64) -> Vec<DVec2> {
         _ => values[at as usize],
     };
     let reach = (3.0 * sigma).ceil() as isize;
-    let weights: Vec<f64> = (-reach..=reach).map(|off| (-0.5 * (off as f64 / sigma).powi(2)).exp()).collect();
+    let weights: Vec<f64> = (-reach..=reach)
+        .map(|off| (-0.5 * (off as f64 / sigma).powi(2)).exp())
+        .collect();
     let sum: f64 = weights.iter().sum();
-    let mean =
-        |at: isize| (-reach..=reach).zip(&weights).map(|(off, &weight)| value(at + off) * weight).sum::<DVec2>() / sum;
+    let mean = |at: isize| {
+        (-reach..=reach)
+            .zip(&weights)
+            .map(|(off, &weight)| value(at + off) * weight)
+            .sum::<DVec2>()
+            / sum
+    };
     (0..=last).map(mean).collect()
 }
 
@@ -95,7 +115,9 @@ pub(super) fn filled(
             edge(at, right_px[at]),
             edge(at - 1, right_px[at - 1]),
         ];
-        polygon_spans(width, height, &[quad], |pixels| region.inside[pixels].fill(true))?;
+        polygon_spans(width, height, &[quad], |pixels| {
+            region.inside[pixels].fill(true)
+        })?;
     }
     Ok(region)
 }

@@ -37,11 +37,20 @@ impl RidgeFilter {
         let probe = |&half_width_px: &f32| {
             let radius = (half_width_px * 0.7) as isize;
             let away = half_width_px + 1.0 + radius as f32;
-            let turn = |k: usize| Vec2::from_angle(std::f32::consts::PI * k as f32 / DIRECTIONS as f32);
-            let sides = (0..DIRECTIONS).map(|k| (turn(k) * away).round().as_ivec2()).collect();
-            Probe { half_width_px, radius, sides }
+            let turn =
+                |k: usize| Vec2::from_angle(std::f32::consts::PI * k as f32 / DIRECTIONS as f32);
+            let sides = (0..DIRECTIONS)
+                .map(|k| (turn(k) * away).round().as_ivec2())
+                .collect();
+            Probe {
+                half_width_px,
+                radius,
+                sides,
+            }
         };
-        Self { widths: HALF_WIDTHS_PX.iter().map(probe).collect() }
+        Self {
+            widths: HALF_WIDTHS_PX.iter().map(probe).collect(),
+        }
     }
 
     /// The strongest line through a pixel over all widths and directions. The weaker side counts, so that the border
@@ -52,11 +61,19 @@ impl RidgeFilter {
         let mut best = Ridge::default();
         for probe in &self.widths {
             let middle = crop.mean(x, y, probe.radius);
-            let side = |by: IVec2| middle - crop.mean(x + by.x as isize, y + by.y as isize, probe.radius);
-            let strongest = probe.sides.iter().map(|&by| contrast(side(by), side(-by))).fold(0.0, f32::max);
+            let side =
+                |by: IVec2| middle - crop.mean(x + by.x as isize, y + by.y as isize, probe.radius);
+            let strongest = probe
+                .sides
+                .iter()
+                .map(|&by| contrast(side(by), side(-by)))
+                .fold(0.0, f32::max);
             // Of widths that answer alike the narrowest is meant.
             if strongest > best.contrast * 1.1 {
-                best = Ridge { contrast: strongest, half_width_px: probe.half_width_px };
+                best = Ridge {
+                    contrast: strongest,
+                    half_width_px: probe.half_width_px,
+                };
             }
         }
         best
@@ -65,5 +82,9 @@ impl RidgeFilter {
 
 fn contrast(left: Vec3A, right: Vec3A) -> f32 {
     let least = left.length_squared().min(right.length_squared()).sqrt();
-    if left.dot(right) < 0.0 { least * STAIR_SHARE } else { least }
+    if left.dot(right) < 0.0 {
+        least * STAIR_SHARE
+    } else {
+        least
+    }
 }

@@ -23,34 +23,57 @@ const MOST_BEND: usize = 2;
 /// smoothed. The line's own colour is the median of its neighbourhood; the edge is where half of the contrast is
 /// reached, and edges of neighbouring points hold together (dynamic programming: Amini, Weymouth and Jain, "Using
 /// dynamic programming for solving variational problems in vision", PAMI 1990).
-pub(super) fn edge_distances(image: &Image, line: &[LinePoint], side: f64, reach_px: f64) -> Vec<f64> {
+pub(super) fn edge_distances(
+    image: &Image,
+    line: &[LinePoint],
+    side: f64,
+    reach_px: f64,
+) -> Vec<f64> {
     let count = (reach_px / STEP_PX) as usize + 1;
-    let cores = window_medians(&line.iter().map(|point| color_at(image, point.at_px)).collect::<Vec<_>>());
+    let cores = window_medians(
+        &line
+            .iter()
+            .map(|point| color_at(image, point.at_px))
+            .collect::<Vec<_>>(),
+    );
     let profiles: Vec<Vec<f32>> = line
         .par_iter()
         .zip(&cores)
         .map(|(point, &core)| {
             let place = |k: usize| point.at_px + point.normal * (side * STEP_PX * k as f64);
-            (0..count).map(|k| color_at(image, place(k)).distance(core)).collect()
+            (0..count)
+                .map(|k| color_at(image, place(k)).distance(core))
+                .collect()
         })
         .collect();
     let chosen = best_edges(&profiles, &half_contrasts(line));
-    chosen.iter().zip(&profiles).map(|(&edge, profile)| refined(profile, edge) * STEP_PX).collect()
+    chosen
+        .iter()
+        .zip(&profiles)
+        .map(|(&edge, profile)| refined(profile, edge) * STEP_PX)
+        .collect()
 }
 
 /// Half of the ridge's contrast around each point.
 fn half_contrasts(line: &[LinePoint]) -> Vec<f32> {
     let contrasts: Vec<f32> = line.iter().map(|point| point.ridge.contrast).collect();
     let around = |at: usize| median(&mut contrasts[window(at, contrasts.len())].to_vec());
-    (0..contrasts.len()).map(|at| (around(at) / 2.0).max(1.0)).collect()
+    (0..contrasts.len())
+        .map(|at| (around(at) / 2.0).max(1.0))
+        .collect()
 }
 
 fn window_medians(colors: &[Vec3]) -> Vec<Vec3> {
     let channel = |at: usize, k: usize| {
-        let mut values: Vec<f32> = colors[window(at, colors.len())].iter().map(|color| color[k]).collect();
+        let mut values: Vec<f32> = colors[window(at, colors.len())]
+            .iter()
+            .map(|color| color[k])
+            .collect();
         median(&mut values)
     };
-    (0..colors.len()).map(|at| Vec3::new(channel(at, 0), channel(at, 1), channel(at, 2))).collect()
+    (0..colors.len())
+        .map(|at| Vec3::new(channel(at, 0), channel(at, 1), channel(at, 2)))
+        .collect()
 }
 
 fn window(at: usize, count: usize) -> std::ops::Range<usize> {
@@ -80,7 +103,9 @@ fn best_edges(profiles: &[Vec<f32>], halves: &[f32]) -> Vec<usize> {
         total = next.collect();
         came_from.push(from);
     }
-    let last = (0..count).max_by(|&a, &b| total[a].total_cmp(&total[b])).unwrap_or(0);
+    let last = (0..count)
+        .max_by(|&a, &b| total[a].total_cmp(&total[b]))
+        .unwrap_or(0);
     let mut edges = vec![last; profiles.len()];
     for at in (1..profiles.len()).rev() {
         edges[at - 1] = came_from[at][edges[at]];
@@ -91,7 +116,12 @@ fn best_edges(profiles: &[Vec<f32>], halves: &[f32]) -> Vec<usize> {
 fn best_before(total: &[f32], k: usize) -> usize {
     let near = k.saturating_sub(MOST_BEND)..(k + MOST_BEND + 1).min(total.len());
     let worth = |from: usize| total[from] - BEND_COST * from.abs_diff(k) as f32;
-    near.max_by(|&a, &b| worth(a).total_cmp(&worth(b)).then(b.abs_diff(k).cmp(&a.abs_diff(k)))).unwrap_or(k)
+    near.max_by(|&a, &b| {
+        worth(a)
+            .total_cmp(&worth(b))
+            .then(b.abs_diff(k).cmp(&a.abs_diff(k)))
+    })
+    .unwrap_or(k)
 }
 
 /// The edge between samples: where the profile crosses half way between its level inside and that just outside.
@@ -106,7 +136,8 @@ fn refined(profile: &[f32], edge: usize) -> f64 {
     let crossing = (first..(edge + NEAR).min(profile.len() - 1))
         .filter(|&k| profile[k] <= half && profile[k + 1] > half)
         .min_by_key(|&k| k.abs_diff(edge));
-    let between = |k: usize| k as f64 + f64::from((half - profile[k]) / (profile[k + 1] - profile[k]));
+    let between =
+        |k: usize| k as f64 + f64::from((half - profile[k]) / (profile[k + 1] - profile[k]));
     crossing.map_or(edge as f64, between)
 }
 

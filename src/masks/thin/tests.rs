@@ -17,14 +17,23 @@ struct Drawn {
 
 impl Drawn {
     fn distance(&self, at: DVec2) -> f64 {
-        self.points.windows(2).map(|ends| distance_to_segment(at, ends[0], ends[1])).fold(f64::INFINITY, f64::min)
+        self.points
+            .windows(2)
+            .map(|ends| distance_to_segment(at, ends[0], ends[1]))
+            .fold(f64::INFINITY, f64::min)
     }
 
     /// The pixels whose centres it covers.
     fn region(&self) -> Region {
         let center = |at: usize| DVec2::new((at % 200) as f64 + 0.5, (at / 200) as f64 + 0.5);
-        let inside = (0..200 * 150).map(|at| self.distance(center(at)) <= self.width_px / 2.0).collect();
-        Region { width: 200, height: 150, inside }
+        let inside = (0..200 * 150)
+            .map(|at| self.distance(center(at)) <= self.width_px / 2.0)
+            .collect();
+        Region {
+            width: 200,
+            height: 150,
+            inside,
+        }
     }
 }
 
@@ -34,18 +43,30 @@ fn picture(background: [f64; 3], lines: &[Drawn]) -> Image {
         let corner = DVec2::new((at % 200) as f64, (at / 200) as f64);
         let mut color = background;
         for line in lines {
-            let sample = |k: usize| corner + (DVec2::new((k % 4) as f64, (k / 4) as f64) + 0.5) / 4.0;
-            let covered = (0..16).filter(|&k| line.distance(sample(k)) <= line.width_px / 2.0).count() as f64 / 16.0;
+            let sample =
+                |k: usize| corner + (DVec2::new((k % 4) as f64, (k / 4) as f64) + 0.5) / 4.0;
+            let covered = (0..16)
+                .filter(|&k| line.distance(sample(k)) <= line.width_px / 2.0)
+                .count() as f64
+                / 16.0;
             color = [0, 1, 2].map(|k| color[k] + (line.color[k] - color[k]) * covered);
         }
         let noise = ((at * 2_654_435_761) >> 9) % 7;
         color.map(|value| (value + noise as f64 - 3.0).round() as u8)
     };
-    Image { width: 200, height: 150, pixels: (0..200 * 150).map(pixel).collect() }
+    Image {
+        width: 200,
+        height: 150,
+        pixels: (0..200 * 150).map(pixel).collect(),
+    }
 }
 
 fn line(points: &[(f64, f64)], width_px: f64, color: [f64; 3]) -> Drawn {
-    Drawn { points: points.iter().map(|&(x, y)| DVec2::new(x, y)).collect(), width_px, color }
+    Drawn {
+        points: points.iter().map(|&(x, y)| DVec2::new(x, y)).collect(),
+        width_px,
+        color,
+    }
 }
 
 /// A quarter of a circle and a bit from the lower left to the upper right.
@@ -61,11 +82,18 @@ fn arc(width_px: f64) -> Drawn {
 fn widths_are_measured_to_a_third_of_a_pixel() {
     for width_px in [1.5, 2.0, 3.0, 4.5, 7.0, 11.0, 16.0] {
         let drawn = line(&[(20.0, 31.0), (180.0, 120.0)], width_px, GREEN);
-        let found = trace(&picture(GREY, &[drawn]), &[DVec2::new(40.0, 42.1), DVec2::new(160.0, 108.9)]).unwrap();
+        let found = trace(
+            &picture(GREY, &[drawn]),
+            &[DVec2::new(40.0, 42.1), DVec2::new(160.0, 108.9)],
+        )
+        .unwrap();
         let length = DVec2::new(120.0, 66.8).length();
         let measured = found.area() as f64 / length;
         println!("width {width_px}: {measured:.2}");
-        assert!((measured - width_px).abs() < 0.3, "{measured:.2} in place of {width_px}");
+        assert!(
+            (measured - width_px).abs() < 0.3,
+            "{measured:.2} in place of {width_px}"
+        );
     }
 }
 
@@ -75,7 +103,9 @@ fn a_curve_is_followed_from_three_points() {
         let drawn = arc(width_px);
         let points = [drawn.points[0], drawn.points[12], drawn.points[24]];
         let truth = drawn.region();
-        let iou = trace(&picture(GREY, &[drawn]), &points).unwrap().iou(&truth);
+        let iou = trace(&picture(GREY, &[drawn]), &points)
+            .unwrap()
+            .iou(&truth);
         println!("curve of width {width_px}: IoU {iou:.3}");
         assert!(iou > 0.9, "width {width_px}: {iou:.3}");
     }
@@ -83,11 +113,17 @@ fn a_curve_is_followed_from_three_points() {
 
 #[test]
 fn any_difference_of_colour_makes_a_line() {
-    let colors = [("brighter", [205.0; 3]), ("darker", [60.0; 3]), ("another hue", [165.0, 110.0, 128.0])];
+    let colors = [
+        ("brighter", [205.0; 3]),
+        ("darker", [60.0; 3]),
+        ("another hue", [165.0, 110.0, 128.0]),
+    ];
     for (name, color) in colors {
         let drawn = Drawn { color, ..arc(4.0) };
         let (points, truth) = ([drawn.points[0], drawn.points[24]], drawn.region());
-        let iou = trace(&picture(GREY, &[drawn]), &points).unwrap().iou(&truth);
+        let iou = trace(&picture(GREY, &[drawn]), &points)
+            .unwrap()
+            .iou(&truth);
         assert!(iou > 0.75, "{name}: {iou:.3}");
     }
 }
@@ -98,13 +134,21 @@ fn a_line_that_crosses_is_not_followed() {
         let drawn = line(&[(10.0, 75.0), (190.0, 85.0)], 5.0, GREEN);
         let truth = drawn.region();
         let crossing = line(&[(80.0, 5.0), (120.0, 145.0)], 6.0, color);
-        let far = Drawn { width_px: 9.0, ..line(&[(10.0, 75.0), (190.0, 85.0)], 5.0, GREEN) }.region();
+        let far = Drawn {
+            width_px: 9.0,
+            ..line(&[(10.0, 75.0), (190.0, 85.0)], 5.0, GREEN)
+        }
+        .region();
         let points = [DVec2::new(12.0, 75.1), DVec2::new(188.0, 84.9)];
         let found = trace(&picture(GREY, &[crossing, drawn]), &points).unwrap();
         let mut outside = found.clone();
         outside.subtract(&far);
         assert!(found.iou(&truth) > 0.8, "IoU {:.3}", found.iou(&truth));
-        assert!(outside.area() < 12, "{} pixels of the other line", outside.area());
+        assert!(
+            outside.area() < 12,
+            "{} pixels of the other line",
+            outside.area()
+        );
     }
 }
 
@@ -114,7 +158,9 @@ fn the_border_of_a_large_thing_draws_no_line_to_it() {
     let drawn = line(&[(10.0, 68.0), (100.0, 60.0), (190.0, 68.0)], 3.0, GREEN);
     let truth = drawn.region();
     let points = [drawn.points[0], drawn.points[2]];
-    let iou = trace(&picture(GREY, &[wall, drawn]), &points).unwrap().iou(&truth);
+    let iou = trace(&picture(GREY, &[wall, drawn]), &points)
+        .unwrap()
+        .iou(&truth);
     assert!(iou > 0.75, "{iou:.3}");
 }
 
@@ -126,10 +172,17 @@ fn what_cannot_be_traced_is_refused_with_what_to_do() {
         trace(&image, &points).unwrap_err().to_string()
     };
     for one in [&[][..], &[(5.0, 5.0)], &[(5.0, 5.0), (5.3, 5.0)]] {
-        assert!(refused(one).contains("two different points"), "{}", refused(one));
+        assert!(
+            refused(one).contains("two different points"),
+            "{}",
+            refused(one)
+        );
     }
     assert!(refused(&[(5.0, 5.0), (201.0, 5.0)]).contains("outside the picture"));
     assert!(refused(&[(5.0, 5.0), (f64::NAN, 5.0)]).contains("outside the picture"));
     let whole = trace(&image, &[DVec2::ZERO, DVec2::new(200.0, 150.0)]).unwrap();
-    assert!(whole.area() >= 150, "a picture without lines is crossed all the same");
+    assert!(
+        whole.area() >= 150,
+        "a picture without lines is crossed all the same"
+    );
 }

@@ -36,7 +36,10 @@ pub fn trace(image: &Image, points_px: &[DVec2]) -> Result<Region, MaskError> {
     let reach_px = reach(&line);
     let mut edges = edges_of(image, &line, reach_px);
     for _ in 1..ROUNDS {
-        let middles = line.iter().enumerate().map(|(at, point)| shift(point, edges[0][at], edges[1][at]));
+        let middles = line
+            .iter()
+            .enumerate()
+            .map(|(at, point)| shift(point, edges[0][at], edges[1][at]));
         line = smooth_line(&middles.collect::<Vec<_>>(), &ridges);
         edges = edges_of(image, &line, reach_px);
     }
@@ -46,17 +49,26 @@ pub fn trace(image: &Image, points_px: &[DVec2]) -> Result<Region, MaskError> {
 fn checked(image: &Image, points_px: &[DVec2]) -> Result<Vec<DVec2>, MaskError> {
     let refuse = |what: String| Err(MaskError::Request(what));
     let (width, height) = (f64::from(image.width), f64::from(image.height));
-    let inside = |p: &DVec2| p.is_finite() && p.x >= 0.0 && p.y >= 0.0 && p.x <= width && p.y <= height;
+    let inside =
+        |p: &DVec2| p.is_finite() && p.x >= 0.0 && p.y >= 0.0 && p.x <= width && p.y <= height;
     if let Some(out) = points_px.iter().find(|point| !inside(point)) {
-        return refuse(format!("the point {}, {} is outside the picture ({width}×{height}); move it in", out.x, out.y));
+        return refuse(format!(
+            "the point {}, {} is outside the picture ({width}×{height}); move it in",
+            out.x, out.y
+        ));
     }
     let mut points = points_px.to_vec();
     points.dedup_by(|a, b| a.distance(*b) < SAME_PX);
     if points.len() < 2 {
         return refuse("a thin structure needs two different points or more: where it begins and where it ends".into());
     }
-    if points.windows(2).any(|ends| ends[0].distance(ends[1]) > MOST_APART_PX) {
-        return refuse(format!("two points are more than {MOST_APART_PX} pixels apart; give one in between"));
+    if points
+        .windows(2)
+        .any(|ends| ends[0].distance(ends[1]) > MOST_APART_PX)
+    {
+        return refuse(format!(
+            "two points are more than {MOST_APART_PX} pixels apart; give one in between"
+        ));
     }
     Ok(points)
 }

@@ -8,7 +8,9 @@ use super::{history_file, manifest, mask_files, versions};
 use crate::{History, Project, ResultKind};
 use ostra_core::job::Progress;
 use ostra_frames::FrameError;
-use ostra_frames::cameras::{ModelEncoding, SparsePoints, read_sparse_model, with_text_names, write_colmap_model};
+use ostra_frames::cameras::{
+    ModelEncoding, SparsePoints, read_sparse_model, with_text_names, write_colmap_model,
+};
 
 /// The history keeps at least this many bytes of steps, and at most twice as many.
 pub const HISTORY_BYTES: usize = 16 << 20;
@@ -47,7 +49,13 @@ impl Checkpoint {
         manifest::write(root, project, self.seq)?;
         versions::collect(root, project, &self.history);
         mask_files::remove_gone(root, &masks, &self.before.masks);
-        Ok(Written { seq: self.seq, masks, sparse, history_length, history_seq: self.seq })
+        Ok(Written {
+            seq: self.seq,
+            masks,
+            sparse,
+            history_length,
+            history_seq: self.seq,
+        })
     }
 
     /// Writes the sparse model for other tools, where it changed. Cameras that such a model cannot hold (of mirrored
@@ -56,20 +64,31 @@ impl Checkpoint {
         let frames = &self.project.frames;
         let version = versions::version_in_force(&self.project, ResultKind::Cameras);
         let same = |before: &WrittenSparse| {
-            before.version == version && (Arc::ptr_eq(&before.frames, frames) || before.frames == *frames)
+            before.version == version
+                && (Arc::ptr_eq(&before.frames, frames) || before.frames == *frames)
         };
         let posed = frames.iter().any(|frame| frame.posed_camera().is_some());
         if posed && !self.before.sparse.as_ref().is_some_and(same) {
-            let sparse = self.project.global_points(load_sparse(&self.root, &self.project));
+            let sparse = self
+                .project
+                .global_points(load_sparse(&self.root, &self.project));
             let global = self.project.global_frames();
             let named = with_text_names(&global);
             let named = named.as_deref().unwrap_or(&global);
-            let written = write_colmap_model(&self.root.join("sparse"), named, &sparse, ModelEncoding::Text);
+            let written = write_colmap_model(
+                &self.root.join("sparse"),
+                named,
+                &sparse,
+                ModelEncoding::Text,
+            );
             if let Err(error @ FrameError::Io { .. }) = written {
                 return Err(error.into());
             }
         }
-        Ok(Some(WrittenSparse { frames: Arc::clone(frames), version }))
+        Ok(Some(WrittenSparse {
+            frames: Arc::clone(frames),
+            version,
+        }))
     }
 }
 
@@ -79,7 +98,8 @@ impl Checkpoint {
 /// When their files are missing or damaged.
 pub fn read_sparse(root: &Path, project: &Project) -> Result<SparsePoints> {
     let version = versions::version_in_force(project, ResultKind::Cameras);
-    let read = version.map(|version| read_sparse_model(&versions::sparse_path(root, version), &project.frames));
+    let read = version
+        .map(|version| read_sparse_model(&versions::sparse_path(root, version), &project.frames));
     let lost = "the points that the cameras were found with cannot be read; reconstruct again";
     Ok(read.transpose().context(lost)?.unwrap_or_default())
 }

@@ -17,9 +17,18 @@ pub fn check(root: &Path) -> Result<()> {
     if !root.exists() {
         return Ok(());
     }
-    let home = root.canonicalize().with_context(|| format!("{}: cannot be read", root.display()))?;
-    let mut walk = Walk { home: &home, root, seen: BTreeSet::new() };
-    OWN_FILES.iter().chain(&OWN_FOLDERS).try_for_each(|name| walk.check(&home.join(name)))
+    let home = root
+        .canonicalize()
+        .with_context(|| format!("{}: cannot be read", root.display()))?;
+    let mut walk = Walk {
+        home: &home,
+        root,
+        seen: BTreeSet::new(),
+    };
+    OWN_FILES
+        .iter()
+        .chain(&OWN_FOLDERS)
+        .try_for_each(|name| walk.check(&home.join(name)))
 }
 
 struct Walk<'a> {
@@ -34,12 +43,23 @@ struct Walk<'a> {
 impl Walk<'_> {
     /// Checks a file or folder whose path down to its parent has no links.
     fn check(&mut self, path: &Path) -> Result<()> {
-        let Ok(found) = fs::symlink_metadata(path) else { return Ok(()) };
-        let shown = || self.root.join(path.strip_prefix(self.home).unwrap_or(path)).display().to_string();
+        let Ok(found) = fs::symlink_metadata(path) else {
+            return Ok(());
+        };
+        let shown = || {
+            self.root
+                .join(path.strip_prefix(self.home).unwrap_or(path))
+                .display()
+                .to_string()
+        };
         if found.is_symlink() {
             let named = fs::read_link(path).unwrap_or_default();
             let Ok(target) = path.canonicalize() else {
-                bail!("{}: is a link to {}, which cannot be followed; remove the link", shown(), named.display());
+                bail!(
+                    "{}: is a link to {}, which cannot be followed; remove the link",
+                    shown(),
+                    named.display()
+                );
             };
             ensure!(
                 target.starts_with(self.home),
@@ -52,12 +72,19 @@ impl Walk<'_> {
         }
         if found.is_dir() {
             if self.seen.insert(path.to_owned()) {
-                let entries = fs::read_dir(path).with_context(|| format!("{}: cannot be read", shown()))?;
-                entries.flatten().try_for_each(|entry| self.check(&entry.path()))?;
+                let entries =
+                    fs::read_dir(path).with_context(|| format!("{}: cannot be read", shown()))?;
+                entries
+                    .flatten()
+                    .try_for_each(|entry| self.check(&entry.path()))?;
             }
             return Ok(());
         }
-        ensure!(found.is_file(), "{}: is neither a file nor a folder (a pipe, socket or device); remove it", shown());
+        ensure!(
+            found.is_file(),
+            "{}: is neither a file nor a folder (a pipe, socket or device); remove it",
+            shown()
+        );
         Ok(())
     }
 }

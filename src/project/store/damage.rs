@@ -24,20 +24,33 @@ impl Damage {
     pub fn set_aside(&self) -> Result<String> {
         let aside = free_name(&self.path);
         let put = if self.is_in_use {
-            let bytes = fs::read(&self.path).with_context(|| format!("{}: cannot be read", self.path.display()))?;
+            let bytes = fs::read(&self.path)
+                .with_context(|| format!("{}: cannot be read", self.path.display()))?;
             durable::replace(&aside, &bytes)
         } else {
             fs::rename(&self.path, &aside).with_context(|| durable::cannot_write(&aside))
         };
         put?;
         let name = aside.file_name().unwrap_or_default().to_string_lossy();
-        let kept = if self.is_in_use { "the whole file is kept as" } else { "the file is kept as" };
-        Ok(format!("{}: {}; {kept} {name}", self.path.display(), self.what))
+        let kept = if self.is_in_use {
+            "the whole file is kept as"
+        } else {
+            "the file is kept as"
+        };
+        Ok(format!(
+            "{}: {}; {kept} {name}",
+            self.path.display(),
+            self.what
+        ))
     }
 
     /// The warning where the project is only looked at and the file stays as it is.
     pub fn warning(&self) -> String {
-        format!("{}: {}; nothing was changed", self.path.display(), self.what)
+        format!(
+            "{}: {}; nothing was changed",
+            self.path.display(),
+            self.what
+        )
     }
 }
 
@@ -48,6 +61,10 @@ fn free_name(path: &Path) -> PathBuf {
         name.push(ending);
         PathBuf::from(name)
     };
-    let mut names = std::iter::once(".damaged".to_owned()).chain((2u64..).map(|n| format!(".damaged-{n}"))).map(named);
-    names.find(|name| fs::symlink_metadata(name).is_err()).unwrap_or_else(|| named(".damaged".to_owned()))
+    let mut names = std::iter::once(".damaged".to_owned())
+        .chain((2u64..).map(|n| format!(".damaged-{n}")))
+        .map(named);
+    names
+        .find(|name| fs::symlink_metadata(name).is_err())
+        .unwrap_or_else(|| named(".damaged".to_owned()))
 }

@@ -53,7 +53,11 @@ impl DepthFolder {
     #[must_use]
     pub fn new(root: &Path, version: u64, frames: &[Frame]) -> Self {
         let names = frames.iter().map(|frame| depth_file(&frame.name)).collect();
-        Self { folder: root.join(depths_path(version)), names, scale: 1.0 }
+        Self {
+            folder: root.join(depths_path(version)),
+            names,
+            scale: 1.0,
+        }
     }
 
     /// Reads depths times the scale that the frames have been given since they were made.
@@ -63,7 +67,10 @@ impl DepthFolder {
             Some(DepthSource::Made { scale, .. }) => Some(scale as f32),
             _ => None,
         });
-        Self { scale: scale.unwrap_or(1.0), ..self }
+        Self {
+            scale: scale.unwrap_or(1.0),
+            ..self
+        }
     }
 
     /// Writes how they were made.
@@ -71,7 +78,10 @@ impl DepthFolder {
     /// # Errors
     /// When the file cannot be written.
     pub fn save_account(&self, account: &DepthAccount) -> Result<()> {
-        durable::replace(&self.folder.join(ACCOUNT), &serde_json::to_vec_pretty(account)?)
+        durable::replace(
+            &self.folder.join(ACCOUNT),
+            &serde_json::to_vec_pretty(account)?,
+        )
     }
 
     /// How they were made.
@@ -82,7 +92,8 @@ impl DepthFolder {
         let path = self.folder.join(ACCOUNT);
         let bytes = disk::read_regular_up_to(&path, MAX_ACCOUNT_BYTES)
             .with_context(|| format!("{}: cannot be read; reconstruct again", path.display()))?;
-        serde_json::from_slice(&bytes).with_context(|| format!("{}: is damaged; reconstruct again", path.display()))
+        serde_json::from_slice(&bytes)
+            .with_context(|| format!("{}: is damaged; reconstruct again", path.display()))
     }
 
     /// Where sparse points lie that were made for these depth maps.
@@ -117,30 +128,62 @@ impl DepthFolder {
 
 impl DepthStore for DepthFolder {
     fn load(&self, frame: usize, stage: Stage) -> Result<Option<Arc<DepthEstimate>>, SceneError> {
-        let MadeDepth { camera, depth, normals, confidence } = match MadeDepth::read(&self.path(frame, stage)) {
+        let MadeDepth {
+            camera,
+            depth,
+            normals,
+            confidence,
+        } = match MadeDepth::read(&self.path(frame, stage)) {
             Ok(made) => made,
             Err(FrameError::Missing { .. }) => return Ok(None),
             Err(error) => return Err(error.into()),
         };
-        let depths = depth.depths.iter().map(|depth| self.scale * depth).collect();
-        Ok(Some(Arc::new(DepthEstimate { camera, depths, normals, confidence })))
+        let depths = depth
+            .depths
+            .iter()
+            .map(|depth| self.scale * depth)
+            .collect();
+        Ok(Some(Arc::new(DepthEstimate {
+            camera,
+            depths,
+            normals,
+            confidence,
+        })))
     }
 
     fn save(&self, frame: usize, stage: Stage, estimate: DepthEstimate) -> Result<(), SceneError> {
         let path = self.path(frame, stage);
-        let DepthEstimate { camera, depths, normals, confidence } = estimate;
-        let depth = DepthMap { width: camera.width, height: camera.height, depths };
-        let encoded = MadeDepth { camera, depth, normals, confidence }.encode();
-        let written = encoded.map_err(anyhow::Error::from).and_then(|bytes| durable::replace(&path, &bytes));
+        let DepthEstimate {
+            camera,
+            depths,
+            normals,
+            confidence,
+        } = estimate;
+        let depth = DepthMap {
+            width: camera.width,
+            height: camera.height,
+            depths,
+        };
+        let encoded = MadeDepth {
+            camera,
+            depth,
+            normals,
+            confidence,
+        }
+        .encode();
+        let written = encoded
+            .map_err(anyhow::Error::from)
+            .and_then(|bytes| durable::replace(&path, &bytes));
         written.map_err(|error| SceneError::Request(format!("{error:#}")))
     }
 
     fn forget(&self, stage: Stage) -> Result<(), SceneError> {
         let folder = self.of_stage(stage);
         match fs::remove_dir_all(&folder) {
-            Err(reason) if reason.kind() != std::io::ErrorKind::NotFound => {
-                Err(SceneError::Io { path: folder, reason })
-            }
+            Err(reason) if reason.kind() != std::io::ErrorKind::NotFound => Err(SceneError::Io {
+                path: folder,
+                reason,
+            }),
             _ => Ok(()),
         }
     }

@@ -10,7 +10,10 @@ use ostra_core::disk;
 /// # Errors
 /// When the file cannot be written; the old content stands.
 pub fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
     make_folder(folder)?;
     disk::write(path, bytes).with_context(|| cannot_write(path))
 }
@@ -29,7 +32,9 @@ pub fn make_folder(folder: &Path) -> Result<()> {
 /// When the system refuses.
 pub fn sync_folder(folder: &Path) -> Result<()> {
     #[cfg(unix)]
-    File::open(folder).and_then(|folder| folder.sync_all()).with_context(|| cannot_write(folder))?;
+    File::open(folder)
+        .and_then(|folder| folder.sync_all())
+        .with_context(|| cannot_write(folder))?;
     #[cfg(not(unix))]
     let _ = folder;
     Ok(())
@@ -37,15 +42,26 @@ pub fn sync_folder(folder: &Path) -> Result<()> {
 
 /// One line for a file that cannot be written.
 pub fn cannot_write(path: &Path) -> String {
-    format!("{}: cannot be written; check permissions and free space", path.display())
+    format!(
+        "{}: cannot be written; check permissions and free space",
+        path.display()
+    )
 }
 
 /// The folders of a project that hold only its own files.
 pub const OWN_FOLDERS: [&str; 5] = ["masks", "depths", "sparse", "versions", "cache"];
 
 /// The files of a project directly in its folder.
-pub const OWN_FILES: [&str; 8] =
-    ["project.toml", "journal.jsonl", "history.jsonl", "recipe.jsonl", ".lock", "cloud.ply", "votes.bin", "mesh.ply"];
+pub const OWN_FILES: [&str; 8] = [
+    "project.toml",
+    "journal.jsonl",
+    "history.jsonl",
+    "recipe.jsonl",
+    ".lock",
+    "cloud.ply",
+    "votes.bin",
+    "mesh.ply",
+];
 
 /// Removes the temporary files that killed runs left in a project's folder. Its lock must be held: then nobody writes there.
 pub fn remove_leftovers(root: &Path) {
@@ -64,12 +80,16 @@ pub fn remove_leftovers(root: &Path) {
 /// Removes what earlier versions of the program left: `NAME.PID.tmp`, `NAME.tmp` and `.NAME.part` in folders that hold nothing else
 /// of such names.
 fn remove_former_leftovers(folder: &Path) {
-    let Ok(entries) = fs::read_dir(folder) else { return };
+    let Ok(entries) = fs::read_dir(folder) else {
+        return;
+    };
     for entry in entries.flatten() {
         let path = entry.path();
         if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
             remove_former_leftovers(&path);
-        } else if path.extension().is_some_and(|ending| ending == "tmp" || ending == "part")
+        } else if path
+            .extension()
+            .is_some_and(|ending| ending == "tmp" || ending == "part")
             && !disk::is_temporary(&entry.file_name())
         {
             remove_file_or_link(&path);

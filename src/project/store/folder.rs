@@ -104,11 +104,22 @@ impl Folder {
         let mut entries = match std::fs::read_dir(root) {
             Ok(entries) => entries,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
-            Err(error) => bail!("{}: cannot hold a project ({error}); choose another folder", root.display()),
+            Err(error) => bail!(
+                "{}: cannot hold a project ({error}); choose another folder",
+                root.display()
+            ),
         };
-        ensure!(!root.join("project.toml").exists(), "{}: already holds a project; open it instead", root.display());
+        ensure!(
+            !root.join("project.toml").exists(),
+            "{}: already holds a project; open it instead",
+            root.display()
+        );
         let is_empty = entries.all(|entry| entry.is_ok_and(|entry| is_remains(&entry)));
-        ensure!(is_empty, "{}: is not empty; choose a new or empty folder", root.display());
+        ensure!(
+            is_empty,
+            "{}: is not empty; choose a new or empty folder",
+            root.display()
+        );
         Ok(())
     }
 
@@ -120,7 +131,8 @@ impl Folder {
         Self::check_new(root)?;
         let path = root.join("journal.jsonl");
         let journal = Journal::open(&path, &ReadRecords::default());
-        let written = journal.and_then(|journal| manifest::write(root, project, 0).map(|()| journal));
+        let written =
+            journal.and_then(|journal| manifest::write(root, project, 0).map(|()| journal));
         let journal = written.inspect_err(|_| {
             for made in [path, root.join("project.toml"), root.join(".lock")] {
                 let _ = std::fs::remove_file(made);
@@ -128,7 +140,10 @@ impl Folder {
         })?;
         Ok(Self {
             root: root.to_owned(),
-            access: Access::Write { journal, _lock: lock },
+            access: Access::Write {
+                journal,
+                _lock: lock,
+            },
             seq: 0,
             written: Written::default(),
             due_bytes: JOURNAL_BYTES,
@@ -151,7 +166,14 @@ impl Folder {
             state.warnings.push(damage.set_aside()?);
         }
         let journal = Journal::open(&root.join("journal.jsonl"), &state.journal)?;
-        Ok(Self::loaded(root, Access::Write { journal, _lock: lock }, state))
+        Ok(Self::loaded(
+            root,
+            Access::Write {
+                journal,
+                _lock: lock,
+            },
+            state,
+        ))
     }
 
     /// Opens the project in `root` for viewing: nothing is written there, not even a lock, so that it may be on read-only
@@ -172,17 +194,45 @@ impl Folder {
             }
             let mut state = read?;
             let damages = std::mem::take(&mut state.damages);
-            state.warnings.extend(damages.iter().map(super::damage::Damage::warning));
-            return Ok(Self::loaded(root, Access::View { why: why.to_owned() }, state));
+            state
+                .warnings
+                .extend(damages.iter().map(super::damage::Damage::warning));
+            return Ok(Self::loaded(
+                root,
+                Access::View {
+                    why: why.to_owned(),
+                },
+                state,
+            ));
         }
-        bail!("{}: another process changes it faster than it can be read; try again", root.display())
+        bail!(
+            "{}: another process changes it faster than it can be read; try again",
+            root.display()
+        )
     }
 
     fn loaded(root: &Path, access: Access, state: State) -> Loaded {
         let (history_seq, history_length) = state.history_end;
-        let written = Written { seq: state.checkpoint, masks: state.masks, sparse: None, history_length, history_seq };
-        let folder = Self { root: root.to_owned(), access, seq: state.seq, written, due_bytes: JOURNAL_BYTES };
-        Loaded { folder, project: state.project, history: state.history, warnings: state.warnings }
+        let written = Written {
+            seq: state.checkpoint,
+            masks: state.masks,
+            sparse: None,
+            history_length,
+            history_seq,
+        };
+        let folder = Self {
+            root: root.to_owned(),
+            access,
+            seq: state.seq,
+            written,
+            due_bytes: JOURNAL_BYTES,
+        };
+        Loaded {
+            folder,
+            project: state.project,
+            history: state.history,
+            warnings: state.warnings,
+        }
     }
 
     /// Where the project lies.
@@ -208,7 +258,10 @@ impl Folder {
         match &self.access {
             Access::Write { .. } => Ok(()),
             Access::View { why } => {
-                bail!("{}: is open for viewing, and no change can be saved: {why}", self.root.display())
+                bail!(
+                    "{}: is open for viewing, and no change can be saved: {why}",
+                    self.root.display()
+                )
             }
         }
     }
@@ -226,7 +279,10 @@ impl Folder {
     /// # Errors
     /// When it cannot be written (a full disk); the folder is as before, and the step must not be made.
     pub fn append(&mut self, act: Act) -> Result<Record> {
-        let record = Record { seq: self.seq + 1, act };
+        let record = Record {
+            seq: self.seq + 1,
+            act,
+        };
         self.journal()?.append(&record)?;
         self.seq = record.seq;
         Ok(record)
@@ -335,6 +391,8 @@ fn remove_empty(folders: &[PathBuf]) {
 /// Whether a file is what a killed run left before it had made a project: nothing that anybody needs.
 fn is_remains(entry: &std::fs::DirEntry) -> bool {
     let name = entry.file_name();
-    let is_empty = entry.metadata().is_ok_and(|found| found.is_file() && found.len() == 0);
+    let is_empty = entry
+        .metadata()
+        .is_ok_and(|found| found.is_file() && found.len() == 0);
     is_empty && (name == ".lock" || name == "journal.jsonl") || disk::is_temporary(&name)
 }

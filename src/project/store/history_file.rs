@@ -29,32 +29,70 @@ pub struct Past {
 pub fn read(root: &Path, checkpoint: u64, journal: &[Record]) -> Past {
     let path = root.join("history.jsonl");
     // What the journal still has of the steps before the checkpoint is not the whole of them.
-    let none = Past { seq: checkpoint, ..Past::default() };
+    let none = Past {
+        seq: checkpoint,
+        ..Past::default()
+    };
     let lost = "steps made before cannot be undone";
-    let damaged = |why: String| Damage { path: path.clone(), what: format!("{why}; {lost}"), is_in_use: false };
+    let damaged = |why: String| Damage {
+        path: path.clone(),
+        what: format!("{why}; {lost}"),
+        is_in_use: false,
+    };
     let read = match read_records(&path) {
         Ok(read) => read,
-        Err(_) => return Past { damage: Some(damaged("cannot be read".into())), ..none },
+        Err(_) => {
+            return Past {
+                damage: Some(damaged("cannot be read".into())),
+                ..none
+            };
+        }
     };
     if let Some(rest) = read.rest {
-        return Past { damage: Some(damaged(rest.why)), ..none };
+        return Past {
+            damage: Some(damaged(rest.why)),
+            ..none
+        };
     }
-    if let Some(pair) = read.records.windows(2).find(|pair| pair[1].seq != pair[0].seq + 1) {
-        return Past { damage: Some(damaged(format!("lacks step {}", pair[0].seq + 1))), ..none };
+    if let Some(pair) = read
+        .records
+        .windows(2)
+        .find(|pair| pair[1].seq != pair[0].seq + 1)
+    {
+        return Past {
+            damage: Some(damaged(format!("lacks step {}", pair[0].seq + 1))),
+            ..none
+        };
     }
-    let last = journal.last().map_or(checkpoint, |record| record.seq.max(checkpoint));
-    let kept: Vec<(Record, u64)> =
-        read.records.into_iter().zip(read.ends).take_while(|(record, _)| record.seq <= last).collect();
+    let last = journal
+        .last()
+        .map_or(checkpoint, |record| record.seq.max(checkpoint));
+    let kept: Vec<(Record, u64)> = read
+        .records
+        .into_iter()
+        .zip(read.ends)
+        .take_while(|(record, _)| record.seq <= last)
+        .collect();
     let seq = kept.last().map_or(0, |(record, _)| record.seq);
     let joins = seq >= checkpoint || journal.iter().any(|record| record.seq == seq + 1);
     if !joins {
         let is_there = std::fs::metadata(&path).is_ok_and(|found| found.len() > 0);
-        let damage = is_there.then(|| damaged(format!("lacks the steps from {} to {checkpoint}", seq + 1)));
+        let damage =
+            is_there.then(|| damaged(format!("lacks the steps from {} to {checkpoint}", seq + 1)));
         let warning = (!is_there).then(|| format!("{}: is missing; {lost}", path.display()));
-        return Past { damage, warning, ..none };
+        return Past {
+            damage,
+            warning,
+            ..none
+        };
     }
-    let mut past = Past { seq, length: kept.last().map_or(0, |(_, end)| *end), ..Past::default() };
-    kept.into_iter().for_each(|(record, _)| record.fold(&mut past.history));
+    let mut past = Past {
+        seq,
+        length: kept.last().map_or(0, |(_, end)| *end),
+        ..Past::default()
+    };
+    kept.into_iter()
+        .for_each(|(record, _)| record.fold(&mut past.history));
     past
 }
 
@@ -86,7 +124,11 @@ pub fn rewrite(root: &Path, history: &History, seq: u64) -> Result<u64> {
     let first = (seq + 1).saturating_sub((steps.len() + undone) as u64);
     let made = steps.iter().map(|step| {
         let Step { title, changes } = step.as_ref();
-        Act::Step { title: title.clone(), changes: changes.clone(), continues: false }
+        Act::Step {
+            title: title.clone(),
+            changes: changes.clone(),
+            continues: false,
+        }
     });
     let taken_back = std::iter::repeat_n(Act::Undo { edits: Vec::new() }, undone);
     let mut lines = Vec::new();

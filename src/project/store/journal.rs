@@ -48,7 +48,8 @@ pub struct Rest {
 impl ReadRecords {
     /// Leaves out the records from this one on.
     pub fn cut(&mut self, first: usize, why: String) {
-        let after = (self.records.len() - first - 1) + self.rest.take().map_or(0, |rest| rest.after + 1);
+        let after =
+            (self.records.len() - first - 1) + self.rest.take().map_or(0, |rest| rest.after + 1);
         self.records.truncate(first);
         self.ends.truncate(first);
         self.rest = Some(Rest { why, after });
@@ -69,12 +70,22 @@ pub fn read_records(path: &Path) -> Result<ReadRecords> {
     let bytes = match disk::read_regular_up_to(path, MAX_BYTES) {
         Ok(bytes) => bytes,
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
-        Err(error) => return Err(error).with_context(|| format!("{}: cannot be read", path.display())),
+        Err(error) => {
+            return Err(error).with_context(|| format!("{}: cannot be read", path.display()));
+        }
     };
-    let torn = bytes.split(|&byte| byte == b'\n').next_back().unwrap_or_default();
-    let mut read = ReadRecords { is_torn: !torn.is_empty(), ..ReadRecords::default() };
+    let torn = bytes
+        .split(|&byte| byte == b'\n')
+        .next_back()
+        .unwrap_or_default();
+    let mut read = ReadRecords {
+        is_torn: !torn.is_empty(),
+        ..ReadRecords::default()
+    };
     let mut end = 0;
-    let mut lines = bytes.split_inclusive(|&byte| byte == b'\n').filter(|line| line.ends_with(b"\n"));
+    let mut lines = bytes
+        .split_inclusive(|&byte| byte == b'\n')
+        .filter(|line| line.ends_with(b"\n"));
     while let Some(line) = lines.next() {
         end += line.len();
         match serde_json::from_slice(line) {
@@ -84,13 +95,19 @@ pub fn read_records(path: &Path) -> Result<ReadRecords> {
             }
             Err(_) => {
                 let why = format!("line {} is damaged", read.records.len() + 1);
-                read.rest = Some(Rest { why, after: lines.count() });
+                read.rest = Some(Rest {
+                    why,
+                    after: lines.count(),
+                });
                 break;
             }
         }
     }
     if read.rest.is_none() && read.is_torn && !is_begun_record(torn) {
-        read.rest = Some(Rest { why: format!("line {} is damaged", read.records.len() + 1), after: 0 });
+        read.rest = Some(Rest {
+            why: format!("line {} is damaged", read.records.len() + 1),
+            after: 0,
+        });
         read.is_torn = false;
     }
     Ok(read)
@@ -124,8 +141,19 @@ impl Journal {
             Ok(file)
         };
         let file = open().with_context(|| durable::cannot_write(path))?;
-        let ends = read.records.iter().map(|record| record.seq).zip(read.ends.iter().copied()).collect();
-        Ok(Self { path: path.to_owned(), file, length, ends, broken: false })
+        let ends = read
+            .records
+            .iter()
+            .map(|record| record.seq)
+            .zip(read.ends.iter().copied())
+            .collect();
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            length,
+            ends,
+            broken: false,
+        })
     }
 
     /// Bytes in the file.
@@ -139,14 +167,24 @@ impl Journal {
     /// When it cannot be written (a full disk); the file is as before.
     pub fn append(&mut self, record: &Record) -> Result<()> {
         if self.broken {
-            bail!("{}: an earlier write failed; open the project again", self.path.display());
+            bail!(
+                "{}: an earlier write failed; open the project again",
+                self.path.display()
+            );
         }
         let line = record.line()?;
-        let written = self.file.write_all(&line).and_then(|()| self.file.sync_data());
+        let written = self
+            .file
+            .write_all(&line)
+            .and_then(|()| self.file.sync_data());
         if let Err(error) = written {
             self.take_back();
-            return Err(error)
-                .with_context(|| format!("{}: the step cannot be saved and was not made", self.path.display()));
+            return Err(error).with_context(|| {
+                format!(
+                    "{}: the step cannot be saved and was not made",
+                    self.path.display()
+                )
+            });
         }
         self.length += line.len() as u64;
         self.ends.push((record.seq, self.length));
@@ -154,7 +192,10 @@ impl Journal {
     }
 
     fn take_back(&mut self) {
-        let cut = self.file.set_len(self.length).and_then(|()| self.file.seek(SeekFrom::Start(self.length)));
+        let cut = self
+            .file
+            .set_len(self.length)
+            .and_then(|()| self.file.seek(SeekFrom::Start(self.length)));
         self.broken = cut.and_then(|_| self.file.sync_data()).is_err();
     }
 
@@ -163,10 +204,15 @@ impl Journal {
     /// # Errors
     /// When the file cannot be read.
     pub fn lines_between(&self, after: u64, seq: u64) -> Result<Vec<u8>> {
-        let bytes =
-            disk::read_regular(&self.path).with_context(|| format!("{}: cannot be read", self.path.display()))?;
+        let bytes = disk::read_regular(&self.path)
+            .with_context(|| format!("{}: cannot be read", self.path.display()))?;
         let lines = bytes.get(self.end_of(after) as usize..self.end_of(seq) as usize);
-        let changed = || format!("{}: was changed by another program; open the project again", self.path.display());
+        let changed = || {
+            format!(
+                "{}: was changed by another program; open the project again",
+                self.path.display()
+            )
+        };
         lines.map(<[u8]>::to_vec).with_context(changed)
     }
 
@@ -198,6 +244,10 @@ impl Journal {
 
     /// Where the lines of records up to `seq` end.
     fn end_of(&self, seq: u64) -> u64 {
-        self.ends.iter().take_while(|&&(number, _)| number <= seq).last().map_or(0, |&(_, end)| end)
+        self.ends
+            .iter()
+            .take_while(|&&(number, _)| number <= seq)
+            .last()
+            .map_or(0, |&(_, end)| end)
     }
 }

@@ -49,7 +49,8 @@ pub fn state(root: &Path, progress: &Progress) -> Result<State> {
     let base = base(root, manifest)?;
     cut_at_gap(&mut journal, checkpoint);
     let (mut project, read, masks) = loop {
-        let (project, read, masks) = with_masks(root, base.clone(), later(&journal, checkpoint), progress)?;
+        let (project, read, masks) =
+            with_masks(root, base.clone(), later(&journal, checkpoint), progress)?;
         match replayed(&project, later(&journal, checkpoint)) {
             Ok(project) => break (project, read, masks),
             Err((place, error)) => {
@@ -59,31 +60,66 @@ pub fn state(root: &Path, progress: &Progress) -> Result<State> {
             }
         }
     };
-    let seq = journal.records.last().map_or(checkpoint, |record| record.seq.max(checkpoint));
-    let Past { mut history, seq: history_seq, length, damage, warning } =
-        history_file::read(root, checkpoint, &journal.records);
-    for record in journal.records.iter().filter(|record| record.seq > history_seq) {
+    let seq = journal
+        .records
+        .last()
+        .map_or(checkpoint, |record| record.seq.max(checkpoint));
+    let Past {
+        mut history,
+        seq: history_seq,
+        length,
+        damage,
+        warning,
+    } = history_file::read(root, checkpoint, &journal.records);
+    for record in journal
+        .records
+        .iter()
+        .filter(|record| record.seq > history_seq)
+    {
         record.clone().fold(&mut history);
     }
-    let ReadMasks { mut warnings, mut damages, .. } = read;
+    let ReadMasks {
+        mut warnings,
+        mut damages,
+        ..
+    } = read;
     damages.extend(journal_damage(&path, &journal));
     damages.extend(damage);
     warnings.extend(warning);
     warnings.extend(journal.is_torn.then(|| torn(&path)));
     warnings.extend(places::find_moved(&mut project, former.as_deref(), root));
     let history_end = (history_seq, length);
-    Ok(State { project, history, checkpoint, seq, journal, masks, history_end, damages, warnings })
+    Ok(State {
+        project,
+        history,
+        checkpoint,
+        seq,
+        journal,
+        masks,
+        history_end,
+        damages,
+        warnings,
+    })
 }
 
 /// The project of `project.toml`, without masks.
 fn base(root: &Path, manifest: Manifest) -> Result<Project> {
-    let damaged = || format!("{}: is damaged; restore it from a backup", root.join("project.toml").display());
+    let damaged = || {
+        format!(
+            "{}: is damaged; restore it from a backup",
+            root.join("project.toml").display()
+        )
+    };
     manifest.into_project(root).with_context(damaged)
 }
 
 /// The records that `project.toml` does not have.
 fn later(journal: &ReadRecords, checkpoint: u64) -> &[Record] {
-    let first = journal.records.iter().take_while(|record| record.seq <= checkpoint).count();
+    let first = journal
+        .records
+        .iter()
+        .take_while(|record| record.seq <= checkpoint)
+        .count();
     &journal.records[first..]
 }
 
@@ -92,7 +128,9 @@ fn later(journal: &ReadRecords, checkpoint: u64) -> &[Record] {
 fn cut_at_gap(journal: &mut ReadRecords, checkpoint: u64) {
     let after = later(journal, checkpoint);
     let numbers = after.iter().map(|record| record.seq);
-    let gap = numbers.zip(checkpoint + 1..).position(|(found, expected)| found != expected);
+    let gap = numbers
+        .zip(checkpoint + 1..)
+        .position(|(found, expected)| found != expected);
     if let Some(place) = gap {
         let first = journal.records.len() - after.len() + place;
         let why = format!("lacks step {}", checkpoint + 1 + place as u64);
@@ -106,10 +144,21 @@ fn with_masks(
     later: &[Record],
     progress: &Progress,
 ) -> Result<(Project, ReadMasks, Runs)> {
-    let set_later: BTreeSet<usize> = later.iter().flat_map(|record| masks_set(&record.act)).collect();
-    let mut read = mask_files::read(root, &project, |frame| !set_later.contains(&frame), progress)?;
+    let set_later: BTreeSet<usize> = later
+        .iter()
+        .flat_map(|record| masks_set(&record.act))
+        .collect();
+    let mut read = mask_files::read(
+        root,
+        &project,
+        |frame| !set_later.contains(&frame),
+        progress,
+    )?;
     for (frame, mask) in std::mem::take(&mut read.masks) {
-        project.apply(Edit::SetMask { frame, mask: Some(mask) })?;
+        project.apply(Edit::SetMask {
+            frame,
+            mask: Some(mask),
+        })?;
     }
     let known = mask_files::known(&project, &set_later)?;
     Ok((project, read, known))
@@ -119,7 +168,9 @@ fn with_masks(
 fn replayed(base: &Project, records: &[Record]) -> Result<Project, (usize, anyhow::Error)> {
     let mut project = base.clone();
     for (place, record) in records.iter().enumerate() {
-        record.replay(&mut project).map_err(|error| (place, error))?;
+        record
+            .replay(&mut project)
+            .map_err(|error| (place, error))?;
     }
     Ok(project)
 }
@@ -131,7 +182,11 @@ fn journal_damage(path: &Path, journal: &ReadRecords) -> Option<Damage> {
         1 => "this step and the one after it are left out".to_owned(),
         after => format!("this step and the {after} after it are left out"),
     };
-    Some(Damage { path: path.to_owned(), what: format!("{}; {lost}", rest.why), is_in_use: true })
+    Some(Damage {
+        path: path.to_owned(),
+        what: format!("{}; {lost}", rest.why),
+        is_in_use: true,
+    })
 }
 
 fn torn(path: &Path) -> String {
@@ -147,7 +202,10 @@ fn masks_set(act: &Act) -> Vec<usize> {
         _ => None,
     };
     match act {
-        Act::Step { changes, .. } => changes.iter().filter_map(|change| set(&change.edit)).collect(),
+        Act::Step { changes, .. } => changes
+            .iter()
+            .filter_map(|change| set(&change.edit))
+            .collect(),
         Act::Undo { edits } | Act::Redo { edits } => edits.iter().filter_map(set).collect(),
     }
 }

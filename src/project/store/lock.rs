@@ -47,18 +47,27 @@ impl Lock {
         let path = root.join(".lock");
         // The lock may be writable in a folder that is not: files could be changed there, but none replaced.
         let opened = AtomicFile::create(&path).and_then(|_probe| disk::open_in_place(&path));
-        let file = opened.map_err(|why| LockError::NotWritable { root: root.to_owned(), why })?;
+        let file = opened.map_err(|why| LockError::NotWritable {
+            root: root.to_owned(),
+            why,
+        })?;
         match try_patiently(&file) {
             Ok(()) if disk::is_still_at(&file, &path) => Ok(Self { file }),
             // Who held it has removed it, after a project could not be made.
             Ok(()) => Err(LockError::Held(root.to_owned())),
             Err(TryLockError::WouldBlock) => Err(LockError::Held(root.to_owned())),
-            Err(TryLockError::Error(why)) => Err(LockError::NotLockable { root: root.to_owned(), why }),
+            Err(TryLockError::Error(why)) => Err(LockError::NotLockable {
+                root: root.to_owned(),
+                why,
+            }),
         }
     }
 }
 
-#[expect(clippy::disallowed_methods, reason = "a second at most, and only where another holds the project")]
+#[expect(
+    clippy::disallowed_methods,
+    reason = "a second at most, and only where another holds the project"
+)]
 fn try_patiently(file: &File) -> Result<(), TryLockError> {
     let begun = Instant::now();
     loop {
@@ -87,7 +96,12 @@ mod tests {
     fn lock_keeps_a_second_writer_out_and_is_given_back_even_while_another_process_inherits_it() {
         let dir = tempfile::tempdir().unwrap();
         let lock = Lock::take(dir.path()).unwrap();
-        assert!(Lock::take(dir.path()).unwrap_err().to_string().contains("close it there first"));
+        assert!(
+            Lock::take(dir.path())
+                .unwrap_err()
+                .to_string()
+                .contains("close it there first")
+        );
         let inherited = lock.file.try_clone().unwrap();
         drop(lock);
         Lock::take(dir.path()).unwrap();
@@ -95,7 +109,10 @@ mod tests {
     }
 
     #[test]
-    #[expect(clippy::disallowed_methods, reason = "the lock is given back a while after the next asks for it")]
+    #[expect(
+        clippy::disallowed_methods,
+        reason = "the lock is given back a while after the next asks for it"
+    )]
     fn what_a_killed_program_was_starting_holds_the_lock_for_an_instant_only() {
         let dir = tempfile::tempdir().unwrap();
         let held = Lock::take(dir.path()).unwrap();

@@ -67,8 +67,16 @@ pub fn check_format(root: &Path) -> Result<()> {
         format: u32,
     }
     let path = root.join("project.toml");
-    ensure!(root.exists(), "{}: there is no such folder; check the path", root.display());
-    ensure!(path.exists(), "{}: holds no project (project.toml is missing); make one with 'new'", root.display());
+    ensure!(
+        root.exists(),
+        "{}: there is no such folder; check the path",
+        root.display()
+    );
+    ensure!(
+        path.exists(),
+        "{}: holds no project (project.toml is missing); make one with 'new'",
+        root.display()
+    );
     let text = text_of(&path)?;
     match toml::from_str::<Format>(&text) {
         Ok(Format { format: FORMAT }) => Ok(()),
@@ -90,7 +98,10 @@ pub fn read(root: &Path) -> Result<Manifest> {
     let parsed = toml::from_str(&text).map_err(|error| error.message().replace('\n', " "));
     match parsed {
         Ok(manifest) => Ok(manifest),
-        Err(error) => bail!("{}: is damaged ({error}); restore it from a backup", path.display()),
+        Err(error) => bail!(
+            "{}: is damaged ({error}); restore it from a backup",
+            path.display()
+        ),
     }
 }
 
@@ -104,10 +115,14 @@ fn text_of(path: &Path) -> Result<String> {
 /// When it cannot be written; the old file stands.
 pub fn write(root: &Path, project: &Project, step: u64) -> Result<()> {
     let prompts = project.prompts.iter();
-    let folder = std::path::absolute(root).ok().filter(|folder| folder.to_str().is_some());
+    let folder = std::path::absolute(root)
+        .ok()
+        .filter(|folder| folder.to_str().is_some());
     let mut frames = project.frames.to_vec();
     if let Some(folder) = &folder {
-        frames.iter_mut().for_each(|frame| places::make_relative(frame, folder));
+        frames
+            .iter_mut()
+            .for_each(|frame| places::make_relative(frame, folder));
     }
     let manifest = Manifest {
         format: FORMAT,
@@ -115,12 +130,26 @@ pub fn write(root: &Path, project: &Project, step: u64) -> Result<()> {
         folder,
         origin: project.origin,
         labels: project.labels.iter().cloned().collect(),
-        prompts: prompts.map(|(&(frame, label), prompt)| Given { frame, label, prompt: prompt.clone() }).collect(),
-        marks: project.marks.iter().map(|(&label, marks)| Marked { label, marks: marks.clone() }).collect(),
+        prompts: prompts
+            .map(|(&(frame, label), prompt)| Given {
+                frame,
+                label,
+                prompt: prompt.clone(),
+            })
+            .collect(),
+        marks: project
+            .marks
+            .iter()
+            .map(|(&label, marks)| Marked {
+                label,
+                marks: marks.clone(),
+            })
+            .collect(),
         results: project.results.clone(),
         frames,
     };
-    let text = toml::to_string(&manifest).context("the project has a value that project.toml cannot hold")?;
+    let text = toml::to_string(&manifest)
+        .context("the project has a value that project.toml cannot hold")?;
     durable::replace(&root.join("project.toml"), text.as_bytes())
 }
 
@@ -130,14 +159,38 @@ impl Manifest {
     /// # Errors
     /// When an invariant does not hold: the file was changed by hand or damaged.
     pub fn into_project(mut self, root: &Path) -> Result<Project> {
-        ensure!(self.origin.is_finite(), "the origin of its coordinates is not finite");
-        let home = self.folder.as_deref().filter(|folder| folder.is_absolute()).unwrap_or(root);
-        self.frames.iter_mut().for_each(|frame| places::make_absolute(frame, home));
-        let mut project =
-            Project { labels: tree(self.labels)?, results: self.results, origin: self.origin, ..Project::default() };
-        project.apply(crate::Edit::AddFrames { frames: self.frames })?;
-        for Given { frame, label, prompt } in self.prompts {
-            project.apply(crate::Edit::SetPrompt { frame, label, prompt: Some(prompt) })?;
+        ensure!(
+            self.origin.is_finite(),
+            "the origin of its coordinates is not finite"
+        );
+        let home = self
+            .folder
+            .as_deref()
+            .filter(|folder| folder.is_absolute())
+            .unwrap_or(root);
+        self.frames
+            .iter_mut()
+            .for_each(|frame| places::make_absolute(frame, home));
+        let mut project = Project {
+            labels: tree(self.labels)?,
+            results: self.results,
+            origin: self.origin,
+            ..Project::default()
+        };
+        project.apply(crate::Edit::AddFrames {
+            frames: self.frames,
+        })?;
+        for Given {
+            frame,
+            label,
+            prompt,
+        } in self.prompts
+        {
+            project.apply(crate::Edit::SetPrompt {
+                frame,
+                label,
+                prompt: Some(prompt),
+            })?;
         }
         for Marked { label, marks } in self.marks {
             project.apply(crate::Edit::SetMarks { label, marks })?;
@@ -150,9 +203,13 @@ impl Manifest {
 fn tree(mut labels: Vec<Label>) -> Result<LabelTree> {
     let mut tree = LabelTree::default();
     while !labels.is_empty() {
-        let (ready, waiting): (Vec<_>, Vec<_>) =
-            labels.into_iter().partition(|label| label.parent.is_none_or(|parent| tree.get(parent).is_some()));
-        ensure!(!ready.is_empty(), "a label's parent does not exist or is its own descendant");
+        let (ready, waiting): (Vec<_>, Vec<_>) = labels
+            .into_iter()
+            .partition(|label| label.parent.is_none_or(|parent| tree.get(parent).is_some()));
+        ensure!(
+            !ready.is_empty(),
+            "a label's parent does not exist or is its own descendant"
+        );
         ready.into_iter().try_for_each(|label| tree.set(label))?;
         labels = waiting;
     }

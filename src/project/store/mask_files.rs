@@ -38,7 +38,10 @@ struct Origin {
 pub fn paths(frames: &[Frame]) -> Result<Vec<PathBuf>> {
     let frames: Vec<MaskFrame<'_>> = frames.iter().map(MaskFrame::from).collect();
     let stems = file_stems(&frames)?;
-    Ok(stems.into_iter().map(|stem| Path::new("masks").join(stem + ".png")).collect())
+    Ok(stems
+        .into_iter()
+        .map(|stem| Path::new("masks").join(stem + ".png"))
+        .collect())
 }
 
 /// Writes the masks that differ from those written before, each by temporary name and rename.
@@ -47,7 +50,9 @@ pub fn paths(frames: &[Frame]) -> Result<Vec<PathBuf>> {
 /// When one cannot be written, or on a stop.
 pub fn write(root: &Path, project: &Project, before: &Runs, progress: &Progress) -> Result<()> {
     let unwritten = |(path, runs): &(PathBuf, Arc<RunMask>)| {
-        before.get(path).is_none_or(|before| !Arc::ptr_eq(runs, before) && runs != before)
+        before
+            .get(path)
+            .is_none_or(|before| !Arc::ptr_eq(runs, before) && runs != before)
     };
     let changed: Vec<_> = runs(project)?.into_iter().filter(unwritten).collect();
     changed.par_iter().try_for_each(|(path, runs)| {
@@ -66,7 +71,11 @@ pub type Runs = BTreeMap<PathBuf, Arc<RunMask>>;
 /// As [`paths`].
 pub fn runs(project: &Project) -> Result<Runs> {
     let paths = paths(&project.frames)?;
-    Ok(project.masks.iter().map(|(&frame, mask)| (paths[frame].clone(), Arc::clone(&mask.runs))).collect())
+    Ok(project
+        .masks
+        .iter()
+        .map(|(&frame, mask)| (paths[frame].clone(), Arc::clone(&mask.runs)))
+        .collect())
 }
 
 /// What is known of the mask files when those of the frames `unread` were not read: these are taken for a mask
@@ -77,7 +86,9 @@ pub fn runs(project: &Project) -> Result<Runs> {
 pub fn known(project: &Project, unread: &BTreeSet<usize>) -> Result<Runs> {
     let nothing = Arc::new(RunMask::empty(0, 0));
     let paths = paths(&project.frames)?;
-    let unread = unread.iter().filter_map(|&frame| Some((paths.get(frame)?.clone(), Arc::clone(&nothing))));
+    let unread = unread
+        .iter()
+        .filter_map(|&frame| Some((paths.get(frame)?.clone(), Arc::clone(&nothing))));
     Ok(runs(project)?.into_iter().chain(unread).collect())
 }
 
@@ -94,7 +105,11 @@ pub fn write_origins(root: &Path, project: &Project) -> Result<()> {
         .masks
         .iter()
         .map(|(&frame, mask)| {
-            let origin = Origin { origin: mask.origin, stale: mask.stale, confidence: mask.confidence.clone() };
+            let origin = Origin {
+                origin: mask.origin,
+                stale: mask.stale,
+                confidence: mask.confidence.clone(),
+            };
             (project.frames[frame].name.as_str(), origin)
         })
         .collect();
@@ -131,7 +146,12 @@ pub fn read(
     let mut found = ReadMasks::default();
     let paths = paths(&project.frames)?;
     let origins = Origins::read(&root.join(ORIGINS));
-    let listed: Vec<_> = project.frames.iter().enumerate().filter(|(number, _)| wanted(*number)).collect();
+    let listed: Vec<_> = project
+        .frames
+        .iter()
+        .enumerate()
+        .filter(|(number, _)| wanted(*number))
+        .collect();
     let read = listed.par_iter().filter_map(|&(number, frame)| {
         let path = root.join(&paths[number]);
         let origin = match origins.of(&frame.name) {
@@ -140,7 +160,10 @@ pub fn read(
             Known::Damaged if path.exists() => Origin::anchor(),
             Known::Damaged => return None,
         };
-        let mask = progress.check().map_err(anyhow::Error::from).map(|()| read_one(&path, (project, number), origin));
+        let mask = progress
+            .check()
+            .map_err(anyhow::Error::from)
+            .map(|()| read_one(&path, (project, number), origin));
         Some(mask.map(|mask| (number, mask)))
     });
     let mut masks_there = 0;
@@ -152,7 +175,10 @@ pub fn read(
                 found.masks.insert(number, mask);
             }
             ReadMask::Gone => {
-                found.warnings.push(format!("{}: is gone; frame {number} has no mask now", paths[number].display()));
+                found.warnings.push(format!(
+                    "{}: is gone; frame {number} has no mask now",
+                    paths[number].display()
+                ));
             }
             ReadMask::Damaged(why) => found.damages.push(Damage {
                 path: root.join(&paths[number]),
@@ -193,7 +219,12 @@ impl Origins {
         match serde_json::from_slice::<BTreeMap<String, serde_json::Value>>(&text) {
             Ok(entries) => {
                 let entry = |value| serde_json::from_value(value).ok().filter(Origin::is_sound);
-                Self::Read(entries.into_iter().map(|(name, value)| (name, entry(value))).collect())
+                Self::Read(
+                    entries
+                        .into_iter()
+                        .map(|(name, value)| (name, entry(value)))
+                        .collect(),
+                )
             }
             Err(error) => Self::Damaged(format!("is damaged ({error})")),
         }
@@ -213,19 +244,31 @@ impl Origins {
     /// Adds what the user should know of the file itself.
     fn report(self, root: &Path, masks: usize, found: &mut ReadMasks) {
         let path = root.join(ORIGINS);
-        let anchors =
-            |count: usize| format!("which masks are anchors is not known; {count} masks count as anchors now");
-        let damage = |what: String| Damage { path: path.clone(), what, is_in_use: false };
+        let anchors = |count: usize| {
+            format!("which masks are anchors is not known; {count} masks count as anchors now")
+        };
+        let damage = |what: String| Damage {
+            path: path.clone(),
+            what,
+            is_in_use: false,
+        };
         match self {
             Self::Missing if masks > 0 => {
-                found.warnings.push(format!("{}: is missing; {}", path.display(), anchors(masks)));
+                found.warnings.push(format!(
+                    "{}: is missing; {}",
+                    path.display(),
+                    anchors(masks)
+                ));
             }
             Self::Missing => {}
-            Self::Damaged(why) => found.damages.push(damage(format!("{why}; {}", anchors(masks)))),
+            Self::Damaged(why) => found
+                .damages
+                .push(damage(format!("{why}; {}", anchors(masks)))),
             Self::Read(entries) => {
                 let damaged = entries.values().filter(|entry| entry.is_none()).count();
                 if damaged > 0 {
-                    let what = format!("{damaged} of its entries are damaged; {}", anchors(damaged));
+                    let what =
+                        format!("{damaged} of its entries are damaged; {}", anchors(damaged));
                     found.damages.push(damage(what));
                 }
             }
@@ -235,12 +278,19 @@ impl Origins {
 
 impl Origin {
     fn anchor() -> Self {
-        Self { origin: MaskOrigin::Anchor, stale: false, confidence: BTreeMap::new() }
+        Self {
+            origin: MaskOrigin::Anchor,
+            stale: false,
+            confidence: BTreeMap::new(),
+        }
     }
 
     /// Whether a mask can have it.
     fn is_sound(&self) -> bool {
-        let shares = self.confidence.values().all(|share| (0.0..=1.0).contains(share));
+        let shares = self
+            .confidence
+            .values()
+            .all(|share| (0.0..=1.0).contains(share));
         shares && !(self.stale && self.origin == MaskOrigin::Anchor)
     }
 }
@@ -259,10 +309,21 @@ fn read_one(path: &Path, (project, frame): (&Project, usize), origin: Origin) ->
     let shown = &project.frames[frame];
     let mask = match read_palette_png_of(path, (&shown.name, shown.width, shown.height)) {
         Ok(mask) => mask,
-        Err(error) => return ReadMask::Damaged(format!("cannot be read ({})", without_path(&error, path))),
+        Err(error) => {
+            return ReadMask::Damaged(format!("cannot be read ({})", without_path(&error, path)));
+        }
     };
-    let Origin { origin, stale, confidence } = origin;
-    let mask = FrameMask { runs: Arc::new(RunMask::encode(&mask)), origin, stale, confidence };
+    let Origin {
+        origin,
+        stale,
+        confidence,
+    } = origin;
+    let mask = FrameMask {
+        runs: Arc::new(RunMask::encode(&mask)),
+        origin,
+        stale,
+        confidence,
+    };
     match project.check_mask(shown, &mask) {
         Ok(()) => ReadMask::Whole(mask),
         Err(error) => ReadMask::Damaged(format!("does not fit the project ({error:#})")),
@@ -273,5 +334,6 @@ fn read_one(path: &Path, (project, frame): (&Project, usize), origin: Origin) ->
 fn without_path(error: &dyn std::fmt::Display, path: &Path) -> String {
     let text = error.to_string().replace('\n', " ");
     let shown = format!("{}: ", path.display());
-    text.strip_prefix(&shown).map_or(text.clone(), str::to_owned)
+    text.strip_prefix(&shown)
+        .map_or(text.clone(), str::to_owned)
 }

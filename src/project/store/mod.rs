@@ -31,6 +31,7 @@ pub use outcomes::{load_links, load_outcomes, save_links, save_outcomes};
 pub use places::joined;
 pub use record::{Act, Record};
 pub use versions::{
-    cloud_path, depth_versions, feature_cache_path, keep_mesh, keep_votes, mesh_path, mesh_votes_path,
-    next as next_version, publish_cloud, publish_depths, sparse_path, version_in_force, votes_path,
+    cloud_path, depth_versions, feature_cache_path, keep_mesh, keep_votes, mesh_path,
+    mesh_votes_path, next as next_version, publish_cloud, publish_depths, sparse_path,
+    version_in_force, votes_path,
 };

@@ -20,7 +20,10 @@ const LINKS: &str = "links.json";
 /// # Errors
 /// When the file cannot be written.
 pub fn save_outcomes(folder: &Path, outcomes: &BTreeMap<usize, Outcome>) -> Result<()> {
-    durable::replace(&folder.join(OUTCOMES), &serde_json::to_vec_pretty(outcomes)?)
+    durable::replace(
+        &folder.join(OUTCOMES),
+        &serde_json::to_vec_pretty(outcomes)?,
+    )
 }
 
 /// Writes beside a sparse model what ties its frames together; nothing where there are no links.
@@ -28,7 +31,11 @@ pub fn save_outcomes(folder: &Path, outcomes: &BTreeMap<usize, Outcome>) -> Resu
 /// # Errors
 /// When the file cannot be written.
 pub fn save_links(folder: &Path, links: &[FrameLink]) -> Result<()> {
-    if links.is_empty() { Ok(()) } else { durable::replace(&folder.join(LINKS), &serde_json::to_vec(links)?) }
+    if links.is_empty() {
+        Ok(())
+    } else {
+        durable::replace(&folder.join(LINKS), &serde_json::to_vec(links)?)
+    }
 }
 
 /// What became of each frame, by number.
@@ -45,11 +52,16 @@ pub fn load_outcomes(folder: &Path) -> Result<BTreeMap<usize, Outcome>> {
 /// When the file is damaged.
 pub fn load_links(folder: &Path) -> Result<Vec<FrameLink>> {
     let path = folder.join(LINKS);
-    if path.exists() { load(&path) } else { Ok(Vec::new()) }
+    if path.exists() {
+        load(&path)
+    } else {
+        Ok(Vec::new())
+    }
 }
 
 fn load<T: DeserializeOwned>(path: &Path) -> Result<T> {
-    let bytes =
-        disk::read_regular_up_to(path, MAX_BYTES).with_context(|| format!("{}: cannot be read", path.display()))?;
-    serde_json::from_slice(&bytes).with_context(|| format!("{}: is damaged; reconstruct again", path.display()))
+    let bytes = disk::read_regular_up_to(path, MAX_BYTES)
+        .with_context(|| format!("{}: cannot be read", path.display()))?;
+    serde_json::from_slice(&bytes)
+        .with_context(|| format!("{}: is damaged; reconstruct again", path.display()))
 }

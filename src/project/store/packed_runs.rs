@@ -22,7 +22,10 @@ pub fn serialize<S: Serializer>(mask: &Arc<RunMask>, serializer: S) -> Result<S:
 pub fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Arc<RunMask>, D::Error> {
     let text = std::borrow::Cow::<'de, str>::deserialize(deserializer)?;
     let damaged = || D::Error::custom("the runs of a mask are damaged");
-    parse(&text).ok_or_else(damaged)?.map(Arc::new).map_err(D::Error::custom)
+    parse(&text)
+        .ok_or_else(damaged)?
+        .map(Arc::new)
+        .map_err(D::Error::custom)
 }
 
 /// The mask in a text of the right form; the inner error is that of [`RunMask::new`].
@@ -33,5 +36,9 @@ fn parse(text: &str) -> Option<Result<RunMask, MaskError>> {
         let (id, length) = word.split_once('*')?;
         Some((LabelId(id.parse().ok()?), length.parse().ok()?))
     });
-    Some(RunMask::new(width.parse().ok()?, height.parse().ok()?, runs.collect::<Option<_>>()?))
+    Some(RunMask::new(
+        width.parse().ok()?,
+        height.parse().ok()?,
+        runs.collect::<Option<_>>()?,
+    ))
 }

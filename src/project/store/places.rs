@@ -39,8 +39,14 @@ pub fn make_absolute(frame: &mut Frame, folder: &Path) {
 pub fn find_moved(project: &mut Project, former: Option<&Path>, root: &Path) -> Vec<String> {
     let root = std::path::absolute(root).unwrap_or_else(|_| root.to_owned());
     let frames = &project.frames;
-    if frames.iter().flat_map(sources).any(|path| !path.is_absolute()) {
-        Arc::make_mut(&mut project.frames).iter_mut().for_each(|frame| make_absolute(frame, &root));
+    if frames
+        .iter()
+        .flat_map(sources)
+        .any(|path| !path.is_absolute())
+    {
+        Arc::make_mut(&mut project.frames)
+            .iter_mut()
+            .for_each(|frame| make_absolute(frame, &root));
     }
     if former == Some(root.as_path()) {
         return Vec::new();
@@ -65,8 +71,14 @@ pub fn find_moved(project: &mut Project, former: Option<&Path>, root: &Path) -> 
         moved.extend(found.map(|place| (folder.to_owned(), place)));
     }
     if !moved.is_empty() {
-        for path in Arc::make_mut(&mut project.frames).iter_mut().flat_map(sources_mut) {
-            let place = path.parent().and_then(|folder| moved.get(folder)).zip(path.file_name());
+        for path in Arc::make_mut(&mut project.frames)
+            .iter_mut()
+            .flat_map(sources_mut)
+        {
+            let place = path
+                .parent()
+                .and_then(|folder| moved.get(folder))
+                .zip(path.file_name());
             if let Some(place) = place.map(|(folder, name)| folder.join(name)) {
                 *path = place;
             }
@@ -85,8 +97,13 @@ fn groups(frames: &[Frame]) -> BTreeMap<&Path, Group<'_>> {
     let mut groups: BTreeMap<&Path, Group<'_>> = BTreeMap::new();
     for frame in frames {
         for (place, path) in sources(frame).enumerate() {
-            let (Some(folder), Some(name)) = (path.parent(), path.file_name()) else { continue };
-            let group = groups.entry(folder).or_insert_with(|| Group { folder, files: BTreeMap::new() });
+            let (Some(folder), Some(name)) = (path.parent(), path.file_name()) else {
+                continue;
+            };
+            let group = groups.entry(folder).or_insert_with(|| Group {
+                folder,
+                files: BTreeMap::new(),
+            });
             group.files.insert(name.into(), (frame, place));
         }
     }
@@ -101,10 +118,16 @@ impl Group<'_> {
 
     /// Whether most of the files are in another folder too and have the right sizes.
     fn fits(&self, folder: &Path) -> bool {
-        let there: Vec<_> = self.files.iter().filter(|(name, _)| folder.join(name).is_file()).collect();
+        let there: Vec<_> = self
+            .files
+            .iter()
+            .filter(|(name, _)| folder.join(name).is_file())
+            .collect();
         let mut samples = there.iter().step_by(there.len() / SAMPLES + 1);
         2 * there.len() >= self.files.len().max(1)
-            && samples.all(|(name, (frame, place))| check_source(frame, *place, &folder.join(name)).is_ok())
+            && samples.all(|(name, (frame, place))| {
+                check_source(frame, *place, &folder.join(name)).is_ok()
+            })
     }
 
     /// Whether the files are in a folder, and no longer where they were, or a copy of them.
@@ -121,24 +144,45 @@ impl Group<'_> {
 /// Folders near a project that may be the one that another folder has become, the likeliest first: the longer the end of
 /// their paths that agrees, the likelier.
 fn near(folder: &Path, root: &Path) -> impl Iterator<Item = PathBuf> {
-    let parts: Vec<_> = folder.components().filter(|part| matches!(part, Component::Normal(_))).collect();
-    let above: Vec<PathBuf> =
-        root.ancestors().take(LEVELS).filter(|above| above.parent().is_some()).map(Path::to_owned).collect();
+    let parts: Vec<_> = folder
+        .components()
+        .filter(|part| matches!(part, Component::Normal(_)))
+        .collect();
+    let above: Vec<PathBuf> = root
+        .ancestors()
+        .take(LEVELS)
+        .filter(|above| above.parent().is_some())
+        .map(Path::to_owned)
+        .collect();
     let first = parts.len();
     let ends = (0..first).map(move |skipped| parts[skipped..].iter().collect::<PathBuf>());
     let beside: Vec<PathBuf> = above.iter().take(2).cloned().collect();
-    ends.flat_map(move |end| above.clone().into_iter().map(move |above| above.join(&end))).chain(beside)
+    ends.flat_map(move |end| above.clone().into_iter().map(move |above| above.join(&end)))
+        .chain(beside)
 }
 
 /// The way from a folder to a path; `None` where they share no folder but the root of the disk.
 fn relative(from: &Path, to: &Path) -> Option<PathBuf> {
-    let shared: Vec<Component<'_>> =
-        from.components().zip(to.components()).take_while(|(a, b)| a == b).map(|(part, _)| part).collect();
-    shared.iter().find(|part| matches!(part, Component::Normal(_)))?;
-    let up = from.components().skip(shared.len()).map(|_| Component::ParentDir);
+    let shared: Vec<Component<'_>> = from
+        .components()
+        .zip(to.components())
+        .take_while(|(a, b)| a == b)
+        .map(|(part, _)| part)
+        .collect();
+    shared
+        .iter()
+        .find(|part| matches!(part, Component::Normal(_)))?;
+    let up = from
+        .components()
+        .skip(shared.len())
+        .map(|_| Component::ParentDir);
     let way: PathBuf = up.chain(to.components().skip(shared.len())).collect();
     // A project can be moved between systems.
-    Some(if cfg!(windows) { way.to_str()?.replace('\\', "/").into() } else { way })
+    Some(if cfg!(windows) {
+        way.to_str()?.replace('\\', "/").into()
+    } else {
+        way
+    })
 }
 
 /// A path as it is seen from a folder. `..` is taken by the names, not by where links on the way lead.
@@ -161,8 +205,16 @@ mod tests {
     #[test]
     fn relative_paths_lead_back_to_where_they_came_from() {
         for (from, to, way) in [
-            ("/data/set/project", "/data/set/images/0.png", Some("../images/0.png")),
-            ("/data/set/project", "/data/other/deep/0.png", Some("../../other/deep/0.png")),
+            (
+                "/data/set/project",
+                "/data/set/images/0.png",
+                Some("../images/0.png"),
+            ),
+            (
+                "/data/set/project",
+                "/data/other/deep/0.png",
+                Some("../../other/deep/0.png"),
+            ),
             ("/data/set", "/data/set/0.png", Some("0.png")),
             ("/data/set/project", "/home/me/0.png", None),
         ] {
@@ -176,18 +228,30 @@ mod tests {
 
     #[test]
     fn what_looks_like_an_address_or_option_becomes_a_file() {
-        for (path, file) in [("http://evil/x.mp4", "/p/http:/evil/x.mp4"), ("-i", "/p/-i"), ("../../../../etc", "/etc")]
-        {
+        for (path, file) in [
+            ("http://evil/x.mp4", "/p/http:/evil/x.mp4"),
+            ("-i", "/p/-i"),
+            ("../../../../etc", "/etc"),
+        ] {
             assert_eq!(joined(Path::new("/p"), Path::new(path)), Path::new(file));
         }
     }
 
     #[test]
     fn likelier_folders_come_first() {
-        let found: Vec<PathBuf> = near(Path::new("/old/set/images"), Path::new("/new/set/project")).collect();
-        let place = |path: &str| found.iter().position(|found| found == Path::new(path)).unwrap();
+        let found: Vec<PathBuf> =
+            near(Path::new("/old/set/images"), Path::new("/new/set/project")).collect();
+        let place = |path: &str| {
+            found
+                .iter()
+                .position(|found| found == Path::new(path))
+                .unwrap()
+        };
         assert!(place("/new/set/images") < place("/new/images"));
         assert!(place("/new/set/images") < place("/new/set/project/images"));
-        assert!(place("/new/images") < place("/new/set"), "files next to the project");
+        assert!(
+            place("/new/images") < place("/new/set"),
+            "files next to the project"
+        );
     }
 }

@@ -56,8 +56,16 @@ impl Record {
     /// Does to the history what the record says.
     pub fn fold(self, history: &mut History) {
         match self.act {
-            Act::Step { title, changes, continues: false } => history.push(Step { title, changes }),
-            Act::Step { title, changes, continues: true } => history.extend(Step { title, changes }),
+            Act::Step {
+                title,
+                changes,
+                continues: false,
+            } => history.push(Step { title, changes }),
+            Act::Step {
+                title,
+                changes,
+                continues: true,
+            } => history.extend(Step { title, changes }),
             Act::Undo { .. } => history.undo(),
             Act::Redo { .. } => history.redo(),
         }

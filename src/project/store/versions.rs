@@ -16,8 +16,11 @@ use ostra_frames::{DepthSource, Frame};
 const KINDS: [ResultKind; 3] = [ResultKind::Cloud, ResultKind::Cameras, ResultKind::Depths];
 
 /// Plain name of what is published, and what stands before and after the number under `versions/`.
-const FILES: [(&str, &str, &str); 3] =
-    [("cloud.ply", "cloud-", ".ply"), ("votes.bin", "votes-", ".bin"), ("mesh.ply", "mesh-", ".ply")];
+const FILES: [(&str, &str, &str); 3] = [
+    ("cloud.ply", "cloud-", ".ply"),
+    ("votes.bin", "votes-", ".bin"),
+    ("mesh.ply", "mesh-", ".ply"),
+];
 
 /// What stands before the number of a sparse model's folder, and of one with depth maps.
 const SPARSE: &str = "sparse-";
@@ -68,7 +71,10 @@ pub(super) fn depths_path(version: u64) -> PathBuf {
 pub fn next(root: &Path, project: &Project, history: &History) -> Result<u64> {
     durable::make_folder(&root.join("versions"))?;
     let on_disk = KINDS.iter().flat_map(|&kind| numbers(root, kind)).max();
-    let named = KINDS.iter().flat_map(|&kind| referred(project, history, kind)).max();
+    let named = KINDS
+        .iter()
+        .flat_map(|&kind| referred(project, history, kind))
+        .max();
     Ok(on_disk.max(named).unwrap_or(0) + 1)
 }
 
@@ -90,7 +96,11 @@ pub fn publish_cloud(root: &Path, version: Option<u64>) -> Result<()> {
         put.with_context(|| durable::cannot_write(&place))?;
         changed = true;
     }
-    if changed { durable::sync_folder(root) } else { Ok(()) }
+    if changed {
+        durable::sync_folder(root)
+    } else {
+        Ok(())
+    }
 }
 
 /// Gives the mesh of one version to another one, as it is.
@@ -129,11 +139,14 @@ pub fn publish_depths(root: &Path, frames: &[Frame]) -> Result<()> {
         _ => None,
     };
     let wanted: BTreeMap<String, PathBuf> = frames.iter().filter_map(made).collect();
-    let maps: Vec<PathBuf> = depth_versions(root).map(|version| root.join(depths_path(version)).join("maps")).collect();
+    let maps: Vec<PathBuf> = depth_versions(root)
+        .map(|version| root.join(depths_path(version)).join("maps"))
+        .collect();
     for frame in frames {
         let name = depth_file(&frame.name);
         let place = folder.join(&name);
-        if !wanted.contains_key(&name) && maps.iter().any(|maps| is_same(&maps.join(&name), &place)) {
+        if !wanted.contains_key(&name) && maps.iter().any(|maps| is_same(&maps.join(&name), &place))
+        {
             fs::remove_file(&place).with_context(|| durable::cannot_write(&place))?;
         }
     }
@@ -158,7 +171,11 @@ pub(super) fn depth_file(frame: &str) -> String {
 }
 
 fn is_same(a: &Path, b: &Path) -> bool {
-    let stamp = |path: &Path| fs::metadata(path).ok().map(|meta| (meta.len(), meta.modified().ok()));
+    let stamp = |path: &Path| {
+        fs::metadata(path)
+            .ok()
+            .map(|meta| (meta.len(), meta.modified().ok()))
+    };
     stamp(a).is_some_and(|a| Some(a) == stamp(b))
 }
 
@@ -172,10 +189,20 @@ pub fn collect(root: &Path, project: &Project, history: &History) {
 
 fn collect_kind(root: &Path, project: &Project, history: &History, kind: ResultKind) {
     let referred = referred(project, history, kind);
-    let Some(&newest) = referred.last() else { return };
+    let Some(&newest) = referred.last() else {
+        return;
+    };
     let in_force = version_in_force(project, kind);
-    let too_old = referred.iter().rev().skip(KEPT + 1).copied().collect::<BTreeSet<_>>();
-    for version in numbers(root, kind).into_iter().filter(|&version| version < newest && Some(version) != in_force) {
+    let too_old = referred
+        .iter()
+        .rev()
+        .skip(KEPT + 1)
+        .copied()
+        .collect::<BTreeSet<_>>();
+    for version in numbers(root, kind)
+        .into_iter()
+        .filter(|&version| version < newest && Some(version) != in_force)
+    {
         if !referred.contains(&version) || too_old.contains(&version) {
             remove(root, version, kind);
         }
@@ -197,35 +224,61 @@ fn remove(root: &Path, version: u64, kind: ResultKind) {
 
 /// The version of a result's files that the project has now.
 pub fn version_in_force(project: &Project, kind: ResultKind) -> Option<u64> {
-    project.results.get(&kind).map(|record| record.version).filter(|&version| version > 0)
+    project
+        .results
+        .get(&kind)
+        .map(|record| record.version)
+        .filter(|&version| version > 0)
 }
 
 fn referred(project: &Project, history: &History, kind: ResultKind) -> BTreeSet<u64> {
     let of_depth = |depth: &Option<DepthSource>| match depth {
-        Some(DepthSource::Made { made, .. }) if kind == ResultKind::Depths => {
-            made.iter().nth(1)?.to_str()?.strip_prefix(DEPTHS)?.parse().ok()
-        }
+        Some(DepthSource::Made { made, .. }) if kind == ResultKind::Depths => made
+            .iter()
+            .nth(1)?
+            .to_str()?
+            .strip_prefix(DEPTHS)?
+            .parse()
+            .ok(),
         _ => None,
     };
     let of_edit = |edit: &Edit| match edit {
-        Edit::SetResult { kind: of, record: Some(record) } if *of == kind => Some(record.version),
+        Edit::SetResult {
+            kind: of,
+            record: Some(record),
+        } if *of == kind => Some(record.version),
         Edit::SetDepth { depth, .. } => of_depth(depth),
         Edit::SetFrame { value, .. } => of_depth(&value.depth),
         _ => None,
     };
     let (steps, _) = history.steps();
-    let changes = steps.flat_map(|step| &step.changes).flat_map(|change| [&change.edit, &change.inverse]);
-    let now = project.frames.iter().filter_map(|frame| of_depth(&frame.depth));
-    let named = changes.filter_map(of_edit).chain(version_in_force(project, kind)).chain(now);
+    let changes = steps
+        .flat_map(|step| &step.changes)
+        .flat_map(|change| [&change.edit, &change.inverse]);
+    let now = project
+        .frames
+        .iter()
+        .filter_map(|frame| of_depth(&frame.depth));
+    let named = changes
+        .filter_map(of_edit)
+        .chain(version_in_force(project, kind))
+        .chain(now);
     named.filter(|&version| version > 0).collect()
 }
 
 fn numbers(root: &Path, kind: ResultKind) -> BTreeSet<u64> {
-    let Ok(entries) = fs::read_dir(root.join("versions")) else { return BTreeSet::new() };
+    let Ok(entries) = fs::read_dir(root.join("versions")) else {
+        return BTreeSet::new();
+    };
     let number = |name: &str| match kind {
         ResultKind::Cameras => name.strip_prefix(SPARSE)?.parse().ok(),
         ResultKind::Depths => name.strip_prefix(DEPTHS)?.parse().ok(),
-        _ => FILES.iter().find_map(|(_, before, after)| name.strip_prefix(before)?.strip_suffix(after)?.parse().ok()),
+        _ => FILES.iter().find_map(|(_, before, after)| {
+            name.strip_prefix(before)?.strip_suffix(after)?.parse().ok()
+        }),
     };
-    entries.flatten().filter_map(|entry| number(entry.file_name().to_str()?)).collect()
+    entries
+        .flatten()
+        .filter_map(|entry| number(entry.file_name().to_str()?))
+        .collect()
 }

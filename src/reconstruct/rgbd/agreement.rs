@@ -26,8 +26,16 @@ impl Agreement {
     /// Both directions in one: the lesser of each.
     #[must_use]
     pub fn of(source: &Pyramid, target: &Pyramid, target_from_source: &Pose) -> Self {
-        let one = seen_by(&source.levels[LEVEL], &target.levels[LEVEL], target_from_source);
-        let other = seen_by(&target.levels[LEVEL], &source.levels[LEVEL], &target_from_source.inverse());
+        let one = seen_by(
+            &source.levels[LEVEL],
+            &target.levels[LEVEL],
+            target_from_source,
+        );
+        let other = seen_by(
+            &target.levels[LEVEL],
+            &source.levels[LEVEL],
+            &target_from_source.inverse(),
+        );
         Self {
             overlap: one.overlap.max(other.overlap),
             consistent: one.consistent.min(other.consistent),
@@ -50,7 +58,9 @@ fn seen_by(source: &Level, target: &Level, pose: &Pose) -> Agreement {
             }
             known += 1;
             let point = rotation * (source.ray(x, y) * depth) + shift;
-            let Some(at_px) = target.project(point) else { continue };
+            let Some(at_px) = target.project(point) else {
+                continue;
+            };
             let there = target.depths[at_px.y as usize * target.width + at_px.x as usize];
             if there <= 0.0 {
                 continue;
@@ -84,7 +94,11 @@ impl Moments {
     fn add(&mut self, a: f64, b: f64) {
         self.count += 1.0;
         self.sums = [self.sums[0] + a, self.sums[1] + b];
-        self.products = [self.products[0] + a * a, self.products[1] + a * b, self.products[2] + b * b];
+        self.products = [
+            self.products[0] + a * a,
+            self.products[1] + a * b,
+            self.products[2] + b * b,
+        ];
     }
 
     fn correlation(&self) -> f64 {

@@ -73,7 +73,14 @@ struct Sums {
 impl Sums {
     fn new() -> Self {
         let (hessian, gradient) = (Matrix6::zeros(), Vector6::zeros());
-        Self { hessian, gradient, count: 0, depth: [0.0; 2], luma: [0.0; 2], brighter: 0.0 }
+        Self {
+            hessian,
+            gradient,
+            count: 0,
+            depth: [0.0; 2],
+            luma: [0.0; 2],
+            brighter: 0.0,
+        }
     }
 }
 
@@ -85,23 +92,42 @@ impl Sums {
 pub fn align(source: &Pyramid, target: &Pyramid, guess: &Pose, coarsest: usize) -> Option<Aligned> {
     let mut pose = *guess;
     let typical = target.typical_depth;
-    let mut spread = Spread { depth: 0.03, luma: 0.1, brighter: 0.0 };
+    let mut spread = Spread {
+        depth: 0.03,
+        luma: 0.1,
+        brighter: 0.0,
+    };
     let mut last = None;
     for at in (0..=coarsest).rev() {
         let (source, target) = (&source.levels[at], &target.levels[at]);
         for _ in 0..STEPS[at] {
-            let sums = sums(source, target, &pose, &Errors { spread, gate: GATES[at], luma: LUMA[at], typical });
+            let sums = sums(
+                source,
+                target,
+                &pose,
+                &Errors {
+                    spread,
+                    gate: GATES[at],
+                    luma: LUMA[at],
+                    typical,
+                },
+            );
             if sums.count < 100 {
                 return None;
             }
             let mut damped = sums.hessian;
             let diagonal = sums.hessian.diagonal();
-            damped.set_diagonal(&(diagonal * (1.0 + DAMPING)).add_scalar(LEAST_DAMPING * diagonal.max()));
+            damped.set_diagonal(
+                &(diagonal * (1.0 + DAMPING)).add_scalar(LEAST_DAMPING * diagonal.max()),
+            );
             let step = damped.cholesky()?.solve(&-sums.gradient);
             pose = moved(&pose, &step);
             spread = sums.spread(&spread);
             last = Some(sums);
-            let (turn, shift) = (step.fixed_rows::<3>(0).amax(), step.fixed_rows::<3>(3).amax());
+            let (turn, shift) = (
+                step.fixed_rows::<3>(0).amax(),
+                step.fixed_rows::<3>(3).amax(),
+            );
             if turn < CONVERGED && shift < CONVERGED * f64::from(typical) {
                 break;
             }
@@ -111,18 +137,31 @@ pub fn align(source: &Pyramid, target: &Pyramid, guess: &Pose, coarsest: usize) 
     // From squared errors over their variance to squared world units.
     let unit = f64::from(spread.depth * typical).powi(2) / sums.count as f64;
     let information = (sums.hessian * unit).into();
-    Some(Aligned { target_from_source: pose, information, pixels: sums.count })
+    Some(Aligned {
+        target_from_source: pose,
+        information,
+        pixels: sums.count,
+    })
 }
 
 impl Sums {
     fn spread(&self, before: &Spread) -> Spread {
         let of = |[weights, squares]: [f64; 2], before: f32, least: f32| {
-            if weights > 0.0 { ((squares / weights).sqrt() as f32).max(least) } else { before }
+            if weights > 0.0 {
+                ((squares / weights).sqrt() as f32).max(least)
+            } else {
+                before
+            }
         };
         Spread {
             depth: of(self.depth, before.depth, LEAST_SPREAD[0]),
             luma: of(self.luma, before.luma, LEAST_SPREAD[1]),
-            brighter: before.brighter + if self.luma[0] > 0.0 { (self.brighter / self.luma[0]) as f32 } else { 0.0 },
+            brighter: before.brighter
+                + if self.luma[0] > 0.0 {
+                    (self.brighter / self.luma[0]) as f32
+                } else {
+                    0.0
+                },
         }
     }
 }
@@ -135,7 +174,9 @@ impl RowSums {
     /// Adds derivatives by turns and shifts with their error, all over the spread.
     #[inline]
     fn add(&mut self, turn: Vec3, shift: Vec3, error: f32, weight: f32) {
-        let row = [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z, error, 0.0];
+        let row = [
+            turn.x, turn.y, turn.z, shift.x, shift.y, shift.z, error, 0.0,
+        ];
         let values = f32x8::from(row);
         for (sum, by) in self.0.iter_mut().zip(row) {
             *sum += f32x8::splat(weight * by) * values;
@@ -164,7 +205,13 @@ fn sums(source: &Level, target: &Level, pose: &Pose, errors: &Errors) -> Sums {
             let depth = source.depths[pixel];
             if depth > 0.0 {
                 let point = rotation * (source.ray(x, y) * depth) + shift;
-                add_point((&mut sums, &mut row), target, point, source.grey[pixel], errors);
+                add_point(
+                    (&mut sums, &mut row),
+                    target,
+                    point,
+                    source.grey[pixel],
+                    errors,
+                );
             }
         }
         row.flush(&mut sums);
@@ -174,9 +221,22 @@ fn sums(source: &Level, target: &Level, pose: &Pose, errors: &Errors) -> Sums {
 
 /// What a point of the source, in the target's axes, tells of the pose.
 #[inline]
-fn add_point((sums, row): (&mut Sums, &mut RowSums), target: &Level, point: Vec3, grey: f32, errors: &Errors) {
-    let Errors { spread, gate, luma, typical } = *errors;
-    let Some(at_px) = target.project(point) else { return };
+fn add_point(
+    (sums, row): (&mut Sums, &mut RowSums),
+    target: &Level,
+    point: Vec3,
+    grey: f32,
+    errors: &Errors,
+) {
+    let Errors {
+        spread,
+        gate,
+        luma,
+        typical,
+    } = *errors;
+    let Some(at_px) = target.project(point) else {
+        return;
+    };
     let pixel = at_px.y as usize * target.width + at_px.x as usize;
     let depth = target.depths[pixel];
     if depth <= 0.0 || (depth - point.z).abs() > gate * depth {
@@ -192,16 +252,27 @@ fn add_point((sums, row): (&mut Sums, &mut RowSums), target: &Level, point: Vec3
     let scatter = spread.depth * depth * depth / typical;
     let error = normal.dot(point - ray * depth) / scatter;
     let weight = t_weight(error);
-    row.add(point.cross(normal) / scatter, normal / scatter, error, weight);
+    row.add(
+        point.cross(normal) / scatter,
+        normal / scatter,
+        error,
+        weight,
+    );
     sums.depth[0] += 1.0;
     sums.depth[1] += f64::from(weight * (error * spread.depth).powi(2));
-    let Some((seen, slope)) = target.grey_at(at_px) else { return };
+    let Some((seen, slope)) = target.grey_at(at_px) else {
+        return;
+    };
     let raw = seen - grey - spread.brighter;
     let error = raw / spread.luma;
     let weight = t_weight(error);
     // The slope of luma in the target's picture, by movements of the point.
     let scaled = slope * target.focal / (point.z * spread.luma);
-    let by = Vec3::new(scaled.x, scaled.y, -(scaled.x * point.x + scaled.y * point.y) / point.z);
+    let by = Vec3::new(
+        scaled.x,
+        scaled.y,
+        -(scaled.x * point.x + scaled.y * point.y) / point.z,
+    );
     row.add(point.cross(by), by, error, luma * weight);
     sums.luma[0] += 1.0;
     sums.luma[1] += f64::from(weight * raw * raw);
@@ -215,5 +286,9 @@ fn t_weight(error: f32) -> f32 {
 
 fn moved(pose: &Pose, step: &Vector6<f64>) -> Pose {
     let rotation = DQuat::from_scaled_axis(DVec3::new(step[0], step[1], step[2]));
-    Pose { rotation, translation: DVec3::new(step[3], step[4], step[5]) }.compose(pose)
+    Pose {
+        rotation,
+        translation: DVec3::new(step[3], step[4], step[5]),
+    }
+    .compose(pose)
 }

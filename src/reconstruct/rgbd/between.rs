@@ -28,28 +28,57 @@ pub fn place_between(
     progress: &Progress,
 ) -> Result<Vec<Between>, RgbdError> {
     if request.between.is_empty() || progress.stage("place the frames between").is_err() {
-        return Ok(request.between.iter().map(|&number| (number, Outcome::NotReached, None)).collect());
+        return Ok(request
+            .between
+            .iter()
+            .map(|&number| (number, Outcome::NotReached, None))
+            .collect());
     }
-    let known: BTreeMap<usize, usize> =
-        scans.iter().enumerate().filter(|(at, _)| placed[*at].is_some()).map(|(at, scan)| (scan.frame, at)).collect();
+    let known: BTreeMap<usize, usize> = scans
+        .iter()
+        .enumerate()
+        .filter(|(at, _)| placed[*at].is_some())
+        .map(|(at, scan)| (scan.frame, at))
+        .collect();
     let done = AtomicUsize::new(0);
     let place = |&number: &usize| {
-        if progress.step(done.fetch_add(1, Ordering::Relaxed), request.between.len()).is_err() {
+        if progress
+            .step(done.fetch_add(1, Ordering::Relaxed), request.between.len())
+            .is_err()
+        {
             return Ok((number, Outcome::NotReached, None));
         }
         let own = match scan(number, &request.frames[number], store, request.extractor)? {
             Ok(own) => own,
             Err(why) => return Ok((number, why, None)),
         };
-        let beside = known.range(..number).next_back().into_iter().chain(known.range(number..).next());
+        let beside = known
+            .range(..number)
+            .next_back()
+            .into_iter()
+            .chain(known.range(number..).next());
         let mut nearest = None;
         for (&frame, &at) in beside {
             let Some(pose) = placed[at] else { continue };
-            let matches = request.matcher.matches(&scans[at].features, &own.features)?;
-            match compare([&scans[at], &own], &matches, request.options.seed ^ number as u64, true) {
+            let matches = request
+                .matcher
+                .matches(&scans[at].features, &own.features)?;
+            match compare(
+                [&scans[at], &own],
+                &matches,
+                request.options.seed ^ number as u64,
+                true,
+            ) {
                 Ok((aligned, agreement)) => {
-                    let outcome = Outcome::Registered { neighbours: 1, consistent: agreement.consistent };
-                    return Ok((number, outcome, Some(aligned.target_from_source.compose(&pose))));
+                    let outcome = Outcome::Registered {
+                        neighbours: 1,
+                        consistent: agreement.consistent,
+                    };
+                    return Ok((
+                        number,
+                        outcome,
+                        Some(aligned.target_from_source.compose(&pose)),
+                    ));
                 }
                 Err(best) => nearest = best.map(|best| (frame, best.consistent)).or(nearest),
             }

@@ -28,12 +28,21 @@ impl<'a> Chain<'a> {
     /// A chain that begins at the first scan.
     #[must_use]
     pub fn new(scans: &'a [Scan], on_pose: &'a OnPose<'a>) -> Self {
-        Self { scans, on_pose, known: Mutex::default() }
+        Self {
+            scans,
+            on_pose,
+            known: Mutex::default(),
+        }
     }
 
     /// Takes what links a scan to one before it, and tells the poses that are known by that.
     pub fn take(&self, scan: usize, link: Option<&Link>) {
-        for (scan, pose) in self.known.lock().unwrap_or_else(PoisonError::into_inner).extend(scan, link) {
+        for (scan, pose) in self
+            .known
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .extend(scan, link)
+        {
             (self.on_pose)(self.scans[scan].frame, &pose);
         }
     }

@@ -13,7 +13,9 @@ impl Components {
     /// The components of `count` scans under some links, given by their ends.
     #[must_use]
     pub fn new(count: usize, links: impl IntoIterator<Item = [usize; 2]>) -> Self {
-        let mut components = Self { parent: (0..count).collect() };
+        let mut components = Self {
+            parent: (0..count).collect(),
+        };
         for [a, b] in links {
             let (a, b) = (components.of(a), components.of(b));
             // The lower number leads, so that a component is named by its first scan.
@@ -54,10 +56,15 @@ pub fn chained(count: usize, links: &[Link], root: usize) -> Vec<Option<Pose>> {
             by_scan[scan].push(at);
         }
     }
-    let quality = |at: usize| (1e6 * links[at].agreement.overlap * links[at].agreement.consistent) as u64;
+    let quality =
+        |at: usize| (1e6 * links[at].agreement.overlap * links[at].agreement.consistent) as u64;
     let mut poses: Vec<Option<Pose>> = vec![None; count];
     poses[root] = Some(Pose::IDENTITY);
-    let reach = |scan: usize| by_scan[scan].iter().map(|&at| (quality(at), std::cmp::Reverse(at)));
+    let reach = |scan: usize| {
+        by_scan[scan]
+            .iter()
+            .map(|&at| (quality(at), std::cmp::Reverse(at)))
+    };
     let mut open: BinaryHeap<_> = reach(root).collect();
     while let Some((_, std::cmp::Reverse(at))) = open.pop() {
         let [source, target] = links[at].scans;

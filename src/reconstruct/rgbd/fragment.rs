@@ -34,7 +34,10 @@ fn add(cloud: &mut OrientedCloud, scan: &Scan, pose: &Pose) {
     let pyramid = Pyramid::new(&scan.view);
     let level = &pyramid.levels[LEVEL];
     let world_from_camera = pose.inverse();
-    let (rotation, shift) = (world_from_camera.rotation.as_quat(), world_from_camera.translation.as_vec3());
+    let (rotation, shift) = (
+        world_from_camera.rotation.as_quat(),
+        world_from_camera.translation.as_vec3(),
+    );
     for (pixel, &depth) in level.depths.iter().enumerate() {
         if depth > 0.0 {
             let ray = level.ray(pixel % level.width, pixel / level.width);

@@ -31,7 +31,8 @@ impl Graph {
     /// The graph of some scans, with the poses of those that links tie to the largest group.
     #[must_use]
     pub fn new(scans: &[Scan], tried: &[Tried]) -> Self {
-        let typical: f64 = scans.iter().map(Scan::typical_depth).sum::<f64>() / scans.len().max(1) as f64;
+        let typical: f64 =
+            scans.iter().map(Scan::typical_depth).sum::<f64>() / scans.len().max(1) as f64;
         let mut graph = Self {
             links: Vec::new(),
             shares: Vec::new(),
@@ -67,7 +68,11 @@ impl Graph {
     /// The scans whose poses are known.
     #[must_use]
     pub fn whole(&self) -> Fragment {
-        let posed = self.poses.iter().enumerate().filter_map(|(scan, pose)| Some((scan, (*pose)?)));
+        let posed = self
+            .poses
+            .iter()
+            .enumerate()
+            .filter_map(|(scan, pose)| Some((scan, (*pose)?)));
         let (scans, poses) = posed.unzip();
         Fragment { scans, poses }
     }
@@ -77,11 +82,17 @@ impl Graph {
     #[must_use]
     pub fn fragments(&self) -> Vec<Fragment> {
         let links: Vec<Link> = self.holding().copied().collect();
-        let members = Components::new(self.poses.len(), links.iter().map(|link| link.scans)).members();
-        let open = members.into_iter().filter(|scans| scans.iter().all(|&scan| self.poses[scan].is_none()));
+        let members =
+            Components::new(self.poses.len(), links.iter().map(|link| link.scans)).members();
+        let open = members
+            .into_iter()
+            .filter(|scans| scans.iter().all(|&scan| self.poses[scan].is_none()));
         let fragment = |scans: Vec<usize>| {
             let along = chained(self.poses.len(), &links, scans[0]);
-            let poses = scans.iter().map(|&scan| along[scan].unwrap_or_default()).collect();
+            let poses = scans
+                .iter()
+                .map(|&scan| along[scan].unwrap_or_default())
+                .collect();
             Fragment { scans, poses }
         };
         open.map(fragment).collect()
@@ -96,14 +107,26 @@ impl Graph {
 
     /// Links that the others do not contradict.
     pub fn holding(&self) -> impl Iterator<Item = &Link> {
-        self.links.iter().zip(&self.shares).filter(|(_, share)| **share >= HOLDS).map(|(link, _)| link)
+        self.links
+            .iter()
+            .zip(&self.shares)
+            .filter(|(_, share)| **share >= HOLDS)
+            .map(|(link, _)| link)
     }
 
     /// Tells all poses that are known, in the world of the first scan that has one.
     pub fn tell(&self, scans: &[Scan], on_pose: &OnPose<'_>) {
-        let world_from_first = self.poses.iter().flatten().next().copied().unwrap_or_default().inverse();
+        let world_from_first = self
+            .poses
+            .iter()
+            .flatten()
+            .next()
+            .copied()
+            .unwrap_or_default()
+            .inverse();
         for (scan, pose) in scans.iter().zip(&self.poses) {
-            pose.iter().for_each(|pose| on_pose(scan.frame, &pose.compose(&world_from_first)));
+            pose.iter()
+                .for_each(|pose| on_pose(scan.frame, &pose.compose(&world_from_first)));
         }
     }
 
@@ -116,7 +139,12 @@ impl Graph {
             consistent: link.agreement.consistent,
             holds: *share >= HOLDS,
         };
-        let mut links: Vec<FrameLink> = self.links.iter().zip(&self.shares).map(frame_link).collect();
+        let mut links: Vec<FrameLink> = self
+            .links
+            .iter()
+            .zip(&self.shares)
+            .map(frame_link)
+            .collect();
         links.sort_by_key(|link| (link.frames, link.kind));
         links
     }
@@ -124,20 +152,33 @@ impl Graph {
     /// Solves the pose graph; scans that no link then holds to the largest group lose their pose.
     pub fn solve(&mut self) {
         let is_posed = |link: &Link| link.scans.iter().all(|&scan| self.poses[scan].is_some());
-        let posed: Vec<usize> = (0..self.links.len()).filter(|&at| is_posed(&self.links[at])).collect();
+        let posed: Vec<usize> = (0..self.links.len())
+            .filter(|&at| is_posed(&self.links[at]))
+            .collect();
         let edges: Vec<PoseEdge> = posed.iter().map(|&at| self.links[at].edge()).collect();
-        let start: Vec<Pose> = self.poses.iter().map(|pose| pose.unwrap_or_default()).collect();
+        let start: Vec<Pose> = self
+            .poses
+            .iter()
+            .map(|pose| pose.unwrap_or_default())
+            .collect();
         let root = self.poses.iter().position(Option::is_some);
         let fixed: Vec<bool> = (0..start.len()).map(|scan| Some(scan) == root).collect();
         let switch_distance = (SWITCH * self.typical_depth).max(f64::MIN_POSITIVE);
-        let options = PoseGraphOptions { switch_distance, ..PoseGraphOptions::default() };
+        let options = PoseGraphOptions {
+            switch_distance,
+            ..PoseGraphOptions::default()
+        };
         let solved = solve_pose_graph(&start, &fixed, &edges, &options);
         for (&at, &share) in posed.iter().zip(&solved.shares) {
             self.shares[at] = share;
         }
         let held = self.holding().map(|link| link.scans);
         let held = held.filter(|[a, b]| self.poses[*a].is_some() && self.poses[*b].is_some());
-        let kept = Components::new(self.poses.len(), held).members().into_iter().next().unwrap_or_default();
+        let kept = Components::new(self.poses.len(), held)
+            .members()
+            .into_iter()
+            .next()
+            .unwrap_or_default();
         self.poses = vec![None; start.len()];
         for scan in kept {
             self.poses[scan] = Some(solved.node_from_world[scan]);

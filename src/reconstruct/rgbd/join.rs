@@ -6,8 +6,8 @@ use super::link::LinkKind;
 use super::odometry::densify;
 use super::overlap::overlapping;
 use super::register::{
-    DescribedCloud, GlobalOptions, GlobalRegistration, OrientedCloud, RefineOptions, refine_registration,
-    register_globally,
+    DescribedCloud, GlobalOptions, GlobalRegistration, OrientedCloud, RefineOptions,
+    refine_registration, register_globally,
 };
 use super::scan::Scan;
 use super::{RgbdError, RgbdOptions};
@@ -26,7 +26,12 @@ const LEAST_SCANS: usize = 3;
 ///
 /// # Errors
 /// [`RgbdError::Stopped`].
-pub fn join(scans: &[Scan], graph: &mut Graph, options: &RgbdOptions, progress: &Progress) -> Result<(), RgbdError> {
+pub fn join(
+    scans: &[Scan],
+    graph: &mut Graph,
+    options: &RgbdOptions,
+    progress: &Progress,
+) -> Result<(), RgbdError> {
     let typical = graph.typical_depth;
     let mut fragments = graph.fragments();
     fragments.retain(|fragment| fragment.scans.len() >= LEAST_SCANS);
@@ -34,7 +39,8 @@ pub fn join(scans: &[Scan], graph: &mut Graph, options: &RgbdOptions, progress: 
         return Ok(());
     }
     progress.stage("join fragments")?;
-    let describe = |cloud: &OrientedCloud| DescribedCloud::new(cloud, (VOXEL * typical) as f32, progress);
+    let describe =
+        |cloud: &OrientedCloud| DescribedCloud::new(cloud, (VOXEL * typical) as f32, progress);
     let mut open = Vec::with_capacity(fragments.len());
     for fragment in fragments {
         let cloud = fragment.cloud(scans);
@@ -75,14 +81,33 @@ fn guesses(
     progress: &Progress,
 ) -> Result<Vec<Pose>, RgbdError> {
     let both = [GlobalRegistration::Fgr, GlobalRegistration::Ransac];
-    let methods = options.registration.map_or(both.to_vec(), |method| vec![method]);
+    let methods = options
+        .registration
+        .map_or(both.to_vec(), |method| vec![method]);
     let mut poses = Vec::new();
     for method in methods {
-        let global = GlobalOptions { method, seed: options.seed, ..GlobalOptions::default() };
-        let Some(found) = register_globally(source.1, target.1, &global, progress)? else { continue };
-        let refine = RefineOptions { voxel: (VOXEL * typical) as f32, ..RefineOptions::default() };
-        let refined = refine_registration(source.0, target.0, &found.target_from_source, &refine, progress)?;
-        poses.push(refined.map_or(found.target_from_source, |refined| refined.target_from_source));
+        let global = GlobalOptions {
+            method,
+            seed: options.seed,
+            ..GlobalOptions::default()
+        };
+        let Some(found) = register_globally(source.1, target.1, &global, progress)? else {
+            continue;
+        };
+        let refine = RefineOptions {
+            voxel: (VOXEL * typical) as f32,
+            ..RefineOptions::default()
+        };
+        let refined = refine_registration(
+            source.0,
+            target.0,
+            &found.target_from_source,
+            &refine,
+            progress,
+        )?;
+        poses.push(refined.map_or(found.target_from_source, |refined| {
+            refined.target_from_source
+        }));
     }
     Ok(poses)
 }
@@ -110,5 +135,8 @@ fn witnessed(
     graph.place(fragment, &fragment_from_whole);
     graph.add(tried);
     graph.solve();
-    fragment.scans.iter().any(|&scan| graph.poses[scan].is_some())
+    fragment
+        .scans
+        .iter()
+        .any(|&scan| graph.poses[scan].is_some())
 }

@@ -60,8 +60,19 @@ impl Link {
     #[must_use]
     pub fn edge(&self) -> PoseEdge {
         let [source, target] = self.scans;
-        let Aligned { target_from_source, information, .. } = self.aligned;
-        PoseEdge { source, target, target_from_source, information, weight: self.agreement.overlap, switchable: true }
+        let Aligned {
+            target_from_source,
+            information,
+            ..
+        } = self.aligned;
+        PoseEdge {
+            source,
+            target,
+            target_from_source,
+            information,
+            weight: self.agreement.overlap,
+            switchable: true,
+        }
     }
 }
 
@@ -75,12 +86,16 @@ pub fn align_and_check(
 ) -> Result<(Aligned, Agreement), Option<Agreement>> {
     let mut best: Option<Agreement> = None;
     for (guess, start) in guesses {
-        let Some(aligned) = align(source, target, guess, start.coarsest()) else { continue };
+        let Some(aligned) = align(source, target, guess, start.coarsest()) else {
+            continue;
+        };
         let agreement = Agreement::of(source, target, &aligned.target_from_source);
         if is_enough(&agreement) {
             return Ok((aligned, agreement));
         }
-        if best.is_none_or(|best| best.consistent * best.overlap < agreement.consistent * agreement.overlap) {
+        if best.is_none_or(|best| {
+            best.consistent * best.overlap < agreement.consistent * agreement.overlap
+        }) {
             best = Some(agreement);
         }
     }
@@ -115,11 +130,25 @@ impl Start {
 
 /// The pose that most matches of features agree on: places of the source's, seen in the target's picture.
 #[must_use]
-pub fn pose_from_features(source: &Scan, target: &Scan, matches: &[(u32, u32)], seed: u64) -> Option<Pose> {
-    let seen =
-        matches.iter().filter_map(|&(a, b)| Some((source.places[a as usize]?, target.features.keypoints[b as usize])));
+pub fn pose_from_features(
+    source: &Scan,
+    target: &Scan,
+    matches: &[(u32, u32)],
+    seed: u64,
+) -> Option<Pose> {
+    let seen = matches.iter().filter_map(|&(a, b)| {
+        Some((
+            source.places[a as usize]?,
+            target.features.keypoints[b as usize],
+        ))
+    });
     let (points, at_px): (Vec<_>, Vec<_>) = seen.unzip();
-    let options = AbsolutePoseOptions { max_error_px: 4.0, min_inliers: LEAST_FEATURES, seed, ..Default::default() };
+    let options = AbsolutePoseOptions {
+        max_error_px: 4.0,
+        min_inliers: LEAST_FEATURES,
+        seed,
+        ..Default::default()
+    };
     let found = estimate_absolute_pose(&target.camera, &at_px, &points, &options)?;
     Some(found.camera_from_world)
 }

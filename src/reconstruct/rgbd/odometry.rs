@@ -34,7 +34,10 @@ pub fn odometry(
     let of_scan = |target: usize| {
         let mut tried: Vec<Tried> = Vec::new();
         for back in 1..=BACK.min(target) {
-            if progress.step(done.load(Ordering::Relaxed), scans.len()).is_err() {
+            if progress
+                .step(done.load(Ordering::Relaxed), scans.len())
+                .is_err()
+            {
                 break;
             }
             let pair = [target - back, target];
@@ -47,10 +50,16 @@ pub fn odometry(
             }
         }
         done.fetch_add(1, Ordering::Relaxed);
-        chain.take(target, tried.last().and_then(|(_, result)| result.as_ref().ok()));
+        chain.take(
+            target,
+            tried.last().and_then(|(_, result)| result.as_ref().ok()),
+        );
         Ok(tried)
     };
-    let tried: Vec<Vec<Tried>> = (1..scans.len()).into_par_iter().map(of_scan).collect::<Result<_, FeatureError>>()?;
+    let tried: Vec<Vec<Tried>> = (1..scans.len())
+        .into_par_iter()
+        .map(of_scan)
+        .collect::<Result<_, FeatureError>>()?;
     Ok(tried.into_iter().flatten().collect())
 }
 
@@ -69,8 +78,17 @@ pub fn loops(
 ) -> Result<Vec<Tried>, FeatureError> {
     let done = AtomicUsize::new(0);
     let of_pair = |&pair: &[usize; 2]| {
-        progress.step(done.fetch_add(1, Ordering::Relaxed), pairs.len()).ok()?;
-        let compared = |found: Vec<(u32, u32)>| compare(pair.map(|at| &scans[at]), &found, seed_of(pair, seed), false);
+        progress
+            .step(done.fetch_add(1, Ordering::Relaxed), pairs.len())
+            .ok()?;
+        let compared = |found: Vec<(u32, u32)>| {
+            compare(
+                pair.map(|at| &scans[at]),
+                &found,
+                seed_of(pair, seed),
+                false,
+            )
+        };
         Some(matches(pair[0], pair[1]).map(|found| linked(pair, LinkKind::Loop, compared(found))))
     };
     pairs.par_iter().filter_map(of_pair).collect()
@@ -83,9 +101,12 @@ pub fn compare(
     seed: u64,
     close: bool,
 ) -> Result<(Aligned, Agreement), Option<Agreement>> {
-    let by_features = pose_from_features(scans[0], scans[1], matches, seed).map(|pose| (pose, Start::Near));
-    let guesses: Vec<(Pose, Start)> =
-        by_features.into_iter().chain(close.then_some((Pose::IDENTITY, Start::Far))).collect();
+    let by_features =
+        pose_from_features(scans[0], scans[1], matches, seed).map(|pose| (pose, Start::Near));
+    let guesses: Vec<(Pose, Start)> = by_features
+        .into_iter()
+        .chain(close.then_some((Pose::IDENTITY, Start::Far)))
+        .collect();
     if guesses.is_empty() {
         return Err(None);
     }
@@ -93,8 +114,20 @@ pub fn compare(
     align_and_check([&source, &target], &guesses)
 }
 
-fn linked(pair: [usize; 2], kind: LinkKind, result: Result<(Aligned, Agreement), Option<Agreement>>) -> Tried {
-    (pair, result.map(|(aligned, agreement)| Link { scans: pair, kind, aligned, agreement }))
+fn linked(
+    pair: [usize; 2],
+    kind: LinkKind,
+    result: Result<(Aligned, Agreement), Option<Agreement>>,
+) -> Tried {
+    (
+        pair,
+        result.map(|(aligned, agreement)| Link {
+            scans: pair,
+            kind,
+            aligned,
+            agreement,
+        }),
+    )
 }
 
 /// A seed of its own for each pair.
@@ -114,10 +147,16 @@ pub fn densify(
 ) -> Vec<Tried> {
     let done = AtomicUsize::new(0);
     let of_pair = |&pair: &[usize; 2]| {
-        progress.step(done.fetch_add(1, Ordering::Relaxed), pairs.len()).ok()?;
+        progress
+            .step(done.fetch_add(1, Ordering::Relaxed), pairs.len())
+            .ok()?;
         let guess = poses[pair[1]]?.compose(&poses[pair[0]]?.inverse());
         let [source, target] = pair.map(|at| Pyramid::new(&scans[at].view));
-        Some(linked(pair, kind, align_and_check([&source, &target], &[(guess, Start::Near)])))
+        Some(linked(
+            pair,
+            kind,
+            align_and_check([&source, &target], &[(guess, Start::Near)]),
+        ))
     };
     pairs.par_iter().filter_map(of_pair).collect()
 }

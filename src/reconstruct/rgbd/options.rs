@@ -16,6 +16,10 @@ pub struct RgbdOptions {
 
 impl Default for RgbdOptions {
     fn default() -> Self {
-        Self { registration: None, alike: 6, seed: 0 }
+        Self {
+            registration: None,
+            alike: 6,
+            seed: 0,
+        }
     }
 }

@@ -46,7 +46,11 @@ impl Pyramid {
             height: view.camera.height as usize,
             focal: view.camera.focal_px.as_vec2(),
             principal: view.camera.principal_px.as_vec2(),
-            grey: view.grey.iter().map(|&grey| f32::from(grey) / 255.0).collect(),
+            grey: view
+                .grey
+                .iter()
+                .map(|&grey| f32::from(grey) / 255.0)
+                .collect(),
             depths: (0..pixels).map(|pixel| view.depth(pixel)).collect(),
             normals: Vec::new(),
         };
@@ -60,7 +64,10 @@ impl Pyramid {
         let coarsest = &levels[LEVELS - 1].depths;
         let known = coarsest.iter().filter(|&&depth| depth > 0.0);
         let typical_depth = known.clone().sum::<f32>() / known.count().max(1) as f32;
-        Self { levels, typical_depth }
+        Self {
+            levels,
+            typical_depth,
+        }
     }
 }
 
@@ -78,7 +85,8 @@ impl Level {
             return None;
         }
         let at = point.truncate() / point.z * self.focal + self.principal;
-        (at.x >= 0.0 && at.y >= 0.0 && at.x < self.width as f32 && at.y < self.height as f32).then_some(at)
+        (at.x >= 0.0 && at.y >= 0.0 && at.x < self.width as f32 && at.y < self.height as f32)
+            .then_some(at)
     }
 
     /// Luma at a position in pixels and its slope per pixel; `None` within half a pixel of the border.
@@ -94,10 +102,14 @@ impl Level {
         }
         let share = at.fract();
         let row = y * self.width + x;
-        let [a, b, c, d] = [row, row + 1, row + self.width, row + self.width + 1].map(|pixel| self.grey[pixel]);
+        let [a, b, c, d] =
+            [row, row + 1, row + self.width, row + self.width + 1].map(|pixel| self.grey[pixel]);
         let (above, below) = (a + share.x * (b - a), c + share.x * (d - c));
         let across = (b - a) + share.y * ((d - c) - (b - a));
-        Some((above + share.y * (below - above), Vec2::new(across, below - above)))
+        Some((
+            above + share.y * (below - above),
+            Vec2::new(across, below - above),
+        ))
     }
 
     /// Half the size: means of 2 × 2 pixels, of their depths only those on the surface of the nearest.
@@ -106,19 +118,32 @@ impl Level {
         let mut half = Self {
             width,
             height,
-            focal: self.focal * Vec2::new(width as f32 / self.width as f32, height as f32 / self.height as f32),
-            principal: self.principal * Vec2::new(width as f32 / self.width as f32, height as f32 / self.height as f32),
+            focal: self.focal
+                * Vec2::new(
+                    width as f32 / self.width as f32,
+                    height as f32 / self.height as f32,
+                ),
+            principal: self.principal
+                * Vec2::new(
+                    width as f32 / self.width as f32,
+                    height as f32 / self.height as f32,
+                ),
             grey: Vec::with_capacity(width * height),
             depths: Vec::with_capacity(width * height),
             normals: Vec::new(),
         };
         for y in 0..height {
             for x in 0..width {
-                let (right, low) = ((2 * x + 1).min(self.width - 1), (2 * y + 1).min(self.height - 1));
+                let (right, low) = (
+                    (2 * x + 1).min(self.width - 1),
+                    (2 * y + 1).min(self.height - 1),
+                );
                 let cell = [(2 * x, 2 * y), (right, 2 * y), (2 * x, low), (right, low)];
                 let cell = cell.map(|(x, y)| y * self.width + x);
-                half.grey.push(cell.iter().map(|&pixel| self.grey[pixel]).sum::<f32>() / 4.0);
-                half.depths.push(mean_depth(cell.map(|pixel| self.depths[pixel])));
+                half.grey
+                    .push(cell.iter().map(|&pixel| self.grey[pixel]).sum::<f32>() / 4.0);
+                half.depths
+                    .push(mean_depth(cell.map(|pixel| self.depths[pixel])));
             }
         }
         half
@@ -134,10 +159,17 @@ impl Level {
             let own = self.depths[pixel];
             let point = |x: usize, y: usize| {
                 let depth = self.depths[y * width + x];
-                (depth > 0.0 && (depth - own).abs() < SAME_SURFACE * own).then(|| self.ray(x, y) * depth)
+                (depth > 0.0 && (depth - own).abs() < SAME_SURFACE * own)
+                    .then(|| self.ray(x, y) * depth)
             };
-            let (left, right, above, below) = (point(x - 1, y), point(x + 1, y), point(x, y - 1), point(x, y + 1));
-            let (Some(left), Some(right), Some(above), Some(below)) = (left, right, above, below) else {
+            let (left, right, above, below) = (
+                point(x - 1, y),
+                point(x + 1, y),
+                point(x, y - 1),
+                point(x, y + 1),
+            );
+            let (Some(left), Some(right), Some(above), Some(below)) = (left, right, above, below)
+            else {
                 return Vec3::ZERO;
             };
             // Down × right points to the camera, whose z axis points away from it.
@@ -150,7 +182,11 @@ impl Level {
 
 /// The mean of the depths on the surface of the nearest; 0 without any.
 fn mean_depth(depths: [f32; 4]) -> f32 {
-    let nearest = depths.iter().copied().filter(|&depth| depth > 0.0).fold(f32::INFINITY, f32::min);
+    let nearest = depths
+        .iter()
+        .copied()
+        .filter(|&depth| depth > 0.0)
+        .fold(f32::INFINITY, f32::min);
     let (mut sum, mut count) = (0.0, 0.0);
     for depth in depths {
         if depth > 0.0 && depth < nearest * (1.0 + SAME_SURFACE) {

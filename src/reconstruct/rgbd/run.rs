@@ -65,7 +65,13 @@ pub fn register_rgbd(
     progress: &Progress,
 ) -> Result<RgbdResult, RgbdError> {
     progress.stage("read frames")?;
-    let read = scans(request.frames, request.chosen, store, request.extractor, progress)?;
+    let read = scans(
+        request.frames,
+        request.chosen,
+        store,
+        request.extractor,
+        progress,
+    )?;
     let mut outcomes = BTreeMap::new();
     let mut scans = Vec::with_capacity(read.len());
     for (number, scan) in read {
@@ -78,11 +84,21 @@ pub fn register_rgbd(
     let mut graph = Graph::new(&scans, &tried);
     graph.tell(&scans, request.on_pose);
     // Stopped, what links tie together by then is kept.
-    join(&scans, &mut graph, &request.options, progress)
-        .or_else(|error| if progress.check().is_err() { Ok(()) } else { Err(error) })?;
+    join(&scans, &mut graph, &request.options, progress).or_else(|error| {
+        if progress.check().is_err() {
+            Ok(())
+        } else {
+            Err(error)
+        }
+    })?;
     for _ in 0..ROUNDS {
         let pairs = overlapping(&scans, &graph.poses, graph.tried());
-        graph.add(densify(&scans, &graph.poses, (&pairs, LinkKind::Overlap), progress));
+        graph.add(densify(
+            &scans,
+            &graph.poses,
+            (&pairs, LinkKind::Overlap),
+            progress,
+        ));
         graph.solve();
         graph.tell(&scans, request.on_pose);
     }
@@ -91,43 +107,86 @@ pub fn register_rgbd(
         progress.check()?;
         return Err(RgbdError::NoStart(why_no_start(&outcomes)));
     }
-    let mut poses: Vec<(usize, Option<Pose>)> =
-        scans.iter().zip(&graph.poses).map(|(scan, pose)| (scan.frame, *pose)).collect();
-    for (number, outcome, pose) in place_between(request, (&scans, &graph.poses), store, progress)? {
+    let mut poses: Vec<(usize, Option<Pose>)> = scans
+        .iter()
+        .zip(&graph.poses)
+        .map(|(scan, pose)| (scan.frame, *pose))
+        .collect();
+    for (number, outcome, pose) in place_between(request, (&scans, &graph.poses), store, progress)?
+    {
         outcomes.insert(number, outcome);
         poses.push((number, pose));
     }
     let cameras = cameras(request.frames, poses);
-    for (number, camera) in request.between.iter().filter_map(|number| Some((number, cameras.get(number)?))) {
-        camera.camera_from_world.iter().for_each(|pose| (request.on_pose)(*number, pose));
+    for (number, camera) in request
+        .between
+        .iter()
+        .filter_map(|number| Some((number, cameras.get(number)?)))
+    {
+        camera
+            .camera_from_world
+            .iter()
+            .for_each(|pose| (request.on_pose)(*number, pose));
     }
-    Ok(RgbdResult { cameras, outcomes, links: graph.frame_links(&scans), stopped: progress.check().is_err() })
+    Ok(RgbdResult {
+        cameras,
+        outcomes,
+        links: graph.frame_links(&scans),
+        stopped: progress.check().is_err(),
+    })
 }
 
 /// The cameras of frames by number, in the world of the first that has a pose.
-fn cameras(frames: &[Frame], mut poses: Vec<(usize, Option<Pose>)>) -> BTreeMap<usize, FrameCamera> {
+fn cameras(
+    frames: &[Frame],
+    mut poses: Vec<(usize, Option<Pose>)>,
+) -> BTreeMap<usize, FrameCamera> {
     poses.sort_by_key(|(number, _)| *number);
-    let world_from_first = poses.iter().find_map(|(_, pose)| *pose).unwrap_or_default().inverse();
+    let world_from_first = poses
+        .iter()
+        .find_map(|(_, pose)| *pose)
+        .unwrap_or_default()
+        .inverse();
     let camera = |(number, pose): (usize, Option<Pose>)| {
         let known = frames[number].camera?;
-        Some((number, FrameCamera { camera_from_world: Some(pose?.compose(&world_from_first)), ..known }))
+        Some((
+            number,
+            FrameCamera {
+                camera_from_world: Some(pose?.compose(&world_from_first)),
+                ..known
+            },
+        ))
     };
     poses.into_iter().filter_map(camera).collect()
 }
 
 /// Links between neighbours, and between scans that look alike.
-fn links(scans: &[Scan], request: &RgbdRequest<'_>, progress: &Progress) -> Result<Vec<Tried>, RgbdError> {
+fn links(
+    scans: &[Scan],
+    request: &RgbdRequest<'_>,
+    progress: &Progress,
+) -> Result<Vec<Tried>, RgbdError> {
     progress.stage("odometry")?;
     let features: Vec<&Features> = scans.iter().map(|scan| &scan.features).collect();
     let matches = request.matcher.of_set(&features)?;
     let seed = request.options.seed;
-    let mut tried = odometry(scans, &matches, (seed, &Chain::new(scans, request.on_pose)), progress)?;
+    let mut tried = odometry(
+        scans,
+        &matches,
+        (seed, &Chain::new(scans, request.on_pose)),
+        progress,
+    )?;
     if progress.stage("loops").is_ok() {
-        let near = (0..scans.len()).flat_map(|a| (a + 1..=a + NEAR).map(move |b| (a, b))).collect();
+        let near = (0..scans.len())
+            .flat_map(|a| (a + 1..=a + NEAR).map(move |b| (a, b)))
+            .collect();
         let pooled = Vocabulary::learn(&features, seed).pool_all(&features);
         let pairs = most_alike(&pooled, request.options.alike, &near);
         let place = |number: usize| scans.binary_search_by_key(&number, |scan| scan.frame).ok();
-        let given = request.pairs.iter().filter_map(|&[a, b]| Some((place(a)?, place(b)?)));
+        let given = request
+            .pairs
+            .iter()
+            .filter_map(|&[a, b]| Some((place(a)?, place(b)?)));
         let pairs = pairs.into_iter().chain(given).filter(|(a, b)| a != b);
         let known: BTreeSet<[usize; 2]> = tried.iter().map(|(pair, _)| *pair).collect();
         let ordered = pairs.into_iter().map(|(a, b)| [a.min(b), a.max(b)]);

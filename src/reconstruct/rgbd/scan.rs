@@ -69,7 +69,11 @@ pub fn scan(
     let (image, depth) = match (store.image(frame), store.depth(frame)) {
         (Ok(image), Ok(Some(depth))) => (image, depth),
         (Ok(_), Ok(None)) => return Ok(Err(Outcome::NoDepth { known: 0.0 })),
-        (Err(error), _) | (_, Err(error)) => return Ok(Err(Outcome::Unreadable { why: error.to_string() })),
+        (Err(error), _) | (_, Err(error)) => {
+            return Ok(Err(Outcome::Unreadable {
+                why: error.to_string(),
+            }));
+        }
     };
     let size = (camera.width, camera.height);
     if (image.width, image.height) != size || (depth.width, depth.height) != size {
@@ -79,14 +83,26 @@ pub fn scan(
     }
     let view = View::new(&image, &depth, &camera);
     if view.known() < LEAST_KNOWN {
-        return Ok(Err(Outcome::NoDepth { known: view.known() }));
+        return Ok(Err(Outcome::NoDepth {
+            known: view.known(),
+        }));
     }
     let grey = image.luma();
     let features = extractor.extract(&grey, image.width as usize, image.height as usize, None)?;
-    let places: Vec<Option<DVec3>> = features.keypoints.iter().map(|&at_px| place(&camera, &depth, at_px)).collect();
+    let places: Vec<Option<DVec3>> = features
+        .keypoints
+        .iter()
+        .map(|&at_px| place(&camera, &depth, at_px))
+        .collect();
     let kept = kept(&features, &places);
     let places = kept.iter().map(|&at| places[at as usize]).collect();
-    Ok(Ok(Scan { frame: number, camera, view, features: features.select(&kept), places }))
+    Ok(Ok(Scan {
+        frame: number,
+        camera,
+        view,
+        features: features.select(&kept),
+        places,
+    }))
 }
 
 /// The features that are kept: those of known depth first, the coarser before the finer.
@@ -95,7 +111,10 @@ fn kept(features: &Features, places: &[Option<DVec3>]) -> Vec<u32> {
     let mut order: Vec<u32> = (0..places.len() as u32).collect();
     order.sort_by(|&a, &b| {
         let unknown = |at: u32| places[at as usize].is_none();
-        unknown(a).cmp(&unknown(b)).then(scale(b).total_cmp(&scale(a))).then(a.cmp(&b))
+        unknown(a)
+            .cmp(&unknown(b))
+            .then(scale(b).total_cmp(&scale(a)))
+            .then(a.cmp(&b))
     });
     order.truncate(FEATURES);
     order.sort_unstable();
@@ -105,7 +124,8 @@ fn kept(features: &Features, places: &[Option<DVec3>]) -> Vec<u32> {
 fn place(camera: &Camera, depth: &DepthMap, at_px: glam::DVec2) -> Option<DVec3> {
     let (x, y) = (at_px.x.max(0.0) as u32, at_px.y.max(0.0) as u32);
     let depth = depth.at(x.min(depth.width - 1), y.min(depth.height - 1));
-    (depth.is_finite() && depth > 0.0).then(|| camera.unproject(at_px).extend(1.0) * f64::from(depth))
+    (depth.is_finite() && depth > 0.0)
+        .then(|| camera.unproject(at_px).extend(1.0) * f64::from(depth))
 }
 
 impl Scan {

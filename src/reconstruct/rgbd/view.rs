@@ -33,16 +33,30 @@ impl View {
             let cell = Cell::around(at_px, cell, camera);
             (cell.grey(image), cell.depth(depth, at_px))
         });
-        let farthest = pixels.iter().map(|pixel| pixel.1).fold(f32::MIN_POSITIVE, f32::max);
+        let farthest = pixels
+            .iter()
+            .map(|pixel| pixel.1)
+            .fold(f32::MIN_POSITIVE, f32::max);
         let unit = farthest / f32::from(u16::MAX);
-        let depths = pixels.iter().map(|pixel| (pixel.1 / unit).round() as u16).collect();
-        Self { camera: small, grey: pixels.iter().map(|pixel| pixel.0).collect(), depths, unit }
+        let depths = pixels
+            .iter()
+            .map(|pixel| (pixel.1 / unit).round() as u16)
+            .collect();
+        Self {
+            camera: small,
+            grey: pixels.iter().map(|pixel| pixel.0).collect(),
+            depths,
+            unit,
+        }
     }
 
     /// With depth alone: a picture that shows nothing.
     #[must_use]
     pub fn without_picture(&self) -> Self {
-        Self { grey: vec![0; self.grey.len()], ..self.clone() }
+        Self {
+            grey: vec![0; self.grey.len()],
+            ..self.clone()
+        }
     }
 
     /// Depth of a pixel in world units; 0 = unknown.
@@ -54,7 +68,8 @@ impl View {
     /// Share of the pixels whose depth is known.
     #[must_use]
     pub fn known(&self) -> f64 {
-        self.depths.iter().filter(|&&depth| depth > 0).count() as f64 / self.depths.len().max(1) as f64
+        self.depths.iter().filter(|&&depth| depth > 0).count() as f64
+            / self.depths.len().max(1) as f64
     }
 
     /// Mean of the known depths, world units; 0 without any.
@@ -63,7 +78,9 @@ impl View {
         let (sum, count) = self
             .depths
             .iter()
-            .fold((0u64, 0u64), |(sum, count), &depth| (sum + u64::from(depth), count + u64::from(depth > 0)));
+            .fold((0u64, 0u64), |(sum, count), &depth| {
+                (sum + u64::from(depth), count + u64::from(depth > 0))
+            });
         sum as f64 / count.max(1) as f64 * f64::from(self.unit)
     }
 
@@ -71,7 +88,10 @@ impl View {
     #[must_use]
     pub fn point(&self, pixel: usize) -> Option<Vec3> {
         let depth = self.depth(pixel);
-        let (x, y) = (pixel as u32 % self.camera.width, pixel as u32 / self.camera.width);
+        let (x, y) = (
+            pixel as u32 % self.camera.width,
+            pixel as u32 / self.camera.width,
+        );
         let at_px = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
         let ray = (at_px - self.camera.principal_px.as_vec2()) / self.camera.focal_px.as_vec2();
         (depth > 0.0).then(|| ray.extend(1.0) * depth)
@@ -84,8 +104,17 @@ fn shrunk(camera: &Camera) -> Camera {
     let share = (f64::from(SIDE) / f64::from(longest)).min(1.0);
     let side = |length: u32| ((f64::from(length) * share).round() as u32).max(1);
     let (width, height) = (side(camera.width), side(camera.height));
-    let by = DVec2::new(f64::from(width) / f64::from(camera.width), f64::from(height) / f64::from(camera.height));
-    Camera { width, height, focal_px: camera.focal_px * by, principal_px: camera.principal_px * by, ..*camera }
+    let by = DVec2::new(
+        f64::from(width) / f64::from(camera.width),
+        f64::from(height) / f64::from(camera.height),
+    );
+    Camera {
+        width,
+        height,
+        focal_px: camera.focal_px * by,
+        principal_px: camera.principal_px * by,
+        ..*camera
+    }
 }
 
 /// The pixels of the frame that one of the small picture stands for.
@@ -100,11 +129,16 @@ impl Cell {
             let first = ((middle - 0.5 * side).round().max(0.0) as u32).min(length - 1);
             first..((middle + 0.5 * side).round() as u32).clamp(first + 1, length)
         };
-        Self { columns: range(at_px.x, camera.width), rows: range(at_px.y, camera.height) }
+        Self {
+            columns: range(at_px.x, camera.width),
+            rows: range(at_px.y, camera.height),
+        }
     }
 
     fn pixels(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
-        self.rows.clone().flat_map(|y| self.columns.clone().map(move |x| (x, y)))
+        self.rows
+            .clone()
+            .flat_map(|y| self.columns.clone().map(move |x| (x, y)))
     }
 
     /// Mean luma as in ITU-R BT.601.
@@ -124,8 +158,13 @@ impl Cell {
             let depth = depth.at(x, y);
             depth.is_finite() && depth > 0.0
         };
-        let off = |&(x, y): &(u32, u32)| DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5).distance_squared(middle);
-        let nearest = self.pixels().filter(known).min_by(|a, b| off(a).total_cmp(&off(b)));
+        let off = |&(x, y): &(u32, u32)| {
+            DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5).distance_squared(middle)
+        };
+        let nearest = self
+            .pixels()
+            .filter(known)
+            .min_by(|a, b| off(a).total_cmp(&off(b)));
         let Some((x, y)) = nearest else { return 0.0 };
         let own = depth.at(x, y);
         let (mut sum, mut count) = (0.0, 0.0);

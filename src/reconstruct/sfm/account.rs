@@ -94,16 +94,31 @@ impl Outcome {
     #[must_use]
     pub fn text<'a>(&self, name: impl Fn(usize) -> &'a str) -> String {
         match self {
-            Self::Placed { points, error_px } => format!("sees {points} points, median error {error_px:.2} px"),
-            Self::Registered { neighbours, consistent } => {
-                format!("agrees with {neighbours} frames, in {:.1} % of what both see", 100.0 * consistent)
+            Self::Placed { points, error_px } => {
+                format!("sees {points} points, median error {error_px:.2} px")
+            }
+            Self::Registered {
+                neighbours,
+                consistent,
+            } => {
+                format!(
+                    "agrees with {neighbours} frames, in {:.1} % of what both see",
+                    100.0 * consistent
+                )
             }
             Self::NoIntrinsics => "its camera is not known; give --intrinsics or --cameras".into(),
             Self::NoDepth { known } => {
-                format!("depth is known for {:.1} % of its pixels, too few to register it by", 100.0 * known)
+                format!(
+                    "depth is known for {:.1} % of its pixels, too few to register it by",
+                    100.0 * known
+                )
             }
-            Self::Unlike { nearest: None } => "its depth and picture agree with no other frame's".into(),
-            Self::Unlike { nearest: Some((frame, consistent)) } => format!(
+            Self::Unlike { nearest: None } => {
+                "its depth and picture agree with no other frame's".into()
+            }
+            Self::Unlike {
+                nearest: Some((frame, consistent)),
+            } => format!(
                 "its depth and picture agree with no other frame's; most with {}, in {:.0} % of what both see",
                 name(*frame),
                 100.0 * consistent
@@ -119,14 +134,21 @@ impl Outcome {
             Self::NoPair { nearest: None } => {
                 "no picture shows the same; take pictures between it and the others".into()
             }
-            Self::NoPair { nearest: Some((frame, matches)) } => format!(
+            Self::NoPair {
+                nearest: Some((frame, matches)),
+            } => format!(
                 "its {matches} matches with {}, the nearest, do not agree with one camera movement; take pictures \
                  between them",
                 name(*frame)
             ),
-            Self::FewPoints { seen, needed, nearest } => {
-                let nearest =
-                    nearest.map(|(frame, matches)| format!(" (most matches: {matches}, with {})", name(frame)));
+            Self::FewPoints {
+                seen,
+                needed,
+                nearest,
+            } => {
+                let nearest = nearest.map(|(frame, matches)| {
+                    format!(" (most matches: {matches}, with {})", name(frame))
+                });
                 let nearest = nearest.unwrap_or_default();
                 format!(
                     "sees {seen} points of the model where {needed} are needed{nearest}; take pictures that overlap \
@@ -177,21 +199,37 @@ fn left_out(
     models: &[Mapped],
     options: &MapperOptions,
 ) -> Outcome {
-    let frame = |nearest: Option<(usize, usize)>| nearest.map(|(image, matches)| (frame_of[image], matches));
+    let frame = |nearest: Option<(usize, usize)>| {
+        nearest.map(|(image, matches)| (frame_of[image], matches))
+    };
     let is_in = |mapped: &&Mapped| mapped.model.is_placed(image as u32);
     if let Some(other) = models.iter().skip(1).find(is_in) {
-        let model = models.iter().position(|mapped| std::ptr::eq(mapped, other)).unwrap_or(0) + 1;
-        return Outcome::OtherModel { model, images: other.model.placed().count() };
+        let model = models
+            .iter()
+            .position(|mapped| std::ptr::eq(mapped, other))
+            .unwrap_or(0)
+            + 1;
+        return Outcome::OtherModel {
+            model,
+            images: other.model.placed().count(),
+        };
     }
-    let verified = most(image, tried, |pair| pair.verified.as_ref().map_or(0, |pair| pair.matches.len()));
+    let verified = most(image, tried, |pair| {
+        pair.verified.as_ref().map_or(0, |pair| pair.matches.len())
+    });
     if verified.is_none() {
-        return Outcome::NoPair { nearest: frame(most(image, tried, |pair| pair.matches)) };
+        return Outcome::NoPair {
+            nearest: frame(most(image, tried, |pair| pair.matches)),
+        };
     }
-    let refused = models.first().and_then(|mapped| mapped.refused.get(&(image as u32)));
+    let refused = models
+        .first()
+        .and_then(|mapped| mapped.refused.get(&(image as u32)));
     match refused {
-        Some(refusal) if refusal.seen >= options.pose_inliers => {
-            Outcome::NoPose { seen: refusal.seen, agreeing: refusal.agreeing }
-        }
+        Some(refusal) if refusal.seen >= options.pose_inliers => Outcome::NoPose {
+            seen: refusal.seen,
+            agreeing: refusal.agreeing,
+        },
         _ if models.first().is_some_and(|mapped| mapped.stopped) => Outcome::NotReached,
         refusal => Outcome::FewPoints {
             seen: refusal.map_or(0, |refusal| refusal.seen),
@@ -202,25 +240,43 @@ fn left_out(
 }
 
 /// The image that shares most with this one, and how much; `None` where none shares anything.
-fn most(image: usize, tried: &[TriedPair], share: impl Fn(&TriedPair) -> usize) -> Option<(usize, usize)> {
-    let own = tried.iter().filter(|pair| pair.images.contains(&(image as u32)));
+fn most(
+    image: usize,
+    tried: &[TriedPair],
+    share: impl Fn(&TriedPair) -> usize,
+) -> Option<(usize, usize)> {
+    let own = tried
+        .iter()
+        .filter(|pair| pair.images.contains(&(image as u32)));
     let shares = own.map(|pair| {
         let [a, b] = pair.images.map(|image| image as usize);
         (if a == image { b } else { a }, share(pair))
     });
-    shares.filter(|&(_, shared)| shared > 0).max_by_key(|&(other, shared)| (shared, std::cmp::Reverse(other)))
+    shares
+        .filter(|&(_, shared)| shared > 0)
+        .max_by_key(|&(other, shared)| (shared, std::cmp::Reverse(other)))
 }
 
 /// Why fewer than two pictures can be matched at all.
 fn why_nothing_to_match(features: &[Result<usize, String>]) -> Option<String> {
-    let rich = features.iter().filter(|found| found.as_ref().is_ok_and(|&found| found >= FEW_FEATURES)).count();
+    let rich = features
+        .iter()
+        .filter(|found| found.as_ref().is_ok_and(|&found| found >= FEW_FEATURES))
+        .count();
     if rich >= 2 || features.len() < 2 {
         return None;
     }
     if let Some(why) = features.iter().find_map(|found| found.as_ref().err()) {
-        return Some(format!("only {rich} pictures can be used; the first that cannot be read: {why}"));
+        return Some(format!(
+            "only {rich} pictures can be used; the first that cannot be read: {why}"
+        ));
     }
-    let most = features.iter().filter_map(|found| found.as_ref().ok()).max().copied().unwrap_or(0);
+    let most = features
+        .iter()
+        .filter_map(|found| found.as_ref().ok())
+        .max()
+        .copied()
+        .unwrap_or(0);
     Some(format!(
         "{rich} of {} pictures have enough features (the best has {most}); they are blurred, dark, without texture or \
          masked: take them again, or leave out --only-labelled",
@@ -230,14 +286,27 @@ fn why_nothing_to_match(features: &[Result<usize, String>]) -> Option<String> {
 
 /// Why there is no pair to start from, and what to do.
 #[must_use]
-pub fn why_no_start(names: &[&str], features: &[Result<usize, String>], tried: &[TriedPair]) -> String {
+pub fn why_no_start(
+    names: &[&str],
+    features: &[Result<usize, String>],
+    tried: &[TriedPair],
+) -> String {
     if let Some(why) = why_nothing_to_match(features) {
         return why;
     }
-    let verified: Vec<_> = tried.iter().filter_map(|pair| pair.verified.as_ref()).collect();
+    let verified: Vec<_> = tried
+        .iter()
+        .filter_map(|pair| pair.verified.as_ref())
+        .collect();
     let named = |images: [u32; 2]| images.map(|image| names[image as usize]).join(" and ");
-    let Some(best) = verified.iter().max_by_key(|pair| (pair.matches.len(), std::cmp::Reverse(pair.images))) else {
-        let Some(nearest) = tried.iter().max_by_key(|pair| (pair.matches, std::cmp::Reverse(pair.images))) else {
+    let Some(best) = verified
+        .iter()
+        .max_by_key(|pair| (pair.matches.len(), std::cmp::Reverse(pair.images)))
+    else {
+        let Some(nearest) = tried
+            .iter()
+            .max_by_key(|pair| (pair.matches, std::cmp::Reverse(pair.images)))
+        else {
             return "no two pictures could be compared; give at least two pictures of the same scene".into();
         };
         return format!(
@@ -247,7 +316,10 @@ pub fn why_no_start(names: &[&str], features: &[Result<usize, String>], tried: &
             nearest.matches
         );
     };
-    if verified.iter().all(|pair| pair.kind == TwoViewKind::Panoramic) {
+    if verified
+        .iter()
+        .all(|pair| pair.kind == TwoViewKind::Panoramic)
+    {
         return format!(
             "the camera only turned, or did not move at all: no pair of {} that show the same (best {}, {} matches) \
              has parallax; move sideways between pictures",
@@ -256,7 +328,11 @@ pub fn why_no_start(names: &[&str], features: &[Result<usize, String>], tried: &
             best.matches.len()
         );
     }
-    let widest = verified.iter().map(|pair| pair.parallax).fold(0.0, f64::max).to_degrees();
+    let widest = verified
+        .iter()
+        .map(|pair| pair.parallax)
+        .fold(0.0, f64::max)
+        .to_degrees();
     format!(
         "no two pictures to start from among {} that show the same: the best are {}, with {} matches and {:.1}° between \
          their rays, the widest angle is {widest:.1}°; take pictures farther apart that still overlap",

@@ -23,12 +23,16 @@ impl Correspondences {
             problem.pairs.iter().flat_map(|pair| {
                 let [a, b] = pair.images;
                 pair.matches.iter().flat_map(move |&[i, j]| {
-                    let (x, y) = (KeypointId { image: a, index: i }, KeypointId { image: b, index: j });
+                    let (x, y) = (
+                        KeypointId { image: a, index: i },
+                        KeypointId { image: b, index: j },
+                    );
                     [(x, y), (y, x)]
                 })
             })
         };
-        let slot = |keypoint: KeypointId| (first[keypoint.image as usize] + keypoint.index) as usize;
+        let slot =
+            |keypoint: KeypointId| (first[keypoint.image as usize] + keypoint.index) as usize;
         for (from, _) in both() {
             starts[slot(from) + 1] += 1;
         }
@@ -42,7 +46,11 @@ impl Correspondences {
             links[*place as usize] = to;
             *place += 1;
         }
-        Self { first, starts, links }
+        Self {
+            first,
+            starts,
+            links,
+        }
     }
 
     /// What a keypoint was matched with, in the order of the pairs.

@@ -39,9 +39,18 @@ pub fn extract(
     let mut all = Vec::with_capacity(chosen.len());
     for (done, &number) in chosen.iter().enumerate() {
         progress.step(done, chosen.len())?;
-        let next: Vec<Frame> = chosen[done + 1..].iter().take(AHEAD).map(|&next| frames[next].clone()).collect();
+        let next: Vec<Frame> = chosen[done + 1..]
+            .iter()
+            .take(AHEAD)
+            .map(|&next| frames[next].clone())
+            .collect();
         store.prefetch(&next);
-        all.push(of_picture(&frames[number], store, extractor, allowed(number).as_deref())?);
+        all.push(of_picture(
+            &frames[number],
+            store,
+            extractor,
+            allowed(number).as_deref(),
+        )?);
     }
     Ok(all)
 }
@@ -64,7 +73,12 @@ pub fn of_picture(
         Ok(allowed) => allowed,
         Err(error) => return Ok(none(frame, error.to_string())),
     };
-    let features = extractor.extract(&image.luma(), image.width as usize, image.height as usize, allowed.as_deref())?;
+    let features = extractor.extract(
+        &image.luma(),
+        image.width as usize,
+        image.height as usize,
+        allowed.as_deref(),
+    )?;
     Ok(coloured(features, &image))
 }
 
@@ -80,12 +94,19 @@ pub fn tilted_picture(
     allowed: Option<&[bool]>,
     progress: &Progress,
 ) -> Result<Vec<PictureFeatures>, SfmError> {
-    let Ok(image) = store.image(frame) else { return Ok(Vec::new()) };
-    let Ok(allowed) = opaque(frame, store, allowed) else { return Ok(Vec::new()) };
+    let Ok(image) = store.image(frame) else {
+        return Ok(Vec::new());
+    };
+    let Ok(allowed) = opaque(frame, store, allowed) else {
+        return Ok(Vec::new());
+    };
     let (grey, size) = (image.luma(), [image.width as usize, image.height as usize]);
     let under = |tilt: Tilt| {
         progress.check()?;
-        Ok(coloured(tilted_features(extractor, &grey, size, allowed.as_deref(), tilt)?, &image))
+        Ok(coloured(
+            tilted_features(extractor, &grey, size, allowed.as_deref(), tilt)?,
+            &image,
+        ))
     };
     Tilt::all().into_iter().map(under).collect()
 }
@@ -100,15 +121,26 @@ fn opaque<'a>(
         (None, allowed) => allowed.map(Cow::Borrowed),
         (Some(opaque), None) => Some(Cow::Owned(opaque)),
         (Some(mut opaque), Some(allowed)) => {
-            opaque.iter_mut().zip(allowed).for_each(|(opaque, allowed)| *opaque &= allowed);
+            opaque
+                .iter_mut()
+                .zip(allowed)
+                .for_each(|(opaque, allowed)| *opaque &= allowed);
             Some(Cow::Owned(opaque))
         }
     })
 }
 
 fn coloured(features: Features, image: &Image) -> PictureFeatures {
-    let colors = features.keypoints.iter().map(|&at_px| color_at(image, at_px)).collect();
-    PictureFeatures { features, colors, unreadable: None }
+    let colors = features
+        .keypoints
+        .iter()
+        .map(|&at_px| color_at(image, at_px))
+        .collect();
+    PictureFeatures {
+        features,
+        colors,
+        unreadable: None,
+    }
 }
 
 fn none(frame: &Frame, why: String) -> PictureFeatures {
@@ -118,9 +150,16 @@ fn none(frame: &Frame, why: String) -> PictureFeatures {
         keypoints: Vec::new(),
         scales_px: Vec::new(),
         scores: Vec::new(),
-        descriptors: Descriptors::Bytes { dim: 1, values: Vec::new() },
+        descriptors: Descriptors::Bytes {
+            dim: 1,
+            values: Vec::new(),
+        },
     };
-    PictureFeatures { features, colors: Vec::new(), unreadable: Some(why) }
+    PictureFeatures {
+        features,
+        colors: Vec::new(),
+        unreadable: Some(why),
+    }
 }
 
 fn color_at(image: &Image, at_px: DVec2) -> [u8; 3] {

@@ -85,7 +85,12 @@ impl Features {
     #[must_use]
     pub fn select(&self, keep: &[u32]) -> Self {
         fn some<T: Copy>(values: &[T], dim: usize, keep: &[u32]) -> Vec<T> {
-            let row = |&at: &u32| values.chunks_exact(dim.max(1)).nth(at as usize).unwrap_or_default();
+            let row = |&at: &u32| {
+                values
+                    .chunks_exact(dim.max(1))
+                    .nth(at as usize)
+                    .unwrap_or_default()
+            };
             keep.iter().flat_map(row).copied().collect()
         }
         let dim = self.descriptors.dim();
@@ -94,8 +99,14 @@ impl Features {
             scales_px: some(&self.scales_px, 1, keep),
             scores: some(&self.scores, 1, keep),
             descriptors: match &self.descriptors {
-                Descriptors::Bytes { values, .. } => Descriptors::Bytes { dim, values: some(values, dim, keep) },
-                Descriptors::Floats { values, .. } => Descriptors::Floats { dim, values: some(values, dim, keep) },
+                Descriptors::Bytes { values, .. } => Descriptors::Bytes {
+                    dim,
+                    values: some(values, dim, keep),
+                },
+                Descriptors::Floats { values, .. } => Descriptors::Floats {
+                    dim,
+                    values: some(values, dim, keep),
+                },
             },
             ..*self
         }
@@ -130,7 +141,8 @@ pub trait FeatureMatcher: Send + Sync {
     ///
     /// # Errors
     /// [`FeatureError::Kinds`] where the two cannot be compared, [`FeatureError::Network`] where a network fails.
-    fn matches(&self, first: &Features, second: &Features) -> Result<Vec<(u32, u32)>, FeatureError>;
+    fn matches(&self, first: &Features, second: &Features)
+    -> Result<Vec<(u32, u32)>, FeatureError>;
 
     /// Whether matches of two pictures depend on the other pictures of their set.
     fn depends_on_set(&self) -> bool {
@@ -142,7 +154,9 @@ pub trait FeatureMatcher: Send + Sync {
     /// # Errors
     /// As [`Self::matches`].
     fn of_set<'a>(&'a self, pictures: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
-        Ok(Box::new(|first, second| self.matches(pictures[first], pictures[second])))
+        Ok(Box::new(|first, second| {
+            self.matches(pictures[first], pictures[second])
+        }))
     }
 
     /// As [`Self::of_set`], where only these pairs will be asked for.
@@ -159,7 +173,8 @@ pub trait FeatureMatcher: Send + Sync {
 }
 
 /// Matches of two pictures of a set, as [`FeatureMatcher::matches`].
-pub type PairMatches<'a> = Box<dyn Fn(usize, usize) -> Result<Vec<(u32, u32)>, FeatureError> + Send + Sync + 'a>;
+pub type PairMatches<'a> =
+    Box<dyn Fn(usize, usize) -> Result<Vec<(u32, u32)>, FeatureError> + Send + Sync + 'a>;
 
 /// Why features could not be found or matched.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -181,14 +196,27 @@ mod tests {
         let features = Features {
             width: 9,
             height: 7,
-            keypoints: vec![DVec2::new(1.0, 2.0), DVec2::new(3.0, 4.0), DVec2::new(5.0, 6.0)],
+            keypoints: vec![
+                DVec2::new(1.0, 2.0),
+                DVec2::new(3.0, 4.0),
+                DVec2::new(5.0, 6.0),
+            ],
             scales_px: vec![1.0, 2.0, 3.0],
             scores: Vec::new(),
-            descriptors: Descriptors::Bytes { dim: 2, values: vec![10, 11, 20, 21, 30, 31] },
+            descriptors: Descriptors::Bytes {
+                dim: 2,
+                values: vec![10, 11, 20, 21, 30, 31],
+            },
         };
         let some = features.select(&[2, 0]);
-        assert_eq!((some.width, some.height, &some.scales_px[..]), (9, 7, &[3.0, 1.0][..]));
-        assert_eq!(some.keypoints, [features.keypoints[2], features.keypoints[0]]);
+        assert_eq!(
+            (some.width, some.height, &some.scales_px[..]),
+            (9, 7, &[3.0, 1.0][..])
+        );
+        assert_eq!(
+            some.keypoints,
+            [features.keypoints[2], features.keypoints[0]]
+        );
         assert!(some.scores.is_empty());
         assert_eq!(some.descriptors.as_bytes(), Some(&[30, 31, 10, 11][..]));
     }

@@ -44,8 +44,14 @@ impl CameraGroups {
     }
 
     fn given(&mut self, intrinsics: Camera) -> usize {
-        let camera = MapCamera { intrinsics, source: IntrinsicsSource::Given };
-        self.cameras.iter().position(|known| *known == camera).unwrap_or_else(|| self.push(camera))
+        let camera = MapCamera {
+            intrinsics,
+            source: IntrinsicsSource::Given,
+        };
+        self.cameras
+            .iter()
+            .position(|known| *known == camera)
+            .unwrap_or_else(|| self.push(camera))
     }
 
     fn unknown(&mut self, frame: &Frame, traces: &mut Vec<(Trace, usize)>) -> usize {
@@ -67,10 +73,17 @@ impl CameraGroups {
 impl Trace {
     fn of(frame: &Frame) -> Self {
         let (place, orientation) = match &frame.picture {
-            PictureSource::File { path, orientation } => (path.parent().unwrap_or(path).to_path_buf(), *orientation),
+            PictureSource::File { path, orientation } => {
+                (path.parent().unwrap_or(path).to_path_buf(), *orientation)
+            }
             PictureSource::Film { path, .. } => (path.clone(), Orientation::default()),
         };
-        Self { place, size: (frame.width, frame.height), orientation, exif_focal_px: exif_focal_px(frame) }
+        Self {
+            place,
+            size: (frame.width, frame.height),
+            orientation,
+            exif_focal_px: exif_focal_px(frame),
+        }
     }
 }
 
@@ -79,8 +92,19 @@ fn first_guess(frame: &Frame, exif_focal_px: Option<f64>) -> MapCamera {
     let focal = exif_focal_px.unwrap_or(GUESSED_FOCAL * width.max(height));
     let intrinsics = Camera {
         distortion: Distortion::Radial { k: [0.0; 2] },
-        ..Camera::pinhole(frame.width, frame.height, focal, focal, width / 2.0, height / 2.0)
+        ..Camera::pinhole(
+            frame.width,
+            frame.height,
+            focal,
+            focal,
+            width / 2.0,
+            height / 2.0,
+        )
     };
-    let source = if exif_focal_px.is_some() { IntrinsicsSource::Exif } else { IntrinsicsSource::Guessed };
+    let source = if exif_focal_px.is_some() {
+        IntrinsicsSource::Exif
+    } else {
+        IntrinsicsSource::Guessed
+    };
     MapCamera { intrinsics, source }
 }

@@ -6,7 +6,9 @@ use super::extract::{PictureFeatures, of_picture};
 use super::pipeline::SfmRequest;
 use super::{IntrinsicsSource, KeypointId, MapProblem, Outcome, SfmError, SparseModel};
 use ostra_frames::{Frame, FrameCamera, FrameStore};
-use ostra_geometry::{AbsolutePoseOptions, Camera, Pose, estimate_absolute_pose, refine_absolute_pose};
+use ostra_geometry::{
+    AbsolutePoseOptions, Camera, Pose, estimate_absolute_pose, refine_absolute_pose,
+};
 
 /// Places frames in a map that stays as it is.
 pub(super) struct Locator<'a> {
@@ -39,9 +41,17 @@ impl Locator<'_> {
     /// The pose of a frame, from its matches with mapped frames near it in the sequence.
     pub fn locate(&self, number: usize, store: &FrameStore) -> Result<Located, SfmError> {
         let frame = &self.request.frames[number];
-        let picture = of_picture(frame, store, self.request.extractor, (self.request.allowed)(number).as_deref())?;
+        let picture = of_picture(
+            frame,
+            store,
+            self.request.extractor,
+            (self.request.allowed)(number).as_deref(),
+        )?;
         if let Some(why) = picture.unreadable {
-            return Ok(Located { camera: None, outcome: Outcome::Unreadable { why } });
+            return Ok(Located {
+                camera: None,
+                outcome: Outcome::Unreadable { why },
+            });
         }
         let mut outcome = Outcome::NoPair { nearest: None };
         for reach in REACH {
@@ -52,7 +62,10 @@ impl Locator<'_> {
                 Err(why) => outcome = why,
             }
         }
-        Ok(Located { camera: None, outcome })
+        Ok(Located {
+            camera: None,
+            outcome,
+        })
     }
 
     /// Placed images nearest in the sequence, up to `reach` on either side.
@@ -71,26 +84,46 @@ impl Locator<'_> {
         let mut seen: BTreeMap<(u32, u32), DVec3> = BTreeMap::new();
         let mut nearest: Option<(usize, usize)> = None;
         for &image in near {
-            let matches = self.request.matcher.matches(&picture.features, &self.pictures[image].features)?;
+            let matches = self
+                .request
+                .matcher
+                .matches(&picture.features, &self.pictures[image].features)?;
             if matches.len() > nearest.map_or(0, |(_, most)| most) {
                 nearest = Some((self.request.mapped[image], matches.len()));
             }
             for (own, index) in matches {
-                let point = self.model.point_of(KeypointId { image: image as u32, index });
-                if let Some((point, known)) = point.and_then(|point| Some((point, self.model.point(point)?))) {
+                let point = self.model.point_of(KeypointId {
+                    image: image as u32,
+                    index,
+                });
+                if let Some((point, known)) =
+                    point.and_then(|point| Some((point, self.model.point(point)?)))
+                {
                     seen.insert((own, point), known.position);
                 }
             }
         }
-        let seen = seen.into_iter().map(|((own, _), x)| (picture.features.keypoints[own as usize], x)).collect();
+        let seen = seen
+            .into_iter()
+            .map(|((own, _), x)| (picture.features.keypoints[own as usize], x))
+            .collect();
         Ok(Sightings { seen, nearest })
     }
 
-    fn pose(&self, frame: &Frame, near: &[usize], sightings: &Sightings) -> Result<Located, Outcome> {
+    fn pose(
+        &self,
+        frame: &Frame,
+        near: &[usize],
+        sightings: &Sightings,
+    ) -> Result<Located, Outcome> {
         let needed = self.request.mapper.pose_inliers;
         let Sightings { seen, nearest } = sightings;
         if seen.len() < needed {
-            return Err(Outcome::FewPoints { seen: seen.len(), needed, nearest: *nearest });
+            return Err(Outcome::FewPoints {
+                seen: seen.len(),
+                needed,
+                nearest: *nearest,
+            });
         }
         let (intrinsics, estimated) = self.intrinsics(frame, near);
         let (at_px, points): (Vec<DVec2>, Vec<DVec3>) = seen.iter().copied().unzip();
@@ -102,24 +135,45 @@ impl Locator<'_> {
         let found = estimate_absolute_pose(&intrinsics, &at_px, &points, &options);
         let agreeing = found.as_ref().map_or(0, |pose| pose.inliers.len());
         let Some(found) = found.filter(|_| agreeing >= needed) else {
-            return Err(Outcome::NoPose { seen: seen.len(), agreeing });
+            return Err(Outcome::NoPose {
+                seen: seen.len(),
+                agreeing,
+            });
         };
         let (pose, errors) = refined(&intrinsics, found.camera_from_world, &at_px, &points);
         let error_px = errors.get(errors.len() / 2).copied().unwrap_or(0.0);
-        let camera = FrameCamera { intrinsics, camera_from_world: Some(pose), estimated };
-        Ok(Located { camera: Some(camera), outcome: Outcome::Placed { points: errors.len(), error_px } })
+        let camera = FrameCamera {
+            intrinsics,
+            camera_from_world: Some(pose),
+            estimated,
+        };
+        Ok(Located {
+            camera: Some(camera),
+            outcome: Outcome::Placed {
+                points: errors.len(),
+                error_px,
+            },
+        })
     }
 
     /// The frame's own intrinsics where they are given, else those of the nearest mapped frame of the same size.
     fn intrinsics(&self, frame: &Frame, near: &[usize]) -> (Camera, bool) {
         let camera_of = |image: usize| self.problem.images[image].camera;
-        let of_size = |camera: &Camera| (camera.width, camera.height) == (frame.width, frame.height);
-        let alike = near.iter().map(|&image| camera_of(image)).find(|&camera| of_size(&self.model.cameras[camera]));
-        match (frame.camera.filter(|camera| !camera.estimated), alike.or(near.first().map(|&image| camera_of(image)))) {
+        let of_size =
+            |camera: &Camera| (camera.width, camera.height) == (frame.width, frame.height);
+        let alike = near
+            .iter()
+            .map(|&image| camera_of(image))
+            .find(|&camera| of_size(&self.model.cameras[camera]));
+        match (
+            frame.camera.filter(|camera| !camera.estimated),
+            alike.or(near.first().map(|&image| camera_of(image))),
+        ) {
             (Some(given), _) => (given.intrinsics, false),
-            (None, Some(camera)) => {
-                (self.model.cameras[camera], self.problem.cameras[camera].source != IntrinsicsSource::Given)
-            }
+            (None, Some(camera)) => (
+                self.model.cameras[camera],
+                self.problem.cameras[camera].source != IntrinsicsSource::Given,
+            ),
             (None, None) => (self.model.cameras[0], true),
         }
     }
@@ -128,12 +182,25 @@ impl Locator<'_> {
 /// The pose refined over the sightings that fit it well, and their errors in pixels, ascending.
 fn refined(camera: &Camera, start: Pose, at_px: &[DVec2], points: &[DVec3]) -> (Pose, Vec<f64>) {
     let error = |pose: &Pose, (at_px, point): (&DVec2, &DVec3)| {
-        camera.project(pose.transform(*point)).map_or(f64::INFINITY, |at| at.distance(*at_px))
+        camera
+            .project(pose.transform(*point))
+            .map_or(f64::INFINITY, |at| at.distance(*at_px))
     };
-    let fitting = at_px.iter().zip(points).filter(|&seen| error(&start, seen) <= FINE_ERROR_PX);
+    let fitting = at_px
+        .iter()
+        .zip(points)
+        .filter(|&seen| error(&start, seen) <= FINE_ERROR_PX);
     let (fine_px, fine_points): (Vec<DVec2>, Vec<DVec3>) = fitting.map(|(&at, &x)| (at, x)).unzip();
-    let pose = if fine_px.len() < 6 { start } else { refine_absolute_pose(camera, &start, &fine_px, &fine_points) };
-    let mut errors: Vec<f64> = at_px.iter().zip(points).map(|seen| error(&pose, seen)).collect();
+    let pose = if fine_px.len() < 6 {
+        start
+    } else {
+        refine_absolute_pose(camera, &start, &fine_px, &fine_points)
+    };
+    let mut errors: Vec<f64> = at_px
+        .iter()
+        .zip(points)
+        .map(|seen| error(&pose, seen))
+        .collect();
     errors.retain(|&error| error <= FINE_ERROR_PX);
     errors.sort_unstable_by(f64::total_cmp);
     (pose, errors)

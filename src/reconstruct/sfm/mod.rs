@@ -30,7 +30,9 @@ pub use cache::{CachedExtractor, CachedMatcher, FeatureCache};
 pub use correspondences::Correspondences;
 pub use error::SfmError;
 pub use extract::{AllowedPixels, PictureFeatures};
-pub use features::{Descriptors, FeatureError, FeatureExtractor, FeatureMatcher, Features, PairMatches};
+pub use features::{
+    Descriptors, FeatureError, FeatureExtractor, FeatureMatcher, Features, PairMatches,
+};
 pub use groups::CameraGroups;
 pub use mapper::{Mapped, MapperOptions, Refusal, Start, map};
 

@@ -30,10 +30,18 @@ impl SparseModel {
     #[must_use]
     pub fn new(problem: &MapProblem) -> Self {
         Self {
-            cameras: problem.cameras.iter().map(|camera| camera.intrinsics).collect(),
+            cameras: problem
+                .cameras
+                .iter()
+                .map(|camera| camera.intrinsics)
+                .collect(),
             poses: vec![None; problem.images.len()],
             points: Vec::new(),
-            point_of: problem.images.iter().map(|image| vec![NO_POINT; image.keypoints.len()]).collect(),
+            point_of: problem
+                .images
+                .iter()
+                .map(|image| vec![NO_POINT; image.keypoints.len()])
+                .collect(),
         }
     }
 
@@ -51,7 +59,8 @@ impl SparseModel {
     /// The point that a keypoint sees.
     #[must_use]
     pub fn point_of(&self, keypoint: KeypointId) -> Option<u32> {
-        Some(self.point_of[keypoint.image as usize][keypoint.index as usize]).filter(|&point| point != NO_POINT)
+        Some(self.point_of[keypoint.image as usize][keypoint.index as usize])
+            .filter(|&point| point != NO_POINT)
     }
 
     /// A point by number; `None` where it was taken out.
@@ -62,7 +71,10 @@ impl SparseModel {
 
     /// All points with their numbers, which never change.
     pub fn points(&self) -> impl Iterator<Item = (u32, &ModelPoint)> + '_ {
-        self.points.iter().enumerate().filter_map(|(i, point)| Some((i as u32, point.as_ref()?)))
+        self.points
+            .iter()
+            .enumerate()
+            .filter_map(|(i, point)| Some((i as u32, point.as_ref()?)))
     }
 
     /// One above the highest number of a point.
@@ -74,7 +86,10 @@ impl SparseModel {
     /// How many of an image's keypoints see a point.
     #[must_use]
     pub fn points_seen(&self, image: u32) -> usize {
-        self.point_of[image as usize].iter().filter(|&&point| point != NO_POINT).count()
+        self.point_of[image as usize]
+            .iter()
+            .filter(|&&point| point != NO_POINT)
+            .count()
     }
 
     /// Puts in a point; none of the keypoints sees another. Gives its number.
@@ -104,7 +119,9 @@ impl SparseModel {
 
     /// Takes a keypoint from those that see its point.
     pub fn detach(&mut self, keypoint: KeypointId) {
-        let Some(number) = self.point_of(keypoint) else { return };
+        let Some(number) = self.point_of(keypoint) else {
+            return;
+        };
         self.point_of[keypoint.image as usize][keypoint.index as usize] = NO_POINT;
         if let Some(point) = self.points[number as usize].as_mut() {
             point.track.retain(|&other| other != keypoint);

@@ -20,20 +20,30 @@ pub struct PairOptions {
 
 impl Default for PairOptions {
     fn default() -> Self {
-        Self { exhaustive_up_to: 60, window: 10, alike: 10, given: Vec::new(), seed: 0 }
+        Self {
+            exhaustive_up_to: 60,
+            window: 10,
+            alike: 10,
+            given: Vec::new(),
+            seed: 0,
+        }
     }
 }
 
 /// Every pair (first < second) of `n` pictures.
 #[must_use]
 pub fn exhaustive_pairs(n: usize) -> BTreeSet<(usize, usize)> {
-    (0..n).flat_map(|first| (first + 1..n).map(move |second| (first, second))).collect()
+    (0..n)
+        .flat_map(|first| (first + 1..n).map(move |second| (first, second)))
+        .collect()
 }
 
 /// Every picture of a sequence of `n` with the next `window` ones and with those 2, 4, 8, … further on.
 #[must_use]
 pub fn sequence_pairs(n: usize, window: usize) -> BTreeSet<(usize, usize)> {
-    let doubling = (0..usize::BITS - 1).map(|k| 1 << k).take_while(|&step| window > 0 && step < n);
+    let doubling = (0..usize::BITS - 1)
+        .map(|k| 1 << k)
+        .take_while(|&step| window > 0 && step < n);
     let steps: BTreeSet<usize> = (1..=window).chain(doubling).collect();
     (0..n)
         .flat_map(|first| steps.iter().map(move |step| (first, first + step)))
@@ -45,7 +55,11 @@ pub fn sequence_pairs(n: usize, window: usize) -> BTreeSet<(usize, usize)> {
 /// film) it belongs to, whose pictures follow each other in the order given; windows do not cross sequences, likeness
 /// does.
 #[must_use]
-pub fn choose_pairs(features: &[&Features], sequence: &[usize], options: &PairOptions) -> Vec<(usize, usize)> {
+pub fn choose_pairs(
+    features: &[&Features],
+    sequence: &[usize],
+    options: &PairOptions,
+) -> Vec<(usize, usize)> {
     let n = features.len();
     if n <= options.exhaustive_up_to {
         return exhaustive_pairs(n).into_iter().collect();
@@ -65,8 +79,14 @@ fn windows(sequence: &[usize], window: usize) -> BTreeSet<(usize, usize)> {
     let ids: BTreeSet<usize> = sequence.iter().copied().collect();
     let mut pairs = BTreeSet::new();
     for id in ids {
-        let members: Vec<usize> = (0..sequence.len()).filter(|&at| sequence[at] == id).collect();
-        pairs.extend(sequence_pairs(members.len(), window).into_iter().map(|(a, b)| (members[a], members[b])));
+        let members: Vec<usize> = (0..sequence.len())
+            .filter(|&at| sequence[at] == id)
+            .collect();
+        pairs.extend(
+            sequence_pairs(members.len(), window)
+                .into_iter()
+                .map(|(a, b)| (members[a], members[b])),
+        );
     }
     pairs
 }
@@ -89,14 +109,21 @@ mod tests {
             keypoints: vec![DVec2::ZERO; 100],
             scales_px: Vec::new(),
             scores: Vec::new(),
-            descriptors: Descriptors::Bytes { dim: 8, values: (0..800).map(|_| random.random()).collect() },
+            descriptors: Descriptors::Bytes {
+                dim: 8,
+                values: (0..800).map(|_| random.random()).collect(),
+            },
         }
     }
 
     #[test]
     fn a_sequence_pairs_neighbours_and_doubling_steps() {
         let pairs = sequence_pairs(20, 3);
-        let of_first: Vec<usize> = pairs.iter().filter(|pair| pair.0 == 0).map(|pair| pair.1).collect();
+        let of_first: Vec<usize> = pairs
+            .iter()
+            .filter(|pair| pair.0 == 0)
+            .map(|pair| pair.1)
+            .collect();
         assert_eq!(of_first, [1, 2, 3, 4, 8, 16]);
         assert!(pairs.iter().all(|&(a, b)| a < b && b < 20));
         assert!(sequence_pairs(1, 3).is_empty() && sequence_pairs(9, 0).is_empty());
@@ -105,7 +132,11 @@ mod tests {
     #[test]
     fn small_sets_are_compared_in_full() {
         let set: Vec<Features> = (0..4).map(picture).collect();
-        let pairs = choose_pairs(&set.iter().collect::<Vec<_>>(), &[0, 1, 2, 3], &PairOptions::default());
+        let pairs = choose_pairs(
+            &set.iter().collect::<Vec<_>>(),
+            &[0, 1, 2, 3],
+            &PairOptions::default(),
+        );
         assert_eq!(pairs, [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]);
     }
 
@@ -114,19 +145,56 @@ mod tests {
         // Two folders, pictures taken in turn; only pictures 0 and 7 show the same thing.
         let set = [0, 1, 1, 2, 2, 3, 3, 0].map(picture);
         let set: Vec<&Features> = set.iter().collect();
-        let options = PairOptions { exhaustive_up_to: 0, window: 1, alike: 0, ..PairOptions::default() };
+        let options = PairOptions {
+            exhaustive_up_to: 0,
+            window: 1,
+            alike: 0,
+            ..PairOptions::default()
+        };
         let sequence = [0, 1, 0, 1, 0, 1, 0, 1];
         let near = choose_pairs(&set, &sequence, &options);
-        assert_eq!(near, [(0, 2), (0, 4), (1, 3), (1, 5), (2, 4), (2, 6), (3, 5), (3, 7), (4, 6), (5, 7)]);
-        let alike = choose_pairs(&set, &sequence, &PairOptions { alike: 1, ..options });
-        assert!(near.iter().chain(&[(0, 7)]).all(|pair| alike.contains(pair)), "{alike:?}");
+        assert_eq!(
+            near,
+            [
+                (0, 2),
+                (0, 4),
+                (1, 3),
+                (1, 5),
+                (2, 4),
+                (2, 6),
+                (3, 5),
+                (3, 7),
+                (4, 6),
+                (5, 7)
+            ]
+        );
+        let alike = choose_pairs(
+            &set,
+            &sequence,
+            &PairOptions {
+                alike: 1,
+                ..options
+            },
+        );
+        assert!(
+            near.iter()
+                .chain(&[(0, 7)])
+                .all(|pair| alike.contains(pair)),
+            "{alike:?}"
+        );
     }
 
     #[test]
     fn given_pairs_come_besides_the_others() {
         let set: Vec<Features> = (0..4).map(picture).collect();
         let given = vec![(3, 0), (0, 3), (1, 1), (1, 7)];
-        let options = PairOptions { exhaustive_up_to: 0, window: 1, alike: 0, given, ..PairOptions::default() };
+        let options = PairOptions {
+            exhaustive_up_to: 0,
+            window: 1,
+            alike: 0,
+            given,
+            ..PairOptions::default()
+        };
         let pairs = choose_pairs(&set.iter().collect::<Vec<_>>(), &[0; 4], &options);
         assert_eq!(pairs, [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]);
     }

@@ -6,8 +6,9 @@ use super::locate::{Located, Locator};
 use super::result::{error_px, frame_cameras, sparse_points};
 use super::second_chance::{Attempt, second_chance};
 use super::{
-    CameraGroups, FeatureExtractor, FeatureMatcher, Features, KeypointId, MapImage, MapProblem, Mapped, MapperOptions,
-    PairOptions, SfmError, SfmResult, SparseModel, TriedPair, choose_pairs, map, match_pairs, metric_scale,
+    CameraGroups, FeatureExtractor, FeatureMatcher, Features, KeypointId, MapImage, MapProblem,
+    Mapped, MapperOptions, PairOptions, SfmError, SfmResult, SparseModel, TriedPair, choose_pairs,
+    map, match_pairs, metric_scale,
 };
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore, PictureSource};
@@ -48,35 +49,70 @@ pub fn structure_from_motion(
 ) -> Result<SfmResult, SfmError> {
     progress.stage("find features")?;
     let frames = request.frames;
-    let pictures = extract(frames, request.mapped, store, request.extractor, request.allowed, progress)?;
+    let pictures = extract(
+        frames,
+        request.mapped,
+        store,
+        request.extractor,
+        request.allowed,
+        progress,
+    )?;
     progress.stage("match")?;
-    let chosen: Vec<&Frame> = request.mapped.iter().map(|&number| &frames[number]).collect();
+    let chosen: Vec<&Frame> = request
+        .mapped
+        .iter()
+        .map(|&number| &frames[number])
+        .collect();
     let groups = CameraGroups::new(&chosen);
     let (problem, tried) = problem(request, &chosen, &groups, &pictures, progress)?;
     progress.stage("map")?;
     let models = map(&problem, &request.mapper, progress)?;
-    let first = Attempt { problem, pictures, tried, models };
-    let Attempt { problem, pictures, tried, models } = second_chance(first, request, store, progress)?;
+    let first = Attempt {
+        problem,
+        pictures,
+        tried,
+        models,
+    };
+    let Attempt {
+        problem,
+        pictures,
+        tried,
+        models,
+    } = second_chance(first, request, store, progress)?;
     let Some(kept) = models.first() else {
         progress.check()?;
         let names: Vec<&str> = chosen.iter().map(|frame| frame.name.as_str()).collect();
-        return Err(SfmError::NoStart(why_no_start(&names, &found(&pictures), &tried)));
+        return Err(SfmError::NoStart(why_no_start(
+            &names,
+            &found(&pictures),
+            &tried,
+        )));
     };
     let mut result = SfmResult {
         cameras: frame_cameras(&problem, &kept.model, request.mapped),
         sparse: sparse_points(&problem, &kept.model, &pictures, request.mapped),
         outcomes: account(request, &problem, &pictures, &tried, &models),
         start: kept.start,
-        models: models.iter().map(|mapped| mapped.model.placed().count()).collect(),
+        models: models
+            .iter()
+            .map(|mapped| mapped.model.placed().count())
+            .collect(),
         scale: None,
         warnings: Vec::new(),
         methods: [request.extractor.name(), request.matcher.name()],
         stopped: kept.stopped,
     };
-    let locator = Locator { request, problem: &problem, model: &kept.model, pictures: &pictures };
+    let locator = Locator {
+        request,
+        problem: &problem,
+        model: &kept.model,
+        pictures: &pictures,
+    };
     match finish(&locator, store, &mut result, progress) {
         // What is kept has its scale all the same: nothing could give it later.
-        Err(SfmError::Stopped(_)) => scale_to_metres(request, store, &mut result, &Progress::default())?,
+        Err(SfmError::Stopped(_)) => {
+            scale_to_metres(request, store, &mut result, &Progress::default())?
+        }
         finished => finished?,
     }
     result.stopped |= progress.check().is_err();
@@ -89,7 +125,11 @@ fn finish(
     result: &mut SfmResult,
     progress: &Progress,
 ) -> Result<(), SfmError> {
-    let open = locator.request.located.iter().map(|&number| (number, Outcome::NotReached));
+    let open = locator
+        .request
+        .located
+        .iter()
+        .map(|&number| (number, Outcome::NotReached));
     result.outcomes.extend(open);
     locate_rest(locator, store, result, progress)?;
     scale_to_metres(locator.request, store, result, progress)
@@ -104,15 +144,44 @@ fn problem(
 ) -> Result<(MapProblem, Vec<TriedPair>), SfmError> {
     let features: Vec<&Features> = pictures.iter().map(|picture| &picture.features).collect();
     let pairs = choose_pairs(&features, &sequences(chosen), &request.pairs);
-    let cameras: Vec<_> = groups.camera_of.iter().map(|&camera| groups.cameras[camera]).collect();
-    let tried = match_pairs(&features, &cameras, &pairs, request.matcher, request.mapper.seed, progress)?;
-    let images = chosen.iter().zip(pictures).zip(&groups.camera_of).map(|((frame, picture), &camera)| MapImage {
-        camera,
-        keypoints: picture.features.keypoints.clone(),
-        given: frame.posed_camera().filter(|_| request.keep_poses).map(|(_, pose)| *pose),
-    });
-    let pairs = tried.iter().filter_map(|pair| pair.verified.clone()).collect();
-    Ok((MapProblem { cameras: groups.cameras.clone(), images: images.collect(), pairs }, tried))
+    let cameras: Vec<_> = groups
+        .camera_of
+        .iter()
+        .map(|&camera| groups.cameras[camera])
+        .collect();
+    let tried = match_pairs(
+        &features,
+        &cameras,
+        &pairs,
+        request.matcher,
+        request.mapper.seed,
+        progress,
+    )?;
+    let images =
+        chosen
+            .iter()
+            .zip(pictures)
+            .zip(&groups.camera_of)
+            .map(|((frame, picture), &camera)| MapImage {
+                camera,
+                keypoints: picture.features.keypoints.clone(),
+                given: frame
+                    .posed_camera()
+                    .filter(|_| request.keep_poses)
+                    .map(|(_, pose)| *pose),
+            });
+    let pairs = tried
+        .iter()
+        .filter_map(|pair| pair.verified.clone())
+        .collect();
+    Ok((
+        MapProblem {
+            cameras: groups.cameras.clone(),
+            images: images.collect(),
+            pairs,
+        },
+        tried,
+    ))
 }
 
 /// Number of the folder or film that each frame comes from.
@@ -124,10 +193,13 @@ fn sequences(frames: &[&Frame]) -> Vec<usize> {
     };
     let number = |frame| {
         let place = place(frame);
-        places.iter().position(|known| *known == place).unwrap_or_else(|| {
-            places.push(place);
-            places.len() - 1
-        })
+        places
+            .iter()
+            .position(|known| *known == place)
+            .unwrap_or_else(|| {
+                places.push(place);
+                places.len() - 1
+            })
     };
     frames.iter().map(number).collect()
 }
@@ -140,21 +212,35 @@ fn account(
     models: &[Mapped],
 ) -> BTreeMap<usize, Outcome> {
     let placed = |image: usize| residual(problem, &models.first()?.model, image);
-    let outcomes = outcomes(request.mapped, &found(pictures), tried, models, &request.mapper, &placed);
+    let outcomes = outcomes(
+        request.mapped,
+        &found(pictures),
+        tried,
+        models,
+        &request.mapper,
+        &placed,
+    );
     request.mapped.iter().copied().zip(outcomes).collect()
 }
 
 /// Features of each picture, or why it cannot be read.
 fn found(pictures: &[PictureFeatures]) -> Vec<Result<usize, String>> {
-    let one = |picture: &PictureFeatures| picture.unreadable.clone().map_or(Ok(picture.features.keypoints.len()), Err);
+    let one = |picture: &PictureFeatures| {
+        picture
+            .unreadable
+            .clone()
+            .map_or(Ok(picture.features.keypoints.len()), Err)
+    };
     pictures.iter().map(one).collect()
 }
 
 /// Points that an image sees and the median of their reprojection errors in pixels; `None` where it is not placed.
 fn residual(problem: &MapProblem, model: &SparseModel, image: usize) -> Option<(usize, f64)> {
     model.poses[image]?;
-    let keypoints =
-        (0..problem.images[image].keypoints.len() as u32).map(|index| KeypointId { image: image as u32, index });
+    let keypoints = (0..problem.images[image].keypoints.len() as u32).map(|index| KeypointId {
+        image: image as u32,
+        index,
+    });
     let mut errors: Vec<f64> = keypoints
         .filter_map(|keypoint| {
             let point = model.point(model.point_of(keypoint)?)?;
@@ -162,7 +248,10 @@ fn residual(problem: &MapProblem, model: &SparseModel, image: usize) -> Option<(
         })
         .collect();
     errors.sort_unstable_by(f64::total_cmp);
-    Some((errors.len(), errors.get(errors.len() / 2).copied().unwrap_or(0.0)))
+    Some((
+        errors.len(),
+        errors.get(errors.len() / 2).copied().unwrap_or(0.0),
+    ))
 }
 
 fn locate_rest(
@@ -178,7 +267,11 @@ fn locate_rest(
     progress.stage("place the frames between")?;
     for (done, &number) in located.iter().enumerate() {
         progress.step(done, located.len())?;
-        let ahead: Vec<Frame> = located[done + 1..].iter().take(2).map(|&next| frames[next].clone()).collect();
+        let ahead: Vec<Frame> = located[done + 1..]
+            .iter()
+            .take(2)
+            .map(|&next| frames[next].clone())
+            .collect();
         store.prefetch(&ahead);
         let Located { camera, outcome } = locator.locate(number, store)?;
         result.cameras.extend(camera.map(|camera| (number, camera)));
@@ -199,7 +292,13 @@ fn scale_to_metres(
         return Ok(());
     }
     progress.stage("scale")?;
-    let (scale, warning) = metric_scale(request.frames, &result.cameras, &result.sparse, store, progress)?;
+    let (scale, warning) = metric_scale(
+        request.frames,
+        &result.cameras,
+        &result.sparse,
+        store,
+        progress,
+    )?;
     result.warnings.extend(warning);
     result.scale = scale;
     if let Some(scale) = result.scale {

@@ -31,7 +31,11 @@ pub struct SfmResult {
 impl SfmResult {
     /// Makes the model larger by a factor.
     pub fn scale_by(&mut self, factor: f64) {
-        for pose in self.cameras.values_mut().filter_map(|camera| camera.camera_from_world.as_mut()) {
+        for pose in self
+            .cameras
+            .values_mut()
+            .filter_map(|camera| camera.camera_from_world.as_mut())
+        {
             pose.translation *= factor;
         }
         for point in &mut self.sparse.points {
@@ -42,13 +46,24 @@ impl SfmResult {
 
 /// The model's cameras by frame number; `chosen` tells the frame of each image.
 #[must_use]
-pub fn frame_cameras(problem: &MapProblem, model: &SparseModel, chosen: &[usize]) -> BTreeMap<usize, FrameCamera> {
+pub fn frame_cameras(
+    problem: &MapProblem,
+    model: &SparseModel,
+    chosen: &[usize],
+) -> BTreeMap<usize, FrameCamera> {
     let camera = |(image, &frame): (usize, &usize)| {
         let camera_from_world: Pose = model.poses[image]?;
         let number = problem.images[image].camera;
         let estimated = problem.cameras[number].source != super::IntrinsicsSource::Given;
         let intrinsics = model.cameras[number];
-        Some((frame, FrameCamera { intrinsics, camera_from_world: Some(camera_from_world), estimated }))
+        Some((
+            frame,
+            FrameCamera {
+                intrinsics,
+                camera_from_world: Some(camera_from_world),
+                estimated,
+            },
+        ))
     };
     chosen.iter().enumerate().filter_map(camera).collect()
 }
@@ -64,14 +79,24 @@ pub fn sparse_points(
     let mut sparse = SparsePoints::default();
     for (_, point) in model.points() {
         let number = sparse.points.len() as u32;
-        let errors: f64 = point.track.iter().map(|&keypoint| error_px(problem, model, keypoint, point.position)).sum();
+        let errors: f64 = point
+            .track
+            .iter()
+            .map(|&keypoint| error_px(problem, model, keypoint, point.position))
+            .sum();
         let mut color = [0u32; 3];
         for keypoint in &point.track {
             let seen = pictures[keypoint.image as usize].colors[keypoint.index as usize];
             color = std::array::from_fn(|i| color[i] + u32::from(seen[i]));
             let at_px = problem.images[keypoint.image as usize].keypoints[keypoint.index as usize];
-            let keypoints = sparse.keypoints.entry(chosen[keypoint.image as usize]).or_default();
-            keypoints.push(SparseKeypoint { at_px, point: Some(number) });
+            let keypoints = sparse
+                .keypoints
+                .entry(chosen[keypoint.image as usize])
+                .or_default();
+            keypoints.push(SparseKeypoint {
+                at_px,
+                point: Some(number),
+            });
         }
         let sightings = point.track.len();
         sparse.points.push(SparsePoint {
@@ -85,9 +110,18 @@ pub fn sparse_points(
 
 /// Reprojection error of a sighting in pixels; infinite where it is not seen.
 #[must_use]
-pub fn error_px(problem: &MapProblem, model: &SparseModel, keypoint: KeypointId, position: glam::DVec3) -> f64 {
+pub fn error_px(
+    problem: &MapProblem,
+    model: &SparseModel,
+    keypoint: KeypointId,
+    position: glam::DVec3,
+) -> f64 {
     let image = &problem.images[keypoint.image as usize];
-    let Some(pose) = model.poses[keypoint.image as usize] else { return f64::INFINITY };
+    let Some(pose) = model.poses[keypoint.image as usize] else {
+        return f64::INFINITY;
+    };
     let seen = model.cameras[image.camera].project(pose.transform(position));
-    seen.map_or(f64::INFINITY, |at| at.distance(image.keypoints[keypoint.index as usize]))
+    seen.map_or(f64::INFINITY, |at| {
+        at.distance(image.keypoints[keypoint.index as usize])
+    })
 }

@@ -49,7 +49,12 @@ pub fn metric_scale(
         if !frame.has_sensor_depth() {
             continue;
         }
-        let Some(pose) = cameras.get(&number).and_then(|camera| camera.camera_from_world) else { continue };
+        let Some(pose) = cameras
+            .get(&number)
+            .and_then(|camera| camera.camera_from_world)
+        else {
+            continue;
+        };
         let depth = match store.depth(frame) {
             Ok(Some(depth)) => depth,
             Ok(None) => continue,
@@ -60,7 +65,9 @@ pub fn metric_scale(
             }
         };
         for keypoint in keypoints {
-            let Some(point) = keypoint.point.map(|point| &sparse.points[point as usize]) else { continue };
+            let Some(point) = keypoint.point.map(|point| &sparse.points[point as usize]) else {
+                continue;
+            };
             let z = pose.transform(point.position).z;
             let (x, y) = (keypoint.at_px.x as u32, keypoint.at_px.y as u32);
             let known = x < depth.width && y < depth.height && depth.at(x, y) > 0.0 && z > 0.0;
@@ -69,8 +76,10 @@ pub fn metric_scale(
             }
         }
     }
-    let warning =
-        naming("have a depth that cannot be read and do not count for the scale; check their files", &unreadable);
+    let warning = naming(
+        "have a depth that cannot be read and do not count for the scale; check their files",
+        &unreadable,
+    );
     Ok((mode(logs), warning))
 }
 
@@ -85,17 +94,34 @@ fn mode(mut logs: Vec<f64>) -> Option<MetricScale> {
         let to = logs.partition_point(|&log| log <= at + width);
         &logs[from..to]
     };
-    let mut at = logs.iter().map(|&at| (near(at, KERNEL).len(), at)).max_by_key(|&(count, _)| count)?.1;
+    let mut at = logs
+        .iter()
+        .map(|&at| (near(at, KERNEL).len(), at))
+        .max_by_key(|&(count, _)| count)?
+        .1;
     for _ in 0..MEAN_SHIFTS {
-        let weights: Vec<(f64, f64)> =
-            near(at, 4.0 * KERNEL).iter().map(|&log| (kernel((log - at) / KERNEL), log)).collect();
+        let weights: Vec<(f64, f64)> = near(at, 4.0 * KERNEL)
+            .iter()
+            .map(|&log| (kernel((log - at) / KERNEL), log))
+            .collect();
         let total: f64 = weights.iter().map(|(weight, _)| weight).sum();
-        at = weights.iter().map(|(weight, log)| weight * log).sum::<f64>() / total;
+        at = weights
+            .iter()
+            .map(|(weight, log)| weight * log)
+            .sum::<f64>()
+            / total;
     }
-    let mut distances: Vec<f64> = near(at, 2f64.ln()).iter().map(|log| (log - at).abs()).collect();
+    let mut distances: Vec<f64> = near(at, 2f64.ln())
+        .iter()
+        .map(|log| (log - at).abs())
+        .collect();
     distances.sort_unstable_by(f64::total_cmp);
     let spread = distances[distances.len() * 2 / 3].exp_m1();
-    Some(MetricScale { factor: at.exp(), spread, samples: logs.len() })
+    Some(MetricScale {
+        factor: at.exp(),
+        spread,
+        samples: logs.len(),
+    })
 }
 
 fn kernel(distance: f64) -> f64 {
@@ -115,12 +141,31 @@ mod tests {
 
     /// A frame of 8 × 6 pixels whose depth says 2 m everywhere.
     fn frame(folder: &Path, number: usize) -> Frame {
-        let depth = image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::from_pixel(8, 6, image::Luma([2000]));
-        let (path, orientation) = (folder.join(format!("d{number}.png")), Orientation::default());
+        let depth =
+            image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::from_pixel(8, 6, image::Luma([2000]));
+        let (path, orientation) = (
+            folder.join(format!("d{number}.png")),
+            Orientation::default(),
+        );
         depth.save(&path).unwrap();
-        let picture = PictureSource::File { path: folder.join(format!("c{number}.png")), orientation };
-        let depth = Some(DepthSource::Sensor { path, unit: 0.001, orientation, camera: None });
-        Frame { name: format!("c{number}.png"), width: 8, height: 6, picture, depth, camera: None }
+        let picture = PictureSource::File {
+            path: folder.join(format!("c{number}.png")),
+            orientation,
+        };
+        let depth = Some(DepthSource::Sensor {
+            path,
+            unit: 0.001,
+            orientation,
+            camera: None,
+        });
+        Frame {
+            name: format!("c{number}.png"),
+            width: 8,
+            height: 6,
+            picture,
+            depth,
+            camera: None,
+        }
     }
 
     #[test]
@@ -128,16 +173,38 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let frames: Vec<Frame> = (0..3).map(|number| frame(folder.path(), number)).collect();
         std::fs::write(folder.path().join("d1.png"), "").unwrap();
-        let camera = FrameCamera::given(Camera::pinhole(8, 6, 8.0, 8.0, 4.0, 3.0), Some(Pose::IDENTITY));
-        let point = SparsePoint { position: DVec3::Z, color: [0; 3], error_px: None };
-        let seen = vec![SparseKeypoint { at_px: DVec2::new(4.0, 3.0), point: Some(0) }; LEAST_SAMPLES];
-        let sparse = SparsePoints { points: vec![point], keypoints: (0..3).map(|at| (at, seen.clone())).collect() };
+        let camera = FrameCamera::given(
+            Camera::pinhole(8, 6, 8.0, 8.0, 4.0, 3.0),
+            Some(Pose::IDENTITY),
+        );
+        let point = SparsePoint {
+            position: DVec3::Z,
+            color: [0; 3],
+            error_px: None,
+        };
+        let seen = vec![
+            SparseKeypoint {
+                at_px: DVec2::new(4.0, 3.0),
+                point: Some(0)
+            };
+            LEAST_SAMPLES
+        ];
+        let sparse = SparsePoints {
+            points: vec![point],
+            keypoints: (0..3).map(|at| (at, seen.clone())).collect(),
+        };
         let cameras: BTreeMap<usize, FrameCamera> = (0..3).map(|number| (number, camera)).collect();
         let store = FrameStore::new(1 << 20);
-        let (scale, warning) = metric_scale(&frames, &cameras, &sparse, &store, &Progress::default()).unwrap();
+        let (scale, warning) =
+            metric_scale(&frames, &cameras, &sparse, &store, &Progress::default()).unwrap();
         let scale = scale.unwrap();
-        assert!((scale.factor - 2.0).abs() < 1e-6 && scale.samples == 2 * LEAST_SAMPLES, "{scale:?}");
-        assert!(warning.is_some_and(|line| line.starts_with("1 frames have a depth") && line.ends_with(": c1.png")));
+        assert!(
+            (scale.factor - 2.0).abs() < 1e-6 && scale.samples == 2 * LEAST_SAMPLES,
+            "{scale:?}"
+        );
+        assert!(warning.is_some_and(
+            |line| line.starts_with("1 frames have a depth") && line.ends_with(": c1.png")
+        ));
     }
 
     #[test]
@@ -145,7 +212,12 @@ mod tests {
         // Two thirds agree on 2.5 within 1 %, a third is spread widely (depth behind or before the point).
         let logs = (0..300).map(|i| {
             let spread = f64::from(i % 100) / 50.0 - 1.0;
-            2.5f64.ln() + if i % 3 < 2 { 0.01 * spread } else { 0.5 + 0.4 * spread }
+            2.5f64.ln()
+                + if i % 3 < 2 {
+                    0.01 * spread
+                } else {
+                    0.5 + 0.4 * spread
+                }
         });
         let scale = mode(logs.collect()).unwrap();
         assert!((scale.factor / 2.5 - 1.0).abs() < 3e-3, "{scale:?}");

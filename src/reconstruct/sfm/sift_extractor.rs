@@ -24,10 +24,21 @@ impl FeatureExtractor for Sift {
         Ok(Features {
             width: width as u32,
             height: height as u32,
-            keypoints: found.keypoints.iter().map(|keypoint| keypoint.at_px.as_dvec2()).collect(),
-            scales_px: found.keypoints.iter().map(|keypoint| keypoint.scale_px).collect(),
+            keypoints: found
+                .keypoints
+                .iter()
+                .map(|keypoint| keypoint.at_px.as_dvec2())
+                .collect(),
+            scales_px: found
+                .keypoints
+                .iter()
+                .map(|keypoint| keypoint.scale_px)
+                .collect(),
             scores: Vec::new(),
-            descriptors: Descriptors::Bytes { dim: 128, values: found.descriptors.into_flattened() },
+            descriptors: Descriptors::Bytes {
+                dim: 128,
+                values: found.descriptors.into_flattened(),
+            },
         })
     }
 }

@@ -24,7 +24,11 @@ impl DepthEstimate {
         let mut estimate = Self::empty(picture.camera);
         for (at, (plane, &cost)) in found.planes.iter().zip(&found.costs).enumerate() {
             if plane.inverse_depth > 0.0 {
-                let normal = plane.normal(&raster, (at % found.width) as f32, (at / found.width) as f32);
+                let normal = plane.normal(
+                    &raster,
+                    (at % found.width) as f32,
+                    (at / found.width) as f32,
+                );
                 estimate.depths[at] = 1.0 / plane.inverse_depth;
                 estimate.normals[at] = (127.0 * normal).round().to_array().map(|value| value as i8);
                 estimate.confidence[at] = (255.0 * (1.0 - cost).clamp(0.0, 1.0)).round() as u8;
@@ -37,7 +41,12 @@ impl DepthEstimate {
     #[must_use]
     pub fn empty(camera: Camera) -> Self {
         let count = camera.width as usize * camera.height as usize;
-        Self { camera, depths: vec![0.0; count], normals: vec![[0; 3]; count], confidence: vec![0; count] }
+        Self {
+            camera,
+            depths: vec![0.0; count],
+            normals: vec![[0; 3]; count],
+            confidence: vec![0; count],
+        }
     }
 
     /// Columns.
@@ -69,12 +78,25 @@ impl DepthEstimate {
         let raster = picture.raster(0);
         let width = self.width().max(1);
         let plane = |at: usize| match self.depths[at] {
-            depth if depth > 0.0 => {
-                Plane::from_normal(depth, self.normal(at), &raster, (at % width) as f32, (at / width) as f32)
-            }
+            depth if depth > 0.0 => Plane::from_normal(
+                depth,
+                self.normal(at),
+                &raster,
+                (at % width) as f32,
+                (at / width) as f32,
+            ),
             _ => Plane::default(),
         };
-        let costs = self.confidence.iter().map(|&confidence| 1.0 - f32::from(confidence) / 255.0).collect();
-        Found { width: self.width(), height: self.height(), planes: (0..self.depths.len()).map(plane).collect(), costs }
+        let costs = self
+            .confidence
+            .iter()
+            .map(|&confidence| 1.0 - f32::from(confidence) / 255.0)
+            .collect();
+        Found {
+            width: self.width(),
+            height: self.height(),
+            planes: (0..self.depths.len()).map(plane).collect(),
+            costs,
+        }
     }
 }

@@ -21,7 +21,8 @@ pub use fusion::{Contributor, DenseCloud, FusedView, FusionOptions, fuse_depths}
 pub use gpu::Engine;
 pub use maps::DepthEstimate;
 pub use pipeline::{
-    DepthStore, MemoryDepths, RasterMask, Stage, StereoOptions, StereoRequest, ViewOutcome, estimate_depths,
+    DepthStore, MemoryDepths, RasterMask, Stage, StereoOptions, StereoRequest, ViewOutcome,
+    estimate_depths,
 };
 pub use raster::{raster_camera, raster_image};
 pub use select::{SelectOptions, SourceView, select_sources};

@@ -13,13 +13,17 @@ const LEAST: usize = 5;
 /// The sparse points that a frame sees, in its camera's axes: their z is above 0.
 #[must_use]
 pub fn seen_points(frame: &Frame, number: usize, sparse: &SparsePoints) -> Vec<DVec3> {
-    let Some((_, pose)) = frame.posed_camera() else { return Vec::new() };
+    let Some((_, pose)) = frame.posed_camera() else {
+        return Vec::new();
+    };
     let keypoints = sparse.keypoints.get(&number).into_iter().flatten();
     let points = keypoints.filter_map(|keypoint| {
         let point = sparse.points.get(keypoint.point? as usize)?;
         Some(pose.transform(point.position))
     });
-    points.filter(|x_in_camera| x_in_camera.z > 0.0 && x_in_camera.is_finite()).collect()
+    points
+        .filter(|x_in_camera| x_in_camera.z > 0.0 && x_in_camera.is_finite())
+        .collect()
 }
 
 /// Smallest and largest depth to search, from those of sparse points: all but the farthest off hundredth at either end,

@@ -17,7 +17,13 @@ pub fn raster_camera(camera: &Camera, max_side: u32) -> Camera {
         f64::from(width) / f64::from(plain.width.max(1)),
         f64::from(height) / f64::from(plain.height.max(1)),
     );
-    Camera { width, height, focal_px: plain.focal_px * ratio, principal_px: plain.principal_px * ratio, ..plain }
+    Camera {
+        width,
+        height,
+        focal_px: plain.focal_px * ratio,
+        principal_px: plain.principal_px * ratio,
+        ..plain
+    }
 }
 
 /// The frame's picture without distortion on the raster of [`raster_camera`], each pixel the mean of the area that it
@@ -25,26 +31,48 @@ pub fn raster_camera(camera: &Camera, max_side: u32) -> Camera {
 ///
 /// # Errors
 /// [`FrameError`] when the picture cannot be read.
-pub fn raster_image(frame: &Frame, camera: &Camera, store: &FrameStore, max_side: u32) -> Result<Image, FrameError> {
+pub fn raster_image(
+    frame: &Frame,
+    camera: &Camera,
+    store: &FrameStore,
+    max_side: u32,
+) -> Result<Image, FrameError> {
     let image = store.image(frame)?;
     let to = raster_camera(camera, max_side);
     let plain = undistorted_camera(camera);
     if plain == *camera {
         return Ok(area_mean(&image, to.width, to.height));
     }
-    Ok(area_mean(&undistort_image(&image, camera, &plain), to.width, to.height))
+    Ok(area_mean(
+        &undistort_image(&image, camera, &plain),
+        to.width,
+        to.height,
+    ))
 }
 
 /// Luma and chroma as in ITU-R BT.601.
 #[must_use]
 pub fn tones(image: &Image) -> Tones {
-    let (mut luma, mut chroma) = (Vec::with_capacity(image.pixels.len()), Vec::with_capacity(image.pixels.len()));
+    let (mut luma, mut chroma) = (
+        Vec::with_capacity(image.pixels.len()),
+        Vec::with_capacity(image.pixels.len()),
+    );
     for [r, g, b] in image.pixels.iter().map(|pixel| pixel.map(f32::from)) {
         luma.push(0.299 * r + 0.587 * g + 0.114 * b);
-        chroma
-            .push([-0.1687 * r - 0.3313 * g + 0.5 * b, 0.5 * r - 0.4187 * g - 0.0813 * b].map(|part| part.min(127.0)));
+        chroma.push(
+            [
+                -0.1687 * r - 0.3313 * g + 0.5 * b,
+                0.5 * r - 0.4187 * g - 0.0813 * b,
+            ]
+            .map(|part| part.min(127.0)),
+        );
     }
-    Tones { width: image.width as usize, height: image.height as usize, luma, chroma }
+    Tones {
+        width: image.width as usize,
+        height: image.height as usize,
+        luma,
+        chroma,
+    }
 }
 
 /// Each pixel the mean over its area in a larger picture, parts of pixels counted as parts.
@@ -58,19 +86,30 @@ fn area_mean(image: &Image, width: u32, height: u32) -> Image {
         let mut across = vec![[0.0f32; 3]; image.width as usize];
         for &(row, share) in &rows {
             let line = &image.pixels[row * image.width as usize..][..image.width as usize];
-            across.iter_mut().zip(line).for_each(|(sum, pixel)| add(sum, pixel.map(f32::from), share));
+            across
+                .iter_mut()
+                .zip(line)
+                .for_each(|(sum, pixel)| add(sum, pixel.map(f32::from), share));
         }
         for column in &columns {
             let mut sum = [0.0f32; 3];
-            column.iter().for_each(|&(x, share)| add(&mut sum, across[x], share));
+            column
+                .iter()
+                .for_each(|&(x, share)| add(&mut sum, across[x], share));
             pixels.push(sum.map(|value| (value + 0.5) as u8));
         }
     }
-    Image { width, height, pixels }
+    Image {
+        width,
+        height,
+        pixels,
+    }
 }
 
 fn add(sum: &mut [f32; 3], value: [f32; 3], share: f32) {
-    sum.iter_mut().zip(value).for_each(|(sum, value)| *sum += share * value);
+    sum.iter_mut()
+        .zip(value)
+        .for_each(|(sum, value)| *sum += share * value);
 }
 
 /// For each pixel of a shorter side the pixels of the longer one that it covers, with shares that sum to 1.
@@ -80,7 +119,10 @@ fn spans(from: u32, to: u32) -> Vec<Vec<(usize, f32)>> {
         let (start, end) = (f64::from(at) * ratio, f64::from(at + 1) * ratio);
         let inside = start.floor() as u32..(end.ceil() as u32).min(from);
         let share = |x: u32| (end.min(f64::from(x + 1)) - start.max(f64::from(x))) / ratio;
-        inside.map(|x| (x as usize, share(x) as f32)).filter(|&(_, share)| share > 1e-6).collect()
+        inside
+            .map(|x| (x as usize, share(x) as f32))
+            .filter(|&(_, share)| share > 1e-6)
+            .collect()
     };
     (0..to).map(span).collect()
 }

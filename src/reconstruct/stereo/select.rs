@@ -22,7 +22,12 @@ pub struct SelectOptions {
 
 impl Default for SelectOptions {
     fn default() -> Self {
-        Self { angles_deg: [1.0, 6.0, 65.0], min_shared: 10, sources: 6, around: 12 }
+        Self {
+            angles_deg: [1.0, 6.0, 65.0],
+            min_shared: 10,
+            sources: 6,
+            around: 12,
+        }
     }
 }
 
@@ -55,24 +60,40 @@ pub fn select_sources(
 ) -> Vec<Vec<SourceView>> {
     let tracks = sparse.tracks();
     let mut place = vec![None; frames.len()];
-    views.iter().enumerate().for_each(|(at, &view)| place[view] = Some(at));
+    views
+        .iter()
+        .enumerate()
+        .for_each(|(at, &view)| place[view] = Some(at));
     let mut tallies = vec![Tallies::new(); views.len()];
     for (point, track) in sparse.points.iter().zip(&tracks) {
         let mut seen: Vec<(usize, Sight)> = track
             .iter()
             .filter_map(|&(frame, index)| {
                 let at = (*place.get(frame)?)?;
-                Some((at, Sight::new(&frames[frame], point.position, sparse.keypoints[&frame][index as usize].at_px)?))
+                Some((
+                    at,
+                    Sight::new(
+                        &frames[frame],
+                        point.position,
+                        sparse.keypoints[&frame][index as usize].at_px,
+                    )?,
+                ))
             })
             .collect();
         seen.dedup_by_key(|(at, _)| *at);
         for (a, from) in &seen {
             for (b, to) in seen.iter().filter(|(b, _)| b != a) {
-                tallies[*a].entry(*b).or_default().add(from, to, options.angles_deg);
+                tallies[*a]
+                    .entry(*b)
+                    .or_default()
+                    .add(from, to, options.angles_deg);
             }
         }
     }
-    tallies.iter().map(|row| ranked(row, views, options)).collect()
+    tallies
+        .iter()
+        .map(|row| ranked(row, views, options))
+        .collect()
 }
 
 /// What a view shares with those that see any of its points, by their place among the views.
@@ -82,7 +103,11 @@ fn ranked(tallies: &Tallies, views: &[usize], options: &SelectOptions) -> Vec<So
     let mut sources: Vec<SourceView> = tallies
         .iter()
         .filter(|(_, tally)| tally.shared >= options.min_shared.max(1))
-        .map(|(&at, tally)| SourceView { frame: views[at], shared: tally.shared, score: tally.score() })
+        .map(|(&at, tally)| SourceView {
+            frame: views[at],
+            shared: tally.shared,
+            score: tally.score(),
+        })
         .collect();
     sources.sort_by(|a, b| b.score.total_cmp(&a.score).then(a.frame.cmp(&b.frame)));
     sources.truncate(options.around.max(options.sources).max(1));
@@ -101,7 +126,9 @@ impl Sight {
     fn new(frame: &Frame, position: DVec3, at_px: glam::DVec2) -> Option<Self> {
         let (camera, pose) = frame.posed_camera()?;
         let depth = pose.transform(position).z;
-        let cell = |at: f64, length: u32| ((at / f64::from(length) * CELLS as f64).max(0.0) as usize).min(CELLS - 1);
+        let cell = |at: f64, length: u32| {
+            ((at / f64::from(length) * CELLS as f64).max(0.0) as usize).min(CELLS - 1)
+        };
         let longest = f64::from(camera.width.max(camera.height));
         (depth > 0.0).then(|| Self {
             towards: (pose.centre() - position).normalize_or_zero(),
@@ -122,13 +149,22 @@ struct Tally {
 
 impl Tally {
     fn add(&mut self, from: &Sight, to: &Sight, [least, best, most]: [f64; 3]) {
-        let angle = from.towards.dot(to.towards).clamp(-1.0, 1.0).acos().to_degrees();
+        let angle = from
+            .towards
+            .dot(to.towards)
+            .clamp(-1.0, 1.0)
+            .acos()
+            .to_degrees();
         if !(least..=most).contains(&angle) {
             return;
         }
         let off = (angle - best) / SPREAD_DEG[usize::from(angle > best)];
         let ratio = to.scale / from.scale;
-        let alike = if ratio > 1.6 { (1.6 / ratio).powi(2) } else { ratio.min(1.0).powi(2) };
+        let alike = if ratio > 1.6 {
+            (1.6 / ratio).powi(2)
+        } else {
+            ratio.min(1.0).powi(2)
+        };
         self.shared += 1;
         self.weight += (-0.5 * off * off).exp() * alike;
         self.cells |= 1 << from.cell;

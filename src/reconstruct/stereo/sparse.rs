@@ -10,7 +10,8 @@ use ostra_core::job::Progress;
 use ostra_frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
 use ostra_frames::{Frame, FrameStore};
 use ostra_geometry::{
-    Camera, Pose, Sighting, TriangulationOptions, essential_from_pose, fundamental_in_pixels, triangulate_robust,
+    Camera, Pose, Sighting, TriangulationOptions, essential_from_pose, fundamental_in_pixels,
+    triangulate_robust,
 };
 
 /// How sparse points are made where cameras are given without any.
@@ -28,7 +29,11 @@ pub struct SparseOptions {
 
 impl Default for SparseOptions {
     fn default() -> Self {
-        Self { max_side: 800, max_error_px: 2.0, min_angle_deg: 2.0 }
+        Self {
+            max_side: 800,
+            max_error_px: 2.0,
+            min_angle_deg: 2.0,
+        }
     }
 }
 
@@ -84,18 +89,38 @@ fn view(
     extractor: &dyn FeatureExtractor,
     options: &SparseOptions,
 ) -> Result<Option<View>, StereoError> {
-    let Some((lens, pose)) = frame.posed_camera() else { return Ok(None) };
-    let Ok(image) = raster_image(frame, lens, store, options.max_side) else { return Ok(None) };
+    let Some((lens, pose)) = frame.posed_camera() else {
+        return Ok(None);
+    };
+    let Ok(image) = raster_image(frame, lens, store, options.max_side) else {
+        return Ok(None);
+    };
     let camera = raster_camera(lens, options.max_side);
-    let values: Vec<f32> = tones(&image).luma.iter().map(|value| value / 255.0).collect();
+    let values: Vec<f32> = tones(&image)
+        .luma
+        .iter()
+        .map(|value| value / 255.0)
+        .collect();
     let features = extractor.extract(&values, image.width as usize, image.height as usize, None)?;
-    let color = |at: &DVec2| image.at((at.x as u32).min(image.width - 1), (at.y as u32).min(image.height - 1));
+    let color = |at: &DVec2| {
+        image.at(
+            (at.x as u32).min(image.width - 1),
+            (at.y as u32).min(image.height - 1),
+        )
+    };
     let colors = features.keypoints.iter().map(color).collect();
     let scale = DVec2::new(
         f64::from(frame.width) / f64::from(camera.width),
         f64::from(frame.height) / f64::from(camera.height),
     );
-    Ok(Some(View { frame: number, camera, pose: *pose, features, colors, scale }))
+    Ok(Some(View {
+        frame: number,
+        camera,
+        pose: *pose,
+        features,
+        colors,
+        scale,
+    }))
 }
 
 /// Tracks of (view, keypoint) over all matches that agree with the poses.
@@ -113,16 +138,26 @@ fn matched_tracks(
     let agreeing = |&(first, second): &(usize, usize)| {
         progress.check()?;
         let lines = epipolar_lines(&views[first], &views[second]);
-        let at = |a: u32, b: u32| [features[first].keypoints[a as usize], features[second].keypoints[b as usize]];
+        let at = |a: u32, b: u32| {
+            [
+                features[first].keypoints[a as usize],
+                features[second].keypoints[b as usize],
+            ]
+        };
         let mut found = matches(first, second)?;
         found.retain(|&(a, b)| line_distance(lines, at(a, b)) <= options.max_error_px);
         Ok(found)
     };
     for (done, some) in pairs.chunks(TOGETHER).enumerate() {
         progress.step(done * TOGETHER, pairs.len())?;
-        let found: Vec<Vec<(u32, u32)>> = some.par_iter().map(agreeing).collect::<Result<_, StereoError>>()?;
+        let found: Vec<Vec<(u32, u32)>> = some
+            .par_iter()
+            .map(agreeing)
+            .collect::<Result<_, StereoError>>()?;
         for (&(first, second), found) in some.iter().zip(found) {
-            found.into_iter().for_each(|(a, b)| tracks.join((first, a as usize), (second, b as usize)));
+            found
+                .into_iter()
+                .for_each(|(a, b)| tracks.join((first, a as usize), (second, b as usize)));
         }
     }
     Ok(tracks.finish())
@@ -131,36 +166,68 @@ fn matched_tracks(
 /// The fundamental matrix of two posed views: from positions in the first to lines in the second.
 fn epipolar_lines(first: &View, second: &View) -> DMat3 {
     let second_from_first = second.pose.compose(&first.pose.inverse());
-    fundamental_in_pixels(essential_from_pose(&second_from_first), [&first.camera, &second.camera])
+    fundamental_in_pixels(
+        essential_from_pose(&second_from_first),
+        [&first.camera, &second.camera],
+    )
 }
 
 /// The larger of the distances of two matched positions from each other's epipolar lines, pixels.
 fn line_distance(lines: DMat3, [a, b]: [DVec2; 2]) -> f64 {
     let (a, b) = (a.extend(1.0), b.extend(1.0));
     let (in_second, in_first) = (lines * a, lines.transpose() * b);
-    let distance = |line: DVec3, at: DVec3| line.dot(at).abs() / line.truncate().length().max(f64::MIN_POSITIVE);
+    let distance = |line: DVec3, at: DVec3| {
+        line.dot(at).abs() / line.truncate().length().max(f64::MIN_POSITIVE)
+    };
     distance(in_second, b).max(distance(in_first, a))
 }
 
-fn add_point(sparse: &mut SparsePoints, views: &[View], track: &[(usize, usize)], options: &SparseOptions) {
+fn add_point(
+    sparse: &mut SparsePoints,
+    views: &[View],
+    track: &[(usize, usize)],
+    options: &SparseOptions,
+) {
     let sightings: Vec<Sighting<'_>> = track
         .iter()
         .map(|&(view, keypoint)| {
             let at_px = views[view].features.keypoints[keypoint];
             let camera = &views[view].camera;
-            Sighting { camera, camera_from_world: &views[view].pose, at_px, at_plane: camera.unproject(at_px) }
+            Sighting {
+                camera,
+                camera_from_world: &views[view].pose,
+                at_px,
+                at_plane: camera.unproject(at_px),
+            }
         })
         .collect();
-    let rule =
-        TriangulationOptions { max_error_px: options.max_error_px, min_angle: options.min_angle_deg.to_radians() };
-    let Some(made) = triangulate_robust(&sightings, &rule) else { return };
+    let rule = TriangulationOptions {
+        max_error_px: options.max_error_px,
+        min_angle: options.min_angle_deg.to_radians(),
+    };
+    let Some(made) = triangulate_robust(&sightings, &rule) else {
+        return;
+    };
     let number = sparse.points.len() as u32;
-    let color = track.first().map_or([0; 3], |&(view, keypoint)| views[view].colors[keypoint]);
+    let color = track
+        .first()
+        .map_or([0; 3], |&(view, keypoint)| views[view].colors[keypoint]);
     for &inlier in &made.inliers {
         let (view, keypoint) = track[inlier as usize];
         let at_px = views[view].features.keypoints[keypoint] * views[view].scale;
-        let seen = SparseKeypoint { at_px, point: Some(number) };
-        sparse.keypoints.entry(views[view].frame).or_default().push(seen);
+        let seen = SparseKeypoint {
+            at_px,
+            point: Some(number),
+        };
+        sparse
+            .keypoints
+            .entry(views[view].frame)
+            .or_default()
+            .push(seen);
     }
-    sparse.points.push(SparsePoint { position: made.position, color, error_px: None });
+    sparse.points.push(SparsePoint {
+        position: made.position,
+        color,
+        error_px: None,
+    });
 }

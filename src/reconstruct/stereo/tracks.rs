@@ -19,7 +19,10 @@ impl Tracks {
 
     /// Joins the tracks of two (view, keypoint).
     pub fn join(&mut self, a: (usize, usize), b: (usize, usize)) {
-        let (a, b) = (self.root(self.first[a.0] + a.1), self.root(self.first[b.0] + b.1));
+        let (a, b) = (
+            self.root(self.first[a.0] + a.1),
+            self.root(self.first[b.0] + b.1),
+        );
         self.parents[a.max(b)] = a.min(b);
     }
 
@@ -37,10 +40,16 @@ impl Tracks {
         for view in 0..self.first.len() - 1 {
             for at in self.first[view]..self.first[view + 1] {
                 let root = self.root(at);
-                members.entry(root).or_default().push((view, at - self.first[view]));
+                members
+                    .entry(root)
+                    .or_default()
+                    .push((view, at - self.first[view]));
             }
         }
-        let mut tracks: Vec<Vec<(usize, usize)>> = members.into_values().filter(|track| track.len() > 1).collect();
+        let mut tracks: Vec<Vec<(usize, usize)>> = members
+            .into_values()
+            .filter(|track| track.len() > 1)
+            .collect();
         for track in &mut tracks {
             let all = track.clone();
             track.retain(|&(view, _)| all.iter().filter(|other| other.0 == view).count() == 1);

@@ -22,8 +22,12 @@ impl Session {
     pub(crate) fn accept_vote(&mut self, number: usize, labels: &[LabelId]) -> Result<JobId> {
         let project = self.snapshot()?;
         project.frame(number)?;
-        let version = version_in_force(&project, ResultKind::Cloud).context("there is no cloud yet; fuse first")?;
-        let (loaded, root) = (self.cloud.in_force(Some(version)), self.opened()?.root().to_owned());
+        let version = version_in_force(&project, ResultKind::Cloud)
+            .context("there is no cloud yet; fuse first")?;
+        let (loaded, root) = (
+            self.cloud.in_force(Some(version)),
+            self.opened()?.root().to_owned(),
+        );
         let (store, labels) = (Arc::clone(&self.store), labels.to_vec());
         Ok(self.start("Accept the vote", Kind::Short, move |link| {
             let loaded = match loaded {
@@ -38,7 +42,10 @@ impl Session {
                     now.masks.get(&number) == project.masks.get(&number),
                     "the mask of frame {number} changed meanwhile; accept again"
                 );
-                session.commit(&format!("Accept the vote on frame {number}"), by_hand(&now, number, &voted))?;
+                session.commit(
+                    &format!("Accept the vote on frame {number}"),
+                    by_hand(&now, number, &voted),
+                )?;
                 session.warn_all(warning.into_iter().collect());
                 Ok(())
             }) as Landing)
@@ -55,8 +62,15 @@ pub(crate) fn by_vote(
     labels: &[LabelId],
 ) -> Result<(LabelMask, Option<String>)> {
     let frame = project.frame(number)?;
-    let (depth, own) = (readable(store.depth(frame).map_err(SceneError::from))?, mask_of(project, number)?);
-    let warning = if depth.is_none() { without_depth(&[frame.name.as_str()]) } else { None };
+    let (depth, own) = (
+        readable(store.depth(frame).map_err(SceneError::from))?,
+        mask_of(project, number)?,
+    );
+    let warning = if depth.is_none() {
+        without_depth(&[frame.name.as_str()])
+    } else {
+        None
+    };
     let depth = depth.flatten();
     let mut voted = voted_mask(cloud, (number, frame), depth.as_deref(), &own, labels)?;
     for (id, own) in voted.ids.iter_mut().zip(&own.ids) {

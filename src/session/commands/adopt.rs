@@ -21,7 +21,9 @@ impl Session {
     /// show nothing there, and the points of the cloud with them, in one step. Frames without a mask get none. Where
     /// there is no such piece, nothing happens.
     pub(crate) fn adopt(&mut self, request: AdoptRequest) -> Result<JobId> {
-        self.correct("Adopt hanging pieces", move |correcting, progress| correcting.adopted(request, progress))
+        self.correct("Adopt hanging pieces", move |correcting, progress| {
+            correcting.adopted(request, progress)
+        })
     }
 }
 
@@ -32,21 +34,35 @@ impl Correcting {
         let mut pieces = hanging_pieces(&cloud, request.radius, progress)?;
         pieces.retain(|piece| !hidden.contains(&piece.label));
         if pieces.is_empty() {
-            let notice: Notice = Box::new(|_| "nothing without a label hangs on one labelled thing alone".into());
-            return Ok(Corrected { notice: Some(notice), ..Corrected::default() });
+            let notice: Notice =
+                Box::new(|_| "nothing without a label hangs on one labelled thing alone".into());
+            return Ok(Corrected {
+                notice: Some(notice),
+                ..Corrected::default()
+            });
         }
         let selector = self.selector_for(Arc::clone(&cloud))?;
         let seeing = SeeingPixels::new(&selector, &votes, &all_points(&pieces))?;
         let choice = choice(&pieces, cloud.len());
         let to_free = |frame: usize, mask: &LabelMask, mut region: Region| {
-            region.inside.iter_mut().zip(&mask.ids).for_each(|(inside, &id)| *inside &= id == LabelId::NONE);
+            region
+                .inside
+                .iter_mut()
+                .zip(&mask.ids)
+                .for_each(|(inside, &id)| *inside &= id == LabelId::NONE);
             split_mask(&votes, &choice, (frame, mask), region)
         };
-        let frames: Vec<usize> = votes.frames().filter(|frame| self.project.masks.contains_key(frame)).collect();
+        let frames: Vec<usize> = votes
+            .frames()
+            .filter(|frame| self.project.masks.contains_key(frame))
+            .collect();
         let corrected = self.given_back(&seeing, &frames, false, to_free, progress)?;
         let tree = self.project.labels.clone();
         let notice: Notice = Box::new(move |voted| told(&tree, &pieces, voted));
-        Ok(Corrected { notice: Some(notice), ..corrected })
+        Ok(Corrected {
+            notice: Some(notice),
+            ..corrected
+        })
     }
 
     /// The cloud as the masks vote now, with the labels that are hidden: what is out of play is not without a label.
@@ -55,29 +71,46 @@ impl Correcting {
             return self.cloud_of_now(progress);
         }
         let mut shown = Project::clone(&self.project);
-        shown.marks.values_mut().for_each(|marks| marks.hidden = FrameSet::default());
-        let fused = self.voted(&shown, progress)?.context("it is not known who voted; fuse again")?;
+        shown
+            .marks
+            .values_mut()
+            .for_each(|marks| marks.hidden = FrameSet::default());
+        let fused = self
+            .voted(&shown, progress)?
+            .context("it is not known who voted; fuse again")?;
         Ok((Arc::new(fused.cloud), Arc::new(fused.votes)))
     }
 
     /// The labels that are hidden on some frame.
     fn hidden(&self) -> BTreeSet<LabelId> {
         let marks = self.project.marks.iter();
-        marks.filter(|(_, marks)| !marks.hidden.is_empty()).map(|(&label, _)| label).collect()
+        marks
+            .filter(|(_, marks)| !marks.hidden.is_empty())
+            .map(|(&label, _)| label)
+            .collect()
     }
 }
 
 fn all_points(pieces: &[HangingPiece]) -> Selection {
-    let mut points: Vec<u32> = pieces.iter().flat_map(|piece| piece.points.iter().copied()).collect();
+    let mut points: Vec<u32> = pieces
+        .iter()
+        .flat_map(|piece| piece.points.iter().copied())
+        .collect();
     points.sort_unstable();
-    Selection { points, pieces: pieces.len() }
+    Selection {
+        points,
+        pieces: pieces.len(),
+    }
 }
 
 /// Along the points of the cloud, the label that a piece's points get.
 fn choice(pieces: &[HangingPiece], points: usize) -> Vec<Option<LabelId>> {
     let mut choice = vec![None; points];
     for piece in pieces {
-        piece.points.iter().for_each(|&point| choice[point as usize] = Some(piece.label));
+        piece
+            .points
+            .iter()
+            .for_each(|&point| choice[point as usize] = Some(piece.label));
     }
     choice
 }
@@ -86,13 +119,20 @@ fn choice(pieces: &[HangingPiece], points: usize) -> Vec<Option<LabelId>> {
 fn told(tree: &LabelTree, pieces: &[HangingPiece], voted: Option<&LabelledCloud>) -> String {
     let mut gains: BTreeMap<LabelId, (usize, usize)> = BTreeMap::new();
     for (piece, cloud) in pieces.iter().filter_map(|piece| Some((piece, voted?))) {
-        let got = piece.points.iter().filter(|&&point| cloud.labels[point as usize] == piece.label).count();
+        let got = piece
+            .points
+            .iter()
+            .filter(|&&point| cloud.labels[point as usize] == piece.label)
+            .count();
         if got > 0 {
             let (pieces, points) = gains.entry(piece.label).or_default();
             (*pieces, *points) = (*pieces + 1, *points + got);
         }
     }
-    let gains: Vec<String> = gains.iter().map(|(&label, &gain)| gained(tree, label, gain)).collect();
+    let gains: Vec<String> = gains
+        .iter()
+        .map(|(&label, &gain)| gained(tree, label, gain))
+        .collect();
     match gains.is_empty() {
         true => "what hangs on labelled things is seen by no mask that may change".into(),
         false => format!("adopted: {}", gains.join(", ")),
@@ -101,5 +141,8 @@ fn told(tree: &LabelTree, pieces: &[HangingPiece], voted: Option<&LabelledCloud>
 
 fn gained(tree: &LabelTree, label: LabelId, (pieces, points): (usize, usize)) -> String {
     let name = tree.get(label).map_or("", |label| &label.name);
-    format!("{name} {pieces} {} of {points} points", if pieces == 1 { "piece" } else { "pieces" })
+    format!(
+        "{name} {pieces} {} of {points} points",
+        if pieces == 1 { "piece" } else { "pieces" }
+    )
 }

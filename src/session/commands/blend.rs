@@ -38,24 +38,46 @@ fn blended_frame(
 ) -> Result<Option<Edit>> {
     let of = project.frame(frame)?;
     let empty = RunMask::empty(of.width, of.height);
-    let nothing =
-        FrameMask { runs: Arc::new(empty), origin: MaskOrigin::Tracked, stale: false, confidence: BTreeMap::new() };
+    let nothing = FrameMask {
+        runs: Arc::new(empty),
+        origin: MaskOrigin::Tracked,
+        stale: false,
+        confidence: BTreeMap::new(),
+    };
     let before = project.masks.get(&frame).unwrap_or(&nothing);
-    let given =
-        |label: &LabelId| before.origin == MaskOrigin::Anchor && before.runs.runs.iter().any(|(id, _)| id == label);
+    let given = |label: &LabelId| {
+        before.origin == MaskOrigin::Anchor && before.runs.runs.iter().any(|(id, _)| id == label)
+    };
     let barred = &project.absent_on(frame) | &project.locked_on(frame);
     let is_open = |label: &LabelId| !given(label) && !barred.contains(label);
     let chosen: BTreeSet<LabelId> = blends.keys().copied().filter(is_open).collect();
     let mut shapes = LabelMask::empty(of.width, of.height);
     for label in &chosen {
         let inside = blends[label].at(share).inside;
-        shapes.ids.iter_mut().zip(inside).filter(|(_, inside)| *inside).for_each(|(id, _)| *id = *label);
+        shapes
+            .ids
+            .iter_mut()
+            .zip(inside)
+            .filter(|(_, inside)| *inside)
+            .for_each(|(id, _)| *id = *label);
     }
-    let runs = transfer(&before.runs, &RunMask::encode(&shapes), &chosen, request.replace)?;
+    let runs = transfer(
+        &before.runs,
+        &RunMask::encode(&shapes),
+        &chosen,
+        request.replace,
+    )?;
     let mut confidence = before.confidence.clone();
     confidence.retain(|label, _| !chosen.contains(label));
-    let mask = FrameMask { runs: project.with_locks(frame, Arc::new(runs)), confidence, ..before.clone() };
-    Ok((mask.runs != before.runs).then_some(Edit::SetMask { frame, mask: Some(mask) }))
+    let mask = FrameMask {
+        runs: project.with_locks(frame, Arc::new(runs)),
+        confidence,
+        ..before.clone()
+    };
+    Ok((mask.runs != before.runs).then_some(Edit::SetMask {
+        frame,
+        mask: Some(mask),
+    }))
 }
 
 /// A blend for each label that both ends show.
@@ -64,19 +86,41 @@ fn blends(
     request: &RangeRequest,
     labels: &BTreeSet<LabelId>,
 ) -> Result<BTreeMap<LabelId, ShapeBlend>> {
-    let mask = |frame: usize| project.masks.get(&frame).with_context(|| format!("frame {frame} has no mask"));
+    let mask = |frame: usize| {
+        project
+            .masks
+            .get(&frame)
+            .with_context(|| format!("frame {frame} has no mask"))
+    };
     let (first, last) = (mask(request.from)?, mask(request.to)?);
-    ensure!(request.to > request.from + 1, "there is no frame between {} and {}", request.from, request.to);
+    ensure!(
+        request.to > request.from + 1,
+        "there is no frame between {} and {}",
+        request.from,
+        request.to
+    );
     let mut blends = BTreeMap::new();
     for &label in labels {
         let (a, b) = (first.runs.region(label), last.runs.region(label));
         if !a.is_empty() && !b.is_empty() {
             blends.insert(label, ShapeBlend::new(&a, &b)?);
         } else if request.labels.contains(&label) {
-            let missing = if a.is_empty() { request.from } else { request.to };
-            anyhow::bail!("label '{}' is not on frame {missing}; give it there first", label_name(project, label)?);
+            let missing = if a.is_empty() {
+                request.from
+            } else {
+                request.to
+            };
+            anyhow::bail!(
+                "label '{}' is not on frame {missing}; give it there first",
+                label_name(project, label)?
+            );
         }
     }
-    ensure!(!blends.is_empty(), "frames {} and {} show no label in common", request.from, request.to);
+    ensure!(
+        !blends.is_empty(),
+        "frames {} and {} show no label in common",
+        request.from,
+        request.to
+    );
     Ok(blends)
 }

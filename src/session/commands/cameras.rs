@@ -15,12 +15,16 @@ use ostra_core::job::{Progress, Stopped};
 use ostra_frames::cameras::{ModelEncoding, SparsePoints, write_colmap_model};
 use ostra_frames::{DepthSource, Frame, FrameCamera, FrameStore};
 use ostra_masks::LabelId;
-use ostra_project::store::{feature_cache_path, save_links, save_outcomes, sparse_path, sync_folder};
+use ostra_project::store::{
+    feature_cache_path, save_links, save_outcomes, sparse_path, sync_folder,
+};
 use ostra_project::{Coordinates, Edit, Project, ReconstructRequest, ResultKind, ResultRecord};
-use ostra_reconstruct::rgbd::{Calibration, FrameLink, RgbdOptions, RgbdRequest, RgbdResult, calibrate, register_rgbd};
+use ostra_reconstruct::rgbd::{
+    Calibration, FrameLink, RgbdOptions, RgbdRequest, RgbdResult, calibrate, register_rgbd,
+};
 use ostra_reconstruct::sfm::{
-    CachedExtractor, CachedMatcher, FeatureCache, FeatureExtractor, FeatureMatcher, MapperOptions, Outcome,
-    PairOptions, SfmRequest, SfmResult, Start, structure_from_motion,
+    CachedExtractor, CachedMatcher, FeatureCache, FeatureExtractor, FeatureMatcher, MapperOptions,
+    Outcome, PairOptions, SfmRequest, SfmResult, Start, structure_from_motion,
 };
 
 /// What becomes of poses that frames have.
@@ -92,7 +96,14 @@ impl From<SfmResult> for Cameras {
     fn from(result: SfmResult) -> Self {
         let (engine, settings) = ("sfm", settings(&result));
         let (is_anchored, is_metric) = (result.start == Start::Given, result.scale.is_some());
-        let SfmResult { cameras, sparse, outcomes, warnings, stopped, .. } = result;
+        let SfmResult {
+            cameras,
+            sparse,
+            outcomes,
+            warnings,
+            stopped,
+            ..
+        } = result;
         let (links, calibrations) = Default::default();
         Self {
             engine,
@@ -112,15 +123,26 @@ impl From<SfmResult> for Cameras {
 
 impl From<(RgbdResult, Vec<Calibration>)> for Cameras {
     fn from((result, calibrations): (RgbdResult, Vec<Calibration>)) -> Self {
-        let RgbdResult { cameras, outcomes, links, stopped } = result;
+        let RgbdResult {
+            cameras,
+            outcomes,
+            links,
+            stopped,
+        } = result;
         let held = links.iter().filter(|link| link.holds).count();
         let contradicted = links.len() - held;
         let begun = if stopped { "stopped with " } else { "" };
-        let mut settings = format!("{begun}{} of {} frames by depth, {held} links", cameras.len(), outcomes.len());
+        let mut settings = format!(
+            "{begun}{} of {} frames by depth, {held} links",
+            cameras.len(),
+            outcomes.len()
+        );
         if contradicted > 0 {
             settings += &format!(", {contradicted} contradicted by the others");
         }
-        calibrations.iter().for_each(|calibration| settings += &format!("; {calibration}"));
+        calibrations
+            .iter()
+            .for_each(|calibration| settings += &format!("; {calibration}"));
         Self {
             engine: "rgbd",
             settings,
@@ -149,13 +171,33 @@ impl CameraWork {
         session: &mut Session,
     ) -> Result<Self> {
         let frames = project.frames.len();
-        let unknown = request.pairs.iter().flatten().find(|&&frame| frame >= frames);
-        ensure!(unknown.is_none(), "there is no frame {}; the project has {frames}", unknown.unwrap_or(&0));
+        let unknown = request
+            .pairs
+            .iter()
+            .flatten()
+            .find(|&&frame| frame >= frames);
+        ensure!(
+            unknown.is_none(),
+            "there is no frame {}; the project has {frames}",
+            unknown.unwrap_or(&0)
+        );
         let extractor = extractor(&request.features, request.max_side)?;
         let matcher = matcher(&request.matcher, extractor.name())?;
         let version = session.opened()?.next_version()?;
-        let (root, store) = (session.opened()?.root().to_owned(), Arc::clone(&session.store));
-        Ok(Self { project, root, store, request: request.clone(), finder, version, extractor, matcher })
+        let (root, store) = (
+            session.opened()?.root().to_owned(),
+            Arc::clone(&session.store),
+        );
+        Ok(Self {
+            project,
+            root,
+            store,
+            request: request.clone(),
+            finder,
+            version,
+            extractor,
+            matcher,
+        })
     }
 
     /// Cameras; stopped, those that it has, where they are more than stand already.
@@ -172,7 +214,9 @@ impl CameraWork {
         };
         let not_kept = cache.save();
         let frames = &self.project.frames;
-        if result.stopped && result.cameras.len() <= frames.iter().filter(|frame| is_posed(frame)).count() {
+        if result.stopped
+            && result.cameras.len() <= frames.iter().filter(|frame| is_posed(frame)).count()
+        {
             return Err(Stopped.into());
         }
         save(&sparse_path(&self.root, self.version), frames, &result)?;
@@ -181,11 +225,22 @@ impl CameraWork {
             true => self.project.coordinates(),
             false => Coordinates::chosen_with(self.version, result.is_metric),
         };
-        let record =
-            ResultRecord { version: self.version, coordinates: Some(coordinates), ..record(&result, begun.elapsed()) };
+        let record = ResultRecord {
+            version: self.version,
+            coordinates: Some(coordinates),
+            ..record(&result, begun.elapsed())
+        };
         Ok(FoundCameras {
-            notices: cache.report().into_iter().chain([format!("cameras: {}", record.settings)]).collect(),
-            warnings: unplaced(frames, &result).into_iter().chain(result.warnings.clone()).chain(not_kept).collect(),
+            notices: cache
+                .report()
+                .into_iter()
+                .chain([format!("cameras: {}", record.settings)])
+                .collect(),
+            warnings: unplaced(frames, &result)
+                .into_iter()
+                .chain(result.warnings.clone())
+                .chain(not_kept)
+                .collect(),
             edits: edits(&self.project, &result, poses, record),
             stopped: result.stopped,
             made_from: self.project,
@@ -205,7 +260,11 @@ impl CameraWork {
         let frames = calibrated(&self.project.frames, &calibrations);
         let (chosen, between): (Vec<usize>, Vec<usize>) =
             (0..self.project.frames.len()).partition(|&frame| frame % self.request.every == 0);
-        let placed = Placed { frames: &frames, pictures: &self.store, link };
+        let placed = Placed {
+            frames: &frames,
+            pictures: &self.store,
+            link,
+        };
         let wish = RgbdRequest {
             on_pose: &|frame, pose| placed.show(frame, pose),
             frames: &frames,
@@ -214,29 +273,52 @@ impl CameraWork {
             pairs: &self.request.pairs,
             extractor: self.extractor.as_ref(),
             matcher: self.matcher.as_ref(),
-            options: RgbdOptions { registration: registration(&self.request.registration)?, ..RgbdOptions::default() },
+            options: RgbdOptions {
+                registration: registration(&self.request.registration)?,
+                ..RgbdOptions::default()
+            },
         };
-        let result = register_rgbd(&wish, &self.store, &link.progress).map_err(|error| anyhow::anyhow!(error))?;
+        let result = register_rgbd(&wish, &self.store, &link.progress)
+            .map_err(|error| anyhow::anyhow!(error))?;
         Ok((result, calibrations))
     }
 
-    fn by_motion(&self, poses: Poses, cache: &FeatureCache, progress: &Progress) -> Result<SfmResult> {
+    fn by_motion(
+        &self,
+        poses: Poses,
+        cache: &FeatureCache,
+        progress: &Progress,
+    ) -> Result<SfmResult> {
         let (project, request) = (&self.project, &self.request);
         let by = identity(self.extractor.name(), &format!("{:?}", request.max_side));
-        let extractor = CachedExtractor { extractor: self.extractor.as_ref(), identity: &by, cache };
+        let extractor = CachedExtractor {
+            extractor: self.extractor.as_ref(),
+            identity: &by,
+            cache,
+        };
         let by = identity(self.matcher.name(), "");
-        let matcher = CachedMatcher { matcher: self.matcher.as_ref(), identity: &by, cache };
+        let matcher = CachedMatcher {
+            matcher: self.matcher.as_ref(),
+            identity: &by,
+            cache,
+        };
         let frames = &project.frames;
         let kept = |frame: usize| poses == Poses::Kept && frames[frame].posed_camera().is_some();
         let (mapped, located): (Vec<usize>, Vec<usize>) =
             (0..frames.len()).partition(|&frame| frame % request.every == 0 || kept(frame));
         let place = |frame: usize| mapped.binary_search(&frame).ok();
-        let pairs = request.pairs.iter().filter_map(|&[a, b]| Some((place(a)?, place(b)?))).collect();
+        let pairs = request
+            .pairs
+            .iter()
+            .filter_map(|&[a, b]| Some((place(a)?, place(b)?)))
+            .collect();
         let allowed = |frame: usize| {
             let labelled = || project.mask_in_play(frame).map(|runs| runs.decode());
             let pixels = request.only_labelled.then(labelled)?;
             let none = || vec![false; frames[frame].width as usize * frames[frame].height as usize];
-            Some(pixels.map_or_else(none, |mask| mask.ids.iter().map(|&id| id != LabelId::NONE).collect()))
+            Some(pixels.map_or_else(none, |mask| {
+                mask.ids.iter().map(|&id| id != LabelId::NONE).collect()
+            }))
         };
         let wish = SfmRequest {
             frames,
@@ -246,7 +328,10 @@ impl CameraWork {
             allowed: &allowed,
             extractor: &extractor,
             matcher: &matcher,
-            pairs: PairOptions { given: pairs, ..PairOptions::default() },
+            pairs: PairOptions {
+                given: pairs,
+                ..PairOptions::default()
+            },
             mapper: MapperOptions::default(),
         };
         structure_from_motion(&wish, &self.store, progress).map_err(|error| anyhow::anyhow!(error))
@@ -275,17 +360,26 @@ impl FoundCameras {
         let changed = self.made_from.frames != now.frames;
         for edit in &mut self.edits {
             // Its file may have been moved meanwhile.
-            if let Edit::SetDepth { frame, depth: Some(DepthSource::Sensor { path, .. }) } = edit
+            if let Edit::SetDepth {
+                frame,
+                depth: Some(DepthSource::Sensor { path, .. }),
+            } = edit
                 && let Some(DepthSource::Sensor { path: place, .. }) = &now.frames[*frame].depth
             {
                 path.clone_from(place);
             }
-            if let Edit::SetResult { record: Some(record), .. } = edit {
+            if let Edit::SetResult {
+                record: Some(record),
+                ..
+            } = edit
+            {
                 record.stale = changed && record.version > 0;
             }
         }
         session.commit("Reconstruct", self.edits)?;
-        session.events.extend(self.notices.into_iter().map(Event::Notice));
+        session
+            .events
+            .extend(self.notices.into_iter().map(Event::Notice));
         session.warn_all(self.warnings);
         Ok(())
     }
@@ -296,15 +390,32 @@ fn edits(project: &Project, result: &Cameras, poses: Poses, record: ResultRecord
     let frames = calibrated.iter().enumerate();
     let mut edits: Vec<Edit> = frames
         .clone()
-        .map(|(frame, known)| Edit::SetCamera { frame, camera: camera(known, result.cameras.get(&frame), poses) })
+        .map(|(frame, known)| Edit::SetCamera {
+            frame,
+            camera: camera(known, result.cameras.get(&frame), poses),
+        })
         .collect();
-    let numbers = result.calibrations.iter().flat_map(|calibration| &calibration.frames);
-    edits.extend(numbers.map(|&frame| Edit::SetDepth { frame, depth: calibrated[frame].depth.clone() }));
+    let numbers = result
+        .calibrations
+        .iter()
+        .flat_map(|calibration| &calibration.frames);
+    edits.extend(numbers.map(|&frame| Edit::SetDepth {
+        frame,
+        depth: calibrated[frame].depth.clone(),
+    }));
     if matches!(poses, Poses::Anew) {
-        edits.push(Edit::SetOrigin { origin: glam::DVec3::ZERO });
+        edits.push(Edit::SetOrigin {
+            origin: glam::DVec3::ZERO,
+        });
     }
-    edits.push(Edit::SetResult { kind: ResultKind::Cameras, record: Some(record) });
-    let measured = frames.clone().filter(|(_, frame)| frame.has_sensor_depth()).count();
+    edits.push(Edit::SetResult {
+        kind: ResultKind::Cameras,
+        record: Some(record),
+    });
+    let measured = frames
+        .clone()
+        .filter(|(_, frame)| frame.has_sensor_depth())
+        .count();
     let made = frames.filter(|(_, frame)| frame.depth.is_some()).count() > measured;
     if measured > 0 && !made {
         edits.push(given(ResultKind::Depths, measured, ""));
@@ -314,7 +425,9 @@ fn edits(project: &Project, result: &Cameras, poses: Poses, record: ResultRecord
 
 fn calibrated(frames: &[Frame], calibrations: &[Calibration]) -> Vec<Frame> {
     let mut frames = frames.to_vec();
-    calibrations.iter().for_each(|calibration| calibration.apply(&mut frames));
+    calibrations
+        .iter()
+        .for_each(|calibration| calibration.apply(&mut frames));
     frames
 }
 
@@ -326,7 +439,10 @@ fn camera(known: &Frame, found: Option<&FrameCamera>, poses: Poses) -> Option<Fr
         (None, Poses::Anew) => known
             .camera
             .filter(|camera| !camera.estimated)
-            .map(|camera| FrameCamera { camera_from_world: None, ..camera }),
+            .map(|camera| FrameCamera {
+                camera_from_world: None,
+                ..camera
+            }),
     }
 }
 
@@ -350,26 +466,47 @@ fn settings(result: &SfmResult) -> String {
         result.cameras.len(),
         result.sparse.points.len()
     );
-    let mut errors: Vec<f64> = result.sparse.points.iter().filter_map(|point| point.error_px).collect();
+    let mut errors: Vec<f64> = result
+        .sparse
+        .points
+        .iter()
+        .filter_map(|point| point.error_px)
+        .collect();
     errors.sort_unstable_by(f64::total_cmp);
     if let Some(median) = errors.get(errors.len() / 2) {
         text += &format!(", median error {median:.2} px");
     }
     if result.models.len() > 1 {
         let others: Vec<String> = result.models[1..].iter().map(ToString::to_string).collect();
-        text += &format!(", left out another model of {} frames", others.join(" and one of "));
+        text += &format!(
+            ", left out another model of {} frames",
+            others.join(" and one of ")
+        );
     }
     match &result.scale {
-        Some(scale) => text + &format!(", scale from {} depths ± {:.1} %", scale.samples, 100.0 * scale.spread),
+        Some(scale) => {
+            text + &format!(
+                ", scale from {} depths ± {:.1} %",
+                scale.samples,
+                100.0 * scale.spread
+            )
+        }
         None => text,
     }
 }
 
 /// One line per frame without a camera, up to a number.
 fn unplaced(frames: &[Frame], result: &Cameras) -> Vec<String> {
-    let out = result.outcomes.iter().filter(|(_, outcome)| !outcome.is_placed());
+    let out = result
+        .outcomes
+        .iter()
+        .filter(|(_, outcome)| !outcome.is_placed());
     let name = |frame: usize| frames[frame].name.as_str();
-    left_out(out.map(|(&frame, why)| format!("{} has no camera: {}", name(frame), why.text(name))).collect(), "camera")
+    left_out(
+        out.map(|(&frame, why)| format!("{} has no camera: {}", name(frame), why.text(name)))
+            .collect(),
+        "camera",
+    )
 }
 
 /// The first lines about frames left out, and how many more there are.

@@ -16,7 +16,10 @@ impl LabelChoice {
     /// What the settings ask for.
     pub fn new(settings: &TrackSettings) -> Self {
         let labels = settings.labels.iter().copied().collect::<BTreeSet<_>>();
-        Self { labels: (!labels.is_empty()).then_some(labels), replace: settings.replace }
+        Self {
+            labels: (!labels.is_empty()).then_some(labels),
+            replace: settings.replace,
+        }
     }
 
     /// The chosen labels; `None` = all.
@@ -30,7 +33,10 @@ impl LabelChoice {
         let before = project.masks.get(&frame);
         let is_anchor = before.is_some_and(|mask| mask.origin == MaskOrigin::Anchor);
         let size = (answer.runs.width, answer.runs.height);
-        let fits = project.frames.get(frame).is_some_and(|of| (of.width, of.height) == size);
+        let fits = project
+            .frames
+            .get(frame)
+            .is_some_and(|of| (of.width, of.height) == size);
         if is_anchor || !fits {
             return None;
         }
@@ -44,7 +50,10 @@ impl LabelChoice {
         let mask = project.within_marks(frame, mask);
         let known = |id| id == LabelId::NONE || project.labels.get(id).is_some();
         let known = mask.runs.runs.iter().all(|&(id, _)| known(id));
-        known.then_some(Edit::SetMask { frame, mask: Some(mask) })
+        known.then_some(Edit::SetMask {
+            frame,
+            mask: Some(mask),
+        })
     }
 
     /// The frame's mask with the chosen labels' pixels and confidences of the answer, all else as before.
@@ -57,11 +66,26 @@ impl LabelChoice {
         let nothing = || Arc::new(RunMask::empty(answer.runs.width, answer.runs.height));
         let present = before.map_or_else(nothing, |mask| Arc::clone(&mask.runs));
         let moved = transfer(&present, &answer.runs, labels, self.replace).ok()?;
-        let runs = if moved == *present { present } else { Arc::new(moved) };
-        let kept = before.into_iter().flat_map(|mask| &mask.confidence).filter(|(id, _)| !labels.contains(id));
-        let new = answer.confidence.iter().filter(|(id, _)| labels.contains(id));
+        let runs = if moved == *present {
+            present
+        } else {
+            Arc::new(moved)
+        };
+        let kept = before
+            .into_iter()
+            .flat_map(|mask| &mask.confidence)
+            .filter(|(id, _)| !labels.contains(id));
+        let new = answer
+            .confidence
+            .iter()
+            .filter(|(id, _)| labels.contains(id));
         let confidence = kept.chain(new).map(|(&id, &sure)| (id, sure)).collect();
-        Some(FrameMask { runs, confidence, origin: answer.origin, stale: answer.stale })
+        Some(FrameMask {
+            runs,
+            confidence,
+            origin: answer.origin,
+            stale: answer.stale,
+        })
     }
 }
 
@@ -74,16 +98,29 @@ mod tests {
 
     fn choice(labels: &[u16], replace: bool) -> LabelChoice {
         let labels = labels.iter().copied().map(LabelId).collect();
-        LabelChoice::new(&TrackSettings { labels, replace, ..TrackSettings::default() })
+        LabelChoice::new(&TrackSettings {
+            labels,
+            replace,
+            ..TrackSettings::default()
+        })
     }
 
     /// Frame 0 carries labels 1 and 2, frame 1 is an anchor, the others have no mask.
     fn begun() -> Project {
         let mut project = project();
         let sure = BTreeMap::from([(LabelId(1), 0.5), (LabelId(2), 0.25)]);
-        let both = FrameMask { confidence: sure, stale: true, ..tracked([1, 2, 0]) };
+        let both = FrameMask {
+            confidence: sure,
+            stale: true,
+            ..tracked([1, 2, 0])
+        };
         for (frame, mask) in [(0, both), (1, anchor([1, 2, 0]))] {
-            project.apply(Edit::SetMask { frame, mask: Some(mask) }).unwrap();
+            project
+                .apply(Edit::SetMask {
+                    frame,
+                    mask: Some(mask),
+                })
+                .unwrap();
         }
         project
     }
@@ -99,15 +136,28 @@ mod tests {
     fn the_other_labels_keep_pixels_and_confidence() {
         let mask = taken(&choice(&[1], false), 0, [0, 1, 1]).unwrap();
         assert_eq!(mask.runs, tracked([0, 2, 1]).runs);
-        assert_eq!(mask.confidence, BTreeMap::from([(LabelId(1), 0.7), (LabelId(2), 0.25)]));
+        assert_eq!(
+            mask.confidence,
+            BTreeMap::from([(LabelId(1), 0.7), (LabelId(2), 0.25)])
+        );
         assert!(!mask.stale, "what is carried anew is fresh");
-        assert_eq!(taken(&choice(&[1], true), 0, [0, 1, 1]).unwrap().runs, tracked([0, 1, 1]).runs);
-        assert_eq!(taken(&choice(&[], false), 0, [0, 1, 1]), Some(tracked([0, 1, 1])), "all labels");
+        assert_eq!(
+            taken(&choice(&[1], true), 0, [0, 1, 1]).unwrap().runs,
+            tracked([0, 1, 1]).runs
+        );
+        assert_eq!(
+            taken(&choice(&[], false), 0, [0, 1, 1]),
+            Some(tracked([0, 1, 1])),
+            "all labels"
+        );
     }
 
     #[test]
     fn a_frame_without_a_mask_gets_the_chosen_labels_alone() {
-        assert_eq!(taken(&choice(&[1], false), 2, [2, 1, 2]).unwrap().runs, tracked([0, 1, 0]).runs);
+        assert_eq!(
+            taken(&choice(&[1], false), 2, [2, 1, 2]).unwrap().runs,
+            tracked([0, 1, 0]).runs
+        );
     }
 
     #[test]
@@ -115,6 +165,9 @@ mod tests {
         assert_eq!(taken(&choice(&[1], true), 1, [1, 1, 1]), None);
         assert_eq!(taken(&choice(&[], true), 1, [1, 1, 1]), None);
         assert_eq!(taken(&choice(&[7], true), 0, [7, 7, 7]), None);
-        assert!(taken(&choice(&[1], true), 0, [7, 1, 1]).is_some(), "a label that is not taken need not be known");
+        assert!(
+            taken(&choice(&[1], true), 0, [7, 1, 1]).is_some(),
+            "a label that is not taken need not be known"
+        );
     }
 }

@@ -40,7 +40,10 @@ pub(super) type Notice = Box<dyn FnOnce(Option<&LabelledCloud>) -> String + Send
 
 impl From<Vec<Edit>> for Corrected {
     fn from(edits: Vec<Edit>) -> Self {
-        Self { edits, ..Self::default() }
+        Self {
+            edits,
+            ..Self::default()
+        }
     }
 }
 
@@ -64,7 +67,9 @@ impl Session {
             label => format!("Assign {} in 3-D", label_name(&project, label)?),
         };
         let correction = correction.clone();
-        self.correct(&title, move |correcting, progress| correcting.written_back(&correction, progress))
+        self.correct(&title, move |correcting, progress| {
+            correcting.written_back(&correction, progress)
+        })
     }
 
     /// Starts a job that makes edits of masks and labels from the project as it is now, lets the points of the cloud
@@ -76,18 +81,35 @@ impl Session {
     ) -> Result<JobId> {
         self.check_no_long_job()?;
         let project = self.snapshot()?;
-        let version = version_in_force(&project, ResultKind::Cloud).context("there is no cloud yet; fuse first")?;
+        let version = version_in_force(&project, ResultKind::Cloud)
+            .context("there is no cloud yet; fuse first")?;
         let loaded = self.cloud.in_force(Some(version));
-        let selector = loaded.as_ref().and_then(|(cloud, _)| self.selector_of(cloud));
+        let selector = loaded
+            .as_ref()
+            .and_then(|(cloud, _)| self.selector_of(cloud));
         let root = self.opened()?.root().to_owned();
         let next_version = self.opened()?.next_version()?;
-        let before = VotedBefore::in_force(&project, &root, loaded).context("there is no cloud yet; fuse first")?;
-        let correcting = Correcting { project, root, store: Arc::clone(&self.store), before, selector };
+        let before = VotedBefore::in_force(&project, &root, loaded)
+            .context("there is no cloud yet; fuse first")?;
+        let correcting = Correcting {
+            project,
+            root,
+            store: Arc::clone(&self.store),
+            before,
+            selector,
+        };
         let title = title.to_owned();
         Ok(self.start(&title.clone(), Kind::Long, move |link| {
-            let Corrected { mut edits, notice, warnings } = corrected(&correcting, &link.progress)?;
+            let Corrected {
+                mut edits,
+                notice,
+                warnings,
+            } = corrected(&correcting, &link.progress)?;
             if edits.is_empty() {
-                let text = notice.context("no mask changes: none that may change sees these points otherwise")?(None);
+                let text = notice
+                    .context("no mask changes: none that may change sees these points otherwise")?(
+                    None,
+                );
                 return Ok(Box::new(|session: &mut Self| {
                     session.warn_all(warnings);
                     session.events.push(Event::Notice(text));
@@ -97,7 +119,10 @@ impl Session {
             let voted = correcting.voted_again(&edits, next_version, &link.progress)?;
             let record = voted.as_ref().map(|(_, record)| record.clone());
             let notice = notice.map(|notice| notice(voted.as_ref().map(|(fused, _)| &fused.cloud)));
-            edits.extend(record.map(|record| Edit::SetResult { kind: ResultKind::Cloud, record: Some(record) }));
+            edits.extend(record.map(|record| Edit::SetResult {
+                kind: ResultKind::Cloud,
+                record: Some(record),
+            }));
             Ok(Box::new(move |session: &mut Self| {
                 let now = session.snapshot()?;
                 let same = Arc::ptr_eq(&now, &correcting.project) || now == correcting.project;
@@ -106,7 +131,9 @@ impl Session {
                 session.warn_all(warnings);
                 session.events.extend(notice.map(Event::Notice));
                 if let Some((fused, _)) = voted {
-                    session.cloud.put(Some(next_version), fused.cloud, Some(fused.votes));
+                    session
+                        .cloud
+                        .put(Some(next_version), fused.cloud, Some(fused.votes));
                     session.events.push(Event::CloudChanged);
                     session.warn_all(fused.report.warnings);
                 }
@@ -118,10 +145,19 @@ impl Session {
 
 impl Correcting {
     /// The cloud in force with the labels of the masks as they were when the work began.
-    pub(super) fn cloud_of_now(&self, progress: &Progress) -> Result<(Arc<LabelledCloud>, Arc<Votes>)> {
-        let loaded =
-            self.before.load(&self.project.frames, progress)?.context("it is not known who voted; fuse again")?;
-        Ok(cloud_of_now((&self.project, &self.store), loaded, progress)?)
+    pub(super) fn cloud_of_now(
+        &self,
+        progress: &Progress,
+    ) -> Result<(Arc<LabelledCloud>, Arc<Votes>)> {
+        let loaded = self
+            .before
+            .load(&self.project.frames, progress)?
+            .context("it is not known who voted; fuse again")?;
+        Ok(cloud_of_now(
+            (&self.project, &self.store),
+            loaded,
+            progress,
+        )?)
     }
 
     /// The edits of the masks that see the chosen points.
@@ -131,13 +167,23 @@ impl Correcting {
         let selector = self.selector_for(cloud)?;
         let (frames, tree) = (&self.project.frames, &self.project.labels);
         let selection = selector.select(frames, tree, &correction.select, progress)?;
-        ensure!(!selection.points.is_empty(), "no point is chosen; draw around points that are seen");
+        ensure!(
+            !selection.points.is_empty(),
+            "no point is chosen; draw around points that are seen"
+        );
         let seeing = SeeingPixels::new(&selector, &votes, &selection)?;
         let label = correction.change.label();
         let frames: Vec<usize> = votes.frames().collect();
         let give = |_, mask: &LabelMask, region: Region| {
-            let given = mask.ids.iter().zip(region.inside).map(|(&id, inside)| if inside { label } else { id });
-            Some(LabelMask { ids: given.collect(), ..*mask })
+            let given = mask
+                .ids
+                .iter()
+                .zip(region.inside)
+                .map(|(&id, inside)| if inside { label } else { id });
+            Some(LabelMask {
+                ids: given.collect(),
+                ..*mask
+            })
         };
         self.given_back(&seeing, &frames, correction.as_anchors, give, progress)
     }
@@ -145,8 +191,16 @@ impl Correcting {
     /// The cloud as the masks of a project vote, whose points are those of the cloud in force; `None` where it is not
     /// known who voted.
     pub(super) fn voted(&self, project: &Project, progress: &Progress) -> Result<Option<Fused>> {
-        let masks = |frame: usize| project.mask_in_play(frame).map(|runs| Arc::new(runs.decode()));
-        let views = ProjectViews { frames: &project.frames, store: &self.store, masks: &masks };
+        let masks = |frame: usize| {
+            project
+                .mask_in_play(frame)
+                .map(|runs| Arc::new(runs.decode()))
+        };
+        let views = ProjectViews {
+            frames: &project.frames,
+            store: &self.store,
+            masks: &masks,
+        };
         self.before.cloud(&views, project, progress)
     }
 
@@ -182,38 +236,79 @@ impl Correcting {
             let region = seeing.in_frame((number, frame), depth.flatten().as_deref(), &mask);
             unreadable.extend((is_unreadable && region.is_some()).then_some(frame.name.as_str()));
             let changed = region.and_then(|region| change(number, &mask, region));
-            edits.extend(
-                changed.and_then(|mask| mask_edit(project, number, Arc::new(RunMask::encode(&mask)), as_anchors)),
-            );
+            edits.extend(changed.and_then(|mask| {
+                mask_edit(
+                    project,
+                    number,
+                    Arc::new(RunMask::encode(&mask)),
+                    as_anchors,
+                )
+            }));
         }
         edits.extend(project.there_again(&edits));
         edits.extend(not_stale(project, &edits));
-        Ok(Corrected { edits, notice: None, warnings: without_depth(&unreadable).into_iter().collect() })
+        Ok(Corrected {
+            edits,
+            notice: None,
+            warnings: without_depth(&unreadable).into_iter().collect(),
+        })
     }
 
     /// The cloud and its surface as the masks vote after the edits, saved under a version of their own; `None` where it
     /// is not known who voted.
-    fn voted_again(&self, edits: &[Edit], version: u64, progress: &Progress) -> Result<Option<(Fused, ResultRecord)>> {
+    fn voted_again(
+        &self,
+        edits: &[Edit],
+        version: u64,
+        progress: &Progress,
+    ) -> Result<Option<(Fused, ResultRecord)>> {
         let begun = Instant::now();
         let mut after = Project::clone(&self.project);
         for edit in edits {
             after.apply(edit.clone())?;
         }
-        let masks = |frame: usize| after.mask_in_play(frame).map(|runs| Arc::new(runs.decode()));
-        let views = ProjectViews { frames: &after.frames, store: &self.store, masks: &masks };
-        let Some(mut fused) = self.before.cloud(&views, &after, progress)? else { return Ok(None) };
+        let masks = |frame: usize| {
+            after
+                .mask_in_play(frame)
+                .map(|runs| Arc::new(runs.decode()))
+        };
+        let views = ProjectViews {
+            frames: &after.frames,
+            store: &self.store,
+            masks: &masks,
+        };
+        let Some(mut fused) = self.before.cloud(&views, &after, progress)? else {
+            return Ok(None);
+        };
         progress.stage("save")?;
-        save_ply(&cloud_path(&self.root, version), &fused.cloud, Coloring::Picture, progress)?;
+        save_ply(
+            &cloud_path(&self.root, version),
+            &fused.cloud,
+            Coloring::Picture,
+            progress,
+        )?;
         save_votes(&votes_path(&self.root, version), &fused.votes)?;
         let has_new_labels = self.surface_again(&views, &after, version, progress)?;
         sync_folder(&self.root.join("versions"))?;
         if !has_new_labels {
-            fused.report.warnings.push("the mesh keeps the labels that it had; fuse again".into());
+            fused
+                .report
+                .warnings
+                .push("the mesh keeps the labels that it had; fuse again".into());
         }
         let before = self.before.record.clone();
         let (frames, seconds) = (fused.report.frames_voted, begun.elapsed().as_secs_f64());
         let stale = before.stale || !has_new_labels;
-        Ok(Some((fused, ResultRecord { frames, seconds, stale, version, ..before })))
+        Ok(Some((
+            fused,
+            ResultRecord {
+                frames,
+                seconds,
+                stale,
+                version,
+                ..before
+            },
+        )))
     }
 
     /// The surface as the masks vote now, saved under this version; as it was where it is not known who voted for it.
@@ -239,7 +334,10 @@ impl Correcting {
 
 /// One line that names frames whose masks are changed without their depth, which cannot be read.
 pub(super) fn without_depth(names: &[&str]) -> Option<String> {
-    naming("have a depth that cannot be read, and their masks are changed without it; check their files", names)
+    naming(
+        "have a depth that cannot be read, and their masks are changed without it; check their files",
+        names,
+    )
 }
 
 /// The edit that gives a frame other runs by a correction in 3-D; `None` where nothing changes. Labels that are locked
@@ -249,12 +347,23 @@ fn mask_edit(project: &Project, frame: usize, runs: Arc<RunMask>, as_anchor: boo
     let mask = if as_anchor {
         anchor_of(project.with_locks(frame, runs))
     } else {
-        let nothing = || FrameMask { origin: MaskOrigin::Tracked, ..anchor_of(Arc::clone(&runs)) };
-        let kept = FrameMask { runs: Arc::clone(&runs), ..before.cloned().unwrap_or_else(nothing) };
+        let nothing = || FrameMask {
+            origin: MaskOrigin::Tracked,
+            ..anchor_of(Arc::clone(&runs))
+        };
+        let kept = FrameMask {
+            runs: Arc::clone(&runs),
+            ..before.cloned().unwrap_or_else(nothing)
+        };
         with_labels_shown(project.within_marks(frame, kept))
     };
-    let same = before.map_or(mask.runs.extents().is_empty(), |before| before.runs == mask.runs);
-    (!same).then_some(Edit::SetMask { frame, mask: Some(mask) })
+    let same = before.map_or(mask.runs.extents().is_empty(), |before| {
+        before.runs == mask.runs
+    });
+    (!same).then_some(Edit::SetMask {
+        frame,
+        mask: Some(mask),
+    })
 }
 
 /// Confidences are kept of labels that the mask still shows.
@@ -267,6 +376,13 @@ fn with_labels_shown(mut mask: FrameMask) -> FrameMask {
 /// The edit that leaves corrected masks as fresh as they were, though anchors beside them change.
 fn not_stale(project: &Project, edits: &[Edit]) -> Option<Edit> {
     let is_fresh = |frame: &usize| project.masks.get(frame).is_none_or(|mask| !mask.stale);
-    let frames: Vec<usize> = edits.iter().filter_map(Edit::masked_frame).filter(is_fresh).collect();
-    (!frames.is_empty()).then_some(Edit::SetStale { frames, stale: false })
+    let frames: Vec<usize> = edits
+        .iter()
+        .filter_map(Edit::masked_frame)
+        .filter(is_fresh)
+        .collect();
+    (!frames.is_empty()).then_some(Edit::SetStale {
+        frames,
+        stale: false,
+    })
 }

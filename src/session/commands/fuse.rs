@@ -11,7 +11,8 @@ use crate::Event;
 use crate::Session;
 use crate::{Kind, Landing};
 use ostra_cloud::fuse::{
-    ChosenVoxel, Dropped, FuseOptions, Fused, OntoOptions, ProjectViews, Votes, fuse, vote_onto, vote_seen, write_votes,
+    ChosenVoxel, Dropped, FuseOptions, Fused, OntoOptions, ProjectViews, Votes, fuse, vote_onto,
+    vote_seen, write_votes,
 };
 use ostra_cloud::ply::{Coloring, read_ply, save_ply};
 use ostra_core::disk::AtomicFile;
@@ -37,29 +38,54 @@ impl Session {
         let version = self.opened()?.next_version()?;
         let root = self.opened()?.root().to_owned();
         let store = Arc::clone(&self.store);
-        let loaded = self.cloud.in_force(version_in_force(&project, ResultKind::Cloud));
+        let loaded = self
+            .cloud
+            .in_force(version_in_force(&project, ResultKind::Cloud));
         Ok(self.start("Fuse", Kind::Long, move |link| {
             let begun = Instant::now();
             let geometry = geometry_digest(&project, &request)?;
             let before = VotedBefore::find(&project, &root, &request, &geometry, loaded);
             let onto = OntoScale::of(&project, &request)?;
-            let scaled = before.as_ref().map_or(onto.factor, |before| before.record.scaled);
+            let scaled = before
+                .as_ref()
+                .map_or(onto.factor, |before| before.record.scaled);
             // The surface comes first: made while the points and their votes are in memory, it would need room besides.
-            let sources = Sources { store: &store, root: &root, project: &project, request: &request };
-            let (voxel, no_surface) = match sources.make_surface(version, before.as_ref(), &link.progress)? {
-                Made::Surface { voxel } => (Some(voxel), None),
-                Made::Nothing(why) => (None, why),
+            let sources = Sources {
+                store: &store,
+                root: &root,
+                project: &project,
+                request: &request,
             };
-            let (mut fused, settings) =
-                make(&store, &root, &project, &request, (before.as_ref(), &onto), &link.progress)?;
+            let (voxel, no_surface) =
+                match sources.make_surface(version, before.as_ref(), &link.progress)? {
+                    Made::Surface { voxel } => (Some(voxel), None),
+                    Made::Nothing(why) => (None, why),
+                };
+            let (mut fused, settings) = make(
+                &store,
+                &root,
+                &project,
+                &request,
+                (before.as_ref(), &onto),
+                &link.progress,
+            )?;
             fused.report.warnings.extend(no_surface);
             link.progress.stage("save")?;
-            save_ply(&cloud_path(&root, version), &fused.cloud, Coloring::Picture, &link.progress)?;
+            save_ply(
+                &cloud_path(&root, version),
+                &fused.cloud,
+                Coloring::Picture,
+                &link.progress,
+            )?;
             save_votes(&votes_path(&root, version), &fused.votes)?;
             sync_folder(&root.join("versions"))?;
             let summary = summary(&request, &fused, voxel);
             let record = ResultRecord {
-                engine: if request.onto.is_some() { "onto".into() } else { "fuse".into() },
+                engine: if request.onto.is_some() {
+                    "onto".into()
+                } else {
+                    "fuse".into()
+                },
                 frames: fused.report.frames_voted,
                 seconds: begun.elapsed().as_secs_f64(),
                 stale: false,
@@ -71,7 +97,9 @@ impl Session {
                 coordinates: Some(coordinates(&project, version)),
                 request: Some(request),
             };
-            Ok(Box::new(move |session: &mut Self| session.take_cloud(&project, fused, record, summary)) as Landing)
+            Ok(Box::new(move |session: &mut Self| {
+                session.take_cloud(&project, fused, record, summary)
+            }) as Landing)
         }))
     }
 
@@ -84,8 +112,15 @@ impl Session {
     ) -> Result<()> {
         let version = record.version;
         record.stale = has_changed(made_from, &*self.snapshot()?) || has_stale_depths(made_from);
-        self.commit("Fuse", vec![Edit::SetResult { kind: ResultKind::Cloud, record: Some(record) }])?;
-        self.cloud.put(Some(version), fused.cloud, Some(fused.votes));
+        self.commit(
+            "Fuse",
+            vec![Edit::SetResult {
+                kind: ResultKind::Cloud,
+                record: Some(record),
+            }],
+        )?;
+        self.cloud
+            .put(Some(version), fused.cloud, Some(fused.votes));
         self.events.push(Event::CloudChanged);
         self.events.push(Event::Notice(summary));
         self.warn_all(fused.report.warnings);
@@ -102,8 +137,16 @@ fn make(
     (before, onto): (Option<&VotedBefore>, &OntoScale),
     progress: &Progress,
 ) -> Result<(Fused, String)> {
-    let masks = |frame: usize| project.mask_in_play(frame).map(|runs| Arc::new(runs.decode()));
-    let views = ProjectViews { frames: &project.frames, store, masks: &masks };
+    let masks = |frame: usize| {
+        project
+            .mask_in_play(frame)
+            .map(|runs| Arc::new(runs.decode()))
+    };
+    let views = ProjectViews {
+        frames: &project.frames,
+        store,
+        masks: &masks,
+    };
     if let Some(before) = before
         && let Some(fused) = before.cloud(&views, project, progress)?
     {
@@ -122,8 +165,15 @@ fn make_points(
     (request, scale): (&FuseRequest, &OntoScale),
     progress: &Progress,
 ) -> Result<Fused> {
-    let (min_confidence, drop_unlabelled) = (request.min_confidence.unwrap_or(0.0), request.drop_unlabelled);
-    let onto = OntoOptions { min_confidence, drop_unlabelled, ..OntoOptions::default() };
+    let (min_confidence, drop_unlabelled) = (
+        request.min_confidence.unwrap_or(0.0),
+        request.drop_unlabelled,
+    );
+    let onto = OntoOptions {
+        min_confidence,
+        drop_unlabelled,
+        ..OntoOptions::default()
+    };
     if let Some(path) = &request.onto {
         let mut given = read_ply(path, progress)?;
         // The project's origin was scaled with its cameras.
@@ -137,18 +187,27 @@ fn make_points(
         return Ok(fused);
     }
     if let Some(version) = stereo_version(project) {
-        let (cloud, voxel, unreadable) = dense_cloud(views.store, root, project, version, request.voxel, progress)?;
+        let (cloud, voxel, unreadable) =
+            dense_cloud(views.store, root, project, version, request.voxel, progress)?;
         let (points, seen) = cloud.into_points();
         let mut fused = vote_seen(points, &seen, views, &project.labels, &onto, progress)?;
         fused.report.voxel = voxel.unwrap_or_default();
         fused.report.warnings.extend(unreadable);
         if has_stale_depths(project) {
-            fused.report.warnings.push("the depths were made with other cameras; reconstruct again".into());
+            fused
+                .report
+                .warnings
+                .push("the depths were made with other cameras; reconstruct again".into());
         }
         return Ok(fused);
     }
     let voxel = request.voxel;
-    let options = FuseOptions { voxel, min_confidence, drop_unlabelled, ..FuseOptions::default() };
+    let options = FuseOptions {
+        voxel,
+        min_confidence,
+        drop_unlabelled,
+        ..FuseOptions::default()
+    };
     Ok(fuse(views, &project.labels, &options, progress)?)
 }
 
@@ -169,27 +228,44 @@ struct OntoScale {
 
 impl OntoScale {
     fn of(project: &Project, request: &FuseRequest) -> Result<Self> {
-        let nothing = Self { factor: None, warning: None };
+        let nothing = Self {
+            factor: None,
+            warning: None,
+        };
         let last = project.results.get(&ResultKind::Cloud).and_then(|record| {
-            let asked = record.request.as_ref().filter(|asked| asked.onto == request.onto)?;
+            let asked = record
+                .request
+                .as_ref()
+                .filter(|asked| asked.onto == request.onto)?;
             Some((record, asked, asked.onto.as_deref()?, record.scaled?))
         });
-        let Some((record, asked, path, factor)) = last else { return Ok(nothing) };
+        let Some((record, asked, path, factor)) = last else {
+            return Ok(nothing);
+        };
         if record.geometry.as_ref() == Some(&geometry_digest(project, asked)?) {
-            return Ok(Self { factor: Some(factor), ..nothing });
+            return Ok(Self {
+                factor: Some(factor),
+                ..nothing
+            });
         }
         let warning = format!(
             "{}: its points are taken as they are; since this file was voted on, the scale was set (lengths times {factor:.6}): \
              if the file is older, export the project's cloud and vote on that",
             path.display()
         );
-        Ok(Self { warning: Some(warning), ..nothing })
+        Ok(Self {
+            warning: Some(warning),
+            ..nothing
+        })
     }
 }
 
 /// Whether depths were made from what has changed since.
 fn has_stale_depths(project: &Project) -> bool {
-    project.results.get(&ResultKind::Depths).is_some_and(|record| record.stale)
+    project
+        .results
+        .get(&ResultKind::Depths)
+        .is_some_and(|record| record.stale)
 }
 
 /// The version of the depth maps, where stereo made all that there are.
@@ -213,15 +289,34 @@ fn dense_cloud(
     let folder = DepthFolder::new(root, version, frames).scaled(frames);
     let account = folder.load_account()?;
     // A frame that lost its camera since gives no points.
-    let is_posed = |frame: usize| frames.get(frame).is_some_and(|frame| frame.posed_camera().is_some());
+    let is_posed = |frame: usize| {
+        frames
+            .get(frame)
+            .is_some_and(|frame| frame.posed_camera().is_some())
+    };
     let compared = |(frame, outcome): (usize, ViewOutcome)| match outcome {
         ViewOutcome::Done { sources, .. } if is_posed(frame) => Some((frame, sources)),
         _ => None,
     };
-    let neighbours = account.outcomes.unwrap_or_default().into_iter().filter_map(compared).collect();
+    let neighbours = account
+        .outcomes
+        .unwrap_or_default()
+        .into_iter()
+        .filter_map(compared)
+        .collect();
     let source = (store, account.max_side);
-    let (cloud, unreadable) = fuse_depths(frames, &neighbours, source, &folder, &FusionOptions::default(), progress)?;
-    ensure!(!cloud.is_empty(), "the depth maps agree on no point; look at them, and reconstruct with more pictures");
+    let (cloud, unreadable) = fuse_depths(
+        frames,
+        &neighbours,
+        source,
+        &folder,
+        &FusionOptions::default(),
+        progress,
+    )?;
+    ensure!(
+        !cloud.is_empty(),
+        "the depth maps agree on no point; look at them, and reconstruct with more pictures"
+    );
     let (cloud, voxel) = match voxel {
         Some(voxel) => (cloud.thinned(voxel)?, Some(voxel)),
         None => cloud.thinned_to(STEREO_POINTS, progress)?,
@@ -246,13 +341,25 @@ fn settings(request: &FuseRequest, fused: &Fused, is_stereo: bool) -> String {
         None if is_stereo => format!("stereo, voxel {:.6}", fused.report.voxel),
         None => format!("voxel {:.6}{}", fused.report.voxel, chosen(fused)),
     };
-    let confidence = request.min_confidence.map(|share| format!(", min confidence {share}")).unwrap_or_default();
-    let Dropped { background, contour, .. } = fused.report.dropped;
+    let confidence = request
+        .min_confidence
+        .map(|share| format!(", min confidence {share}"))
+        .unwrap_or_default();
+    let Dropped {
+        background,
+        contour,
+        ..
+    } = fused.report.dropped;
     let dropped = match request.drop_unlabelled {
-        true => format!(", dropped {background} points of the background and {contour} at contours"),
+        true => {
+            format!(", dropped {background} points of the background and {contour} at contours")
+        }
         false => String::new(),
     };
-    format!("{source}{confidence}{dropped}, {} points", fused.report.points)
+    format!(
+        "{source}{confidence}{dropped}, {} points",
+        fused.report.points
+    )
 }
 
 /// What the size of the voxels was chosen from, where it was.
@@ -266,9 +373,19 @@ fn chosen(fused: &Fused) -> String {
 /// What was made, in one line.
 fn summary(request: &FuseRequest, fused: &Fused, surface: Option<f64>) -> String {
     let (points, voxel) = (fused.report.points, fused.report.voxel);
-    let size = if voxel > 0.0 { format!(", voxel {voxel}{}", chosen(fused)) } else { String::new() };
-    let surface = surface.map(|edge| format!(", surface voxel {edge:.6}")).unwrap_or_default();
-    let made = if request.onto.is_some() { "labelled" } else { "fused" };
+    let size = if voxel > 0.0 {
+        format!(", voxel {voxel}{}", chosen(fused))
+    } else {
+        String::new()
+    };
+    let surface = surface
+        .map(|edge| format!(", surface voxel {edge:.6}"))
+        .unwrap_or_default();
+    let made = if request.onto.is_some() {
+        "labelled"
+    } else {
+        "fused"
+    };
     format!("{made} {points} points{size}{surface}")
 }
 
@@ -281,5 +398,10 @@ pub(super) fn save_votes(path: &Path, votes: &Votes) -> Result<()> {
         drop(out);
         file.commit()
     };
-    write().with_context(|| format!("{}: cannot be written; check permissions and free space", path.display()))
+    write().with_context(|| {
+        format!(
+            "{}: cannot be written; check permissions and free space",
+            path.display()
+        )
+    })
 }

@@ -16,13 +16,19 @@ impl Session {
     pub(crate) fn ground(&mut self, request: &GroundRequest) -> Result<JobId> {
         let project = self.snapshot()?;
         let frame = project.frame(request.frame)?.clone();
-        ensure!(!request.phrases.is_empty(), "there is no word to look for; name what is to be found");
+        ensure!(
+            !request.phrases.is_empty(),
+            "there is no word to look for; name what is to be found"
+        );
         engines::check_installed(engines::EngineKind::Grounder, &request.grounder)?;
         let (store, request) = (Arc::clone(&self.store), request.clone());
         Ok(self.start("Look for words", Kind::Short, move |link| {
             let grounder = engines::grounder(&request.grounder)?;
             link.progress.stage("look")?;
-            let wish = ostra_masks::GroundRequest { phrases: &request.phrases, threshold: request.threshold };
+            let wish = ostra_masks::GroundRequest {
+                phrases: &request.phrases,
+                threshold: request.threshold,
+            };
             let found = grounder.ground(&*store.image(&frame)?, &wish, &link.progress)?;
             let thing = |found: ostra_masks::Grounded| FoundThing {
                 phrase: request.phrases[found.phrase].clone(),
@@ -30,10 +36,16 @@ impl Session {
                 score: found.score,
             };
             let things: Vec<FoundThing> = found.into_iter().map(thing).collect();
-            let grounding = Grounding { frame: request.frame, grounder: grounder.name(), things };
+            let grounding = Grounding {
+                frame: request.frame,
+                grounder: grounder.name(),
+                things,
+            };
             Ok(Box::new(move |session: &mut Self| {
                 let (grounder, count) = (grounding.grounder, grounding.things.len());
-                session.events.push(Event::Notice(format!("grounder: {grounder}, {count} found")));
+                session.events.push(Event::Notice(format!(
+                    "grounder: {grounder}, {count} found"
+                )));
                 session.grounding = Some(grounding);
                 Ok(())
             }) as Landing)
@@ -46,7 +58,11 @@ impl Session {
         let frame = project.frame(request.frame)?.clone();
         ensure!(!request.things.is_empty(), "nothing was named to be taken");
         let segmenter = engines::segmenter(&request.segmenter, self.geometry_for(&project))?;
-        let (prepared, store, request) = (Arc::clone(&self.prepared), Arc::clone(&self.store), request.clone());
+        let (prepared, store, request) = (
+            Arc::clone(&self.prepared),
+            Arc::clone(&self.store),
+            request.clone(),
+        );
         Ok(self.start("Take what was found", Kind::Short, move |link| {
             let ready = prepared.get(segmenter.as_ref(), &frame, &store, &link.progress)?;
             link.progress.stage("segment")?;
@@ -56,26 +72,49 @@ impl Session {
                 link.progress.step(done, request.things.len())?;
                 let labels = instance_of(&next.labels, phrase)?;
                 let label = labels.last().map_or(LabelId::NONE, |label| label.id);
-                let labels = labels.into_iter().map(|label| Edit::SetLabel { id: label.id, label: Some(label) });
+                let labels = labels.into_iter().map(|label| Edit::SetLabel {
+                    id: label.id,
+                    label: Some(label),
+                });
                 apply(&mut next, &mut edits, labels.collect())?;
-                let prompt = Prompt { boxes: vec![*extent], ..Prompt::default() };
-                let of = PromptRequest { frame: request.frame, label, prompt, segmenter: request.segmenter.clone() };
-                let mask = with_answer(&next, &of, &answer(ready.as_ref(), &next, &of, &link.progress)?)?;
+                let prompt = Prompt {
+                    boxes: vec![*extent],
+                    ..Prompt::default()
+                };
+                let of = PromptRequest {
+                    frame: request.frame,
+                    label,
+                    prompt,
+                    segmenter: request.segmenter.clone(),
+                };
+                let mask = with_answer(
+                    &next,
+                    &of,
+                    &answer(ready.as_ref(), &next, &of, &link.progress)?,
+                )?;
                 let mut masks = by_hand(&next, request.frame, &mask);
-                masks.push(Edit::SetPrompt { frame: of.frame, label, prompt: Some(of.prompt) });
+                masks.push(Edit::SetPrompt {
+                    frame: of.frame,
+                    label,
+                    prompt: Some(of.prompt),
+                });
                 apply(&mut next, &mut edits, masks)?;
             }
             let warning = unread_depth(&frame, &store)?;
             Ok(Box::new(move |session: &mut Self| {
                 let now = session.snapshot()?;
                 ensure!(
-                    now.labels == project.labels && mask_of(&now, request.frame)? == mask_of(&project, request.frame)?,
+                    now.labels == project.labels
+                        && mask_of(&now, request.frame)? == mask_of(&project, request.frame)?,
                     "labels or the mask of frame {} changed meanwhile; take it again",
                     request.frame
                 );
                 let extents: Vec<_> = request.things.iter().map(|(_, extent)| *extent).collect();
                 session.drop_found(request.frame, &extents);
-                session.commit(&format!("Take what was found on frame {}", request.frame), edits)?;
+                session.commit(
+                    &format!("Take what was found on frame {}", request.frame),
+                    edits,
+                )?;
                 session.warn_all(warning.into_iter().collect());
                 Ok(())
             }) as Landing)
@@ -100,15 +139,30 @@ fn instance_of(tree: &LabelTree, kind: &str) -> Result<Vec<Label>> {
         Some(class) => class.id,
         None => add(&mut tree, &mut made, kind.to_owned(), None)?,
     };
-    let free = (1..).map(|number| format!("{kind} {number}")).find(|name| tree.by_name(name).is_none());
+    let free = (1..)
+        .map(|number| format!("{kind} {number}"))
+        .find(|name| tree.by_name(name).is_none());
     add(&mut tree, &mut made, free.unwrap_or_default(), Some(class))?;
     Ok(made)
 }
 
-fn add(tree: &mut LabelTree, made: &mut Vec<Label>, name: String, parent: Option<LabelId>) -> Result<LabelId> {
+fn add(
+    tree: &mut LabelTree,
+    made: &mut Vec<Label>,
+    name: String,
+    parent: Option<LabelId>,
+) -> Result<LabelId> {
     let id = tree.next_id();
-    ensure!(id != LabelId::NONE, "all 65535 label ids are taken; remove a label first");
-    let label = Label { id, name, color: LabelTree::color_for(id), parent };
+    ensure!(
+        id != LabelId::NONE,
+        "all 65535 label ids are taken; remove a label first"
+    );
+    let label = Label {
+        id,
+        name,
+        color: LabelTree::color_for(id),
+        parent,
+    };
     tree.set(label.clone())?;
     made.push(label);
     Ok(id)
@@ -123,10 +177,17 @@ mod tests {
         let mut tree = LabelTree::default();
         for expected in [&["banana", "banana 1"][..], &["banana 2"], &["banana 3"]] {
             let made = instance_of(&tree, "banana").unwrap();
-            assert_eq!(made.iter().map(|label| label.name.as_str()).collect::<Vec<_>>(), expected);
+            assert_eq!(
+                made.iter()
+                    .map(|label| label.name.as_str())
+                    .collect::<Vec<_>>(),
+                expected
+            );
             made.into_iter().for_each(|label| tree.set(label).unwrap());
         }
         let class = tree.by_name("banana").unwrap().id;
-        assert!((1..=3).all(|n| tree.by_name(&format!("banana {n}")).unwrap().parent == Some(class)));
+        assert!(
+            (1..=3).all(|n| tree.by_name(&format!("banana {n}")).unwrap().parent == Some(class))
+        );
     }
 }

@@ -23,7 +23,9 @@ impl Session {
         let project = self.snapshot()?;
         let title = format!("Instances of {}", label_name(&project, request.label)?);
         let request = *request;
-        self.correct(&title, move |correcting, progress| Ok(correcting.split(&request, progress)?.into()))
+        self.correct(&title, move |correcting, progress| {
+            Ok(correcting.split(&request, progress)?.into())
+        })
     }
 }
 
@@ -38,12 +40,27 @@ impl Correcting {
             !found.labels.is_empty(),
             "no points of label '{name}' hang together; its points may carry labels below it, or ask for fewer points"
         );
-        let mut edits: Vec<Edit> =
-            found.labels.iter().map(|label| Edit::SetLabel { id: label.id, label: Some(label.clone()) }).collect();
-        edits.extend(split_masks(project, &votes, &found.choice, request.label, progress)?);
+        let mut edits: Vec<Edit> = found
+            .labels
+            .iter()
+            .map(|label| Edit::SetLabel {
+                id: label.id,
+                label: Some(label.clone()),
+            })
+            .collect();
+        edits.extend(split_masks(
+            project,
+            &votes,
+            &found.choice,
+            request.label,
+            progress,
+        )?);
         let is_fresh = |frame: &usize| project.masks.get(frame).is_some_and(|mask| !mask.stale);
         let frames = project.masks.keys().copied().filter(is_fresh).collect();
-        edits.push(Edit::SetStale { frames, stale: false });
+        edits.push(Edit::SetStale {
+            frames,
+            stale: false,
+        });
         Ok(edits)
     }
 }
@@ -65,15 +82,25 @@ pub(crate) fn found_instances(
     request: &InstancesRequest,
     progress: &Progress,
 ) -> Result<FoundInstances> {
-    let points: Vec<usize> = (0..cloud.len()).filter(|&k| cloud.labels[k] == request.label).collect();
+    let points: Vec<usize> = (0..cloud.len())
+        .filter(|&k| cloud.labels[k] == request.label)
+        .collect();
     let positions: Vec<Vec3> = points.iter().map(|&k| cloud.positions[k]).collect();
     let Instances { of_points, sizes } = find_instances(&positions, &request.options, progress)?;
     let labels = children(tree, request.label, sizes.len())?;
     let mut choice = vec![None; cloud.len()];
-    for (&point, &number) in points.iter().zip(&of_points).filter(|(_, number)| **number > 0) {
+    for (&point, &number) in points
+        .iter()
+        .zip(&of_points)
+        .filter(|(_, number)| **number > 0)
+    {
         choice[point] = Some(labels[number as usize - 1].id);
     }
-    Ok(FoundInstances { labels, sizes, choice })
+    Ok(FoundInstances {
+        labels,
+        sizes,
+        choice,
+    })
 }
 
 /// New labels below one: `wheel 1`, `wheel 2`, …; numbers whose name is taken are passed over.
@@ -83,10 +110,21 @@ fn children(tree: &LabelTree, parent: LabelId, count: usize) -> Result<Vec<Label
     let mut labels = Vec::new();
     let mut numbers = 1..;
     for _ in 0..count {
-        let free = numbers.by_ref().map(|n| format!("{stem} {n}")).find(|name| tree.by_name(name).is_none());
+        let free = numbers
+            .by_ref()
+            .map(|n| format!("{stem} {n}"))
+            .find(|name| tree.by_name(name).is_none());
         let (id, name) = (tree.next_id(), free.context("no name is free")?);
-        ensure!(id != LabelId::NONE, "{count} instances are more than there are label ids left; ask for more points");
-        let label = Label { id, name, color: LabelTree::color_for(id), parent: Some(parent) };
+        ensure!(
+            id != LabelId::NONE,
+            "{count} instances are more than there are label ids left; ask for more points"
+        );
+        let label = Label {
+            id,
+            name,
+            color: LabelTree::color_for(id),
+            parent: Some(parent),
+        };
         tree.set(label.clone())?;
         labels.push(label);
     }
@@ -106,7 +144,9 @@ fn split_masks(
     for (done, (&frame, mask)) in project.masks.iter().enumerate() {
         progress.step(done, project.masks.len())?;
         let pixels = mask.runs.decode();
-        let Some(split) = split_mask(votes, choice, (frame, &pixels), pixels.region(label)) else { continue };
+        let Some(split) = split_mask(votes, choice, (frame, &pixels), pixels.region(label)) else {
+            continue;
+        };
         let runs = RunMask::encode(&split);
         let shown: Vec<LabelId> = runs.extents().into_keys().collect();
         edits.extend(changed(project, frame, mask, runs, |sure| {

@@ -8,7 +8,9 @@ use crate::Session;
 use crate::{Kind, Landing};
 use ostra_core::job::JobId;
 use ostra_core::job::Progress;
-use ostra_masks::{Imported, MaskFormat, MaskFrame, RunMask, export_masks, file_stems, import_masks};
+use ostra_masks::{
+    Imported, MaskFormat, MaskFrame, RunMask, export_masks, file_stems, import_masks,
+};
 use ostra_project::export_targets::ExportTargets;
 use ostra_project::{Edit, Project};
 
@@ -17,20 +19,36 @@ impl Session {
         let (project, dir) = (self.snapshot()?, dir.to_owned());
         let format: MaskFormat = format.parse()?;
         Ok(self.start("Import masks", Kind::Short, move |link| {
-            let imported = import_masks(&dir, format, &mask_frames(&project), &project.labels, &link.progress)?;
+            let imported = import_masks(
+                &dir,
+                format,
+                &mask_frames(&project),
+                &project.labels,
+                &link.progress,
+            )?;
             Ok(Box::new(move |session: &mut Self| session.take_masks(imported)) as Landing)
         }))
     }
 
     /// Imported frames are anchors.
     fn take_masks(&mut self, imported: Imported) -> Result<()> {
-        let Imported { masks, new_labels, warnings } = imported;
+        let Imported {
+            masks,
+            new_labels,
+            warnings,
+        } = imported;
         let title = format!("Import {} masks", masks.len());
-        let labels = new_labels.into_iter().map(|label| Edit::SetLabel { id: label.id, label: Some(label) });
+        let labels = new_labels.into_iter().map(|label| Edit::SetLabel {
+            id: label.id,
+            label: Some(label),
+        });
         let project = self.snapshot()?;
         let masks = masks.into_iter().map(|(frame, runs)| {
             let runs = project.with_locks(frame, Arc::new(runs));
-            Edit::SetMask { frame, mask: Some(anchor_of(runs)) }
+            Edit::SetMask {
+                frame,
+                mask: Some(anchor_of(runs)),
+            }
         });
         let masks: Vec<Edit> = masks.collect();
         let again = project.there_again(&masks);
@@ -39,10 +57,18 @@ impl Session {
         Ok(())
     }
 
-    pub(crate) fn export_masks(&mut self, dir: &Path, format: &str, overwrite: bool) -> Result<JobId> {
+    pub(crate) fn export_masks(
+        &mut self,
+        dir: &Path,
+        format: &str,
+        overwrite: bool,
+    ) -> Result<JobId> {
         let (project, dir) = (self.snapshot()?, dir.to_owned());
         let format: MaskFormat = format.parse()?;
-        ensure!(!project.masks.is_empty(), "no frame has a mask; prompt, paint or track first");
+        ensure!(
+            !project.masks.is_empty(),
+            "no frame has a mask; prompt, paint or track first"
+        );
         let targets = ExportTargets::of(&project, self.root(), overwrite);
         targets.check_folder(&dir)?;
         Ok(self.start("Export masks", Kind::Short, move |link| {
@@ -68,8 +94,17 @@ pub fn write(
         Some(level) => Arc::new(runs.at_level(&project.labels, level)),
         None => runs,
     };
-    let masks = project.masks_in_play().map(|(frame, runs)| (frame, at_level(runs)));
-    Ok(export_masks(folder, format, &mask_frames(project), masks, &project.labels, progress)?)
+    let masks = project
+        .masks_in_play()
+        .map(|(frame, runs)| (frame, at_level(runs)));
+    Ok(export_masks(
+        folder,
+        format,
+        &mask_frames(project),
+        masks,
+        &project.labels,
+        progress,
+    )?)
 }
 
 /// A path without ending for each frame's file below a folder of exports.

@@ -19,14 +19,20 @@ pub(super) fn write_mesh(
     progress: &Progress,
 ) -> Result<Vec<String>> {
     let format = MeshFormat::of(path)?;
-    let (file, _) = sources.surface.as_ref().context("the cloud has no surface")?;
+    let (file, _) = sources
+        .surface
+        .as_ref()
+        .context("the cloud has no surface")?;
     let mut mesh = read_mesh(file, progress).context("the project's mesh is gone; fuse again")?;
     mesh.vertices.tree = sources.tree_of_today(&mesh.vertices.tree);
     if let Some(level) = request.level {
         mesh.vertices = mesh.vertices.at_level(level);
     }
     let whole = mesh.split_at_labels();
-    let simple = request.simplify.map(|share| simplified(&whole, share, progress)).transpose()?;
+    let simple = request
+        .simplify
+        .map(|share| simplified(&whole, share, progress))
+        .transpose()?;
     let (mesh, warning) = simple.unwrap_or((whole, None));
     progress.stage("write mesh")?;
     super::make_folder_of(path)?;
@@ -40,11 +46,18 @@ pub(super) fn write_mesh(
             format.save(&files[&id], &part, Coloring::Picture, progress)?;
         }
     }
-    Ok(warning.into_iter().chain(save_origin(path, mesh.vertices.origin)?).collect())
+    Ok(warning
+        .into_iter()
+        .chain(save_origin(path, mesh.vertices.origin)?)
+        .collect())
 }
 
 /// The mesh with a share of its triangles, and a warning where their number is clearly above that.
-fn simplified(whole: &LabelledMesh, share: f64, progress: &Progress) -> Result<(LabelledMesh, Option<String>)> {
+fn simplified(
+    whole: &LabelledMesh,
+    share: f64,
+    progress: &Progress,
+) -> Result<(LabelledMesh, Option<String>)> {
     /// By which the share may be missed.
     const SLACK: f64 = 1.05;
     progress.stage("simplify mesh")?;
@@ -66,16 +79,29 @@ pub(super) fn write_voxels(
     progress: &Progress,
 ) -> Result<()> {
     let format = VoxelFormat::of(path)?;
-    let (mesh, voxel) = sources.surface.as_ref().context("the cloud has no surface")?;
+    let (mesh, voxel) = sources
+        .surface
+        .as_ref()
+        .context("the cloud has no surface")?;
     progress.stage("write voxels")?;
     let mut voxels = voxelize(cloud, sources.votes(cloud.len())?.as_deref(), *voxel)?;
     if request.solid {
-        let surface = read_mesh(mesh, progress).context("the project's mesh is gone; fuse again")?;
-        let views = ProjectViews { frames: &sources.project.frames, store: &sources.store, masks: &|_| None };
+        let surface =
+            read_mesh(mesh, progress).context("the project's mesh is gone; fuse again")?;
+        let views = ProjectViews {
+            frames: &sources.project.frames,
+            store: &sources.store,
+            masks: &|_| None,
+        };
         voxels = fill_interior(&voxels, *voxel, &surface, &views, progress)?;
     }
-    let request = ExportRequest { twin: request.twin && format.has_twin(), ..request.clone() };
-    let save = |path: &Path, voxels: &LabelledCloud, coloring| format.save(path, voxels, *voxel, coloring, progress);
+    let request = ExportRequest {
+        twin: request.twin && format.has_twin(),
+        ..request.clone()
+    };
+    let save = |path: &Path, voxels: &LabelledCloud, coloring| {
+        format.save(path, voxels, *voxel, coloring, progress)
+    };
     write_points(path, &voxels, &request, save)
 }
 
@@ -94,7 +120,9 @@ pub(super) fn write_points(
         save(&twin_path(path), cloud, Coloring::Labels)?;
     }
     if request.per_label {
-        save_per_label(path, cloud, |path, part| save(path, part, Coloring::Picture))?;
+        save_per_label(path, cloud, |path, part| {
+            save(path, part, Coloring::Picture)
+        })?;
     }
     Ok(())
 }

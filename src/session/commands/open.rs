@@ -18,13 +18,20 @@ use ostra_project::{make_relative, origin_near};
 
 impl Session {
     pub(crate) fn new_project(&mut self, new: &NewProject) -> Result<JobId> {
-        let new = NewProject { root: full_path(&new.root)?, ..new.clone() };
+        let new = NewProject {
+            root: full_path(&new.root)?,
+            ..new.clone()
+        };
         Folder::check_new(&new.root)?;
         Ok(self.start("Open frames", Kind::Short, move |link| {
             let mut opened = read_frames(&new, &link.progress)?;
             let origin = origin_near(&opened.frames);
             make_relative(&mut opened.frames, origin);
-            let project = Project { frames: Arc::default(), origin, ..Project::default() };
+            let project = Project {
+                frames: Arc::default(),
+                origin,
+                ..Project::default()
+            };
             let project = with_frames(project, opened.frames)?;
             let open = OpenProject::create(&new.root, project)?;
             Ok(take_open(open, opened.warnings))
@@ -33,7 +40,11 @@ impl Session {
 
     pub(crate) fn open_project(&mut self, root: &Path) -> Result<JobId> {
         let root = full_path(root)?;
-        ensure!(self.root() != Some(root.as_path()), "{}: is open already", root.display());
+        ensure!(
+            self.root() != Some(root.as_path()),
+            "{}: is open already",
+            root.display()
+        );
         Ok(self.start("Open project", Kind::Short, move |link| {
             let mut loaded = open_or_view(&root, &link.progress)?;
             let warnings = std::mem::take(&mut loaded.warnings);
@@ -43,9 +54,14 @@ impl Session {
 
     pub(crate) fn view_project(&mut self, root: &Path) -> Result<JobId> {
         let root = full_path(root)?;
-        ensure!(self.root() != Some(root.as_path()), "{}: is open already", root.display());
+        ensure!(
+            self.root() != Some(root.as_path()),
+            "{}: is open already",
+            root.display()
+        );
         Ok(self.start("Open project", Kind::Short, move |link| {
-            let mut loaded = Folder::view(&root, "it was opened only to look at it", &link.progress)?;
+            let mut loaded =
+                Folder::view(&root, "it was opened only to look at it", &link.progress)?;
             let warnings = std::mem::take(&mut loaded.warnings);
             Ok(take_open(OpenProject::loaded(loaded), warnings))
         }))
@@ -55,7 +71,9 @@ impl Session {
     pub(crate) fn close(&mut self) {
         self.discard_jobs();
         if let Err(error) = self.save() {
-            self.events.push(Event::Warning(format!("{error:#}; the project is safe in its journal")));
+            self.events.push(Event::Warning(format!(
+                "{error:#}; the project is safe in its journal"
+            )));
         }
         self.preparing = None;
         self.hover(None);
@@ -82,7 +100,13 @@ impl Session {
                 let mut frames = in_scene_scale(frames, &*session.snapshot()?);
                 let title = format!("Add {} frames", frames.len());
                 let edits = add_in_place(&mut frames, session.snapshot()?.as_ref());
-                session.commit(&title, edits.into_iter().chain([Edit::AddFrames { frames }]).collect())?;
+                session.commit(
+                    &title,
+                    edits
+                        .into_iter()
+                        .chain([Edit::AddFrames { frames }])
+                        .collect(),
+                )?;
                 session.warn_all(warnings);
                 Ok(())
             }))
@@ -99,8 +123,14 @@ fn open_or_view(root: &Path, progress: &Progress) -> Result<Loaded> {
     if !matches!(error.downcast_ref(), Some(LockError::NotWritable { .. })) {
         return Err(error);
     }
-    let mut loaded = Folder::view(root, "its folder cannot be written; copy it to one with write access", progress)?;
-    loaded.warnings.insert(0, format!("{error:#}; it is open for viewing"));
+    let mut loaded = Folder::view(
+        root,
+        "its folder cannot be written; copy it to one with write access",
+        progress,
+    )?;
+    loaded
+        .warnings
+        .insert(0, format!("{error:#}; it is open for viewing"));
     Ok(loaded)
 }
 
@@ -112,8 +142,17 @@ fn add_in_place(frames: &mut [Frame], project: &Project) -> Vec<Edit> {
         Edit::SetOrigin { origin } => Some(*origin),
         _ => None,
     });
-    let is_posed = project.frames.iter().any(|frame| frame.posed_camera().is_some());
-    let origin = moved.unwrap_or_else(|| if is_posed { project.origin } else { origin_near(frames) });
+    let is_posed = project
+        .frames
+        .iter()
+        .any(|frame| frame.posed_camera().is_some());
+    let origin = moved.unwrap_or_else(|| {
+        if is_posed {
+            project.origin
+        } else {
+            origin_near(frames)
+        }
+    });
     if moved.is_none() && origin != project.origin {
         edits.push(Edit::SetOrigin { origin });
     }
@@ -138,7 +177,9 @@ fn take_open(open: OpenProject, warnings: Vec<String>) -> Landing {
 fn in_scene_scale(mut frames: Vec<Frame>, project: &Project) -> Vec<Frame> {
     let coordinates = project.coordinates();
     if coordinates.world == Coordinates::OF_GIVEN_CAMERAS {
-        let poses = frames.iter_mut().filter_map(|frame| frame.camera.as_mut()?.camera_from_world.as_mut());
+        let poses = frames
+            .iter_mut()
+            .filter_map(|frame| frame.camera.as_mut()?.camera_from_world.as_mut());
         poses.for_each(|pose| pose.translation *= coordinates.scale);
     }
     frames
@@ -155,8 +196,17 @@ fn with_frames(mut project: Project, frames: Vec<Frame>) -> Result<Project> {
 
 /// Reads what is asked for, with cameras. These are matched before frames are left out: some formats count them.
 fn read_frames(new: &NewProject, progress: &Progress) -> Result<Opened> {
-    let all = OpenRequest { every: 1, from: None, to: None, ..new.open.clone() };
-    let request = if new.cameras.is_some() { &all } else { &new.open };
+    let all = OpenRequest {
+        every: 1,
+        from: None,
+        to: None,
+        ..new.open.clone()
+    };
+    let request = if new.cameras.is_some() {
+        &all
+    } else {
+        &new.open
+    };
     let mut opened = ostra_frames::open(request, progress)?;
     if let Some(intrinsics) = &new.intrinsics {
         attach_intrinsics(&mut opened.frames, &intrinsics.read()?)?;
@@ -174,7 +224,9 @@ fn read_frames(new: &NewProject, progress: &Progress) -> Result<Opened> {
 
 /// Depth that another camera measured is seen through the picture's, which must be known.
 fn check_seen(frames: &[Frame]) -> Result<()> {
-    let unseen = frames.iter().find(|frame| frame.depth.is_some() && frame.camera.is_none());
+    let unseen = frames
+        .iter()
+        .find(|frame| frame.depth.is_some() && frame.camera.is_none());
     let name = unseen.map_or("", |frame| &frame.name);
     ensure!(
         unseen.is_none(),
@@ -190,28 +242,53 @@ fn thinned(frames: Vec<Frame>, request: &OpenRequest) -> Result<Vec<Frame>> {
     let taken: Vec<Frame> = frames
         .into_iter()
         .enumerate()
-        .filter(|(number, _)| (from..=to).contains(number) && (number - from).is_multiple_of(request.every))
+        .filter(|(number, _)| {
+            (from..=to).contains(number) && (number - from).is_multiple_of(request.every)
+        })
         .map(|(_, frame)| frame)
         .collect();
-    ensure!(!taken.is_empty(), "no frame is left between {from} and {to}; the sources have {count}");
+    ensure!(
+        !taken.is_empty(),
+        "no frame is left between {from} and {to}; the sources have {count}"
+    );
     Ok(taken)
 }
 
 /// Frames whose names are taken already get as many more of their path's last parts in front as make all differ.
 fn with_free_names(mut frames: Vec<Frame>, project: &Project) -> Result<Vec<Frame>> {
-    let taken: std::collections::BTreeSet<&str> = project.frames.iter().map(|frame| frame.name.as_str()).collect();
-    if !frames.iter().any(|frame| taken.contains(frame.name.as_str())) {
+    let taken: std::collections::BTreeSet<&str> = project
+        .frames
+        .iter()
+        .map(|frame| frame.name.as_str())
+        .collect();
+    if !frames
+        .iter()
+        .any(|frame| taken.contains(frame.name.as_str()))
+    {
         return Ok(frames);
     }
     for more in 1..64 {
-        let names: Vec<String> = frames.iter().map(|frame| longer_name(frame, more)).collect();
-        let distinct = names.iter().collect::<std::collections::BTreeSet<_>>().len() == names.len();
+        let names: Vec<String> = frames
+            .iter()
+            .map(|frame| longer_name(frame, more))
+            .collect();
+        let distinct = names
+            .iter()
+            .collect::<std::collections::BTreeSet<_>>()
+            .len()
+            == names.len();
         if distinct && !names.iter().any(|name| taken.contains(name.as_str())) {
-            frames.iter_mut().zip(names).for_each(|(frame, name)| frame.name = name);
+            frames
+                .iter_mut()
+                .zip(names)
+                .for_each(|(frame, name)| frame.name = name);
             return Ok(frames);
         }
     }
-    let name = frames.iter().find(|frame| taken.contains(frame.name.as_str())).map_or("", |frame| &frame.name);
+    let name = frames
+        .iter()
+        .find(|frame| taken.contains(frame.name.as_str()))
+        .map_or("", |frame| &frame.name);
     bail!("frame '{name}' is in the project already; leave it out")
 }
 
@@ -220,8 +297,11 @@ fn longer_name(frame: &Frame, more: usize) -> String {
         PictureSource::File { path, .. } => (path, 0),
         PictureSource::Film { path, .. } => (path, 1),
     };
-    let parts: Vec<_> =
-        path.iter().filter_map(|part| part.to_str()).filter(|part| !part.contains(['/', '\\'])).collect();
+    let parts: Vec<_> = path
+        .iter()
+        .filter_map(|part| part.to_str())
+        .filter(|part| !part.contains(['/', '\\']))
+        .collect();
     let shown = frame.name.split('/').count() - below;
     let first = parts.len().saturating_sub(shown + more);
     let mut name = parts[first..].join("/");

@@ -8,7 +8,8 @@ use crate::{PaintRequest, PullRequest, Session};
 use ostra_core::job::JobId;
 use ostra_frames::Frame;
 use ostra_masks::{
-    LabelId, LabelMask, PaintRule, Region, RunMask, assign, erase, fill_polygons, pull, snapped_stroke, stroke,
+    LabelId, LabelMask, PaintRule, Region, RunMask, assign, erase, fill_polygons, pull,
+    snapped_stroke, stroke,
 };
 use ostra_project::{Edit, FrameMask, MaskOrigin, Project};
 
@@ -25,8 +26,15 @@ impl Session {
         let (store, request) = (Arc::clone(&self.store), request.clone());
         Ok(Some(self.start("Paint", Kind::Short, move |link| {
             link.progress.stage("paint")?;
-            let region = snapped_stroke(&*store.image(&frame)?, &request.points_px, request.radius_px)?;
-            Ok(Box::new(move |session: &mut Self| session.take_painted(&request, &region)) as Landing)
+            let region = snapped_stroke(
+                &*store.image(&frame)?,
+                &request.points_px,
+                request.radius_px,
+            )?;
+            Ok(
+                Box::new(move |session: &mut Self| session.take_painted(&request, &region))
+                    as Landing,
+            )
         })))
     }
 
@@ -39,7 +47,13 @@ impl Session {
         if request.erase {
             erase(&mut mask, region, Some(request.label))?;
         } else {
-            assign(&mut mask, region, request.label, rule(request.replace), &project.labels)?;
+            assign(
+                &mut mask,
+                region,
+                request.label,
+                rule(request.replace),
+                &project.labels,
+            )?;
         }
         let verb = if request.erase { "Erase" } else { "Paint" };
         let edits = by_hand(&project, request.frame, &mask);
@@ -49,12 +63,27 @@ impl Session {
     /// Pulls the border of a label on a frame; where that changes no pixel nothing happens.
     pub(crate) fn pull(&mut self, request: &PullRequest) -> Result<()> {
         let project = self.snapshot()?;
-        let PullRequest { frame, label, from_px, to_px, replace } = *request;
+        let PullRequest {
+            frame,
+            label,
+            from_px,
+            to_px,
+            replace,
+        } = *request;
         let name = label_name(&project, label)?;
         check_unlocked(&project, frame, label)?;
         let mut mask = mask_of(&project, frame)?;
-        let pulled = pull(&mut mask, (from_px, to_px), label, rule(replace), &project.labels);
-        if pulled.with_context(|| format!("the border of '{name}' on frame {frame} cannot be pulled"))? == 0 {
+        let pulled = pull(
+            &mut mask,
+            (from_px, to_px),
+            label,
+            rule(replace),
+            &project.labels,
+        );
+        if pulled
+            .with_context(|| format!("the border of '{name}' on frame {frame} cannot be pulled"))?
+            == 0
+        {
             return Ok(());
         }
         let edits = by_hand(&project, frame, &mask);
@@ -64,22 +93,38 @@ impl Session {
     pub(crate) fn make_anchor(&mut self, frame: usize) -> Result<()> {
         let project = self.snapshot()?;
         project.frame(frame)?;
-        let mask =
-            project.masks.get(&frame).with_context(|| format!("frame {frame} has no mask; prompt or track first"))?;
+        let mask = project
+            .masks
+            .get(&frame)
+            .with_context(|| format!("frame {frame} has no mask; prompt or track first"))?;
         if mask.origin == MaskOrigin::Anchor {
             bail!("frame {frame} is an anchor already");
         }
         let mask = anchor_of(Arc::clone(&mask.runs));
-        self.commit(&format!("Make frame {frame} an anchor"), vec![Edit::SetMask { frame, mask: Some(mask) }])
+        self.commit(
+            &format!("Make frame {frame} an anchor"),
+            vec![Edit::SetMask {
+                frame,
+                mask: Some(mask),
+            }],
+        )
     }
 
     pub(crate) fn clear_mask(&mut self, frame: usize) -> Result<()> {
         let project = self.snapshot()?;
         project.frame(frame)?;
-        project.locked_on(frame).into_iter().try_for_each(|label| check_unlocked(&project, frame, label))?;
+        project
+            .locked_on(frame)
+            .into_iter()
+            .try_for_each(|label| check_unlocked(&project, frame, label))?;
         let prompts = project.prompts.keys().filter(|(of, _)| *of == frame);
-        let mut edits: Vec<Edit> =
-            prompts.map(|&(frame, label)| Edit::SetPrompt { frame, label, prompt: None }).collect();
+        let mut edits: Vec<Edit> = prompts
+            .map(|&(frame, label)| Edit::SetPrompt {
+                frame,
+                label,
+                prompt: None,
+            })
+            .collect();
         edits.push(Edit::SetMask { frame, mask: None });
         self.commit(&format!("Clear frame {frame}"), edits)
     }
@@ -89,7 +134,10 @@ impl Session {
 /// and a label that the mask shows is there again.
 pub fn by_hand(project: &Project, frame: usize, mask: &LabelMask) -> Vec<Edit> {
     let runs = project.with_locks(frame, Arc::new(RunMask::encode(mask)));
-    let mut edits = vec![Edit::SetMask { frame, mask: Some(anchor_of(runs)) }];
+    let mut edits = vec![Edit::SetMask {
+        frame,
+        mask: Some(anchor_of(runs)),
+    }];
     edits.extend(project.there_again(&edits));
     edits
 }
@@ -98,13 +146,20 @@ pub fn by_hand(project: &Project, frame: usize, mask: &LabelMask) -> Vec<Edit> {
 pub fn check_unlocked(project: &Project, frame: usize, label: LabelId) -> Result<()> {
     let name = label_name(project, label)?;
     let locked = project.locked_on(frame).contains(&label);
-    ensure!(!locked, "label '{name}' is locked on frame {frame}; unlock it there first");
+    ensure!(
+        !locked,
+        "label '{name}' is locked on frame {frame}; unlock it there first"
+    );
     Ok(())
 }
 
 /// What becomes of other labels' pixels.
 pub fn rule(replace: bool) -> PaintRule {
-    if replace { PaintRule::Replace } else { PaintRule::Protect }
+    if replace {
+        PaintRule::Replace
+    } else {
+        PaintRule::Protect
+    }
 }
 
 fn painted(frame: &Frame, request: &PaintRequest) -> Result<Region> {
@@ -125,7 +180,10 @@ pub fn mask_of(project: &Project, frame: usize) -> Result<LabelMask> {
 
 /// The name of a label that must be there.
 pub fn label_name(project: &Project, id: LabelId) -> Result<&str> {
-    let label = project.labels.get(id).with_context(|| format!("there is no label {}; make it first", id.0))?;
+    let label = project
+        .labels
+        .get(id)
+        .with_context(|| format!("there is no label {}; make it first", id.0))?;
     Ok(&label.name)
 }
 
@@ -136,5 +194,10 @@ pub fn anchor(mask: &LabelMask) -> FrameMask {
 
 /// Runs as an anchor holds them.
 pub fn anchor_of(runs: Arc<RunMask>) -> FrameMask {
-    FrameMask { runs, origin: MaskOrigin::Anchor, stale: false, confidence: BTreeMap::new() }
+    FrameMask {
+        runs,
+        origin: MaskOrigin::Anchor,
+        stale: false,
+        confidence: BTreeMap::new(),
+    }
 }

@@ -13,8 +13,8 @@ use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::{
-    Click, LabelId, LabelMask, PreparedFrame, Prompt, Region, SegmentRequest, compose, erase, landmarks,
-    taken_by_others,
+    Click, LabelId, LabelMask, PreparedFrame, Prompt, Region, SegmentRequest, compose, erase,
+    landmarks, taken_by_others,
 };
 use ostra_project::{Edit, Project};
 use ostra_tracking::bodies::GeometrySegmenter;
@@ -27,15 +27,27 @@ impl Session {
         self.hover(None);
         if request.prompt.is_empty() {
             self.supersede(request);
-            return self.take_off(&project, request.frame, request.label).map(|()| None);
+            return self
+                .take_off(&project, request.frame, request.label)
+                .map(|()| None);
         }
         let segmenter = engines::segmenter(&request.segmenter, self.geometry_for(&project))?;
         self.supersede(request);
-        if request.segmenter == "auto" && self.told_segmenter.replace(segmenter.name()) != Some(segmenter.name()) {
-            self.events.push(Event::Notice(format!("segmenter: {}", segmenter.name())));
+        if request.segmenter == "auto"
+            && self.told_segmenter.replace(segmenter.name()) != Some(segmenter.name())
+        {
+            self.events
+                .push(Event::Notice(format!("segmenter: {}", segmenter.name())));
         }
-        let (prepared, store, request) = (Arc::clone(&self.prepared), Arc::clone(&self.store), request.clone());
-        let kind = Kind::Prompt { frame: request.frame, label: request.label };
+        let (prepared, store, request) = (
+            Arc::clone(&self.prepared),
+            Arc::clone(&self.store),
+            request.clone(),
+        );
+        let kind = Kind::Prompt {
+            frame: request.frame,
+            label: request.label,
+        };
         Ok(Some(self.start("Segment", kind, move |link| {
             let ready = prepared.get(segmenter.as_ref(), &frame, &store, &link.progress)?;
             link.progress.stage("segment")?;
@@ -51,13 +63,22 @@ impl Session {
 
     /// Makes a frame ready for prompts in the background, then its neighbours; the frame asked for last goes first.
     pub fn prepare(&mut self, frame: usize, segmenter: &str) {
-        let Some(project) = self.project().map(Arc::clone) else { return };
-        let Some(name) = project.frames.get(frame).map(|frame| &frame.name) else { return };
+        let Some(project) = self.project().map(Arc::clone) else {
+            return;
+        };
+        let Some(name) = project.frames.get(frame).map(|frame| &frame.name) else {
+            return;
+        };
         if self.preparing.as_deref() == Some(name) {
             return;
         }
-        let Ok(segmenter) = engines::previewer(segmenter, self.geometry_for(&project)) else { return };
-        self.jobs.iter().filter(|job| job.title == PREPARE).for_each(crate::jobs::Job::stop);
+        let Ok(segmenter) = engines::previewer(segmenter, self.geometry_for(&project)) else {
+            return;
+        };
+        self.jobs
+            .iter()
+            .filter(|job| job.title == PREPARE)
+            .for_each(crate::jobs::Job::stop);
         self.preparing = Some(name.clone());
         let (prepared, store) = (Arc::clone(&self.prepared), Arc::clone(&self.store));
         self.start(PREPARE, Kind::Background, move |link| {
@@ -80,14 +101,20 @@ impl Session {
 
     /// The segmenter that knows where a project's frames were taken from.
     pub(crate) fn geometry_for(&mut self, project: &Project) -> Arc<GeometrySegmenter> {
-        let kept = self.geometry.take().filter(|kept| kept.is_for(&project.frames));
+        let kept = self
+            .geometry
+            .take()
+            .filter(|kept| kept.is_for(&project.frames));
         let make = || geometry_segmenter(Arc::clone(&project.frames), Arc::clone(&self.store));
         Arc::clone(self.geometry.insert(kept.unwrap_or_else(make)))
     }
 
     /// A prompt for the same label and frame that is still being answered is no longer wanted.
     fn supersede(&mut self, request: &PromptRequest) {
-        let same = Kind::Prompt { frame: request.frame, label: request.label };
+        let same = Kind::Prompt {
+            frame: request.frame,
+            label: request.label,
+        };
         for job in self.jobs.iter_mut().filter(|job| job.kind == same) {
             job.stop();
             job.discarded = true;
@@ -97,11 +124,23 @@ impl Session {
     /// Composes an answer into the frame's mask as it is now.
     fn take_answer(&mut self, request: &PromptRequest, region: &Region) -> Result<()> {
         let project = self.snapshot()?;
-        let PromptRequest { frame, label, prompt, .. } = request;
+        let PromptRequest {
+            frame,
+            label,
+            prompt,
+            ..
+        } = request;
         let mask = with_answer(&project, request, region)?;
         let title = format!("Prompt {} on frame {frame}", label_name(&project, *label)?);
-        let prompt = Prompt { corrects: corrects(&project, &mask_of(&project, *frame)?, request), ..prompt.clone() };
-        let mut edits = vec![Edit::SetPrompt { frame: *frame, label: *label, prompt: Some(prompt) }];
+        let prompt = Prompt {
+            corrects: corrects(&project, &mask_of(&project, *frame)?, request),
+            ..prompt.clone()
+        };
+        let mut edits = vec![Edit::SetPrompt {
+            frame: *frame,
+            label: *label,
+            prompt: Some(prompt),
+        }];
         edits.extend(by_hand(&project, *frame, &mask));
         self.commit(&title, edits)
     }
@@ -109,16 +148,30 @@ impl Session {
     /// Takes a label off a frame; a frame on which nothing is left is no anchor any more.
     fn take_off(&mut self, project: &Project, frame: usize, label: LabelId) -> Result<()> {
         let mut mask = mask_of(project, frame)?;
-        let everywhere = Region { inside: vec![true; mask.ids.len()], width: mask.width, height: mask.height };
+        let everywhere = Region {
+            inside: vec![true; mask.ids.len()],
+            width: mask.width,
+            height: mask.height,
+        };
         let taken = erase(&mut mask, &everywhere, Some(label))?;
         let name = label_name(project, label)?;
         let given = project.prompts.contains_key(&(frame, label));
         ensure!(given || taken > 0, "label '{name}' is not on frame {frame}");
-        let mut edits = vec![Edit::SetPrompt { frame, label, prompt: None }];
+        let mut edits = vec![Edit::SetPrompt {
+            frame,
+            label,
+            prompt: None,
+        }];
         if taken > 0 {
-            let others = project.prompts.keys().any(|&(of, other)| of == frame && other != label);
+            let others = project
+                .prompts
+                .keys()
+                .any(|&(of, other)| of == frame && other != label);
             let left = others || mask.ids.iter().any(|&id| id != LabelId::NONE);
-            edits.push(Edit::SetMask { frame, mask: left.then(|| anchor(&mask)) });
+            edits.push(Edit::SetMask {
+                frame,
+                mask: left.then(|| anchor(&mask)),
+            });
         }
         self.commit(&format!("Take {name} off frame {frame}"), edits)
     }
@@ -128,7 +181,10 @@ impl Session {
 pub(super) fn unread_depth(frame: &Frame, store: &FrameStore) -> Result<Option<String>> {
     let depth = readable(store.depth(frame).map_err(SceneError::from))?;
     let unread = depth.is_none().then_some(frame.name.as_str());
-    Ok(naming("have a depth that cannot be read, and are segmented without it; check their files", unread.as_slice()))
+    Ok(naming(
+        "have a depth that cannot be read, and are segmented without it; check their files",
+        unread.as_slice(),
+    ))
 }
 
 /// The job that reads ahead.
@@ -138,7 +194,9 @@ const AHEAD: [isize; 5] = [0, 1, -1, 2, -2];
 
 /// A frame and its neighbours, the nearest first.
 fn frames_around(frames: &[Frame], at: usize) -> impl Iterator<Item = &Frame> {
-    AHEAD.into_iter().filter_map(move |step| frames.get(at.checked_add_signed(step)?))
+    AHEAD
+        .into_iter()
+        .filter_map(move |step| frames.get(at.checked_add_signed(step)?))
 }
 
 /// The pixels that a prompt asks for, given all else that the frame shows.
@@ -149,17 +207,34 @@ pub fn answer(
     progress: &Progress,
 ) -> Result<Region> {
     let mask = mask_of(project, request.frame)?;
-    let mut previous = refines(project, &mask, request).then(|| mask.region(request.label)).filter(|is| is.area() > 0);
+    let mut previous = refines(project, &mask, request)
+        .then(|| mask.region(request.label))
+        .filter(|is| is.area() > 0);
     if corrects(project, &mask, request) {
         // Of several new clicks on a mask each is answered on its own.
-        let before = project.prompts.get(&(request.frame, request.label)).map_or(0, |before| before.clicks.len());
+        let before = project
+            .prompts
+            .get(&(request.frame, request.label))
+            .map_or(0, |before| before.clicks.len());
         for clicks in before + 1..request.prompt.clicks.len() {
             let mut request = request.clone();
             request.prompt.clicks.truncate(clicks);
-            previous = Some(ask(ready, (project, &mask), &request, previous.as_ref(), progress)?);
+            previous = Some(ask(
+                ready,
+                (project, &mask),
+                &request,
+                previous.as_ref(),
+                progress,
+            )?);
         }
     }
-    ask(ready, (project, &mask), request, previous.as_ref(), progress)
+    ask(
+        ready,
+        (project, &mask),
+        request,
+        previous.as_ref(),
+        progress,
+    )
 }
 
 /// One answer, which refines a `previous` one.
@@ -171,15 +246,36 @@ fn ask(
     progress: &Progress,
 ) -> Result<Region> {
     let taken = taken(project, mask, request);
-    let prompt = Prompt { corrects: corrects(project, mask, request), ..against_rivals(project, mask, request) };
-    Ok(ready.segment(&SegmentRequest { prompt: &prompt, previous, taken: taken.as_ref() }, progress)?)
+    let prompt = Prompt {
+        corrects: corrects(project, mask, request),
+        ..against_rivals(project, mask, request)
+    };
+    Ok(ready.segment(
+        &SegmentRequest {
+            prompt: &prompt,
+            previous,
+            taken: taken.as_ref(),
+        },
+        progress,
+    )?)
 }
 
 /// The frame's mask with the answer to a prompt composed into it.
-pub fn with_answer(project: &Project, request: &PromptRequest, region: &Region) -> Result<LabelMask> {
+pub fn with_answer(
+    project: &Project,
+    request: &PromptRequest,
+    region: &Region,
+) -> Result<LabelMask> {
     let mut mask = mask_of(project, request.frame)?;
     let yielding = giving_way(project, &mask, request);
-    compose(&mut mask, region, request.label, &request.prompt, &yielding, &project.labels)?;
+    compose(
+        &mut mask,
+        region,
+        request.label,
+        &request.prompt,
+        &yielding,
+        &project.labels,
+    )?;
     Ok(mask)
 }
 
@@ -188,7 +284,10 @@ pub fn with_answer(project: &Project, request: &PromptRequest, region: &Region) 
 /// than answers come does not lose what the clicks are on.
 fn refines(project: &Project, mask: &LabelMask, request: &PromptRequest) -> bool {
     let nothing = Prompt::default();
-    let before = project.prompts.get(&(request.frame, request.label)).unwrap_or(&nothing);
+    let before = project
+        .prompts
+        .get(&(request.frame, request.label))
+        .unwrap_or(&nothing);
     let Prompt { clicks, boxes, .. } = &request.prompt;
     let goes_on = *boxes == before.boxes && clicks.starts_with(&before.clicks);
     goes_on && (clicks.len() == before.clicks.len() + 1 || corrects(project, mask, request))
@@ -198,7 +297,9 @@ fn refines(project: &Project, mask: &LabelMask, request: &PromptRequest) -> bool
 pub fn corrects(project: &Project, mask: &LabelMask, request: &PromptRequest) -> bool {
     let Prompt { clicks, boxes, .. } = &request.prompt;
     match project.prompts.get(&(request.frame, request.label)) {
-        Some(before) => before.corrects && *boxes == before.boxes && clicks.starts_with(&before.clicks),
+        Some(before) => {
+            before.corrects && *boxes == before.boxes && clicks.starts_with(&before.clicks)
+        }
         None => boxes.is_empty() && mask.ids.contains(&request.label),
     }
 }
@@ -207,20 +308,36 @@ pub fn corrects(project: &Project, mask: &LabelMask, request: &PromptRequest) ->
 /// above or below the label are no rivals. Where a mask came without clicks, the middles of its parts stand for them.
 fn against_rivals(project: &Project, mask: &LabelMask, request: &PromptRequest) -> Prompt {
     let mut prompt = request.prompt.clone();
-    let Some(newest) = prompt.clicks.last().map(|click| click.at_px) else { return prompt };
-    let kin = [project.labels.path(request.label), project.labels.descendants(request.label)].concat();
+    let Some(newest) = prompt.clicks.last().map(|click| click.at_px) else {
+        return prompt;
+    };
+    let kin = [
+        project.labels.path(request.label),
+        project.labels.descendants(request.label),
+    ]
+    .concat();
     let prompted = |id: LabelId| project.prompts.get(&(request.frame, id));
     let stand_ins = |id: LabelId, include: bool| -> Vec<Click> {
         let points = landmarks(&mask.region(id), STAND_INS);
-        let away = points.into_iter().filter(|point| point.distance(newest) > STAND_IN_AWAY_PX);
+        let away = points
+            .into_iter()
+            .filter(|point| point.distance(newest) > STAND_IN_AWAY_PX);
         away.map(|at_px| Click { at_px, include }).collect()
     };
     let mut given = Vec::new();
-    for id in project.labels.iter().map(|label| label.id).filter(|id| !kin.contains(id)) {
+    for id in project
+        .labels
+        .iter()
+        .map(|label| label.id)
+        .filter(|id| !kin.contains(id))
+    {
         match prompted(id) {
             Some(rival) => {
                 let includes = rival.clicks.iter().filter(|click| click.include);
-                given.extend(includes.map(|click| Click { include: false, ..*click }));
+                given.extend(includes.map(|click| Click {
+                    include: false,
+                    ..*click
+                }));
             }
             None => given.extend(stand_ins(id, false)),
         }
@@ -240,9 +357,14 @@ const STAND_IN_AWAY_PX: f64 = 20.0;
 /// that it is wrong there.
 fn giving_way(project: &Project, mask: &LabelMask, request: &PromptRequest) -> Vec<LabelId> {
     let newest = request.prompt.clicks.last().filter(|click| click.include);
-    let contested = newest.and_then(|click| click.pixel_in(mask.width, mask.height)).map(|at| mask.ids[at]);
+    let contested = newest
+        .and_then(|click| click.pixel_in(mask.width, mask.height))
+        .map(|at| mask.ids[at]);
     let below = project.labels.descendants(request.label);
-    contested.into_iter().filter(|id| *id != LabelId::NONE && !below.contains(id)).collect()
+    contested
+        .into_iter()
+        .filter(|id| *id != LabelId::NONE && !below.contains(id))
+        .collect()
 }
 
 /// The pixels that an answer may not take: those of other labels, but for parts of the label.

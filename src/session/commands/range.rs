@@ -23,11 +23,21 @@ impl Session {
             RangeChange::Interpolate => return self.in_a_job(request, title, labels).map(Some),
             RangeChange::Split { .. } => return self.in_a_job(request, title, labels).map(Some),
             RangeChange::Delete => delete(&project, request, &labels),
-            RangeChange::Restore => mark(&project, &labels, |marks| marks.absent.remove(request.from, request.to)),
-            RangeChange::Lock => mark(&project, &labels, |marks| marks.locked.insert(request.from, request.to)),
-            RangeChange::Unlock => mark(&project, &labels, |marks| marks.locked.remove(request.from, request.to)),
-            RangeChange::Hide => mark(&project, &labels, |marks| marks.hidden.insert(request.from, request.to)),
-            RangeChange::Show => mark(&project, &labels, |marks| marks.hidden.remove(request.from, request.to)),
+            RangeChange::Restore => mark(&project, &labels, |marks| {
+                marks.absent.remove(request.from, request.to)
+            }),
+            RangeChange::Lock => mark(&project, &labels, |marks| {
+                marks.locked.insert(request.from, request.to)
+            }),
+            RangeChange::Unlock => mark(&project, &labels, |marks| {
+                marks.locked.remove(request.from, request.to)
+            }),
+            RangeChange::Hide => mark(&project, &labels, |marks| {
+                marks.hidden.insert(request.from, request.to)
+            }),
+            RangeChange::Show => mark(&project, &labels, |marks| {
+                marks.hidden.remove(request.from, request.to)
+            }),
             RangeChange::Merge { into } => merge(&project, request, &labels, into),
             RangeChange::Copy { frame } => copy(&project, request, &labels, frame)?,
         };
@@ -37,19 +47,33 @@ impl Session {
 
     /// One step; what the masks show now is there again.
     fn commit_range(&mut self, title: &str, mut edits: Vec<Edit>) -> Result<()> {
-        ensure!(!edits.is_empty(), "{}: there is nothing to change on these frames", title.to_lowercase());
+        ensure!(
+            !edits.is_empty(),
+            "{}: there is nothing to change on these frames",
+            title.to_lowercase()
+        );
         edits.extend(self.snapshot()?.there_again(&edits));
         self.commit(title, edits)
     }
 
     /// What takes its time; it is made from the masks as they are now, and refused when they change meanwhile.
-    fn in_a_job(&mut self, request: &RangeRequest, title: String, labels: BTreeSet<LabelId>) -> Result<JobId> {
+    fn in_a_job(
+        &mut self,
+        request: &RangeRequest,
+        title: String,
+        labels: BTreeSet<LabelId>,
+    ) -> Result<JobId> {
         let (made_from, request) = (self.snapshot()?, request.clone());
         Ok(self.start(&title.clone(), Kind::Short, move |link| {
             let edits = match request.change {
                 RangeChange::Split { frame, at_px, into } => {
                     let label = labels.first().copied().context("no label was named")?;
-                    let cut = Cut { label, into, frame, at_px };
+                    let cut = Cut {
+                        label,
+                        into,
+                        frame,
+                        at_px,
+                    };
                     split(&made_from, &request, &cut, &link.progress)?
                 }
                 _ => blended(&made_from, &request, &labels, &link.progress)?,
@@ -57,7 +81,8 @@ impl Session {
             Ok(Box::new(move |session: &mut Self| {
                 let now = session.snapshot()?;
                 let touched = || request.from..=request.to;
-                let same = touched().all(|frame| now.masks.get(&frame) == made_from.masks.get(&frame));
+                let same =
+                    touched().all(|frame| now.masks.get(&frame) == made_from.masks.get(&frame));
                 let same = same && now.marks == made_from.marks && now.prompts == made_from.prompts;
                 ensure!(same, "the masks changed meanwhile; do it again");
                 session.commit_range(&title, edits)
@@ -76,7 +101,10 @@ fn checked(project: &Project, request: &RangeRequest) -> Result<BTreeSet<LabelId
         request.from,
         request.to
     );
-    request.labels.iter().try_for_each(|&label| label_name(project, label).map(drop))?;
+    request
+        .labels
+        .iter()
+        .try_for_each(|&label| label_name(project, label).map(drop))?;
     let mut labels: BTreeSet<LabelId> = match request.labels.as_slice() {
         [] => project.labels.iter().map(|label| label.id).collect(),
         some => some.iter().copied().collect(),
@@ -84,17 +112,32 @@ fn checked(project: &Project, request: &RangeRequest) -> Result<BTreeSet<LabelId
     match request.change {
         RangeChange::Merge { into } => {
             label_name(project, into)?;
-            ensure!(request.labels != [into], "a label cannot be merged into itself; name another one");
+            ensure!(
+                request.labels != [into],
+                "a label cannot be merged into itself; name another one"
+            );
             labels.remove(&into);
         }
         RangeChange::Split { frame, into, .. } => {
             label_name(project, into)?;
-            ensure!(request.labels.len() == 1, "name the one label that is to be split");
-            ensure!(!labels.contains(&into), "the part needs another label than the whole");
-            ensure!((request.from..=request.to).contains(&frame), "frame {frame} lies outside the range");
+            ensure!(
+                request.labels.len() == 1,
+                "name the one label that is to be split"
+            );
+            ensure!(
+                !labels.contains(&into),
+                "the part needs another label than the whole"
+            );
+            ensure!(
+                (request.from..=request.to).contains(&frame),
+                "frame {frame} lies outside the range"
+            );
         }
         RangeChange::Copy { frame } => {
-            project.masks.get(&frame).with_context(|| format!("frame {frame} has no mask to copy"))?;
+            project
+                .masks
+                .get(&frame)
+                .with_context(|| format!("frame {frame} has no mask to copy"))?;
         }
         _ => {}
     }
@@ -105,7 +148,11 @@ fn title(project: &Project, request: &RangeRequest, labels: &BTreeSet<LabelId>) 
     let name = |id: LabelId| label_name(project, id);
     let what = match request.labels.is_empty() {
         true => "all labels".to_owned(),
-        false => labels.iter().map(|&id| name(id)).collect::<Result<Vec<_>>>()?.join(", "),
+        false => labels
+            .iter()
+            .map(|&id| name(id))
+            .collect::<Result<Vec<_>>>()?
+            .join(", "),
     };
     let place = match (request.from, request.to) {
         (from, to) if from == to => format!("on frame {from}"),
@@ -140,22 +187,39 @@ fn mark(project: &Project, labels: &BTreeSet<LabelId>, change: impl Fn(&mut Mark
 fn delete(project: &Project, request: &RangeRequest, labels: &BTreeSet<LabelId>) -> Vec<Edit> {
     let mut edits = without_prompts(project, request, labels);
     edits.extend(masks(project, request).filter_map(|(frame, mask)| {
-        let gone = |id: LabelId| if labels.contains(&id) { LabelId::NONE } else { id };
-        changed(project, frame, mask, mask.runs.map_ids(gone), |sure| sure.retain(|id, _| !labels.contains(id)))
+        let gone = |id: LabelId| {
+            if labels.contains(&id) {
+                LabelId::NONE
+            } else {
+                id
+            }
+        };
+        changed(project, frame, mask, mask.runs.map_ids(gone), |sure| {
+            sure.retain(|id, _| !labels.contains(id))
+        })
     }));
     edits.extend(labels.iter().filter_map(|&label| {
         let before = project.marks_of(label);
         let mut gone = FrameSet::from(vec![(request.from, request.to)]);
-        before.locked.ranges().for_each(|locked| gone.remove(*locked.start(), *locked.end()));
+        before
+            .locked
+            .ranges()
+            .for_each(|locked| gone.remove(*locked.start(), *locked.end()));
         let mut marks = before.clone();
-        gone.ranges().for_each(|range| marks.absent.insert(*range.start(), *range.end()));
+        gone.ranges()
+            .for_each(|range| marks.absent.insert(*range.start(), *range.end()));
         (marks != before).then_some(Edit::SetMarks { label, marks })
     }));
     edits
 }
 
 /// Pixels become `into`'s, and what was clicked for them too.
-pub(super) fn merge(project: &Project, request: &RangeRequest, labels: &BTreeSet<LabelId>, into: LabelId) -> Vec<Edit> {
+pub(super) fn merge(
+    project: &Project,
+    request: &RangeRequest,
+    labels: &BTreeSet<LabelId>,
+    into: LabelId,
+) -> Vec<Edit> {
     let mut edits: Vec<Edit> = masks(project, request)
         .filter(|(frame, _)| !project.locked_on(*frame).contains(&into))
         .filter_map(|(frame, mask)| {
@@ -163,7 +227,10 @@ pub(super) fn merge(project: &Project, request: &RangeRequest, labels: &BTreeSet
             let goes = |id: &LabelId| labels.contains(id) && !locked.contains(id);
             let runs = mask.runs.map_ids(|id| if goes(&id) { into } else { id });
             changed(project, frame, mask, runs, |sure| {
-                let least = sure.iter().filter(|(id, _)| goes(id) || **id == into).map(|(_, &sure)| sure);
+                let least = sure
+                    .iter()
+                    .filter(|(id, _)| goes(id) || **id == into)
+                    .map(|(_, &sure)| sure);
                 let least = least.reduce(f32::min);
                 sure.retain(|id, _| !goes(id));
                 sure.extend(least.map(|least| (into, least)));
@@ -171,50 +238,105 @@ pub(super) fn merge(project: &Project, request: &RangeRequest, labels: &BTreeSet
         })
         .collect();
     let frames: BTreeSet<usize> = edits.iter().filter_map(Edit::masked_frame).collect();
-    edits.extend(frames.into_iter().flat_map(|frame| merged_prompts(project, frame, labels, into)));
+    edits.extend(
+        frames
+            .into_iter()
+            .flat_map(|frame| merged_prompts(project, frame, labels, into)),
+    );
     edits
 }
 
-fn merged_prompts(project: &Project, frame: usize, labels: &BTreeSet<LabelId>, into: LabelId) -> Vec<Edit> {
+fn merged_prompts(
+    project: &Project,
+    frame: usize,
+    labels: &BTreeSet<LabelId>,
+    into: LabelId,
+) -> Vec<Edit> {
     let given = |label: LabelId| project.prompts.get(&(frame, label));
     let locked = project.locked_on(frame);
-    let moved: Vec<(LabelId, &Prompt)> =
-        labels.iter().filter(|id| !locked.contains(id)).filter_map(|&id| Some((id, given(id)?))).collect();
+    let moved: Vec<(LabelId, &Prompt)> = labels
+        .iter()
+        .filter(|id| !locked.contains(id))
+        .filter_map(|&id| Some((id, given(id)?)))
+        .collect();
     if moved.is_empty() {
         return Vec::new();
     }
     let corrects = moved.iter().all(|(_, other)| other.corrects);
-    let mut prompt = given(into).cloned().unwrap_or_else(|| Prompt { corrects, ..Prompt::default() });
+    let mut prompt = given(into).cloned().unwrap_or_else(|| Prompt {
+        corrects,
+        ..Prompt::default()
+    });
     let mut edits = Vec::new();
     for (label, other) in moved {
-        prompt.clicks.extend(other.clicks.iter().filter(|click| click.include).copied().collect::<Vec<Click>>());
+        prompt.clicks.extend(
+            other
+                .clicks
+                .iter()
+                .filter(|click| click.include)
+                .copied()
+                .collect::<Vec<Click>>(),
+        );
         prompt.boxes.extend(other.boxes.iter().copied());
-        edits.push(Edit::SetPrompt { frame, label, prompt: None });
+        edits.push(Edit::SetPrompt {
+            frame,
+            label,
+            prompt: None,
+        });
     }
     if !prompt.is_empty() {
-        edits.push(Edit::SetPrompt { frame, label: into, prompt: Some(prompt) });
+        edits.push(Edit::SetPrompt {
+            frame,
+            label: into,
+            prompt: Some(prompt),
+        });
     }
     edits
 }
 
 /// The labels of another frame's mask are given to the frames of the range, which become anchors.
-fn copy(project: &Project, request: &RangeRequest, labels: &BTreeSet<LabelId>, source: usize) -> Result<Vec<Edit>> {
-    let from = project.masks.get(&source).with_context(|| format!("frame {source} has no mask to copy"))?;
-    let shown = labels.iter().any(|label| from.runs.runs.iter().any(|(id, _)| id == label));
+fn copy(
+    project: &Project,
+    request: &RangeRequest,
+    labels: &BTreeSet<LabelId>,
+    source: usize,
+) -> Result<Vec<Edit>> {
+    let from = project
+        .masks
+        .get(&source)
+        .with_context(|| format!("frame {source} has no mask to copy"))?;
+    let shown = labels
+        .iter()
+        .any(|label| from.runs.runs.iter().any(|(id, _)| id == label));
     ensure!(shown, "frame {source} does not show what is to be copied");
     let mut edits = Vec::new();
     for frame in (request.from..=request.to).filter(|&frame| frame != source) {
         let of = project.frame(frame)?;
         let nothing = || Arc::new(RunMask::empty(of.width, of.height));
-        let before = project.masks.get(&frame).map_or_else(nothing, |mask| Arc::clone(&mask.runs));
+        let before = project
+            .masks
+            .get(&frame)
+            .map_or_else(nothing, |mask| Arc::clone(&mask.runs));
         let open = labels - &project.locked_on(frame);
-        let runs = project.with_locks(frame, Arc::new(transfer(&before, &from.runs, &open, request.replace)?));
+        let runs = project.with_locks(
+            frame,
+            Arc::new(transfer(&before, &from.runs, &open, request.replace)?),
+        );
         if runs == before {
             continue;
         }
-        let given = open.into_iter().filter(|&label| project.prompts.contains_key(&(frame, label)));
-        edits.extend(given.map(|label| Edit::SetPrompt { frame, label, prompt: None }));
-        edits.push(Edit::SetMask { frame, mask: Some(anchor_of(runs)) });
+        let given = open
+            .into_iter()
+            .filter(|&label| project.prompts.contains_key(&(frame, label)));
+        edits.extend(given.map(|label| Edit::SetPrompt {
+            frame,
+            label,
+            prompt: None,
+        }));
+        edits.push(Edit::SetMask {
+            frame,
+            mask: Some(anchor_of(runs)),
+        });
     }
     Ok(edits)
 }
@@ -224,7 +346,10 @@ pub(super) fn masks<'a>(
     project: &'a Project,
     request: &RangeRequest,
 ) -> impl Iterator<Item = (usize, &'a FrameMask)> + use<'a> {
-    project.masks.range(request.from..=request.to).map(|(&frame, mask)| (frame, mask))
+    project
+        .masks
+        .range(request.from..=request.to)
+        .map(|(&frame, mask)| (frame, mask))
 }
 
 /// The edit that gives a frame other runs, locked labels as they are; none when nothing changes. An anchor stays one.
@@ -243,13 +368,35 @@ pub(super) fn changed(
     if mask.origin == MaskOrigin::Tracked {
         set_confidence(&mut confidence);
     }
-    Some(Edit::SetMask { frame, mask: Some(FrameMask { runs, confidence, ..mask.clone() }) })
+    Some(Edit::SetMask {
+        frame,
+        mask: Some(FrameMask {
+            runs,
+            confidence,
+            ..mask.clone()
+        }),
+    })
 }
 
 /// Takes away what is given for labels that are not locked there.
-fn without_prompts(project: &Project, request: &RangeRequest, labels: &BTreeSet<LabelId>) -> Vec<Edit> {
+fn without_prompts(
+    project: &Project,
+    request: &RangeRequest,
+    labels: &BTreeSet<LabelId>,
+) -> Vec<Edit> {
     let range = (request.from, LabelId(0))..=(request.to, LabelId(u16::MAX));
-    let goes = |frame: usize, label: &LabelId| labels.contains(label) && !project.locked_on(frame).contains(label);
-    let given = project.prompts.range(range).filter(|((frame, label), _)| goes(*frame, label));
-    given.map(|(&(frame, label), _)| Edit::SetPrompt { frame, label, prompt: None }).collect()
+    let goes = |frame: usize, label: &LabelId| {
+        labels.contains(label) && !project.locked_on(frame).contains(label)
+    };
+    let given = project
+        .prompts
+        .range(range)
+        .filter(|((frame, label), _)| goes(*frame, label));
+    given
+        .map(|(&(frame, label), _)| Edit::SetPrompt {
+            frame,
+            label,
+            prompt: None,
+        })
+        .collect()
 }

@@ -9,7 +9,9 @@ use crate::{Kind, Landing};
 use ostra_core::job::JobId;
 use ostra_core::job::Stopped;
 use ostra_frames::Frame;
-use ostra_project::{Edit, Project, ReconstructMethod, ReconstructRequest, ResultKind, ResultRecord};
+use ostra_project::{
+    Edit, Project, ReconstructMethod, ReconstructRequest, ResultKind, ResultRecord,
+};
 
 /// What a reconstruction comes down to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -17,7 +19,10 @@ enum Way {
     /// Poses and depths are there.
     Given,
     /// Cameras are found where that is wanted, depths are made where that is wanted.
-    Made { cameras: Option<Finder>, depths: bool },
+    Made {
+        cameras: Option<Finder>,
+        depths: bool,
+    },
 }
 
 impl Session {
@@ -38,8 +43,9 @@ impl Session {
         cameras: Option<Finder>,
         depths: bool,
     ) -> Result<JobId> {
-        let camera_work =
-            cameras.map(|finder| CameraWork::new(Arc::clone(&project), request, finder, self)).transpose()?;
+        let camera_work = cameras
+            .map(|finder| CameraWork::new(Arc::clone(&project), request, finder, self))
+            .transpose()?;
         let work = StereoWork {
             project,
             root: self.opened()?.root().to_owned(),
@@ -66,19 +72,46 @@ impl Session {
     }
 
     fn take_given(&mut self, project: &Project, request: &ReconstructRequest) -> Result<JobId> {
-        let count = |has: fn(&Frame) -> bool| project.frames.iter().step_by(request.every).filter(|f| has(f)).count();
+        let count = |has: fn(&Frame) -> bool| {
+            project
+                .frames
+                .iter()
+                .step_by(request.every)
+                .filter(|f| has(f))
+                .count()
+        };
         let posed = count(is_posed);
         let with_depth = count(|frame| frame.depth.is_some());
-        let settings = if request.every > 1 { format!("every {}", request.every) } else { String::new() };
+        let settings = if request.every > 1 {
+            format!("every {}", request.every)
+        } else {
+            String::new()
+        };
         // What has files of its own was made here and stays what it is.
-        let was_made = |kind| project.results.get(&kind).is_some_and(|record| record.version > 0);
-        let counts = [(ResultKind::Cameras, posed), (ResultKind::Depths, with_depth)];
+        let was_made = |kind| {
+            project
+                .results
+                .get(&kind)
+                .is_some_and(|record| record.version > 0)
+        };
+        let counts = [
+            (ResultKind::Cameras, posed),
+            (ResultKind::Depths, with_depth),
+        ];
         let given = counts.into_iter().filter(|&(kind, _)| !was_made(kind));
-        let mut edits: Vec<Edit> = given.map(|(kind, frames)| self::given(kind, frames, &settings)).collect();
+        let mut edits: Vec<Edit> = given
+            .map(|(kind, frames)| self::given(kind, frames, &settings))
+            .collect();
         for edit in &mut edits {
             // Given cameras that were scaled stay so.
-            if let Edit::SetResult { kind, record: Some(record) } = edit
-                && let Some(before) = project.results.get(kind).filter(|before| before.engine == "given")
+            if let Edit::SetResult {
+                kind,
+                record: Some(record),
+            } = edit
+                && let Some(before) = project
+                    .results
+                    .get(kind)
+                    .filter(|before| before.engine == "given")
             {
                 (record.coordinates, record.scaled) = (before.coordinates, before.scaled);
             }
@@ -92,7 +125,11 @@ impl Session {
 fn way(project: &Project, request: &ReconstructRequest) -> Result<Way> {
     ensure!(request.every > 0, "every 0th frame is none; give 1 or more");
     ensure!(!project.frames.is_empty(), "the project has no frames");
-    let posed = project.frames.iter().filter(|frame| is_posed(frame)).count();
+    let posed = project
+        .frames
+        .iter()
+        .filter(|frame| is_posed(frame))
+        .count();
     let missing = match posed {
         _ if project.frames.iter().step_by(request.every).all(is_posed) => None,
         0 | 1 => Some(Poses::Anew),
@@ -101,31 +138,59 @@ fn way(project: &Project, request: &ReconstructRequest) -> Result<Way> {
     let measured = project.frames.iter().any(Frame::has_sensor_depth);
     match request.method {
         ReconstructMethod::Auto if measured && missing.is_none() => Ok(Way::Given),
-        ReconstructMethod::Auto if missing == Some(Poses::Anew) && is_rgbd(project) && !request.only_labelled => {
-            Ok(Way::Made { cameras: Some(Finder::Rgbd), depths: false })
+        ReconstructMethod::Auto
+            if missing == Some(Poses::Anew) && is_rgbd(project) && !request.only_labelled =>
+        {
+            Ok(Way::Made {
+                cameras: Some(Finder::Rgbd),
+                depths: false,
+            })
         }
-        ReconstructMethod::Auto => Ok(Way::Made { cameras: missing.map(Finder::Sfm), depths: !measured }),
-        ReconstructMethod::Sfm => Ok(Way::Made { cameras: Some(Finder::Sfm(Poses::Anew)), depths: false }),
+        ReconstructMethod::Auto => Ok(Way::Made {
+            cameras: missing.map(Finder::Sfm),
+            depths: !measured,
+        }),
+        ReconstructMethod::Sfm => Ok(Way::Made {
+            cameras: Some(Finder::Sfm(Poses::Anew)),
+            depths: false,
+        }),
         // Cameras that are there are enough: a frame that was left out before does not let all be looked for again.
         ReconstructMethod::Mvs => {
             let cameras = missing.filter(|_| posed < 2).map(Finder::Sfm);
-            Ok(Way::Made { cameras, depths: true })
+            Ok(Way::Made {
+                cameras,
+                depths: true,
+            })
         }
         ReconstructMethod::Rgbd => {
-            ensure!(measured, "no frame has depth of a sensor; give it with --depth, or --method sfm or mvs");
+            ensure!(
+                measured,
+                "no frame has depth of a sensor; give it with --depth, or --method sfm or mvs"
+            );
             ensure!(
                 !request.only_labelled,
                 "RGB-D registration takes all that the sensor sees; leave out --only-labelled"
             );
-            Ok(Way::Made { cameras: Some(Finder::Rgbd), depths: false })
+            Ok(Way::Made {
+                cameras: Some(Finder::Rgbd),
+                depths: false,
+            })
         }
     }
 }
 
 /// Whether all frames have depth of a sensor whose intrinsics were given.
 fn is_rgbd(project: &Project) -> bool {
-    let known = |frame: &Frame| frame.camera.as_ref().is_some_and(|camera| !camera.estimated);
-    project.frames.iter().all(|frame| frame.has_sensor_depth() && known(frame))
+    let known = |frame: &Frame| {
+        frame
+            .camera
+            .as_ref()
+            .is_some_and(|camera| !camera.estimated)
+    };
+    project
+        .frames
+        .iter()
+        .all(|frame| frame.has_sensor_depth() && known(frame))
 }
 
 /// Whether a frame's pose is known.
@@ -145,5 +210,8 @@ pub(super) fn given(kind: ResultKind, frames: usize, settings: &str) -> Edit {
         version: 0,
         ..ResultRecord::default()
     };
-    Edit::SetResult { kind, record: Some(record) }
+    Edit::SetResult {
+        kind,
+        record: Some(record),
+    }
 }

@@ -55,7 +55,8 @@ impl Session {
 
 /// The path as a project records it: absolute, without `..`.
 fn plain(path: &Path) -> Result<PathBuf> {
-    let absolute = absolute(path).with_context(|| format!("{}: cannot be a path", path.display()))?;
+    let absolute =
+        absolute(path).with_context(|| format!("{}: cannot be a path", path.display()))?;
     Ok(joined(Path::new(""), &absolute))
 }
 
@@ -74,7 +75,11 @@ fn moved(frame: &Frame, from: &Path, to: &Path) -> Result<Moved> {
     let place = |path: &Path| {
         let path = joined(Path::new(""), path);
         let below = path.strip_prefix(from).ok()?;
-        Some(if below.as_os_str().is_empty() { to.to_owned() } else { to.join(below) })
+        Some(if below.as_os_str().is_empty() {
+            to.to_owned()
+        } else {
+            to.join(below)
+        })
     };
     let places: Vec<Option<PathBuf>> = sources(frame).map(place).collect();
     for (number, new) in places.iter().enumerate() {
@@ -91,13 +96,29 @@ fn moved(frame: &Frame, from: &Path, to: &Path) -> Result<Moved> {
             path.clone_from(new);
         }
     }
-    Ok(if places.iter().any(Option::is_some) { Moved::To(Box::new(value)) } else { Moved::Not })
+    Ok(if places.iter().any(Option::is_some) {
+        Moved::To(Box::new(value))
+    } else {
+        Moved::Not
+    })
 }
 
 /// The first folders that frames are read from.
 fn folders(frames: &[Frame]) -> String {
-    let all: BTreeSet<&Path> = frames.iter().flat_map(sources).filter_map(Path::parent).collect();
-    let named: Vec<String> = all.iter().take(NAMED).map(|folder| folder.display().to_string()).collect();
-    let more = if all.len() > NAMED { format!(" and {} more folders", all.len() - NAMED) } else { String::new() };
+    let all: BTreeSet<&Path> = frames
+        .iter()
+        .flat_map(sources)
+        .filter_map(Path::parent)
+        .collect();
+    let named: Vec<String> = all
+        .iter()
+        .take(NAMED)
+        .map(|folder| folder.display().to_string())
+        .collect();
+    let more = if all.len() > NAMED {
+        format!(" and {} more folders", all.len() - NAMED)
+    } else {
+        String::new()
+    };
     named.join(", ") + &more
 }

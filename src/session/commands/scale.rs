@@ -20,8 +20,16 @@ impl Session {
         self.check_no_long_job()?;
         let project = self.snapshot()?;
         let factor = factor(&project, request)?;
-        let (root, version) = (self.opened()?.root().to_owned(), self.opened()?.next_version()?);
-        let scaling = Scaling { project, root, factor, version };
+        let (root, version) = (
+            self.opened()?.root().to_owned(),
+            self.opened()?.next_version()?,
+        );
+        let scaling = Scaling {
+            project,
+            root,
+            factor,
+            version,
+        };
         Ok(self.start("Set scale", Kind::Long, move |link| {
             let scaled = scaling.write(&link.progress)?;
             Ok(Box::new(move |session: &mut Self| session.take_scale(&scaling, scaled)) as Landing)
@@ -31,7 +39,11 @@ impl Session {
     fn take_scale(&mut self, scaling: &Scaling, scaled: ScaledResults) -> Result<()> {
         let now = self.snapshot()?;
         let files = |project: &Project| -> Vec<(ResultKind, u64)> {
-            project.results.iter().map(|(&kind, record)| (kind, record.version)).collect()
+            project
+                .results
+                .iter()
+                .map(|(&kind, record)| (kind, record.version))
+                .collect()
         };
         ensure!(
             scaling.project.frames == now.frames && files(&scaling.project) == files(&now),
@@ -56,22 +68,35 @@ fn factor(project: &Project, request: &ScaleRequest) -> Result<f64> {
         request.length
     );
     let now = project.coordinates();
-    let is_measured = project.frames.iter().any(|frame| frame.has_sensor_depth() && frame.posed_camera().is_some());
+    let is_measured = project
+        .frames
+        .iter()
+        .any(|frame| frame.has_sensor_depth() && frame.posed_camera().is_some());
     ensure!(
         !is_measured || now.unit == LengthUnit::World,
         "the sensor's depths give the scale already; if they are wrong, make the project again with another --depth-unit"
     );
-    let is_world = request.ends.iter().any(|end| matches!(end, ScaleEnd::World(_)));
-    let same_world =
-        project.cloud_coordinates().is_some_and(|cloud| (cloud.world, cloud.scale) == (now.world, now.scale));
+    let is_world = request
+        .ends
+        .iter()
+        .any(|end| matches!(end, ScaleEnd::World(_)));
+    let same_world = project
+        .cloud_coordinates()
+        .is_some_and(|cloud| (cloud.world, cloud.scale) == (now.world, now.scale));
     ensure!(
         !is_world || same_world,
         "the cloud was made with other cameras than those of now; fuse again, then measure in it"
     );
     let [a, b] = &request.ends;
     let (a, b) = (position(project, a)?, position(project, b)?);
-    ensure!(a.is_finite() && b.is_finite(), "an end of the known length has a coordinate that is not a finite number");
-    ensure!(a != b, "both ends are the same point; give two different ones");
+    ensure!(
+        a.is_finite() && b.is_finite(),
+        "an end of the known length has a coordinate that is not a finite number"
+    );
+    ensure!(
+        a != b,
+        "both ends are the same point; give two different ones"
+    );
     let factor = request.length / a.distance(b);
     ensure!(
         (LARGEST_STEP.recip()..=LARGEST_STEP).contains(&factor)
@@ -95,11 +120,20 @@ fn triangulated(project: &Project, seen: &[(usize, DVec2)]) -> Result<DVec3> {
     let mut sightings = Vec::new();
     for &(number, at_px) in seen {
         let frame = project.frame(number)?;
-        let (camera, camera_from_world) = frame
-            .posed_camera()
-            .with_context(|| format!("frame {number} has no camera; point at the end on one that has"))?;
-        sightings.push(Sighting { camera, camera_from_world, at_px, at_plane: camera.unproject(at_px) });
+        let (camera, camera_from_world) = frame.posed_camera().with_context(|| {
+            format!("frame {number} has no camera; point at the end on one that has")
+        })?;
+        sightings.push(Sighting {
+            camera,
+            camera_from_world,
+            at_px,
+            at_plane: camera.unproject(at_px),
+        });
     }
-    ensure!(sightings.len() >= 2, "each end must be pointed at on two frames or more");
-    triangulate(&sightings).context("the frames see an end from nearly the same place; point at it on others")
+    ensure!(
+        sightings.len() >= 2,
+        "each end must be pointed at on two frames or more"
+    );
+    triangulate(&sightings)
+        .context("the frames see an end from nearly the same place; point at it on others")
 }

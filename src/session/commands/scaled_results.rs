@@ -16,10 +16,13 @@ use ostra_core::job::Progress;
 use ostra_frames::cameras::{ModelEncoding, read_sparse_model, write_colmap_model};
 use ostra_frames::{DepthSource, Frame, MadeDepth};
 use ostra_project::store::{
-    DepthAccount, DepthFolder, cloud_path, depth_map_path, keep_votes, load_links, load_outcomes, mesh_path, replace,
-    save_links, save_outcomes, sparse_path, sync_folder, version_in_force, votes_path,
+    DepthAccount, DepthFolder, cloud_path, depth_map_path, keep_votes, load_links, load_outcomes,
+    mesh_path, replace, save_links, save_outcomes, sparse_path, sync_folder, version_in_force,
+    votes_path,
 };
-use ostra_project::{Coordinates, Edit, FrameMask, FuseRequest, MaskOrigin, Project, ResultKind, ResultRecord};
+use ostra_project::{
+    Coordinates, Edit, FrameMask, FuseRequest, MaskOrigin, Project, ResultKind, ResultRecord,
+};
 
 /// A project's lengths are multiplied: what from, what by, and the number of the files that hold the results.
 pub(super) struct Scaling {
@@ -55,18 +58,32 @@ impl Scaling {
     /// # Errors
     /// Where a file of a result is gone or damaged, or one cannot be written; when stopped.
     pub(super) fn write(&self, progress: &Progress) -> Result<ScaledResults> {
-        let mut frames: Vec<Frame> = self.project.frames.iter().map(|frame| self.frame(frame)).collect();
+        let mut frames: Vec<Frame> = self
+            .project
+            .frames
+            .iter()
+            .map(|frame| self.frame(frame))
+            .collect();
         self.write_sparse(&frames)?;
         let mut warnings = Vec::new();
         let has_depths = self.write_depths(&mut frames, &mut warnings, progress)?;
         let cloud = self.write_cloud(&frames, &mut warnings, progress)?;
         sync_folder(&self.root.join("versions"))?;
-        Ok(ScaledResults { frames, has_depths, cloud, warnings })
+        Ok(ScaledResults {
+            frames,
+            has_depths,
+            cloud,
+            warnings,
+        })
     }
 
     fn frame(&self, frame: &Frame) -> Frame {
         let mut frame = frame.clone();
-        if let Some(pose) = frame.camera.as_mut().and_then(|camera| camera.camera_from_world.as_mut()) {
+        if let Some(pose) = frame
+            .camera
+            .as_mut()
+            .and_then(|camera| camera.camera_from_world.as_mut())
+        {
             pose.translation *= self.factor;
         }
         if let Some(DepthSource::Made { made, scale }) = &mut frame.depth {
@@ -76,11 +93,19 @@ impl Scaling {
     }
 
     fn write_sparse(&self, frames: &[Frame]) -> Result<()> {
-        let Some(before) = version_in_force(&self.project, ResultKind::Cameras) else { return Ok(()) };
-        let (source, folder) = (sparse_path(&self.root, before), sparse_path(&self.root, self.version));
+        let Some(before) = version_in_force(&self.project, ResultKind::Cameras) else {
+            return Ok(());
+        };
+        let (source, folder) = (
+            sparse_path(&self.root, before),
+            sparse_path(&self.root, self.version),
+        );
         let mut sparse = read_sparse_model(&source, &self.project.frames)
             .context("the sparse points cannot be scaled; reconstruct again, then set the scale")?;
-        sparse.points.iter_mut().for_each(|point| point.position *= self.factor);
+        sparse
+            .points
+            .iter_mut()
+            .for_each(|point| point.position *= self.factor);
         write_colmap_model(&folder, frames, &sparse, ModelEncoding::Text)?;
         save_outcomes(&folder, &load_outcomes(&source)?)?;
         save_links(&folder, &load_links(&source)?)
@@ -88,7 +113,12 @@ impl Scaling {
 
     /// Writes scaled copies of the depth maps that stereo made; whether there are any. Frames of `scaled` whose map cannot be
     /// read lose it, with a warning.
-    fn write_depths(&self, scaled: &mut [Frame], warnings: &mut Vec<String>, progress: &Progress) -> Result<bool> {
+    fn write_depths(
+        &self,
+        scaled: &mut [Frame],
+        warnings: &mut Vec<String>,
+        progress: &Progress,
+    ) -> Result<bool> {
         let frames = &self.project.frames;
         let maps: Vec<(usize, &PathBuf, f64)> = frames
             .iter()
@@ -103,30 +133,45 @@ impl Scaling {
         }
         progress.stage("scale depths")?;
         let done = AtomicUsize::new(0);
-        let scale_map = |&(number, made, scale): &(usize, &PathBuf, f64)| -> Result<Option<(usize, String)>> {
-            progress.step(done.fetch_add(1, Ordering::Relaxed), maps.len())?;
-            let mut map = match MadeDepth::read(&self.root.join(made)) {
-                Ok(map) => map,
-                Err(error) => return Ok(Some((number, error.to_string()))),
+        let scale_map =
+            |&(number, made, scale): &(usize, &PathBuf, f64)| -> Result<Option<(usize, String)>> {
+                progress.step(done.fetch_add(1, Ordering::Relaxed), maps.len())?;
+                let mut map = match MadeDepth::read(&self.root.join(made)) {
+                    Ok(map) => map,
+                    Err(error) => return Ok(Some((number, error.to_string()))),
+                };
+                let factor = scale * self.factor;
+                map.depth
+                    .depths
+                    .iter_mut()
+                    .for_each(|depth| *depth = (f64::from(*depth) * factor) as f32);
+                let name = &frames[number].name;
+                let bytes = map
+                    .encode()
+                    .with_context(|| format!("the depth of {name} cannot be scaled"))?;
+                replace(&self.root.join(depth_map_path(self.version, name)), &bytes)?;
+                Ok(None)
             };
-            let factor = scale * self.factor;
-            map.depth.depths.iter_mut().for_each(|depth| *depth = (f64::from(*depth) * factor) as f32);
-            let name = &frames[number].name;
-            let bytes = map.encode().with_context(|| format!("the depth of {name} cannot be scaled"))?;
-            replace(&self.root.join(depth_map_path(self.version, name)), &bytes)?;
-            Ok(None)
-        };
-        let unreadable: Vec<(usize, String)> =
-            maps.par_iter().filter_map(|map| scale_map(map).transpose()).collect::<Result<_>>()?;
+        let unreadable: Vec<(usize, String)> = maps
+            .par_iter()
+            .filter_map(|map| scale_map(map).transpose())
+            .collect::<Result<_>>()?;
         if let Some((_, first)) = unreadable.first() {
             let count = unreadable.len();
-            warnings.push(format!("{count} depth maps cannot be read and were taken off their frames ({first})"));
+            warnings.push(format!(
+                "{count} depth maps cannot be read and were taken off their frames ({first})"
+            ));
         }
-        unreadable.iter().for_each(|&(number, _)| scaled[number].depth = None);
+        unreadable
+            .iter()
+            .for_each(|&(number, _)| scaled[number].depth = None);
         if let Some(before) = version_in_force(&self.project, ResultKind::Depths) {
             let account = DepthFolder::new(&self.root, before, frames).load_account()?;
             // No run goes on from these: they are whole.
-            let account = DepthAccount { key: format!("{} times {}", account.key, self.factor), ..account };
+            let account = DepthAccount {
+                key: format!("{} times {}", account.key, self.factor),
+                ..account
+            };
             DepthFolder::new(&self.root, self.version, frames).save_account(&account)?;
         }
         Ok(true)
@@ -140,7 +185,9 @@ impl Scaling {
         progress: &Progress,
     ) -> Result<Option<ScaledCloud>> {
         let (project, root) = (&*self.project, &*self.root);
-        let Some(before) = version_in_force(project, ResultKind::Cloud) else { return Ok(None) };
+        let Some(before) = version_in_force(project, ResultKind::Cloud) else {
+            return Ok(None);
+        };
         let Some(factor) = self.cloud_factor() else {
             warnings
                 .push("the cloud was made with other cameras and keeps its size, without a unit; fuse again".into());
@@ -151,7 +198,12 @@ impl Scaling {
             .context("the cloud cannot be scaled; fuse again, then set the scale")?
             .cloud;
         cloud.scale_by(factor);
-        save_ply(&cloud_path(root, self.version), &cloud, Coloring::Picture, progress)?;
+        save_ply(
+            &cloud_path(root, self.version),
+            &cloud,
+            Coloring::Picture,
+            progress,
+        )?;
         keep_votes(root, before, self.version)?;
         let record = project.results.get(&ResultKind::Cloud);
         if record.is_some_and(|record| record.voxel.is_some()) {
@@ -159,28 +211,55 @@ impl Scaling {
             let mut mesh = read_mesh(&mesh_path(root, before), progress)
                 .context("the surface cannot be scaled; fuse again, then set the scale")?;
             mesh.vertices.scale_by(factor);
-            save_mesh(&mesh_path(root, self.version), &mesh, Coloring::Picture, progress)?;
+            save_mesh(
+                &mesh_path(root, self.version),
+                &mesh,
+                Coloring::Picture,
+                progress,
+            )?;
         }
         let votes = read_votes_on(&votes_path(root, self.version), cloud.len(), frames).ok();
         let geometry = record.map_or(Ok(None), |record| self.geometry(record, frames, factor))?;
-        Ok(Some(ScaledCloud { cloud, votes, factor, geometry }))
+        Ok(Some(ScaledCloud {
+            cloud,
+            votes,
+            factor,
+            geometry,
+        }))
     }
 
     /// What brings the cloud to the new size of the cameras; `None` where it stands in other coordinates than they do.
     fn cloud_factor(&self) -> Option<f64> {
-        let (now, cloud) = (self.project.coordinates(), self.project.cloud_coordinates()?);
-        let same = if cloud.scale == now.scale { self.factor } else { self.factor * now.scale / cloud.scale };
+        let (now, cloud) = (
+            self.project.coordinates(),
+            self.project.cloud_coordinates()?,
+        );
+        let same = if cloud.scale == now.scale {
+            self.factor
+        } else {
+            self.factor * now.scale / cloud.scale
+        };
         let has_sensor = self.project.frames.iter().any(Frame::has_sensor_depth);
         (cloud.world == now.world && !has_sensor).then_some(same)
     }
 
     /// The digest of all that the scaled cloud would be made of now; `None` where the cloud of before would be made otherwise.
-    fn geometry(&self, record: &ResultRecord, frames: &[Frame], factor: f64) -> Result<Option<String>> {
-        let Some(request) = &record.request else { return Ok(None) };
+    fn geometry(
+        &self,
+        record: &ResultRecord,
+        frames: &[Frame],
+        factor: f64,
+    ) -> Result<Option<String>> {
+        let Some(request) = &record.request else {
+            return Ok(None);
+        };
         if record.geometry.as_ref() != Some(&geometry_digest(&self.project, request)?) {
             return Ok(None);
         }
-        let scaled = Project { frames: Arc::new(frames.to_vec()), ..Project::default() };
+        let scaled = Project {
+            frames: Arc::new(frames.to_vec()),
+            ..Project::default()
+        };
         geometry_digest(&scaled, &scaled_request(request, factor)).map(Some)
     }
 }
@@ -191,29 +270,73 @@ impl ScaledResults {
     pub(super) fn edits(&self, scaling: &Scaling, now: &Project) -> Vec<Edit> {
         let numbered = || self.frames.iter().enumerate();
         let origin = now.origin * scaling.factor;
-        let mut edits: Vec<Edit> = if origin == now.origin { Vec::new() } else { vec![Edit::SetOrigin { origin }] };
-        edits.extend(numbered().map(|(frame, scaled)| Edit::SetCamera { frame, camera: scaled.camera }));
-        let had_made = |number: usize| matches!(now.frames[number].depth, Some(DepthSource::Made { .. }));
+        let mut edits: Vec<Edit> = if origin == now.origin {
+            Vec::new()
+        } else {
+            vec![Edit::SetOrigin { origin }]
+        };
+        edits.extend(numbered().map(|(frame, scaled)| Edit::SetCamera {
+            frame,
+            camera: scaled.camera,
+        }));
+        let had_made =
+            |number: usize| matches!(now.frames[number].depth, Some(DepthSource::Made { .. }));
         let made = numbered().filter(|&(number, _)| had_made(number));
-        edits.extend(made.map(|(frame, scaled)| Edit::SetDepth { frame, depth: scaled.depth.clone() }));
+        edits.extend(made.map(|(frame, scaled)| Edit::SetDepth {
+            frame,
+            depth: scaled.depth.clone(),
+        }));
         let is_fresh = |mask: &FrameMask| mask.origin == MaskOrigin::Tracked && !mask.stale;
-        let fresh = now.masks.iter().filter(|(_, mask)| is_fresh(mask)).map(|(&frame, _)| frame).collect();
-        edits.push(Edit::SetStale { frames: fresh, stale: false });
+        let fresh = now
+            .masks
+            .iter()
+            .filter(|(_, mask)| is_fresh(mask))
+            .map(|(&frame, _)| frame)
+            .collect();
+        edits.push(Edit::SetStale {
+            frames: fresh,
+            stale: false,
+        });
         let records = self.records(scaling, now).into_iter();
-        edits.extend(records.map(|(kind, record)| Edit::SetResult { kind, record: Some(record) }));
+        edits.extend(records.map(|(kind, record)| Edit::SetResult {
+            kind,
+            record: Some(record),
+        }));
         edits
     }
 
     fn records(&self, scaling: &Scaling, now: &Project) -> BTreeMap<ResultKind, ResultRecord> {
         let mut records = now.results.clone();
         let coordinates = now.coordinates().scaled_by(scaling.factor);
-        let posed = self.frames.iter().filter(|frame| frame.posed_camera().is_some()).count();
-        let given = || ResultRecord { engine: "given".into(), frames: posed, ..ResultRecord::default() };
+        let posed = self
+            .frames
+            .iter()
+            .filter(|frame| frame.posed_camera().is_some())
+            .count();
+        let given = || ResultRecord {
+            engine: "given".into(),
+            frames: posed,
+            ..ResultRecord::default()
+        };
         let cameras = records.entry(ResultKind::Cameras).or_insert_with(given);
-        let version = if cameras.version > 0 { scaling.version } else { 0 };
-        *cameras = ResultRecord { coordinates: Some(coordinates), ..scaled_record(cameras, scaling.factor, version) };
-        if let Some(depths) = records.get_mut(&ResultKind::Depths).filter(|_| self.has_depths) {
-            let version = if depths.version > 0 { scaling.version } else { 0 };
+        let version = if cameras.version > 0 {
+            scaling.version
+        } else {
+            0
+        };
+        *cameras = ResultRecord {
+            coordinates: Some(coordinates),
+            ..scaled_record(cameras, scaling.factor, version)
+        };
+        if let Some(depths) = records
+            .get_mut(&ResultKind::Depths)
+            .filter(|_| self.has_depths)
+        {
+            let version = if depths.version > 0 {
+                scaling.version
+            } else {
+                0
+            };
             *depths = scaled_record(depths, scaling.factor, version);
         }
         if let Some(record) = records.get_mut(&ResultKind::Cloud) {
@@ -229,16 +352,27 @@ impl ScaledResults {
         let mut what = vec!["cameras"];
         what.extend(self.has_depths.then_some("depths"));
         what.extend(self.cloud.is_some().then_some("cloud"));
-        format!("{} were scaled by {:.6}: lengths are metres now", what.join(", "), scaling.factor)
+        format!(
+            "{} were scaled by {:.6}: lengths are metres now",
+            what.join(", "),
+            scaling.factor
+        )
     }
 }
 
 fn scaled_request(request: &FuseRequest, factor: f64) -> FuseRequest {
-    FuseRequest { voxel: request.voxel.map(|voxel| voxel * factor), ..request.clone() }
+    FuseRequest {
+        voxel: request.voxel.map(|voxel| voxel * factor),
+        ..request.clone()
+    }
 }
 
 fn scaled_record(record: &ResultRecord, factor: f64, version: u64) -> ResultRecord {
-    let before = if record.settings.is_empty() { String::new() } else { format!("{}, ", record.settings) };
+    let before = if record.settings.is_empty() {
+        String::new()
+    } else {
+        format!("{}, ", record.settings)
+    };
     ResultRecord {
         settings: format!("{before}scaled by {factor:.6}"),
         scaled: Some(record.scaled.unwrap_or(1.0) * factor),
@@ -257,7 +391,10 @@ fn scaled_cloud_record(
         voxel: record.voxel.map(|voxel| voxel * cloud.factor),
         geometry: cloud.geometry.clone(),
         coordinates: Some(coordinates),
-        request: record.request.as_ref().map(|request| scaled_request(request, cloud.factor)),
+        request: record
+            .request
+            .as_ref()
+            .map(|request| scaled_request(request, cloud.factor)),
         ..scaled_record(record, cloud.factor, version)
     }
 }
@@ -265,7 +402,17 @@ fn scaled_cloud_record(
 /// A cloud that keeps its size: it is stale, and has no unit unless it had one of its own.
 fn unscaled_cloud_record(record: &ResultRecord, now: &Project) -> ResultRecord {
     // A number of no result: whatever comes later does not share these coordinates.
-    let unknown = Coordinates { world: record.version, scale: 1.0, unit: LengthUnit::World };
-    let coordinates = now.cloud_coordinates().filter(|cloud| cloud.world != now.coordinates().world);
-    ResultRecord { stale: true, coordinates: Some(coordinates.unwrap_or(unknown)), ..record.clone() }
+    let unknown = Coordinates {
+        world: record.version,
+        scale: 1.0,
+        unit: LengthUnit::World,
+    };
+    let coordinates = now
+        .cloud_coordinates()
+        .filter(|cloud| cloud.world != now.coordinates().world);
+    ResultRecord {
+        stale: true,
+        coordinates: Some(coordinates.unwrap_or(unknown)),
+        ..record.clone()
+    }
 }

@@ -19,13 +19,31 @@ pub(super) struct Cut {
 
 /// The edits that give a piece of a label to another one: on the frame pointed at, and from there both ways on every
 /// frame of the range what lies nearer to the piece than to the rest of the label.
-pub(super) fn split(project: &Project, request: &RangeRequest, cut: &Cut, progress: &Progress) -> Result<Vec<Edit>> {
+pub(super) fn split(
+    project: &Project,
+    request: &RangeRequest,
+    cut: &Cut,
+    progress: &Progress,
+) -> Result<Vec<Edit>> {
     progress.stage("split")?;
-    let mask = project.masks.get(&cut.frame).with_context(|| format!("frame {} has no mask", cut.frame))?;
+    let mask = project
+        .masks
+        .get(&cut.frame)
+        .with_context(|| format!("frame {} has no mask", cut.frame))?;
     let (part, rest) = pointed_at(project, cut, &mask.runs)?;
     let mut edits = piece_edits(project, cut, cut.frame, mask, &part);
-    let after: Vec<usize> = project.masks.range(cut.frame..=request.to).skip(1).map(|(&frame, _)| frame).collect();
-    let before: Vec<usize> = project.masks.range(request.from..cut.frame).rev().map(|(&frame, _)| frame).collect();
+    let after: Vec<usize> = project
+        .masks
+        .range(cut.frame..=request.to)
+        .skip(1)
+        .map(|(&frame, _)| frame)
+        .collect();
+    let before: Vec<usize> = project
+        .masks
+        .range(request.from..cut.frame)
+        .rev()
+        .map(|(&frame, _)| frame)
+        .collect();
     let total = after.len() + before.len();
     let mut done = 0;
     for way in [after, before] {
@@ -43,14 +61,23 @@ pub(super) fn split(project: &Project, request: &RangeRequest, cut: &Cut, progre
 fn pointed_at(project: &Project, cut: &Cut, runs: &RunMask) -> Result<(Region, Region)> {
     let name = label_name(project, cut.label)?;
     let whole = runs.region(cut.label);
-    let at = Click { at_px: cut.at_px, include: true }.pixel_in(whole.width, whole.height);
+    let at = Click {
+        at_px: cut.at_px,
+        include: true,
+    }
+    .pixel_in(whole.width, whole.height);
     let pieces = components(&whole, Connectivity::Eight);
     let piece = at.map(|at| pieces.labels[at]).filter(|&piece| piece > 0);
-    let piece = piece.with_context(|| format!("that pixel of frame {} is not label '{name}'", cut.frame))?;
+    let piece = piece
+        .with_context(|| format!("that pixel of frame {} is not label '{name}'", cut.frame))?;
     let of = |mine: bool| Region {
         width: whole.width,
         height: whole.height,
-        inside: pieces.labels.iter().map(|&other| other > 0 && (other == piece) == mine).collect(),
+        inside: pieces
+            .labels
+            .iter()
+            .map(|&other| other > 0 && (other == piece) == mine)
+            .collect(),
     };
     let (part, rest) = (of(true), of(false));
     ensure!(
@@ -62,8 +89,15 @@ fn pointed_at(project: &Project, cut: &Cut, runs: &RunMask) -> Result<(Region, R
 }
 
 /// Cuts the label on the next frame; what it shows is what the frame after is compared with.
-fn next_frame(project: &Project, cut: &Cut, frame: usize, last: &mut (Region, Region)) -> Result<Vec<Edit>> {
-    let Some(mask) = project.masks.get(&frame) else { return Ok(Vec::new()) };
+fn next_frame(
+    project: &Project,
+    cut: &Cut,
+    frame: usize,
+    last: &mut (Region, Region),
+) -> Result<Vec<Edit>> {
+    let Some(mask) = project.masks.get(&frame) else {
+        return Ok(Vec::new());
+    };
     let whole = mask.runs.region(cut.label);
     let same_size = (whole.width, whole.height) == (last.0.width, last.0.height);
     if whole.is_empty() || !same_size {
@@ -82,36 +116,71 @@ fn next_frame(project: &Project, cut: &Cut, frame: usize, last: &mut (Region, Re
 }
 
 /// The piece of a frame becomes the other label, with the clicks in it.
-fn piece_edits(project: &Project, cut: &Cut, frame: usize, mask: &FrameMask, part: &Region) -> Vec<Edit> {
+fn piece_edits(
+    project: &Project,
+    cut: &Cut,
+    frame: usize,
+    mask: &FrameMask,
+    part: &Region,
+) -> Vec<Edit> {
     let locked = project.locked_on(frame);
     if part.is_empty() || locked.contains(&cut.label) || locked.contains(&cut.into) {
         return Vec::new();
     }
     let mut pixels = mask.runs.decode();
-    for (id, _) in pixels.ids.iter_mut().zip(&part.inside).filter(|(_, inside)| **inside) {
+    for (id, _) in pixels
+        .ids
+        .iter_mut()
+        .zip(&part.inside)
+        .filter(|(_, inside)| **inside)
+    {
         *id = cut.into;
     }
     let sure = mask.confidence.get(&cut.label).copied();
-    let edit =
-        changed(project, frame, mask, RunMask::encode(&pixels), |all| all.extend(sure.map(|sure| (cut.into, sure))));
-    edit.into_iter().chain(moved_clicks(project, cut, frame, part)).collect()
+    let edit = changed(project, frame, mask, RunMask::encode(&pixels), |all| {
+        all.extend(sure.map(|sure| (cut.into, sure)))
+    });
+    edit.into_iter()
+        .chain(moved_clicks(project, cut, frame, part))
+        .collect()
 }
 
 fn moved_clicks(project: &Project, cut: &Cut, frame: usize, part: &Region) -> Vec<Edit> {
-    let Some(given) = project.prompts.get(&(frame, cut.label)) else { return Vec::new() };
-    let in_part =
-        |click: &Click| click.include && click.pixel_in(part.width, part.height).is_some_and(|at| part.inside[at]);
-    let (moved, kept): (Vec<Click>, Vec<Click>) = given.clicks.iter().partition(|click| in_part(click));
+    let Some(given) = project.prompts.get(&(frame, cut.label)) else {
+        return Vec::new();
+    };
+    let in_part = |click: &Click| {
+        click.include
+            && click
+                .pixel_in(part.width, part.height)
+                .is_some_and(|at| part.inside[at])
+    };
+    let (moved, kept): (Vec<Click>, Vec<Click>) =
+        given.clicks.iter().partition(|click| in_part(click));
     if moved.is_empty() {
         return Vec::new();
     }
-    let kept = Prompt { clicks: kept, ..given.clone() };
+    let kept = Prompt {
+        clicks: kept,
+        ..given.clone()
+    };
     let there = project.prompts.get(&(frame, cut.into)).cloned();
-    let mut there = there.unwrap_or_else(|| Prompt { corrects: given.corrects, ..Prompt::default() });
+    let mut there = there.unwrap_or_else(|| Prompt {
+        corrects: given.corrects,
+        ..Prompt::default()
+    });
     there.clicks.extend(moved);
     let kept = (!kept.is_empty()).then_some(kept);
     vec![
-        Edit::SetPrompt { frame, label: cut.label, prompt: kept },
-        Edit::SetPrompt { frame, label: cut.into, prompt: Some(there) },
+        Edit::SetPrompt {
+            frame,
+            label: cut.label,
+            prompt: kept,
+        },
+        Edit::SetPrompt {
+            frame,
+            label: cut.into,
+            prompt: Some(there),
+        },
     ]
 }

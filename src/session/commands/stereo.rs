@@ -21,10 +21,12 @@ use ostra_project::store::{
     DepthAccount, DepthFolder, depth_map_path, depth_versions, feature_cache_path, load_sparse,
 };
 use ostra_project::{Edit, Project, ReconstructRequest, ResultKind, ResultRecord};
-use ostra_reconstruct::sfm::{CachedExtractor, CachedMatcher, FeatureCache, FeatureExtractor, Sift, undistort_mask};
+use ostra_reconstruct::sfm::{
+    CachedExtractor, CachedMatcher, FeatureCache, FeatureExtractor, Sift, undistort_mask,
+};
 use ostra_reconstruct::stereo::{
-    DepthStore, Engine, SparseOptions, StereoError, StereoOptions, StereoRequest, ViewOutcome, estimate_depths,
-    sparse_from_cameras,
+    DepthStore, Engine, SparseOptions, StereoError, StereoOptions, StereoRequest, ViewOutcome,
+    estimate_depths, sparse_from_cameras,
 };
 
 /// What stereo works on.
@@ -44,18 +46,44 @@ pub(super) struct StereoWork {
 /// Where no frame can have depth, a result cannot be kept, or it was stopped.
 pub(super) fn make_depths(work: StereoWork, link: &Link) -> Result<()> {
     let begun = Instant::now();
-    let StereoWork { project, root, store, request, version } = work;
+    let StereoWork {
+        project,
+        root,
+        store,
+        request,
+        version,
+    } = work;
     let views = chosen(&project.frames, &request)?;
     let options = options(&request);
     let key = key(&project, &views, &options, &request)?;
     let version = unfinished(&root, &project, &key).unwrap_or(version);
     let folder = DepthFolder::new(&root, version, &project.frames);
-    let mut account = DepthAccount { key, max_side: options.max_side, outcomes: None };
+    let mut account = DepthAccount {
+        key,
+        max_side: options.max_side,
+        outcomes: None,
+    };
     folder.save_account(&account)?;
     let how = (&*store, &request, &options);
     let frames = &project.frames;
-    let shown = Shown { depths: &folder, frames, pictures: &store, max_side: options.max_side, link };
-    let estimate = |engine: &Engine| estimate(&project, &root, &views, (&folder, &shown), how, engine, &link.progress);
+    let shown = Shown {
+        depths: &folder,
+        frames,
+        pictures: &store,
+        max_side: options.max_side,
+        link,
+    };
+    let estimate = |engine: &Engine| {
+        estimate(
+            &project,
+            &root,
+            &views,
+            (&folder, &shown),
+            how,
+            engine,
+            &link.progress,
+        )
+    };
     let mut of_device = Vec::new();
     let (engine, outcomes) = on_device(&request.device, &mut of_device, estimate)?;
     let mut warnings = views_without_depth(&project.frames, &outcomes);
@@ -63,7 +91,9 @@ pub(super) fn make_depths(work: StereoWork, link: &Link) -> Result<()> {
     account.outcomes = Some(outcomes);
     folder.save_account(&account)?;
     folder.finish();
-    let made: Vec<bool> = (0..project.frames.len()).map(|frame| folder.is_complete(frame)).collect();
+    let made: Vec<bool> = (0..project.frames.len())
+        .map(|frame| folder.is_complete(frame))
+        .collect();
     let record = ResultRecord {
         engine: "stereo".into(),
         frames: made.iter().filter(|&&made| made).count(),
@@ -73,8 +103,14 @@ pub(super) fn make_depths(work: StereoWork, link: &Link) -> Result<()> {
         version,
         ..ResultRecord::default()
     };
-    ensure!(record.frames > 0, "no frame got depth: {}", warnings.first().map_or("", String::as_str));
-    Ok(link.send(move |session: &mut Session| session.take_depths(&project, &made, record, warnings))?)
+    ensure!(
+        record.frames > 0,
+        "no frame got depth: {}",
+        warnings.first().map_or("", String::as_str)
+    );
+    Ok(link.send(move |session: &mut Session| {
+        session.take_depths(&project, &made, record, warnings)
+    })?)
 }
 
 impl Session {
@@ -90,13 +126,19 @@ impl Session {
         let mut edits = Vec::new();
         for (frame, known) in made_from.frames.iter().enumerate() {
             let path = || depth_map_path(version, &known.name);
-            let depth = made[frame].then(|| DepthSource::Made { made: path(), scale: 1.0 });
+            let depth = made[frame].then(|| DepthSource::Made {
+                made: path(),
+                scale: 1.0,
+            });
             if !known.has_sensor_depth() {
                 edits.push(Edit::SetDepth { frame, depth });
             }
         }
         let notice = format!("depths: {}", record.settings);
-        edits.push(Edit::SetResult { kind: ResultKind::Depths, record: Some(record) });
+        edits.push(Edit::SetResult {
+            kind: ResultKind::Depths,
+            record: Some(record),
+        });
         self.commit("Reconstruct", edits)?;
         self.events.push(crate::Event::Notice(notice));
         self.warn_all(warnings);
@@ -113,7 +155,11 @@ fn on_device(
 ) -> Result<(Engine, BTreeMap<usize, ViewOutcome>)> {
     let engine = engine(device, warnings)?;
     let outcomes = estimate(&engine);
-    let failure = outcomes.as_ref().err().filter(|_| device == "auto").and_then(card_failed);
+    let failure = outcomes
+        .as_ref()
+        .err()
+        .filter(|_| device == "auto")
+        .and_then(card_failed);
     match failure {
         Some(why) => {
             warnings.push(format!("what was left was done on the processor: {why}"));
@@ -131,12 +177,14 @@ fn engine(device: &str, warnings: &mut Vec<String>) -> Result<Engine> {
     match device {
         "cpu" => Ok(Engine::Cpu),
         "gpu" => Ok(Engine::on(Device::open(Software::Allowed)?.into())?),
-        _ => Ok(Device::open(Software::Refused).and_then(|device| Engine::on(device.into())).unwrap_or_else(|error| {
-            if !matches!(error, GpuError::NoAdapter | GpuError::SoftwareOnly { .. }) {
-                warnings.push(format!("depths were made on the processor: {error}"));
-            }
-            Engine::Cpu
-        })),
+        _ => Ok(Device::open(Software::Refused)
+            .and_then(|device| Engine::on(device.into()))
+            .unwrap_or_else(|error| {
+                if !matches!(error, GpuError::NoAdapter | GpuError::SoftwareOnly { .. }) {
+                    warnings.push(format!("depths were made on the processor: {error}"));
+                }
+                Engine::Cpu
+            })),
     }
 }
 
@@ -151,32 +199,55 @@ fn card_failed(error: &anyhow::Error) -> Option<String> {
 /// Every n-th frame without a sensor's depth.
 fn chosen(frames: &[Frame], request: &ReconstructRequest) -> Result<Vec<usize>> {
     let open = |&frame: &usize| !frames[frame].has_sensor_depth();
-    let views: Vec<usize> = (0..frames.len()).step_by(request.every).filter(open).collect();
-    ensure!(!views.is_empty(), "all frames have depth of a sensor; stereo makes it for frames without");
+    let views: Vec<usize> = (0..frames.len())
+        .step_by(request.every)
+        .filter(open)
+        .collect();
+    ensure!(
+        !views.is_empty(),
+        "all frames have depth of a sensor; stereo makes it for frames without"
+    );
     Ok(views)
 }
 
 fn options(request: &ReconstructRequest) -> StereoOptions {
     let options = StereoOptions::default();
-    StereoOptions { max_side: request.max_side.unwrap_or(options.max_side), ..options }
+    StereoOptions {
+        max_side: request.max_side.unwrap_or(options.max_side),
+        ..options
+    }
 }
 
 /// What the depths depend on: cameras and pictures, which views, how; and which pixels, where only labelled ones count.
-fn key(project: &Project, views: &[usize], options: &StereoOptions, request: &ReconstructRequest) -> Result<String> {
+fn key(
+    project: &Project,
+    views: &[usize],
+    options: &StereoOptions,
+    request: &ReconstructRequest,
+) -> Result<String> {
     let mut digest = Sha256::new();
     let stamp = |frame: &Frame| {
         let file = std::fs::metadata(frame.picture.path()).ok()?;
         Some((file.len(), file.modified().ok()?))
     };
-    let frames: Vec<_> =
-        project.frames.iter().map(|frame| (&frame.name, &frame.picture, &frame.camera, stamp(frame))).collect();
+    let frames: Vec<_> = project
+        .frames
+        .iter()
+        .map(|frame| (&frame.name, &frame.picture, &frame.camera, stamp(frame)))
+        .collect();
     digest.update(serde_json::to_vec(&(frames, views, options))?);
     if request.only_labelled {
         for &view in views {
-            digest.update(serde_json::to_vec(&project.mask_in_play(view).map(|mask| mask.runs.clone()))?);
+            digest.update(serde_json::to_vec(
+                &project.mask_in_play(view).map(|mask| mask.runs.clone()),
+            )?);
         }
     }
-    Ok(digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(digest
+        .finalize()
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect())
 }
 
 /// The newest version that was begun the same way and not finished.
@@ -202,12 +273,21 @@ fn estimate(
     let mask = |frame: usize, raster: &Camera| {
         let none = || vec![false; raster.width as usize * raster.height as usize];
         let seen = || {
-            let (mask, (lens, _)) = (project.mask_in_play(frame)?.decode(), frames[frame].posed_camera()?);
+            let (mask, (lens, _)) = (
+                project.mask_in_play(frame)?.decode(),
+                frames[frame].posed_camera()?,
+            );
             Some(labelled(&undistort_mask(&mask, lens, raster).ids))
         };
         request.only_labelled.then(|| seen().unwrap_or_else(none))
     };
-    let wish = StereoRequest { frames, views, sparse: &sparse, mask: &mask, engine };
+    let wish = StereoRequest {
+        frames,
+        views,
+        sparse: &sparse,
+        mask: &mask,
+        engine,
+    };
     Ok(estimate_depths(&wish, store, depths, options, progress)?)
 }
 
@@ -227,7 +307,11 @@ fn sparse_points(
 ) -> Result<SparsePoints> {
     let sparse = load_sparse(root, project);
     let is_posed = |view: &&usize| project.frames[**view].posed_camera().is_some();
-    if views.iter().filter(is_posed).all(|view| sparse.keypoints.contains_key(view)) {
+    if views
+        .iter()
+        .filter(is_posed)
+        .all(|view| sparse.keypoints.contains_key(view))
+    {
         return Ok(sparse);
     }
     if let Ok(sparse) = read_sparse_model(&folder.sparse(), &project.frames) {
@@ -236,24 +320,52 @@ fn sparse_points(
     let cache = FeatureCache::open(feature_cache_path(root));
     let (sift, nearest) = (Sift::default(), matcher("auto", "sift")?);
     let [of_sift, of_nearest] = [identity(sift.name(), ""), identity(nearest.name(), "")];
-    let extractor = CachedExtractor { extractor: &sift, identity: &of_sift, cache: &cache };
-    let matcher = CachedMatcher { matcher: nearest.as_ref(), identity: &of_nearest, cache: &cache };
+    let extractor = CachedExtractor {
+        extractor: &sift,
+        identity: &of_sift,
+        cache: &cache,
+    };
+    let matcher = CachedMatcher {
+        matcher: nearest.as_ref(),
+        identity: &of_nearest,
+        cache: &cache,
+    };
     let engines = (&extractor as _, &matcher as _);
-    let sparse = sparse_from_cameras(&project.frames, views, store, engines, &SparseOptions::default(), progress)?;
+    let sparse = sparse_from_cameras(
+        &project.frames,
+        views,
+        store,
+        engines,
+        &SparseOptions::default(),
+        progress,
+    )?;
     cache.save();
-    write_colmap_model(&folder.sparse(), &project.frames, &sparse, ModelEncoding::Text)?;
+    write_colmap_model(
+        &folder.sparse(),
+        &project.frames,
+        &sparse,
+        ModelEncoding::Text,
+    )?;
     Ok(sparse)
 }
 
 fn settings(views: &[usize], made: &[bool], options: &StereoOptions, engine: &Engine) -> String {
     let done = made.iter().filter(|&&made| made).count();
     let side = options.max_side;
-    format!("{done} of {} views, at most {side} px wide or high, on {}", views.len(), engine.name())
+    format!(
+        "{done} of {} views, at most {side} px wide or high, on {}",
+        views.len(),
+        engine.name()
+    )
 }
 
 /// One line per view without depth, up to a number.
 fn views_without_depth(frames: &[Frame], outcomes: &BTreeMap<usize, ViewOutcome>) -> Vec<String> {
-    let failed = outcomes.iter().filter(|(_, outcome)| !matches!(outcome, ViewOutcome::Done { .. }));
-    let lines = failed.map(|(&frame, why)| format!("{} has no depth: {why}", frames[frame].name)).collect();
+    let failed = outcomes
+        .iter()
+        .filter(|(_, outcome)| !matches!(outcome, ViewOutcome::Done { .. }));
+    let lines = failed
+        .map(|(&frame, why)| format!("{} has no depth: {why}", frames[frame].name))
+        .collect();
     left_out(lines, "depth")
 }

@@ -29,7 +29,10 @@ impl Session {
     /// Looks for things that no label explains on frames with masks.
     pub(crate) fn suggest(&mut self) -> Result<JobId> {
         let (project, store) = (self.snapshot()?, Arc::clone(&self.store));
-        ensure!(!project.masks.is_empty(), "no frame has a mask; prompt and track first");
+        ensure!(
+            !project.masks.is_empty(),
+            "no frame has a mask; prompt and track first"
+        );
         Ok(self.start("Suggest", Kind::Short, move |link| {
             let (found, warning) = suggestions(&project, &store, &link.progress)?;
             Ok(Box::new(move |session: &mut Self| {
@@ -55,7 +58,11 @@ fn suggestions(
 ) -> Result<(Vec<Suggestion>, Option<String>)> {
     progress.stage("suggest")?;
     let frames: Vec<usize> = project.masks.keys().copied().collect();
-    let looks: Vec<usize> = frames.iter().copied().step_by(frames.len().div_ceil(LOOKED_AT)).collect();
+    let looks: Vec<usize> = frames
+        .iter()
+        .copied()
+        .step_by(frames.len().div_ceil(LOOKED_AT))
+        .collect();
     let mut found: Vec<(usize, usize, Unexplained)> = Vec::new();
     let mut unread = BTreeSet::new();
     for (look, &frame) in looks.iter().enumerate() {
@@ -63,26 +70,46 @@ fn suggestions(
         let all = unexplained_on(project, store, frame, &mut unread)?;
         found.extend(all.into_iter().map(|one| (look, frame, one)));
     }
-    if let (true, Some(&first)) = (looks.iter().all(|look| unread.contains(look)), looks.first()) {
+    if let (true, Some(&first)) = (
+        looks.iter().all(|look| unread.contains(look)),
+        looks.first(),
+    ) {
         let frame = project.frame(first)?;
         store.image(frame)?;
         store.depth(frame)?;
     }
-    found.sort_by(|a, b| (a.2.why).cmp(&b.2.why).then(b.2.strength.total_cmp(&a.2.strength)));
+    found.sort_by(|a, b| {
+        (a.2.why)
+            .cmp(&b.2.why)
+            .then(b.2.strength.total_cmp(&a.2.strength))
+    });
     let mut kept: Vec<&(usize, usize, Unexplained)> = Vec::new();
     for one in &found {
         let is_same = |other: &&(usize, usize, Unexplained)| {
-            let same_size = one.2.region.width == other.2.region.width && one.2.region.height == other.2.region.height;
-            one.0.abs_diff(other.0) <= 2 && same_size && one.2.region.iou(&other.2.region) > SAME_IOU
+            let same_size = one.2.region.width == other.2.region.width
+                && one.2.region.height == other.2.region.height;
+            one.0.abs_diff(other.0) <= 2
+                && same_size
+                && one.2.region.iou(&other.2.region) > SAME_IOU
         };
         if kept.len() < MOST && !kept.iter().any(is_same) {
             kept.push(one);
         }
     }
-    let suggested =
-        kept.into_iter().filter_map(|(_, frame, one)| Suggestion::of(*frame, &one.region, Reason::Apart(one.why)));
-    let names: Vec<&str> = unread.iter().map(|&frame| project.frames[frame].name.as_str()).collect();
-    Ok((suggested.collect(), naming("cannot be read (image or depth) and were passed over; check their files", &names)))
+    let suggested = kept
+        .into_iter()
+        .filter_map(|(_, frame, one)| Suggestion::of(*frame, &one.region, Reason::Apart(one.why)));
+    let names: Vec<&str> = unread
+        .iter()
+        .map(|&frame| project.frames[frame].name.as_str())
+        .collect();
+    Ok((
+        suggested.collect(),
+        naming(
+            "cannot be read (image or depth) and were passed over; check their files",
+            &names,
+        ),
+    ))
 }
 
 /// What no label of a frame explains: by motion towards a frame nearby, and by depth where there is some. Frames whose
@@ -94,13 +121,22 @@ fn unexplained_on(
     unread: &mut BTreeSet<usize>,
 ) -> Result<Vec<Unexplained>> {
     let of = project.frame(frame)?;
-    let Some(mask) = project.masks.get(&frame).map(|mask| mask.runs.decode()) else { return Ok(Vec::new()) };
+    let Some(mask) = project.masks.get(&frame).map(|mask| mask.runs.decode()) else {
+        return Ok(Vec::new());
+    };
     let mut found = Vec::new();
     let apart = [Some(frame + APART), frame.checked_sub(APART)];
-    let other = apart.into_iter().flatten().find(|&other| other < project.frames.len());
+    let other = apart
+        .into_iter()
+        .flatten()
+        .find(|&other| other < project.frames.len());
     if let Some(other) = other {
         let mut image = |number: usize| -> Result<_> {
-            let image = readable(store.image(&project.frames[number]).map_err(SceneError::from))?;
+            let image = readable(
+                store
+                    .image(&project.frames[number])
+                    .map_err(SceneError::from),
+            )?;
             unread.extend(image.is_none().then_some(number));
             Ok(image)
         };
@@ -110,6 +146,11 @@ fn unexplained_on(
     }
     let depth = readable(store.depth(of).map_err(SceneError::from))?;
     unread.extend(depth.is_none().then_some(frame));
-    found.extend(depth.flatten().into_iter().flat_map(|depth| standing_apart(&depth, &mask)));
+    found.extend(
+        depth
+            .flatten()
+            .into_iter()
+            .flat_map(|depth| standing_apart(&depth, &mask)),
+    );
     Ok(found)
 }

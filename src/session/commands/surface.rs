@@ -43,27 +43,59 @@ impl Sources<'_> {
     ///
     /// # Errors
     /// A stop; what reading a frame or writing the file says.
-    pub(super) fn make_surface(&self, version: u64, before: Option<&VotedBefore>, progress: &Progress) -> Result<Made> {
+    pub(super) fn make_surface(
+        &self,
+        version: u64,
+        before: Option<&VotedBefore>,
+        progress: &Progress,
+    ) -> Result<Made> {
         if self.request.onto.is_some() {
             return Ok(Made::Nothing(None));
         }
-        let masks = |frame: usize| self.project.mask_in_play(frame).map(|runs| Arc::new(runs.decode()));
-        let views = ProjectViews { frames: &self.project.frames, store: self.store, masks: &masks };
+        let masks = |frame: usize| {
+            self.project
+                .mask_in_play(frame)
+                .map(|runs| Arc::new(runs.decode()))
+        };
+        let views = ProjectViews {
+            frames: &self.project.frames,
+            store: self.store,
+            masks: &masks,
+        };
         if let Some(before) = before
             && let Some((mesh, votes)) = before.surface(&views, self.project, progress)?
         {
             save_surface(self.root, version, &mesh, &votes, progress)?;
-            return Ok(before.record.voxel.map_or(Made::Nothing(None), |voxel| Made::Surface { voxel }));
+            return Ok(before
+                .record
+                .voxel
+                .map_or(Made::Nothing(None), |voxel| Made::Surface { voxel }));
         }
-        let Some(voxel) = self.voxel(&views, progress)? else { return Ok(Made::Nothing(None)) };
-        let kind =
-            if stereo_version(self.project).is_some() { VolumeOptions::for_stereo() } else { VolumeOptions::default() };
-        let max_bytes = if self.request.voxel.is_some() { kind.max_bytes } else { 2 * DEFAULT_BYTES };
-        let mut options = VolumeOptions { voxel, only_labelled: self.request.drop_unlabelled, max_bytes, ..kind };
+        let Some(voxel) = self.voxel(&views, progress)? else {
+            return Ok(Made::Nothing(None));
+        };
+        let kind = if stereo_version(self.project).is_some() {
+            VolumeOptions::for_stereo()
+        } else {
+            VolumeOptions::default()
+        };
+        let max_bytes = if self.request.voxel.is_some() {
+            kind.max_bytes
+        } else {
+            2 * DEFAULT_BYTES
+        };
+        let mut options = VolumeOptions {
+            voxel,
+            only_labelled: self.request.drop_unlabelled,
+            max_bytes,
+            ..kind
+        };
         let surface = loop {
             match reconstruct_surface(&views, &options, progress) {
                 // A size that nobody asked for may be larger: few frames were looked at to choose it.
-                Err(SceneError::TooLarge { .. }) if self.request.voxel.is_none() => options.voxel *= COARSER,
+                Err(SceneError::TooLarge { .. }) if self.request.voxel.is_none() => {
+                    options.voxel *= COARSER
+                }
                 Err(error @ (SceneError::TooLarge { .. } | SceneError::Request(_))) => {
                     return Ok(Made::Nothing(Some(format!("no surface was made: {error}"))));
                 }
@@ -71,12 +103,16 @@ impl Sources<'_> {
             }
         };
         if surface.mesh.triangles.is_empty() {
-            return Ok(Made::Nothing(Some("no surface was made: the depths hold none at this voxel size".into())));
+            return Ok(Made::Nothing(Some(
+                "no surface was made: the depths hold none at this voxel size".into(),
+            )));
         }
         let (mut mesh, votes) = self.vote(surface.mesh, &views, progress)?;
         mesh.vertices.origin = self.project.origin;
         save_surface(self.root, version, &mesh, &votes, progress)?;
-        Ok(Made::Surface { voxel: options.voxel })
+        Ok(Made::Surface {
+            voxel: options.voxel,
+        })
     }
 
     /// The edge asked for; otherwise what a pixel of the depth maps covers, or more where that takes much memory.
@@ -86,28 +122,57 @@ impl Sources<'_> {
         }
         let frames = &self.project.frames;
         let usable: Vec<usize> = (0..frames.len())
-            .filter(|&frame| frames[frame].posed_camera().is_some() && frames[frame].depth.is_some())
+            .filter(|&frame| {
+                frames[frame].posed_camera().is_some() && frames[frame].depth.is_some()
+            })
             .collect();
         progress.stage("surface")?;
         let only_labelled = self.request.drop_unlabelled;
-        let Some(coverage) = Coverage::measure(views, &usable, only_labelled, progress)? else { return Ok(None) };
+        let Some(coverage) = Coverage::measure(views, &usable, only_labelled, progress)? else {
+            return Ok(None);
+        };
         let (edge, bytes) = VolumeOptions::BLOCK;
         let blocks = DEFAULT_BYTES as f64 / (bytes as f64 * BLOCKS_PER_CELL);
         let proportionate = coverage.edge_for(blocks) / f64::from(edge);
         let Some(version) = stereo_version(self.project) else {
             return Ok(Some(coverage.footprint.max(proportionate)));
         };
-        let max_side = DepthFolder::new(self.root, version, frames).load_account()?.max_side;
-        let side = usable.iter().map(|&frame| frames[frame].width.max(frames[frame].height)).max().unwrap_or(max_side);
-        let measured = coverage.footprint * f64::from(side.max(max_side)) / f64::from(max_side.max(1));
+        let max_side = DepthFolder::new(self.root, version, frames)
+            .load_account()?
+            .max_side;
+        let side = usable
+            .iter()
+            .map(|&frame| frames[frame].width.max(frames[frame].height))
+            .max()
+            .unwrap_or(max_side);
+        let measured =
+            coverage.footprint * f64::from(side.max(max_side)) / f64::from(max_side.max(1));
         Ok(Some(measured.max(proportionate)))
     }
 
-    fn vote(&self, mesh: LabelledMesh, views: &ProjectViews<'_>, progress: &Progress) -> Result<(LabelledMesh, Votes)> {
+    fn vote(
+        &self,
+        mesh: LabelledMesh,
+        views: &ProjectViews<'_>,
+        progress: &Progress,
+    ) -> Result<(LabelledMesh, Votes)> {
         let min_confidence = self.request.min_confidence.unwrap_or(0.0);
-        let onto = OntoOptions { min_confidence, ..OntoOptions::default() };
-        let voted = vote_seen(mesh.vertices, &SeenPoints::new(), views, &self.project.labels, &onto, progress)?;
-        let mesh = LabelledMesh { vertices: voted.cloud, triangles: mesh.triangles };
+        let onto = OntoOptions {
+            min_confidence,
+            ..OntoOptions::default()
+        };
+        let voted = vote_seen(
+            mesh.vertices,
+            &SeenPoints::new(),
+            views,
+            &self.project.labels,
+            &onto,
+            progress,
+        )?;
+        let mesh = LabelledMesh {
+            vertices: voted.cloud,
+            triangles: mesh.triangles,
+        };
         if !self.request.drop_unlabelled {
             return Ok((mesh, voted.votes));
         }

@@ -12,12 +12,23 @@ impl Session {
         check_unlocked(&project, frame, request.label)?;
         let mut mask = mask_of(&project, frame)?;
         let before = mask.clone();
-        tidy(&mut mask, request.label, request.holes_below_px, request.islands_below_px, &project.labels)
-            .with_context(|| format!("'{name}' on frame {frame}"))?;
+        tidy(
+            &mut mask,
+            request.label,
+            request.holes_below_px,
+            request.islands_below_px,
+            &project.labels,
+        )
+        .with_context(|| format!("'{name}' on frame {frame}"))?;
         if mask == before {
-            self.events.push(Event::Notice(format!("{name} on frame {frame} has no holes or islands of that size")));
+            self.events.push(Event::Notice(format!(
+                "{name} on frame {frame} has no holes or islands of that size"
+            )));
             return Ok(());
         }
-        self.commit(&format!("Tidy {name} on frame {frame}"), by_hand(&project, frame, &mask))
+        self.commit(
+            &format!("Tidy {name} on frame {frame}"),
+            by_hand(&project, frame, &mask),
+        )
     }
 }

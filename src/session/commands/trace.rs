@@ -17,7 +17,10 @@ impl Session {
         Ok(self.start("Trace", Kind::Short, move |link| {
             link.progress.stage("trace")?;
             let region = trace(&*store.image(&frame)?, &request.points_px)?;
-            Ok(Box::new(move |session: &mut Self| session.take_trace(&request, &region)) as Landing)
+            Ok(
+                Box::new(move |session: &mut Self| session.take_trace(&request, &region))
+                    as Landing,
+            )
         }))
     }
 
@@ -26,7 +29,13 @@ impl Session {
         let project = self.snapshot()?;
         let name = label_name(&project, request.label)?;
         let mut mask = mask_of(&project, request.frame)?;
-        assign(&mut mask, region, request.label, rule(request.replace), &project.labels)?;
+        assign(
+            &mut mask,
+            region,
+            request.label,
+            rule(request.replace),
+            &project.labels,
+        )?;
         let edits = by_hand(&project, request.frame, &mask);
         self.commit(&format!("Trace {name} on frame {}", request.frame), edits)
     }

@@ -52,7 +52,8 @@ impl Session {
         let request = track_request(&project, &self.store, settings)?;
         let tracker = engines::tracker(settings, &project)?;
         if settings.tracker == "auto" {
-            self.events.push(Event::Notice(format!("tracker: {}", tracker.name())));
+            self.events
+                .push(Event::Notice(format!("tracker: {}", tracker.name())));
         }
         let engine = tracker.name();
         let job = self.start("Track", Kind::Long, move |link| {
@@ -73,7 +74,11 @@ impl Session {
         self.track = Some(TrackRun {
             job,
             engine,
-            title: if only.is_empty() { format!("Track with {engine}") } else { format!("Track {only} with {engine}") },
+            title: if only.is_empty() {
+                format!("Track with {engine}")
+            } else {
+                format!("Track {only} with {engine}")
+            },
             settings: describe(settings, &only),
             choice: LabelChoice::new(settings),
             begun: Instant::now(),
@@ -90,7 +95,11 @@ impl Session {
     fn gather(&mut self, frame: usize, mask: FrameMask, preliminary: bool) -> Result<()> {
         let project = self.snapshot()?;
         if let Some(run) = self.track.as_mut().filter(|run| run.doubt.is_none()) {
-            run.doubt = if preliminary { None } else { run.doubts(&project, frame, &mask) };
+            run.doubt = if preliminary {
+                None
+            } else {
+                run.doubts(&project, frame, &mask)
+            };
             run.done.insert(frame);
             run.waiting.push((frame, mask));
             if run.doubt.is_some() {
@@ -103,18 +112,28 @@ impl Session {
 
     /// What is told of a run that ended by itself.
     pub(crate) fn paused(&self, job: JobId) -> Option<Event> {
-        let Doubt { frame, label, sure } = self.track.as_ref().filter(|run| run.is_of(job))?.doubt?;
+        let Doubt { frame, label, sure } =
+            self.track.as_ref().filter(|run| run.is_of(job))?.doubt?;
         let name = label_name(self.project()?, label).ok()?;
         let text = format!(
             "tracking paused at frame {frame}: '{name}' is {:.0} % sure; correct the frame or make it an anchor, then track on from there",
             sure * 100.0
         );
-        Some(Event::Paused { job, frame, label, text })
+        Some(Event::Paused {
+            job,
+            frame,
+            label,
+            text,
+        })
     }
 
     /// Makes the gathered frames part of the run's step: from time to time, and `at_end` the rest.
     pub(crate) fn save_tracked(&mut self, at_end: bool) -> Result<()> {
-        let Some(run) = self.track.as_mut().filter(|run| at_end || run.saved.elapsed() >= GATHERED) else {
+        let Some(run) = self
+            .track
+            .as_mut()
+            .filter(|run| at_end || run.saved.elapsed() >= GATHERED)
+        else {
             return Ok(());
         };
         run.saved = Instant::now();
@@ -126,13 +145,24 @@ impl Session {
         let (mut record, title, choice) = (run.record(), run.title.clone(), run.choice.clone());
         let now = self.snapshot()?;
         let outdated = anchors_differ(&made_from, &now);
-        let marked = |mask: FrameMask| FrameMask { stale: outdated, ..mask };
-        let edits = waiting.into_iter().filter_map(|(frame, mask)| choice.edit(&now, frame, marked(mask)));
+        let marked = |mask: FrameMask| FrameMask {
+            stale: outdated,
+            ..mask
+        };
+        let edits = waiting
+            .into_iter()
+            .filter_map(|(frame, mask)| choice.edit(&now, frame, marked(mask)));
         let mut edits: Vec<Edit> = edits.collect();
         let fresh: BTreeSet<usize> = edits.iter().filter_map(Edit::masked_frame).collect();
-        let old = now.masks.iter().any(|(frame, mask)| mask.stale && !fresh.contains(frame));
+        let old = now
+            .masks
+            .iter()
+            .any(|(frame, mask)| mask.stale && !fresh.contains(frame));
         record.stale = outdated || old;
-        edits.push(Edit::SetResult { kind: ResultKind::Tracking, record: Some(record) });
+        edits.push(Edit::SetResult {
+            kind: ResultKind::Tracking,
+            record: Some(record),
+        });
         if self.opened()?.commit_part(&title, edits, job)? {
             self.tell_changed();
         }
@@ -159,7 +189,11 @@ impl TrackRun {
     /// The label of a frame that the run is least sure of, where that is not sure enough.
     fn doubts(&self, project: &Project, frame: usize, mask: &FrameMask) -> Option<Doubt> {
         let barred = &project.absent_on(frame) | &project.locked_on(frame);
-        let is_chosen = |label: &LabelId| self.choice.labels().is_none_or(|labels| labels.contains(label));
+        let is_chosen = |label: &LabelId| {
+            self.choice
+                .labels()
+                .is_none_or(|labels| labels.contains(label))
+        };
         let is_meant = |label: &LabelId| is_chosen(label) && !barred.contains(label);
         let meant = mask.confidence.iter().filter(|(label, _)| is_meant(label));
         let (&label, &sure) = meant.min_by(|a, b| a.1.total_cmp(b.1))?;
@@ -180,42 +214,87 @@ impl TrackRun {
 }
 
 /// What a tracker is given for these settings.
-pub fn track_request(project: &Project, store: &Arc<FrameStore>, settings: &TrackSettings) -> Result<TrackRequest> {
+pub fn track_request(
+    project: &Project,
+    store: &Arc<FrameStore>,
+    settings: &TrackSettings,
+) -> Result<TrackRequest> {
     let last = project.frames.len().saturating_sub(1);
     let (from, to) = (settings.from.unwrap_or(0), settings.to.unwrap_or(last));
     project.frame(from)?;
     project.frame(to)?;
-    ensure!(from <= to, "frame {from} comes after frame {to}; give the earlier one first");
-    settings.labels.iter().try_for_each(|&id| label_name(project, id).map(drop))?;
-    let anchors = project.masks.iter().filter(|(_, mask)| mask.origin == MaskOrigin::Anchor);
-    let anchors: BTreeMap<_, _> = anchors.map(|(&frame, mask)| (frame, Arc::new(mask.runs.decode()))).collect();
+    ensure!(
+        from <= to,
+        "frame {from} comes after frame {to}; give the earlier one first"
+    );
+    settings
+        .labels
+        .iter()
+        .try_for_each(|&id| label_name(project, id).map(drop))?;
+    let anchors = project
+        .masks
+        .iter()
+        .filter(|(_, mask)| mask.origin == MaskOrigin::Anchor);
+    let anchors: BTreeMap<_, _> = anchors
+        .map(|(&frame, mask)| (frame, Arc::new(mask.runs.decode())))
+        .collect();
     if anchors.is_empty() {
         bail!("no frame has a mask to carry; prompt or paint one first");
     }
     let (frames, store) = (Arc::clone(&project.frames), Arc::clone(store));
     let labels = LabelChoice::new(settings).labels().cloned();
-    Ok(TrackRequest { frames, store, anchors, from, to, direction: settings.direction, labels })
+    Ok(TrackRequest {
+        frames,
+        store,
+        anchors,
+        from,
+        to,
+        direction: settings.direction,
+        labels,
+    })
 }
 
 /// A tracker's answer as a project holds it.
 pub fn carried(tracked: TrackedFrame) -> (usize, FrameMask) {
-    let TrackedFrame { frame, mask, confidence, .. } = tracked;
+    let TrackedFrame {
+        frame,
+        mask,
+        confidence,
+        ..
+    } = tracked;
     let runs = Arc::new(RunMask::encode(&mask));
-    (frame, FrameMask { runs, origin: MaskOrigin::Tracked, stale: false, confidence })
+    (
+        frame,
+        FrameMask {
+            runs,
+            origin: MaskOrigin::Tracked,
+            stale: false,
+            confidence,
+        },
+    )
 }
 
 /// Whether the anchors are no longer those that a run was given.
 fn anchors_differ(before: &Project, now: &Project) -> bool {
     let anchors = |project: &Project| -> Vec<_> {
-        let anchors = project.masks.iter().filter(|(_, mask)| mask.origin == MaskOrigin::Anchor);
-        anchors.map(|(&frame, mask)| (frame, Arc::clone(&mask.runs))).collect()
+        let anchors = project
+            .masks
+            .iter()
+            .filter(|(_, mask)| mask.origin == MaskOrigin::Anchor);
+        anchors
+            .map(|(&frame, mask)| (frame, Arc::clone(&mask.runs)))
+            .collect()
     };
     anchors(before) != anchors(now)
 }
 
 /// Names of the labels that alone are tracked; empty = all.
 fn only_labels(project: &Project, settings: &TrackSettings) -> String {
-    let names = settings.labels.iter().filter_map(|&id| project.labels.get(id)).map(|label| label.name.as_str());
+    let names = settings
+        .labels
+        .iter()
+        .filter_map(|&id| project.labels.get(id))
+        .map(|label| label.name.as_str());
     names.collect::<Vec<_>>().join(", ")
 }
 
@@ -225,8 +304,16 @@ fn describe(settings: &TrackSettings, only: &str) -> String {
     words.extend(settings.to.map(|frame| format!("to {frame}")));
     words.extend(settings.constrain.then(|| "constrained".to_owned()));
     words.extend((!only.is_empty()).then(|| format!("only {only}")));
-    words.extend(settings.pause_below.map(|least| format!("pausing below {least}")));
-    words.extend(settings.short_side.map(|side| format!("seen with {side} px")));
+    words.extend(
+        settings
+            .pause_below
+            .map(|least| format!("pausing below {least}")),
+    );
+    words.extend(
+        settings
+            .short_side
+            .map(|side| format!("seen with {side} px")),
+    );
     words.extend(settings.replace.then(|| "over other labels".to_owned()));
     words.join(", ")
 }
@@ -267,7 +354,11 @@ mod tests {
 
     fn only(labels: &[u16], replace: bool) -> TrackSettings {
         let labels = labels.iter().copied().map(LabelId).collect();
-        TrackSettings { labels, replace, ..TrackSettings::default() }
+        TrackSettings {
+            labels,
+            replace,
+            ..TrackSettings::default()
+        }
     }
 
     fn stale(session: &Session, frame: usize) -> bool {
@@ -278,20 +369,42 @@ mod tests {
     fn what_is_carried_from_anchors_that_changed_meanwhile_is_stale() {
         let folder = tempfile::tempdir().unwrap();
         let mut start = project();
-        start.apply(Edit::SetMask { frame: 0, mask: Some(anchor([1, 0, 0])) }).unwrap();
-        start.apply(Edit::SetResult { kind: ResultKind::Cloud, record: Some(record("fuse")) }).unwrap();
+        start
+            .apply(Edit::SetMask {
+                frame: 0,
+                mask: Some(anchor([1, 0, 0])),
+            })
+            .unwrap();
+        start
+            .apply(Edit::SetResult {
+                kind: ResultKind::Cloud,
+                record: Some(record("fuse")),
+            })
+            .unwrap();
         let mut session = running(&folder, start.clone());
         session.gather(1, tracked([1, 0, 0]), false).unwrap();
         session.save_tracked(true).unwrap();
         assert!(!stale(&session, 1));
-        session.commit("Paint", vec![Edit::SetMask { frame: 3, mask: Some(anchor([2, 2, 2])) }]).unwrap();
+        session
+            .commit(
+                "Paint",
+                vec![Edit::SetMask {
+                    frame: 3,
+                    mask: Some(anchor([2, 2, 2])),
+                }],
+            )
+            .unwrap();
         assert!(stale(&session, 1));
         for frame in [2, 3, 4] {
             session.gather(frame, tracked([1, 1, 0]), false).unwrap();
         }
         session.end_track(JobId(1)).unwrap();
         assert!(stale(&session, 2) && stale(&session, 4));
-        assert_eq!(session.project().unwrap().masks[&3], anchor([2, 2, 2]), "the new anchor stands");
+        assert_eq!(
+            session.project().unwrap().masks[&3],
+            anchor([2, 2, 2]),
+            "the new anchor stands"
+        );
         assert!(session.project().unwrap().results[&ResultKind::Tracking].stale);
         for title in ["Track with flow", "Paint", "Track with flow"] {
             assert_eq!(session.undo_title(), Some(title));
@@ -304,12 +417,28 @@ mod tests {
     fn a_label_carried_anew_leaves_what_lies_outside_its_range_stale() {
         let folder = tempfile::tempdir().unwrap();
         let mut session = running(&folder, project());
-        session.commit("Prompt", vec![Edit::SetMask { frame: 0, mask: Some(anchor([1, 2, 0])) }]).unwrap();
+        session
+            .commit(
+                "Prompt",
+                vec![Edit::SetMask {
+                    frame: 0,
+                    mask: Some(anchor([1, 2, 0])),
+                }],
+            )
+            .unwrap();
         for frame in 1..5 {
             session.gather(frame, tracked([1, 2, 0]), false).unwrap();
         }
         session.end_track(JobId(1)).unwrap();
-        session.commit("Correct", vec![Edit::SetMask { frame: 2, mask: Some(anchor([0, 2, 1])) }]).unwrap();
+        session
+            .commit(
+                "Correct",
+                vec![Edit::SetMask {
+                    frame: 2,
+                    mask: Some(anchor([0, 2, 1])),
+                }],
+            )
+            .unwrap();
         assert_eq!([1, 3, 4].map(|frame| stale(&session, frame)), [true; 3]);
         begin(&mut session, 2, &only(&[1], false));
         for frame in [1, 3] {
@@ -317,10 +446,19 @@ mod tests {
         }
         session.end_track(JobId(2)).unwrap();
         let project = session.project().unwrap();
-        assert_eq!([1, 3, 4].map(|frame| stale(&session, frame)), [false, false, true]);
-        assert!(project.results[&ResultKind::Tracking].stale, "as long as one frame is");
+        assert_eq!(
+            [1, 3, 4].map(|frame| stale(&session, frame)),
+            [false, false, true]
+        );
+        assert!(
+            project.results[&ResultKind::Tracking].stale,
+            "as long as one frame is"
+        );
         assert_eq!(project.masks[&3].runs, tracked([0, 2, 1]).runs);
-        assert_eq!((&project.masks[&0], &project.masks[&2]), (&anchor([1, 2, 0]), &anchor([0, 2, 1])));
+        assert_eq!(
+            (&project.masks[&0], &project.masks[&2]),
+            (&anchor([1, 2, 0]), &anchor([0, 2, 1]))
+        );
         session.undo().unwrap();
         assert_eq!([1, 3, 4].map(|frame| stale(&session, frame)), [true; 3]);
     }
@@ -329,25 +467,61 @@ mod tests {
     fn a_run_that_is_not_sure_ends_and_asks() {
         let folder = tempfile::tempdir().unwrap();
         let mut session = running(&folder, project());
-        begin(&mut session, 2, &TrackSettings { pause_below: Some(0.6), ..TrackSettings::default() });
-        let unsure =
-            FrameMask { confidence: BTreeMap::from([(LabelId(1), 0.9), (LabelId(2), 0.5)]), ..tracked([1, 2, 0]) };
+        begin(
+            &mut session,
+            2,
+            &TrackSettings {
+                pause_below: Some(0.6),
+                ..TrackSettings::default()
+            },
+        );
+        let unsure = FrameMask {
+            confidence: BTreeMap::from([(LabelId(1), 0.9), (LabelId(2), 0.5)]),
+            ..tracked([1, 2, 0])
+        };
         session.gather(0, unsure.clone(), true).unwrap();
         session.gather(1, tracked([1, 0, 0]), false).unwrap();
-        assert!(session.paused(JobId(2)).is_none(), "a better answer is to come");
+        assert!(
+            session.paused(JobId(2)).is_none(),
+            "a better answer is to come"
+        );
         session.gather(2, unsure, false).unwrap();
         session.gather(3, tracked([1, 0, 0]), false).unwrap();
-        let Some(Event::Paused { frame: 2, label: LabelId(2), text, .. }) = session.paused(JobId(2)) else { panic!() };
+        let Some(Event::Paused {
+            frame: 2,
+            label: LabelId(2),
+            text,
+            ..
+        }) = session.paused(JobId(2))
+        else {
+            panic!()
+        };
         assert!(text.contains("'stem' is 50 % sure"), "{text}");
         session.end_track(JobId(2)).unwrap();
-        assert_eq!(session.project().unwrap().masks.keys().copied().collect::<Vec<_>>(), [0, 1, 2]);
+        assert_eq!(
+            session
+                .project()
+                .unwrap()
+                .masks
+                .keys()
+                .copied()
+                .collect::<Vec<_>>(),
+            [0, 1, 2]
+        );
     }
 
     /// What happens to a project between openings.
     #[derive(Debug, Clone)]
     enum Act {
-        Track { labels: Vec<u16>, replace: bool, brought: Vec<(usize, u16)> },
-        Anchor { frame: usize, id: u16 },
+        Track {
+            labels: Vec<u16>,
+            replace: bool,
+            brought: Vec<(usize, u16)>,
+        },
+        Anchor {
+            frame: usize,
+            id: u16,
+        },
         Undo,
         Redo,
     }
@@ -365,7 +539,10 @@ mod tests {
 
     fn anchors(session: &Session) -> BTreeMap<usize, FrameMask> {
         let masks = session.project().unwrap().masks.clone();
-        masks.into_iter().filter(|(_, mask)| mask.origin == MaskOrigin::Anchor).collect()
+        masks
+            .into_iter()
+            .filter(|(_, mask)| mask.origin == MaskOrigin::Anchor)
+            .collect()
     }
 
     proptest! {

@@ -16,9 +16,16 @@ pub fn write(
     of_scene: LengthUnit,
     progress: &Progress,
 ) -> Result<()> {
-    let options = MeasureOptions { level: request.level, ground: request.ground, ..MeasureOptions::default() };
+    let options = MeasureOptions {
+        level: request.level,
+        ground: request.ground,
+        ..MeasureOptions::default()
+    };
     let mut rows = measure(cloud, &options, progress)?;
     rows.extend(measure_angles(cloud, &request.angles, &options, progress)?);
     super::make_folder_of(path)?;
-    replace(path, traits_csv(&rows, request.unit.unwrap_or(of_scene)).as_bytes())
+    replace(
+        path,
+        traits_csv(&rows, request.unit.unwrap_or(of_scene)).as_bytes(),
+    )
 }

@@ -28,11 +28,20 @@ pub fn write(
     let done = AtomicUsize::new(0);
     // The model names the images, so both get names that the model's text can hold.
     let named = with_text_names(&project.frames);
-    let project =
-        &named.map_or_else(|| project.clone(), |frames| Project { frames: Arc::new(frames), ..project.clone() });
+    let project = &named.map_or_else(
+        || project.clone(),
+        |frames| Project {
+            frames: Arc::new(frames),
+            ..project.clone()
+        },
+    );
     let stems = super::masks::stems(project)?;
-    let mut frames: Vec<Frame> =
-        project.global_frames().iter().zip(&stems).map(|(frame, stem)| pinhole(frame, stem)).collect();
+    let mut frames: Vec<Frame> = project
+        .global_frames()
+        .iter()
+        .zip(&stems)
+        .map(|(frame, stem)| pinhole(frame, stem))
+        .collect();
     let written = (0..frames.len()).into_par_iter().map(|number| {
         progress.step(done.fetch_add(1, Ordering::Relaxed), frames.len())?;
         write_frame(folder, project, number, &frames[number], store)
@@ -44,9 +53,13 @@ pub fn write(
             frame.camera = None;
         }
     }
-    sparse.keypoints.retain(|&number, _| unreadable[number].is_none());
+    sparse
+        .keypoints
+        .retain(|&number, _| unreadable[number].is_none());
     for (&number, keypoints) in &mut sparse.keypoints {
-        let (Some(from), Some(to)) = (project.frames[number].camera, frames[number].camera) else { continue };
+        let (Some(from), Some(to)) = (project.frames[number].camera, frames[number].camera) else {
+            continue;
+        };
         for keypoint in keypoints {
             let ray = from.intrinsics.unproject(keypoint.at_px).extend(1.0);
             keypoint.at_px = to.intrinsics.project(ray).unwrap_or(keypoint.at_px);
@@ -54,17 +67,27 @@ pub fn write(
     }
     let is_any = frames.iter().any(|frame| frame.posed_camera().is_some());
     let warning = left_out(folder, "image", unreadable, is_any)?;
-    write_colmap_model(&folder.join("sparse"), &frames, &sparse, ModelEncoding::Text)?;
+    write_colmap_model(
+        &folder.join("sparse"),
+        &frames,
+        &sparse,
+        ModelEncoding::Text,
+    )?;
     Ok(warning.into_iter().collect())
 }
 
 /// The frame with an undistorted, upright picture.
 fn pinhole(frame: &Frame, stem: &str) -> Frame {
-    let undistorted =
-        |camera: FrameCamera| FrameCamera { intrinsics: undistorted_camera(&camera.intrinsics), ..camera };
+    let undistorted = |camera: FrameCamera| FrameCamera {
+        intrinsics: undistorted_camera(&camera.intrinsics),
+        ..camera
+    };
     Frame {
         name: format!("{stem}.png"),
-        picture: PictureSource::File { path: PathBuf::new(), orientation: Orientation::default() },
+        picture: PictureSource::File {
+            path: PathBuf::new(),
+            orientation: Orientation::default(),
+        },
         camera: frame.camera.map(undistorted),
         depth: None,
         ..*frame
@@ -80,18 +103,25 @@ fn write_frame(
     store: &FrameStore,
 ) -> Result<Option<FrameError>> {
     let from = &project.frames[number];
-    let (Some((camera, _)), Some((pinhole, _))) = (from.posed_camera(), to.posed_camera()) else { return Ok(None) };
+    let (Some((camera, _)), Some((pinhole, _))) = (from.posed_camera(), to.posed_camera()) else {
+        return Ok(None);
+    };
     let image = match store.image(from) {
         Ok(image) => undistort_image(&image, camera, pinhole),
         Err(error) => return Ok(Some(error)),
     };
     save_image(&folder.join("images").join(&to.name), &image)?;
-    let Some(mask) = project.mask_in_play(number) else { return Ok(None) };
+    let Some(mask) = project.mask_in_play(number) else {
+        return Ok(None);
+    };
     let mask = undistort_mask(&mask.decode(), camera, pinhole);
     let path = folder.join("masks").join(&to.name);
     super::make_folder_of(&path)?;
-    disk::write(&path, &encode_palette_png(&RunMask::encode(&mask), &project.labels)?)
-        .with_context(|| cannot_write(&path))?;
+    disk::write(
+        &path,
+        &encode_palette_png(&RunMask::encode(&mask), &project.labels)?,
+    )
+    .with_context(|| cannot_write(&path))?;
     Ok(None)
 }
 
@@ -106,12 +136,16 @@ pub(super) fn left_out(
     is_any_exported: bool,
 ) -> Result<Option<String>> {
     let mut errors = unreadable.into_iter().flatten();
-    let Some(first) = errors.next() else { return Ok(None) };
+    let Some(first) = errors.next() else {
+        return Ok(None);
+    };
     if !is_any_exported {
         return Err(first.into());
     }
     let (count, folder) = (1 + errors.count(), folder.display());
-    Ok(Some(format!("{folder}: {count} frames whose {what} cannot be read are left out (first: {first})")))
+    Ok(Some(format!(
+        "{folder}: {count} frames whose {what} cannot be read are left out (first: {first})"
+    )))
 }
 
 fn save_image(path: &Path, image: &Image) -> Result<()> {
@@ -126,5 +160,8 @@ fn save_image(path: &Path, image: &Image) -> Result<()> {
 }
 
 fn cannot_write(path: &Path) -> String {
-    format!("{}: cannot be written; check permissions and free space", path.display())
+    format!(
+        "{}: cannot be written; check permissions and free space",
+        path.display()
+    )
 }

@@ -49,7 +49,11 @@ impl VotedBefore {
     ) -> Option<Self> {
         version_in_force(project, ResultKind::Cloud)?;
         let record = project.results.get(&ResultKind::Cloud)?.clone();
-        Some(Self { record, root: root.to_owned(), loaded })
+        Some(Self {
+            record,
+            root: root.to_owned(),
+            loaded,
+        })
     }
 
     /// The cloud with its votes; `None` where it is not known who voted.
@@ -83,8 +87,16 @@ impl VotedBefore {
         let loaded = self.load(views.frames, progress);
         progress.check()?;
         // What cannot be read is made again by those who can.
-        let Ok(Some((cloud, votes))) = loaded else { return Ok(None) };
-        Ok(Some(vote_again(&cloud, &votes, views, &project.labels, progress)?))
+        let Ok(Some((cloud, votes))) = loaded else {
+            return Ok(None);
+        };
+        Ok(Some(vote_again(
+            &cloud,
+            &votes,
+            views,
+            &project.labels,
+            progress,
+        )?))
     }
 
     /// The surface with its votes, voted on anew; `None` where there is none, or it is not known who voted.
@@ -101,10 +113,23 @@ impl VotedBefore {
         let mesh = read_mesh(&mesh_path(&self.root, version), progress);
         progress.check()?;
         let Ok(mesh) = mesh else { return Ok(None) };
-        let votes = read_votes_on(&mesh_votes_path(&self.root, version), mesh.vertices.len(), views.frames).ok();
-        let Some(votes) = votes.filter(can_vote_again) else { return Ok(None) };
+        let votes = read_votes_on(
+            &mesh_votes_path(&self.root, version),
+            mesh.vertices.len(),
+            views.frames,
+        )
+        .ok();
+        let Some(votes) = votes.filter(can_vote_again) else {
+            return Ok(None);
+        };
         let voted = vote_again(&mesh.vertices, &votes, views, &project.labels, progress)?;
-        Ok(Some((LabelledMesh { vertices: voted.cloud, ..mesh }, voted.votes)))
+        Ok(Some((
+            LabelledMesh {
+                vertices: voted.cloud,
+                ..mesh
+            },
+            voted.votes,
+        )))
     }
 }
 
@@ -118,15 +143,30 @@ fn can_vote_again(votes: &Votes) -> bool {
 pub(super) fn geometry_digest(project: &Project, request: &FuseRequest) -> Result<String> {
     let stamp = |path: &Path| {
         let meta = std::fs::metadata(path).ok()?;
-        let since = meta.modified().ok()?.duration_since(SystemTime::UNIX_EPOCH).ok()?;
+        let since = meta
+            .modified()
+            .ok()?
+            .duration_since(SystemTime::UNIX_EPOCH)
+            .ok()?;
         Some((meta.len(), since.as_nanos()))
     };
     let of_frames = project.frames.iter().flat_map(|frame| {
         let depth = frame.depth.as_ref().and_then(|depth| depth.sensor_path());
         [stamp(frame.picture.path()), depth.and_then(stamp)]
     });
-    let stamps: Vec<_> = of_frames.chain([request.onto.as_deref().and_then(stamp)]).collect();
-    let all = (env!("CARGO_PKG_VERSION"), FUSION, &project.frames, request, stamps);
+    let stamps: Vec<_> = of_frames
+        .chain([request.onto.as_deref().and_then(stamp)])
+        .collect();
+    let all = (
+        env!("CARGO_PKG_VERSION"),
+        FUSION,
+        &project.frames,
+        request,
+        stamps,
+    );
     let bytes = serde_json::to_vec(&all).context("what the cloud is made of cannot be told")?;
-    Ok(Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(Sha256::digest(bytes)
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect())
 }

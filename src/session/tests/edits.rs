@@ -6,7 +6,13 @@ use ostra_masks::{Click, LabelId, Prompt};
 use ostra_project::{Edit, FrameMask, Marks, MaskOrigin, Project, ResultKind};
 
 fn prompt(x: f64) -> Prompt {
-    Prompt { clicks: vec![Click { at_px: glam::DVec2::new(x, 1.1), include: x < 1.0 }], ..Prompt::default() }
+    Prompt {
+        clicks: vec![Click {
+            at_px: glam::DVec2::new(x, 1.1),
+            include: x < 1.0,
+        }],
+        ..Prompt::default()
+    }
 }
 
 fn any_mask() -> impl Strategy<Value = Option<FrameMask>> {
@@ -30,7 +36,11 @@ fn any_kind() -> impl Strategy<Value = ResultKind> {
 
 fn any_marks() -> impl Strategy<Value = Marks> {
     let set = || proptest::collection::vec((0usize..7, 0usize..7), 0..2).prop_map(FrameSet::from);
-    (set(), set(), set()).prop_map(|(absent, locked, hidden)| Marks { absent, locked, hidden })
+    (set(), set(), set()).prop_map(|(absent, locked, hidden)| Marks {
+        absent,
+        locked,
+        hidden,
+    })
 }
 
 /// Edits of every kind, many of which do not fit the state they meet.
@@ -38,34 +48,77 @@ pub fn any_edit() -> impl Strategy<Value = Edit> {
     let number = 0usize..7;
     let id = 0u16..4;
     prop_oneof![
-        (id.clone(), any::<bool>(), "[ab]{1}", proptest::option::of(1u16..4)).prop_map(|(id, some, name, parent)| {
-            let made = ostra_masks::Label { parent: parent.map(LabelId), ..label(id, &name) };
-            Edit::SetLabel { id: LabelId(id), label: some.then_some(made) }
+        (
+            id.clone(),
+            any::<bool>(),
+            "[ab]{1}",
+            proptest::option::of(1u16..4)
+        )
+            .prop_map(|(id, some, name, parent)| {
+                let made = ostra_masks::Label {
+                    parent: parent.map(LabelId),
+                    ..label(id, &name)
+                };
+                Edit::SetLabel {
+                    id: LabelId(id),
+                    label: some.then_some(made),
+                }
+            }),
+        (number.clone(), id, proptest::option::of(0.0..4.0)).prop_map(|(frame, id, x)| {
+            Edit::SetPrompt {
+                frame,
+                label: LabelId(id),
+                prompt: x.map(prompt),
+            }
         }),
-        (number.clone(), id, proptest::option::of(0.0..4.0)).prop_map(|(frame, id, x)| Edit::SetPrompt {
-            frame,
+        (number.clone(), any_mask()).prop_map(|(frame, mask)| Edit::SetMask { frame, mask }),
+        (number.clone(), any_mask()).prop_map(|(frame, mask)| Edit::SetMask { frame, mask }),
+        (0u16..4, any_marks()).prop_map(|(id, marks)| Edit::SetMarks {
             label: LabelId(id),
-            prompt: x.map(prompt),
+            marks
         }),
-        (number.clone(), any_mask()).prop_map(|(frame, mask)| Edit::SetMask { frame, mask }),
-        (number.clone(), any_mask()).prop_map(|(frame, mask)| Edit::SetMask { frame, mask }),
-        (0u16..4, any_marks()).prop_map(|(id, marks)| Edit::SetMarks { label: LabelId(id), marks }),
-        (proptest::collection::vec(number.clone(), 0..5), any::<bool>())
+        (
+            proptest::collection::vec(number.clone(), 0..5),
+            any::<bool>()
+        )
             .prop_map(|(frames, stale)| Edit::SetStale { frames, stale }),
-        (number.clone(), proptest::option::of(-1.0..1.0))
-            .prop_map(|(frame, shift)| Edit::SetCamera { frame, camera: shift.map(camera) }),
-        (number.clone(), proptest::option::of(0.0..2.0)).prop_map(|(frame, scale)| Edit::SetDepth {
-            frame,
-            depth: scale.map(|scale| DepthSource::Made { made: "versions/depths-1/a.tiff".into(), scale }),
+        (number.clone(), proptest::option::of(-1.0..1.0)).prop_map(|(frame, shift)| {
+            Edit::SetCamera {
+                frame,
+                camera: shift.map(camera),
+            }
         }),
-        "[c-f]{1}".prop_map(|name| Edit::AddFrames { frames: vec![frame(&name)] }),
+        (number.clone(), proptest::option::of(0.0..2.0)).prop_map(|(frame, scale)| {
+            Edit::SetDepth {
+                frame,
+                depth: scale.map(|scale| DepthSource::Made {
+                    made: "versions/depths-1/a.tiff".into(),
+                    scale,
+                }),
+            }
+        }),
+        "[c-f]{1}".prop_map(|name| Edit::AddFrames {
+            frames: vec![frame(&name)]
+        }),
         (0usize..8).prop_map(|keep| Edit::DropFrames { keep }),
         (number, 4u32..6).prop_map(|(at, width)| {
-            let names = ["a/0.png", "a/1.png", "b/0.png", "b/1.jpg", "b/1.png", "c", "d"];
-            Edit::SetFrame { frame: at, value: Box::new(ostra_frames::Frame { width, ..frame(names[at]) }) }
+            let names = [
+                "a/0.png", "a/1.png", "b/0.png", "b/1.jpg", "b/1.png", "c", "d",
+            ];
+            Edit::SetFrame {
+                frame: at,
+                value: Box::new(ostra_frames::Frame {
+                    width,
+                    ..frame(names[at])
+                }),
+            }
         }),
-        (any_kind(), proptest::option::of("geometry|flow"))
-            .prop_map(|(kind, engine)| Edit::SetResult { kind, record: engine.as_deref().map(record) }),
+        (any_kind(), proptest::option::of("geometry|flow")).prop_map(|(kind, engine)| {
+            Edit::SetResult {
+                kind,
+                record: engine.as_deref().map(record),
+            }
+        }),
     ]
 }
 
@@ -110,32 +163,104 @@ proptest! {
 fn what_cannot_be_is_refused() {
     let mut project = project();
     let refused = [
-        Edit::SetMask { frame: 9, mask: None },
-        Edit::SetMask { frame: 0, mask: Some(anchor([7, 0, 0])) },
-        Edit::SetMask { frame: 0, mask: Some(FrameMask { stale: true, ..anchor([1, 0, 0]) }) },
-        Edit::SetPrompt { frame: 0, label: LabelId(1), prompt: Some(prompt(f64::NAN)) },
-        Edit::SetPrompt { frame: 0, label: LabelId(1), prompt: Some(Prompt::default()) },
-        Edit::SetCamera { frame: 0, camera: Some(camera(f64::INFINITY)) },
-        Edit::SetDepth { frame: 0, depth: Some(DepthSource::Made { made: "../outside.tiff".into(), scale: 1.0 }) },
-        Edit::SetDepth { frame: 0, depth: Some(DepthSource::Made { made: "a.tiff".into(), scale: 0.0 }) },
-        Edit::AddFrames { frames: vec![frame("../outside.png")] },
-        Edit::AddFrames { frames: vec![frame("a/0.png")] },
-        Edit::AddFrames { frames: vec![frame("/outside.png")] },
+        Edit::SetMask {
+            frame: 9,
+            mask: None,
+        },
+        Edit::SetMask {
+            frame: 0,
+            mask: Some(anchor([7, 0, 0])),
+        },
+        Edit::SetMask {
+            frame: 0,
+            mask: Some(FrameMask {
+                stale: true,
+                ..anchor([1, 0, 0])
+            }),
+        },
+        Edit::SetPrompt {
+            frame: 0,
+            label: LabelId(1),
+            prompt: Some(prompt(f64::NAN)),
+        },
+        Edit::SetPrompt {
+            frame: 0,
+            label: LabelId(1),
+            prompt: Some(Prompt::default()),
+        },
+        Edit::SetCamera {
+            frame: 0,
+            camera: Some(camera(f64::INFINITY)),
+        },
+        Edit::SetDepth {
+            frame: 0,
+            depth: Some(DepthSource::Made {
+                made: "../outside.tiff".into(),
+                scale: 1.0,
+            }),
+        },
+        Edit::SetDepth {
+            frame: 0,
+            depth: Some(DepthSource::Made {
+                made: "a.tiff".into(),
+                scale: 0.0,
+            }),
+        },
+        Edit::AddFrames {
+            frames: vec![frame("../outside.png")],
+        },
+        Edit::AddFrames {
+            frames: vec![frame("a/0.png")],
+        },
+        Edit::AddFrames {
+            frames: vec![frame("/outside.png")],
+        },
     ];
     for edit in refused {
         let error = project.apply(edit.clone()).expect_err(&format!("{edit:?}"));
         assert!(!error.to_string().contains('\n'), "{error}");
     }
     let smaller = ostra_masks::RunMask::empty(2, 2);
-    let mask = FrameMask { runs: smaller.into(), ..anchor([0; 3]) };
-    let error = project.apply(Edit::SetMask { frame: 0, mask: Some(mask) }).unwrap_err().to_string();
-    assert_eq!(error, "a/0.png: the mask has 2×2 pixels, the frame 4×3; give a mask of the frame's size");
+    let mask = FrameMask {
+        runs: smaller.into(),
+        ..anchor([0; 3])
+    };
+    let error = project
+        .apply(Edit::SetMask {
+            frame: 0,
+            mask: Some(mask),
+        })
+        .unwrap_err()
+        .to_string();
+    assert_eq!(
+        error,
+        "a/0.png: the mask has 2×2 pixels, the frame 4×3; give a mask of the frame's size"
+    );
 }
 
 #[test]
 fn a_label_in_use_stays() {
     let mut project = project();
-    project.apply(Edit::SetMask { frame: 0, mask: Some(anchor([1, 0, 0])) }).unwrap();
-    assert!(project.apply(Edit::SetLabel { id: LabelId(1), label: None }).is_err());
-    assert!(project.apply(Edit::SetLabel { id: LabelId(2), label: None }).is_ok());
+    project
+        .apply(Edit::SetMask {
+            frame: 0,
+            mask: Some(anchor([1, 0, 0])),
+        })
+        .unwrap();
+    assert!(
+        project
+            .apply(Edit::SetLabel {
+                id: LabelId(1),
+                label: None
+            })
+            .is_err()
+    );
+    assert!(
+        project
+            .apply(Edit::SetLabel {
+                id: LabelId(2),
+                label: None
+            })
+            .is_ok()
+    );
 }

@@ -34,9 +34,23 @@ fn snapshot(root: &Path) -> Vec<(PathBuf, Vec<u8>)> {
 fn painted(root: &Path) -> OpenProject {
     let mut open = OpenProject::create(root, project()).unwrap();
     for (frame, ids) in [(0, [1, 0, 2]), (3, [0, 2, 2]), (4, [1, 1, 1])] {
-        open.commit("Paint", vec![Edit::SetMask { frame, mask: Some(anchor(ids)) }]).unwrap();
+        open.commit(
+            "Paint",
+            vec![Edit::SetMask {
+                frame,
+                mask: Some(anchor(ids)),
+            }],
+        )
+        .unwrap();
     }
-    open.commit("Track", vec![Edit::SetMask { frame: 1, mask: Some(tracked([1, 0, 0])) }]).unwrap();
+    open.commit(
+        "Track",
+        vec![Edit::SetMask {
+            frame: 1,
+            mask: Some(tracked([1, 0, 0])),
+        }],
+    )
+    .unwrap();
     open
 }
 
@@ -50,10 +64,26 @@ fn a_checkpoint_can_be_read_with_other_tools() {
     assert!(text.starts_with("format = 1\n"), "{text}");
     let mask = image::open(root.join("masks/a/0.png")).unwrap();
     assert_eq!((mask.width(), mask.height()), (4, 3));
-    assert!(root.join("masks/b/1.jpg.png").exists() && root.join("masks/b/1.png.png").exists(), "b/1.jpg and b/1.png");
+    assert!(
+        root.join("masks/b/1.jpg.png").exists() && root.join("masks/b/1.png.png").exists(),
+        "b/1.jpg and b/1.png"
+    );
     assert_eq!(fs::metadata(root.join("journal.jsonl")).unwrap().len(), 0);
-    assert_eq!(fs::read_to_string(root.join("history.jsonl")).unwrap().lines().count(), 4);
-    made.commit("Clear", vec![Edit::SetMask { frame: 0, mask: None }]).unwrap();
+    assert_eq!(
+        fs::read_to_string(root.join("history.jsonl"))
+            .unwrap()
+            .lines()
+            .count(),
+        4
+    );
+    made.commit(
+        "Clear",
+        vec![Edit::SetMask {
+            frame: 0,
+            mask: None,
+        }],
+    )
+    .unwrap();
     made.save_now().unwrap();
     assert!(!root.join("masks/a/0.png").exists());
 }
@@ -65,18 +95,29 @@ fn a_torn_last_line_is_dropped() {
     let state = painted(&root).project().clone();
     let journal = root.join("journal.jsonl");
     let whole = fs::read(&journal).unwrap();
-    for torn in [&b"{\"seq\":5,\"act\":{\"st"[..], b"{\"seq\":5}", b"\0\0\0\0"] {
+    for torn in [
+        &b"{\"seq\":5,\"act\":{\"st"[..],
+        b"{\"seq\":5}",
+        b"\0\0\0\0",
+    ] {
         fs::write(&journal, [&whole[..], torn].concat()).unwrap();
         let viewed = Folder::view(&root, "", &Progress::default()).unwrap();
         assert_eq!(fs::read(&journal).unwrap(), [&whole[..], torn].concat());
         let loaded = open(&root).unwrap();
         assert_eq!((&loaded.project, &viewed.project), (&*state, &*state));
         assert_eq!(loaded.warnings, viewed.warnings);
-        assert!(loaded.warnings[0].contains("its last line is incomplete"), "{:?}", loaded.warnings);
+        assert!(
+            loaded.warnings[0].contains("its last line is incomplete"),
+            "{:?}",
+            loaded.warnings
+        );
         assert_eq!(fs::read(&journal).unwrap(), whole);
     }
     fs::write(&journal, &whole[..whole.len() - 7]).unwrap();
-    assert!(!open(&root).unwrap().project.masks.contains_key(&1), "the step that was not whole");
+    assert!(
+        !open(&root).unwrap().project.masks.contains_key(&1),
+        "the step that was not whole"
+    );
 }
 
 #[test]
@@ -85,15 +126,37 @@ fn what_is_broken_is_refused_and_left_alone() {
     let root = folder.path().join("p");
     let mut made = painted(&root);
     made.save_now().unwrap();
-    made.commit("Clear", vec![Edit::SetMask { frame: 0, mask: None }]).unwrap();
-    made.commit("Clear", vec![Edit::SetMask { frame: 3, mask: None }]).unwrap();
+    made.commit(
+        "Clear",
+        vec![Edit::SetMask {
+            frame: 0,
+            mask: None,
+        }],
+    )
+    .unwrap();
+    made.commit(
+        "Clear",
+        vec![Edit::SetMask {
+            frame: 3,
+            mask: None,
+        }],
+    )
+    .unwrap();
     drop(made);
     let good = snapshot(&root);
     let newer = |text: String| text.replace("format = 1\n", "format = 2\n");
     type Case<'a> = (&'a str, &'a dyn Fn(String) -> String, &'a str);
     let cases: [Case<'_>; 2] = [
-        ("project.toml", &newer, "newer program (format 2, this one reads 1)"),
-        ("project.toml", &|text| text[..text.len() / 2].to_owned(), "is damaged"),
+        (
+            "project.toml",
+            &newer,
+            "newer program (format 2, this one reads 1)",
+        ),
+        (
+            "project.toml",
+            &|text| text[..text.len() / 2].to_owned(),
+            "is damaged",
+        ),
     ];
     for (name, spoil, says) in cases {
         let path = root.join(name);
@@ -101,7 +164,10 @@ fn what_is_broken_is_refused_and_left_alone() {
         fs::write(&path, spoil(before.clone())).unwrap();
         let spoilt = snapshot(&root);
         let error = format!("{:#}", open(&root).expect_err(name));
-        assert!(error.contains(says) && !error.contains('\n'), "{name}: {error}");
+        assert!(
+            error.contains(says) && !error.contains('\n'),
+            "{name}: {error}"
+        );
         assert_eq!(snapshot(&root), spoilt, "{name}: nothing is changed");
         fs::write(&path, before).unwrap();
     }
@@ -111,9 +177,19 @@ fn what_is_broken_is_refused_and_left_alone() {
     assert!(open(&root).is_ok());
     // The journal of a later time: what it has cannot follow.
     let path = root.join("project.toml");
-    fs::write(&path, fs::read_to_string(&path).unwrap().replace("step = 4", "step = 2")).unwrap();
+    fs::write(
+        &path,
+        fs::read_to_string(&path)
+            .unwrap()
+            .replace("step = 4", "step = 2"),
+    )
+    .unwrap();
     let loaded = open(&root).unwrap();
-    assert!(loaded.warnings[0].contains("lacks step 3; this step and the one after it"), "{:?}", loaded.warnings);
+    assert!(
+        loaded.warnings[0].contains("lacks step 3; this step and the one after it"),
+        "{:?}",
+        loaded.warnings
+    );
     assert!(root.join("journal.jsonl.damaged").is_file());
 }
 
@@ -127,10 +203,24 @@ fn a_damaged_history_costs_only_the_undo() {
     drop(made);
     fs::write(root.join("history.jsonl"), "?\n?\n").unwrap();
     let loaded = open(&root).unwrap();
-    assert_eq!((loaded.project, loaded.warnings.len()), (state.as_ref().clone(), 1));
-    assert_eq!(fs::read(root.join("history.jsonl.damaged")).unwrap(), b"?\n?\n");
+    assert_eq!(
+        (loaded.project, loaded.warnings.len()),
+        (state.as_ref().clone(), 1)
+    );
+    assert_eq!(
+        fs::read(root.join("history.jsonl.damaged")).unwrap(),
+        b"?\n?\n"
+    );
     let mut again = OpenProject::loaded(open_after(loaded.folder, &root));
-    again.commit("Clear", vec![Edit::SetMask { frame: 0, mask: None }]).unwrap();
+    again
+        .commit(
+            "Clear",
+            vec![Edit::SetMask {
+                frame: 0,
+                mask: None,
+            }],
+        )
+        .unwrap();
     again.save_now().unwrap();
     drop(again);
     let loaded = open(&root).unwrap();
@@ -153,7 +243,10 @@ fn a_second_writer_is_kept_out() {
     let root = folder.path().join("p");
     let made = painted(&root);
     let error = open(&root).unwrap_err().to_string();
-    assert!(error.contains("is open in another window or command"), "{error}");
+    assert!(
+        error.contains("is open in another window or command"),
+        "{error}"
+    );
     drop(made);
     assert!(open(&root).is_ok());
 }
@@ -167,7 +260,10 @@ fn a_mask_file_that_is_gone_is_told() {
     drop(made);
     fs::remove_file(root.join("masks/a/0.png")).unwrap();
     let loaded = open(&root).unwrap();
-    assert_eq!(loaded.warnings, ["masks/a/0.png: is gone; frame 0 has no mask now"]);
+    assert_eq!(
+        loaded.warnings,
+        ["masks/a/0.png: is gone; frame 0 has no mask now"]
+    );
 }
 
 #[test]
@@ -176,9 +272,20 @@ fn a_failed_new_leaves_nothing() {
     let place = pictures(folder.path());
     let mut session = Session::new();
     let new = |root: &str, frames: &Path, cameras: Option<PathBuf>| {
-        let sources = vec![FrameFolder { frames: frames.to_owned(), depth: None }];
-        let open = OpenRequest { sources, ..OpenRequest::default() };
-        Command::New(NewProject { root: folder.path().join(root), open, cameras, intrinsics: None })
+        let sources = vec![FrameFolder {
+            frames: frames.to_owned(),
+            depth: None,
+        }];
+        let open = OpenRequest {
+            sources,
+            ..OpenRequest::default()
+        };
+        Command::New(NewProject {
+            root: folder.path().join(root),
+            open,
+            cameras,
+            intrinsics: None,
+        })
     };
     let before = snapshot(folder.path());
     for command in [
@@ -187,7 +294,9 @@ fn a_failed_new_leaves_nothing() {
         new("pictures", &place, None),
         new("pictures/0.png/p", &place, None),
     ] {
-        let error = perform(&mut session, command).expect_err("must fail").to_string();
+        let error = perform(&mut session, command)
+            .expect_err("must fail")
+            .to_string();
         assert!(!error.contains('\n'), "{error}");
         assert_eq!(snapshot(folder.path()), before);
         assert!(!folder.path().join("x").exists());
@@ -195,7 +304,9 @@ fn a_failed_new_leaves_nothing() {
     }
     perform(&mut session, new("x/p", &place, None)).unwrap();
     assert_eq!(session.project().unwrap().frames.len(), 3);
-    let error = perform(&mut session, new("x/p", &place, None)).unwrap_err().to_string();
+    let error = perform(&mut session, new("x/p", &place, None))
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("already holds a project"), "{error}");
 }
 
@@ -212,7 +323,10 @@ fn a_read_only_folder_is_refused() {
         return fs::remove_file(root.join("probe")).unwrap(); // the administrator may write anywhere
     }
     let error = format!("{:#}", open(&root).unwrap_err());
-    assert!(error.contains("a project needs a folder with write access") && !error.contains('\n'), "{error}");
+    assert!(
+        error.contains("a project needs a folder with write access") && !error.contains('\n'),
+        "{error}"
+    );
     let made = OpenProject::create(&root.join("q"), project());
     assert!(format!("{:#}", made.unwrap_err()).contains("cannot be written"));
     assert_eq!(snapshot(&root), before);
@@ -224,9 +338,25 @@ fn with_cloud(root: &Path, points: usize) {
     let mut open = OpenProject::create(root, project()).unwrap();
     let version = open.next_version().unwrap();
     let cloud = LabelledCloud::from_positions(vec![glam::Vec3::ONE; points]);
-    save_ply(&cloud_path(root, version), &cloud, Coloring::Picture, &Progress::default()).unwrap();
-    let record = ResultRecord { version, ..record("fuse") };
-    open.commit("Fuse", vec![Edit::SetResult { kind: ResultKind::Cloud, record: Some(record) }]).unwrap();
+    save_ply(
+        &cloud_path(root, version),
+        &cloud,
+        Coloring::Picture,
+        &Progress::default(),
+    )
+    .unwrap();
+    let record = ResultRecord {
+        version,
+        ..record("fuse")
+    };
+    open.commit(
+        "Fuse",
+        vec![Edit::SetResult {
+            kind: ResultKind::Cloud,
+            record: Some(record),
+        }],
+    )
+    .unwrap();
     open.save_now().unwrap();
 }
 
@@ -250,17 +380,46 @@ fn a_record_that_does_not_fit_ends_the_journal_there() {
     let root = folder.path().join("p");
     let mut made = painted(&root);
     made.save_now().unwrap();
-    made.commit("Clear", vec![Edit::SetMask { frame: 0, mask: None }]).unwrap();
+    made.commit(
+        "Clear",
+        vec![Edit::SetMask {
+            frame: 0,
+            mask: None,
+        }],
+    )
+    .unwrap();
     let state = made.project().clone();
-    made.commit("Clear", vec![Edit::SetMask { frame: 3, mask: None }, Edit::SetMask { frame: 4, mask: None }]).unwrap();
+    made.commit(
+        "Clear",
+        vec![
+            Edit::SetMask {
+                frame: 3,
+                mask: None,
+            },
+            Edit::SetMask {
+                frame: 4,
+                mask: None,
+            },
+        ],
+    )
+    .unwrap();
     drop(made);
     let journal = root.join("journal.jsonl");
-    let spoilt = fs::read_to_string(&journal).unwrap().replace("\"frame\":4", "\"frame\":44");
+    let spoilt = fs::read_to_string(&journal)
+        .unwrap()
+        .replace("\"frame\":4", "\"frame\":44");
     fs::write(&journal, &spoilt).unwrap();
     let loaded = open(&root).unwrap();
     assert_eq!(loaded.project, *state, "half a record is not done");
-    assert!(loaded.warnings[0].contains("line 2 does not fit the project"), "{:?}", loaded.warnings);
-    assert_eq!(fs::read_to_string(root.join("journal.jsonl.damaged")).unwrap(), spoilt);
+    assert!(
+        loaded.warnings[0].contains("line 2 does not fit the project"),
+        "{:?}",
+        loaded.warnings
+    );
+    assert_eq!(
+        fs::read_to_string(root.join("journal.jsonl.damaged")).unwrap(),
+        spoilt
+    );
     assert_eq!(fs::read_to_string(&journal).unwrap().lines().count(), 1);
 }
 
@@ -270,10 +429,23 @@ fn a_viewed_project_refuses_steps_and_keeps_its_files() {
     let root = folder.path().join("p");
     drop(painted(&root));
     let before = snapshot(&root);
-    let mut viewed = OpenProject::loaded(Folder::view(&root, "it is a copy", &Progress::default()).unwrap());
+    let mut viewed =
+        OpenProject::loaded(Folder::view(&root, "it is a copy", &Progress::default()).unwrap());
     let state = viewed.project().clone();
-    let error = viewed.commit("Clear", vec![Edit::SetMask { frame: 0, mask: None }]).unwrap_err().to_string();
-    assert!(error.contains("it is a copy") && viewed.next_version().is_err() && viewed.undo().is_err(), "{error}");
+    let error = viewed
+        .commit(
+            "Clear",
+            vec![Edit::SetMask {
+                frame: 0,
+                mask: None,
+            }],
+        )
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("it is a copy") && viewed.next_version().is_err() && viewed.undo().is_err(),
+        "{error}"
+    );
     viewed.publish().unwrap();
     viewed.save_now().unwrap();
     assert_eq!((viewed.project(), snapshot(&root)), (&state, before));

@@ -33,8 +33,16 @@ fn a_panic_in_a_job_is_its_failure() {
     let mut session = Session::new();
     let job = session.start("Break", Kind::Long, |_| panic!("index 7 is out"));
     let events = settle(&mut session);
-    assert_eq!(events[0], Event::Started { job, title: "Break".into() });
-    let Event::Failed { error, .. } = &events[1] else { panic!("{events:?}") };
+    assert_eq!(
+        events[0],
+        Event::Started {
+            job,
+            title: "Break".into()
+        }
+    );
+    let Event::Failed { error, .. } = &events[1] else {
+        panic!("{events:?}")
+    };
     assert!(error.contains("index 7 is out"), "{error}");
     assert!(session.jobs().is_empty());
 }
@@ -56,8 +64,14 @@ fn pieces_are_taken_in_before_the_end() {
     };
     session.start("Many", Kind::Long, work);
     let events = settle(&mut session);
-    assert!(matches!(events.last(), Some(Event::Finished { .. })), "{events:?}");
-    assert_eq!(session.project().unwrap().frames.last().unwrap().name, "last");
+    assert!(
+        matches!(events.last(), Some(Event::Finished { .. })),
+        "{events:?}"
+    );
+    assert_eq!(
+        session.project().unwrap().frames.last().unwrap().name,
+        "last"
+    );
     assert_eq!(count(&session), 201);
     assert!(woken.load(Ordering::Relaxed) >= 201);
 }
@@ -73,13 +87,22 @@ fn a_stopped_job_keeps_its_pieces() {
         }
     };
     session.start("Endless", Kind::Long, work);
-    assert!(session.check_no_long_job().unwrap_err().to_string().contains("'Endless' is still running"));
+    assert!(
+        session
+            .check_no_long_job()
+            .unwrap_err()
+            .to_string()
+            .contains("'Endless' is still running")
+    );
     let stop = |jobs: &[crate::JobView]| match jobs[0].report.done {
         0 => ControlFlow::Continue(()),
         _ => ControlFlow::Break(()),
     };
     let events = session.settle(stop);
-    assert!(matches!(events.last(), Some(Event::Stopped { .. })), "{events:?}");
+    assert!(
+        matches!(events.last(), Some(Event::Stopped { .. })),
+        "{events:?}"
+    );
     assert_eq!(count(&session), 1);
 }
 
@@ -100,7 +123,11 @@ fn a_piece_that_is_refused_ends_the_job() {
         Event::Failed { error, .. } => Some(error.as_str()),
         _ => None,
     });
-    assert_eq!(failed, Some("there is already a frame 'twice'; leave it out"), "{events:?}");
+    assert_eq!(
+        failed,
+        Some("there is already a frame 'twice'; leave it out"),
+        "{events:?}"
+    );
     assert_eq!(count(&session), 1);
 }
 

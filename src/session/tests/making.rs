@@ -13,7 +13,11 @@ pub fn pictures(folder: &Path) -> PathBuf {
     std::fs::create_dir_all(&place).unwrap();
     for k in 0..3u8 {
         let picture = image::RgbImage::from_fn(64, 48, |x, _| {
-            image::Rgb(if (20..40).contains(&x) { [200, 40, 40] } else { [30, 60 + k, 90] })
+            image::Rgb(if (20..40).contains(&x) {
+                [200, 40, 40]
+            } else {
+                [30, 60 + k, 90]
+            })
         });
         picture.save(place.join(format!("{k}.png"))).unwrap();
     }

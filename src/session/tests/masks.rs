@@ -5,7 +5,10 @@ use glam::DVec2;
 
 use super::making::{perform, pictures};
 use crate::Event;
-use crate::{Command, NewProject, PaintRequest, PromptRequest, PullRequest, RangeChange, RangeRequest, Session};
+use crate::{
+    Command, NewProject, PaintRequest, PromptRequest, PullRequest, RangeChange, RangeRequest,
+    Session,
+};
 use ostra_frames::{FrameFolder, OpenRequest};
 use ostra_masks::{Click, LabelId, LabelMask, Prompt};
 use ostra_project::MaskOrigin;
@@ -16,28 +19,69 @@ const STONE: LabelId = LabelId(3);
 
 /// Three pictures with a red bar at columns 20 to 39; labels plant, leaf below it, stone.
 fn opened(folder: &Path) -> Session {
-    let sources = vec![FrameFolder { frames: pictures(folder), depth: None }];
-    let open = OpenRequest { sources, ..OpenRequest::default() };
+    let sources = vec![FrameFolder {
+        frames: pictures(folder),
+        depth: None,
+    }];
+    let open = OpenRequest {
+        sources,
+        ..OpenRequest::default()
+    };
     let mut session = Session::new();
-    let new = NewProject { root: folder.join("p"), open, cameras: None, intrinsics: None };
+    let new = NewProject {
+        root: folder.join("p"),
+        open,
+        cameras: None,
+        intrinsics: None,
+    };
     perform(&mut session, Command::New(new)).unwrap();
     for (name, parent) in [("plant", None), ("leaf", Some("plant")), ("stone", None)] {
         let parent = parent.map(str::to_owned);
-        perform(&mut session, Command::AddLabel { name: name.into(), parent, color: None }).unwrap();
+        perform(
+            &mut session,
+            Command::AddLabel {
+                name: name.into(),
+                parent,
+                color: None,
+            },
+        )
+        .unwrap();
     }
     session
 }
 
 fn click(label: LabelId, points: &[(f64, f64)]) -> Command {
-    let clicks = points.iter().map(|&(x, y)| Click { at_px: DVec2::new(x, y), include: true }).collect();
-    let prompt = Prompt { clicks, ..Prompt::default() };
-    Command::Prompt(PromptRequest { frame: 0, label, prompt, segmenter: "builtin".into() })
+    let clicks = points
+        .iter()
+        .map(|&(x, y)| Click {
+            at_px: DVec2::new(x, y),
+            include: true,
+        })
+        .collect();
+    let prompt = Prompt {
+        clicks,
+        ..Prompt::default()
+    };
+    Command::Prompt(PromptRequest {
+        frame: 0,
+        label,
+        prompt,
+        segmenter: "builtin".into(),
+    })
 }
 
 fn square(label: LabelId, from: f64, to: f64, erase: bool, replace: bool) -> Command {
     let corners = [(from, from), (to, from), (to, to), (from, to)];
     let points_px = corners.map(|(x, y)| DVec2::new(x, y)).to_vec();
-    Command::Paint(PaintRequest { frame: 0, label, points_px, radius_px: 0.0, erase, replace, snap: false })
+    Command::Paint(PaintRequest {
+        frame: 0,
+        label,
+        points_px,
+        radius_px: 0.0,
+        erase,
+        replace,
+        snap: false,
+    })
 }
 
 fn mask(session: &Session) -> LabelMask {
@@ -50,12 +94,24 @@ fn a_prompt_segments_and_an_empty_one_takes_off() {
     let mut session = opened(folder.path());
     perform(&mut session, click(STONE, &[(30.5, 20.5)])).unwrap();
     let region = mask(&session).region(STONE);
-    assert!(region.at(30, 20) && !region.at(5, 20) && region.area() > 20 * 48 / 2, "{}", region.area());
+    assert!(
+        region.at(30, 20) && !region.at(5, 20) && region.area() > 20 * 48 / 2,
+        "{}",
+        region.area()
+    );
     assert_eq!(session.undo_title(), Some("Prompt stone on frame 0"));
-    assert_eq!(session.project().unwrap().masks[&0].origin, MaskOrigin::Anchor);
+    assert_eq!(
+        session.project().unwrap().masks[&0].origin,
+        MaskOrigin::Anchor
+    );
     perform(&mut session, click(STONE, &[])).unwrap();
-    assert!(session.project().unwrap().masks.is_empty() && session.project().unwrap().prompts.is_empty());
-    let error = perform(&mut session, click(STONE, &[])).unwrap_err().to_string();
+    assert!(
+        session.project().unwrap().masks.is_empty()
+            && session.project().unwrap().prompts.is_empty()
+    );
+    let error = perform(&mut session, click(STONE, &[]))
+        .unwrap_err()
+        .to_string();
     assert_eq!(error, "label 'stone' is not on frame 0");
 }
 
@@ -69,8 +125,13 @@ fn clicks_on_a_drawn_mask_mend_it_until_it_is_taken_off() {
     let drawn = mask(&session);
     perform(&mut session, click(STONE, &[(25.5, 25.5)])).unwrap();
     let mended = mask(&session);
-    assert!(mended.at(25, 25) == STONE && mended.at(12, 12) == STONE, "what was drawn beside the bar stays");
-    let changed = (0..drawn.ids.len()).filter(|&at| drawn.ids[at] != mended.ids[at]).count();
+    assert!(
+        mended.at(25, 25) == STONE && mended.at(12, 12) == STONE,
+        "what was drawn beside the bar stays"
+    );
+    let changed = (0..drawn.ids.len())
+        .filter(|&at| drawn.ids[at] != mended.ids[at])
+        .count();
     assert!((5..20).contains(&changed), "{changed} of 9 pixels");
     let corrects = |session: &Session| session.project().unwrap().prompts[&(0, STONE)].corrects;
     assert!(corrects(&session));
@@ -80,7 +141,10 @@ fn clicks_on_a_drawn_mask_mend_it_until_it_is_taken_off() {
     perform(&mut session, Command::Undo).unwrap();
     perform(&mut session, click(STONE, &[(25.5, 25.5), (22.5, 12.5)])).unwrap();
     let at_once = mask(&session);
-    assert!(at_once.at(25, 25) == STONE && at_once.at(12, 12) == STONE, "two clicks before the first was answered");
+    assert!(
+        at_once.at(25, 25) == STONE && at_once.at(12, 12) == STONE,
+        "two clicks before the first was answered"
+    );
     drop(session);
     let mut session = Session::new();
     perform(&mut session, Command::Open(folder.path().join("p"))).unwrap();
@@ -99,7 +163,12 @@ fn frames_are_made_ready_past_a_neighbour_that_cannot_be_read() {
     std::fs::write(folder.path().join("pictures/1.png"), "").unwrap();
     session.prepare(0, "builtin");
     let events = session.settle(|_| ControlFlow::Continue(()));
-    assert!(!events.iter().any(|event| matches!(event, Event::Warning(_))), "{events:?}");
+    assert!(
+        !events
+            .iter()
+            .any(|event| matches!(event, Event::Warning(_))),
+        "{events:?}"
+    );
 }
 
 #[test]
@@ -107,9 +176,14 @@ fn a_newer_prompt_takes_the_place_of_one_not_yet_answered() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
     session.act(click(STONE, &[(30.5, 20.5)])).unwrap();
-    session.act(click(STONE, &[(30.5, 20.5), (5.5, 5.5)])).unwrap();
+    session
+        .act(click(STONE, &[(30.5, 20.5), (5.5, 5.5)]))
+        .unwrap();
     perform(&mut session, click(STONE, &[(5.5, 5.5)])).unwrap();
-    assert_eq!(session.project().unwrap().prompts[&(0, STONE)].clicks.len(), 1);
+    assert_eq!(
+        session.project().unwrap().prompts[&(0, STONE)].clicks.len(),
+        1
+    );
     assert_eq!(mask(&session).at(5, 5), STONE);
     perform(&mut session, Command::Undo).unwrap();
     assert!(session.project().unwrap().prompts.is_empty(), "one step");
@@ -118,7 +192,9 @@ fn a_newer_prompt_takes_the_place_of_one_not_yet_answered() {
 
 /// The prompt of a command made by [`click`].
 fn request(command: Command) -> PromptRequest {
-    let Command::Prompt(request) = command else { panic!("{command:?}") };
+    let Command::Prompt(request) = command else {
+        panic!("{command:?}")
+    };
     request
 }
 
@@ -132,14 +208,20 @@ fn a_preview_is_what_the_click_gives_and_changes_nothing() {
     session.hover(Some(request(click(STONE, &[(30.5, 20.5)]))));
     session.settle(|_| std::ops::ControlFlow::Continue(()));
     let shown = session.hovered().unwrap().decode();
-    assert!(session.project().unwrap().masks.is_empty() && session.project().unwrap().prompts.is_empty());
+    assert!(
+        session.project().unwrap().masks.is_empty()
+            && session.project().unwrap().prompts.is_empty()
+    );
     assert_eq!(session.undo_title().map(str::to_owned), before);
     perform(&mut session, click(STONE, &[(30.5, 20.5)])).unwrap();
     assert_eq!(mask(&session), shown, "the newest wish was answered");
     assert!(session.hovered().is_none(), "a click ends the preview");
     session.hover(Some(request(click(STONE, &[(200.0, 20.5)]))));
     let events = session.settle(|_| std::ops::ControlFlow::Continue(()));
-    assert!(session.hovered().is_none() && events.is_empty(), "what cannot be shown is not told: {events:?}");
+    assert!(
+        session.hovered().is_none() && events.is_empty(),
+        "what cannot be shown is not told: {events:?}"
+    );
 }
 
 #[test]
@@ -151,10 +233,17 @@ fn parts_keep_their_pixels_and_others_prompted_keep_theirs() {
     perform(&mut session, click(PLANT, &[(5.5, 5.5), (30.5, 46.5)])).unwrap();
     let after = mask(&session);
     assert_eq!(after.at(5, 5), PLANT);
-    let lost = (0..leaf.inside.len()).filter(|&k| leaf.inside[k] && after.ids[k] != LEAF).count();
-    assert!(lost <= 1, "the part keeps all but the pixel that was clicked: {lost}");
+    let lost = (0..leaf.inside.len())
+        .filter(|&k| leaf.inside[k] && after.ids[k] != LEAF)
+        .count();
+    assert!(
+        lost <= 1,
+        "the part keeps all but the pixel that was clicked: {lost}"
+    );
     perform(&mut session, click(STONE, &[(50.5, 40.5)])).unwrap();
-    let taken = (0..leaf.inside.len()).filter(|&k| after.ids[k] == LEAF && mask(&session).ids[k] == STONE).count();
+    let taken = (0..leaf.inside.len())
+        .filter(|&k| after.ids[k] == LEAF && mask(&session).ids[k] == STONE)
+        .count();
     assert_eq!(taken, 0);
 }
 
@@ -164,15 +253,23 @@ fn brush_and_eraser_make_anchors() {
     let mut session = opened(folder.path());
     perform(&mut session, square(STONE, 0.0, 10.0, false, false)).unwrap();
     perform(&mut session, square(LEAF, 5.0, 15.0, false, false)).unwrap();
-    assert_eq!((mask(&session).at(7, 7), mask(&session).at(12, 12)), (STONE, LEAF));
+    assert_eq!(
+        (mask(&session).at(7, 7), mask(&session).at(12, 12)),
+        (STONE, LEAF)
+    );
     perform(&mut session, square(LEAF, 5.0, 15.0, false, true)).unwrap();
     assert_eq!(mask(&session).at(7, 7), LEAF);
     perform(&mut session, square(LEAF, 0.0, 64.0, true, false)).unwrap();
-    assert_eq!((mask(&session).at(7, 7), mask(&session).at(2, 2)), (LabelId::NONE, STONE));
+    assert_eq!(
+        (mask(&session).at(7, 7), mask(&session).at(2, 2)),
+        (LabelId::NONE, STONE)
+    );
     assert_eq!(session.undo_title(), Some("Erase leaf on frame 0"));
     perform(&mut session, Command::RemoveLabel(STONE)).unwrap();
     assert!(mask(&session).ids.iter().all(|&id| id == LabelId::NONE));
-    let error = perform(&mut session, Command::RemoveLabel(PLANT)).unwrap_err().to_string();
+    let error = perform(&mut session, Command::RemoveLabel(PLANT))
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("still has the child 'leaf'"), "{error}");
     perform(&mut session, Command::ClearMask { frame: 0 }).unwrap();
     assert!(session.project().unwrap().masks.is_empty());
@@ -184,25 +281,59 @@ fn a_pulled_border_is_one_step_that_can_be_undone_and_leaves_locked_labels() {
     let mut session = opened(folder.path());
     let pull = |label, to: f64| {
         let (from_px, to_px) = (DVec2::new(12.0, 7.0), DVec2::new(to, 7.0));
-        Command::Pull(PullRequest { frame: 0, label, from_px, to_px, replace: true })
+        Command::Pull(PullRequest {
+            frame: 0,
+            label,
+            from_px,
+            to_px,
+            replace: true,
+        })
     };
     let error = perform(&mut session, pull(LEAF, 16.0)).unwrap_err();
-    assert!(format!("{error:#}").contains("border of 'leaf' on frame 0"), "{error:#}");
+    assert!(
+        format!("{error:#}").contains("border of 'leaf' on frame 0"),
+        "{error:#}"
+    );
     perform(&mut session, square(LEAF, 3.0, 12.0, false, false)).unwrap();
     let before = mask(&session);
     perform(&mut session, pull(LEAF, 16.0)).unwrap();
     let pulled = mask(&session);
-    assert_eq!((before.at(13, 7), pulled.at(13, 7), pulled.at(13, 1)), (LabelId::NONE, LEAF, LabelId::NONE));
+    assert_eq!(
+        (before.at(13, 7), pulled.at(13, 7), pulled.at(13, 1)),
+        (LabelId::NONE, LEAF, LabelId::NONE)
+    );
     assert_eq!(session.undo_title(), Some("Pull border of leaf on frame 0"));
     perform(&mut session, Command::Undo).unwrap();
     assert_eq!(mask(&session), before);
     perform(&mut session, square(STONE, 30.0, 40.0, false, false)).unwrap();
     let (from_px, to_px) = (DVec2::new(12.0, 7.0), DVec2::new(12.0, 7.0));
-    perform(&mut session, Command::Pull(PullRequest { frame: 0, label: LEAF, from_px, to_px, replace: true })).unwrap();
-    assert_eq!(session.undo_title(), Some("Paint stone on frame 0"), "what changes nothing is no step");
-    let lock = RangeRequest { labels: vec![LEAF], from: 0, to: 0, change: RangeChange::Lock, replace: false };
+    perform(
+        &mut session,
+        Command::Pull(PullRequest {
+            frame: 0,
+            label: LEAF,
+            from_px,
+            to_px,
+            replace: true,
+        }),
+    )
+    .unwrap();
+    assert_eq!(
+        session.undo_title(),
+        Some("Paint stone on frame 0"),
+        "what changes nothing is no step"
+    );
+    let lock = RangeRequest {
+        labels: vec![LEAF],
+        from: 0,
+        to: 0,
+        change: RangeChange::Lock,
+        replace: false,
+    };
     perform(&mut session, Command::Range(lock)).unwrap();
-    let error = perform(&mut session, pull(LEAF, 16.0)).unwrap_err().to_string();
+    let error = perform(&mut session, pull(LEAF, 16.0))
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("locked"), "{error}");
 }
 
@@ -212,21 +343,41 @@ fn a_snapping_brush_stops_at_the_edge_and_is_one_step() {
     let mut session = opened(folder.path());
     let stroke = |snap| {
         let points_px = vec![DVec2::new(33.0, 10.0), DVec2::new(33.0, 38.0)];
-        let request =
-            PaintRequest { frame: 0, label: LEAF, points_px, radius_px: 12.0, erase: false, replace: true, snap };
+        let request = PaintRequest {
+            frame: 0,
+            label: LEAF,
+            points_px,
+            radius_px: 12.0,
+            erase: false,
+            replace: true,
+            snap,
+        };
         Command::Paint(request)
     };
     perform(&mut session, stroke(false)).unwrap();
-    assert_eq!((mask(&session).at(37, 24), mask(&session).at(43, 24)), (LEAF, LEAF), "the plain brush spills");
+    assert_eq!(
+        (mask(&session).at(37, 24), mask(&session).at(43, 24)),
+        (LEAF, LEAF),
+        "the plain brush spills"
+    );
     perform(&mut session, Command::Undo).unwrap();
     perform(&mut session, stroke(true)).unwrap();
-    assert_eq!((mask(&session).at(37, 24), mask(&session).at(43, 24)), (LEAF, LabelId::NONE));
+    assert_eq!(
+        (mask(&session).at(37, 24), mask(&session).at(43, 24)),
+        (LEAF, LabelId::NONE)
+    );
     assert_eq!(session.undo_title(), Some("Paint leaf on frame 0"));
-    assert_eq!(session.project().unwrap().masks[&0].origin, MaskOrigin::Anchor);
+    assert_eq!(
+        session.project().unwrap().masks[&0].origin,
+        MaskOrigin::Anchor
+    );
     let plain = serde_json::json!({
         "frame": 0, "label": 2, "points_px": [[1.0, 2.0]], "radius_px": 3.0, "erase": false, "replace": true
     });
-    assert!(!serde_json::from_value::<PaintRequest>(plain).unwrap().snap, "recipes from before still run");
+    assert!(
+        !serde_json::from_value::<PaintRequest>(plain).unwrap().snap,
+        "recipes from before still run"
+    );
 }
 
 #[test]
@@ -237,14 +388,34 @@ fn masks_written_are_read_back_as_anchors() {
     let painted = session.project().unwrap().masks.clone();
     for format in ["davis", "binary", "coco"] {
         let dir = folder.path().join(format);
-        perform(&mut session, Command::ExportMasks { dir: dir.clone(), format: format.into(), overwrite: false })
-            .unwrap();
+        perform(
+            &mut session,
+            Command::ExportMasks {
+                dir: dir.clone(),
+                format: format.into(),
+                overwrite: false,
+            },
+        )
+        .unwrap();
         perform(&mut session, Command::ClearMask { frame: 0 }).unwrap();
-        perform(&mut session, Command::ImportMasks { dir, format: format.into() }).unwrap();
+        perform(
+            &mut session,
+            Command::ImportMasks {
+                dir,
+                format: format.into(),
+            },
+        )
+        .unwrap();
         let masks = &session.project().unwrap().masks;
         assert_eq!(masks[&0], painted[&0], "{format}");
     }
-    let error = perform(&mut session, Command::ImportMasks { dir: folder.path().into(), format: "bmp".into() });
+    let error = perform(
+        &mut session,
+        Command::ImportMasks {
+            dir: folder.path().into(),
+            format: "bmp".into(),
+        },
+    );
     assert!(error.is_err());
 }
 
@@ -253,12 +424,26 @@ fn names_that_are_no_engine_and_engines_that_are_not_there() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
     let mut prompted = |segmenter: &str| {
-        let Command::Prompt(request) = click(LEAF, &[(30.5, 20.5)]) else { unreachable!() };
-        let request = PromptRequest { segmenter: segmenter.into(), ..request };
-        perform(&mut session, Command::Prompt(request)).unwrap_err().to_string()
+        let Command::Prompt(request) = click(LEAF, &[(30.5, 20.5)]) else {
+            unreachable!()
+        };
+        let request = PromptRequest {
+            segmenter: segmenter.into(),
+            ..request
+        };
+        perform(&mut session, Command::Prompt(request))
+            .unwrap_err()
+            .to_string()
     };
-    assert_eq!(prompted("sum"), "there is no segmenter 'sum'; choose one of auto, sam, sam-close, geometry, builtin");
-    assert!(prompted("sam").starts_with("'sam' is not installed: it needs"), "{}", prompted("sam"));
+    assert_eq!(
+        prompted("sum"),
+        "there is no segmenter 'sum'; choose one of auto, sam, sam-close, geometry, builtin"
+    );
+    assert!(
+        prompted("sam").starts_with("'sam' is not installed: it needs"),
+        "{}",
+        prompted("sam")
+    );
 }
 
 #[test]
@@ -266,19 +451,69 @@ fn added_frames_get_names_that_are_free_and_moved_ones_are_found() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
     let more = pictures(&folder.path().join("more"));
-    let sources = vec![FrameFolder { frames: more.clone(), depth: None }];
-    let open = OpenRequest { sources, ..OpenRequest::default() };
-    let new = NewProject { root: Path::new("ignored").into(), open, cameras: None, intrinsics: None };
+    let sources = vec![FrameFolder {
+        frames: more.clone(),
+        depth: None,
+    }];
+    let open = OpenRequest {
+        sources,
+        ..OpenRequest::default()
+    };
+    let new = NewProject {
+        root: Path::new("ignored").into(),
+        open,
+        cameras: None,
+        intrinsics: None,
+    };
     perform(&mut session, Command::AddFrames(new)).unwrap();
-    let names: Vec<_> = session.project().unwrap().frames.iter().map(|frame| frame.name.clone()).collect();
-    assert_eq!(names, ["0.png", "1.png", "2.png", "pictures/0.png", "pictures/1.png", "pictures/2.png"]);
+    let names: Vec<_> = session
+        .project()
+        .unwrap()
+        .frames
+        .iter()
+        .map(|frame| frame.name.clone())
+        .collect();
+    assert_eq!(
+        names,
+        [
+            "0.png",
+            "1.png",
+            "2.png",
+            "pictures/0.png",
+            "pictures/1.png",
+            "pictures/2.png"
+        ]
+    );
     let moved = folder.path().join("moved");
     std::fs::rename(&more, &moved).unwrap();
-    let to_nothing = Command::Relocate { from: more.clone(), to: folder.path().join("nowhere") };
-    assert!(perform(&mut session, to_nothing).unwrap_err().to_string().contains("0.png: is missing"));
-    perform(&mut session, Command::Relocate { from: more.clone(), to: moved }).unwrap();
+    let to_nothing = Command::Relocate {
+        from: more.clone(),
+        to: folder.path().join("nowhere"),
+    };
+    assert!(
+        perform(&mut session, to_nothing)
+            .unwrap_err()
+            .to_string()
+            .contains("0.png: is missing")
+    );
+    perform(
+        &mut session,
+        Command::Relocate {
+            from: more.clone(),
+            to: moved,
+        },
+    )
+    .unwrap();
     let project = session.project().unwrap().clone();
     assert!(session.store().image(&project.frames[4]).is_ok());
-    let again = Command::Relocate { from: more, to: folder.path().into() };
-    assert!(perform(&mut session, again).unwrap_err().to_string().contains("no frame comes from"));
+    let again = Command::Relocate {
+        from: more,
+        to: folder.path().into(),
+    };
+    assert!(
+        perform(&mut session, again)
+            .unwrap_err()
+            .to_string()
+            .contains("no frame comes from")
+    );
 }

@@ -16,15 +16,31 @@ const STEM: LabelId = LabelId(2);
 fn opened(folder: &tempfile::TempDir, masks: &[FrameMask]) -> Session {
     let mut start = project();
     for (frame, mask) in masks.iter().enumerate() {
-        start.apply(Edit::SetMask { frame, mask: Some(mask.clone()) }).unwrap();
+        start
+            .apply(Edit::SetMask {
+                frame,
+                mask: Some(mask.clone()),
+            })
+            .unwrap();
     }
     let mut session = Session::new();
     session.open = Some(OpenProject::create(&folder.path().join("p"), start).unwrap());
     session
 }
 
-fn change(session: &mut Session, labels: &[LabelId], range: (usize, usize), change: RangeChange) -> anyhow::Result<()> {
-    let request = RangeRequest { labels: labels.to_vec(), from: range.0, to: range.1, change, replace: false };
+fn change(
+    session: &mut Session,
+    labels: &[LabelId],
+    range: (usize, usize),
+    change: RangeChange,
+) -> anyhow::Result<()> {
+    let request = RangeRequest {
+        labels: labels.to_vec(),
+        from: range.0,
+        to: range.1,
+        change,
+        replace: false,
+    };
     perform(session, Command::Range(request)).map(drop)
 }
 
@@ -39,35 +55,77 @@ fn rows(session: &Session, frame: usize) -> [u16; 3] {
 }
 
 fn click(x: f64, y: f64) -> Click {
-    Click { at_px: DVec2::new(x, y), include: true }
+    Click {
+        at_px: DVec2::new(x, y),
+        include: true,
+    }
 }
 
 fn prompt(clicks: Vec<Click>) -> Prompt {
-    Prompt { clicks, ..Prompt::default() }
+    Prompt {
+        clicks,
+        ..Prompt::default()
+    }
 }
 
 fn both(ids: [u16; 3]) -> FrameMask {
-    FrameMask { confidence: BTreeMap::from([(LEAF, 0.7), (STEM, 0.4)]), ..tracked(ids) }
+    FrameMask {
+        confidence: BTreeMap::from([(LEAF, 0.7), (STEM, 0.4)]),
+        ..tracked(ids)
+    }
 }
 
 #[test]
 fn what_is_deleted_stays_gone_until_it_is_let_in_or_given_again() {
     let folder = tempfile::tempdir().unwrap();
-    let mut session = opened(&folder, &[anchor([1, 2, 0]), both([1, 2, 0]), both([1, 2, 0]), anchor([1, 2, 0])]);
+    let mut session = opened(
+        &folder,
+        &[
+            anchor([1, 2, 0]),
+            both([1, 2, 0]),
+            both([1, 2, 0]),
+            anchor([1, 2, 0]),
+        ],
+    );
     session
-        .commit("", vec![Edit::SetPrompt { frame: 3, label: LEAF, prompt: Some(prompt(vec![click(1.0, 0.5)])) }])
+        .commit(
+            "",
+            vec![Edit::SetPrompt {
+                frame: 3,
+                label: LEAF,
+                prompt: Some(prompt(vec![click(1.0, 0.5)])),
+            }],
+        )
         .unwrap();
     let start = Project::clone(now(&session));
     change(&mut session, &[LEAF], (1, 3), RangeChange::Delete).unwrap();
-    assert_eq!([0, 1, 2, 3].map(|frame| rows(&session, frame)), [[1, 2, 0], [0, 2, 0], [0, 2, 0], [0, 2, 0]]);
-    assert_eq!(now(&session).masks[&1].confidence, BTreeMap::from([(STEM, 0.4)]));
+    assert_eq!(
+        [0, 1, 2, 3].map(|frame| rows(&session, frame)),
+        [[1, 2, 0], [0, 2, 0], [0, 2, 0], [0, 2, 0]]
+    );
+    assert_eq!(
+        now(&session).masks[&1].confidence,
+        BTreeMap::from([(STEM, 0.4)])
+    );
     assert!(now(&session).prompts.is_empty());
     assert_eq!(now(&session).masks[&3].origin, MaskOrigin::Anchor);
     let brought = now(&session).within_marks(2, tracked([2, 1, 1]));
-    assert_eq!((brought.runs, brought.confidence.len()), (tracked([2, 0, 0]).runs, 0), "no tracker brings it back");
-    let given = super::super::commands::by_hand(now(&session), 2, &tracked([1, 2, 0]).runs.decode());
+    assert_eq!(
+        (brought.runs, brought.confidence.len()),
+        (tracked([2, 0, 0]).runs, 0),
+        "no tracker brings it back"
+    );
+    let given =
+        super::super::commands::by_hand(now(&session), 2, &tracked([1, 2, 0]).runs.decode());
     session.commit("Paint", given).unwrap();
-    assert_eq!(now(&session).marks_of(LEAF).absent.ranges().collect::<Vec<_>>(), [1..=1, 3..=3]);
+    assert_eq!(
+        now(&session)
+            .marks_of(LEAF)
+            .absent
+            .ranges()
+            .collect::<Vec<_>>(),
+        [1..=1, 3..=3]
+    );
     change(&mut session, &[], (0, 4), RangeChange::Restore).unwrap();
     assert!(now(&session).marks.is_empty());
     for _ in 0..3 {
@@ -79,18 +137,42 @@ fn what_is_deleted_stays_gone_until_it_is_let_in_or_given_again() {
 #[test]
 fn a_locked_label_is_changed_by_nobody() {
     let folder = tempfile::tempdir().unwrap();
-    let mut session = opened(&folder, &[anchor([1, 2, 0]), both([1, 2, 0]), both([1, 2, 0])]);
+    let mut session = opened(
+        &folder,
+        &[anchor([1, 2, 0]), both([1, 2, 0]), both([1, 2, 0])],
+    );
     change(&mut session, &[LEAF], (1, 2), RangeChange::Lock).unwrap();
-    let held =
-        now(&session).within_marks(1, FrameMask { confidence: BTreeMap::from([(LEAF, 0.1)]), ..tracked([2, 1, 1]) });
+    let held = now(&session).within_marks(
+        1,
+        FrameMask {
+            confidence: BTreeMap::from([(LEAF, 0.1)]),
+            ..tracked([2, 1, 1])
+        },
+    );
     assert_eq!(held.runs, tracked([1, 0, 0]).runs);
     assert_eq!(held.confidence, BTreeMap::from([(LEAF, 0.7)]));
-    for (labels, what) in [(vec![LEAF], RangeChange::Delete), (vec![LEAF], RangeChange::Merge { into: STEM })] {
-        assert!(change(&mut session, &labels, (1, 2), what).is_err(), "{what:?}");
+    for (labels, what) in [
+        (vec![LEAF], RangeChange::Delete),
+        (vec![LEAF], RangeChange::Merge { into: STEM }),
+    ] {
+        assert!(
+            change(&mut session, &labels, (1, 2), what).is_err(),
+            "{what:?}"
+        );
     }
     change(&mut session, &[], (0, 2), RangeChange::Delete).unwrap();
-    assert_eq!([0, 1, 2].map(|frame| rows(&session, frame)), [[0, 0, 0], [1, 0, 0], [1, 0, 0]]);
-    assert_eq!(now(&session).marks_of(LEAF).absent.ranges().collect::<Vec<_>>(), [0..=0]);
+    assert_eq!(
+        [0, 1, 2].map(|frame| rows(&session, frame)),
+        [[0, 0, 0], [1, 0, 0], [1, 0, 0]]
+    );
+    assert_eq!(
+        now(&session)
+            .marks_of(LEAF)
+            .absent
+            .ranges()
+            .collect::<Vec<_>>(),
+        [0..=0]
+    );
     let paint = |label, erase| crate::PaintRequest {
         frame: 1,
         label,
@@ -100,8 +182,13 @@ fn a_locked_label_is_changed_by_nobody() {
         replace: true,
         snap: false,
     };
-    let error = perform(&mut session, Command::Paint(paint(LEAF, true))).unwrap_err().to_string();
-    assert_eq!(error, "label 'leaf' is locked on frame 1; unlock it there first");
+    let error = perform(&mut session, Command::Paint(paint(LEAF, true)))
+        .unwrap_err()
+        .to_string();
+    assert_eq!(
+        error,
+        "label 'leaf' is locked on frame 1; unlock it there first"
+    );
     perform(&mut session, Command::Paint(paint(STEM, false))).unwrap();
     assert_eq!(rows(&session, 1), [1, 2, 2], "painting over it leaves it");
     assert!(session.clear_mask(1).is_err());
@@ -116,60 +203,164 @@ fn what_is_hidden_is_kept_and_out_of_play() {
     change(&mut session, &[STEM], (1, 4), RangeChange::Hide).unwrap();
     assert_eq!(rows(&session, 1), [1, 2, 0]);
     let shown = |session: &Session, frame| now(session).mask_in_play(frame).unwrap();
-    assert_eq!((shown(&session, 0), shown(&session, 1)), (anchor([1, 2, 0]).runs, anchor([1, 0, 0]).runs));
+    assert_eq!(
+        (shown(&session, 0), shown(&session, 1)),
+        (anchor([1, 2, 0]).runs, anchor([1, 0, 0]).runs)
+    );
     change(&mut session, &[STEM], (0, 1), RangeChange::Show).unwrap();
     assert_eq!(shown(&session, 1), anchor([1, 2, 0]).runs);
-    assert_eq!(now(&session).marks_of(STEM).hidden.ranges().collect::<Vec<_>>(), [2..=4]);
+    assert_eq!(
+        now(&session)
+            .marks_of(STEM)
+            .hidden
+            .ranges()
+            .collect::<Vec<_>>(),
+        [2..=4]
+    );
     assert!(
-        change(&mut session, &[STEM], (0, 1), RangeChange::Show).unwrap_err().to_string().contains("nothing to change")
+        change(&mut session, &[STEM], (0, 1), RangeChange::Show)
+            .unwrap_err()
+            .to_string()
+            .contains("nothing to change")
     );
 }
 
 #[test]
 fn a_merged_label_gives_its_pixels_clicks_and_doubt() {
     let folder = tempfile::tempdir().unwrap();
-    let mut session = opened(&folder, &[anchor([1, 2, 0]), both([1, 2, 0]), both([1, 2, 0])]);
-    let given = |label, x| Edit::SetPrompt { frame: 0, label, prompt: Some(prompt(vec![click(x, 0.5)])) };
-    session.commit("", vec![given(LEAF, 1.0), given(STEM, 2.0)]).unwrap();
-    change(&mut session, &[STEM], (0, 1), RangeChange::Merge { into: LEAF }).unwrap();
-    assert_eq!([0, 1, 2].map(|frame| rows(&session, frame)), [[1, 1, 0], [1, 1, 0], [1, 2, 0]]);
-    assert_eq!(now(&session).masks[&1].confidence, BTreeMap::from([(LEAF, 0.4)]), "the lesser one");
-    assert_eq!(now(&session).prompts, BTreeMap::from([((0, LEAF), prompt(vec![click(1.0, 0.5), click(2.0, 0.5)]))]));
-    assert!(change(&mut session, &[LEAF], (0, 1), RangeChange::Merge { into: LEAF }).is_err());
+    let mut session = opened(
+        &folder,
+        &[anchor([1, 2, 0]), both([1, 2, 0]), both([1, 2, 0])],
+    );
+    let given = |label, x| Edit::SetPrompt {
+        frame: 0,
+        label,
+        prompt: Some(prompt(vec![click(x, 0.5)])),
+    };
+    session
+        .commit("", vec![given(LEAF, 1.0), given(STEM, 2.0)])
+        .unwrap();
+    change(
+        &mut session,
+        &[STEM],
+        (0, 1),
+        RangeChange::Merge { into: LEAF },
+    )
+    .unwrap();
+    assert_eq!(
+        [0, 1, 2].map(|frame| rows(&session, frame)),
+        [[1, 1, 0], [1, 1, 0], [1, 2, 0]]
+    );
+    assert_eq!(
+        now(&session).masks[&1].confidence,
+        BTreeMap::from([(LEAF, 0.4)]),
+        "the lesser one"
+    );
+    assert_eq!(
+        now(&session).prompts,
+        BTreeMap::from([((0, LEAF), prompt(vec![click(1.0, 0.5), click(2.0, 0.5)]))])
+    );
+    assert!(
+        change(
+            &mut session,
+            &[LEAF],
+            (0, 1),
+            RangeChange::Merge { into: LEAF }
+        )
+        .is_err()
+    );
 }
 
 #[test]
 fn a_piece_is_split_off_and_followed() {
     let folder = tempfile::tempdir().unwrap();
-    let masks = [both([1, 0, 1]), anchor([1, 0, 1]), both([1, 0, 0]), both([1, 0, 1])];
+    let masks = [
+        both([1, 0, 1]),
+        anchor([1, 0, 1]),
+        both([1, 0, 0]),
+        both([1, 0, 1]),
+    ];
     let mut session = opened(&folder, &masks);
-    let given = Edit::SetPrompt { frame: 1, label: LEAF, prompt: Some(prompt(vec![click(1.0, 0.5), click(1.0, 2.5)])) };
+    let given = Edit::SetPrompt {
+        frame: 1,
+        label: LEAF,
+        prompt: Some(prompt(vec![click(1.0, 0.5), click(1.0, 2.5)])),
+    };
     session.commit("", vec![given]).unwrap();
-    let cut = |y| RangeChange::Split { frame: 1, at_px: DVec2::new(2.0, y), into: STEM };
-    assert!(change(&mut session, &[LEAF], (0, 3), cut(1.5)).unwrap_err().to_string().contains("is not label 'leaf'"));
+    let cut = |y| RangeChange::Split {
+        frame: 1,
+        at_px: DVec2::new(2.0, y),
+        into: STEM,
+    };
+    assert!(
+        change(&mut session, &[LEAF], (0, 3), cut(1.5))
+            .unwrap_err()
+            .to_string()
+            .contains("is not label 'leaf'")
+    );
     change(&mut session, &[LEAF], (0, 3), cut(2.5)).unwrap();
-    assert_eq!([0, 1, 2, 3].map(|frame| rows(&session, frame)), [[1, 0, 2], [1, 0, 2], [1, 0, 0], [1, 0, 2]]);
-    assert_eq!(now(&session).prompts[&(1, LEAF)], prompt(vec![click(1.0, 0.5)]));
-    assert_eq!(now(&session).prompts[&(1, STEM)], prompt(vec![click(1.0, 2.5)]));
+    assert_eq!(
+        [0, 1, 2, 3].map(|frame| rows(&session, frame)),
+        [[1, 0, 2], [1, 0, 2], [1, 0, 0], [1, 0, 2]]
+    );
+    assert_eq!(
+        now(&session).prompts[&(1, LEAF)],
+        prompt(vec![click(1.0, 0.5)])
+    );
+    assert_eq!(
+        now(&session).prompts[&(1, STEM)],
+        prompt(vec![click(1.0, 2.5)])
+    );
     session.undo().unwrap();
     assert_eq!(now(&session).masks[&0], masks[0]);
-    let error =
-        change(&mut session, &[LEAF], (2, 2), RangeChange::Split { frame: 2, at_px: DVec2::ONE / 2.0, into: STEM });
+    let error = change(
+        &mut session,
+        &[LEAF],
+        (2, 2),
+        RangeChange::Split {
+            frame: 2,
+            at_px: DVec2::ONE / 2.0,
+            into: STEM,
+        },
+    );
     assert!(error.unwrap_err().to_string().contains("one piece"));
 }
 
 #[test]
 fn frames_in_between_get_shapes_in_between() {
     let folder = tempfile::tempdir().unwrap();
-    let mut session =
-        opened(&folder, &[anchor([1, 0, 0]), both([2, 2, 2]), anchor([1, 0, 2]), both([0, 0, 2]), anchor([0, 0, 1])]);
+    let mut session = opened(
+        &folder,
+        &[
+            anchor([1, 0, 0]),
+            both([2, 2, 2]),
+            anchor([1, 0, 2]),
+            both([0, 0, 2]),
+            anchor([0, 0, 1]),
+        ],
+    );
     change(&mut session, &[LEAF], (0, 4), RangeChange::Interpolate).unwrap();
     assert_eq!(rows(&session, 1), [2, 2, 2], "pixels of other labels stay");
-    assert_eq!(now(&session).masks[&2], anchor([1, 0, 2]), "an anchor that shows it stays");
-    let request = RangeRequest { labels: vec![LEAF], from: 0, to: 4, change: RangeChange::Interpolate, replace: true };
+    assert_eq!(
+        now(&session).masks[&2],
+        anchor([1, 0, 2]),
+        "an anchor that shows it stays"
+    );
+    let request = RangeRequest {
+        labels: vec![LEAF],
+        from: 0,
+        to: 4,
+        change: RangeChange::Interpolate,
+        replace: true,
+    };
     perform(&mut session, Command::Range(request)).unwrap();
-    assert_eq!((rows(&session, 1)[0], now(&session).masks[&1].origin), (1, MaskOrigin::Tracked));
-    let error = change(&mut session, &[STEM], (0, 2), RangeChange::Interpolate).unwrap_err().to_string();
+    assert_eq!(
+        (rows(&session, 1)[0], now(&session).masks[&1].origin),
+        (1, MaskOrigin::Tracked)
+    );
+    let error = change(&mut session, &[STEM], (0, 2), RangeChange::Interpolate)
+        .unwrap_err()
+        .to_string();
     assert_eq!(error, "label 'stem' is not on frame 0; give it there first");
 }
 
@@ -177,54 +368,143 @@ fn frames_in_between_get_shapes_in_between() {
 fn a_copy_is_an_anchor() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(&folder, &[anchor([1, 1, 0]), both([2, 0, 1])]);
-    change(&mut session, &[LEAF], (1, 2), RangeChange::Copy { frame: 0 }).unwrap();
-    assert_eq!((rows(&session, 1), rows(&session, 2)), ([2, 1, 0], [1, 1, 0]));
-    assert!([1, 2].iter().all(|frame| now(&session).masks[frame].origin == MaskOrigin::Anchor));
-    let error = change(&mut session, &[STEM], (3, 3), RangeChange::Copy { frame: 0 }).unwrap_err().to_string();
+    change(
+        &mut session,
+        &[LEAF],
+        (1, 2),
+        RangeChange::Copy { frame: 0 },
+    )
+    .unwrap();
+    assert_eq!(
+        (rows(&session, 1), rows(&session, 2)),
+        ([2, 1, 0], [1, 1, 0])
+    );
+    assert!(
+        [1, 2]
+            .iter()
+            .all(|frame| now(&session).masks[frame].origin == MaskOrigin::Anchor)
+    );
+    let error = change(
+        &mut session,
+        &[STEM],
+        (3, 3),
+        RangeChange::Copy { frame: 0 },
+    )
+    .unwrap_err()
+    .to_string();
     assert_eq!(error, "frame 0 does not show what is to be copied");
 }
 
 #[test]
 fn a_label_that_may_not_be_there_cuts_no_hole_into_others() {
     let folder = tempfile::tempdir().unwrap();
-    let mut session = opened(&folder, &[anchor([1, 2, 0]), both([0, 2, 2]), anchor([0, 1, 1])]);
+    let mut session = opened(
+        &folder,
+        &[anchor([1, 2, 0]), both([0, 2, 2]), anchor([0, 1, 1])],
+    );
     change(&mut session, &[LEAF], (1, 1), RangeChange::Delete).unwrap();
-    let replace = |change| RangeRequest { labels: vec![LEAF], from: 0, to: 2, change, replace: true };
-    assert!(perform(&mut session, Command::Range(replace(RangeChange::Interpolate))).is_err(), "nothing may change");
+    let replace = |change| RangeRequest {
+        labels: vec![LEAF],
+        from: 0,
+        to: 2,
+        change,
+        replace: true,
+    };
+    assert!(
+        perform(
+            &mut session,
+            Command::Range(replace(RangeChange::Interpolate))
+        )
+        .is_err(),
+        "nothing may change"
+    );
     assert_eq!(rows(&session, 1), [0, 2, 2]);
-    let settings = TrackSettings { labels: vec![LEAF], replace: true, ..TrackSettings::default() };
+    let settings = TrackSettings {
+        labels: vec![LEAF],
+        replace: true,
+        ..TrackSettings::default()
+    };
     let choice = super::super::commands::LabelChoice::new(&settings);
-    let Some(Edit::SetMask { mask: Some(mask), .. }) = choice.edit(now(&session), 1, tracked([1, 1, 1])) else {
+    let Some(Edit::SetMask {
+        mask: Some(mask), ..
+    }) = choice.edit(now(&session), 1, tracked([1, 1, 1]))
+    else {
         panic!()
     };
     assert_eq!(mask.runs, tracked([0, 2, 2]).runs);
     change(&mut session, &[LEAF], (1, 1), RangeChange::Restore).unwrap();
     change(&mut session, &[LEAF], (1, 1), RangeChange::Lock).unwrap();
-    assert!(perform(&mut session, Command::Range(replace(RangeChange::Copy { frame: 2 }))).is_ok());
-    assert_eq!([0, 1].map(|frame| rows(&session, frame)), [[0, 1, 1], [0, 2, 2]]);
+    assert!(
+        perform(
+            &mut session,
+            Command::Range(replace(RangeChange::Copy { frame: 2 }))
+        )
+        .is_ok()
+    );
+    assert_eq!(
+        [0, 1].map(|frame| rows(&session, frame)),
+        [[0, 1, 1], [0, 2, 2]]
+    );
 }
 
 #[test]
 fn what_is_merged_or_split_into_a_deleted_label_is_there_again() {
     let folder = tempfile::tempdir().unwrap();
-    let mut session = opened(&folder, &[both([1, 0, 1]), both([1, 0, 1]), both([1, 2, 0])]);
+    let mut session = opened(
+        &folder,
+        &[both([1, 0, 1]), both([1, 0, 1]), both([1, 2, 0])],
+    );
     change(&mut session, &[STEM], (0, 2), RangeChange::Delete).unwrap();
-    change(&mut session, &[LEAF], (0, 0), RangeChange::Merge { into: STEM }).unwrap();
-    let split = RangeChange::Split { frame: 1, at_px: DVec2::new(1.0, 2.5), into: STEM };
+    change(
+        &mut session,
+        &[LEAF],
+        (0, 0),
+        RangeChange::Merge { into: STEM },
+    )
+    .unwrap();
+    let split = RangeChange::Split {
+        frame: 1,
+        at_px: DVec2::new(1.0, 2.5),
+        into: STEM,
+    };
     change(&mut session, &[LEAF], (1, 1), split).unwrap();
-    assert_eq!(now(&session).marks_of(STEM).absent.ranges().collect::<Vec<_>>(), [2..=2]);
-    assert_eq!([0, 1].map(|frame| rows(&session, frame)), [[2, 0, 2], [1, 0, 2]]);
+    assert_eq!(
+        now(&session)
+            .marks_of(STEM)
+            .absent
+            .ranges()
+            .collect::<Vec<_>>(),
+        [2..=2]
+    );
+    assert_eq!(
+        [0, 1].map(|frame| rows(&session, frame)),
+        [[2, 0, 2], [1, 0, 2]]
+    );
 }
 
 #[test]
 fn a_job_that_marks_overtook_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
-    let mut session = opened(&folder, &[anchor([1, 0, 0]), both([0, 0, 0]), anchor([0, 0, 1])]);
-    let request = |change| RangeRequest { labels: vec![LEAF], from: 0, to: 2, change, replace: false };
-    session.act(Command::Range(request(RangeChange::Interpolate))).unwrap();
-    session.act(Command::Range(request(RangeChange::Lock))).unwrap();
+    let mut session = opened(
+        &folder,
+        &[anchor([1, 0, 0]), both([0, 0, 0]), anchor([0, 0, 1])],
+    );
+    let request = |change| RangeRequest {
+        labels: vec![LEAF],
+        from: 0,
+        to: 2,
+        change,
+        replace: false,
+    };
+    session
+        .act(Command::Range(request(RangeChange::Interpolate)))
+        .unwrap();
+    session
+        .act(Command::Range(request(RangeChange::Lock)))
+        .unwrap();
     let events = session.settle(|_| std::ops::ControlFlow::Continue(()));
-    let overtaken = |event: &Event| matches!(event, Event::Failed { error, .. } if error.contains("meanwhile"));
+    let overtaken =
+        |event: &Event| matches!(event, Event::Failed { error, .. } if error.contains("meanwhile"));
     assert!(events.iter().any(overtaken), "{events:?}");
     assert_eq!(rows(&session, 1), [0, 0, 0]);
 }

@@ -13,23 +13,52 @@ fn opened(folder: &tempfile::TempDir, project: Project) -> OpenProject {
 /// An anchor on frame 0 carried to 1, 2 and 4, another anchor on 3; tracking and cloud are recorded.
 fn tracked_project(engine: &str) -> Project {
     let mut project = project();
-    let masks = [anchor([1, 0, 0]), tracked([1, 1, 0]), tracked([0, 1, 0]), anchor([0, 1, 0]), tracked([0, 0, 1])];
+    let masks = [
+        anchor([1, 0, 0]),
+        tracked([1, 1, 0]),
+        tracked([0, 1, 0]),
+        anchor([0, 1, 0]),
+        tracked([0, 0, 1]),
+    ];
     for (frame, mask) in masks.into_iter().enumerate() {
-        project.apply(Edit::SetMask { frame, mask: Some(mask) }).unwrap();
+        project
+            .apply(Edit::SetMask {
+                frame,
+                mask: Some(mask),
+            })
+            .unwrap();
     }
-    for (kind, engine) in [(ResultKind::Tracking, engine), (ResultKind::Cloud, "fuse"), (ResultKind::Cameras, "given")]
-    {
-        project.apply(Edit::SetResult { kind, record: Some(record(engine)) }).unwrap();
+    for (kind, engine) in [
+        (ResultKind::Tracking, engine),
+        (ResultKind::Cloud, "fuse"),
+        (ResultKind::Cameras, "given"),
+    ] {
+        project
+            .apply(Edit::SetResult {
+                kind,
+                record: Some(record(engine)),
+            })
+            .unwrap();
     }
     project
 }
 
 fn stale(project: &Project) -> Vec<usize> {
-    project.masks.iter().filter(|(_, mask)| mask.stale).map(|(&frame, _)| frame).collect()
+    project
+        .masks
+        .iter()
+        .filter(|(_, mask)| mask.stale)
+        .map(|(&frame, _)| frame)
+        .collect()
 }
 
 fn stale_results(project: &Project) -> Vec<ResultKind> {
-    project.results.iter().filter(|(_, record)| record.stale).map(|(&kind, _)| kind).collect()
+    project
+        .results
+        .iter()
+        .filter(|(_, record)| record.stale)
+        .map(|(&kind, _)| kind)
+        .collect()
 }
 
 #[test]
@@ -37,9 +66,19 @@ fn a_changed_anchor_makes_stale_what_it_reaches() {
     let folder = tempfile::tempdir().unwrap();
     let start = tracked_project("flow");
     let mut open = opened(&folder, start.clone());
-    open.commit("Paint", vec![Edit::SetMask { frame: 0, mask: Some(anchor([1, 1, 1])) }]).unwrap();
+    open.commit(
+        "Paint",
+        vec![Edit::SetMask {
+            frame: 0,
+            mask: Some(anchor([1, 1, 1])),
+        }],
+    )
+    .unwrap();
     assert_eq!(stale(open.project()), [1, 2], "up to the next anchor");
-    assert_eq!(stale_results(open.project()), [ResultKind::Tracking, ResultKind::Cloud]);
+    assert_eq!(
+        stale_results(open.project()),
+        [ResultKind::Tracking, ResultKind::Cloud]
+    );
     open.undo().unwrap();
     assert_eq!(**open.project(), start);
     open.redo().unwrap();
@@ -50,7 +89,14 @@ fn a_changed_anchor_makes_stale_what_it_reaches() {
 fn through_geometry_an_anchor_reaches_all() {
     let folder = tempfile::tempdir().unwrap();
     let mut open = opened(&folder, tracked_project("geometry"));
-    open.commit("Clear", vec![Edit::SetMask { frame: 0, mask: None }]).unwrap();
+    open.commit(
+        "Clear",
+        vec![Edit::SetMask {
+            frame: 0,
+            mask: None,
+        }],
+    )
+    .unwrap();
     assert_eq!(stale(open.project()), [1, 2, 4]);
 }
 
@@ -58,31 +104,81 @@ fn through_geometry_an_anchor_reaches_all() {
 fn an_accepted_mask_makes_nothing_stale() {
     let folder = tempfile::tempdir().unwrap();
     let start = tracked_project("geometry");
-    let same = ostra_project::FrameMask { runs: start.masks[&1].runs.clone(), ..anchor([0; 3]) };
+    let same = ostra_project::FrameMask {
+        runs: start.masks[&1].runs.clone(),
+        ..anchor([0; 3])
+    };
     let mut open = opened(&folder, start);
-    open.commit("Accept", vec![Edit::SetMask { frame: 1, mask: Some(same) }]).unwrap();
-    assert_eq!((stale(open.project()), stale_results(open.project())), (vec![], vec![]));
+    open.commit(
+        "Accept",
+        vec![Edit::SetMask {
+            frame: 1,
+            mask: Some(same),
+        }],
+    )
+    .unwrap();
+    assert_eq!(
+        (stale(open.project()), stale_results(open.project())),
+        (vec![], vec![])
+    );
 }
 
 #[test]
 fn a_tracked_mask_makes_only_the_cloud_stale() {
     let folder = tempfile::tempdir().unwrap();
     let mut open = opened(&folder, tracked_project("geometry"));
-    open.commit("Track", vec![Edit::SetMask { frame: 1, mask: Some(tracked([2, 2, 2])) }]).unwrap();
-    assert_eq!((stale(open.project()), stale_results(open.project())), (vec![], vec![ResultKind::Cloud]));
+    open.commit(
+        "Track",
+        vec![Edit::SetMask {
+            frame: 1,
+            mask: Some(tracked([2, 2, 2])),
+        }],
+    )
+    .unwrap();
+    assert_eq!(
+        (stale(open.project()), stale_results(open.project())),
+        (vec![], vec![ResultKind::Cloud])
+    );
 }
 
 #[test]
 fn cameras_and_names_make_stale_what_holds_them() {
     let folder = tempfile::tempdir().unwrap();
     let mut open = opened(&folder, tracked_project("geometry"));
-    let recolored = ostra_masks::Label { color: [1, 2, 3], ..label(1, "leaf") };
-    open.commit("Colour", vec![Edit::SetLabel { id: recolored.id, label: Some(recolored) }]).unwrap();
+    let recolored = ostra_masks::Label {
+        color: [1, 2, 3],
+        ..label(1, "leaf")
+    };
+    open.commit(
+        "Colour",
+        vec![Edit::SetLabel {
+            id: recolored.id,
+            label: Some(recolored),
+        }],
+    )
+    .unwrap();
     assert_eq!(stale_results(open.project()), []);
-    open.commit("Name", vec![Edit::SetLabel { id: label(1, "").id, label: Some(label(1, "blade")) }]).unwrap();
+    open.commit(
+        "Name",
+        vec![Edit::SetLabel {
+            id: label(1, "").id,
+            label: Some(label(1, "blade")),
+        }],
+    )
+    .unwrap();
     assert_eq!(stale_results(open.project()), [ResultKind::Cloud]);
-    open.commit("Camera", vec![Edit::SetCamera { frame: 2, camera: Some(camera(0.5)) }]).unwrap();
-    assert_eq!(stale_results(open.project()), [ResultKind::Tracking, ResultKind::Cloud]);
+    open.commit(
+        "Camera",
+        vec![Edit::SetCamera {
+            frame: 2,
+            camera: Some(camera(0.5)),
+        }],
+    )
+    .unwrap();
+    assert_eq!(
+        stale_results(open.project()),
+        [ResultKind::Tracking, ResultKind::Cloud]
+    );
     assert_eq!(stale(open.project()), [1, 2, 4]);
 }
 
@@ -91,7 +187,17 @@ fn what_changes_nothing_is_no_step() {
     let folder = tempfile::tempdir().unwrap();
     let mut open = opened(&folder, tracked_project("flow"));
     let same = open.project().masks[&0].clone();
-    assert!(!open.commit("Nothing", vec![Edit::SetMask { frame: 0, mask: Some(same) }]).unwrap());
+    assert!(
+        !open
+            .commit(
+                "Nothing",
+                vec![Edit::SetMask {
+                    frame: 0,
+                    mask: Some(same)
+                }]
+            )
+            .unwrap()
+    );
     assert!(open.undo().is_err());
 }
 
@@ -100,14 +206,30 @@ fn a_run_is_one_step_unless_something_comes_between() {
     let folder = tempfile::tempdir().unwrap();
     let mut open = opened(&folder, tracked_project("flow"));
     let start = open.project().as_ref().clone();
-    let part = |ids| vec![Edit::SetMask { frame: 1, mask: Some(tracked(ids)) }];
-    open.commit_part("Track", part([1, 0, 1]), JobId(1)).unwrap();
-    open.commit_part("Track", part([1, 0, 2]), JobId(1)).unwrap();
+    let part = |ids| {
+        vec![Edit::SetMask {
+            frame: 1,
+            mask: Some(tracked(ids)),
+        }]
+    };
+    open.commit_part("Track", part([1, 0, 1]), JobId(1))
+        .unwrap();
+    open.commit_part("Track", part([1, 0, 2]), JobId(1))
+        .unwrap();
     open.undo().unwrap();
     assert_eq!(**open.project(), start, "both parts are one step");
-    open.commit_part("Track", part([1, 0, 1]), JobId(2)).unwrap();
-    open.commit("Paint", vec![Edit::SetMask { frame: 3, mask: Some(anchor([2, 2, 2])) }]).unwrap();
-    open.commit_part("Track", part([2, 0, 1]), JobId(2)).unwrap();
+    open.commit_part("Track", part([1, 0, 1]), JobId(2))
+        .unwrap();
+    open.commit(
+        "Paint",
+        vec![Edit::SetMask {
+            frame: 3,
+            mask: Some(anchor([2, 2, 2])),
+        }],
+    )
+    .unwrap();
+    open.commit_part("Track", part([2, 0, 1]), JobId(2))
+        .unwrap();
     assert_eq!(open.undo().unwrap(), "Track");
     assert_eq!(open.undo().unwrap(), "Paint");
     assert_eq!(open.undo().unwrap(), "Track");
@@ -119,7 +241,16 @@ fn a_step_that_is_refused_halfway_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let start = tracked_project("flow");
     let mut open = opened(&folder, start.clone());
-    let edits = vec![Edit::SetMask { frame: 0, mask: None }, Edit::SetMask { frame: 99, mask: None }];
+    let edits = vec![
+        Edit::SetMask {
+            frame: 0,
+            mask: None,
+        },
+        Edit::SetMask {
+            frame: 99,
+            mask: None,
+        },
+    ];
     assert!(open.commit("Half", edits).is_err());
     assert_eq!(**open.project(), start);
     assert!(open.undo().is_err());

@@ -33,7 +33,11 @@ impl Judgement {
     /// CVPR 2014).
     pub fn strength(&self, border: &Border) -> f32 {
         let bend = (border.bend_deg.abs() - EVEN_DEG).max(0.0);
-        let shape = if border.bend_deg < 0.0 { (bend / self.groove_deg).min(1.0) } else { bend / RIDGE_DEG };
+        let shape = if border.bend_deg < 0.0 {
+            (bend / self.groove_deg).min(1.0)
+        } else {
+            bend / RIDGE_DEG
+        };
         shape + border.color / self.color
     }
 }
@@ -44,7 +48,11 @@ pub fn bend_deg((place_a, normal_a): (Vec3, Vec3), (place_b, normal_b): (Vec3, V
         return 0.0;
     }
     let bend = normal_a.angle_between(normal_b).to_degrees();
-    if (normal_a - normal_b).dot(place_a - place_b) < 0.0 { -bend } else { bend }
+    if (normal_a - normal_b).dot(place_a - place_b) < 0.0 {
+        -bend
+    } else {
+        bend
+    }
 }
 
 #[cfg(test)]
@@ -54,14 +62,33 @@ mod tests {
     #[test]
     fn a_groove_parts_and_a_ridge_does_not() {
         let (left, right) = (Vec3::NEG_X, Vec3::X);
-        let (leaning, away) = (Vec3::new(1.0, 0.0, 1.0).normalize(), Vec3::new(-1.0, 0.0, 1.0).normalize());
+        let (leaning, away) = (
+            Vec3::new(1.0, 0.0, 1.0).normalize(),
+            Vec3::new(-1.0, 0.0, 1.0).normalize(),
+        );
         let groove = bend_deg((left, leaning), (right, away));
         let ridge = bend_deg((left, away), (right, leaning));
-        assert!((groove + 90.0).abs() < 0.1 && (ridge - 90.0).abs() < 0.1, "{groove} {ridge}");
+        assert!(
+            (groove + 90.0).abs() < 0.1 && (ridge - 90.0).abs() < 0.1,
+            "{groove} {ridge}"
+        );
         assert_eq!(bend_deg((left, Vec3::ZERO), (right, away)), 0.0);
-        let judgement = Judgement { groove_deg: 30.0, color: 80.0 };
-        let strength = |bend_deg, color| judgement.strength(&Border { a: 0, b: 1, length: 1.0, bend_deg, color });
+        let judgement = Judgement {
+            groove_deg: 30.0,
+            color: 80.0,
+        };
+        let strength = |bend_deg, color| {
+            judgement.strength(&Border {
+                a: 0,
+                b: 1,
+                length: 1.0,
+                bend_deg,
+                color,
+            })
+        };
         assert_eq!(strength(groove, 0.0), 1.0);
-        assert!(strength(ridge, 0.0) < 0.5 && strength(9.0, 0.0) == 0.0 && strength(0.0, 40.0) == 0.5);
+        assert!(
+            strength(ridge, 0.0) < 0.5 && strength(9.0, 0.0) == 0.0 && strength(0.0, 40.0) == 0.5
+        );
     }
 }

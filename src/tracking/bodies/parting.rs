@@ -8,9 +8,18 @@ use super::voxel_set::VoxelSet;
 
 /// Ways to judge borders; each gives another tree.
 const JUDGEMENTS: [Judgement; 3] = [
-    Judgement { groove_deg: 30.0, color: 80.0 },
-    Judgement { groove_deg: 20.0, color: 160.0 },
-    Judgement { groove_deg: 45.0, color: 40.0 },
+    Judgement {
+        groove_deg: 30.0,
+        color: 80.0,
+    },
+    Judgement {
+        groove_deg: 20.0,
+        color: 160.0,
+    },
+    Judgement {
+        groove_deg: 45.0,
+        color: 40.0,
+    },
 ];
 /// Strengths from which on a border may be where a thing ends; each gives another answer.
 const LEAST_STRENGTHS: [f32; 4] = [0.4, 0.5, 0.6, 0.8];
@@ -53,7 +62,9 @@ impl Parting {
             ways[a].push((border.b, way));
             ways[b].push((border.a, way));
         }
-        let trees = JUDGEMENTS.map(|judgement| Tree::of(&parts, judgement)).into();
+        let trees = JUDGEMENTS
+            .map(|judgement| Tree::of(&parts, judgement))
+            .into();
         Self { parts, trees, ways }
     }
 
@@ -63,27 +74,50 @@ impl Parting {
         let around: Vec<Around> = clicks.iter().map(|click| self.around(click)).collect();
         let mut near = vec![f32::INFINITY; self.parts.len()];
         for included in around.iter().filter(|around| around.click.include) {
-            near.iter_mut().zip(&included.ways).for_each(|(near, way)| *near = near.min(*way));
+            near.iter_mut()
+                .zip(&included.ways)
+                .for_each(|(near, way)| *near = near.min(*way));
         }
         let excluded = || around.iter().filter(|around| !around.click.include);
-        let deepest = excluded().map(|around| around.click.depth).fold(0.0, f32::max);
+        let deepest = excluded()
+            .map(|around| around.click.depth)
+            .fold(0.0, f32::max);
         let parting = excluded().filter(|around| around.click.depth >= PARTING_SHARE * deepest);
         let parting: Vec<u32> = parting.map(|around| around.part).collect();
-        let apart: &[&[u32]] = if parting.is_empty() { &[&[]] } else { &[&[], &parting] };
-        let things = self.trees.iter().flat_map(|tree| apart.iter().map(move |apart| (tree, tree.around(apart))));
+        let apart: &[&[u32]] = if parting.is_empty() {
+            &[&[]]
+        } else {
+            &[&[], &parting]
+        };
+        let things = self
+            .trees
+            .iter()
+            .flat_map(|tree| apart.iter().map(move |apart| (tree, tree.around(apart))));
         let taken = |(tree, closed): (&Tree, Vec<bool>)| {
-            LEAST_STRENGTHS.map(|least| self.voxels(&taken(|part| tree.thing(part, least, &closed), &around, &near)))
+            LEAST_STRENGTHS.map(|least| {
+                self.voxels(&taken(
+                    |part| tree.thing(part, least, &closed),
+                    &around,
+                    &near,
+                ))
+            })
         };
         things.flat_map(taken).collect()
     }
 
     fn voxels(&self, inside: &[bool]) -> VoxelSet {
-        VoxelSet::of(self.parts.of_voxel.len(), |voxel| inside[self.parts.of_voxel[voxel] as usize])
+        VoxelSet::of(self.parts.of_voxel.len(), |voxel| {
+            inside[self.parts.of_voxel[voxel] as usize]
+        })
     }
 
     fn around(&self, click: &VoxelClick) -> Around {
         let part = self.parts.of_voxel[click.voxel as usize];
-        Around { click: *click, part, ways: self.ways_from(part) }
+        Around {
+            click: *click,
+            part,
+            ways: self.ways_from(part),
+        }
     }
 
     /// The shortest way from a supervoxel to each (Dijkstra, "A note on two problems in connexion with graphs", Numerische
@@ -110,7 +144,10 @@ impl Parting {
 
     pub fn bytes(&self) -> usize {
         let trees: usize = self.trees.iter().map(Tree::bytes).sum();
-        trees + self.parts.of_voxel.len() * 4 + self.parts.borders.len() * 36 + self.parts.len() * 40
+        trees
+            + self.parts.of_voxel.len() * 4
+            + self.parts.borders.len() * 36
+            + self.parts.len() * 40
     }
 }
 

@@ -30,8 +30,17 @@ pub struct GeometrySegmenter {
 impl GeometrySegmenter {
     /// For some frames of one scene; `picture` is the segmenter that knows single pictures.
     #[must_use]
-    pub fn new(frames: Arc<Vec<Frame>>, store: Arc<FrameStore>, picture: Arc<dyn Segmenter>) -> Self {
-        Self { frames, store, picture, made: Mutex::default() }
+    pub fn new(
+        frames: Arc<Vec<Frame>>,
+        store: Arc<FrameStore>,
+        picture: Arc<dyn Segmenter>,
+    ) -> Self {
+        Self {
+            frames,
+            store,
+            picture,
+            made: Mutex::default(),
+        }
     }
 
     /// Whether it works for these very frames.
@@ -46,7 +55,9 @@ impl GeometrySegmenter {
             return Ok(None);
         }
         let others = views.stands().filter(|&(other, _)| other != frame);
-        let (Some(own), Some(image)) = (views.load(frame)?, views.image(frame)?) else { return Ok(None) };
+        let (Some(own), Some(image)) = (views.load(frame)?, views.image(frame)?) else {
+            return Ok(None);
+        };
         let around = fillers_for(&own, others, MOST_VIEWS);
         let (mut numbers, mut loaded) = (vec![frame], vec![(own, image)]);
         for other in around {
@@ -81,7 +92,9 @@ impl GeometrySegmenter {
         progress: &Progress,
     ) -> Result<Option<FrameBodies>, SceneError> {
         let views = Views::new(&self.frames, &self.store);
-        let Some((of, loaded)) = self.views_of(&views, frame)? else { return Ok(None) };
+        let Some((of, loaded)) = self.views_of(&views, frame)? else {
+            return Ok(None);
+        };
         let surfaces = self.surfaces(&of, &loaded, progress)?;
         FrameBodies::new(surfaces, &loaded, Arc::clone(picture), progress).map(Some)
     }
@@ -109,7 +122,9 @@ impl Segmenter for GeometrySegmenter {
         progress: &Progress,
     ) -> Result<Arc<dyn PreparedFrame>, MaskError> {
         let picture = self.prepare(image, depth, progress)?;
-        let Some(number) = self.frames.iter().position(|other| other == frame) else { return Ok(picture) };
+        let Some(number) = self.frames.iter().position(|other| other == frame) else {
+            return Ok(picture);
+        };
         match self.bodies(number, &picture, progress) {
             Ok(bodies) => Ok(bodies.map_or(picture, |bodies| Arc::new(bodies))),
             Err(SceneError::Stopped(stopped)) => Err(stopped.into()),

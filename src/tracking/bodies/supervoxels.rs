@@ -29,7 +29,12 @@ pub struct Supervoxels {
 
 impl Supervoxels {
     /// Supervoxels about `step` (world units) across; `normals` are the voxels' own.
-    pub fn of(voxels: &Voxels, normals: &[Vec3], step: f32, progress: &Progress) -> Result<Self, SceneError> {
+    pub fn of(
+        voxels: &Voxels,
+        normals: &[Vec3],
+        step: f32,
+        progress: &Progress,
+    ) -> Result<Self, SceneError> {
         let mut of_voxel = seeds(voxels, step);
         for _ in 0..ROUNDS {
             progress.check()?;
@@ -37,7 +42,12 @@ impl Supervoxels {
         }
         let means = Means::of(voxels, normals, &mut of_voxel);
         let borders = means.borders(&of_voxel, &voxels.pairs(TOUCH));
-        Ok(Self { of_voxel, places: means.places, sizes: means.sizes, borders })
+        Ok(Self {
+            of_voxel,
+            places: means.places,
+            sizes: means.sizes,
+            borders,
+        })
     }
 
     pub fn len(&self) -> usize {
@@ -50,7 +60,9 @@ fn seeds(voxels: &Voxels, step: f32) -> Vec<u32> {
     let mut found: FxHashMap<[i32; 3], u32> = FxHashMap::default();
     let seed = |place: &Vec3| {
         let next = found.len() as u32;
-        *found.entry((place / step).floor().as_ivec3().to_array()).or_insert(next)
+        *found
+            .entry((place / step).floor().as_ivec3().to_array())
+            .or_insert(next)
     };
     voxels.places.iter().map(seed).collect()
 }
@@ -77,11 +89,23 @@ impl Means {
             *of = number;
             sizes[number as usize] += 1;
             let own = [voxels.places[at], normals[at], voxels.colors[at]];
-            sums[number as usize].iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+            sums[number as usize]
+                .iter_mut()
+                .zip(own)
+                .for_each(|(sum, own)| *sum += own);
         }
-        let mean = |which: usize| sums.iter().zip(&sizes).map(move |(sums, &size)| sums[which] / size as f32);
+        let mean = |which: usize| {
+            sums.iter()
+                .zip(&sizes)
+                .map(move |(sums, &size)| sums[which] / size as f32)
+        };
         let normals = mean(1).map(Vec3::normalize_or_zero).collect();
-        Self { places: mean(0).collect(), normals, colors: mean(2).collect(), sizes }
+        Self {
+            places: mean(0).collect(),
+            normals,
+            colors: mean(2).collect(),
+            sizes,
+        }
     }
 
     /// For every voxel the likest supervoxel around it.
@@ -89,18 +113,26 @@ impl Means {
         let cell = |place: Vec3| (place / step).floor().as_ivec3();
         let mut around: FxHashMap<[i32; 3], Vec<u32>> = FxHashMap::default();
         for (place, index) in self.places.iter().zip(0..) {
-            around.entry(cell(*place).to_array()).or_default().push(index);
+            around
+                .entry(cell(*place).to_array())
+                .or_default()
+                .push(index);
         }
         let unlike = |at: usize, of: usize| {
             (voxels.places[at] - self.places[of]).length_squared() / (step * step)
                 + (normals[at] - self.normals[of]).length_squared()
-                + (voxels.colors[at] - self.colors[of]).length_squared() * COLOR_WEIGHT * COLOR_WEIGHT
+                + (voxels.colors[at] - self.colors[of]).length_squared()
+                    * COLOR_WEIGHT
+                    * COLOR_WEIGHT
         };
         let likest = |at: usize| {
             let middle = cell(voxels.places[at]);
-            let cells = (0..27).map(|i| (middle + IVec3::new(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1)).to_array());
+            let cells = (0..27)
+                .map(|i| (middle + IVec3::new(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1)).to_array());
             let near = cells.filter_map(|cell| around.get(&cell)).flatten();
-            near.map(|&of| (unlike(at, of as usize), of)).min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0, |(_, of)| of)
+            near.map(|&of| (unlike(at, of as usize), of))
+                .min_by(|a, b| a.0.total_cmp(&b.0))
+                .map_or(0, |(_, of)| of)
         };
         (0..voxels.len()).into_par_iter().map(likest).collect()
     }
@@ -115,8 +147,15 @@ impl Means {
         }
         let border = |((a, b), length)| {
             let side = |of: u32| (self.places[of as usize], self.normals[of as usize]);
-            let color = (self.colors[a as usize] - self.colors[b as usize]) * Vec3::new(0.5, 1.0, 1.0);
-            Border { a, b, length, bend_deg: bend_deg(side(a), side(b)), color: color.length() }
+            let color =
+                (self.colors[a as usize] - self.colors[b as usize]) * Vec3::new(0.5, 1.0, 1.0);
+            Border {
+                a,
+                b,
+                length,
+                bend_deg: bend_deg(side(a), side(b)),
+                color: color.length(),
+            }
         };
         let mut borders: Vec<Border> = lengths.into_iter().map(border).collect();
         borders.sort_unstable_by_key(|border| (border.a, border.b));

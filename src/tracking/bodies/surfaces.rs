@@ -38,7 +38,12 @@ impl Surfaces {
                 let parts = Supervoxels::of(&voxels, &normals, sides * voxels.side, progress)?;
                 Ok(Parting::new(parts, voxels.side))
             };
-            partings.extend(STEP_SIDES.into_par_iter().map(parting).collect::<Result<Vec<_>, SceneError>>()?);
+            partings.extend(
+                STEP_SIDES
+                    .into_par_iter()
+                    .map(parting)
+                    .collect::<Result<Vec<_>, SceneError>>()?,
+            );
         }
         Ok(Self { voxels, partings })
     }
@@ -47,11 +52,22 @@ impl Surfaces {
     /// thing.
     pub fn answer(&self, clicks: &[VoxelClick]) -> Option<VoxelSet> {
         let most = (LARGEST_SHARE * self.voxels.len() as f32) as u32;
-        let answers: Vec<VoxelSet> =
-            self.partings.par_iter().flat_map_iter(|parting| parting.answers(clicks)).collect();
-        let mut answers: Vec<VoxelSet> = answers.into_iter().filter(|answer| answer.len() <= most).collect();
+        let answers: Vec<VoxelSet> = self
+            .partings
+            .par_iter()
+            .flat_map_iter(|parting| parting.answers(clicks))
+            .collect();
+        let mut answers: Vec<VoxelSet> = answers
+            .into_iter()
+            .filter(|answer| answer.len() <= most)
+            .collect();
         // Squared, so that many which are nearly the same outweigh many more that are a little alike.
-        let likeness = |answer: &VoxelSet| answers.iter().map(|other| answer.iou(other).powi(2)).sum::<f32>();
+        let likeness = |answer: &VoxelSet| {
+            answers
+                .iter()
+                .map(|other| answer.iou(other).powi(2))
+                .sum::<f32>()
+        };
         let likenesses: Vec<f32> = answers.par_iter().map(likeness).collect();
         let best = (0..answers.len()).max_by(|&a, &b| likenesses[a].total_cmp(&likenesses[b]))?;
         Some(answers.swap_remove(best))

@@ -60,10 +60,19 @@ struct Joining {
 impl Tree {
     pub fn of(parts: &Supervoxels, judgement: Judgement) -> Self {
         let count = parts.len();
-        let mut joining = Joining { borders: vec![FxHashMap::default(); count], open: BinaryHeap::new() };
+        let mut joining = Joining {
+            borders: vec![FxHashMap::default(); count],
+            open: BinaryHeap::new(),
+        };
         for border in &parts.borders {
             let strength = judgement.strength(border);
-            joining.add([border.a, border.b], Between { strength: strength * border.length, length: border.length });
+            joining.add(
+                [border.a, border.b],
+                Between {
+                    strength: strength * border.length,
+                    length: border.length,
+                },
+            );
         }
         let mut tree = Self {
             parents: (0..count as u32).collect(),
@@ -72,7 +81,10 @@ impl Tree {
             sizes: parts.sizes.clone(),
         };
         while let Some(Join(strength, bodies)) = joining.open.pop() {
-            if bodies.iter().all(|&body| tree.parents[body as usize] == body) {
+            if bodies
+                .iter()
+                .all(|&body| tree.parents[body as usize] == body)
+            {
                 let joined = tree.join(bodies, strength);
                 joining.join(bodies, joined);
             }
@@ -82,11 +94,14 @@ impl Tree {
 
     fn join(&mut self, bodies: [u32; 2], strength: f32) -> u32 {
         let joined = self.parents.len() as u32;
-        bodies.iter().for_each(|&body| self.parents[body as usize] = joined);
+        bodies
+            .iter()
+            .for_each(|&body| self.parents[body as usize] = joined);
         self.parents.push(joined);
         self.children.push(Some(bodies));
         self.strengths.push(strength);
-        self.sizes.push(bodies.iter().map(|&body| self.sizes[body as usize]).sum());
+        self.sizes
+            .push(bodies.iter().map(|&body| self.sizes[body as usize]).sum());
         joined
     }
 
@@ -138,7 +153,8 @@ impl Joining {
     fn add(&mut self, [a, b]: [u32; 2], between: Between) {
         self.borders[a as usize].insert(b, between);
         self.borders[b as usize].insert(a, between);
-        self.open.push(Join(between.strength / between.length, [a, b]));
+        self.open
+            .push(Join(between.strength / between.length, [a, b]));
     }
 
     /// The borders of two bodies become those of `joined`, the next one.
@@ -171,22 +187,42 @@ mod tests {
     #[test]
     fn a_thing_ends_where_something_else_would_join_it() {
         // Four in a row; the two on each side are alike, and all are joined in the end.
-        let border = |a, color| Border { a, b: a + 1, length: 1.0, bend_deg: 0.0, color };
+        let border = |a, color| Border {
+            a,
+            b: a + 1,
+            length: 1.0,
+            bend_deg: 0.0,
+            color,
+        };
         let parts = Supervoxels {
             of_voxel: vec![0, 1, 2, 3],
             places: (0..4).map(|x| Vec3::X * x as f32).collect(),
             sizes: vec![1; 4],
             borders: vec![border(0, 1.0), border(1, 9.0), border(2, 2.0)],
         };
-        let tree = Tree::of(&parts, Judgement { groove_deg: 30.0, color: 80.0 });
+        let tree = Tree::of(
+            &parts,
+            Judgement {
+                groove_deg: 30.0,
+                color: 80.0,
+            },
+        );
         let thing = |least: f32, apart: &[u32]| {
             let mut thing = tree.thing(0, least, &tree.around(apart));
             thing.sort_unstable();
             thing
         };
         assert_eq!(thing(0.8, &[]), [0, 1, 2, 3]);
-        assert_eq!(thing(0.8, &[3]), [0, 1], "what 3 is in stays away, and with it what hangs together with 3");
+        assert_eq!(
+            thing(0.8, &[3]),
+            [0, 1],
+            "what 3 is in stays away, and with it what hangs together with 3"
+        );
         assert_eq!(thing(0.8, &[1]), [0]);
-        assert_eq!(thing(0.05, &[]), [0, 1], "the border in the middle is clear enough");
+        assert_eq!(
+            thing(0.05, &[]),
+            [0, 1],
+            "the border in the middle is clear enough"
+        );
     }
 }

@@ -5,7 +5,11 @@ pub struct VoxelSet(Vec<u64>);
 impl VoxelSet {
     /// Those of `count` voxels that `is_in` holds for.
     pub fn of(count: usize, is_in: impl Fn(usize) -> bool) -> Self {
-        let word = |first: usize| (first..count.min(first + 64)).map(|at| u64::from(is_in(at)) << (at - first)).sum();
+        let word = |first: usize| {
+            (first..count.min(first + 64))
+                .map(|at| u64::from(is_in(at)) << (at - first))
+                .sum()
+        };
         Self((0..count).step_by(64).map(word).collect())
     }
 
@@ -39,6 +43,9 @@ mod tests {
         assert_eq!((thirds.len(), halves.len()), (44, 65));
         assert!(thirds.has(129) && !thirds.has(128) && halves.has(128));
         assert!((thirds.iou(&halves) - 22.0 / 87.0).abs() < 1e-6);
-        assert_eq!(VoxelSet::of(9, |_| false).iou(&VoxelSet::of(9, |_| false)), 0.0);
+        assert_eq!(
+            VoxelSet::of(9, |_| false).iou(&VoxelSet::of(9, |_| false)),
+            0.0
+        );
     }
 }

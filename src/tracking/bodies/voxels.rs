@@ -41,8 +41,10 @@ impl Voxels {
         least_views: u32,
         progress: &Progress,
     ) -> Result<Self, SceneError> {
-        let seen: Vec<FxHashMap<[i32; 3], Sums>> =
-            views.par_iter().map(|view| cells_of(view, side, progress)).collect::<Result<_, _>>()?;
+        let seen: Vec<FxHashMap<[i32; 3], Sums>> = views
+            .par_iter()
+            .map(|view| cells_of(view, side, progress))
+            .collect::<Result<_, _>>()?;
         let mut all: FxHashMap<[i32; 3], Sums> = FxHashMap::default();
         for (cell, sums) in seen.into_iter().flatten() {
             let total = all.entry(cell).or_default();
@@ -52,12 +54,23 @@ impl Voxels {
             total.points += sums.points;
             total.views += 1;
         }
-        let mut kept: Vec<([i32; 3], Sums)> = all.into_iter().filter(|(_, sums)| sums.views >= least_views).collect();
+        let mut kept: Vec<([i32; 3], Sums)> = all
+            .into_iter()
+            .filter(|(_, sums)| sums.views >= least_views)
+            .collect();
         kept.sort_unstable_by_key(|(cell, _)| *cell);
-        let mean = |of: fn(&Sums) -> Vec3| kept.iter().map(|(_, sums)| of(sums) / sums.points as f32).collect();
+        let mean = |of: fn(&Sums) -> Vec3| {
+            kept.iter()
+                .map(|(_, sums)| of(sums) / sums.points as f32)
+                .collect()
+        };
         Ok(Self {
             side,
-            of_cell: kept.iter().zip(0..).map(|((cell, _), index)| (*cell, index)).collect(),
+            of_cell: kept
+                .iter()
+                .zip(0..)
+                .map(|((cell, _), index)| (*cell, index))
+                .collect(),
             places: mean(|sums| sums.place),
             colors: mean(|sums| sums.color),
             facing: mean(|sums| sums.facing),
@@ -70,7 +83,8 @@ impl Voxels {
 
     /// Unit normals towards the cameras, of planes through so many neighbours; zero where there is none.
     pub fn normals(&self, neighbours: usize, progress: &Progress) -> Result<Vec<Vec3>, SceneError> {
-        let mut normals = estimate_normals(&self.places, &[], &NormalOptions { neighbours }, progress)?;
+        let mut normals =
+            estimate_normals(&self.places, &[], &NormalOptions { neighbours }, progress)?;
         // The nearest camera may stand on the other side of a thin thing: only those that saw it count.
         for (normal, facing) in normals.iter_mut().zip(&self.facing) {
             *normal *= normal.dot(*facing).signum();
@@ -91,10 +105,16 @@ impl Voxels {
             let [x, y, z] = cell(place, self.side);
             let around = (0..27).map(move |i| [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]);
             let others = around.filter_map(|cell| self.of_cell.get(&cell).copied());
-            let is_near = move |other: u32| self.places[other as usize].distance_squared(place) <= limit;
-            others.filter(move |&other| other > index && is_near(other)).map(move |other| (index, other))
+            let is_near =
+                move |other: u32| self.places[other as usize].distance_squared(place) <= limit;
+            others
+                .filter(move |&other| other > index && is_near(other))
+                .map(move |other| (index, other))
         };
-        (0..self.len() as u32).into_par_iter().flat_map_iter(beside).collect()
+        (0..self.len() as u32)
+            .into_par_iter()
+            .flat_map_iter(beside)
+            .collect()
     }
 
     pub fn bytes(&self) -> usize {
@@ -113,9 +133,14 @@ fn cells_of(
 ) -> Result<FxHashMap<[i32; 3], Sums>, SceneError> {
     progress.check()?;
     let mut cells: FxHashMap<[i32; 3], Sums> = FxHashMap::default();
-    let (world, eye) = (view.to_world(), view.stand.camera_from_world.centre().as_vec3());
+    let (world, eye) = (
+        view.to_world(),
+        view.stand.camera_from_world.centre().as_vec3(),
+    );
     for (at, &pixel) in image.pixels.iter().enumerate() {
-        let Some(place) = view.point(at).map(&world) else { continue };
+        let Some(place) = view.point(at).map(&world) else {
+            continue;
+        };
         let sums = cells.entry(cell(place, side)).or_default();
         sums.place += place;
         sums.color += Vec3::from_array(lab_of_pixel(pixel));

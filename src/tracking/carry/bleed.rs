@@ -56,7 +56,10 @@ impl Bleeding {
         let mut shown = vec![0.0; mask.ids.len()];
         let (front, doubtful): (Vec<&Patch>, Vec<&Patch>) =
             patches.iter().partition(|patch| patch.fronts > patch.leaks);
-        for patch in doubtful.into_iter().filter(|patch| patch.pixels.len() <= HALF_WIDTH * patch.leaks) {
+        for patch in doubtful
+            .into_iter()
+            .filter(|patch| patch.pixels.len() <= HALF_WIDTH * patch.leaks)
+        {
             let around = patch.around.grown(REACH, view.width(), view.height());
             let stands_before = |other: &&Patch| {
                 other.label == patch.label
@@ -64,7 +67,10 @@ impl Bleeding {
                     && other.around.meets(&around)
             };
             if front.iter().any(stands_before) {
-                patch.pixels.iter().for_each(|&at| shown[at] = view.depth.depths[at]);
+                patch
+                    .pixels
+                    .iter()
+                    .for_each(|&at| shown[at] = view.depth.depths[at]);
             }
         }
         Self { shown, limits }
@@ -72,8 +78,15 @@ impl Bleeding {
 
     /// The depth without what shines through.
     pub fn stanched(&self, depth: &DepthMap) -> DepthMap {
-        let kept = depth.depths.iter().zip(&self.shown).map(|(&depth, &shown)| if shown > 0.0 { 0.0 } else { depth });
-        DepthMap { depths: kept.collect(), ..*depth }
+        let kept = depth
+            .depths
+            .iter()
+            .zip(&self.shown)
+            .map(|(&depth, &shown)| if shown > 0.0 { 0.0 } else { depth });
+        DepthMap {
+            depths: kept.collect(),
+            ..*depth
+        }
     }
 
     /// Forgets what was put in its place but stands no nearer.
@@ -99,10 +112,23 @@ fn patches(view: &Viewpoint, mask: &LabelMask, limits: &Limits) -> Vec<Patch> {
 }
 
 /// The patch that a pixel lies in.
-fn patch(view: &Viewpoint, mask: &LabelMask, limits: &Limits, start: usize, seen: &mut [bool]) -> Patch {
+fn patch(
+    view: &Viewpoint,
+    mask: &LabelMask,
+    limits: &Limits,
+    start: usize,
+    seen: &mut [bool],
+) -> Patch {
     let (width, depths, label) = (view.width(), &view.depth.depths, mask.ids[start]);
     let around = PixelBox::pixel(start % width, start / width);
-    let mut patch = Patch { label, around, depth: 0.0, leaks: 0, fronts: 0, pixels: vec![start] };
+    let mut patch = Patch {
+        label,
+        around,
+        depth: 0.0,
+        leaks: 0,
+        fronts: 0,
+        pixels: vec![start],
+    };
     seen[start] = true;
     let mut next = 0;
     while let Some(&at) = patch.pixels.get(next) {
@@ -159,14 +185,36 @@ mod tests {
     /// A leaf at depth 1 before a wall at depth 2, 30 pixels long and four wide, whose depth is lost from `lost` on.
     fn leaf_before_wall(lost: usize) -> (Viewpoint, LabelMask) {
         let (width, height) = (60, 20);
-        let is_leaf = |at: usize| (10..40).contains(&(at % width)) && (8..12).contains(&(at / width));
-        let depth = |at: usize| if is_leaf(at) && at % width < lost { 1.0 } else { 2.0 };
-        let depth = DepthMap { width: 60, height: 20, depths: (0..width * height).map(depth).collect() };
+        let is_leaf =
+            |at: usize| (10..40).contains(&(at % width)) && (8..12).contains(&(at / width));
+        let depth = |at: usize| {
+            if is_leaf(at) && at % width < lost {
+                1.0
+            } else {
+                2.0
+            }
+        };
+        let depth = DepthMap {
+            width: 60,
+            height: 20,
+            depths: (0..width * height).map(depth).collect(),
+        };
         let mut mask = LabelMask::empty(60, 20);
-        (0..width * height).filter(|&at| is_leaf(at)).for_each(|at| mask.ids[at] = LabelId(3));
-        let stand =
-            Stand { camera: Camera::pinhole(60, 20, 60.0, 60.0, 30.0, 10.0), camera_from_world: Pose::IDENTITY };
-        (Viewpoint { stand, depth: Arc::new(depth), rays: Arc::default() }, mask)
+        (0..width * height)
+            .filter(|&at| is_leaf(at))
+            .for_each(|at| mask.ids[at] = LabelId(3));
+        let stand = Stand {
+            camera: Camera::pinhole(60, 20, 60.0, 60.0, 30.0, 10.0),
+            camera_from_world: Pose::IDENTITY,
+        };
+        (
+            Viewpoint {
+                stand,
+                depth: Arc::new(depth),
+                rays: Arc::default(),
+            },
+            mask,
+        )
     }
 
     #[test]
@@ -175,11 +223,26 @@ mod tests {
         let bleeding = Bleeding::find(&view, &mask, Tolerance::new(0.02, 1.5));
         let stanched = bleeding.stanched(&view.depth);
         let lost = |at: usize| mask.ids[at] != LabelId::NONE && at % 60 >= 30;
-        let is_right = |(at, (&now, &before)): (usize, (&f32, &f32))| now == if lost(at) { 0.0 } else { before };
-        assert!(stanched.depths.iter().zip(&view.depth.depths).enumerate().all(is_right));
-        let mut filled = DepthMap { depths: vec![1.9; 1200], ..stanched };
+        let is_right = |(at, (&now, &before)): (usize, (&f32, &f32))| {
+            now == if lost(at) { 0.0 } else { before }
+        };
+        assert!(
+            stanched
+                .depths
+                .iter()
+                .zip(&view.depth.depths)
+                .enumerate()
+                .all(is_right)
+        );
+        let mut filled = DepthMap {
+            depths: vec![1.9; 1200],
+            ..stanched
+        };
         bleeding.check(&mut filled);
-        assert_eq!((filled.depths[10 * 60 + 35], filled.depths[10 * 60 + 25]), (0.0, 1.9));
+        assert_eq!(
+            (filled.depths[10 * 60 + 35], filled.depths[10 * 60 + 25]),
+            (0.0, 1.9)
+        );
     }
 
     #[test]

@@ -12,7 +12,10 @@ const GRID: usize = 16;
 /// from the nearest and from the most similar direction.
 pub fn anchors_for(target: &Viewpoint, anchors: &[(Stand, &[LabelId])], most: usize) -> Vec<usize> {
     let points = target.grid(GRID);
-    let overlap: Vec<f32> = anchors.iter().map(|(stand, _)| overlap(&target.stand, &points, stand)).collect();
+    let overlap: Vec<f32> = anchors
+        .iter()
+        .map(|(stand, _)| overlap(&target.stand, &points, stand))
+        .collect();
     let mut of_label: BTreeMap<LabelId, Vec<usize>> = BTreeMap::new();
     for place in (0..anchors.len()).filter(|&place| overlap[place] > 0.0) {
         for &label in anchors[place].1 {
@@ -31,10 +34,16 @@ pub fn anchors_for(target: &Viewpoint, anchors: &[(Stand, &[LabelId])], most: us
 
 /// Of all frames up to `most` that see the same surfaces as `view`, from the most similar direction to the most
 /// different: a hole is often seen well from far aside.
-pub fn fillers_for(view: &Viewpoint, frames: impl Iterator<Item = (usize, Stand)>, most: usize) -> Vec<usize> {
+pub fn fillers_for(
+    view: &Viewpoint,
+    frames: impl Iterator<Item = (usize, Stand)>,
+    most: usize,
+) -> Vec<usize> {
     let points = view.grid(GRID);
-    let mut seen: Vec<(f32, usize)> =
-        frames.map(|(frame, stand)| (overlap(&view.stand, &points, &stand), frame)).filter(|&(o, _)| o > 0.3).collect();
+    let mut seen: Vec<(f32, usize)> = frames
+        .map(|(frame, stand)| (overlap(&view.stand, &points, &stand), frame))
+        .filter(|&(o, _)| o > 0.3)
+        .collect();
     seen.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let count = most.min(seen.len());
     (0..count).map(|i| seen[i * seen.len() / count].1).collect()

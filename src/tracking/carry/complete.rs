@@ -19,9 +19,17 @@ pub struct Completion<'a> {
 impl<'a> Completion<'a> {
     pub fn new(view: &'a Viewpoint, tolerance: Tolerance) -> Self {
         let depths = view.depth.depths.iter().zip(0..);
-        let holes: Vec<u32> = depths.filter(|&(&depth, _)| depth <= 0.0).map(|(_, at)| at).collect();
+        let holes: Vec<u32> = depths
+            .filter(|&(&depth, _)| depth <= 0.0)
+            .map(|(_, at)| at)
+            .collect();
         let drawn = vec![Vec::new(); holes.len()];
-        Self { view, tolerance, holes, drawn }
+        Self {
+            view,
+            tolerance,
+            holes,
+            drawn,
+        }
     }
 
     /// Draws another frame's surfaces.
@@ -52,12 +60,19 @@ fn agreed(depths: &mut [f32], tolerance: &Tolerance) -> f32 {
     let (mut most, mut middle) = (0, 0.0);
     for (first, &depth) in depths.iter().enumerate() {
         let limit = depth + 2.0 * tolerance.at(depth);
-        let count = depths[first..].iter().take_while(|&&other| other <= limit).count();
+        let count = depths[first..]
+            .iter()
+            .take_while(|&&other| other <= limit)
+            .count();
         if count > most {
             (most, middle) = (count, depths[first + count / 2]);
         }
     }
-    if most >= depths.len().min(2) { middle } else { 0.0 }
+    if most >= depths.len().min(2) {
+        middle
+    } else {
+        0.0
+    }
 }
 
 #[cfg(test)]
@@ -69,8 +84,16 @@ mod tests {
         let tolerance = Tolerance::new(0.01, 1.0);
         assert_eq!(agreed(&mut [], &tolerance), 0.0);
         assert_eq!(agreed(&mut [0.7], &tolerance), 0.7);
-        assert_eq!(agreed(&mut [0.7, 1.2], &tolerance), 0.0, "two that contradict each other");
+        assert_eq!(
+            agreed(&mut [0.7, 1.2], &tolerance),
+            0.0,
+            "two that contradict each other"
+        );
         assert_eq!(agreed(&mut [1.21, 0.7, 1.2], &tolerance), 1.21);
-        assert_eq!(agreed(&mut [1.2, 0.7, 1.2, 0.701], &tolerance), 0.701, "the nearer of two equally large groups");
+        assert_eq!(
+            agreed(&mut [1.2, 0.7, 1.2, 0.701], &tolerance),
+            0.701,
+            "the nearer of two equally large groups"
+        );
     }
 }

@@ -21,13 +21,31 @@ pub fn decide(
     let mut mask = LabelMask::empty(image.width, image.height);
     let mut best = vec![0.0f32; mask.ids.len()];
     let boxes: BTreeMap<LabelId, PixelBox> = (votes.boxes().into_iter())
-        .map(|(label, around)| (label, around.grown(options.margin_px, votes.width, votes.height)))
+        .map(|(label, around)| {
+            (
+                label,
+                around.grown(options.margin_px, votes.width, votes.height),
+            )
+        })
         .collect();
-    let Some(all) = boxes.values().copied().reduce(|a, b| a.union(&b)) else { return Ok((mask, BTreeMap::new())) };
-    let passing = passing(image, depths, all, &Tolerance::most(target, options), options);
+    let Some(all) = boxes.values().copied().reduce(|a, b| a.union(&b)) else {
+        return Ok((mask, BTreeMap::new()));
+    };
+    let passing = passing(
+        image,
+        depths,
+        all,
+        &Tolerance::most(target, options),
+        options,
+    );
     for (label, within) in boxes {
         progress.check()?;
-        let part = passing.part(within.left - all.left, within.top - all.top, within.width(), within.height());
+        let part = passing.part(
+            within.left - all.left,
+            within.top - all.top,
+            within.width(),
+            within.height(),
+        );
         let belonging = belonging(&votes.of(label, within), part, options);
         lay_over(&belonging, label, within, &mut mask, &mut best);
     }
@@ -36,7 +54,13 @@ pub fn decide(
 }
 
 /// Gives the label the pixels that belong to it more than to the labels before.
-fn lay_over(belonging: &[f32], label: LabelId, within: PixelBox, mask: &mut LabelMask, best: &mut [f32]) {
+fn lay_over(
+    belonging: &[f32],
+    label: LabelId,
+    within: PixelBox,
+    mask: &mut LabelMask,
+    best: &mut [f32],
+) {
     let full = mask.width as usize;
     for (y, row) in (within.top..within.bottom).zip(belonging.chunks_exact(within.width())) {
         for (at, &share) in (y * full + within.left..).zip(row) {
@@ -50,10 +74,17 @@ fn lay_over(belonging: &[f32], label: LabelId, within: PixelBox, mask: &mut Labe
 /// Per label the mean of how far its pixels belong to it.
 fn confidence(mask: &LabelMask, best: &[f32]) -> BTreeMap<LabelId, f32> {
     let mut sums: BTreeMap<LabelId, (f64, f64)> = BTreeMap::new();
-    for (ids, shares) in mask.ids.iter().zip(best).filter(|&(&id, _)| id != LabelId::NONE) {
+    for (ids, shares) in mask
+        .ids
+        .iter()
+        .zip(best)
+        .filter(|&(&id, _)| id != LabelId::NONE)
+    {
         let (sum, count) = sums.entry(*ids).or_default();
         *sum += f64::from(*shares);
         *count += 1.0;
     }
-    sums.into_iter().map(|(id, (sum, count))| (id, (sum / count).clamp(0.0, 1.0) as f32)).collect()
+    sums.into_iter()
+        .map(|(id, (sum, count))| (id, (sum / count).clamp(0.0, 1.0) as f32))
+        .collect()
 }

@@ -13,7 +13,10 @@ pub struct Drawn {
 }
 
 impl Drawn {
-    pub const NOTHING: Self = Self { depth: f32::INFINITY, from: 0 };
+    pub const NOTHING: Self = Self {
+        depth: f32::INFINITY,
+        from: 0,
+    };
 }
 
 /// Half the largest side of what one pixel is drawn as, in pixels.
@@ -31,7 +34,12 @@ struct Seen {
 
 /// Draws the surfaces of `source` as `target` sees them into `canvas` (a pixel each of the target), the nearest on top;
 /// surfaces that turn their backs are left out.
-pub fn draw(source: &Viewpoint, target: &Viewpoint, canvas: &mut [Drawn], progress: &Progress) -> Result<(), Stopped> {
+pub fn draw(
+    source: &Viewpoint,
+    target: &Viewpoint,
+    canvas: &mut [Drawn],
+    progress: &Progress,
+) -> Result<(), Stopped> {
     let passage = Passage::new(&source.stand, &target.stand);
     let (width, height) = (source.width(), source.height());
     let zoom = (target.stand.camera.focal_px.x / source.stand.camera.focal_px.x) as f32;
@@ -39,7 +47,11 @@ pub fn draw(source: &Viewpoint, target: &Viewpoint, canvas: &mut [Drawn], progre
         let point: Vec3 = source.point(at)?;
         let moved = passage.transform(point);
         let at_px = passage.project(moved).filter(|at| at.is_finite())?;
-        Some(Seen { at_px, depth: moved.z, own_depth: point.z })
+        Some(Seen {
+            at_px,
+            depth: moved.z,
+            own_depth: point.z,
+        })
     };
     let mut next: Vec<Option<Seen>> = (0..width).map(&see).collect();
     for row in 0..height {
@@ -47,12 +59,17 @@ pub fn draw(source: &Viewpoint, target: &Viewpoint, canvas: &mut [Drawn], progre
             progress.check()?;
         }
         let here = next;
-        next =
-            if row + 1 < height { (0..width).map(|x| see((row + 1) * width + x)).collect() } else { vec![None; width] };
+        next = if row + 1 < height {
+            (0..width).map(|x| see((row + 1) * width + x)).collect()
+        } else {
+            vec![None; width]
+        };
         for x in 0..width {
             let Some(seen) = here[x] else { continue };
             let right = here.get(x + 1).copied().flatten();
-            let Some(half) = footprint(seen, right, next[x], zoom) else { continue };
+            let Some(half) = footprint(seen, right, next[x], zoom) else {
+                continue;
+            };
             fill(canvas, target, seen, half, (row * width + x) as u32);
         }
     }
@@ -62,7 +79,8 @@ pub fn draw(source: &Viewpoint, target: &Viewpoint, canvas: &mut [Drawn], progre
 /// Half the sides of what a pixel is drawn as, so that it reaches its neighbours on the same surface; `None` for a surface
 /// seen from behind.
 fn footprint(seen: Seen, right: Option<Seen>, below: Option<Seen>, zoom: f32) -> Option<Vec2> {
-    let same = |other: &Seen| (other.own_depth - seen.own_depth).abs() < SAME_SURFACE * seen.own_depth;
+    let same =
+        |other: &Seen| (other.own_depth - seen.own_depth).abs() < SAME_SURFACE * seen.own_depth;
     let plain = Vec2::splat(0.5 * zoom * seen.own_depth / seen.depth);
     let half = match (right.filter(same), below.filter(same)) {
         (Some(right), Some(below)) => {
@@ -89,7 +107,10 @@ fn fill(canvas: &mut [Drawn], target: &Viewpoint, seen: Seen, half: Vec2, from: 
     for row in top..=bottom {
         for drawn in &mut canvas[row * width + left..=row * width + right] {
             if seen.depth < drawn.depth {
-                *drawn = Drawn { depth: seen.depth, from };
+                *drawn = Drawn {
+                    depth: seen.depth,
+                    from,
+                };
             }
         }
     }

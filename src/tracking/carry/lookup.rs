@@ -34,14 +34,22 @@ fn look_up(
         if at % 16384 == 0 {
             progress.check()?;
         }
-        let Some(point) = target.point(at) else { continue };
+        let Some(point) = target.point(at) else {
+            continue;
+        };
         let moved = passage.transform(point);
-        let Some(px) = passage.pixel(moved) else { continue };
+        let Some(px) = passage.pixel(moved) else {
+            continue;
+        };
         let (x, y) = (px.x as usize, px.y as usize);
         match surface_at(&anchor.view, x, y, moved.z, tolerance) {
             Found::Surface(hit, agreement) => {
                 let nearness = (point.z / moved.z).min(1.0);
-                sightings.set(at, anchor.mask.ids[hit], agreement * nearness * anchor.trust[hit]);
+                sightings.set(
+                    at,
+                    anchor.mask.ids[hit],
+                    agreement * nearness * anchor.trust[hit],
+                );
             }
             Found::Behind => sightings.set_through(at),
             Found::Nothing => {}
@@ -63,8 +71,16 @@ fn draw_in_holes(
     for (at, drawn) in canvas.iter().enumerate() {
         if drawn.depth < f32::INFINITY && target.depth.depths[at] <= 0.0 {
             let from = drawn.from as usize;
-            depths[at] = if depths[at] > 0.0 { depths[at].min(drawn.depth) } else { drawn.depth };
-            sightings.set(at, anchor.mask.ids[from], options.drawn_weight * anchor.trust[from]);
+            depths[at] = if depths[at] > 0.0 {
+                depths[at].min(drawn.depth)
+            } else {
+                drawn.depth
+            };
+            sightings.set(
+                at,
+                anchor.mask.ids[from],
+                options.drawn_weight * anchor.trust[from],
+            );
         }
     }
     Ok(())
@@ -86,7 +102,13 @@ fn surface_at(view: &Viewpoint, x: usize, y: usize, z: f32, tolerance: &Toleranc
     let (width, height) = (view.width(), view.height());
     let limit = tolerance.at(z);
     let depth = &view.depth.depths;
-    let off = |at: usize| if depth[at] > 0.0 { (depth[at] - z).abs() } else { f32::INFINITY };
+    let off = |at: usize| {
+        if depth[at] > 0.0 {
+            (depth[at] - z).abs()
+        } else {
+            f32::INFINITY
+        }
+    };
     let here = y * width + x;
     let (mut best, mut least, mut share) = (here, off(here), 1.0);
     let mut is_behind = true;

@@ -10,7 +10,12 @@ pub struct PixelBox {
 impl PixelBox {
     /// Around one pixel.
     pub fn pixel(x: usize, y: usize) -> Self {
-        Self { left: x, top: y, right: x + 1, bottom: y + 1 }
+        Self {
+            left: x,
+            top: y,
+            right: x + 1,
+            bottom: y + 1,
+        }
     }
 
     pub fn width(&self) -> usize {
@@ -33,7 +38,10 @@ impl PixelBox {
 
     /// Whether they share a pixel.
     pub fn meets(&self, other: &Self) -> bool {
-        self.left < other.right && other.left < self.right && self.top < other.bottom && other.top < self.bottom
+        self.left < other.right
+            && other.left < self.right
+            && self.top < other.bottom
+            && other.top < self.bottom
     }
 
     /// Wider by `margin` on each side, within a picture.

@@ -37,11 +37,19 @@ pub struct ReadyAnchors<'a> {
 
 impl<'a> ReadyAnchors<'a> {
     pub fn new(views: &'a Views<'a>, options: &'a CarryOptions) -> Self {
-        Self { views, options, slots: Mutex::default() }
+        Self {
+            views,
+            options,
+            slots: Mutex::default(),
+        }
     }
 
     /// The anchor, made ready now if it is not; `None` where its depth cannot be read.
-    pub fn get(&self, given: &GivenAnchor<'_>, progress: &Progress) -> Result<Option<Arc<Anchor>>, MaskError> {
+    pub fn get(
+        &self,
+        given: &GivenAnchor<'_>,
+        progress: &Progress,
+    ) -> Result<Option<Arc<Anchor>>, MaskError> {
         let slot = self.slot(given.frame, given.mask.ids.len());
         let mut slot = lock(&slot);
         if let Some(anchor) = &*slot {
@@ -61,7 +69,9 @@ impl<'a> ReadyAnchors<'a> {
         }
         let most = BUDGET_BYTES / (2 * size_of::<f32>() * pixels.max(1));
         while order.len() >= most.max(4) {
-            order.pop_front().and_then(|oldest| of_frame.remove(&oldest));
+            order
+                .pop_front()
+                .and_then(|oldest| of_frame.remove(&oldest));
         }
         order.push_back(frame);
         of_frame.entry(frame).or_default().clone()
@@ -69,13 +79,25 @@ impl<'a> ReadyAnchors<'a> {
 
     /// Fills the holes in the anchor's depth from other frames that can be read, and where what lies behind its labels
     /// shines through.
-    fn make(&self, given: &GivenAnchor<'_>, progress: &Progress) -> Result<Option<Anchor>, MaskError> {
-        let Some(seen) = self.views.load(given.frame)? else { return Ok(None) };
+    fn make(
+        &self,
+        given: &GivenAnchor<'_>,
+        progress: &Progress,
+    ) -> Result<Option<Anchor>, MaskError> {
+        let Some(seen) = self.views.load(given.frame)? else {
+            return Ok(None);
+        };
         let tolerance = Tolerance::most(&seen, self.options);
         let bleeding = Bleeding::find(&seen, given.mask, tolerance);
-        let own = Viewpoint { depth: Arc::new(bleeding.stanched(&seen.depth)), ..seen };
+        let own = Viewpoint {
+            depth: Arc::new(bleeding.stanched(&seen.depth)),
+            ..seen
+        };
         let mut completion = Completion::new(&own, tolerance);
-        let others = self.views.stands().filter(|&(frame, _)| frame != given.frame);
+        let others = self
+            .views
+            .stands()
+            .filter(|&(frame, _)| frame != given.frame);
         for filler in fillers_for(&own, others, self.options.fillers) {
             if let Some(filler) = self.views.load(filler)? {
                 completion.add(&filler, progress)?;
@@ -83,7 +105,12 @@ impl<'a> ReadyAnchors<'a> {
         }
         let mut filled = completion.finish();
         bleeding.check(&mut filled);
-        Ok(Some(Anchor::new(own, filled, given.mask.clone(), self.options)))
+        Ok(Some(Anchor::new(
+            own,
+            filled,
+            given.mask.clone(),
+            self.options,
+        )))
     }
 }
 

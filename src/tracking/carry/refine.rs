@@ -12,7 +12,11 @@ pub fn belonging(votes: &[[f32; 2]], passing: Passing, options: &CarryOptions) -
     let decide = |(own, spread): (&[f32; 2], &[f32; 2])| {
         let balance = options.own_weight * own[0] + spread[0];
         let weight = options.own_weight * own[1] + spread[1];
-        if weight > options.least_weight { balance / weight } else { -1.0 }
+        if weight > options.least_weight {
+            balance / weight
+        } else {
+            -1.0
+        }
     };
     votes.iter().zip(&spread).map(decide).collect()
 }
@@ -36,12 +40,20 @@ pub fn passing(
         let difference: u16 = (0..3).map(|c| u16::from(p[c].abs_diff(q[c]))).sum();
         let (near, far) = (depths[a].min(depths[b]), depths[a].max(depths[b]));
         let jumps = near > 0.0 && far - near > tolerance.at(near);
-        if jumps { jump[usize::from(difference)] } else { even[usize::from(difference)] }
+        if jumps {
+            jump[usize::from(difference)]
+        } else {
+            even[usize::from(difference)]
+        }
     };
     let (width, full) = (within.width(), image.width as usize);
     let mut across = vec![0.0; width * within.height()];
     let mut down = across.clone();
-    for (y, (across, down)) in (within.top..).zip(across.chunks_exact_mut(width).zip(down.chunks_exact_mut(width))) {
+    for (y, (across, down)) in (within.top..).zip(
+        across
+            .chunks_exact_mut(width)
+            .zip(down.chunks_exact_mut(width)),
+    ) {
         let first = y * full + within.left;
         for (x, across) in across.iter_mut().enumerate().skip(1) {
             *across = share(first + x - 1, first + x);
@@ -52,14 +64,21 @@ pub fn passing(
             }
         }
     }
-    Passing { width, across, down }
+    Passing {
+        width,
+        across,
+        down,
+    }
 }
 
 /// Depths with those of the nearest pixel that has one in every hole, so that a hole between two surfaces is no way from
 /// one to the other.
 fn bridged(depths: &[f32], width: usize) -> Vec<f32> {
     let mut bridged = depths.to_vec();
-    let mut steps: Vec<u32> = depths.iter().map(|&depth| if depth > 0.0 { 0 } else { u32::MAX / 2 }).collect();
+    let mut steps: Vec<u32> = depths
+        .iter()
+        .map(|&depth| if depth > 0.0 { 0 } else { u32::MAX / 2 })
+        .collect();
     let mut take = |at: usize, from: Option<usize>| {
         if let Some(from) = from.filter(|&from| steps[from] + 1 < steps[at]) {
             (steps[at], bridged[at]) = (steps[from] + 1, bridged[from]);
@@ -70,7 +89,10 @@ fn bridged(depths: &[f32], width: usize) -> Vec<f32> {
         take(at, at.checked_sub(width));
     }
     for at in (0..depths.len()).rev() {
-        take(at, Some(at + 1).filter(|next| next % width > 0 && *next < depths.len()));
+        take(
+            at,
+            Some(at + 1).filter(|next| next % width > 0 && *next < depths.len()),
+        );
         take(at, Some(at + width).filter(|&next| next < depths.len()));
     }
     bridged
@@ -92,7 +114,10 @@ mod tests {
     #[test]
     fn a_hole_takes_the_depth_of_the_nearer_side() {
         let depths = [1.0, 0.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        assert_eq!(bridged(&depths, 6), [1.0, 1.0, 1.0, 3.0, 3.0, 3.0, 1.0, 1.0, 1.0, 3.0, 3.0, 3.0]);
+        assert_eq!(
+            bridged(&depths, 6),
+            [1.0, 1.0, 1.0, 3.0, 3.0, 3.0, 1.0, 1.0, 1.0, 3.0, 3.0, 3.0]
+        );
         assert_eq!(bridged(&[0.0; 4], 2), [0.0; 4]);
     }
 }

@@ -33,9 +33,11 @@ impl<'a> Run<'a> {
         request.check()?;
         let mut witnesses = Witnesses::new(options, request, views);
         check_anchors(&witnesses)?;
-        let others = (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame));
-        let (targets, without): (Vec<usize>, Vec<usize>) =
-            others.filter(|&frame| witnesses.reach(frame)).partition(|&frame| witnesses.can_tell_of(frame));
+        let others =
+            (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame));
+        let (targets, without): (Vec<usize>, Vec<usize>) = others
+            .filter(|&frame| witnesses.reach(frame))
+            .partition(|&frame| witnesses.can_tell_of(frame));
         let mut left_out = std::mem::take(&mut witnesses.left_out);
         left_out.extend(without);
         if targets.is_empty() {
@@ -45,7 +47,15 @@ impl<'a> Run<'a> {
             )));
         }
         let done = AtomicUsize::new(0);
-        Ok(Self { request, views, progress, witnesses, targets, left_out, done })
+        Ok(Self {
+            request,
+            views,
+            progress,
+            witnesses,
+            targets,
+            left_out,
+            done,
+        })
     }
 
     /// Carries to all targets, handing them on in order; what was finished is handed on even if a later one fails. Gives the
@@ -56,8 +66,10 @@ impl<'a> Run<'a> {
     pub fn carry_all(&self, emit: &mut dyn FnMut(TrackedFrame)) -> Result<Vec<usize>, MaskError> {
         let mut missed = Vec::new();
         for chunk in self.targets.chunks(4 * rayon::current_num_threads()) {
-            let answers: Vec<Result<Option<TrackedFrame>, MaskError>> =
-                chunk.par_iter().map(|&frame| self.carry_to(frame)).collect();
+            let answers: Vec<Result<Option<TrackedFrame>, MaskError>> = chunk
+                .par_iter()
+                .map(|&frame| self.carry_to(frame))
+                .collect();
             let mut failed = None;
             for (&frame, answer) in chunk.iter().zip(answers) {
                 match answer {
@@ -68,7 +80,10 @@ impl<'a> Run<'a> {
             }
             failed.map_or(Ok(()), Err)?;
         }
-        match (missed.len() == self.targets.len()).then(|| self.views.failure()).flatten() {
+        match (missed.len() == self.targets.len())
+            .then(|| self.views.failure())
+            .flatten()
+        {
             Some(error) => Err(error),
             None => Ok(missed),
         }
@@ -78,11 +93,18 @@ impl<'a> Run<'a> {
     pub fn warnings(&self, missed: &[usize]) -> Vec<String> {
         let name = |&frame: &usize| self.request.frames[frame].name.as_str();
         let left_out: Vec<&str> = self.left_out.iter().map(name).collect();
-        let silent: Vec<&str> = missed.iter().filter(|&&frame| !self.views.is_unread(frame)).map(name).collect();
+        let silent: Vec<&str> = missed
+            .iter()
+            .filter(|&&frame| !self.views.is_unread(frame))
+            .map(name)
+            .collect();
         let lines = [
             naming("were left out for want of depth or a camera", &left_out),
             self.views.warning(),
-            naming("got no mask, as no frame that shows the same and has a mask can be read", &silent),
+            naming(
+                "got no mask, as no frame that shows the same and has a mask can be read",
+                &silent,
+            ),
         ];
         lines.into_iter().flatten().collect()
     }
@@ -95,7 +117,12 @@ impl<'a> Run<'a> {
         };
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
         self.progress.step(done, self.targets.len())?;
-        let tracked = |WalkedFrame { mask, confidence }| TrackedFrame { frame, mask, confidence, preliminary: false };
+        let tracked = |WalkedFrame { mask, confidence }| TrackedFrame {
+            frame,
+            mask,
+            confidence,
+            preliminary: false,
+        };
         Ok(carried.map(tracked))
     }
 }

@@ -14,14 +14,21 @@ const THROUGH: u32 = 0xffff_0000;
 impl Sightings {
     /// Nothing said of any pixel.
     pub fn none(pixels: usize) -> Self {
-        Self { packed: vec![0; pixels] }
+        Self {
+            packed: vec![0; pixels],
+        }
     }
 
     /// The label that the anchor gives a pixel (0 = nothing there), with a weight above 0 up to 1; `None` where the
     /// anchor does not see it.
     pub fn at(&self, pixel: usize) -> Option<(LabelId, f32)> {
         let packed = self.packed[pixel];
-        (packed & 0xffff != 0).then(|| (LabelId((packed >> 16) as u16), (packed & 0xffff) as f32 / STEPS))
+        (packed & 0xffff != 0).then(|| {
+            (
+                LabelId((packed >> 16) as u16),
+                (packed & 0xffff) as f32 / STEPS,
+            )
+        })
     }
 
     /// Whether the anchor sees through the place of the pixel's surface to something behind it.
@@ -50,8 +57,15 @@ mod tests {
         let mut sightings = Sightings::none(3);
         sightings.set(0, LabelId(u16::MAX), 1e-9);
         sightings.set_through(1);
-        assert!(sightings.at(0).is_some_and(|(label, weight)| label == LabelId(u16::MAX) && weight > 0.0));
+        assert!(
+            sightings
+                .at(0)
+                .is_some_and(|(label, weight)| label == LabelId(u16::MAX) && weight > 0.0)
+        );
         assert_eq!((sightings.at(1), sightings.at(2)), (None, None));
-        assert_eq!([0, 1, 2].map(|pixel| sightings.is_through(pixel)), [false, true, false]);
+        assert_eq!(
+            [0, 1, 2].map(|pixel| sightings.is_through(pixel)),
+            [false, true, false]
+        );
     }
 }

@@ -24,8 +24,14 @@ impl Testimony {
             let [own, all] = self.votes.at(pixel, label, shown);
             all >= weight && own >= share * all
         };
-        let seen = self.votes.of_anchors.iter().filter_map(|(_, sightings)| Some(sightings.at(pixel)?.0));
-        let named = seen.filter(|&label| label != LabelId::NONE).find(|&label| is_sure(label, label));
+        let seen = self
+            .votes
+            .of_anchors
+            .iter()
+            .filter_map(|(_, sightings)| Some(sightings.at(pixel)?.0));
+        let named = seen
+            .filter(|&label| label != LabelId::NONE)
+            .find(|&label| is_sure(label, label));
         named.or_else(|| is_sure(held, LabelId::NONE).then_some(LabelId::NONE))
     }
 
@@ -33,6 +39,7 @@ impl Testimony {
     /// there.
     pub fn is_new(&self, pixel: usize) -> bool {
         let sightings = || self.votes.of_anchors.iter().map(|(_, sightings)| sightings);
-        sightings().any(|seen| seen.is_through(pixel)) && sightings().all(|seen| seen.at(pixel).is_none())
+        sightings().any(|seen| seen.is_through(pixel))
+            && sightings().all(|seen| seen.at(pixel).is_none())
     }
 }

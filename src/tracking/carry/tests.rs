@@ -26,8 +26,14 @@ const SURFACES: [Card; 3] = [
 ];
 
 fn camera(x: f64) -> FrameCamera {
-    let pose = Pose { rotation: DQuat::from_rotation_z(0.05 * x), translation: DVec3::new(-x, 0.0, 0.0) };
-    FrameCamera::given(Camera::pinhole(WIDTH, HEIGHT, 80.0, 80.0, 48.0, 36.0), Some(pose))
+    let pose = Pose {
+        rotation: DQuat::from_rotation_z(0.05 * x),
+        translation: DVec3::new(-x, 0.0, 0.0),
+    };
+    FrameCamera::given(
+        Camera::pinhole(WIDTH, HEIGHT, 80.0, 80.0, 48.0, 36.0),
+        Some(pose),
+    )
 }
 
 /// Nearest surface at every pixel: index into [`SURFACES`] and depth.
@@ -38,13 +44,21 @@ fn render(camera: &FrameCamera) -> Vec<(usize, f64)> {
         .map(|(x, y)| {
             let at_px = glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
             let ray = camera.intrinsics.unproject(at_px).extend(1.0);
-            let (from, along) = (world_from_camera.translation, world_from_camera.rotation * ray);
+            let (from, along) = (
+                world_from_camera.translation,
+                world_from_camera.rotation * ray,
+            );
             let hit = |(i, (z, [l, r, t, b], ..)): (usize, &Card)| {
                 let depth = (z - from.z) / along.z;
                 let at = from + depth * along;
                 ((*l..*r).contains(&at.x) && (*t..*b).contains(&at.y)).then_some((i, depth))
             };
-            SURFACES.iter().enumerate().filter_map(hit).min_by(|a, b| a.1.total_cmp(&b.1)).unwrap()
+            SURFACES
+                .iter()
+                .enumerate()
+                .filter_map(hit)
+                .min_by(|a, b| a.1.total_cmp(&b.1))
+                .unwrap()
         })
         .collect()
 }
@@ -65,17 +79,34 @@ impl Room {
             camera.intrinsics.distortion = lens;
             let seen = render(&camera);
             let at = |x: u32, y: u32| seen[(y * WIDTH + x) as usize];
-            let color = image::RgbImage::from_fn(WIDTH, HEIGHT, |x, y| image::Rgb(SURFACES[at(x, y).0].2));
-            let depth = image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::from_fn(WIDTH, HEIGHT, |x, y| {
-                image::Luma([if hole(k, x, y) { 0 } else { (at(x, y).1 * 5000.0).round() as u16 }])
-            });
+            let color =
+                image::RgbImage::from_fn(WIDTH, HEIGHT, |x, y| image::Rgb(SURFACES[at(x, y).0].2));
+            let depth =
+                image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::from_fn(WIDTH, HEIGHT, |x, y| {
+                    image::Luma([if hole(k, x, y) {
+                        0
+                    } else {
+                        (at(x, y).1 * 5000.0).round() as u16
+                    }])
+                });
             color.save(folder.path().join(format!("c{k}.png"))).unwrap();
             depth.save(folder.path().join(format!("d{k}.png"))).unwrap();
             frames.push(frame(folder.path(), k, camera));
-            let ids = seen.iter().map(|&(surface, _)| SURFACES[surface].3).collect();
-            truth.push(LabelMask { width: WIDTH, height: HEIGHT, ids });
+            let ids = seen
+                .iter()
+                .map(|&(surface, _)| SURFACES[surface].3)
+                .collect();
+            truth.push(LabelMask {
+                width: WIDTH,
+                height: HEIGHT,
+                ids,
+            });
         }
-        Self { _folder: folder, frames, truth }
+        Self {
+            _folder: folder,
+            frames,
+            truth,
+        }
     }
 
     fn plain(places: &[f64]) -> Self {
@@ -85,7 +116,10 @@ impl Room {
     /// The true mask of a frame, with these labels only.
     fn only(&self, frame: usize, labels: &[LabelId]) -> LabelMask {
         let mut mask = self.truth[frame].clone();
-        mask.ids.iter_mut().filter(|id| !labels.contains(id)).for_each(|id| *id = LabelId::NONE);
+        mask.ids
+            .iter_mut()
+            .filter(|id| !labels.contains(id))
+            .for_each(|id| *id = LabelId::NONE);
         mask
     }
 
@@ -93,7 +127,10 @@ impl Room {
         TrackRequest {
             frames: Arc::new(self.frames.clone()),
             store: Arc::new(FrameStore::new(16 << 20)),
-            anchors: anchors.into_iter().map(|(frame, mask)| (frame, Arc::new(mask))).collect(),
+            anchors: anchors
+                .into_iter()
+                .map(|(frame, mask)| (frame, Arc::new(mask)))
+                .collect(),
             from: 0,
             to: self.frames.len() - 1,
             direction: Direction::Both,
@@ -108,7 +145,10 @@ fn frame(folder: &Path, k: usize, camera: FrameCamera) -> Frame {
         name: format!("c{k}.png"),
         width: WIDTH,
         height: HEIGHT,
-        picture: PictureSource::File { path: folder.join(format!("c{k}.png")), orientation },
+        picture: PictureSource::File {
+            path: folder.join(format!("c{k}.png")),
+            orientation,
+        },
         depth: Some(DepthSource::Sensor {
             path: folder.join(format!("d{k}.png")),
             unit: 0.0002,
@@ -119,7 +159,9 @@ fn frame(folder: &Path, k: usize, camera: FrameCamera) -> Frame {
     }
 }
 
-fn track(request: &TrackRequest) -> Result<(BTreeMap<usize, TrackedFrame>, Vec<String>), MaskError> {
+fn track(
+    request: &TrackRequest,
+) -> Result<(BTreeMap<usize, TrackedFrame>, Vec<String>), MaskError> {
     let mut tracked = BTreeMap::new();
     let mut emit = |frame: TrackedFrame| assert!(tracked.insert(frame.frame, frame).is_none());
     let warnings = GeometryTracker::default().track(request, &mut emit, &Progress::default())?;
@@ -131,8 +173,16 @@ fn refused(request: &TrackRequest) -> String {
 }
 
 fn iou(a: &LabelMask, b: &LabelMask, label: LabelId) -> f64 {
-    let pairs = || a.ids.iter().zip(&b.ids).map(|(&a, &b)| (a == label, b == label));
-    let (both, any) = (pairs().filter(|&(a, b)| a && b).count(), pairs().filter(|&(a, b)| a || b).count());
+    let pairs = || {
+        a.ids
+            .iter()
+            .zip(&b.ids)
+            .map(|(&a, &b)| (a == label, b == label))
+    };
+    let (both, any) = (
+        pairs().filter(|&(a, b)| a && b).count(),
+        pairs().filter(|&(a, b)| a || b).count(),
+    );
     both as f64 / any.max(1) as f64
 }
 
@@ -141,7 +191,11 @@ fn a_mask_is_carried_to_views_on_both_sides() {
     let room = Room::plain(&[-0.2, -0.1, 0.0, 0.1, 0.2]);
     let request = room.request([(2, room.truth[2].clone())]);
     let (tracked, warnings) = track(&request).unwrap();
-    assert_eq!(tracked.keys().copied().collect::<Vec<_>>(), [0, 1, 3, 4], "an anchor is not answered");
+    assert_eq!(
+        tracked.keys().copied().collect::<Vec<_>>(),
+        [0, 1, 3, 4],
+        "an anchor is not answered"
+    );
     assert!(warnings.is_empty());
     for (&k, frame) in &tracked {
         for label in [BOX, PLATE] {
@@ -157,8 +211,14 @@ fn what_is_hidden_is_not_labelled() {
     // From far left the plate hides another part of the box; the box keeps clear of the plate's pixels.
     let room = Room::plain(&[0.0, -0.3]);
     let (tracked, _) = track(&room.request([(0, room.only(0, &[BOX]))])).unwrap();
-    let plate = room.truth[1].ids.iter().zip(&tracked[&1].mask.ids).filter(|&(&truth, _)| truth == PLATE);
-    let (wrong, all) = plate.fold((0, 0), |(wrong, all), (_, &id)| (wrong + usize::from(id == BOX), all + 1));
+    let plate = room.truth[1]
+        .ids
+        .iter()
+        .zip(&tracked[&1].mask.ids)
+        .filter(|&(&truth, _)| truth == PLATE);
+    let (wrong, all) = plate.fold((0, 0), |(wrong, all), (_, &id)| {
+        (wrong + usize::from(id == BOX), all + 1)
+    });
     assert!(all > 100 && wrong * 10 < all, "{wrong} of {all}");
 }
 
@@ -175,7 +235,8 @@ fn holes_in_the_depth_are_filled() {
 #[test]
 fn anchors_that_lack_a_label_do_not_erase_it() {
     let room = Room::plain(&[0.0, 0.05, 0.1]);
-    let (tracked, _) = track(&room.request([(0, room.only(0, &[BOX])), (2, room.only(2, &[PLATE]))])).unwrap();
+    let (tracked, _) =
+        track(&room.request([(0, room.only(0, &[BOX])), (2, room.only(2, &[PLATE]))])).unwrap();
     for label in [BOX, PLATE] {
         assert!(iou(&tracked[&1].mask, &room.truth[1], label) > 0.9);
     }
@@ -185,7 +246,10 @@ fn anchors_that_lack_a_label_do_not_erase_it() {
 fn the_direction_is_kept() {
     let room = Room::plain(&[0.0, 0.02, 0.04, 0.06]);
     let frames = |direction| {
-        let request = TrackRequest { direction, ..room.request([(1, room.truth[1].clone())]) };
+        let request = TrackRequest {
+            direction,
+            ..room.request([(1, room.truth[1].clone())])
+        };
         track(&request).unwrap().0.into_keys().collect::<Vec<_>>()
     };
     assert_eq!(frames(Direction::Forward), [2, 3]);
@@ -195,12 +259,19 @@ fn the_direction_is_kept() {
     (request.from, request.to, request.direction) = (1, 2, Direction::Forward);
     let (tracked, _) = track(&request).unwrap();
     assert_eq!(tracked.keys().copied().collect::<Vec<_>>(), [1, 2]);
-    assert!(tracked.values().all(|f| f.mask.ids.contains(&BOX) && !f.mask.ids.contains(&PLATE)));
+    assert!(
+        tracked
+            .values()
+            .all(|f| f.mask.ids.contains(&BOX) && !f.mask.ids.contains(&PLATE))
+    );
 }
 
 #[test]
 fn a_distorted_lens_is_followed() {
-    let lens = Distortion::OpenCv { k: [-0.2, 0.05], p: [0.002, -0.001] };
+    let lens = Distortion::OpenCv {
+        k: [-0.2, 0.05],
+        p: [0.002, -0.001],
+    };
     let room = Room::new(&[-0.1, 0.1], lens, |_, _, _| false);
     let (tracked, _) = track(&room.request([(0, room.truth[0].clone())])).unwrap();
     assert!(iou(&tracked[&1].mask, &room.truth[1], BOX) > 0.93);
@@ -211,9 +282,15 @@ fn the_number_of_threads_changes_nothing() {
     let room = Room::plain(&[-0.2, -0.1, 0.0, 0.1, 0.2, 0.3]);
     let request = room.request([(1, room.truth[1].clone()), (4, room.only(4, &[PLATE]))]);
     let run = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
         let (tracked, _) = pool.install(|| track(&request)).unwrap();
-        tracked.into_values().map(|f| (f.frame, f.mask, f.confidence)).collect::<Vec<_>>()
+        tracked
+            .into_values()
+            .map(|f| (f.frame, f.mask, f.confidence))
+            .collect::<Vec<_>>()
     };
     assert_eq!(run(1), run(4));
 }
@@ -224,9 +301,14 @@ fn frames_without_depth_or_camera_are_named_and_left_out() {
     room.frames[1].depth = None;
     let (tracked, warnings) = track(&room.request([(0, room.truth[0].clone())])).unwrap();
     assert_eq!(tracked.keys().copied().collect::<Vec<_>>(), [2]);
-    assert!(warnings.len() == 1 && warnings[0].contains("c1.png") && !warnings[0].contains("c2.png"), "{warnings:?}");
+    assert!(
+        warnings.len() == 1 && warnings[0].contains("c1.png") && !warnings[0].contains("c2.png"),
+        "{warnings:?}"
+    );
     room.frames[0].camera = None;
-    assert!(refused(&room.request([(0, room.truth[0].clone())])).contains("needs depth and a camera"));
+    assert!(
+        refused(&room.request([(0, room.truth[0].clone())])).contains("needs depth and a camera")
+    );
     room.frames[0].camera = room.frames[1].camera;
     room.frames[2].camera = None;
     assert!(refused(&room.request([(0, room.truth[0].clone())])).contains("no frame from 0 to 2"));
@@ -235,7 +317,14 @@ fn frames_without_depth_or_camera_are_named_and_left_out() {
 #[test]
 fn frames_that_cannot_be_read_are_named_in_one_line_and_left_out() {
     let room = Room::plain(&[0.0, 0.05, 0.1, 0.15, 0.2, 0.25]);
-    let depth = |k: usize| room.frames[k].depth.as_ref().unwrap().sensor_path().unwrap();
+    let depth = |k: usize| {
+        room.frames[k]
+            .depth
+            .as_ref()
+            .unwrap()
+            .sensor_path()
+            .unwrap()
+    };
     // The depth of a target that fills holes too, the picture of a target, the depth of an anchor.
     for path in [depth(1), room.frames[3].picture.path(), depth(5)] {
         std::fs::write(path, "").unwrap();
@@ -247,22 +336,47 @@ fn frames_that_cannot_be_read_are_named_in_one_line_and_left_out() {
         let iou = iou(&frame.mask, &room.truth[k], BOX);
         assert!(iou > 0.9, "frame {k}: {iou}");
     }
-    assert!(warnings.len() == 1 && warnings[0].starts_with("3 frames cannot be read"), "{warnings:?}");
-    assert!(warnings[0].ends_with("c1.png, c3.png, c5.png"), "{warnings:?}");
+    assert!(
+        warnings.len() == 1 && warnings[0].starts_with("3 frames cannot be read"),
+        "{warnings:?}"
+    );
+    assert!(
+        warnings[0].ends_with("c1.png, c3.png, c5.png"),
+        "{warnings:?}"
+    );
     std::fs::write(depth(0), "").unwrap();
-    assert!(refused(&request()).contains("d0.png"), "no mask is left that could be carried");
+    assert!(
+        refused(&request()).contains("d0.png"),
+        "no mask is left that could be carried"
+    );
 }
 
 #[test]
 fn impossible_requests_are_refused() {
     let room = Room::plain(&[0.0, 0.1]);
     assert!(refused(&room.request([])).contains("no frame has a mask"));
-    assert!(refused(&room.request([(0, LabelMask::empty(WIDTH, HEIGHT))])).contains("no frame has a mask"));
+    assert!(
+        refused(&room.request([(0, LabelMask::empty(WIDTH, HEIGHT))]))
+            .contains("no frame has a mask")
+    );
     assert!(refused(&room.request([(0, LabelMask::empty(5, 4))])).contains("5x4"));
     assert!(refused(&room.request([(7, room.truth[0].clone())])).contains("the project has 2"));
     let request = room.request([(0, room.truth[0].clone())]);
-    assert!(refused(&TrackRequest { to: 2, ..request.clone() }).contains("the project has 2"));
-    assert!(refused(&TrackRequest { from: 2, to: 1, ..request }).contains("the project has 2"));
+    assert!(
+        refused(&TrackRequest {
+            to: 2,
+            ..request.clone()
+        })
+        .contains("the project has 2")
+    );
+    assert!(
+        refused(&TrackRequest {
+            from: 2,
+            to: 1,
+            ..request
+        })
+        .contains("the project has 2")
+    );
 }
 
 #[test]
@@ -271,6 +385,11 @@ fn a_stop_is_noticed() {
     let progress = Progress::default();
     let request = room.request([(0, room.truth[0].clone())]);
     progress.stop();
-    let tracker = GeometryTracker { options: CarryOptions::default() };
-    assert!(matches!(tracker.track(&request, &mut |_| {}, &progress), Err(MaskError::Stopped(_))));
+    let tracker = GeometryTracker {
+        options: CarryOptions::default(),
+    };
+    assert!(matches!(
+        tracker.track(&request, &mut |_| {}, &progress),
+        Err(MaskError::Stopped(_))
+    ));
 }

@@ -43,7 +43,10 @@ impl Tolerance {
             })
             .collect();
         differences.sort_by(f32::total_cmp);
-        let median = differences.get(differences.len() / 2).copied().unwrap_or_default();
+        let median = differences
+            .get(differences.len() / 2)
+            .copied()
+            .unwrap_or_default();
         let enough = differences.len() >= FEWEST;
         let share = if enough {
             (options.noise_factor * median).clamp(options.least_tolerance, options.most_tolerance)

@@ -40,13 +40,23 @@ impl Viewpoint {
     /// From camera space to world space.
     pub fn to_world(&self) -> impl Fn(Vec3) -> Vec3 + Sync {
         let pose = self.stand.camera_from_world.inverse();
-        let (rotation, translation) = (Mat3::from_quat(pose.rotation.as_quat()), pose.translation.as_vec3());
+        let (rotation, translation) = (
+            Mat3::from_quat(pose.rotation.as_quat()),
+            pose.translation.as_vec3(),
+        );
         move |point| rotation * point + translation
     }
 
     /// The median of the known depths of a thinned grid; `None` without depth.
     pub fn median_depth(&self) -> Option<f32> {
-        let mut known: Vec<f32> = self.depth.depths.iter().step_by(61).copied().filter(|&d| d > 0.0).collect();
+        let mut known: Vec<f32> = self
+            .depth
+            .depths
+            .iter()
+            .step_by(61)
+            .copied()
+            .filter(|&d| d > 0.0)
+            .collect();
         known.sort_by(f32::total_cmp);
         known.get(known.len() / 2).copied()
     }
@@ -56,7 +66,9 @@ impl Viewpoint {
         let (width, height) = (self.width(), self.height());
         let columns = (width / (2 * side)..width).step_by((width / side).max(1));
         let rows = (height / (2 * side)..height).step_by((height / side).max(1));
-        rows.flat_map(|y| columns.clone().map(move |x| y * width + x)).filter_map(|at| self.point(at)).collect()
+        rows.flat_map(|y| columns.clone().map(move |x| y * width + x))
+            .filter_map(|at| self.point(at))
+            .collect()
     }
 }
 
@@ -77,12 +89,15 @@ enum Lens {
 
 impl Passage {
     pub fn new(from: &Stand, to: &Stand) -> Self {
-        let pose = to.camera_from_world.compose(&from.camera_from_world.inverse());
+        let pose = to
+            .camera_from_world
+            .compose(&from.camera_from_world.inverse());
         let camera = to.camera;
         let lens = match camera.distortion {
-            Distortion::None => {
-                Lens::Pinhole { focal: camera.focal_px.as_vec2(), principal: camera.principal_px.as_vec2() }
-            }
+            Distortion::None => Lens::Pinhole {
+                focal: camera.focal_px.as_vec2(),
+                principal: camera.principal_px.as_vec2(),
+            },
             _ => Lens::Distorted(camera),
         };
         Self {
@@ -109,7 +124,9 @@ impl Passage {
             return None;
         }
         match &self.lens {
-            Lens::Pinhole { focal, principal } => Some(point.truncate() / point.z * *focal + *principal),
+            Lens::Pinhole { focal, principal } => {
+                Some(point.truncate() / point.z * *focal + *principal)
+            }
             Lens::Distorted(camera) => camera.project(point.as_dvec3()).map(glam::DVec2::as_vec2),
         }
     }

@@ -25,7 +25,12 @@ pub struct Views<'a> {
 
 impl<'a> Views<'a> {
     pub fn new(frames: &'a [Frame], store: &'a FrameStore) -> Self {
-        Self { frames, store, tables: Mutex::default(), unread: Mutex::default() }
+        Self {
+            frames,
+            store,
+            tables: Mutex::default(),
+            unread: Mutex::default(),
+        }
     }
 
     /// Camera and pose of a frame that has depth too; `None` where one is missing.
@@ -33,7 +38,10 @@ impl<'a> Views<'a> {
         let frame = &self.frames[frame];
         frame.depth.as_ref()?;
         let (&camera, &camera_from_world) = frame.posed_camera()?;
-        Some(Stand { camera, camera_from_world })
+        Some(Stand {
+            camera,
+            camera_from_world,
+        })
     }
 
     /// All frames that have depth and camera.
@@ -47,16 +55,34 @@ impl<'a> Views<'a> {
     /// [`MaskError::Request`] where camera and picture differ in size; [`MaskError::Stopped`].
     pub fn load(&self, frame: usize) -> Result<Option<Viewpoint>, MaskError> {
         let of = &self.frames[frame];
-        let Some(depth) = self.noted(frame, self.store.depth(of))? else { return Ok(None) };
-        let (Some(stand), Some(depth)) = (self.stand(frame), depth) else {
-            return Err(MaskError::Request(format!("{} has no depth or no camera", of.name)));
+        let Some(depth) = self.noted(frame, self.store.depth(of))? else {
+            return Ok(None);
         };
-        let sizes = [(stand.camera.width, stand.camera.height), (depth.width, depth.height)];
-        if let Some((width, height)) = sizes.into_iter().find(|&size| size != (of.width, of.height)) {
-            let text = format!("{}: picture {}x{}, camera or depth {width}x{height}", of.name, of.width, of.height);
+        let (Some(stand), Some(depth)) = (self.stand(frame), depth) else {
+            return Err(MaskError::Request(format!(
+                "{} has no depth or no camera",
+                of.name
+            )));
+        };
+        let sizes = [
+            (stand.camera.width, stand.camera.height),
+            (depth.width, depth.height),
+        ];
+        if let Some((width, height)) = sizes
+            .into_iter()
+            .find(|&size| size != (of.width, of.height))
+        {
+            let text = format!(
+                "{}: picture {}x{}, camera or depth {width}x{height}",
+                of.name, of.width, of.height
+            );
             return Err(MaskError::Request(format!("{text}; give them in one size")));
         }
-        Ok(Some(Viewpoint { stand, depth, rays: self.rays(&stand.camera) }))
+        Ok(Some(Viewpoint {
+            stand,
+            depth,
+            rays: self.rays(&stand.camera),
+        }))
     }
 
     /// The picture of a frame; `None` where it cannot be read.
@@ -80,8 +106,14 @@ impl<'a> Views<'a> {
     /// One line that names the frames which could not be read; `None` where there are none.
     pub fn warning(&self) -> Option<String> {
         let unread = self.unread();
-        let names: Vec<&str> = unread.keys().map(|&frame| self.frames[frame].name.as_str()).collect();
-        naming("cannot be read (image or depth) and were not used; check their files", &names)
+        let names: Vec<&str> = unread
+            .keys()
+            .map(|&frame| self.frames[frame].name.as_str())
+            .collect();
+        naming(
+            "cannot be read (image or depth) and were not used; check their files",
+            &names,
+        )
     }
 
     /// What was read of a frame; where it cannot be, the frame is noted.

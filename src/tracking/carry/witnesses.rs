@@ -29,12 +29,24 @@ impl<'a> Witnesses<'a> {
         let mut anchors = Vec::new();
         for (&frame, mask) in &request.anchors {
             match views.stand(frame) {
-                Some(stand) => anchors.push(GivenAnchor { frame, stand, labels: labels_of(mask), mask }),
+                Some(stand) => anchors.push(GivenAnchor {
+                    frame,
+                    stand,
+                    labels: labels_of(mask),
+                    mask,
+                }),
                 None => left_out.push(frame),
             }
         }
         let ready = ReadyAnchors::new(views, options);
-        Self { options, views, direction: request.direction, anchors, ready, left_out }
+        Self {
+            options,
+            views,
+            direction: request.direction,
+            anchors,
+            ready,
+            left_out,
+        }
     }
 
     /// Whether none of them shows any label.
@@ -44,7 +56,9 @@ impl<'a> Witnesses<'a> {
 
     /// Whether masks may go from one of them to a frame, in the request's direction.
     pub fn reach(&self, frame: usize) -> bool {
-        self.anchors.iter().any(|anchor| reaches(self.direction, anchor.frame, frame))
+        self.anchors
+            .iter()
+            .any(|anchor| reaches(self.direction, anchor.frame, frame))
     }
 
     /// Whether they can be asked of a frame: it has depth and a camera, and they [`Self::reach`] it.
@@ -57,22 +71,48 @@ impl<'a> Witnesses<'a> {
     ///
     /// # Errors
     /// [`MaskError::Request`] where camera and picture differ in size; [`MaskError::Stopped`].
-    pub fn tell_of(&self, frame: usize, progress: &Progress) -> Result<Option<Testimony>, MaskError> {
-        let Some(target) = self.views.load(frame)? else { return Ok(None) };
-        let mut votes = Votes { width: target.width(), height: target.height(), of_anchors: Vec::new() };
+    pub fn tell_of(
+        &self,
+        frame: usize,
+        progress: &Progress,
+    ) -> Result<Option<Testimony>, MaskError> {
+        let Some(target) = self.views.load(frame)? else {
+            return Ok(None);
+        };
+        let mut votes = Votes {
+            width: target.width(),
+            height: target.height(),
+            of_anchors: Vec::new(),
+        };
         let mut depths = target.depth.depths.clone();
         let allowed = |a: &&GivenAnchor<'_>| reaches(self.direction, a.frame, frame);
         let allowed: Vec<&GivenAnchor<'_>> = self.anchors.iter().filter(allowed).collect();
-        let stands: Vec<(Stand, &[LabelId])> = allowed.iter().map(|a| (a.stand, a.labels.as_slice())).collect();
+        let stands: Vec<(Stand, &[LabelId])> = allowed
+            .iter()
+            .map(|a| (a.stand, a.labels.as_slice()))
+            .collect();
         let chosen = anchors_for(&target, &stands, self.options.anchors);
         for &place in &chosen {
-            let Some(anchor) = self.ready.get(allowed[place], progress)? else { continue };
+            let Some(anchor) = self.ready.get(allowed[place], progress)? else {
+                continue;
+            };
             let tolerance = Tolerance::measured(&target, &anchor.view, self.options);
-            let sightings = ask(&anchor, &target, &tolerance, &mut depths, self.options, progress)?;
+            let sightings = ask(
+                &anchor,
+                &target,
+                &tolerance,
+                &mut depths,
+                self.options,
+                progress,
+            )?;
             votes.of_anchors.push((anchor, sightings));
         }
         let is_silent = votes.of_anchors.is_empty() && !chosen.is_empty();
-        Ok((!is_silent).then_some(Testimony { target, depths, votes }))
+        Ok((!is_silent).then_some(Testimony {
+            target,
+            depths,
+            votes,
+        }))
     }
 
     /// The mask of a frame by what they say of it, along what its picture and depth show; with how sure each label is, 0–1.
@@ -86,7 +126,9 @@ impl<'a> Witnesses<'a> {
         testimony: &Testimony,
         progress: &Progress,
     ) -> Result<Option<WalkedFrame>, MaskError> {
-        let Some(image) = self.views.image(frame)? else { return Ok(None) };
+        let Some(image) = self.views.image(frame)? else {
+            return Ok(None);
+        };
         let seen = (&testimony.target, testimony.depths.as_slice());
         let (mask, confidence) = decide(&testimony.votes, seen, &image, self.options, progress)?;
         Ok(Some(WalkedFrame { mask, confidence }))

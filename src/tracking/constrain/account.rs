@@ -37,23 +37,34 @@ impl Account {
         let held = self.held.len();
         let mut lines = Vec::new();
         if self.mended.is_empty() {
-            lines.push(format!("geometry contradicts no mask of the {held} frames that were held against it"));
+            lines.push(format!(
+                "geometry contradicts no mask of the {held} frames that were held against it"
+            ));
         } else {
             let pixels: usize = self.mended.values().sum();
             let names = names(self.mended.keys(), frames);
             let count = self.mended.len();
-            lines.push(format!("geometry mended {pixels} pixels in {count} of {held} frames: {names}"));
+            lines.push(format!(
+                "geometry mended {pixels} pixels in {count} of {held} frames: {names}"
+            ));
         }
         if !self.seeded.is_empty() {
             let names = names(self.seeded.iter(), frames);
-            lines.push(format!("objects that strayed were given to the tracker anew on {names}"));
+            lines.push(format!(
+                "objects that strayed were given to the tracker anew on {names}"
+            ));
         }
         if !self.left.is_empty() {
             let (count, names) = (self.left.len(), names(self.left.iter(), frames));
-            lines.push(format!("{count} frames were left to the tracker for want of depth or a camera: {names}"));
+            lines.push(format!(
+                "{count} frames were left to the tracker for want of depth or a camera: {names}"
+            ));
         }
         if !self.passed.is_empty() {
-            lines.push(format!("the tracker gave no mask for {}", names(self.passed.iter(), frames)));
+            lines.push(format!(
+                "the tracker gave no mask for {}",
+                names(self.passed.iter(), frames)
+            ));
         }
         lines.extend(self.unread.clone());
         lines
@@ -63,7 +74,14 @@ impl Account {
 /// The first few frames by name, and how many more there are.
 fn names<'a>(of: impl ExactSizeIterator<Item = &'a usize>, frames: &[Frame]) -> String {
     let more = of.len().saturating_sub(NAMED);
-    let named: Vec<&str> = of.take(NAMED).map(|&frame| frames[frame].name.as_str()).collect();
-    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    let named: Vec<&str> = of
+        .take(NAMED)
+        .map(|&frame| frames[frame].name.as_str())
+        .collect();
+    let more = if more > 0 {
+        format!(" and {more} more")
+    } else {
+        String::new()
+    };
     named.join(", ") + &more
 }

@@ -14,7 +14,10 @@ pub struct Ahead<'a> {
 
 impl<'a> Ahead<'a> {
     pub fn new(witnesses: &'a Witnesses<'a>) -> Self {
-        Self { witnesses, ready: BTreeMap::new() }
+        Self {
+            witnesses,
+            ready: BTreeMap::new(),
+        }
     }
 
     /// What they say of a frame, with the frames that will be asked for next; `None` where they cannot be asked
@@ -33,8 +36,14 @@ impl<'a> Ahead<'a> {
         }
         if !self.ready.contains_key(&frame) {
             let next = next.filter(|&frame| self.witnesses.can_tell_of(frame));
-            let frames: Vec<usize> = [frame].into_iter().chain(next).take(rayon::current_num_threads()).collect();
-            let told = frames.into_par_iter().map(|frame| (frame, self.witnesses.tell_of(frame, progress)));
+            let frames: Vec<usize> = [frame]
+                .into_iter()
+                .chain(next)
+                .take(rayon::current_num_threads())
+                .collect();
+            let told = frames
+                .into_par_iter()
+                .map(|frame| (frame, self.witnesses.tell_of(frame, progress)));
             self.ready = told.collect();
         }
         Ok(self.ready.remove(&frame).transpose()?.flatten())

@@ -35,10 +35,23 @@ impl Contradictions {
         let strayed = strayed(mask, sighted, &cores, options);
         let (mut given, mut touched) = (vec![None; mask.ids.len()], BTreeSet::new());
         for &(held, label) in cores.keys() {
-            let inside = (0..mask.ids.len()).map(|at| pair(at) == Some((held, label))).collect();
-            let patches = components(&Region { width: mask.width, height: mask.height, inside }, Connectivity::Eight);
+            let inside = (0..mask.ids.len())
+                .map(|at| pair(at) == Some((held, label)))
+                .collect();
+            let patches = components(
+                &Region {
+                    width: mask.width,
+                    height: mask.height,
+                    inside,
+                },
+                Connectivity::Eight,
+            );
             let mut of_patches = vec![0; patches.areas.len() + 1];
-            patches.labels.iter().zip(&is_core).for_each(|(&at, &core)| of_patches[at as usize] += usize::from(core));
+            patches
+                .labels
+                .iter()
+                .zip(&is_core)
+                .for_each(|(&at, &core)| of_patches[at as usize] += usize::from(core));
             let has_strayed = strayed.contains_key(&held) || strayed.contains_key(&label);
             let least = if has_strayed { 1 } else { options.least_area };
             for (given, &patch) in given.iter_mut().zip(&patches.labels) {
@@ -49,7 +62,11 @@ impl Contradictions {
             }
         }
         touched.remove(&LabelId::NONE);
-        Self { given, touched, strayed }
+        Self {
+            given,
+            touched,
+            strayed,
+        }
     }
 }
 
@@ -57,7 +74,9 @@ impl Contradictions {
 fn is_beyond_borders(mask: &LabelMask, sighted: &Sighted, at: usize, border_px: u32) -> bool {
     let held = mask.ids[at];
     sighted.labels[at].is_some_and(|label| {
-        label != held && (!mask_has_near(mask, at, border_px, label) || !sighted.has_near(at, border_px, held))
+        label != held
+            && (!mask_has_near(mask, at, border_px, label)
+                || !sighted.has_near(at, border_px, held))
     })
 }
 
@@ -69,18 +88,32 @@ fn strayed(
     options: &ConstrainOptions,
 ) -> BTreeMap<LabelId, LabelId> {
     let mut agreed: BTreeMap<LabelId, usize> = BTreeMap::new();
-    let both = mask.ids.iter().zip(&sighted.labels).filter(|&(&held, &label)| label == Some(held));
+    let both = mask
+        .ids
+        .iter()
+        .zip(&sighted.labels)
+        .filter(|&(&held, &label)| label == Some(held));
     both.for_each(|(&held, _)| *agreed.entry(held).or_default() += 1);
-    let labels: BTreeSet<LabelId> = cores.keys().flat_map(|&(held, label)| [held, label]).collect();
+    let labels: BTreeSet<LabelId> = cores
+        .keys()
+        .flat_map(|&(held, label)| [held, label])
+        .collect();
     let has_strayed = |label: &LabelId| {
-        let of_label = cores.iter().filter(|&(&(held, given), _)| held == *label || given == *label);
+        let of_label = cores
+            .iter()
+            .filter(|&(&(held, given), _)| held == *label || given == *label);
         let contradicted: usize = of_label.map(|(_, count)| count).sum();
         contradicted >= options.least_area && contradicted > agreed.get(label).copied().unwrap_or(0)
     };
     let taken_by = |label: LabelId| {
         let taken = cores.iter().filter(|&(&(held, _), _)| held == label);
-        taken.max_by_key(|&(_, count)| count).map_or(LabelId::NONE, |(&(_, given), _)| given)
+        taken
+            .max_by_key(|&(_, count)| count)
+            .map_or(LabelId::NONE, |(&(_, given), _)| given)
     };
-    let labels = labels.into_iter().filter(|&label| label != LabelId::NONE).filter(has_strayed);
+    let labels = labels
+        .into_iter()
+        .filter(|&label| label != LabelId::NONE)
+        .filter(has_strayed);
     labels.map(|label| (label, taken_by(label))).collect()
 }

@@ -20,7 +20,11 @@ pub struct Held {
 impl Held {
     /// An answer that stands.
     pub fn untouched(walked: WalkedFrame) -> Self {
-        Self { walked, mended: 0, has_strayed: false }
+        Self {
+            walked,
+            mended: 0,
+            has_strayed: false,
+        }
     }
 }
 
@@ -50,9 +54,18 @@ pub fn hold(
     {
         complete(&mut mask, &carried, &sighted, &found);
     }
-    let mended = mask.ids.iter().zip(&tracked.mask.ids).filter(|(now, before)| now != before).count();
+    let mended = mask
+        .ids
+        .iter()
+        .zip(&tracked.mask.ids)
+        .filter(|(now, before)| now != before)
+        .count();
     let confidence = confidence(&mask, &sighted, &found.touched, tracked.confidence);
-    Ok(Held { walked: WalkedFrame { mask, confidence }, mended, has_strayed: !found.strayed.is_empty() })
+    Ok(Held {
+        walked: WalkedFrame { mask, confidence },
+        mended,
+        has_strayed: !found.strayed.is_empty(),
+    })
 }
 
 /// Gives objects that strayed the pixels without a label in which they are carried, unless geometry is sure of another.
@@ -72,13 +85,22 @@ fn confidence(
     tracked: BTreeMap<LabelId, f32>,
 ) -> BTreeMap<LabelId, f32> {
     let mut counts: BTreeMap<LabelId, [usize; 2]> = BTreeMap::new();
-    for (&label, &verdict) in mask.ids.iter().zip(&sighted.labels).filter(|&(label, _)| touched.contains(label)) {
+    for (&label, &verdict) in mask
+        .ids
+        .iter()
+        .zip(&sighted.labels)
+        .filter(|&(label, _)| touched.contains(label))
+    {
         let [confirmed, all] = counts.entry(label).or_default();
         *confirmed += usize::from(verdict == Some(label));
         *all += 1;
     }
     let mut confidence = tracked;
     confidence.retain(|label, _| !touched.contains(label));
-    confidence.extend(counts.into_iter().map(|(label, [confirmed, all])| (label, confirmed as f32 / all as f32)));
+    confidence.extend(
+        counts
+            .into_iter()
+            .map(|(label, [confirmed, all])| (label, confirmed as f32 / all as f32)),
+    );
     confidence
 }

@@ -9,10 +9,15 @@ use ostra_masks::{LabelId, LabelMask};
 
 /// What geometry is sure of in each pixel of a tracker's mask; `None` where it abstains, as it does of objects that moved.
 pub fn judge(testimony: &Testimony, tracked: &LabelMask, options: &ConstrainOptions) -> Sighted {
-    let verdict =
-        |(at, &held): (usize, &LabelId)| testimony.verdict(at, held, options.sure_share, options.least_weight);
+    let verdict = |(at, &held): (usize, &LabelId)| {
+        testimony.verdict(at, held, options.sure_share, options.least_weight)
+    };
     let labels: Vec<Option<LabelId>> = tracked.ids.par_iter().enumerate().map(verdict).collect();
-    let mut sighted = Sighted { width: tracked.width, height: tracked.height, labels };
+    let mut sighted = Sighted {
+        width: tracked.width,
+        height: tracked.height,
+        labels,
+    };
     let moved = moved(testimony, tracked, &sighted, options);
     if !moved.is_empty() {
         for (verdict, held) in sighted.labels.iter_mut().zip(&tracked.ids) {
@@ -38,6 +43,11 @@ fn moved(
             counts.entry(held).or_default()[0] += 1;
         }
     }
-    let has_moved = |&(_, [new, in_place]): &(LabelId, [usize; 2])| new >= options.least_area && new > in_place;
-    counts.into_iter().filter(has_moved).map(|(label, _)| label).collect()
+    let has_moved =
+        |&(_, [new, in_place]): &(LabelId, [usize; 2])| new >= options.least_area && new > in_place;
+    counts
+        .into_iter()
+        .filter(has_moved)
+        .map(|(label, _)| label)
+        .collect()
 }

@@ -17,7 +17,8 @@ pub fn spread(
 ) {
     let (width, count) = (mask.width as usize, mask.ids.len());
     let mut steps = vec![u32::MAX; count];
-    let is_start = |&at: &usize| found.touched.contains(&tracked.ids[at]) && sighted.labels[at].is_some();
+    let is_start =
+        |&at: &usize| found.touched.contains(&tracked.ids[at]) && sighted.labels[at].is_some();
     let mut open: VecDeque<usize> = (0..count).filter(is_start).collect();
     open.iter().for_each(|&at| steps[at] = 0);
     while let Some(at) = open.pop_front() {

@@ -33,12 +33,21 @@ impl Tracker for ConstrainedTracker {
     ) -> Result<Vec<String>, MaskError> {
         progress.stage("track")?;
         request.check()?;
-        let carried = TrackRequest { anchors: chosen(request), ..request.clone() };
+        let carried = TrackRequest {
+            anchors: chosen(request),
+            ..request.clone()
+        };
         let views = Views::new(&carried.frames, &carried.store);
         let witnesses = Witnesses::new(&self.options.carry, &carried, &views);
         check(request, &witnesses)?;
         let geometry = (&witnesses, &self.options);
-        let mut lines = Run { tracker: &*self.tracker, request, geometry, progress }.track(emit)?;
+        let mut lines = Run {
+            tracker: &*self.tracker,
+            request,
+            geometry,
+            progress,
+        }
+        .track(emit)?;
         lines.extend(views.warning());
         Ok(lines)
     }
@@ -46,12 +55,27 @@ impl Tracker for ConstrainedTracker {
 
 /// The anchors' masks with the labels that are tracked only.
 fn chosen(request: &TrackRequest) -> BTreeMap<usize, Arc<LabelMask>> {
-    let Some(chosen) = &request.labels else { return request.anchors.clone() };
-    let only = |mask: &LabelMask| {
-        let ids = mask.ids.iter().map(|id| if chosen.contains(id) { *id } else { LabelId::NONE });
-        LabelMask { ids: ids.collect(), ..*mask }
+    let Some(chosen) = &request.labels else {
+        return request.anchors.clone();
     };
-    request.anchors.iter().map(|(&frame, mask)| (frame, Arc::new(only(mask)))).collect()
+    let only = |mask: &LabelMask| {
+        let ids = mask.ids.iter().map(|id| {
+            if chosen.contains(id) {
+                *id
+            } else {
+                LabelId::NONE
+            }
+        });
+        LabelMask {
+            ids: ids.collect(),
+            ..*mask
+        }
+    };
+    request
+        .anchors
+        .iter()
+        .map(|(&frame, mask)| (frame, Arc::new(only(mask))))
+        .collect()
 }
 
 /// Refuses what geometry can say nothing of.
@@ -63,7 +87,8 @@ fn check(request: &TrackRequest, witnesses: &Witnesses<'_>) -> Result<(), MaskEr
                 .into(),
         ));
     }
-    let mut targets = (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame));
+    let mut targets =
+        (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame));
     if !targets.any(|frame| witnesses.can_tell_of(frame)) {
         return Err(MaskError::Request(format!(
             "no frame from {} to {} besides the anchors has depth and a camera by which its mask could be constrained; \

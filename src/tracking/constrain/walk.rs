@@ -7,7 +7,9 @@ use super::hold::{Held, hold};
 use super::options::ConstrainOptions;
 use crate::carry::{Testimony, Witnesses};
 use ostra_core::job::{Progress, Stopped};
-use ostra_masks::{Direction, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker, WalkedFrame};
+use ostra_masks::{
+    Direction, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker, WalkedFrame,
+};
 
 /// One way of a tracker over the frames, held against geometry frame by frame. Where an object strayed, the tracker is
 /// stopped and begins anew with the mended mask as an anchor.
@@ -73,12 +75,18 @@ impl<'a> Walk<'a> {
     ///
     /// # Errors
     /// What the tracker says that does not even begin; [`MaskError::Stopped`].
-    pub fn follow(mut self, account: &mut Account, found: &mut Found<'_>) -> Result<Vec<String>, MaskError> {
+    pub fn follow(
+        mut self,
+        account: &mut Account,
+        found: &mut Found<'_>,
+    ) -> Result<Vec<String>, MaskError> {
         loop {
             match self.stretch(account, found) {
                 Ok(End::Seed(frame, mask)) => self.seed(frame, mask, account),
                 Ok(End::Through(warnings)) => return Ok(warnings),
-                Err(error) if self.seeded.is_none() || matches!(error, MaskError::Stopped(_)) => return Err(error),
+                Err(error) if self.seeded.is_none() || matches!(error, MaskError::Stopped(_)) => {
+                    return Err(error);
+                }
                 Err(error) => return Ok(vec![error.to_string()]),
             }
         }
@@ -119,7 +127,12 @@ impl<'a> Walk<'a> {
         account: &mut Account,
         found: &mut Found<'_>,
     ) -> Result<Option<End>, MaskError> {
-        let TrackedFrame { frame, mask, confidence, preliminary } = tracked;
+        let TrackedFrame {
+            frame,
+            mask,
+            confidence,
+            preliminary,
+        } = tracked;
         if preliminary || !self.pending.contains(&frame) {
             return Ok(None);
         }
@@ -137,24 +150,41 @@ impl<'a> Walk<'a> {
             }
             None => Held::untouched(tracked),
         };
-        let is_rested = self.seeded.is_none_or(|last| last.abs_diff(frame) > self.options.rest);
+        let is_rested = self
+            .seeded
+            .is_none_or(|last| last.abs_diff(frame) > self.options.rest);
         let begins_anew = held.has_strayed && is_rested && !self.pending.is_empty();
         let seed = begins_anew.then(|| End::Seed(frame, held.walked.mask.clone()));
-        found(Answer { frame, walked: held.walked, steps })?;
+        found(Answer {
+            frame,
+            walked: held.walked,
+            steps,
+        })?;
         Ok(seed)
     }
 
     /// What geometry says of a frame; `None`, which the account tells, where that cannot be had.
-    fn testimony(&mut self, frame: usize, account: &mut Account) -> Result<Option<Testimony>, MaskError> {
+    fn testimony(
+        &mut self,
+        frame: usize,
+        account: &mut Account,
+    ) -> Result<Option<Testimony>, MaskError> {
         let told = match self.request.direction {
-            Direction::Backward => self.ahead.take(frame, self.pending.iter().rev().copied(), self.progress),
-            _ => self.ahead.take(frame, self.pending.iter().copied(), self.progress),
+            Direction::Backward => {
+                self.ahead
+                    .take(frame, self.pending.iter().rev().copied(), self.progress)
+            }
+            _ => self
+                .ahead
+                .take(frame, self.pending.iter().copied(), self.progress),
         };
         match told {
             Err(MaskError::Stopped(stopped)) => return Err(stopped.into()),
             Ok(Some(testimony)) => return Ok(Some(testimony)),
             Ok(None) => {}
-            Err(error) => account.unread = account.unread.take().or_else(|| Some(error.to_string())),
+            Err(error) => {
+                account.unread = account.unread.take().or_else(|| Some(error.to_string()))
+            }
         }
         account.left.insert(frame);
         Ok(None)
@@ -165,11 +195,18 @@ impl<'a> Walk<'a> {
         let frames = &self.request.frames;
         let size = |frame: usize| (frames[frame].width, frames[frame].height);
         let is_forward = self.request.direction != Direction::Backward;
-        let is_later = |other: usize| if is_forward { other > frame } else { other < frame };
-        let (pending, passed): (BTreeSet<usize>, BTreeSet<usize>) = std::mem::take(&mut self.pending)
-            .into_iter()
-            .filter(|&other| other != frame)
-            .partition(|&other| is_later(other) || size(other) != size(frame));
+        let is_later = |other: usize| {
+            if is_forward {
+                other > frame
+            } else {
+                other < frame
+            }
+        };
+        let (pending, passed): (BTreeSet<usize>, BTreeSet<usize>) =
+            std::mem::take(&mut self.pending)
+                .into_iter()
+                .filter(|&other| other != frame)
+                .partition(|&other| is_later(other) || size(other) != size(frame));
         self.pending = pending;
         self.passed.extend(passed);
     }

@@ -27,7 +27,12 @@ impl Group {
         let first = at * OBJECTS + 1;
         let (features, numbers, shown) = picture;
         let short = networks.remember(features, &one_hot(numbers, first, shown)?)?;
-        Ok(Self { first, long: LongMemory::new(&short, options.most_remembered), short, since: 0 })
+        Ok(Self {
+            first,
+            long: LongMemory::new(&short, options.most_remembered),
+            short,
+            since: 0,
+        })
     }
 
     /// A further picture in which the objects are given.
@@ -43,7 +48,11 @@ impl Group {
     }
 
     /// The objects in the next picture.
-    pub fn propagate(&mut self, networks: Running<'_>, features: &Features) -> Result<Seen, MaskError> {
+    pub fn propagate(
+        &mut self,
+        networks: Running<'_>,
+        features: &Features,
+    ) -> Result<Seen, MaskError> {
         self.since += 1;
         networks.propagate(features, &self.long.memory, &self.short)
     }
@@ -66,10 +75,17 @@ impl Group {
 }
 
 /// `[1, 11, rows, columns]`: one where a channel's object is; what is not of this group is nothing.
-fn one_hot(numbers: &[usize], first: usize, (columns, rows): (usize, usize)) -> Result<Tensor, MaskError> {
+fn one_hot(
+    numbers: &[usize],
+    first: usize,
+    (columns, rows): (usize, usize),
+) -> Result<Tensor, MaskError> {
     let mut planes = vec![0.0; (OBJECTS + 1) * numbers.len()];
     for (at, &number) in numbers.iter().enumerate() {
-        let channel = (number + 1).checked_sub(first).filter(|channel| *channel <= OBJECTS).unwrap_or(0);
+        let channel = (number + 1)
+            .checked_sub(first)
+            .filter(|channel| *channel <= OBJECTS)
+            .unwrap_or(0);
         planes[channel * numbers.len() + at] = 1.0;
     }
     Tensor::floats(&[1, OBJECTS + 1, rows, columns], planes).map_err(told)
@@ -82,8 +98,11 @@ mod tests {
     #[test]
     fn objects_of_other_groups_are_nothing() {
         let mask = one_hot(&[0, 1, 10, 11, 12, 20, 21], 11, (7, 1)).unwrap();
-        let channel =
-            |at: usize| (0..=OBJECTS).filter(|channel| mask.as_floats()[channel * 7 + at] > 0.0).collect::<Vec<_>>();
+        let channel = |at: usize| {
+            (0..=OBJECTS)
+                .filter(|channel| mask.as_floats()[channel * 7 + at] > 0.0)
+                .collect::<Vec<_>>()
+        };
         let channels: Vec<Vec<usize>> = (0..7).map(channel).collect();
         assert_eq!(channels, [[0], [0], [0], [1], [2], [10], [0]]);
     }

@@ -22,7 +22,13 @@ pub(super) struct LongMemory {
 impl LongMemory {
     /// Of a first picture, whose mask was given.
     pub fn new(first: &Memory, most: usize) -> Self {
-        Self { memory: Memory { layers: first.layers.clone() }, is_given: vec![true], most: most.max(1) }
+        Self {
+            memory: Memory {
+                layers: first.layers.clone(),
+            },
+            is_given: vec![true],
+            most: most.max(1),
+        }
     }
 
     /// One picture more. Where that is too many, the oldest goes whose mask was not given; where all were given, the
@@ -36,7 +42,12 @@ impl LongMemory {
             }
             return Ok(());
         }
-        let gone = is_full.then(|| self.is_given.iter().position(|is_given| !is_given).unwrap_or(1));
+        let gone = is_full.then(|| {
+            self.is_given
+                .iter()
+                .position(|is_given| !is_given)
+                .unwrap_or(1)
+        });
         let all = self.memory.layers.iter_mut().zip(&picture.layers);
         for (kept, new) in all.flat_map(|(kept, new)| kept.iter_mut().zip(new)) {
             *kept = joined(kept, new, gone)?;
@@ -50,7 +61,9 @@ impl LongMemory {
 /// The cells of several pictures without those of picture `gone`, then those of one more.
 fn joined(kept: &Tensor, new: &Tensor, gone: Option<usize>) -> Result<Tensor, NnError> {
     let (values, size) = (kept.as_floats(), new.as_floats().len());
-    let (before, after) = gone.map_or((values, &[][..]), |at| (&values[..at * size], &values[(at + 1) * size..]));
+    let (before, after) = gone.map_or((values, &[][..]), |at| {
+        (&values[..at * size], &values[(at + 1) * size..])
+    });
     let values = [before, after, new.as_floats()].concat();
     let channels = *new.shape().last().unwrap_or(&1);
     Tensor::floats(&[values.len() / channels, channels], values)
@@ -62,7 +75,9 @@ mod tests {
 
     fn of(value: f32) -> Memory {
         let part = || Tensor::floats(&[2, 1], vec![value, value + 0.5]).unwrap();
-        Memory { layers: vec![std::array::from_fn(|_| part())] }
+        Memory {
+            layers: vec![std::array::from_fn(|_| part())],
+        }
     }
 
     fn kept(long: &LongMemory) -> Vec<f32> {
@@ -82,7 +97,11 @@ mod tests {
         for at in 6..9 {
             long.push(&of(at as f32), true).unwrap();
         }
-        assert_eq!(kept(&long), [0.0, 6.0, 7.0, 8.0], "the first and the latest");
+        assert_eq!(
+            kept(&long),
+            [0.0, 6.0, 7.0, 8.0],
+            "the first and the latest"
+        );
     }
 
     #[test]

@@ -49,21 +49,46 @@ impl Networks {
     /// [`NnError::Mismatch`] where one has other inputs or outputs.
     pub fn new([encoder, remember, propagate, identify]: [Network; 4]) -> Result<Self, NnError> {
         let names = Names::of(remember.signature().outputs.len() / PARTS);
-        let memory: Vec<&str> = names.memory.as_flattened().iter().map(String::as_str).collect();
-        let asked: Vec<&str> =
-            [&names.long, &names.short].into_iter().flat_map(|term| term.as_flattened()).map(String::as_str).collect();
-        let identities: Vec<&str> = names.memory.iter().map(|[.., identity]| identity.as_str()).collect();
+        let memory: Vec<&str> = names
+            .memory
+            .as_flattened()
+            .iter()
+            .map(String::as_str)
+            .collect();
+        let asked: Vec<&str> = [&names.long, &names.short]
+            .into_iter()
+            .flat_map(|term| term.as_flattened())
+            .map(String::as_str)
+            .collect();
+        let identities: Vec<&str> = names
+            .memory
+            .iter()
+            .map(|[.., identity]| identity.as_str())
+            .collect();
         let traces: Vec<&str> = names.traces.iter().map(String::as_str).collect();
         check(&encoder, &["image"], &FEATURES)?;
         check(&remember, &["embedding", "mask"], &memory)?;
-        check(&propagate, &[&FEATURES[..], &asked].concat(), &[&["logits"], &traces[..]].concat())?;
+        check(
+            &propagate,
+            &[&FEATURES[..], &asked].concat(),
+            &[&["logits"], &traces[..]].concat(),
+        )?;
         check(&identify, &[&["mask"], &traces[..]].concat(), &identities)?;
-        Ok(Self { encoder, remember, propagate, identify, names })
+        Ok(Self {
+            encoder,
+            remember,
+            propagate,
+            identify,
+            names,
+        })
     }
 
     /// To be run as long as they are wanted.
     pub fn running<'a>(&'a self, progress: &'a Progress) -> Running<'a> {
-        Running { networks: self, progress }
+        Running {
+            networks: self,
+            progress,
+        }
     }
 }
 
@@ -82,8 +107,14 @@ impl<'a> Running<'a> {
     fn run(self, network: &'a Network, fed: &[(&str, &Tensor)]) -> Result<Given<'a>, MaskError> {
         self.progress.check()?;
         let is_wanted = || self.progress.check().is_ok();
-        let given = network.run_while(fed, &is_wanted).map_err(told)?.ok_or(Stopped)?;
-        Ok(Given { network, tensors: given.into_iter().map(Some).collect() })
+        let given = network
+            .run_while(fed, &is_wanted)
+            .map_err(told)?
+            .ok_or(Stopped)?;
+        Ok(Given {
+            network,
+            tensors: given.into_iter().map(Some).collect(),
+        })
     }
 
     pub fn encode(self, image: &Tensor) -> Result<Features, MaskError> {
@@ -95,66 +126,131 @@ impl<'a> Running<'a> {
     /// What is to be kept of a picture whose mask, `[1, 11, rows, columns]` of zeros and ones, is given.
     pub fn remember(self, features: &Features, mask: &Tensor) -> Result<Memory, MaskError> {
         let Features([.., embedding]) = features;
-        let mut given = self.run(&self.networks.remember, &[("embedding", embedding), ("mask", mask)])?;
+        let mut given = self.run(
+            &self.networks.remember,
+            &[("embedding", embedding), ("mask", mask)],
+        )?;
         let layer = |[key, value, identity]: &[String; PARTS]| {
-            Ok([given.take(key, 2)?, given.take(value, 2)?, given.take(identity, 2)?])
+            Ok([
+                given.take(key, 2)?,
+                given.take(value, 2)?,
+                given.take(identity, 2)?,
+            ])
         };
-        Ok(Memory { layers: self.names().memory.iter().map(layer).collect::<Result<_, MaskError>>()? })
+        Ok(Memory {
+            layers: self
+                .names()
+                .memory
+                .iter()
+                .map(layer)
+                .collect::<Result<_, MaskError>>()?,
+        })
     }
 
     /// Where the objects are in a picture, from what was kept of others and of the one before.
-    pub fn propagate(self, features: &Features, long: &Memory, short: &Memory) -> Result<Seen, MaskError> {
+    pub fn propagate(
+        self,
+        features: &Features,
+        long: &Memory,
+        short: &Memory,
+    ) -> Result<Seen, MaskError> {
         let Features(features) = features;
         let terms = [(&self.names().long, long), (&self.names().short, short)];
         let memories = terms.into_iter().flat_map(|(names, memory)| {
-            names.as_flattened().iter().map(String::as_str).zip(memory.layers.as_flattened())
+            names
+                .as_flattened()
+                .iter()
+                .map(String::as_str)
+                .zip(memory.layers.as_flattened())
         });
-        let fed: Vec<(&str, &Tensor)> = FEATURES.into_iter().zip(features).chain(memories).collect();
+        let fed: Vec<(&str, &Tensor)> =
+            FEATURES.into_iter().zip(features).chain(memories).collect();
         let mut given = self.run(&self.networks.propagate, &fed)?;
         let logits = given.take("logits", 4)?;
         if logits.shape()[1] != OBJECTS + 1 {
             return Err(given.unfit("logits"));
         }
-        let layer = |[key, value, _]: &[String; PARTS]| Ok([given.take(key, 2)?, given.take(value, 2)?]);
-        let kept = self.names().memory.iter().map(layer).collect::<Result<_, MaskError>>()?;
-        let traces = self.names().traces.iter().map(|name| given.take(name, 2)).collect::<Result<_, MaskError>>()?;
-        Ok(Seen { logits, kept, traces })
+        let layer =
+            |[key, value, _]: &[String; PARTS]| Ok([given.take(key, 2)?, given.take(value, 2)?]);
+        let kept = self
+            .names()
+            .memory
+            .iter()
+            .map(layer)
+            .collect::<Result<_, MaskError>>()?;
+        let traces = self
+            .names()
+            .traces
+            .iter()
+            .map(|name| given.take(name, 2))
+            .collect::<Result<_, MaskError>>()?;
+        Ok(Seen {
+            logits,
+            kept,
+            traces,
+        })
     }
 
     /// What is to be kept of a picture that was propagated to, now that its mask is known.
     pub fn identify(self, seen: Seen, mask: &Tensor) -> Result<Memory, MaskError> {
-        let traces = self.names().traces.iter().map(String::as_str).zip(&seen.traces);
+        let traces = self
+            .names()
+            .traces
+            .iter()
+            .map(String::as_str)
+            .zip(&seen.traces);
         let fed: Vec<(&str, &Tensor)> = [("mask", mask)].into_iter().chain(traces).collect();
         let mut given = self.run(&self.networks.identify, &fed)?;
-        let layer =
-            |([key, value], [.., name]): ([Tensor; 2], &[String; PARTS])| Ok([key, value, given.take(name, 2)?]);
+        let layer = |([key, value], [.., name]): ([Tensor; 2], &[String; PARTS])| {
+            Ok([key, value, given.take(name, 2)?])
+        };
         let layers = seen.kept.into_iter().zip(&self.names().memory).map(layer);
-        Ok(Memory { layers: layers.collect::<Result<_, MaskError>>()? })
+        Ok(Memory {
+            layers: layers.collect::<Result<_, MaskError>>()?,
+        })
     }
 }
 
 impl Names {
     fn of(layers: usize) -> Self {
         let named = |term: &str| -> Vec<[String; PARTS]> {
-            let one = |at: usize| ["key", "value", "identity"].map(|part| format!("{term}{part}_{at}"));
+            let one =
+                |at: usize| ["key", "value", "identity"].map(|part| format!("{term}{part}_{at}"));
             (0..layers).map(one).collect()
         };
         let traces = (1..layers).map(|at| format!("trace_{at}")).collect();
-        Self { memory: named(""), long: named("long_"), short: named("short_"), traces }
+        Self {
+            memory: named(""),
+            long: named("long_"),
+            short: named("short_"),
+            traces,
+        }
     }
 }
 
 /// Refuses a network that takes something else or does not give what is read.
 fn check(network: &Network, inputs: &[&str], outputs: &[&str]) -> Result<(), NnError> {
     let signature = network.signature();
-    let takes =
-        signature.inputs.len() == inputs.len() && signature.inputs.iter().all(|port| inputs.contains(&&*port.name));
-    let gives = outputs.iter().all(|name| signature.outputs.iter().any(|port| port.name == *name));
+    let takes = signature.inputs.len() == inputs.len()
+        && signature
+            .inputs
+            .iter()
+            .all(|port| inputs.contains(&&*port.name));
+    let gives = outputs
+        .iter()
+        .all(|name| signature.outputs.iter().any(|port| port.name == *name));
     if takes && gives {
         return Ok(());
     }
-    let what = format!("expected the inputs {} and the outputs {}", inputs.join(", "), outputs.join(", "));
-    Err(NnError::Mismatch { path: network.path().to_owned(), what })
+    let what = format!(
+        "expected the inputs {} and the outputs {}",
+        inputs.join(", "),
+        outputs.join(", ")
+    );
+    Err(NnError::Mismatch {
+        path: network.path().to_owned(),
+        what,
+    })
 }
 
 /// What a run gave, by name.
@@ -165,13 +261,23 @@ struct Given<'a> {
 
 impl Given<'_> {
     fn take(&mut self, name: &str, dimensions: usize) -> Result<Tensor, MaskError> {
-        let at = self.network.signature().outputs.iter().position(|port| port.name == name);
+        let at = self
+            .network
+            .signature()
+            .outputs
+            .iter()
+            .position(|port| port.name == name);
         let tensor = at.and_then(|at| self.tensors.get_mut(at)?.take());
-        tensor.filter(|tensor| tensor.shape().len() == dimensions).ok_or_else(|| self.unfit(name))
+        tensor
+            .filter(|tensor| tensor.shape().len() == dimensions)
+            .ok_or_else(|| self.unfit(name))
     }
 
     fn unfit(&self, name: &str) -> MaskError {
-        MaskError::Network(format!("{}: gives no fitting `{name}`", self.network.path().display()))
+        MaskError::Network(format!(
+            "{}: gives no fitting `{name}`",
+            self.network.path().display()
+        ))
     }
 }
 

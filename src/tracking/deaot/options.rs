@@ -13,6 +13,10 @@ pub struct DeaotOptions {
 impl Default for DeaotOptions {
     /// As the official evaluation runs R50-DeAOT-L, with its memory bounded.
     fn default() -> Self {
-        Self { longest_side: 1040, remembered_every: 5, most_remembered: 16 }
+        Self {
+            longest_side: 1040,
+            remembered_every: 5,
+            most_remembered: 16,
+        }
     }
 }

@@ -32,7 +32,10 @@ impl Deaot {
     /// # Errors
     /// [`NnError::Mismatch`] where one has other inputs or outputs.
     pub fn new(networks: [Network; 4]) -> Result<Self, NnError> {
-        Ok(Self { networks: Arc::new(Networks::new(networks)?), options: DeaotOptions::default() })
+        Ok(Self {
+            networks: Arc::new(Networks::new(networks)?),
+            options: DeaotOptions::default(),
+        })
     }
 
     /// A walk through pictures that remembers nothing yet.
@@ -52,6 +55,8 @@ impl Tracker for Deaot {
         emit: &mut dyn FnMut(TrackedFrame),
         progress: &Progress,
     ) -> Result<Vec<String>, MaskError> {
-        track(request, emit, progress, &|| -> Box<dyn Propagator + '_> { Box::new(self.walk(progress)) })
+        track(request, emit, progress, &|| -> Box<dyn Propagator + '_> {
+            Box::new(self.walk(progress))
+        })
     }
 }

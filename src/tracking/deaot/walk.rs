@@ -36,18 +36,31 @@ struct Last {
 
 impl<'a> Walk<'a> {
     pub fn new(networks: Running<'a>, options: DeaotOptions) -> Self {
-        Self { networks, options, shown: None, labels: Vec::new(), groups: Vec::new(), last: None }
+        Self {
+            networks,
+            options,
+            shown: None,
+            labels: Vec::new(),
+            groups: Vec::new(),
+            last: None,
+        }
     }
 
     /// Logits of every group for the picture that was propagated to last.
     #[cfg(test)]
     pub fn last_logits(&self) -> Vec<&ostra_compute::nn::Tensor> {
-        self.last.iter().flat_map(|last| &last.seen).map(|seen| &seen.logits).collect()
+        self.last
+            .iter()
+            .flat_map(|last| &last.seen)
+            .map(|seen| &seen.logits)
+            .collect()
     }
 
     fn shown(&mut self, image: &Image) -> (usize, usize) {
         let longest = self.options.longest_side;
-        *self.shown.get_or_insert_with(|| shown_size(image.width, image.height, longest))
+        *self
+            .shown
+            .get_or_insert_with(|| shown_size(image.width, image.height, longest))
     }
 
     fn features(&mut self, image: &Image) -> Result<Features, MaskError> {
@@ -61,20 +74,37 @@ impl<'a> Walk<'a> {
         self.keep_last()?;
         let features = self.features(image)?;
         let networks = self.networks;
-        let seen = self.groups.iter_mut().map(|group| group.propagate(networks, &features));
+        let seen = self
+            .groups
+            .iter_mut()
+            .map(|group| group.propagate(networks, &features));
         let seen = seen.collect::<Result<Vec<_>, _>>()?;
         let logits: Vec<_> = seen.iter().map(|seen| &seen.logits).collect();
         let size = (image.width as usize, image.height as usize);
         let probabilities = probabilities(&logits, self.labels.len(), size);
         let numbers = winners(&probabilities, size.0 * size.1);
-        Ok((Last { image: image.clone(), features, seen, numbers }, probabilities))
+        Ok((
+            Last {
+                image: image.clone(),
+                features,
+                seen,
+                numbers,
+            },
+            probabilities,
+        ))
     }
 
     /// Remembers the last picture as it was answered.
     fn keep_last(&mut self) -> Result<(), MaskError> {
-        let Some(last) = self.last.take() else { return Ok(()) };
+        let Some(last) = self.last.take() else {
+            return Ok(());
+        };
         let shown = self.shown(&last.image);
-        let numbers = nearest(&last.numbers, (last.image.width as usize, last.image.height as usize), shown);
+        let numbers = nearest(
+            &last.numbers,
+            (last.image.width as usize, last.image.height as usize),
+            shown,
+        );
         for (group, seen) in self.groups.iter_mut().zip(last.seen) {
             group.keep(self.networks, seen, (&numbers, shown), &self.options)?;
         }
@@ -83,7 +113,11 @@ impl<'a> Walk<'a> {
 
     /// The picture's features and the number of every pixel where `mask` tells nothing: labels that it shows lie nowhere
     /// else, the others where they are seen.
-    fn around(&mut self, image: &Image, told: &BTreeSet<LabelId>) -> Result<(Features, Vec<usize>), MaskError> {
+    fn around(
+        &mut self,
+        image: &Image,
+        told: &BTreeSet<LabelId>,
+    ) -> Result<(Features, Vec<usize>), MaskError> {
         let last = match self.last.take() {
             Some(last) if last.image == *image => last,
             other => {
@@ -95,9 +129,19 @@ impl<'a> Walk<'a> {
                 self.look(image)?.0
             }
         };
-        let is_told: Vec<bool> = self.labels.iter().map(|label| told.contains(label)).collect();
+        let is_told: Vec<bool> = self
+            .labels
+            .iter()
+            .map(|label| told.contains(label))
+            .collect();
         let numbers = last.numbers.into_iter();
-        let others = numbers.map(|number| if number > 0 && is_told[number - 1] { 0 } else { number });
+        let others = numbers.map(|number| {
+            if number > 0 && is_told[number - 1] {
+                0
+            } else {
+                number
+            }
+        });
         Ok((last.features, others.collect()))
     }
 
@@ -121,9 +165,16 @@ impl<'a> Walk<'a> {
 impl Propagator for Walk<'_> {
     fn remember(&mut self, image: &Image, mask: &LabelMask) -> Result<(), MaskError> {
         check(image)?;
-        if (mask.width, mask.height) != (image.width, image.height) || mask.ids.len() != image.pixels.len() {
-            let (a, b) = (format!("{}×{}", mask.width, mask.height), format!("{}×{}", image.width, image.height));
-            return Err(MaskError::Request(format!("the mask is {a}, its picture {b}; make the mask anew")));
+        if (mask.width, mask.height) != (image.width, image.height)
+            || mask.ids.len() != image.pixels.len()
+        {
+            let (a, b) = (
+                format!("{}×{}", mask.width, mask.height),
+                format!("{}×{}", image.width, image.height),
+            );
+            return Err(MaskError::Request(format!(
+                "the mask is {a}, its picture {b}; make the mask anew"
+            )));
         }
         let mut told: BTreeSet<LabelId> = mask.ids.iter().copied().collect();
         told.remove(&LabelId::NONE);
@@ -131,27 +182,37 @@ impl Propagator for Walk<'_> {
             return Ok(());
         }
         let (features, mut numbers) = self.around(image, &told)?;
-        let of_label: Vec<(LabelId, usize)> = told.into_iter().map(|label| (label, self.number(label))).collect();
+        let of_label: Vec<(LabelId, usize)> = told
+            .into_iter()
+            .map(|label| (label, self.number(label)))
+            .collect();
         for (number, label) in numbers.iter_mut().zip(&mask.ids) {
             if let Ok(at) = of_label.binary_search_by_key(label, |&(label, _)| label) {
                 *number = of_label[at].1;
             }
         }
         let shown = self.shown(image);
-        let numbers = nearest(&numbers, (image.width as usize, image.height as usize), shown);
+        let numbers = nearest(
+            &numbers,
+            (image.width as usize, image.height as usize),
+            shown,
+        );
         let picture = (&features, numbers.as_slice(), shown);
         for group in &mut self.groups {
             group.remember(self.networks, picture)?;
         }
         for at in self.groups.len()..self.labels.len().div_ceil(OBJECTS) {
-            self.groups.push(Group::new(self.networks, at, picture, &self.options)?);
+            self.groups
+                .push(Group::new(self.networks, at, picture, &self.options)?);
         }
         Ok(())
     }
 
     fn propagate(&mut self, image: &Image) -> Result<Propagated, MaskError> {
         if self.groups.is_empty() {
-            return Err(MaskError::Request("there is no mask to carry; prompt or import one first".into()));
+            return Err(MaskError::Request(
+                "there is no mask to carry; prompt or import one first".into(),
+            ));
         }
         let (last, by_number) = self.look(image)?;
         let order = self.order();
@@ -172,13 +233,23 @@ fn in_order(by_number: Vec<f32>, order: &[(LabelId, usize)], pixels: usize) -> V
         return by_number;
     }
     let numbers = std::iter::once(0).chain(order.iter().map(|&(_, number)| number));
-    numbers.flat_map(|number| &by_number[number * pixels..][..pixels]).copied().collect()
+    numbers
+        .flat_map(|number| &by_number[number * pixels..][..pixels])
+        .copied()
+        .collect()
 }
 
 fn check(image: &Image) -> Result<(), MaskError> {
-    let Image { width, height, ref pixels } = *image;
+    let Image {
+        width,
+        height,
+        ref pixels,
+    } = *image;
     if pixels.len() == width as usize * height as usize && width > 0 && height > 0 {
         return Ok(());
     }
-    Err(MaskError::Request(format!("the picture of {width}×{height} has {} pixels; load it anew", pixels.len())))
+    Err(MaskError::Request(format!(
+        "the picture of {width}×{height} has {} pixels; load it anew",
+        pixels.len()
+    )))
 }

@@ -24,17 +24,34 @@ pub(super) struct Cells {
 impl Cells {
     /// The cells at most `reach_px` from `centre`, in each direction; `odds` per colour bin.
     pub fn new(picture: &Picture, odds: &[f32], side: usize, centre: Vec2, reach_px: f32) -> Self {
-        let (columns, rows) = (picture.width.div_ceil(side).max(1), picture.height.div_ceil(side).max(1));
-        let cell = |at: f32, count: usize| (at / side as f32).clamp(0.0, count as f32 - 1.0) as usize;
-        let first = [cell(centre.x - reach_px, columns), cell(centre.y - reach_px, rows)];
-        let last = [cell(centre.x + reach_px, columns), cell(centre.y + reach_px, rows)];
+        let (columns, rows) = (
+            picture.width.div_ceil(side).max(1),
+            picture.height.div_ceil(side).max(1),
+        );
+        let cell =
+            |at: f32, count: usize| (at / side as f32).clamp(0.0, count as f32 - 1.0) as usize;
+        let first = [
+            cell(centre.x - reach_px, columns),
+            cell(centre.y - reach_px, rows),
+        ];
+        let last = [
+            cell(centre.x + reach_px, columns),
+            cell(centre.y + reach_px, rows),
+        ];
         let mut features = vec![[0.0; FEATURES]; columns * rows];
         for row in first[1]..=last[1] {
             for column in first[0]..=last[0] {
                 features[row * columns + column] = described(picture, odds, side, column, row);
             }
         }
-        Self { columns, rows, side, first, last, features }
+        Self {
+            columns,
+            rows,
+            side,
+            first,
+            last,
+            features,
+        }
     }
 
     /// Where a pixel lies among the cells' centres.
@@ -63,16 +80,29 @@ impl Cells {
             means.values[cell] += value;
             counts[cell] += 1.0;
         }
-        means.values.iter_mut().zip(counts).for_each(|(value, count)| *value /= count);
+        means
+            .values
+            .iter_mut()
+            .zip(counts)
+            .for_each(|(value, count)| *value /= count);
         means
     }
 }
 
 /// What a cell looks like; cells at the right and lower border may be smaller.
-fn described(picture: &Picture, odds: &[f32], side: usize, column: usize, row: usize) -> [f32; FEATURES] {
+fn described(
+    picture: &Picture,
+    odds: &[f32],
+    side: usize,
+    column: usize,
+    row: usize,
+) -> [f32; FEATURES] {
     let mut cell = [0.0; FEATURES];
     let (left, top) = (column * side, row * side);
-    let (right, bottom) = ((left + side).min(picture.width), (top + side).min(picture.height));
+    let (right, bottom) = (
+        (left + side).min(picture.width),
+        (top + side).min(picture.height),
+    );
     for y in top..bottom {
         for x in left..right {
             add_pixel(&mut cell, picture, odds, x, y);

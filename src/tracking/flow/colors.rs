@@ -11,7 +11,11 @@ pub(super) fn bin_of([l, a, b]: [f32; 3]) -> u16 {
     let bin = |value: f32, least: f32, range: f32, bins: usize| {
         (((value - least) / range * bins as f32).max(0.0) as usize).min(bins - 1)
     };
-    let (l, a, b) = (bin(l, 0.0, 100.0, LIGHT), bin(a, -80.0, 160.0, CHROMA), bin(b, -80.0, 160.0, CHROMA));
+    let (l, a, b) = (
+        bin(l, 0.0, 100.0, LIGHT),
+        bin(a, -80.0, 160.0, CHROMA),
+        bin(b, -80.0, 160.0, CHROMA),
+    );
     ((l * CHROMA + a) * CHROMA + b) as u16
 }
 
@@ -25,19 +29,28 @@ pub(super) struct ColorModel {
 impl ColorModel {
     /// From the pixels' bins; `is_object` and `is_around` tell which pixels count.
     pub fn new(bins: &[u16], is_object: &[bool], is_around: &[bool]) -> Self {
-        Self { object: histogram(bins, is_object), around: histogram(bins, is_around) }
+        Self {
+            object: histogram(bins, is_object),
+            around: histogram(bins, is_around),
+        }
     }
 
     /// Natural logarithm of the odds that each bin's colour is the object's, −3 to 3.
     pub fn odds(&self) -> Vec<f32> {
-        let odds = |(&object, &around): (&f32, &f32)| ((object + UNSEEN) / (around + UNSEEN)).ln().clamp(-MOST, MOST);
+        let odds = |(&object, &around): (&f32, &f32)| {
+            ((object + UNSEEN) / (around + UNSEEN))
+                .ln()
+                .clamp(-MOST, MOST)
+        };
         self.object.iter().zip(&self.around).map(odds).collect()
     }
 
     /// Moves this share of the way to another model.
     pub fn learn(&mut self, other: &Self, share: f32) {
         let blend = |mine: &mut [f32], other: &[f32]| {
-            mine.iter_mut().zip(other).for_each(|(mine, other)| *mine += share * (other - *mine));
+            mine.iter_mut()
+                .zip(other)
+                .for_each(|(mine, other)| *mine += share * (other - *mine));
         };
         blend(&mut self.object, &other.object);
         blend(&mut self.around, &other.around);
@@ -45,7 +58,12 @@ impl ColorModel {
 
     /// How alike the object's colours are in two models, 0–1 (Bhattacharyya's coefficient).
     pub fn likeness(&self, other: &Self) -> f32 {
-        self.object.iter().zip(&other.object).map(|(a, b)| (a * b).sqrt()).sum::<f32>().min(1.0)
+        self.object
+            .iter()
+            .zip(&other.object)
+            .map(|(a, b)| (a * b).sqrt())
+            .sum::<f32>()
+            .min(1.0)
     }
 }
 
@@ -71,7 +89,11 @@ fn smooth(values: &mut [f32], step: usize, length: usize) {
         for at in 0..length {
             let place = first + at * step;
             let here = values[place];
-            let after = if at + 1 < length { values[place + step] } else { here };
+            let after = if at + 1 < length {
+                values[place + step]
+            } else {
+                here
+            };
             values[place] = (before + 2.0 * here + after) / 4.0;
             before = here;
         }
@@ -84,9 +106,17 @@ mod tests {
 
     #[test]
     fn colours_of_the_object_have_good_odds() {
-        let (red, blue, green) = (bin_of([50.0, 60.0, 40.0]), bin_of([30.0, 20.0, -60.0]), bin_of([60.0, -50.0, 50.0]));
+        let (red, blue, green) = (
+            bin_of([50.0, 60.0, 40.0]),
+            bin_of([30.0, 20.0, -60.0]),
+            bin_of([60.0, -50.0, 50.0]),
+        );
         let bins = [red, red, blue, blue];
-        let model = ColorModel::new(&bins, &[true, true, false, false], &[false, false, true, true]);
+        let model = ColorModel::new(
+            &bins,
+            &[true, true, false, false],
+            &[false, false, true, true],
+        );
         let odds = model.odds();
         assert!(odds[usize::from(red)] > 2.0 && odds[usize::from(blue)] < -2.0);
         assert!(odds[usize::from(green)].abs() < 1e-3);

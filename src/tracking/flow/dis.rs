@@ -31,10 +31,22 @@ pub(super) fn flow_between(first: &Pyramid, second: &Pyramid, finest: Finest) ->
     let full = &first.levels[0];
     let is_large = full.width.max(full.height) > SMALL && first.levels.len() > 1;
     let finest = usize::from(is_large && finest == Finest::Half);
-    let mut flow = Flow { width: 1, height: 1, vectors: vec![Vec2::ZERO] };
-    for (from, to) in first.levels[finest..].iter().zip(&second.levels[finest..]).rev() {
+    let mut flow = Flow {
+        width: 1,
+        height: 1,
+        vectors: vec![Vec2::ZERO],
+    };
+    for (from, to) in first.levels[finest..]
+        .iter()
+        .zip(&second.levels[finest..])
+        .rev()
+    {
         let start = flow.resized(from.width, from.height);
-        flow = if from.width < PATCH || from.height < PATCH { start } else { refined(from, to, &start) };
+        flow = if from.width < PATCH || from.height < PATCH {
+            start
+        } else {
+            refined(from, to, &start)
+        };
     }
     flow.resized(full.width, full.height)
 }
@@ -59,14 +71,19 @@ impl Grid {
             starts.push(last);
             starts
         };
-        Self { columns: along(level.width), rows: along(level.height) }
+        Self {
+            columns: along(level.width),
+            rows: along(level.height),
+        }
     }
 
     /// A displacement for every patch, row by row of patches.
     fn search(&self, from: &Level, to: &Level, start: &Flow) -> Vec<Vec2> {
         let columns = self.columns.len();
         let mut found = vec![Vec2::ZERO; columns * self.rows.len()];
-        let bands = found.par_chunks_mut(columns * BAND).zip(self.rows.par_chunks(BAND));
+        let bands = found
+            .par_chunks_mut(columns * BAND)
+            .zip(self.rows.par_chunks(BAND));
         bands.for_each(|(found, rows)| {
             let patches: Vec<Patch> = rows
                 .iter()
@@ -77,47 +94,87 @@ impl Grid {
             for (found, patch) in found.iter_mut().zip(&patches) {
                 *found = start.at(patch.x + half, patch.y + half);
             }
-            sweep(&patches, found, columns, to, (0..patches.len()).collect(), -1);
-            sweep(&patches, found, columns, to, (0..patches.len()).rev().collect(), 1);
+            sweep(
+                &patches,
+                found,
+                columns,
+                to,
+                (0..patches.len()).collect(),
+                -1,
+            );
+            sweep(
+                &patches,
+                found,
+                columns,
+                to,
+                (0..patches.len()).rev().collect(),
+                1,
+            );
         });
         found
     }
 
     /// A vector for every pixel: the mean over the patches that hold it, by how well each fits there.
     fn densified(&self, from: &Level, to: &Level, found: &[Vec2]) -> Flow {
-        let mut flow =
-            Flow { width: from.width, height: from.height, vectors: vec![Vec2::ZERO; from.width * from.height] };
-        flow.vectors.par_chunks_exact_mut(from.width).enumerate().for_each(|(y, out)| {
-            let mut weights = vec![0.0f32; out.len()];
-            let rows = self.rows.iter().enumerate().filter(|(_, top)| (**top..**top + PATCH).contains(&y));
-            for (row, _) in rows {
-                for (column, &left) in self.columns.iter().enumerate() {
-                    let vector = found[row * self.columns.len() + column];
-                    for x in left..left + PATCH {
-                        let weight =
-                            1.0 / (interpolated(to, x, y, vector) - from.at(x as isize, y as isize)).abs().max(1.0);
-                        out[x] += vector * weight;
-                        weights[x] += weight;
+        let mut flow = Flow {
+            width: from.width,
+            height: from.height,
+            vectors: vec![Vec2::ZERO; from.width * from.height],
+        };
+        flow.vectors
+            .par_chunks_exact_mut(from.width)
+            .enumerate()
+            .for_each(|(y, out)| {
+                let mut weights = vec![0.0f32; out.len()];
+                let rows = self
+                    .rows
+                    .iter()
+                    .enumerate()
+                    .filter(|(_, top)| (**top..**top + PATCH).contains(&y));
+                for (row, _) in rows {
+                    for (column, &left) in self.columns.iter().enumerate() {
+                        let vector = found[row * self.columns.len() + column];
+                        for x in left..left + PATCH {
+                            let weight = 1.0
+                                / (interpolated(to, x, y, vector)
+                                    - from.at(x as isize, y as isize))
+                                .abs()
+                                .max(1.0);
+                            out[x] += vector * weight;
+                            weights[x] += weight;
+                        }
                     }
                 }
-            }
-            out.iter_mut().zip(&weights).for_each(|(vector, weight)| *vector /= *weight);
-        });
+                out.iter_mut()
+                    .zip(&weights)
+                    .for_each(|(vector, weight)| *vector /= *weight);
+            });
         flow
     }
 }
 
 /// Visits patches in order; each begins at the best of its own displacement and those of the neighbours just visited,
 /// which lie one patch `towards` the left and above (−1) or the right and below (1).
-fn sweep(patches: &[Patch], found: &mut [Vec2], columns: usize, to: &Level, order: Vec<usize>, towards: isize) {
+fn sweep(
+    patches: &[Patch],
+    found: &mut [Vec2],
+    columns: usize,
+    to: &Level,
+    order: Vec<usize>,
+    towards: isize,
+) {
     for at in order {
         let patch = &patches[at];
-        let beside = at.checked_add_signed(towards).filter(|&other| other / columns == at / columns);
+        let beside = at
+            .checked_add_signed(towards)
+            .filter(|&other| other / columns == at / columns);
         let over = at.checked_add_signed(towards * columns as isize);
         let mut best = found[at];
         let mut least = patch.cost(to, best);
         for neighbour in [beside, over].into_iter().flatten() {
-            let Some(&candidate) = found.get(neighbour) else { continue };
+            let Some(&candidate) = found.get(neighbour) else {
+                continue;
+            };
             let cost = patch.cost(to, candidate);
             if cost < least {
                 (best, least) = (candidate, cost);

@@ -45,14 +45,23 @@ pub(super) struct Sight<'a> {
 pub(super) fn evidence(
     object: &Object,
     prediction: &Prediction,
-    &Sight { change, beyond, recalled }: &Sight<'_>,
+    &Sight {
+        change,
+        beyond,
+        recalled,
+    }: &Sight<'_>,
     options: &FlowOptions,
 ) -> Evidence {
     let (width, height) = (change.next.width, change.next.height);
     let reach = options.reach * object.area().sqrt() + 4.0;
     let Some(window) = window_of(&prediction.expected, reach) else {
         return Evidence {
-            window: Window { left: 0, top: 0, right: 0, bottom: 0 },
+            window: Window {
+                left: 0,
+                top: 0,
+                right: 0,
+                bottom: 0,
+            },
             odds: Vec::new(),
             motion: Vec::new(),
         };
@@ -64,34 +73,61 @@ pub(super) fn evidence(
     debug_assert!(window.right <= width && window.bottom <= height);
     let motion: Vec<f32> = window
         .places(width)
-        .map(|at| change.reliable.values[at] * motion(Vec2::new((at % width) as f32, (at / width) as f32), at))
+        .map(|at| {
+            change.reliable.values[at]
+                * motion(Vec2::new((at % width) as f32, (at / width) as f32), at)
+        })
         .collect();
     let shape_weight = options.shape_weight * object.nearness();
     let memory = recalled.map(|recalled| recalled.odds(object.id));
-    let votes = beyond.and_then(|beyond| votes_of_both(object, prediction, (change, beyond), window));
-    let odds = window.places(width).enumerate().zip(distances).zip(&motion).map(|(((nth, at), distance), motion)| {
-        if distance > reach {
-            return NEVER;
-        }
-        let trust = prediction.trust.values[at];
-        let reliable = change.reliable.values[at];
-        let expected = prediction.expected.values[at];
-        let flow = ((trust + 0.02) / (1.0 - trust + 0.02)).ln().clamp(-MOST_FLOW, MOST_FLOW);
-        let place = if expected > SHAPE { expected } else { (-distance / fade).max(-4.0) };
-        let bin = usize::from(change.next.bins[at]);
-        let shape = if expected > SHAPE { shape_weight * expected } else { 0.0 };
-        options.flow_weight * reliable * flow - (options.doubt_weight - shape) * (1.0 - reliable)
-            + options.place_weight * place
-            + options.first_color_weight * first[bin]
-            + options.last_color_weight * last[bin]
-            + options.motion_weight * motion
-            + votes.as_ref().map_or(0.0, |votes| options.vote_weight * votes[nth].odds())
-            + memory
-                .as_ref()
-                .map_or(0.0, |odds| options.memory_weight * odds(Vec2::new((at % width) as f32, (at / width) as f32)))
-    });
+    let votes =
+        beyond.and_then(|beyond| votes_of_both(object, prediction, (change, beyond), window));
+    let odds = window
+        .places(width)
+        .enumerate()
+        .zip(distances)
+        .zip(&motion)
+        .map(|(((nth, at), distance), motion)| {
+            if distance > reach {
+                return NEVER;
+            }
+            let trust = prediction.trust.values[at];
+            let reliable = change.reliable.values[at];
+            let expected = prediction.expected.values[at];
+            let flow = ((trust + 0.02) / (1.0 - trust + 0.02))
+                .ln()
+                .clamp(-MOST_FLOW, MOST_FLOW);
+            let place = if expected > SHAPE {
+                expected
+            } else {
+                (-distance / fade).max(-4.0)
+            };
+            let bin = usize::from(change.next.bins[at]);
+            let shape = if expected > SHAPE {
+                shape_weight * expected
+            } else {
+                0.0
+            };
+            options.flow_weight * reliable * flow
+                - (options.doubt_weight - shape) * (1.0 - reliable)
+                + options.place_weight * place
+                + options.first_color_weight * first[bin]
+                + options.last_color_weight * last[bin]
+                + options.motion_weight * motion
+                + votes
+                    .as_ref()
+                    .map_or(0.0, |votes| options.vote_weight * votes[nth].odds())
+                + memory.as_ref().map_or(0.0, |odds| {
+                    options.memory_weight
+                        * odds(Vec2::new((at % width) as f32, (at / width) as f32))
+                })
+        });
     let odds = odds.collect();
-    Evidence { window, odds, motion }
+    Evidence {
+        window,
+        odds,
+        motion,
+    }
 }
 
 /// What the patches of the last frame and of the one beyond say: of where flow comes from, and of where the object does if
@@ -108,8 +144,13 @@ fn votes_of_both(
     }
     let own = Plane::of_mask(change.next.width, change.next.height, &object.mask().inside);
     let share_beyond = Plane::of_mask(change.next.width, change.next.height, &there.inside);
-    let last =
-        |way, reach| Source { picture: &change.last, share: &own, way, reach, weight: 2.0 * (1.0 - beyond.share) };
+    let last = |way, reach| Source {
+        picture: &change.last,
+        share: &own,
+        way,
+        reach,
+        weight: 2.0 * (1.0 - beyond.share),
+    };
     let next = |way, reach| Source {
         picture: &beyond.change.next,
         share: &share_beyond,
@@ -130,9 +171,19 @@ fn votes_of_both(
 fn window_of(expected: &Plane, reach: f32) -> Option<Window> {
     let (width, height) = (expected.width, expected.height);
     let mut found: Option<Window> = None;
-    for (at, _) in expected.values.iter().enumerate().filter(|(_, value)| **value > SHAPE) {
+    for (at, _) in expected
+        .values
+        .iter()
+        .enumerate()
+        .filter(|(_, value)| **value > SHAPE)
+    {
         let (x, y) = (at % width, at / width);
-        let window = found.get_or_insert(Window { left: x, top: y, right: x + 1, bottom: y + 1 });
+        let window = found.get_or_insert(Window {
+            left: x,
+            top: y,
+            right: x + 1,
+            bottom: y + 1,
+        });
         window.left = window.left.min(x);
         window.right = window.right.max(x + 1);
         window.bottom = y + 1;
@@ -148,24 +199,48 @@ fn window_of(expected: &Plane, reach: f32) -> Option<Window> {
 
 /// Distance in pixels of each of the window's pixels from the expected shape.
 fn distances(expected: &Plane, window: Window) -> Vec<f32> {
-    let inside = window.places(expected.width).map(|at| expected.values[at] > SHAPE).collect();
-    let region = Region { width: window.width() as u32, height: window.height() as u32, inside };
-    squared_distance_to(&region).into_iter().map(|squared| (squared as f32).sqrt()).collect()
+    let inside = window
+        .places(expected.width)
+        .map(|at| expected.values[at] > SHAPE)
+        .collect();
+    let region = Region {
+        width: window.width() as u32,
+        height: window.height() as u32,
+        inside,
+    };
+    squared_distance_to(&region)
+        .into_iter()
+        .map(|squared| (squared as f32).sqrt())
+        .collect()
 }
 
 /// The odds of moving like the object rather than like the background, by pixel; 0 where both move alike.
-fn motion_odds<'a>(prediction: &Prediction, change: &'a Change) -> impl Fn(Vec2, usize) -> f32 + use<'a> {
+fn motion_odds<'a>(
+    prediction: &Prediction,
+    change: &'a Change,
+) -> impl Fn(Vec2, usize) -> f32 + use<'a> {
     let back: Affine2 = prediction.motion.inverse();
-    let off_object =
-        move |at: Vec2, place: usize| (back.transform_point2(at) - at).distance(change.backward.vectors[place]);
+    let off_object = move |at: Vec2, place: usize| {
+        (back.transform_point2(at) - at).distance(change.backward.vectors[place])
+    };
     let background = change.background;
     let off_background = move |at: Vec2, place: usize| {
-        background.map_or(0.0, |motion| motion.displacement(at).distance(change.backward.vectors[place]))
+        background.map_or(0.0, |motion| {
+            motion
+                .displacement(at)
+                .distance(change.backward.vectors[place])
+        })
     };
     let width = change.next.width;
-    let own = prediction.warped.values.iter().enumerate().filter(|(_, value)| **value > 0.5);
-    let own: Vec<(Vec2, usize)> =
-        own.map(|(at, _)| (Vec2::new((at % width) as f32, (at / width) as f32), at)).collect();
+    let own = prediction
+        .warped
+        .values
+        .iter()
+        .enumerate()
+        .filter(|(_, value)| **value > 0.5);
+    let own: Vec<(Vec2, usize)> = own
+        .map(|(at, _)| (Vec2::new((at % width) as f32, (at / width) as f32), at))
+        .collect();
     let object_spread = median(own.iter().map(|&(p, at)| off_object(p, at))) + OBJECT_SPREAD_PX;
     let apart = median(own.iter().map(|&(p, at)| off_background(p, at)));
     let weight = ((apart - 2.0 * change.background_noise - 0.5) / 1.5).clamp(0.0, 1.0);

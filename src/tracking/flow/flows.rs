@@ -24,10 +24,21 @@ struct Step {
 
 impl Step {
     fn of(change: &Change) -> Self {
-        let Change { last, next, forward, backward, .. } = change;
+        let Change {
+            last,
+            next,
+            forward,
+            backward,
+            ..
+        } = change;
         let [last, next] = [last, next].map(Arc::clone);
         let [forward, backward] = [forward, backward].map(Arc::clone);
-        Self { last, next, forward, backward }
+        Self {
+            last,
+            next,
+            forward,
+            backward,
+        }
     }
 
     fn reversed(self) -> Change {
@@ -38,7 +49,10 @@ impl Step {
 impl Flows {
     /// Keeps this many steps at most.
     pub fn keeping(most: usize) -> Self {
-        Self { most, steps: VecDeque::new() }
+        Self {
+            most,
+            steps: VecDeque::new(),
+        }
     }
 
     /// For the way back: what is kept stays until it is asked for, and no more is.
@@ -48,8 +62,14 @@ impl Flows {
 
     /// From one frame to the next; measured, unless the step the other way is kept, which is given away.
     pub fn change(&mut self, last: &Arc<Picture>, next: &Arc<Picture>, finest: Finest) -> Change {
-        let is_way_back = |step: &Step| Arc::ptr_eq(&step.last, next) && Arc::ptr_eq(&step.next, last);
-        if let Some(back) = self.steps.iter().rposition(is_way_back).and_then(|at| self.steps.remove(at)) {
+        let is_way_back =
+            |step: &Step| Arc::ptr_eq(&step.last, next) && Arc::ptr_eq(&step.next, last);
+        if let Some(back) = self
+            .steps
+            .iter()
+            .rposition(is_way_back)
+            .and_then(|at| self.steps.remove(at))
+        {
             return back.reversed();
         }
         let change = Change::new(Arc::clone(last), Arc::clone(next), finest);
@@ -71,9 +91,17 @@ mod tests {
     const SIDE: u32 = 48;
 
     fn picture(shift: u32) -> Arc<Picture> {
-        let grain = |x: u32, y: u32| (((x / 3 * 7349) ^ (y / 3 * 9151)).wrapping_mul(0x9E37_79B1) >> 24) as u8;
-        let pixels = (0..SIDE * SIDE).map(|at| [grain(at % SIDE + shift, at / SIDE); 3]).collect();
-        let image = Image { width: SIDE, height: SIDE, pixels };
+        let grain = |x: u32, y: u32| {
+            (((x / 3 * 7349) ^ (y / 3 * 9151)).wrapping_mul(0x9E37_79B1) >> 24) as u8
+        };
+        let pixels = (0..SIDE * SIDE)
+            .map(|at| [grain(at % SIDE + shift, at / SIDE); 3])
+            .collect();
+        let image = Image {
+            width: SIDE,
+            height: SIDE,
+            pixels,
+        };
         Arc::new(Picture::new(&image, (SIDE as usize, SIDE as usize)))
     }
 
@@ -81,15 +109,29 @@ mod tests {
     fn the_way_back_is_what_would_be_measured_and_is_measured_once() {
         let frames = [0, 2, 4, 6].map(picture);
         let mut flows = Flows::keeping(2);
-        let there: Vec<Change> = frames.windows(2).map(|two| flows.change(&two[0], &two[1], Finest::Full)).collect();
+        let there: Vec<Change> = frames
+            .windows(2)
+            .map(|two| flows.change(&two[0], &two[1], Finest::Full))
+            .collect();
         flows.keep_no_more();
         // In the order of a walk that first comes to a step that is not kept.
         for (at, is_kept) in [(0, false), (2, true), (1, true)] {
             let back = flows.change(&frames[at + 1], &frames[at], Finest::Full);
-            assert_eq!(Arc::ptr_eq(&back.forward, &there[at].backward), is_kept, "the two latest steps are kept");
+            assert_eq!(
+                Arc::ptr_eq(&back.forward, &there[at].backward),
+                is_kept,
+                "the two latest steps are kept"
+            );
             assert_eq!(Arc::ptr_eq(&back.backward, &there[at].forward), is_kept);
-            let measured = Change::new(Arc::clone(&frames[at + 1]), Arc::clone(&frames[at]), Finest::Full);
-            assert_eq!((&back.forward, &back.backward), (&measured.forward, &measured.backward));
+            let measured = Change::new(
+                Arc::clone(&frames[at + 1]),
+                Arc::clone(&frames[at]),
+                Finest::Full,
+            );
+            assert_eq!(
+                (&back.forward, &back.backward),
+                (&measured.forward, &measured.backward)
+            );
             assert_eq!(back.reliable, measured.reliable);
         }
         assert!(flows.steps.is_empty());

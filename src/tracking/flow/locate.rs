@@ -55,7 +55,8 @@ impl Fit {
 
     /// Whether this may be the object that looked `usual` before.
     fn is_like(&self, usual: &Self) -> bool {
-        self.contrast > LEAST_CONTRAST * usual.contrast && self.difference < MOST_DIFFERENCE * usual.difference + 0.5
+        self.contrast > LEAST_CONTRAST * usual.contrast
+            && self.difference < MOST_DIFFERENCE * usual.difference + 0.5
     }
 }
 
@@ -69,10 +70,12 @@ struct Ready {
 
 impl Ready {
     fn fit(&self, cells: &Cells, x: isize, y: isize) -> Fit {
-        let odds = (0..self.contrast.len()).filter(|&at| self.contrast[at] != 0.0).map(|at| {
-            let (dx, dy) = self.shape.offset(at);
-            self.contrast[at] * cells.at(x + dx, y + dy)[ODDS]
-        });
+        let odds = (0..self.contrast.len())
+            .filter(|&at| self.contrast[at] != 0.0)
+            .map(|at| {
+                let (dx, dy) = self.shape.offset(at);
+                self.contrast[at] * cells.at(x + dx, y + dy)[ODDS]
+            });
         Fit {
             contrast: odds.sum(),
             difference: self.last.difference(cells, x, y),
@@ -96,11 +99,24 @@ impl Template {
     fn new(cells: &Cells, share: &Plane, centre: Vec2, radius: usize) -> Self {
         let side = 2 * radius + 1;
         let middle = cells.of_pixel(centre);
-        let offset = |at: usize| middle + Vec2::new((at % side) as f32, (at / side) as f32) - radius as f32;
-        let features = (0..side * side).map(|at| between(cells, offset(at))).collect();
-        let inside = |p: Vec2| p.x > -1.0 && p.y > -1.0 && p.x < share.width as f32 && p.y < share.height as f32;
-        let weight = |at: usize| Some(offset(at)).filter(|&p| inside(p)).map_or(0.0, |p| share.sample(p));
-        Self { radius, features, weights: (0..side * side).map(weight).collect() }
+        let offset =
+            |at: usize| middle + Vec2::new((at % side) as f32, (at / side) as f32) - radius as f32;
+        let features = (0..side * side)
+            .map(|at| between(cells, offset(at)))
+            .collect();
+        let inside = |p: Vec2| {
+            p.x > -1.0 && p.y > -1.0 && p.x < share.width as f32 && p.y < share.height as f32
+        };
+        let weight = |at: usize| {
+            Some(offset(at))
+                .filter(|&p| inside(p))
+                .map_or(0.0, |p| share.sample(p))
+        };
+        Self {
+            radius,
+            features,
+            weights: (0..side * side).map(weight).collect(),
+        }
     }
 
     /// Seen `zoom` times as large.
@@ -108,21 +124,32 @@ impl Template {
         let side = 2 * self.radius + 1;
         let nearest = |at: usize| {
             let offset = Vec2::new((at % side) as f32, (at / side) as f32) - self.radius as f32;
-            let source = (offset / zoom + self.radius as f32).round().clamp(Vec2::ZERO, Vec2::splat(side as f32 - 1.0));
+            let source = (offset / zoom + self.radius as f32)
+                .round()
+                .clamp(Vec2::ZERO, Vec2::splat(side as f32 - 1.0));
             source.y as usize * side + source.x as usize
         };
         Self {
             radius: self.radius,
-            features: (0..side * side).map(|at| self.features[nearest(at)]).collect(),
-            weights: (0..side * side).map(|at| self.weights[nearest(at)]).collect(),
+            features: (0..side * side)
+                .map(|at| self.features[nearest(at)])
+                .collect(),
+            weights: (0..side * side)
+                .map(|at| self.weights[nearest(at)])
+                .collect(),
         }
     }
 
     fn learn(&mut self, other: &Self) {
         for (mine, other) in self.features.iter_mut().zip(&other.features) {
-            mine.iter_mut().zip(other).for_each(|(mine, other)| *mine += RATE * (other - *mine));
+            mine.iter_mut()
+                .zip(other)
+                .for_each(|(mine, other)| *mine += RATE * (other - *mine));
         }
-        self.weights.iter_mut().zip(&other.weights).for_each(|(mine, other)| *mine += RATE * (other - *mine));
+        self.weights
+            .iter_mut()
+            .zip(&other.weights)
+            .for_each(|(mine, other)| *mine += RATE * (other - *mine));
     }
 
     /// Mean squared difference of the features with the centre at a whole cell, by the template's weights.
@@ -142,16 +169,30 @@ impl Template {
 
     fn offset(&self, at: usize) -> (isize, isize) {
         let side = 2 * self.radius + 1;
-        ((at % side) as isize - self.radius as isize, (at / side) as isize - self.radius as isize)
+        (
+            (at % side) as isize - self.radius as isize,
+            (at / side) as isize - self.radius as isize,
+        )
     }
 
     /// Weights 1 on the shape and −1 on a ring around it, each adding up to one: how much better the odds of the colours
     /// are inside than around is their sum with these.
     fn contrast(&self) -> Vec<f32> {
         let near = dilated(&self.weights, 2 * self.radius + 1, self.radius / 3);
-        let ring: Vec<f32> = near.iter().zip(&self.weights).map(|(near, own)| (near - own).clamp(0.0, 1.0)).collect();
-        let (own, around) = (self.weights.iter().sum::<f32>() + 1e-6, ring.iter().sum::<f32>() + 1e-6);
-        self.weights.iter().zip(&ring).map(|(weight, ring)| weight / own - ring / around).collect()
+        let ring: Vec<f32> = near
+            .iter()
+            .zip(&self.weights)
+            .map(|(near, own)| (near - own).clamp(0.0, 1.0))
+            .collect();
+        let (own, around) = (
+            self.weights.iter().sum::<f32>() + 1e-6,
+            ring.iter().sum::<f32>() + 1e-6,
+        );
+        self.weights
+            .iter()
+            .zip(&ring)
+            .map(|(weight, ring)| weight / own - ring / around)
+            .collect()
     }
 }
 
@@ -166,7 +207,12 @@ impl Looks {
         });
         let radius = (extent.fold(1.0, f32::max) * 1.15).ceil() as usize + 1;
         let template = Template::new(cells, share, centre, radius);
-        Self { first: template.clone(), last: template, size: 1.0, usual: None }
+        Self {
+            first: template.clone(),
+            last: template,
+            size: 1.0,
+            usual: None,
+        }
     }
 
     /// Where the object is, at most `reach_px` from `predicted`, when it grew by `zoom` since the last frame; `shape` is
@@ -193,26 +239,46 @@ impl Looks {
             (score(&fit, x, y), fit, (x, y))
         });
         let scored: Vec<(f32, Fit, (isize, isize))> = candidates.collect();
-        let best = scored.into_iter().reduce(|best, next| if next.0 > best.0 { next } else { best });
+        let best = scored
+            .into_iter()
+            .reduce(|best, next| if next.0 > best.0 { next } else { best });
         let Some((value, fit, (x, y))) = best else {
-            return Place { centre: predicted, corrected: false, is_like: false };
+            return Place {
+                centre: predicted,
+                corrected: false,
+                is_like: false,
+            };
         };
         let (found, there) = (Vec2::new(x as f32, y as f32), middle.round());
         let (there_x, there_y) = (there.x as isize, there.y as isize);
         let predicted_fit = ready.fit(cells, there_x, there_y);
         let is_like = |fit: &Fit| self.usual.is_none_or(|usual| fit.is_like(&usual));
-        let better = found.distance(middle) > NEAR && value > score(&predicted_fit, there_x, there_y) + MARGIN;
+        let better = found.distance(middle) > NEAR
+            && value > score(&predicted_fit, there_x, there_y) + MARGIN;
         if better && is_like(&fit) {
-            Place { centre: cells.to_pixel(found), corrected: true, is_like: true }
+            Place {
+                centre: cells.to_pixel(found),
+                corrected: true,
+                is_like: true,
+            }
         } else {
-            Place { centre: predicted, corrected: false, is_like: is_like(&predicted_fit) }
+            Place {
+                centre: predicted,
+                corrected: false,
+                is_like: is_like(&predicted_fit),
+            }
         }
     }
 
     fn ready(&self, cells: &Cells, shape: &Plane, shape_centre: Vec2, zoom: f32) -> Ready {
         let shape = Template::new(cells, shape, shape_centre, self.last.radius).scaled(zoom);
         let contrast = shape.contrast();
-        Ready { first: self.first.scaled(self.size), last: self.last.clone(), shape, contrast }
+        Ready {
+            first: self.first.scaled(self.size),
+            last: self.last.clone(),
+            shape,
+            contrast,
+        }
     }
 
     /// How far from the centre the looks reach, in cells.
@@ -235,7 +301,10 @@ fn dilated(values: &[f32], side: usize, reach: usize) -> Vec<f32> {
         let most = |at: usize| {
             let place = at / step % side;
             let (before, after) = (place.min(reach), (side - 1 - place).min(reach));
-            (at - before * step..=at + after * step).step_by(step).map(|at| values[at]).fold(0.0, f32::max)
+            (at - before * step..=at + after * step)
+                .step_by(step)
+                .map(|at| values[at])
+                .fold(0.0, f32::max)
         };
         (0..values.len()).map(most).collect()
     };
@@ -260,7 +329,12 @@ fn between(cells: &Cells, at: Vec2) -> [f32; FEATURES] {
     let low = at.floor();
     let (u, v) = (at.x - low.x, at.y - low.y);
     let (x, y) = (low.x as isize, low.y as isize);
-    let weights = [(0, 0, (1.0 - u) * (1.0 - v)), (1, 0, u * (1.0 - v)), (0, 1, (1.0 - u) * v), (1, 1, u * v)];
+    let weights = [
+        (0, 0, (1.0 - u) * (1.0 - v)),
+        (1, 0, u * (1.0 - v)),
+        (0, 1, (1.0 - u) * v),
+        (1, 1, u * v),
+    ];
     let mut sum = [0.0; FEATURES];
     for (dx, dy, weight) in weights {
         for (sum, value) in sum.iter_mut().zip(cells.at(x + dx, y + dy)) {

@@ -47,11 +47,24 @@ impl Description {
         let cells = plane_columns * plane_rows;
         let values = (0..columns * rows).map(|cell| {
             let at = cell / columns * plane_columns + cell % columns;
-            let values: [f32; Self::DIM] = std::array::from_fn(|channel| planes[channel * cells + at]);
-            let length = values.iter().map(|value| value * value).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
-            std::array::from_fn(|part| f32x8::from(std::array::from_fn(|k| values[part * 8 + k] / length)))
+            let values: [f32; Self::DIM] =
+                std::array::from_fn(|channel| planes[channel * cells + at]);
+            let length = values
+                .iter()
+                .map(|value| value * value)
+                .sum::<f32>()
+                .sqrt()
+                .max(f32::MIN_POSITIVE);
+            std::array::from_fn(|part| {
+                f32x8::from(std::array::from_fn(|k| values[part * 8 + k] / length))
+            })
         });
-        Self { columns, rows, cell_px, values: values.collect() }
+        Self {
+            columns,
+            rows,
+            cell_px,
+            values: values.collect(),
+        }
     }
 
     /// What a value per cell is at a pixel.
@@ -89,7 +102,12 @@ impl Memory {
     pub fn learn(&mut self, description: &Description, mask: &LabelMask) {
         let known = self.keys.len();
         self.keys.extend_from_slice(&description.values);
-        let mut labels: Vec<LabelId> = mask.ids.iter().copied().filter(|&id| id != LabelId::NONE).collect();
+        let mut labels: Vec<LabelId> = mask
+            .ids
+            .iter()
+            .copied()
+            .filter(|&id| id != LabelId::NONE)
+            .collect();
         labels.sort_unstable();
         labels.dedup();
         for id in labels {
@@ -105,14 +123,26 @@ impl Memory {
     /// What the cells of a picture recall.
     pub fn recall(&self, description: &Arc<Description>) -> Recalled {
         let (columns, rows) = (description.columns, description.rows);
-        let recalled: Vec<Vec<f32>> = description.values.par_iter().map(|cell| self.odds_of(cell)).collect();
+        let recalled: Vec<Vec<f32>> = description
+            .values
+            .par_iter()
+            .map(|cell| self.odds_of(cell))
+            .collect();
         let plane = |place: usize| Plane {
             width: columns,
             height: rows,
             values: recalled.iter().map(|odds| odds[place]).collect(),
         };
-        let odds = self.shares.iter().enumerate().map(|(place, (id, _))| (*id, plane(place))).collect();
-        Recalled { description: Arc::clone(description), odds }
+        let odds = self
+            .shares
+            .iter()
+            .enumerate()
+            .map(|(place, (id, _))| (*id, plane(place)))
+            .collect();
+        Recalled {
+            description: Arc::clone(description),
+            odds,
+        }
     }
 
     /// The odds of each label in a cell.
@@ -123,7 +153,10 @@ impl Memory {
         let weight = |likeness: f32| ((likeness - top) / TEMPERATURE).exp();
         let sum: f32 = best.iter().map(|(likeness, _)| weight(*likeness)).sum();
         let share = |shares: &[f32]| {
-            best.iter().map(|&(likeness, key)| weight(likeness) * shares[key]).sum::<f32>() / sum.max(f32::MIN_POSITIVE)
+            best.iter()
+                .map(|&(likeness, key)| weight(likeness) * shares[key])
+                .sum::<f32>()
+                / sum.max(f32::MIN_POSITIVE)
         };
         self.shares
             .iter()
@@ -136,7 +169,11 @@ impl Memory {
 impl Recalled {
     /// The odds of a label at a pixel, natural logarithm; 0 where nothing is known.
     pub fn odds(&self, label: LabelId) -> impl Fn(Vec2) -> f32 {
-        let plane = self.odds.iter().find(|(id, _)| *id == label).map(|(_, plane)| plane);
+        let plane = self
+            .odds
+            .iter()
+            .find(|(id, _)| *id == label)
+            .map(|(_, plane)| plane);
         move |at| plane.map_or(0.0, |plane| self.description.sample(plane, at))
     }
 }
@@ -145,7 +182,11 @@ impl Recalled {
 fn most_alike(keys: &[[f32x8; 8]], cell: &[f32x8; 8]) -> Vec<(f32, usize)> {
     let mut best: Vec<(f32, usize)> = Vec::with_capacity(RECALLED + 1);
     for (place, key) in keys.iter().enumerate() {
-        let likeness = key.iter().zip(cell).fold(f32x8::ZERO, |sum, (&a, &b)| a.mul_add(b, sum)).reduce_add();
+        let likeness = key
+            .iter()
+            .zip(cell)
+            .fold(f32x8::ZERO, |sum, (&a, &b)| a.mul_add(b, sum))
+            .reduce_add();
         if best.len() < RECALLED || likeness > best[RECALLED - 1].0 {
             let at = best.partition_point(|(other, _)| *other >= likeness);
             best.insert(at, (likeness, place));
@@ -160,7 +201,10 @@ fn shares_of(description: &Description, mask: &LabelMask, id: LabelId) -> Vec<f3
     let (width, height) = (mask.width as usize, mask.height as usize);
     let side = description.cell_px;
     let share = |cell: usize| {
-        let (left, top) = (cell % description.columns * side, cell / description.columns * side);
+        let (left, top) = (
+            cell % description.columns * side,
+            cell / description.columns * side,
+        );
         let (right, bottom) = ((left + side).min(width), (top + side).min(height));
         let pixels = (top..bottom).flat_map(|y| (left..right).map(move |x| y * width + x));
         let inside = pixels.filter(|&at| mask.ids[at] == id).count();
@@ -176,21 +220,33 @@ mod tests {
     /// Two rows of four cells, each alike only to those of the same number.
     fn described(numbers: [usize; 8]) -> Arc<Description> {
         let mut planes = vec![0.0; Description::DIM * 8];
-        numbers.iter().enumerate().for_each(|(cell, number)| planes[number * 8 + cell] = 3.0);
+        numbers
+            .iter()
+            .enumerate()
+            .for_each(|(cell, number)| planes[number * 8 + cell] = 3.0);
         Arc::new(Description::of_planes(&planes, (4, 2), (31, 16), 8))
     }
 
     #[test]
     fn what_was_the_objects_is_found_where_it_went_and_the_unknown_is_left_open() {
         let mut mask = LabelMask::empty(31, 16);
-        (0..8).flat_map(|y| (0..8).map(move |x| (x, y))).for_each(|(x, y)| mask.ids[y * 31 + x] = LabelId(7));
+        (0..8)
+            .flat_map(|y| (0..8).map(move |x| (x, y)))
+            .for_each(|(x, y)| mask.ids[y * 31 + x] = LabelId(7));
         let mut memory = Memory::default();
         memory.learn(&described([1, 2, 2, 2, 3, 3, 4, 4]), &mask);
         let recalled = memory.recall(&described([2, 2, 2, 1, 3, 3, 9, 4]));
         let odds = recalled.odds(LabelId(7));
         assert!(odds(Vec2::new(27.0, 3.0)) > 1.0 && odds(Vec2::new(3.0, 3.0)) < -1.0);
-        assert!(odds(Vec2::new(19.0, 12.0)).abs() < 0.2, "nothing like it was seen");
-        assert_eq!(recalled.odds(LabelId(8))(Vec2::ZERO), 0.0, "no anchor shows this label");
+        assert!(
+            odds(Vec2::new(19.0, 12.0)).abs() < 0.2,
+            "nothing like it was seen"
+        );
+        assert_eq!(
+            recalled.odds(LabelId(8))(Vec2::ZERO),
+            0.0,
+            "no anchor shows this label"
+        );
     }
 
     #[test]

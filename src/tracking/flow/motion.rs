@@ -16,14 +16,18 @@ const SEED: u64 = 7;
 /// for fewer than two steps. RANSAC (Fischler, Bolles, "Random sample consensus", CACM 1981), then least squares.
 pub(super) fn similarity(steps: &[Step], tolerance_px: f32) -> Option<(Affine2, f32)> {
     let inliers = |motion: &Affine2| -> Vec<Step> {
-        let near = |step: &&Step| motion.transform_point2(step.from).distance_squared(step.to) < tolerance_px.powi(2);
+        let near = |step: &&Step| {
+            motion.transform_point2(step.from).distance_squared(step.to) < tolerance_px.powi(2)
+        };
         steps.iter().filter(near).copied().collect()
     };
     let mut dice = Pcg32::new(SEED, 0);
     let mut best: Vec<Step> = Vec::new();
     for _ in 0..TRIES {
         let pair = draw::<2>(steps, &mut dice)?;
-        let agreeing = least_squares_similarity(&pair).map(|motion| inliers(&motion)).unwrap_or_default();
+        let agreeing = least_squares_similarity(&pair)
+            .map(|motion| inliers(&motion))
+            .unwrap_or_default();
         if agreeing.len() > best.len() {
             best = agreeing;
         }
@@ -47,7 +51,10 @@ fn least_squares_similarity(steps: &[Step]) -> Option<Affine2> {
     if !(spread > 1e-3 && spread.is_finite()) {
         return None;
     }
-    let turn = Mat2::from_cols(Vec2::new(dot, cross) / spread, Vec2::new(-cross, dot) / spread);
+    let turn = Mat2::from_cols(
+        Vec2::new(dot, cross) / spread,
+        Vec2::new(-cross, dot) / spread,
+    );
     Some(Affine2::from_mat2_translation(turn, to - turn * from))
 }
 
@@ -75,7 +82,9 @@ impl PlaneMotion {
             steps.iter().filter(near).copied().collect()
         };
         for _ in 0..TRIES {
-            let agreeing = fit(&draw::<4>(steps, &mut dice)?).map(|motion| inliers(&motion)).unwrap_or_default();
+            let agreeing = fit(&draw::<4>(steps, &mut dice)?)
+                .map(|motion| inliers(&motion))
+                .unwrap_or_default();
             if agreeing.len() > best.len() {
                 best = agreeing;
             }
@@ -112,30 +121,47 @@ impl PlaneMotion {
             }
         }
         let terms = solved(normal)?.map(|term| term as f32);
-        Some(Self { terms, centre, unit_px })
+        Some(Self {
+            terms,
+            centre,
+            unit_px,
+        })
     }
 }
 
 /// The two lines of the linear system at a position.
 fn rows(p: Vec2) -> [[f32; TERMS]; 2] {
-    [[1.0, p.x, p.y, 0.0, 0.0, 0.0, p.x * p.x, p.x * p.y], [0.0, 0.0, 0.0, 1.0, p.x, p.y, p.x * p.y, p.y * p.y]]
+    [
+        [1.0, p.x, p.y, 0.0, 0.0, 0.0, p.x * p.x, p.x * p.y],
+        [0.0, 0.0, 0.0, 1.0, p.x, p.y, p.x * p.y, p.y * p.y],
+    ]
 }
 
 /// Gauss elimination with row pivots; `None` for a singular system.
 fn solved(mut system: [[f64; TERMS + 1]; TERMS]) -> Option<[f64; TERMS]> {
     for column in 0..TERMS {
-        let pivot = (column..TERMS).max_by(|&a, &b| system[a][column].abs().total_cmp(&system[b][column].abs()))?;
+        let pivot = (column..TERMS)
+            .max_by(|&a, &b| system[a][column].abs().total_cmp(&system[b][column].abs()))?;
         system.swap(column, pivot);
         let lead = system[column];
         if lead[column].abs() < 1e-9 {
             return None;
         }
-        for (_, line) in system.iter_mut().enumerate().filter(|(row, _)| *row != column) {
+        for (_, line) in system
+            .iter_mut()
+            .enumerate()
+            .filter(|(row, _)| *row != column)
+        {
             let share = line[column] / lead[column];
-            line.iter_mut().zip(lead).skip(column).for_each(|(value, lead)| *value -= share * lead);
+            line.iter_mut()
+                .zip(lead)
+                .skip(column)
+                .for_each(|(value, lead)| *value -= share * lead);
         }
     }
-    Some(std::array::from_fn(|row| system[row][TERMS] / system[row][row]))
+    Some(std::array::from_fn(|row| {
+        system[row][TERMS] / system[row][row]
+    }))
 }
 
 fn draw<const N: usize>(steps: &[Step], dice: &mut Pcg32) -> Option<[Step; N]> {
@@ -149,20 +175,39 @@ mod tests {
     fn steps(motion: impl Fn(Vec2) -> Vec2) -> Vec<Step> {
         let mut dice = Pcg32::new(1, 2);
         let step = |at: usize| {
-            let from = Vec2::new(dice.random_range(0.0..640.0f32), dice.random_range(0.0..360.0f32));
+            let from = Vec2::new(
+                dice.random_range(0.0..640.0f32),
+                dice.random_range(0.0..360.0f32),
+            );
             // Every third step goes anywhere.
-            let stray = Vec2::new(dice.random_range(-40.0..40.0f32), dice.random_range(-40.0..40.0f32));
-            Step { from, to: if at.is_multiple_of(3) { from + stray } else { motion(from) } }
+            let stray = Vec2::new(
+                dice.random_range(-40.0..40.0f32),
+                dice.random_range(-40.0..40.0f32),
+            );
+            Step {
+                from,
+                to: if at.is_multiple_of(3) {
+                    from + stray
+                } else {
+                    motion(from)
+                },
+            }
         };
         (0..300).map(step).collect()
     }
 
     #[test]
     fn a_similarity_is_found_among_stray_steps() {
-        let truth = Affine2::from_scale_angle_translation(Vec2::splat(1.03), 0.05, Vec2::new(4.0, -7.0));
+        let truth =
+            Affine2::from_scale_angle_translation(Vec2::splat(1.03), 0.05, Vec2::new(4.0, -7.0));
         let (found, share) = similarity(&steps(|from| truth.transform_point2(from)), 1.0).unwrap();
         for corner in [Vec2::ZERO, Vec2::new(640.0, 360.0)] {
-            assert!(found.transform_point2(corner).distance(truth.transform_point2(corner)) < 0.05);
+            assert!(
+                found
+                    .transform_point2(corner)
+                    .distance(truth.transform_point2(corner))
+                    < 0.05
+            );
         }
         assert!((0.64..0.72).contains(&share), "{share}");
         assert!(similarity(&[], 1.0).is_none());
@@ -172,7 +217,10 @@ mod tests {
     fn a_plane_motion_is_found_among_stray_steps() {
         let truth = |p: Vec2| {
             let q = (p - Vec2::new(320.0, 180.0)) / 320.0;
-            p + Vec2::new(12.0 + 2.0 * q.y + 3.0 * q.x * q.x, 1.0 - q.x + 3.0 * q.x * q.y)
+            p + Vec2::new(
+                12.0 + 2.0 * q.y + 3.0 * q.x * q.x,
+                1.0 - q.x + 3.0 * q.x * q.y,
+            )
         };
         let found = PlaneMotion::of(&steps(truth), Vec2::new(320.0, 180.0), 0.5).unwrap();
         for corner in [Vec2::ZERO, Vec2::new(640.0, 0.0), Vec2::new(300.0, 360.0)] {

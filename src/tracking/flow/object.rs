@@ -88,7 +88,9 @@ impl Object {
         let shape = Plane::of_mask(picture.width, picture.height, &region.inside);
         let colors = colors_of(picture, &region);
         let area = region.area() as f32;
-        let cell_side = ((area.sqrt() / CELLS_ACROSS).round() as usize).clamp(3, 10).max(extent(&region) / MOST_CELLS);
+        let cell_side = ((area.sqrt() / CELLS_ACROSS).round() as usize)
+            .clamp(3, 10)
+            .max(extent(&region) / MOST_CELLS);
         let centre = centre_of(&shape, 0.5).unwrap_or(Vec2::ZERO);
         let whole = picture.width.max(picture.height) as f32;
         let cells = Cells::new(picture, &colors.odds(), cell_side, centre, whole);
@@ -141,7 +143,13 @@ impl Object {
 
     /// Pixels of the expected shape, at least 1.
     pub fn area(&self) -> f32 {
-        (self.expected.values.iter().filter(|&&value| value > SHAPE).count() as f32).max(1.0)
+        (self
+            .expected
+            .values
+            .iter()
+            .filter(|&&value| value > SHAPE)
+            .count() as f32)
+            .max(1.0)
     }
 
     /// Median area in the last frames that showed the object well, in pixels, at least 1.
@@ -162,8 +170,18 @@ impl Object {
         let reach = wider * options.search * self.usual_area().sqrt() + 3.0 * self.cell_side as f32;
         let predicted = motion.transform_point2(centre);
         let cells = self.cells(&change.next, predicted, reach);
-        let shape = if self.hidden > 0 { (&self.shape, self.shape_centre) } else { (&self.expected, centre) };
-        let place = self.looks.find(&cells, (&cells.means(shape.0), shape.1), predicted, zoom, reach);
+        let shape = if self.hidden > 0 {
+            (&self.shape, self.shape_centre)
+        } else {
+            (&self.expected, centre)
+        };
+        let place = self.looks.find(
+            &cells,
+            (&cells.means(shape.0), shape.1),
+            predicted,
+            zoom,
+            reach,
+        );
         if place.corrected {
             if self.hidden == 0 {
                 self.motion = Affine2::from_translation(place.centre - centre);
@@ -171,7 +189,11 @@ impl Object {
             motion = Affine2::from_scale(Vec2::splat(zoom));
             motion.translation = place.centre - zoom * centre;
         }
-        let mask = Plane::of_mask(self.mask.width as usize, self.mask.height as usize, &self.mask.inside);
+        let mask = Plane::of_mask(
+            self.mask.width as usize,
+            self.mask.height as usize,
+            &self.mask.inside,
+        );
         let warped = mask.pulled(&change.backward);
         let trust = self.trust.pulled(&change.backward);
         let mut expected = self.expected.moved(motion);
@@ -179,17 +201,34 @@ impl Object {
             *value = value.max(warped.values[at].min(trust.values[at] + 0.2));
         }
         if place.is_like && self.hidden > 0 {
-            let back = self.shape.moved(Affine2::from_translation(place.centre - self.shape_centre));
+            let back = self
+                .shape
+                .moved(Affine2::from_translation(place.centre - self.shape_centre));
             let reappears = |(value, back): (&mut f32, &f32)| *value = value.max(REAPPEARS * back);
-            expected.values.iter_mut().zip(&back.values).for_each(reappears);
+            expected
+                .values
+                .iter_mut()
+                .zip(&back.values)
+                .for_each(reappears);
         }
-        Prediction { motion, centre: place.centre, warped, trust, expected, cells }
+        Prediction {
+            motion,
+            centre: place.centre,
+            warped,
+            trust,
+            expected,
+            cells,
+        }
     }
 
     /// The cells that matter when the object is looked for at most `reach_px` from a place.
     fn cells(&self, picture: &Picture, place: Vec2, reach_px: f32) -> Cells {
         let (first, last) = self.color_odds();
-        let odds: Vec<f32> = first.iter().zip(&last).map(|(first, last)| 0.6 * first + 0.4 * last).collect();
+        let odds: Vec<f32> = first
+            .iter()
+            .zip(&last)
+            .map(|(first, last)| 0.6 * first + 0.4 * last)
+            .collect();
         let looks = ((self.looks.radius() + 1) * self.cell_side) as f32;
         Cells::new(picture, &odds, self.cell_side, place, reach_px + looks)
     }
@@ -198,14 +237,19 @@ impl Object {
     /// With it its zoom.
     fn motion_by_flow(&mut self, change: &Change) -> (Affine2, f32) {
         let width = change.next.width;
-        let own: Vec<usize> = (0..self.mask.inside.len()).filter(|&at| self.mask.inside[at]).collect();
+        let own: Vec<usize> = (0..self.mask.inside.len())
+            .filter(|&at| self.mask.inside[at])
+            .collect();
         let every = own.len().div_ceil(MOST_STEPS).max(1);
         let steps = own.into_iter().step_by(every).filter_map(|at| {
             let from = Vec2::new((at % width) as f32, (at / width) as f32);
             let vector = change.forward.vectors[at];
             let back = change.backward.sample(from + vector);
             let sure = (vector + back).length() < 1.5 + 0.1 * vector.length();
-            sure.then_some(Step { from, to: from + vector })
+            sure.then_some(Step {
+                from,
+                to: from + vector,
+            })
         });
         let steps: Vec<Step> = steps.collect();
         if self.hidden > 0 {
@@ -216,8 +260,8 @@ impl Object {
                 median(steps.iter().map(|step| step.to.x - step.from.x)),
                 median(steps.iter().map(|step| step.to.y - step.from.y)),
             );
-            let found =
-                similarity(&steps, 3.0).filter(|(motion, share)| *share > 0.4 && (zoom(motion) - 1.0).abs() < 0.1);
+            let found = similarity(&steps, 3.0)
+                .filter(|(motion, share)| *share > 0.4 && (zoom(motion) - 1.0).abs() < 0.1);
             self.motion = found.map_or(Affine2::from_translation(shift), |(motion, _)| motion);
         }
         (self.motion, zoom(&self.motion))
@@ -235,7 +279,12 @@ impl Object {
         if evidence.odds.is_empty() {
             return mask;
         }
-        let borders = Borders::new(&picture.lab, picture.width, evidence.window, options.outline_weight);
+        let borders = Borders::new(
+            &picture.lab,
+            picture.width,
+            evidence.window,
+            options.outline_weight,
+        );
         let most = options.most_growth * self.usual_area();
         for round in 0..=TRIES {
             let inside = borders.cut(&evidence.odds, -FALL * round as f32);
@@ -251,10 +300,20 @@ impl Object {
     }
 
     /// How far the mask of this frame is to be believed given that the last one was right, 0–1.
-    fn step_confidence(&self, mask: &Region, prediction: &Prediction, change: &Change, colors: f32) -> f32 {
+    fn step_confidence(
+        &self,
+        mask: &Region,
+        prediction: &Prediction,
+        change: &Change,
+        colors: f32,
+    ) -> f32 {
         let area = mask.area() as f32;
         let mean = |plane: &Plane| {
-            let inside = plane.values.iter().zip(&mask.inside).filter(|(_, inside)| **inside);
+            let inside = plane
+                .values
+                .iter()
+                .zip(&mask.inside)
+                .filter(|(_, inside)| **inside);
             inside.map(|(value, _)| value).sum::<f32>() / area
         };
         let usual = self.usual_area();
@@ -263,16 +322,30 @@ impl Object {
     }
 
     /// Brings trust and expectation up to date.
-    fn remember(&mut self, mask: &Region, prediction: &Prediction, evidence: &Evidence, options: &FlowOptions) {
+    fn remember(
+        &mut self,
+        mask: &Region,
+        prediction: &Prediction,
+        evidence: &Evidence,
+        options: &FlowOptions,
+    ) {
         let mut strange = vec![0.0f32; mask.inside.len()];
-        for (at, motion) in evidence.window.places(mask.width as usize).zip(&evidence.motion) {
+        for (at, motion) in evidence
+            .window
+            .places(mask.width as usize)
+            .zip(&evidence.motion)
+        {
             strange[at] = (-motion).max(0.0);
         }
         for (at, &inside) in mask.inside.iter().enumerate() {
             let trust = prediction.trust.values[at];
             self.trust.values[at] = if inside {
                 let trust = trust.max(options.trust_of_new);
-                let gained = if strange[at] > 0.0 { 0.0 } else { GAINED * (1.0 - trust) };
+                let gained = if strange[at] > 0.0 {
+                    0.0
+                } else {
+                    GAINED * (1.0 - trust)
+                };
                 (trust + gained) * (1.0 - LOST * strange[at])
             } else {
                 FORGIVEN * trust
@@ -297,7 +370,8 @@ impl Object {
         self.hidden = if well_seen { 0 } else { self.hidden + 1 };
         if well_seen {
             self.areas.push(mask.area() as f32);
-            self.areas.drain(..self.areas.len().saturating_sub(REMEMBERED));
+            self.areas
+                .drain(..self.areas.len().saturating_sub(REMEMBERED));
             self.shape = Plane::of_mask(picture.width, picture.height, &mask.inside);
             self.shape_centre = prediction.centre;
         }
@@ -315,7 +389,11 @@ impl Object {
             for (share, &inside) in share.values.iter_mut().zip(&mask.inside) {
                 *share = if inside { 1.0 } else { 0.5 * *share };
             }
-            self.looks.learn(&prediction.cells, &prediction.cells.means(&share), self.centre);
+            self.looks.learn(
+                &prediction.cells,
+                &prediction.cells.means(&share),
+                self.centre,
+            );
         }
         self.mask = mask;
     }
@@ -326,7 +404,9 @@ fn extent(region: &Region) -> usize {
     let width = region.width as usize;
     let inside = || (0..region.inside.len()).filter(|&at| region.inside[at]);
     let length = |of: &dyn Fn(usize) -> usize| {
-        let (least, most) = inside().map(of).fold((usize::MAX, 0), |(a, b), at| (a.min(at), b.max(at)));
+        let (least, most) = inside()
+            .map(of)
+            .fold((usize::MAX, 0), |(a, b), at| (a.min(at), b.max(at)));
         most.saturating_sub(least) + 1
     };
     length(&|at| at % width).max(length(&|at| at / width))
@@ -340,7 +420,12 @@ fn zoom(motion: &Affine2) -> f32 {
 /// The mean position of the pixels above a level.
 fn centre_of(plane: &Plane, level: f32) -> Option<Vec2> {
     let (mut sum, mut count) = (glam::DVec2::ZERO, 0usize);
-    for (at, _) in plane.values.iter().enumerate().filter(|(_, value)| **value > level) {
+    for (at, _) in plane
+        .values
+        .iter()
+        .enumerate()
+        .filter(|(_, value)| **value > level)
+    {
         sum += glam::DVec2::new((at % plane.width) as f64, (at / plane.width) as f64);
         count += 1;
     }
@@ -351,6 +436,9 @@ fn centre_of(plane: &Plane, level: f32) -> Option<Vec2> {
 fn colors_of(picture: &Picture, region: &Region) -> ColorModel {
     let reach = 0.3 * (region.area() as f32).sqrt() + 6.0;
     let near = (reach * reach) as u32;
-    let around: Vec<bool> = squared_distance_to(region).into_iter().map(|d| d > 0 && d <= near).collect();
+    let around: Vec<bool> = squared_distance_to(region)
+        .into_iter()
+        .map(|d| d > 0 && d <= near)
+        .collect();
     ColorModel::new(&picture.bins, &region.inside, &around)
 }

@@ -33,14 +33,22 @@ impl Patch {
     /// The patch whose top-left pixel is (x, y).
     pub fn new(level: &Level, x: usize, y: usize) -> Self {
         let row = |dx: isize, dy: isize, line: usize| {
-            eight(&level.padded, level.place(x as isize + dx, (y + line) as isize + dy))
+            eight(
+                &level.padded,
+                level.place(x as isize + dx, (y + line) as isize + dy),
+            )
         };
         let grey = std::array::from_fn(|line| row(0, 0, line));
         let half = f32x8::splat(0.5);
-        let slope_x: [f32x8; PATCH] = std::array::from_fn(|line| (row(1, 0, line) - row(-1, 0, line)) * half);
-        let slope_y: [f32x8; PATCH] = std::array::from_fn(|line| (row(0, 1, line) - row(0, -1, line)) * half);
+        let slope_x: [f32x8; PATCH] =
+            std::array::from_fn(|line| (row(1, 0, line) - row(-1, 0, line)) * half);
+        let slope_y: [f32x8; PATCH] =
+            std::array::from_fn(|line| (row(0, 1, line) - row(0, -1, line)) * half);
         let sum = |a: &[f32x8; PATCH], b: &[f32x8; PATCH]| {
-            a.iter().zip(b).fold(f32x8::ZERO, |sum, (&a, &b)| sum + a * b).reduce_add()
+            a.iter()
+                .zip(b)
+                .fold(f32x8::ZERO, |sum, (&a, &b)| sum + a * b)
+                .reduce_add()
         };
         let ones = [f32x8::ONE; PATCH];
         let mean_slope = Vec2::new(sum(&slope_x, &ones), sum(&slope_y, &ones)) / PIXELS;
@@ -48,8 +56,20 @@ impl Patch {
         let xy = sum(&slope_x, &slope_y) - PIXELS * mean_slope.x * mean_slope.y;
         let yy = sum(&slope_y, &slope_y) - PIXELS * mean_slope.y * mean_slope.y;
         let determinant = xx * yy - xy * xy;
-        let inverse = if determinant > 1.0 { [yy, -xy, xx].map(|h| h / determinant) } else { [0.0; 3] };
-        Self { x, y, grey, slope_x, slope_y, mean_slope, inverse }
+        let inverse = if determinant > 1.0 {
+            [yy, -xy, xx].map(|h| h / determinant)
+        } else {
+            [0.0; 3]
+        };
+        Self {
+            x,
+            y,
+            grey,
+            slope_x,
+            slope_y,
+            mean_slope,
+            inverse,
+        }
     }
 
     /// Sum of squared differences to the second picture at this displacement, without the mean difference.
@@ -82,8 +102,10 @@ impl Patch {
 
     fn fit(&self, other: &Level, displacement: Vec2) -> Fit {
         let reach = PAD as f32 - 2.0;
-        let x = (self.x as f32 + displacement.x).clamp(-reach, (other.width - PATCH) as f32 + reach);
-        let y = (self.y as f32 + displacement.y).clamp(-reach, (other.height - PATCH) as f32 + reach);
+        let x =
+            (self.x as f32 + displacement.x).clamp(-reach, (other.width - PATCH) as f32 + reach);
+        let y =
+            (self.y as f32 + displacement.y).clamp(-reach, (other.height - PATCH) as f32 + reach);
         let (left, top) = (x.floor(), y.floor());
         let (u, v) = (f32x8::splat(x - left), f32x8::splat(y - top));
         let mut place = other.place(left as isize, top as isize);
@@ -92,7 +114,8 @@ impl Patch {
             a + (b - a) * u
         };
         let mut above = line(place);
-        let (mut sum, mut squares, mut along_x, mut along_y) = (f32x8::ZERO, f32x8::ZERO, f32x8::ZERO, f32x8::ZERO);
+        let (mut sum, mut squares, mut along_x, mut along_y) =
+            (f32x8::ZERO, f32x8::ZERO, f32x8::ZERO, f32x8::ZERO);
         for row in 0..PATCH {
             place += other.stride;
             let below = line(place);
@@ -107,7 +130,10 @@ impl Patch {
         let pull = Vec2::new(along_x.reduce_add(), along_y.reduce_add()) - self.mean_slope * sum;
         let [xx, xy, yy] = self.inverse;
         let slide = Vec2::new(xx * pull.x + xy * pull.y, xy * pull.x + yy * pull.y);
-        Fit { cost: squares.reduce_add() - sum * sum / PIXELS, slide }
+        Fit {
+            cost: squares.reduce_add() - sum * sum / PIXELS,
+            slide,
+        }
     }
 }
 

@@ -25,12 +25,26 @@ pub(super) struct Pictures<'a> {
 
 impl<'a> Pictures<'a> {
     /// The pictures of this request's frames.
-    pub fn new(request: &'a TrackRequest, describer: Option<&'a dyn Describer>, progress: &'a Progress) -> Self {
-        Self { request, progress, describer, made: BTreeMap::new(), unread: BTreeMap::new() }
+    pub fn new(
+        request: &'a TrackRequest,
+        describer: Option<&'a dyn Describer>,
+        progress: &'a Progress,
+    ) -> Self {
+        Self {
+            request,
+            progress,
+            describer,
+            made: BTreeMap::new(),
+            unread: BTreeMap::new(),
+        }
     }
 
     /// A frame's picture, the same one as long as somebody holds it; `None` where it cannot be read.
-    pub fn load(&mut self, frame: usize, size: (usize, usize)) -> Result<Option<Arc<Picture>>, MaskError> {
+    pub fn load(
+        &mut self,
+        frame: usize,
+        size: (usize, usize),
+    ) -> Result<Option<Arc<Picture>>, MaskError> {
         self.progress.check()?;
         let held = self.made.get(&frame).and_then(Weak::upgrade);
         if let Some(picture) = held.filter(|picture| (picture.width, picture.height) == size) {
@@ -60,12 +74,21 @@ impl<'a> Pictures<'a> {
 
     /// One line that names the frames which could not be read.
     pub fn warnings(&self) -> Vec<String> {
-        let Some(first) = self.unread.values().next() else { return Vec::new() };
-        let names: Vec<&str> = self.unread.keys().map(|&frame| self.request.frames[frame].name.as_str()).collect();
+        let Some(first) = self.unread.values().next() else {
+            return Vec::new();
+        };
+        let names: Vec<&str> = self
+            .unread
+            .keys()
+            .map(|&frame| self.request.frames[frame].name.as_str())
+            .collect();
         let more = names.len().checked_sub(NAMED).filter(|&more| more > 0);
         let more = more.map_or_else(String::new, |more| format!(" and {more} more"));
         let named = names[..names.len().min(NAMED)].join(", ");
-        vec![format!("{} frames cannot be read and were stepped over: {named}{more} ({first})", names.len())]
+        vec![format!(
+            "{} frames cannot be read and were stepped over: {named}{more} ({first})",
+            names.len()
+        )]
     }
 }
 
@@ -82,14 +105,29 @@ impl Route {
     /// From the frame next to `start` to `last`, which lies before or after it.
     pub fn new(start: usize, last: usize, size: (usize, usize)) -> Self {
         let forwards = last > start;
-        let coming = if forwards { (start + 1..=last).collect() } else { (last..start).rev().collect() };
-        Self { size, block: if forwards { 1 } else { BLOCK }, coming, loaded: VecDeque::new() }
+        let coming = if forwards {
+            (start + 1..=last).collect()
+        } else {
+            (last..start).rev().collect()
+        };
+        Self {
+            size,
+            block: if forwards { 1 } else { BLOCK },
+            coming,
+            loaded: VecDeque::new(),
+        }
     }
 
     /// The next frame that can be read, with its picture; `None` at the end.
-    pub fn next(&mut self, pictures: &mut Pictures<'_>) -> Result<Option<(usize, Arc<Picture>)>, MaskError> {
+    pub fn next(
+        &mut self,
+        pictures: &mut Pictures<'_>,
+    ) -> Result<Option<(usize, Arc<Picture>)>, MaskError> {
         while self.loaded.is_empty() && !self.coming.is_empty() {
-            let mut block: Vec<usize> = self.coming.drain(..self.block.min(self.coming.len())).collect();
+            let mut block: Vec<usize> = self
+                .coming
+                .drain(..self.block.min(self.coming.len()))
+                .collect();
             block.sort_unstable();
             for frame in block {
                 let picture = pictures.load(frame, self.size)?;

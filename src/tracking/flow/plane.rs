@@ -19,19 +19,38 @@ pub(super) struct Flow {
 
 impl Plane {
     pub fn new(width: usize, height: usize) -> Self {
-        Self { width, height, values: vec![0.0; width * height] }
+        Self {
+            width,
+            height,
+            values: vec![0.0; width * height],
+        }
     }
 
     /// 1 where true.
     pub fn of_mask(width: usize, height: usize, mask: &[bool]) -> Self {
-        Self { width, height, values: mask.iter().map(|&inside| f32::from(u8::from(inside))).collect() }
+        Self {
+            width,
+            height,
+            values: mask
+                .iter()
+                .map(|&inside| f32::from(u8::from(inside)))
+                .collect(),
+        }
     }
 
     /// Computed pixel by pixel, rows in parallel.
-    pub fn from_fn(width: usize, height: usize, value: impl Fn(usize, usize) -> f32 + Sync) -> Self {
+    pub fn from_fn(
+        width: usize,
+        height: usize,
+        value: impl Fn(usize, usize) -> f32 + Sync,
+    ) -> Self {
         let mut plane = Self::new(width, height);
         let rows = plane.values.par_chunks_exact_mut(width).enumerate();
-        rows.for_each(|(y, row)| row.iter_mut().enumerate().for_each(|(x, out)| *out = value(x, y)));
+        rows.for_each(|(y, row)| {
+            row.iter_mut()
+                .enumerate()
+                .for_each(|(x, out)| *out = value(x, y))
+        });
         plane
     }
 
@@ -39,7 +58,11 @@ impl Plane {
     #[inline]
     pub fn sample(&self, at: Vec2) -> f32 {
         let (corner, weights) = corners(at, self.width, self.height);
-        corner.iter().zip(weights).map(|(&corner, weight)| self.values[corner] * weight).sum()
+        corner
+            .iter()
+            .zip(weights)
+            .map(|(&corner, weight)| self.values[corner] * weight)
+            .sum()
     }
 
     /// What the pixels of another picture find here at the end of their flow vectors.
@@ -59,7 +82,10 @@ impl Plane {
     }
 
     fn holds(&self, at: Vec2) -> bool {
-        at.x > -0.5 && at.y > -0.5 && at.x < self.width as f32 - 0.5 && at.y < self.height as f32 - 0.5
+        at.x > -0.5
+            && at.y > -0.5
+            && at.x < self.width as f32 - 0.5
+            && at.y < self.height as f32 - 0.5
     }
 }
 
@@ -68,7 +94,11 @@ impl Flow {
     #[inline]
     pub fn sample(&self, at: Vec2) -> Vec2 {
         let (corner, weights) = corners(at, self.width, self.height);
-        corner.iter().zip(weights).map(|(&corner, weight)| self.vectors[corner] * weight).sum()
+        corner
+            .iter()
+            .zip(weights)
+            .map(|(&corner, weight)| self.vectors[corner] * weight)
+            .sum()
     }
 
     pub fn at(&self, x: usize, y: usize) -> Vec2 {
@@ -77,12 +107,23 @@ impl Flow {
 
     /// For a picture of another size; vectors grow with it.
     pub fn resized(&self, width: usize, height: usize) -> Self {
-        let scale = Vec2::new(self.width as f32 / width as f32, self.height as f32 / height as f32);
+        let scale = Vec2::new(
+            self.width as f32 / width as f32,
+            self.height as f32 / height as f32,
+        );
         let vector = |at: usize| {
             let centre = Vec2::new((at % width) as f32 + 0.5, (at / width) as f32 + 0.5);
             self.sample(centre * scale - 0.5) / scale
         };
-        Self { width, height, vectors: (0..width * height).into_par_iter().with_min_len(4096).map(vector).collect() }
+        Self {
+            width,
+            height,
+            vectors: (0..width * height)
+                .into_par_iter()
+                .with_min_len(4096)
+                .map(vector)
+                .collect(),
+        }
     }
 }
 
@@ -94,6 +135,14 @@ pub(super) fn corners(at: Vec2, width: usize, height: usize) -> ([usize; 4], [f3
     let (left, top) = (x as usize, y as usize);
     let (right, below) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
     let (u, v) = (x - left as f32, y - top as f32);
-    let corner = [top * width + left, top * width + right, below * width + left, below * width + right];
-    (corner, [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v])
+    let corner = [
+        top * width + left,
+        top * width + right,
+        below * width + left,
+        below * width + right,
+    ];
+    (
+        corner,
+        [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v],
+    )
 }

@@ -26,7 +26,9 @@ impl Pyramid {
         {
             planes.push(halved(last));
         }
-        Self { levels: planes.iter().map(Level::new).collect() }
+        Self {
+            levels: planes.iter().map(Level::new).collect(),
+        }
     }
 }
 
@@ -48,7 +50,12 @@ impl Level {
             padded.extend_from_slice(row);
             padded.extend(std::iter::repeat_n(row[width - 1], PAD));
         }
-        Self { width, height, stride, padded }
+        Self {
+            width,
+            height,
+            stride,
+            padded,
+        }
     }
 
     /// Place in `padded` of a pixel up to `PAD` outside the picture.

@@ -11,10 +11,14 @@ impl Resampling {
         let shares = (0..target).map(|at| {
             let (start, end) = (at as f64 * step, (at + 1) as f64 * step);
             let (first, last) = (start as usize, (end.ceil() as usize).min(source));
-            let share = |pixel: usize| ((end.min(pixel as f64 + 1.0) - start.max(pixel as f64)) / step) as f32;
+            let share = |pixel: usize| {
+                ((end.min(pixel as f64 + 1.0) - start.max(pixel as f64)) / step) as f32
+            };
             (first, (first..last).map(share).collect())
         });
-        Self { shares: shares.collect() }
+        Self {
+            shares: shares.collect(),
+        }
     }
 
     /// One row of pixels, each channel averaged by area.
@@ -30,7 +34,10 @@ impl Resampling {
     /// Source rows and shares that make one target row.
     pub fn of(&self, target: usize) -> impl Iterator<Item = (usize, f32)> + '_ {
         let (first, shares) = &self.shares[target];
-        shares.iter().enumerate().map(move |(at, &share)| (first + at, share))
+        shares
+            .iter()
+            .enumerate()
+            .map(move |(at, &share)| (first + at, share))
     }
 }
 
@@ -42,6 +49,9 @@ mod tests {
     fn means_are_taken_by_area() {
         let mut target = [[0.0]; 2];
         Resampling::new(3, 2).row(&[[0.0], [3.0], [9.0]], &mut target);
-        assert!((target[0][0] - 1.0).abs() < 1e-6 && (target[1][0] - 7.0).abs() < 1e-6, "{target:?}");
+        assert!(
+            (target[0][0] - 1.0).abs() < 1e-6 && (target[1][0] - 7.0).abs() < 1e-6,
+            "{target:?}"
+        );
     }
 }

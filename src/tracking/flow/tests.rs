@@ -34,7 +34,12 @@ impl Noise {
     fn new(seed: u64) -> Self {
         let mut dice = Pcg32::new(seed, 3);
         let side = 64;
-        Self { side, values: (0..side * side).map(|_| dice.random_range(-1.0..1.0f32)).collect() }
+        Self {
+            side,
+            values: (0..side * side)
+                .map(|_| dice.random_range(-1.0..1.0f32))
+                .collect(),
+        }
     }
 
     fn at(&self, p: Vec2) -> f32 {
@@ -81,7 +86,9 @@ impl Film {
                 if cover(k as f32).contains(&x) {
                     return image::Rgb([90, 90, 95]);
                 }
-                let on = disks.iter().find(|disk| p.distance((disk.centre)(k as f32)) < disk.radius);
+                let on = disks
+                    .iter()
+                    .find(|disk| p.distance((disk.centre)(k as f32)) < disk.radius);
                 let grey = 30.0 * wall.at((p + Vec2::new(1.3 * k as f32, 0.0)) / 5.0);
                 let color = on.map_or([120.0 + grey, 125.0 + grey, 110.0 + grey], |disk| {
                     mask.ids[(y * WIDTH + x) as usize] = disk.label;
@@ -92,19 +99,36 @@ impl Film {
             });
             let path = folder.path().join(format!("{k:03}.png"));
             picture.save(&path).unwrap();
-            let picture = PictureSource::File { path, orientation: Orientation::default() };
+            let picture = PictureSource::File {
+                path,
+                orientation: Orientation::default(),
+            };
             let name = format!("{k:03}.png");
-            frames.push(Frame { name, width: WIDTH, height: HEIGHT, picture, depth: None, camera: None });
+            frames.push(Frame {
+                name,
+                width: WIDTH,
+                height: HEIGHT,
+                picture,
+                depth: None,
+                camera: None,
+            });
             truth.push(mask);
         }
-        Self { _folder: folder, frames, truth }
+        Self {
+            _folder: folder,
+            frames,
+            truth,
+        }
     }
 
     fn request(&self, anchors: &[usize]) -> TrackRequest {
         TrackRequest {
             frames: Arc::new(self.frames.clone()),
             store: Arc::new(FrameStore::new(16 << 20)),
-            anchors: anchors.iter().map(|&frame| (frame, Arc::new(self.truth[frame].clone()))).collect(),
+            anchors: anchors
+                .iter()
+                .map(|&frame| (frame, Arc::new(self.truth[frame].clone())))
+                .collect(),
             from: 0,
             to: self.frames.len() - 1,
             direction: Direction::Both,
@@ -113,7 +137,10 @@ impl Film {
     }
 
     fn iou(&self, tracked: &BTreeMap<usize, TrackedFrame>, frame: usize, label: LabelId) -> f64 {
-        tracked[&frame].mask.region(label).iou(&self.truth[frame].region(label))
+        tracked[&frame]
+            .mask
+            .region(label)
+            .iou(&self.truth[frame].region(label))
     }
 }
 
@@ -122,14 +149,26 @@ fn track(request: &TrackRequest) -> BTreeMap<usize, TrackedFrame> {
     let mut take = |frame: TrackedFrame| {
         tracked.insert(frame.frame, frame);
     };
-    FlowTracker::default().track(request, &mut take, &Progress::default()).unwrap();
+    FlowTracker::default()
+        .track(request, &mut take, &Progress::default())
+        .unwrap();
     tracked
 }
 
 fn two_disks() -> [Disk; 2] {
     [
-        Disk { label: LEFT, color: [170.0, 90.0, 80.0], radius: 18.0, centre: |k| Vec2::new(30.0 + 2.5 * k, 40.0) },
-        Disk { label: RIGHT, color: [90.0, 110.0, 180.0], radius: 16.0, centre: |k| Vec2::new(125.0 - 2.0 * k, 82.0) },
+        Disk {
+            label: LEFT,
+            color: [170.0, 90.0, 80.0],
+            radius: 18.0,
+            centre: |k| Vec2::new(30.0 + 2.5 * k, 40.0),
+        },
+        Disk {
+            label: RIGHT,
+            color: [90.0, 110.0, 180.0],
+            radius: 16.0,
+            centre: |k| Vec2::new(125.0 - 2.0 * k, 82.0),
+        },
     ]
 }
 
@@ -138,27 +177,42 @@ fn flow_finds_how_far_a_texture_moves() {
     let noise = Noise::new(5);
     let shift = Vec2::new(11.4, -6.7);
     let picture = |shift: Vec2| {
-        let grey = |x: usize, y: usize| 128.0 + 90.0 * noise.at((Vec2::new(x as f32, y as f32) - shift) / 6.0);
+        let grey = |x: usize, y: usize| {
+            128.0 + 90.0 * noise.at((Vec2::new(x as f32, y as f32) - shift) / 6.0)
+        };
         Pyramid::new(Plane::from_fn(200, 150, grey), 16)
     };
     let flow = flow_between(&picture(Vec2::ZERO), &picture(shift), Finest::Half);
-    let mut misses: Vec<f32> =
-        (30..120).flat_map(|y| (30..170).map(move |x| (x, y))).map(|(x, y)| flow.at(x, y).distance(shift)).collect();
+    let mut misses: Vec<f32> = (30..120)
+        .flat_map(|y| (30..170).map(move |x| (x, y)))
+        .map(|(x, y)| flow.at(x, y).distance(shift))
+        .collect();
     misses.sort_by(f32::total_cmp);
     let (median, worst) = (misses[misses.len() / 2], misses[misses.len() * 99 / 100]);
-    assert!(median < 0.1 && worst < 0.5, "median {median}, 99 of 100 {worst}");
+    assert!(
+        median < 0.1 && worst < 0.5,
+        "median {median}, 99 of 100 {worst}"
+    );
 }
 
 #[test]
 fn two_things_are_followed_past_each_other() {
     let film = Film::new(20, &two_disks(), 0..0);
     let tracked = track(&film.request(&[0]));
-    assert_eq!(tracked.keys().copied().collect::<Vec<_>>(), (1..20).collect::<Vec<_>>(), "all but the anchor");
+    assert_eq!(
+        tracked.keys().copied().collect::<Vec<_>>(),
+        (1..20).collect::<Vec<_>>(),
+        "all but the anchor"
+    );
     for label in [LEFT, RIGHT] {
         for frame in [1, 10, 19] {
             let iou = film.iou(&tracked, frame, label);
             assert!(iou > 0.9, "{label:?} in frame {frame}: {iou}");
-            assert!(tracked[&frame].confidence[&label] > 0.7, "{:?}", tracked[&frame].confidence);
+            assert!(
+                tracked[&frame].confidence[&label] > 0.7,
+                "{:?}",
+                tracked[&frame].confidence
+            );
         }
     }
 }
@@ -167,17 +221,31 @@ fn two_things_are_followed_past_each_other() {
 fn masks_go_both_ways_from_any_anchor_and_meet() {
     let film = Film::new(20, &two_disks(), 0..0);
     let from_the_middle = track(&film.request(&[9]));
-    assert!(film.iou(&from_the_middle, 0, LEFT) > 0.9 && film.iou(&from_the_middle, 19, RIGHT) > 0.9);
+    assert!(
+        film.iou(&from_the_middle, 0, LEFT) > 0.9 && film.iou(&from_the_middle, 19, RIGHT) > 0.9
+    );
     let mut request = film.request(&[0, 19]);
     // The second anchor shows the object larger than the first: masks between lie between.
     let grown = film.truth[19].region(LEFT).dilated(4.0);
     let mask = Arc::make_mut(request.anchors.get_mut(&19).unwrap());
-    for (id, _) in mask.ids.iter_mut().zip(&grown.inside).filter(|(_, inside)| **inside) {
+    for (id, _) in mask
+        .ids
+        .iter_mut()
+        .zip(&grown.inside)
+        .filter(|(_, inside)| **inside)
+    {
         *id = LEFT;
     }
-    let area = |tracked: &BTreeMap<usize, TrackedFrame>, frame: usize| tracked[&frame].mask.region(LEFT).area();
+    let area = |tracked: &BTreeMap<usize, TrackedFrame>, frame: usize| {
+        tracked[&frame].mask.region(LEFT).area()
+    };
     let tracked = track(&request);
-    assert!(area(&tracked, 18) > area(&tracked, 1) + 200, "{} and {}", area(&tracked, 1), area(&tracked, 18));
+    assert!(
+        area(&tracked, 18) > area(&tracked, 1) + 200,
+        "{} and {}",
+        area(&tracked, 1),
+        area(&tracked, 18)
+    );
     request.direction = Direction::Forward;
     let forward = track(&request);
     assert!(area(&forward, 18) < area(&tracked, 18) - 100);
@@ -186,14 +254,28 @@ fn masks_go_both_ways_from_any_anchor_and_meet() {
 
 #[test]
 fn a_thing_that_left_stays_gone_and_one_hidden_comes_back() {
-    let leaves =
-        Disk { label: LEFT, color: [170.0, 90.0, 80.0], radius: 14.0, centre: |k| Vec2::new(30.0 - 5.0 * k, 30.0) };
-    let hides =
-        Disk { label: RIGHT, color: [90.0, 110.0, 180.0], radius: 9.0, centre: |k| Vec2::new(40.0 + 4.0 * k, 85.0) };
+    let leaves = Disk {
+        label: LEFT,
+        color: [170.0, 90.0, 80.0],
+        radius: 14.0,
+        centre: |k| Vec2::new(30.0 - 5.0 * k, 30.0),
+    };
+    let hides = Disk {
+        label: RIGHT,
+        color: [90.0, 110.0, 180.0],
+        radius: 9.0,
+        centre: |k| Vec2::new(40.0 + 4.0 * k, 85.0),
+    };
     let film = Film::new(24, &[leaves, hides], 74..96);
     let tracked = track(&film.request(&[0]));
-    assert!(tracked[&23].mask.region(LEFT).is_empty() && !tracked[&23].confidence.contains_key(&LEFT));
-    assert!(tracked[&11].mask.region(RIGHT).area() < 60, "{}", tracked[&11].mask.region(RIGHT).area());
+    assert!(
+        tracked[&23].mask.region(LEFT).is_empty() && !tracked[&23].confidence.contains_key(&LEFT)
+    );
+    assert!(
+        tracked[&11].mask.region(RIGHT).area() < 60,
+        "{}",
+        tracked[&11].mask.region(RIGHT).area()
+    );
     let back = film.iou(&tracked, 23, RIGHT);
     assert!(back > 0.7, "{back}");
 }
@@ -201,7 +283,12 @@ fn a_thing_that_left_stays_gone_and_one_hidden_comes_back() {
 #[test]
 fn a_thing_that_stands_still_is_found_again_where_it_was() {
     // Panels slide over it for many frames.
-    let stands = Disk { label: LEFT, color: [170.0, 90.0, 80.0], radius: 13.0, centre: |_| Vec2::new(80.0, 60.0) };
+    let stands = Disk {
+        label: LEFT,
+        color: [170.0, 90.0, 80.0],
+        radius: 13.0,
+        centre: |_| Vec2::new(80.0, 60.0),
+    };
     let film = Film::with_cover(52, &[stands], |k| {
         if k < 8.0 {
             40..64
@@ -213,7 +300,11 @@ fn a_thing_that_stands_still_is_found_again_where_it_was() {
     });
     let tracked = track(&film.request(&[0]));
     assert!(tracked[&30].mask.region(LEFT).is_empty());
-    assert!(film.iou(&tracked, 51, LEFT) > 0.8, "{}", film.iou(&tracked, 51, LEFT));
+    assert!(
+        film.iou(&tracked, 51, LEFT) > 0.8,
+        "{}",
+        film.iou(&tracked, 51, LEFT)
+    );
 }
 
 #[test]
@@ -221,10 +312,18 @@ fn a_label_that_one_anchor_alone_shows_comes_whole_to_the_other() {
     let film = Film::new(16, &two_disks(), 0..0);
     let mut request = film.request(&[0, 15]);
     let first = Arc::make_mut(request.anchors.get_mut(&0).unwrap());
-    first.ids.iter_mut().filter(|id| **id == RIGHT).for_each(|id| *id = LabelId::NONE);
+    first
+        .ids
+        .iter_mut()
+        .filter(|id| **id == RIGHT)
+        .for_each(|id| *id = LabelId::NONE);
     let tracked = track(&request);
     for frame in [1, 8, 14] {
-        assert!(film.iou(&tracked, frame, RIGHT) > 0.85, "frame {frame}: {}", film.iou(&tracked, frame, RIGHT));
+        assert!(
+            film.iou(&tracked, frame, RIGHT) > 0.85,
+            "frame {frame}: {}",
+            film.iou(&tracked, frame, RIGHT)
+        );
     }
 }
 
@@ -232,22 +331,46 @@ fn a_label_that_one_anchor_alone_shows_comes_whole_to_the_other() {
 fn strips_and_dots_of_pictures_and_anchors_of_two_sizes_do_no_harm() {
     for (width, height) in [(1, 1), (7, 90), (640, 3), (33, 31)] {
         let folder = tempfile::tempdir().unwrap();
-        let mut film = Film { _folder: folder, frames: Vec::new(), truth: Vec::new() };
+        let mut film = Film {
+            _folder: folder,
+            frames: Vec::new(),
+            truth: Vec::new(),
+        };
         for k in 0..4u32 {
             let path = film._folder.path().join(format!("{k}.png"));
-            let (width, height) = if k == 3 { (2 * width, 2 * height) } else { (width, height) };
-            image::RgbImage::from_fn(width, height, |x, y| image::Rgb([(x * 7 + k) as u8, y as u8, 90]))
-                .save(&path)
-                .unwrap();
-            let picture = PictureSource::File { path, orientation: Orientation::default() };
-            film.frames.push(Frame { name: k.to_string(), width, height, picture, depth: None, camera: None });
+            let (width, height) = if k == 3 {
+                (2 * width, 2 * height)
+            } else {
+                (width, height)
+            };
+            image::RgbImage::from_fn(width, height, |x, y| {
+                image::Rgb([(x * 7 + k) as u8, y as u8, 90])
+            })
+            .save(&path)
+            .unwrap();
+            let picture = PictureSource::File {
+                path,
+                orientation: Orientation::default(),
+            };
+            film.frames.push(Frame {
+                name: k.to_string(),
+                width,
+                height,
+                picture,
+                depth: None,
+                camera: None,
+            });
             let mut mask = LabelMask::empty(width, height);
             mask.ids[0] = LEFT;
             film.truth.push(mask);
         }
         let tracked = track(&film.request(&[0, 3]));
         assert_eq!(tracked.keys().copied().collect::<Vec<_>>(), [1, 2]);
-        assert!(tracked.values().all(|frame| (frame.mask.width, frame.mask.height) == (width, height)));
+        assert!(
+            tracked
+                .values()
+                .all(|frame| (frame.mask.width, frame.mask.height) == (width, height))
+        );
     }
 }
 
@@ -255,10 +378,19 @@ fn strips_and_dots_of_pictures_and_anchors_of_two_sizes_do_no_harm() {
 fn the_same_request_gives_the_same_masks_for_any_number_of_threads() {
     let film = Film::new(6, &two_disks(), 0..0);
     let request = film.request(&[0, 5]);
-    let with =
-        |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| track(&request));
-    let masks =
-        |tracked: &BTreeMap<usize, TrackedFrame>| tracked.values().map(|frame| frame.mask.clone()).collect::<Vec<_>>();
+    let with = |threads| {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap()
+            .install(|| track(&request))
+    };
+    let masks = |tracked: &BTreeMap<usize, TrackedFrame>| {
+        tracked
+            .values()
+            .map(|frame| frame.mask.clone())
+            .collect::<Vec<_>>()
+    };
     assert_eq!(masks(&with(1)), masks(&with(4)));
 }
 
@@ -267,11 +399,21 @@ fn a_range_is_kept_to_and_a_stop_keeps_what_is_done() {
     let film = Film::new(12, &two_disks(), 0..0);
     let mut request = film.request(&[1, 10]);
     (request.from, request.to) = (3, 6);
-    assert_eq!(track(&request).keys().copied().collect::<Vec<_>>(), [3, 4, 5, 6]);
+    assert_eq!(
+        track(&request).keys().copied().collect::<Vec<_>>(),
+        [3, 4, 5, 6]
+    );
     request.anchors.remove(&1);
     request.direction = Direction::Forward;
-    let refused = FlowTracker::default().track(&request, &mut |_| {}, &Progress::default()).unwrap_err();
-    assert!(refused.to_string().contains("choose another range or direction"), "{refused}");
+    let refused = FlowTracker::default()
+        .track(&request, &mut |_| {}, &Progress::default())
+        .unwrap_err();
+    assert!(
+        refused
+            .to_string()
+            .contains("choose another range or direction"),
+        "{refused}"
+    );
 
     let progress = Progress::default();
     let mut done = Vec::new();
@@ -290,13 +432,22 @@ fn a_range_is_kept_to_and_a_stop_keeps_what_is_done() {
 fn a_picture_is_made_once_as_long_as_somebody_holds_it() {
     let film = Film::new(2, &two_disks(), 0..0);
     let (request, progress) = (film.request(&[0]), Progress::default());
-    let size = (film.frames[1].width as usize, film.frames[1].height as usize);
+    let size = (
+        film.frames[1].width as usize,
+        film.frames[1].height as usize,
+    );
     let mut pictures = Pictures::new(&request, None, &progress);
     let held = pictures.load(1, size).unwrap().unwrap();
-    assert!(Arc::ptr_eq(&held, &pictures.load(1, size).unwrap().unwrap()));
+    assert!(Arc::ptr_eq(
+        &held,
+        &pictures.load(1, size).unwrap().unwrap()
+    ));
     let small = pictures.load(1, (size.0 / 2, size.1 / 2)).unwrap().unwrap();
     assert_eq!((small.width, small.height), (size.0 / 2, size.1 / 2));
     let watched = Arc::downgrade(&held);
     drop(held);
-    assert!(watched.upgrade().is_none(), "who loads it holds it, nobody else");
+    assert!(
+        watched.upgrade().is_none(),
+        "who loads it holds it, nobody else"
+    );
 }

@@ -10,7 +10,10 @@ use super::picture::{Picture, enlarged_mask, reduced_mask, working_size};
 use super::pictures::{Pictures, Route};
 use super::walk::{Beyond, Change, Walk};
 use ostra_core::job::Progress;
-use ostra_masks::{LabelId, LabelMask, MaskError, RunMask, TrackRequest, TrackedFrame, Tracker, WalkedFrame, merged};
+use ostra_masks::{
+    LabelId, LabelMask, MaskError, RunMask, TrackRequest, TrackedFrame, Tracker, WalkedFrame,
+    merged,
+};
 
 /// Carries masks through films and photos without depth or weights.
 #[derive(Debug, Clone, Default)]
@@ -91,13 +94,23 @@ struct Kept {
 
 impl Kept {
     fn new(walked: WalkedFrame) -> Self {
-        Self { runs: RunMask::encode(&walked.mask), confidence: walked.confidence }
+        Self {
+            runs: RunMask::encode(&walked.mask),
+            confidence: walked.confidence,
+        }
     }
 
     /// Between this and what the second walk says, as far from the anchor after as `nearness` tells, 1 at the anchor before.
     fn met_by(&self, second: &WalkedFrame, nearness: f32) -> WalkedFrame {
-        let first = WalkedFrame { mask: self.runs.decode(), confidence: self.confidence.clone() };
-        merged(&first, second, nearness / (nearness + SECOND * (1.0 - nearness)))
+        let first = WalkedFrame {
+            mask: self.runs.decode(),
+            confidence: self.confidence.clone(),
+        };
+        merged(
+            &first,
+            second,
+            nearness / (nearness + SECOND * (1.0 - nearness)),
+        )
     }
 }
 
@@ -106,7 +119,9 @@ impl Run<'_> {
     /// second has met it. Between anchors, where few frames are corrected and each shall be right, pictures are larger, flow is
     /// measured finely, and where the frame ahead has a mask, the walk heeds it, too.
     fn fill(&mut self, gap: &Gap) -> Result<(), MaskError> {
-        let Some(any) = gap.before.or(gap.after) else { return Ok(()) };
+        let Some(any) = gap.before.or(gap.after) else {
+            return Ok(());
+        };
         let request = self.request;
         let of = &request.frames[any];
         let (most_side, finest, kept_steps) = if gap.before.and(gap.after).is_some() {
@@ -120,14 +135,19 @@ impl Run<'_> {
         let mut kept: BTreeMap<usize, Kept> = BTreeMap::new();
         if let Some(anchor) = gap.before {
             let known = |frame: usize| (Some(frame) == gap.after).then(|| anchor_mask(frame));
-            self.walk((anchor, gap), (size, finest), &known, &mut |run, frame, walked| {
-                if frame >= gap.from {
-                    run.hand_on(frame, &walked, gap.after.is_some());
-                }
-                if gap.after.is_some() {
-                    kept.insert(frame, Kept::new(walked));
-                }
-            })?;
+            self.walk(
+                (anchor, gap),
+                (size, finest),
+                &known,
+                &mut |run, frame, walked| {
+                    if frame >= gap.from {
+                        run.hand_on(frame, &walked, gap.after.is_some());
+                    }
+                    if gap.after.is_some() {
+                        kept.insert(frame, Kept::new(walked));
+                    }
+                },
+            )?;
         }
         self.flows.keep_no_more();
         if let Some(anchor) = gap.after {
@@ -135,15 +155,22 @@ impl Run<'_> {
                 Some(before) if before == frame => Some(anchor_mask(frame)),
                 _ => kept.get(&frame).map(|first| first.runs.decode()),
             };
-            self.walk((anchor, gap), (size, finest), &known, &mut |run, frame, walked| {
-                if frame > gap.to {
-                    return;
-                }
-                match kept.get(&frame).zip(gap.nearness(frame)) {
-                    None => run.hand_on(frame, &walked, false),
-                    Some((first, nearness)) => run.hand_on(frame, &first.met_by(&walked, nearness), false),
-                }
-            })?;
+            self.walk(
+                (anchor, gap),
+                (size, finest),
+                &known,
+                &mut |run, frame, walked| {
+                    if frame > gap.to {
+                        return;
+                    }
+                    match kept.get(&frame).zip(gap.nearness(frame)) {
+                        None => run.hand_on(frame, &walked, false),
+                        Some((first, nearness)) => {
+                            run.hand_on(frame, &first.met_by(&walked, nearness), false)
+                        }
+                    }
+                },
+            )?;
         }
         Ok(())
     }
@@ -158,26 +185,59 @@ impl Run<'_> {
         found: &mut dyn FnMut(&mut Self, usize, WalkedFrame),
     ) -> Result<(), MaskError> {
         let forwards = gap.before == Some(anchor);
-        let (other, last) = if forwards { (gap.after, gap.to) } else { (gap.before, gap.from) };
-        let Some((picture, mask)) = self.anchor(anchor, size)? else { return Ok(()) };
+        let (other, last) = if forwards {
+            (gap.after, gap.to)
+        } else {
+            (gap.before, gap.from)
+        };
+        let Some((picture, mask)) = self.anchor(anchor, size)? else {
+            return Ok(());
+        };
         let mut walk = Walk::new(self.options, &picture, &mask);
-        let far = other.map(|other| self.anchor(other, size)).transpose()?.flatten();
+        let far = other
+            .map(|other| self.anchor(other, size))
+            .transpose()?
+            .flatten();
         if let Some((picture, mask)) = &far {
             walk.learn(picture, mask);
         }
-        let beyond_last = if forwards { last.checked_add(1) } else { last.checked_sub(1) };
-        let end = beyond_last.filter(|&frame| known(frame).is_some()).unwrap_or(last);
+        let beyond_last = if forwards {
+            last.checked_add(1)
+        } else {
+            last.checked_sub(1)
+        };
+        let end = beyond_last
+            .filter(|&frame| known(frame).is_some())
+            .unwrap_or(last);
         let mut route = Route::new(anchor, end, size);
         let mut at = anchor;
-        let mut coming = change(&mut route, &mut self.pictures, &mut self.flows, &picture, finest)?;
+        let mut coming = change(
+            &mut route,
+            &mut self.pictures,
+            &mut self.flows,
+            &picture,
+            finest,
+        )?;
         // Who walks alone needs not see the frame after the next.
         let mut ahead = match coming.as_ref().filter(|_| other.is_some()) {
-            Some((_, step)) => change(&mut route, &mut self.pictures, &mut self.flows, &step.next, finest)?,
+            Some((_, step)) => change(
+                &mut route,
+                &mut self.pictures,
+                &mut self.flows,
+                &step.next,
+                finest,
+            )?,
             None => None,
         };
-        while let Some((frame, step)) = coming.filter(|(frame, _)| frame.abs_diff(anchor) <= last.abs_diff(anchor)) {
+        while let Some((frame, step)) =
+            coming.filter(|(frame, _)| frame.abs_diff(anchor) <= last.abs_diff(anchor))
+        {
             let beyond = ahead.as_ref().and_then(|(next, change)| {
-                Some(Beyond { change, mask: known(*next)?, share: gap.share_beyond(*next, at)? })
+                Some(Beyond {
+                    change,
+                    mask: known(*next)?,
+                    share: gap.share_beyond(*next, at)?,
+                })
             });
             let farthest = Arc::clone(ahead.as_ref().map_or(&step.next, |(_, ahead)| &ahead.next));
             let (pictures, flows, progress) = (&mut self.pictures, &mut self.flows, self.progress);
@@ -188,12 +248,20 @@ impl Run<'_> {
             found(self, frame, walked?);
             self.done += frame.abs_diff(std::mem::replace(&mut at, frame));
             self.progress.step(self.done, self.total)?;
-            (coming, ahead) = if ahead.is_some() { (ahead, after?) } else { (after?, None) };
+            (coming, ahead) = if ahead.is_some() {
+                (ahead, after?)
+            } else {
+                (after?, None)
+            };
         }
         Ok(())
     }
 
-    fn anchor(&mut self, frame: usize, size: (usize, usize)) -> Result<Option<(Arc<Picture>, LabelMask)>, MaskError> {
+    fn anchor(
+        &mut self,
+        frame: usize,
+        size: (usize, usize),
+    ) -> Result<Option<(Arc<Picture>, LabelMask)>, MaskError> {
         let picture = self.pictures.load(frame, size)?;
         Ok(picture.map(|picture| (picture, reduced_mask(&self.request.anchors[&frame], size))))
     }
@@ -202,8 +270,18 @@ impl Run<'_> {
         let of = &self.request.frames[frame];
         let mask = enlarged_mask(&walked.mask, of.width, of.height);
         let shown = |id: &LabelId| walked.mask.ids.contains(id);
-        let confidence = walked.confidence.iter().filter(|(id, _)| shown(id)).map(|(&id, &sure)| (id, sure)).collect();
-        (self.emit)(TrackedFrame { frame, mask, confidence, preliminary });
+        let confidence = walked
+            .confidence
+            .iter()
+            .filter(|(id, _)| shown(id))
+            .map(|(&id, &sure)| (id, sure))
+            .collect();
+        (self.emit)(TrackedFrame {
+            frame,
+            mask,
+            confidence,
+            preliminary,
+        });
         self.answered = true;
     }
 }
@@ -216,5 +294,7 @@ fn change(
     last: &Arc<Picture>,
     finest: Finest,
 ) -> Result<Option<(usize, Change)>, MaskError> {
-    Ok(route.next(pictures)?.map(|(frame, next)| (frame, flows.change(last, &next, finest))))
+    Ok(route
+        .next(pictures)?
+        .map(|(frame, next)| (frame, flows.change(last, &next, finest))))
 }

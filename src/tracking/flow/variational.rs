@@ -21,11 +21,20 @@ const EPSILON_2: f32 = 1e-6;
 /// slopes at both ends, robust in both terms (Brox, Bruhn, Papenberg, Weickert, "High accuracy optical flow estimation
 /// based on a theory for warping", ECCV 2004). Solved by successive over-relaxation, red and black pixels in turn.
 pub(super) fn smoothed(from: &Level, to: &Level, flow: &Flow) -> Flow {
-    let size = Size { width: flow.width, height: flow.height };
+    let size = Size {
+        width: flow.width,
+        height: flow.height,
+    };
     let slopes = Slopes::new(size, from, to, flow);
-    let start = [size.framed(|at| flow.vectors[at].x), size.framed(|at| flow.vectors[at].y)];
+    let start = [
+        size.framed(|at| flow.vectors[at].x),
+        size.framed(|at| flow.vectors[at].y),
+    ];
     let mut change = [vec![0.0; start[0].len()], vec![0.0; start[0].len()]];
-    let mut edges = Edges { across: vec![0.0; start[0].len()], down: vec![0.0; start[0].len()] };
+    let mut edges = Edges {
+        across: vec![0.0; start[0].len()],
+        down: vec![0.0; start[0].len()],
+    };
     let mut system = System::new(start[0].len());
     for _ in 0..ROUNDS {
         edges.weigh(size, &start, &change);
@@ -34,9 +43,15 @@ pub(super) fn smoothed(from: &Level, to: &Level, flow: &Flow) -> Flow {
             system.relax(size, &edges, &mut change, sweep % 2);
         }
     }
-    let vector = |at: usize| flow.vectors[at] + Vec2::new(change[0][size.place(at)], change[1][size.place(at)]);
+    let vector = |at: usize| {
+        flow.vectors[at] + Vec2::new(change[0][size.place(at)], change[1][size.place(at)])
+    };
     let vectors = (0..flow.vectors.len()).map(vector).collect();
-    Flow { width: flow.width, height: flow.height, vectors }
+    Flow {
+        width: flow.width,
+        height: flow.height,
+        vectors,
+    }
 }
 
 /// The size of a flow; planes over it have a frame of one pixel around, so that every pixel has four neighbours.
@@ -75,7 +90,11 @@ impl Size {
         for (y, row) in self.rows().enumerate() {
             for (x, at) in (row..row + self.width).enumerate() {
                 let first = if step == 1 { x == 0 } else { y == 0 };
-                let last = if step == 1 { x + 1 == self.width } else { y + 1 == self.height };
+                let last = if step == 1 {
+                    x + 1 == self.width
+                } else {
+                    y + 1 == self.height
+                };
                 let before = if first { plane[at] } else { plane[at - step] };
                 let after = if last { plane[at] } else { plane[at + step] };
                 slope[at] = 0.5 * (after - before);
@@ -100,15 +119,33 @@ struct Slopes {
 impl Slopes {
     fn new(size: Size, from: &Level, to: &Level, flow: &Flow) -> Self {
         let here = |at: usize| from.at((at % size.width) as isize, (at / size.width) as isize);
-        let there = |at: usize| interpolated(to, at % size.width, at / size.width, flow.vectors[at]);
+        let there =
+            |at: usize| interpolated(to, at % size.width, at / size.width, flow.vectors[at]);
         let (here, there) = (size.framed(here), size.framed(there));
-        let mean: Vec<f32> = here.iter().zip(&there).map(|(a, b)| 0.5 * (a + b)).collect();
+        let mean: Vec<f32> = here
+            .iter()
+            .zip(&there)
+            .map(|(a, b)| 0.5 * (a + b))
+            .collect();
         let t: Vec<f32> = here.iter().zip(&there).map(|(a, b)| b - a).collect();
         let down = size.stride();
         let (x, y) = (size.slope(&mean, 1), size.slope(&mean, down));
-        let (xx, xy, yy) = (size.slope(&x, 1), size.slope(&x, down), size.slope(&y, down));
+        let (xx, xy, yy) = (
+            size.slope(&x, 1),
+            size.slope(&x, down),
+            size.slope(&y, down),
+        );
         let (xt, yt) = (size.slope(&t, 1), size.slope(&t, down));
-        Self { x, y, t, xx, xy, yy, xt, yt }
+        Self {
+            x,
+            y,
+            t,
+            xx,
+            xy,
+            yy,
+            xt,
+            yt,
+        }
     }
 }
 
@@ -128,8 +165,16 @@ impl Edges {
                 let mut steep = EPSILON_2;
                 for (start, change) in start.iter().zip(change) {
                     let here = start[at] + change[at];
-                    let right = if has_right { start[at + 1] + change[at + 1] - here } else { 0.0 };
-                    let below = if has_below { start[at + stride] + change[at + stride] - here } else { 0.0 };
+                    let right = if has_right {
+                        start[at + 1] + change[at + 1] - here
+                    } else {
+                        0.0
+                    };
+                    let below = if has_below {
+                        start[at + stride] + change[at + stride] - here
+                    } else {
+                        0.0
+                    };
                     steep += right * right + below * below;
                 }
                 let weight = EVEN / steep.sqrt();
@@ -171,11 +216,22 @@ struct System {
 impl System {
     fn new(places: usize) -> Self {
         let plane = || vec![0.0; places];
-        Self { xy: plane(), inverse: [plane(), plane()], right: [plane(), plane()] }
+        Self {
+            xy: plane(),
+            inverse: [plane(), plane()],
+            right: [plane(), plane()],
+        }
     }
 
     /// The equations with the robust weights of the present change.
-    fn set_up(&mut self, size: Size, s: &Slopes, edges: &Edges, start: &[Vec<f32>; 2], change: &[Vec<f32>; 2]) {
+    fn set_up(
+        &mut self,
+        size: Size,
+        s: &Slopes,
+        edges: &Edges,
+        start: &[Vec<f32>; 2],
+        change: &[Vec<f32>; 2],
+    ) {
         let stride = size.stride();
         for row in size.rows() {
             for at in row..row + size.width {
@@ -185,11 +241,18 @@ impl System {
                 let norm = 1.0 / (x * x + y * y + NOISE_2);
                 let miss = t + x * u + y * v;
                 let grey = GREY * norm / (miss * miss * norm + EPSILON_2).sqrt();
-                let (norm_x, norm_y) = (1.0 / (xx * xx + xy * xy + NOISE_2), 1.0 / (yy * yy + xy * xy + NOISE_2));
+                let (norm_x, norm_y) = (
+                    1.0 / (xx * xx + xy * xy + NOISE_2),
+                    1.0 / (yy * yy + xy * xy + NOISE_2),
+                );
                 let (miss_x, miss_y) = (xt + xx * u + xy * v, yt + xy * u + yy * v);
-                let slope = SLOPE / (miss_x * miss_x * norm_x + miss_y * miss_y * norm_y + EPSILON_2).sqrt();
+                let slope = SLOPE
+                    / (miss_x * miss_x * norm_x + miss_y * miss_y * norm_y + EPSILON_2).sqrt();
                 let (a, b) = (slope * norm_x, slope * norm_y);
-                let even = edges.across[at - 1] + edges.across[at] + edges.down[at - stride] + edges.down[at];
+                let even = edges.across[at - 1]
+                    + edges.across[at]
+                    + edges.down[at - stride]
+                    + edges.down[at];
                 self.xy[at] = grey * x * y + a * xx * xy + b * xy * yy;
                 self.inverse[0][at] = 1.0 / (grey * x * x + a * xx * xx + b * xy * xy + even);
                 self.inverse[1][at] = 1.0 / (grey * y * y + a * xy * xy + b * yy * yy + even);
@@ -240,7 +303,10 @@ impl Row<'_> {
         let stride = width + 2;
         let (above, rest) = plane.split_at_mut(first - 1);
         let (here, below) = rest.split_at_mut(stride);
-        let (above, below) = (&above[first - stride..first - stride + width], &below[1..=width]);
+        let (above, below) = (
+            &above[first - stride..first - stride + width],
+            &below[1..=width],
+        );
         for x in (start..width).step_by(2) {
             let beside = self.ties.left[x] * here[x] + self.ties.right[x] * here[x + 2];
             let over = self.ties.above[x] * above[x] + self.ties.below[x] * below[x];

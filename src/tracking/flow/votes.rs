@@ -78,9 +78,14 @@ impl Vote {
 pub(super) fn votes(picture: &Picture, window: Window, sources: &[Source<'_>]) -> Vec<Vote> {
     let (width, height) = (window.width().next_multiple_of(LANES), window.height());
     let target = Planes::of(picture, window, HALF, Way::Motion(Affine2::IDENTITY));
-    let seen: Vec<Planes<4>> = sources.iter().map(|source| Planes::of_source(source, window)).collect();
+    let seen: Vec<Planes<4>> = sources
+        .iter()
+        .map(|source| Planes::of_source(source, window))
+        .collect();
     let (mut shares, mut weights) = (vec![0.0f32; width * height], vec![0.0f32; width * height]);
-    let bands = shares.par_chunks_mut(width * BAND).zip(weights.par_chunks_mut(width * BAND));
+    let bands = shares
+        .par_chunks_mut(width * BAND)
+        .zip(weights.par_chunks_mut(width * BAND));
     bands.enumerate().for_each(|(band, (shares, weights))| {
         let mut work = Work::new(width, shares, weights);
         for (source, seen) in sources.iter().zip(&seen) {
@@ -89,7 +94,12 @@ pub(super) fn votes(picture: &Picture, window: Window, sources: &[Source<'_>]) -
     });
     let rows = shares.chunks_exact(width).zip(weights.chunks_exact(width));
     let pixels = rows.flat_map(|(shares, weights)| shares.iter().zip(weights).take(window.width()));
-    pixels.map(|(share, &alike)| Vote { share: share / alike.max(f32::MIN_POSITIVE), alike }).collect()
+    pixels
+        .map(|(share, &alike)| Vote {
+            share: share / alike.max(f32::MIN_POSITIVE),
+            alike,
+        })
+        .collect()
 }
 
 /// Planes of a window with a margin around it: L, a, b, and of a source the share.
@@ -108,10 +118,16 @@ impl Planes<3> {
 impl Planes<4> {
     /// The same of a source, as far as it is searched.
     fn of_source(source: &Source<'_>, window: Window) -> Self {
-        Self::seen(source.picture, window, HALF + source.reach, source.way, |at| {
-            let [l, a, b] = weighed(source.picture.lab[at]);
-            [l, a, b, source.share.values[at]]
-        })
+        Self::seen(
+            source.picture,
+            window,
+            HALF + source.reach,
+            source.way,
+            |at| {
+                let [l, a, b] = weighed(source.picture.lab[at]);
+                [l, a, b, source.share.values[at]]
+            },
+        )
     }
 }
 
@@ -131,12 +147,21 @@ impl<const N: usize> Planes<N> {
             let (corner, weights) = corners(at, picture.width, picture.height);
             let mut seen = [0.0; N];
             for (at, weight) in corner.into_iter().zip(weights) {
-                seen.iter_mut().zip(values(at)).for_each(|(seen, value)| *seen += weight * value);
+                seen.iter_mut()
+                    .zip(values(at))
+                    .for_each(|(seen, value)| *seen += weight * value);
             }
             seen
         };
-        let seen: Vec<[f32; N]> = (0..width * height).into_par_iter().with_min_len(4096).map(pixel).collect();
-        Self { width, values: std::array::from_fn(|channel| seen.iter().map(|seen| seen[channel]).collect()) }
+        let seen: Vec<[f32; N]> = (0..width * height)
+            .into_par_iter()
+            .with_min_len(4096)
+            .map(pixel)
+            .collect();
+        Self {
+            width,
+            values: std::array::from_fn(|channel| seen.iter().map(|seen| seen[channel]).collect()),
+        }
     }
 
     /// A row of one plane from a column on.
@@ -162,7 +187,13 @@ struct Work<'a> {
 impl<'a> Work<'a> {
     fn new(width: usize, shares: &'a mut [f32], weights: &'a mut [f32]) -> Self {
         let (wide, rows) = (width + 2 * HALF, shares.len() / width);
-        Self { width, shares, weights, differences: vec![0.0; wide * (rows + 2 * HALF)], column: vec![0.0; wide] }
+        Self {
+            width,
+            shares,
+            weights,
+            differences: vec![0.0; wide * (rows + 2 * HALF)],
+            column: vec![0.0; wide],
+        }
     }
 
     /// Adds the patches of a source to the rows from `top` on.
@@ -180,11 +211,18 @@ impl<'a> Work<'a> {
     }
 
     /// Squared differences from the pixels that lie `dx` columns and `dy` rows on.
-    fn compare(&mut self, target: &Planes<3>, seen: &Planes<4>, top: usize, (dx, dy): (usize, usize)) {
+    fn compare(
+        &mut self,
+        target: &Planes<3>,
+        seen: &Planes<4>,
+        top: usize,
+        (dx, dy): (usize, usize),
+    ) {
         let wide = self.width + 2 * HALF;
         for (y, out) in self.differences.chunks_exact_mut(wide).enumerate() {
             let [l, a, b] = [0, 1, 2].map(|channel| &target.row(channel, 0, top + y)[..wide]);
-            let [other_l, other_a, other_b] = [0, 1, 2].map(|channel| &seen.row(channel, dx, top + y + dy)[..wide]);
+            let [other_l, other_a, other_b] =
+                [0, 1, 2].map(|channel| &seen.row(channel, dx, top + y + dy)[..wide]);
             for (x, out) in out.iter_mut().enumerate() {
                 let (l, a, b) = (l[x] - other_l[x], a[x] - other_a[x], b[x] - other_b[x]);
                 *out = l * l + a * a + b * b;
@@ -198,18 +236,25 @@ impl<'a> Work<'a> {
         let wide = self.width + 2 * HALF;
         let scale = f32x8::splat(-1.0 / (2.0 * SPREAD * SPREAD * BELL_SUM * BELL_SUM));
         let gain = f32x8::splat(gain);
-        let sums = self.shares.chunks_exact_mut(self.width).zip(self.weights.chunks_exact_mut(self.width));
+        let sums = self
+            .shares
+            .chunks_exact_mut(self.width)
+            .zip(self.weights.chunks_exact_mut(self.width));
         for (y, (share_sums, weight_sums)) in sums.enumerate() {
-            let rows: [&[f32]; BELL.len()] = std::array::from_fn(|k| &self.differences[(y + k) * wide..][..wide]);
+            let rows: [&[f32]; BELL.len()] =
+                std::array::from_fn(|k| &self.differences[(y + k) * wide..][..wide]);
             for (x, out) in self.column[..wide].iter_mut().enumerate() {
                 *out = (0..BELL.len()).map(|k| BELL[k] * rows[k][x]).sum();
             }
             let shares = &seen.row(3, dx + HALF, top + y + dy + HALF)[..self.width];
-            let sums = share_sums.chunks_exact_mut(LANES).zip(weight_sums.chunks_exact_mut(LANES));
+            let sums = share_sums
+                .chunks_exact_mut(LANES)
+                .zip(weight_sums.chunks_exact_mut(LANES));
             for (x, (share_sums, weight_sums)) in sums.enumerate() {
                 let x = x * LANES;
-                let sum = (0..BELL.len())
-                    .fold(f32x8::ZERO, |sum, k| eight(&self.column[x + k..]).mul_add(f32x8::splat(BELL[k]), sum));
+                let sum = (0..BELL.len()).fold(f32x8::ZERO, |sum, k| {
+                    eight(&self.column[x + k..]).mul_add(f32x8::splat(BELL[k]), sum)
+                });
                 let weight = sum.mul_add(scale, gain).exp();
                 let share = weight.mul_add(eight(&shares[x..]), eight(share_sums));
                 share_sums.copy_from_slice(&share.to_array());
@@ -231,17 +276,35 @@ mod tests {
 
     const WIDTH: usize = 45;
     const HEIGHT: usize = 35;
-    const WHOLE: Window = Window { left: 0, top: 0, right: WIDTH, bottom: HEIGHT };
+    const WHOLE: Window = Window {
+        left: 0,
+        top: 0,
+        right: WIDTH,
+        bottom: HEIGHT,
+    };
 
     /// A red pole two pixels wide before a grainy wall, or hidden behind it.
     fn picture(pole: usize, is_hidden: bool) -> Picture {
         let color = |x: usize, y: usize| {
             let grain = ((x / 2 * 7349) ^ (y / 2 * 9151)).wrapping_mul(0x9E37_79B1) >> 9 & 63;
             let is_pole = (pole..pole + 2).contains(&x) && !is_hidden;
-            if is_pole { [180, 60, 50] } else { [70 + grain as u8; 3] }
+            if is_pole {
+                [180, 60, 50]
+            } else {
+                [70 + grain as u8; 3]
+            }
         };
-        let pixels = (0..WIDTH * HEIGHT).map(|at| color(at % WIDTH, at / WIDTH)).collect();
-        Picture::new(&Image { width: WIDTH as u32, height: HEIGHT as u32, pixels }, (WIDTH, HEIGHT))
+        let pixels = (0..WIDTH * HEIGHT)
+            .map(|at| color(at % WIDTH, at / WIDTH))
+            .collect();
+        Picture::new(
+            &Image {
+                width: WIDTH as u32,
+                height: HEIGHT as u32,
+                pixels,
+            },
+            (WIDTH, HEIGHT),
+        )
     }
 
     fn share(pole: Option<usize>) -> Plane {
@@ -250,13 +313,21 @@ mod tests {
     }
 
     fn source<'a>(picture: &'a Picture, share: &'a Plane, reach: usize) -> Source<'a> {
-        Source { picture, share, way: Way::Motion(Affine2::IDENTITY), reach, weight: 1.0 }
+        Source {
+            picture,
+            share,
+            way: Way::Motion(Affine2::IDENTITY),
+            reach,
+            weight: 1.0,
+        }
     }
 
     /// How many pixels of the pole at column 21, and how many others, get most of the votes.
     fn found(votes: &[Vote]) -> (usize, usize) {
         let is_pole = |at: usize| (21..23).contains(&(at % WIDTH));
-        let inside: Vec<usize> = (0..votes.len()).filter(|&at| votes[at].odds() > 0.0).collect();
+        let inside: Vec<usize> = (0..votes.len())
+            .filter(|&at| votes[at].odds() > 0.0)
+            .collect();
         let own = inside.iter().filter(|&&at| is_pole(at)).count();
         (own, inside.len() - own)
     }
@@ -265,17 +336,30 @@ mod tests {
     fn a_pole_of_two_pixels_is_found_where_motion_is_wrong_by_more() {
         let (before, now) = (picture(18, false), picture(21, false));
         let share = share(Some(18));
-        assert_eq!(found(&votes(&now, WHOLE, &[source(&before, &share, 4)])), (2 * HEIGHT, 0));
+        assert_eq!(
+            found(&votes(&now, WHOLE, &[source(&before, &share, 4)])),
+            (2 * HEIGHT, 0)
+        );
         let (own, others) = found(&votes(&now, WHOLE, &[source(&before, &share, 0)]));
-        assert!(own == 0 && others > 0, "where nothing is searched, it stays: {own} and {others}");
+        assert!(
+            own == 0 && others > 0,
+            "where nothing is searched, it stays: {own} and {others}"
+        );
     }
 
     #[test]
     fn flow_tells_where_to_look() {
         let (before, now) = (picture(12, false), picture(21, false));
         let share = share(Some(12));
-        let flow = Flow { width: WIDTH, height: HEIGHT, vectors: vec![Vec2::new(-9.0, 0.0); WIDTH * HEIGHT] };
-        let sources = [Source { way: Way::Flow(&flow), ..source(&before, &share, 1) }];
+        let flow = Flow {
+            width: WIDTH,
+            height: HEIGHT,
+            vectors: vec![Vec2::new(-9.0, 0.0); WIDTH * HEIGHT],
+        };
+        let sources = [Source {
+            way: Way::Flow(&flow),
+            ..source(&before, &share, 1)
+        }];
         assert_eq!(found(&votes(&now, WHOLE, &sources)), (2 * HEIGHT, 0));
     }
 
@@ -287,7 +371,10 @@ mod tests {
         assert_eq!(found(&votes(&now, WHOLE, &sources)), (2 * HEIGHT, 0));
         let blind = votes(&now, WHOLE, &sources[..1]);
         let middle = blind[HEIGHT / 2 * WIDTH + 21];
-        assert!(middle.odds().abs() < 0.1, "nothing like it was seen: {middle:?}");
+        assert!(
+            middle.odds().abs() < 0.1,
+            "nothing like it was seen: {middle:?}"
+        );
     }
 
     #[test]
@@ -305,11 +392,19 @@ mod tests {
         let (before, now) = (picture(18, false), picture(21, false));
         let share = share(Some(18));
         let whole = votes(&now, WHOLE, &[source(&before, &share, 3)]);
-        let part = Window { left: 14, top: 9, right: 33, bottom: 31 };
+        let part = Window {
+            left: 14,
+            top: 9,
+            right: 33,
+            bottom: 31,
+        };
         let of_part = votes(&now, part, &[source(&before, &share, 3)]);
         assert_eq!(of_part.len(), part.width() * part.height());
         for (vote, at) in of_part.iter().zip(part.places(WIDTH)) {
-            assert!((vote.share - whole[at].share).abs() < 1e-4 && (vote.alike - whole[at].alike).abs() < 1e-3);
+            assert!(
+                (vote.share - whole[at].share).abs() < 1e-4
+                    && (vote.alike - whole[at].alike).abs() < 1e-3
+            );
         }
     }
 }

@@ -37,19 +37,33 @@ pub(super) struct Change {
 impl Change {
     /// Measures the flow both ways.
     pub fn new(last: Arc<Picture>, next: Arc<Picture>, finest: Finest) -> Self {
-        let flow = |from: &Picture, to: &Picture| Arc::new(flow_between(&from.pyramid, &to.pyramid, finest));
+        let flow = |from: &Picture, to: &Picture| {
+            Arc::new(flow_between(&from.pyramid, &to.pyramid, finest))
+        };
         let (forward, backward) = rayon::join(|| flow(&last, &next), || flow(&next, &last));
         Self::of_flows((last, next), forward, backward)
     }
 
     /// Of the flow from the last frame to the next, and back.
-    pub fn of_flows((last, next): (Arc<Picture>, Arc<Picture>), forward: Arc<Flow>, backward: Arc<Flow>) -> Self {
+    pub fn of_flows(
+        (last, next): (Arc<Picture>, Arc<Picture>),
+        forward: Arc<Flow>,
+        backward: Arc<Flow>,
+    ) -> Self {
         let reliable = Plane::from_fn(next.width, next.height, |x, y| {
             let vector = backward.at(x, y);
             let miss = (vector + forward.sample(Vec2::new(x as f32, y as f32) + vector)).length();
             (-(miss / (1.0 + 0.1 * vector.length())).powi(2)).exp()
         });
-        Self { last, next, forward, backward, reliable, background: None, background_noise: 0.0 }
+        Self {
+            last,
+            next,
+            forward,
+            backward,
+            reliable,
+            background: None,
+            background_noise: 0.0,
+        }
     }
 
     /// Finds the background's motion from pixels that no object is expected near.
@@ -57,11 +71,17 @@ impl Change {
         let (width, height) = (self.next.width, self.next.height);
         let mut hidden = Region::empty(width as u32, height as u32);
         for plane in expected {
-            hidden.inside.iter_mut().zip(&plane.values).for_each(|(hidden, &value)| *hidden |= value > 0.2);
+            hidden
+                .inside
+                .iter_mut()
+                .zip(&plane.values)
+                .for_each(|(hidden, &value)| *hidden |= value > 0.2);
         }
         let hidden = hidden.dilated(4.0);
         let open = |sure: f32| -> Vec<usize> {
-            (0..width * height).filter(|&at| !hidden.inside[at] && self.reliable.values[at] >= sure).collect()
+            (0..width * height)
+                .filter(|&at| !hidden.inside[at] && self.reliable.values[at] >= sure)
+                .collect()
         };
         let mut open_places = open(0.5);
         if open_places.len() <= 200 {
@@ -73,7 +93,10 @@ impl Change {
         let every = open_places.len().div_ceil(MOST_STEPS);
         let step = |&at: &usize| {
             let from = Vec2::new((at % width) as f32, (at / width) as f32);
-            Step { from, to: from + self.backward.vectors[at] }
+            Step {
+                from,
+                to: from + self.backward.vectors[at],
+            }
         };
         let steps: Vec<Step> = open_places.iter().step_by(every).map(step).collect();
         let centre = Vec2::new(width as f32, height as f32) / 2.0;
@@ -104,11 +127,23 @@ pub(super) struct Walk<'a> {
 impl<'a> Walk<'a> {
     /// From an anchor's mask at the working size.
     pub fn new(options: &'a FlowOptions, picture: &Picture, mask: &LabelMask) -> Self {
-        let mut labels: Vec<LabelId> = mask.ids.iter().copied().filter(|&id| id != LabelId::NONE).collect();
+        let mut labels: Vec<LabelId> = mask
+            .ids
+            .iter()
+            .copied()
+            .filter(|&id| id != LabelId::NONE)
+            .collect();
         labels.sort_unstable();
         labels.dedup();
-        let objects = labels.into_par_iter().map(|id| Object::new(id, mask.region(id), picture)).collect();
-        let mut walk = Self { options, objects, memory: Memory::default() };
+        let objects = labels
+            .into_par_iter()
+            .map(|id| Object::new(id, mask.region(id), picture))
+            .collect();
+        let mut walk = Self {
+            options,
+            objects,
+            memory: Memory::default(),
+        };
         walk.remember(picture, mask);
         walk
     }
@@ -139,36 +174,72 @@ impl<'a> Walk<'a> {
         progress: &Progress,
     ) -> Result<WalkedFrame, Stopped> {
         let options = self.options;
-        change.find_background(&self.objects.iter().map(Object::expected).collect::<Vec<_>>());
-        let recalled = change.next.description.as_ref().map(|description| self.memory.recall(description));
+        change.find_background(
+            &self
+                .objects
+                .iter()
+                .map(Object::expected)
+                .collect::<Vec<_>>(),
+        );
+        let recalled = change
+            .next
+            .description
+            .as_ref()
+            .map(|description| self.memory.recall(description));
         let known = self.objects.par_iter_mut().map(|object| {
             progress.check()?;
             let prediction = object.predict(&change, options);
-            let evidence =
-                evidence(object, &prediction, &Sight { change: &change, beyond, recalled: recalled.as_ref() }, options);
+            let evidence = evidence(
+                object,
+                &prediction,
+                &Sight {
+                    change: &change,
+                    beyond,
+                    recalled: recalled.as_ref(),
+                },
+                options,
+            );
             Ok((prediction, evidence))
         });
         let known: Vec<(Prediction, Evidence)> = known.collect::<Result<_, Stopped>>()?;
-        let rivals = Rivals::new(&known, change.next.width * change.next.height, change.next.width);
-        let decided = self.objects.par_iter_mut().zip(known).enumerate().map(|(place, (object, known))| {
-            progress.check()?;
-            let (prediction, mut evidence) = known;
-            rivals.contest(place, &mut evidence, change.next.width);
-            let mut mask = object.decide(&prediction, &evidence, &change.next, options);
-            rivals.withdraw(place, &mut mask);
-            object.settle(mask, &prediction, &evidence, &change, options);
-            Ok(())
-        });
+        let rivals = Rivals::new(
+            &known,
+            change.next.width * change.next.height,
+            change.next.width,
+        );
+        let decided =
+            self.objects
+                .par_iter_mut()
+                .zip(known)
+                .enumerate()
+                .map(|(place, (object, known))| {
+                    progress.check()?;
+                    let (prediction, mut evidence) = known;
+                    rivals.contest(place, &mut evidence, change.next.width);
+                    let mut mask = object.decide(&prediction, &evidence, &change.next, options);
+                    rivals.withdraw(place, &mut mask);
+                    object.settle(mask, &prediction, &evidence, &change, options);
+                    Ok(())
+                });
         decided.collect::<Result<(), Stopped>>()?;
         let next = &change.next;
         let mut mask = LabelMask::empty(next.width as u32, next.height as u32);
         for object in &self.objects {
             let region = object.mask();
-            for (id, _) in mask.ids.iter_mut().zip(&region.inside).filter(|(_, inside)| **inside) {
+            for (id, _) in mask
+                .ids
+                .iter_mut()
+                .zip(&region.inside)
+                .filter(|(_, inside)| **inside)
+            {
                 *id = object.id;
             }
         }
-        let confidence = self.objects.iter().map(|object| (object.id, object.confidence())).collect();
+        let confidence = self
+            .objects
+            .iter()
+            .map(|object| (object.id, object.confidence()))
+            .collect();
         Ok(WalkedFrame { mask, confidence })
     }
 }
@@ -181,8 +252,10 @@ struct Rivals {
 
 impl Rivals {
     fn new(known: &[(Prediction, Evidence)], pixels: usize, width: usize) -> Self {
-        let mut rivals =
-            Self { best: vec![(f32::NEG_INFINITY, usize::MAX); pixels], second: vec![f32::NEG_INFINITY; pixels] };
+        let mut rivals = Self {
+            best: vec![(f32::NEG_INFINITY, usize::MAX); pixels],
+            second: vec![f32::NEG_INFINITY; pixels],
+        };
         for (object, (_, evidence)) in known.iter().enumerate() {
             for (at, &odds) in evidence.window.places(width).zip(&evidence.odds) {
                 if odds > rivals.best[at].0 {
@@ -200,7 +273,11 @@ impl Rivals {
     fn contest(&self, object: usize, evidence: &mut Evidence, width: usize) {
         let places: Vec<usize> = evidence.window.places(width).collect();
         for (at, odds) in places.into_iter().zip(&mut evidence.odds) {
-            let rival = if self.best[at].1 == object { self.second[at] } else { self.best[at].0 };
+            let rival = if self.best[at].1 == object {
+                self.second[at]
+            } else {
+                self.best[at].0
+            };
             *odds -= rival.max(0.0);
         }
     }

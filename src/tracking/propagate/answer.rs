@@ -23,20 +23,38 @@ impl Answer {
         let area = given.width * given.height;
         let blocks = (0..area).into_par_iter().step_by(BLOCK).map(|first| {
             let pixels = first..(first + BLOCK).min(area);
-            pixels.map(|at| best(given.probabilities[at..].iter().step_by(area))).collect::<Vec<_>>()
+            pixels
+                .map(|at| best(given.probabilities[at..].iter().step_by(area)))
+                .collect::<Vec<_>>()
         });
         let best: Vec<(usize, f32)> = blocks.flatten_iter().collect();
-        let id = |map: usize| if map == 0 { LabelId::NONE } else { given.labels[map - 1] };
+        let id = |map: usize| {
+            if map == 0 {
+                LabelId::NONE
+            } else {
+                given.labels[map - 1]
+            }
+        };
         let mut sums = vec![(0.0f64, 0usize); 1 + given.labels.len()];
         for &(map, probability) in &best {
             sums[map].0 += f64::from(probability);
             sums[map].1 += 1;
         }
         let shown = sums.iter().enumerate().filter(|(_, (_, count))| *count > 0);
-        let confidence = shown.map(|(map, &(sum, count))| (id(map), (sum / count as f64) as f32)).collect();
+        let confidence = shown
+            .map(|(map, &(sum, count))| (id(map), (sum / count as f64) as f32))
+            .collect();
         let ids = best.iter().map(|&(map, _)| id(map)).collect();
-        let mask = LabelMask { width: given.width as u32, height: given.height as u32, ids };
-        Self { mask, confidence, known: given.labels.iter().copied().collect() }
+        let mask = LabelMask {
+            width: given.width as u32,
+            height: given.height as u32,
+            ids,
+        };
+        Self {
+            mask,
+            confidence,
+            known: given.labels.iter().copied().collect(),
+        }
     }
 
     /// Of the labels that the mask shows.
@@ -50,5 +68,9 @@ impl Answer {
 }
 
 fn best<'a>(probabilities: impl Iterator<Item = &'a f32>) -> (usize, f32) {
-    probabilities.enumerate().fold((0, f32::NEG_INFINITY), |best, (map, &p)| if p > best.1 { (map, p) } else { best })
+    probabilities
+        .enumerate()
+        .fold((0, f32::NEG_INFINITY), |best, (map, &p)| {
+            if p > best.1 { (map, p) } else { best }
+        })
 }

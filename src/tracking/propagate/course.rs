@@ -26,15 +26,20 @@ impl Course {
     /// One for every picture size that an anchor has; second, the frames that were asked for but are of no such size.
     pub fn all(request: &TrackRequest) -> (Vec<Self>, Vec<usize>) {
         let size = |frame: usize| (request.frames[frame].width, request.frames[frame].height);
-        let anchors =
-            request.anchors.iter().filter_map(|(&at, mask)| Some((at, wanted(mask, request.labels.as_ref())?)));
+        let anchors = request
+            .anchors
+            .iter()
+            .filter_map(|(&at, mask)| Some((at, wanted(mask, request.labels.as_ref())?)));
         let mut by_size: BTreeMap<(u32, u32), BTreeMap<usize, Arc<LabelMask>>> = BTreeMap::new();
         anchors.for_each(|(at, mask)| drop(by_size.entry(size(at)).or_default().insert(at, mask)));
-        let asked = (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame));
+        let asked =
+            (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame));
         let (asked, others): (BTreeSet<usize>, BTreeSet<usize>) =
             asked.partition(|&at| by_size.contains_key(&size(at)));
         let course = |(of, anchors): ((u32, u32), BTreeMap<usize, Arc<LabelMask>>)| {
-            let mut frames: Vec<usize> = (0..request.frames.len()).filter(|&frame| size(frame) == of).collect();
+            let mut frames: Vec<usize> = (0..request.frames.len())
+                .filter(|&frame| size(frame) == of)
+                .collect();
             let route = |way, frames: &[usize]| match request.direction {
                 direction if direction == way => Route::default(),
                 _ => Route::new(frames, &anchors, &asked),
@@ -42,9 +47,16 @@ impl Course {
             let forward = route(Direction::Backward, &frames);
             frames.reverse();
             let backward = route(Direction::Forward, &frames);
-            Self { anchors, forward, backward }
+            Self {
+                anchors,
+                forward,
+                backward,
+            }
         };
-        (by_size.into_iter().map(course).collect(), others.into_iter().collect())
+        (
+            by_size.into_iter().map(course).collect(),
+            others.into_iter().collect(),
+        )
     }
 
     /// Frames to be walked over.
@@ -54,15 +66,27 @@ impl Course {
 
     /// How much the walk forwards counts in a frame that both answer, 0–1: all on its anchor, half between two.
     pub fn nearness(&self, frame: usize) -> f32 {
-        let before = self.anchors.range(..frame).next_back().map_or(frame, |(&anchor, _)| frame - anchor);
-        let after = self.anchors.range(frame..).next().map_or(frame, |(&anchor, _)| anchor - frame);
+        let before = self
+            .anchors
+            .range(..frame)
+            .next_back()
+            .map_or(frame, |(&anchor, _)| frame - anchor);
+        let after = self
+            .anchors
+            .range(frame..)
+            .next()
+            .map_or(frame, |(&anchor, _)| anchor - frame);
         after as f32 / (before + after).max(1) as f32
     }
 }
 
 impl Route {
     /// Along `frames`, to those of the `asked` that come after an anchor.
-    fn new(frames: &[usize], anchors: &BTreeMap<usize, Arc<LabelMask>>, asked: &BTreeSet<usize>) -> Self {
+    fn new(
+        frames: &[usize],
+        anchors: &BTreeMap<usize, Arc<LabelMask>>,
+        asked: &BTreeSet<usize>,
+    ) -> Self {
         let mut nearest: BTreeMap<LabelId, usize> = BTreeMap::new();
         let (mut targets, mut ends) = (BTreeSet::new(), (0, 0));
         for (place, frame) in frames.iter().enumerate() {
@@ -83,7 +107,10 @@ impl Route {
         }
         let starts: BTreeSet<usize> = nearest.into_values().collect();
         let places = starts.into_iter().chain(ends.0 + 1..=ends.1);
-        Self { frames: places.map(|place| frames[place]).collect(), targets }
+        Self {
+            frames: places.map(|place| frames[place]).collect(),
+            targets,
+        }
     }
 }
 
@@ -109,6 +136,10 @@ fn wanted(mask: &Arc<LabelMask>, chosen: Option<&BTreeSet<LabelId>>) -> Option<A
     if !shown.iter().any(is_chosen) {
         return None;
     }
-    let ids = mask.ids.iter().map(|id| if is_chosen(id) { *id } else { LabelId::NONE }).collect();
+    let ids = mask
+        .ids
+        .iter()
+        .map(|id| if is_chosen(id) { *id } else { LabelId::NONE })
+        .collect();
     Some(Arc::new(LabelMask { ids, ..**mask }))
 }

@@ -26,9 +26,16 @@ pub(super) fn merged(first: &Answer, second: &Answer, given: &Propagated, nearne
             Err(_) => 0.0,
         };
         let for_a = nearness * first.sure(a) + (1.0 - nearness) * there(a);
-        if for_a >= (1.0 - nearness) * there(b) { a } else { b }
+        if for_a >= (1.0 - nearness) * there(b) {
+            a
+        } else {
+            b
+        }
     });
-    let mask = LabelMask { ids: ids.collect(), ..first.mask };
+    let mask = LabelMask {
+        ids: ids.collect(),
+        ..first.mask
+    };
     let agreed = RunMask::encode(&first.mask).ious(&RunMask::encode(&second.mask));
     let shown = super::course::labels(&mask);
     let confidence: BTreeMap<LabelId, f32> = shown
@@ -45,7 +52,11 @@ pub(super) fn merged(first: &Answer, second: &Answer, given: &Propagated, nearne
             (label, sure)
         })
         .collect();
-    Answer { mask, confidence, known }
+    Answer {
+        mask,
+        confidence,
+        known,
+    }
 }
 
 impl Answer {

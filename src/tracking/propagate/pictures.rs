@@ -21,13 +21,19 @@ pub(super) struct Pictures<'a> {
 
 impl<'a> Pictures<'a> {
     pub fn new(request: &'a TrackRequest, progress: &'a Progress) -> Self {
-        Self { request, progress, unread: BTreeMap::new() }
+        Self {
+            request,
+            progress,
+            unread: BTreeMap::new(),
+        }
     }
 
     fn load(&mut self, frame: usize) -> Result<Option<Arc<Image>>, Stopped> {
         self.progress.check()?;
         let loaded = self.request.store.image(&self.request.frames[frame]);
-        Ok(loaded.map_err(|error| drop(self.unread.insert(frame, error))).ok())
+        Ok(loaded
+            .map_err(|error| drop(self.unread.insert(frame, error)))
+            .ok())
     }
 
     /// The first of the frames that could not be read, as an error.
@@ -41,9 +47,16 @@ impl<'a> Pictures<'a> {
         let mut lines = Vec::new();
         if let Some(first) = self.unread.values().next() {
             let named = self.named(&self.unread.keys().copied().collect::<Vec<_>>());
-            lines.push(format!("{} frames cannot be read and were stepped over: {named} ({first})", self.unread.len()));
+            lines.push(format!(
+                "{} frames cannot be read and were stepped over: {named} ({first})",
+                self.unread.len()
+            ));
         }
-        let missed: Vec<usize> = missed.iter().copied().filter(|frame| !self.unread.contains_key(frame)).collect();
+        let missed: Vec<usize> = missed
+            .iter()
+            .copied()
+            .filter(|frame| !self.unread.contains_key(frame))
+            .collect();
         if !missed.is_empty() {
             let (named, count) = (self.named(&missed), missed.len());
             lines.push(format!(
@@ -62,7 +75,10 @@ impl<'a> Pictures<'a> {
     }
 
     fn named(&self, frames: &[usize]) -> String {
-        let names = frames.iter().take(NAMED).map(|&frame| self.request.frames[frame].name.as_str());
+        let names = frames
+            .iter()
+            .take(NAMED)
+            .map(|&frame| self.request.frames[frame].name.as_str());
         let names = names.collect::<Vec<_>>().join(", ");
         let more = frames.len().checked_sub(NAMED).filter(|&more| more > 0);
         more.map_or(names.clone(), |more| format!("{names} and {more} more"))
@@ -78,7 +94,11 @@ pub(super) struct Loading {
 
 impl Loading {
     pub fn new(frames: &[usize]) -> Self {
-        Self { count: frames.len(), coming: frames.iter().copied().collect(), loaded: VecDeque::new() }
+        Self {
+            count: frames.len(),
+            coming: frames.iter().copied().collect(),
+            loaded: VecDeque::new(),
+        }
     }
 
     /// Frames that were handed on or stepped over.
@@ -87,14 +107,25 @@ impl Loading {
     }
 
     /// The next frame that can be read, with its picture; `None` at the end.
-    pub fn next(&mut self, pictures: &mut Pictures<'_>) -> Result<Option<(usize, Arc<Image>)>, Stopped> {
+    pub fn next(
+        &mut self,
+        pictures: &mut Pictures<'_>,
+    ) -> Result<Option<(usize, Arc<Image>)>, Stopped> {
         while self.loaded.is_empty()
             && let Some(&first) = self.coming.front()
         {
             let frame = &pictures.request.frames[first];
             let most = BLOCK_BYTES / (3 * frame.width as usize * frame.height as usize).max(1);
-            let falling = 1 + self.coming.iter().zip(self.coming.iter().skip(1)).take_while(|(a, b)| a > b).count();
-            let block: Vec<usize> = self.coming.drain(..falling.min(most.clamp(1, BLOCK))).collect();
+            let falling = 1 + self
+                .coming
+                .iter()
+                .zip(self.coming.iter().skip(1))
+                .take_while(|(a, b)| a > b)
+                .count();
+            let block: Vec<usize> = self
+                .coming
+                .drain(..falling.min(most.clamp(1, BLOCK)))
+                .collect();
             for &frame in block.iter().rev() {
                 let picture = pictures.load(frame)?;
                 self.loaded.extend(picture.map(|picture| (frame, picture)));

@@ -26,23 +26,43 @@ struct Still<'a> {
 impl Propagator for Still<'_> {
     fn remember(&mut self, image: &Image, mask: &LabelMask) -> Result<(), MaskError> {
         let shown = labels(mask);
-        let told: String = shown.iter().map(|label| if *label == A { 'A' } else { 'B' }).collect();
-        self.asked.borrow_mut().push(format!("r{}{told}", image.pixels[0][0]));
-        self.known.extend(shown.into_iter().map(|label| (label, mask.region(label).inside)));
+        let told: String = shown
+            .iter()
+            .map(|label| if *label == A { 'A' } else { 'B' })
+            .collect();
+        self.asked
+            .borrow_mut()
+            .push(format!("r{}{told}", image.pixels[0][0]));
+        self.known.extend(
+            shown
+                .into_iter()
+                .map(|label| (label, mask.region(label).inside)),
+        );
         Ok(())
     }
 
     fn propagate(&mut self, image: &Image) -> Result<Propagated, MaskError> {
-        self.asked.borrow_mut().push(format!("p{}", image.pixels[0][0]));
+        self.asked
+            .borrow_mut()
+            .push(format!("p{}", image.pixels[0][0]));
         let rest = (1.0 - SURE) / self.known.len() as f32;
         let area = image.pixels.len();
         let mut probabilities = vec![rest; (1 + self.known.len()) * area];
         for at in 0..area {
-            let there = self.known.values().position(|inside| inside[at]).map_or(0, |place| 1 + place);
+            let there = self
+                .known
+                .values()
+                .position(|inside| inside[at])
+                .map_or(0, |place| 1 + place);
             probabilities[there * area + at] = SURE;
         }
         let labels = self.known.keys().copied().collect();
-        Ok(Propagated { labels, width: image.width as usize, height: image.height as usize, probabilities })
+        Ok(Propagated {
+            labels,
+            width: image.width as usize,
+            height: image.height as usize,
+            probabilities,
+        })
     }
 }
 
@@ -64,14 +84,29 @@ impl Film {
         let folder = tempfile::tempdir().unwrap();
         let frame = |at: usize| {
             let path = folder.path().join(format!("{at:02}.png"));
-            image::RgbImage::from_pixel(WIDTH, HEIGHT, image::Rgb([at as u8; 3])).save(&path).unwrap();
-            let picture = PictureSource::File { path, orientation: Orientation::default() };
-            Frame { name: format!("{at:02}"), width: WIDTH, height: HEIGHT, picture, depth: None, camera: None }
+            image::RgbImage::from_pixel(WIDTH, HEIGHT, image::Rgb([at as u8; 3]))
+                .save(&path)
+                .unwrap();
+            let picture = PictureSource::File {
+                path,
+                orientation: Orientation::default(),
+            };
+            Frame {
+                name: format!("{at:02}"),
+                width: WIDTH,
+                height: HEIGHT,
+                picture,
+                depth: None,
+                camera: None,
+            }
         };
         let request = TrackRequest {
             frames: Arc::new((0..count).map(frame).collect()),
             store: Arc::new(FrameStore::new(1 << 20)),
-            anchors: anchors.iter().map(|(at, mask)| (*at, Arc::new(mask.clone()))).collect(),
+            anchors: anchors
+                .iter()
+                .map(|(at, mask)| (*at, Arc::new(mask.clone())))
+                .collect(),
             from: 0,
             to: count - 1,
             direction: Direction::Both,
@@ -93,23 +128,41 @@ impl Film {
                 progress.stop();
             }
         };
-        let make = || -> Box<dyn Propagator + '_> { Box::new(Still { asked: &asked, known: BTreeMap::new() }) };
+        let make = || -> Box<dyn Propagator + '_> {
+            Box::new(Still {
+                asked: &asked,
+                known: BTreeMap::new(),
+            })
+        };
         let ended = track(&self.request, &mut emit, &progress, &make);
         let asked = asked.borrow().join(" ");
-        Outcome { asked, given, ended }
+        Outcome {
+            asked,
+            given,
+            ended,
+        }
     }
 }
 
 impl Outcome {
     /// Numbers of the frames handed on, `~` behind preliminary ones.
     fn frames(&self) -> String {
-        let told = |frame: &TrackedFrame| format!("{}{}", frame.frame, if frame.preliminary { "~" } else { "" });
+        let told = |frame: &TrackedFrame| {
+            format!(
+                "{}{}",
+                frame.frame,
+                if frame.preliminary { "~" } else { "" }
+            )
+        };
         self.given.iter().map(told).collect::<Vec<_>>().join(" ")
     }
 
     /// The last answer for a frame.
     fn last(&self, frame: usize) -> &TrackedFrame {
-        self.given.iter().rfind(|given| given.frame == frame).unwrap()
+        self.given
+            .iter()
+            .rfind(|given| given.frame == frame)
+            .unwrap()
     }
 }
 
@@ -118,7 +171,10 @@ fn mask(parts: &[(LabelId, std::ops::Range<u32>)]) -> LabelMask {
     let mut mask = LabelMask::empty(WIDTH, HEIGHT);
     for (at, id) in mask.ids.iter_mut().enumerate() {
         let column = at as u32 % WIDTH;
-        *id = parts.iter().find(|(_, columns)| columns.contains(&column)).map_or(LabelId::NONE, |(label, _)| *label);
+        *id = parts
+            .iter()
+            .find(|(_, columns)| columns.contains(&column))
+            .map_or(LabelId::NONE, |(label, _)| *label);
     }
     mask
 }
@@ -132,17 +188,28 @@ fn walks_go_both_ways_and_take_over_anchors() {
     assert!(outcome.ended.unwrap().is_empty());
     film.request.direction = Direction::Forward;
     let outcome = film.track();
-    assert_eq!((outcome.asked.as_str(), outcome.frames().as_str()), ("r3A p4 p5 r6A p7 p8", "4 5 7 8"));
+    assert_eq!(
+        (outcome.asked.as_str(), outcome.frames().as_str()),
+        ("r3A p4 p5 r6A p7 p8", "4 5 7 8")
+    );
     film.request.direction = Direction::Backward;
     let outcome = film.track();
-    assert_eq!((outcome.asked.as_str(), outcome.frames().as_str()), ("r6A p5 p4 r3A p2 p1 p0", "5 4 2 1 0"));
+    assert_eq!(
+        (outcome.asked.as_str(), outcome.frames().as_str()),
+        ("r6A p5 p4 r3A p2 p1 p0", "5 4 2 1 0")
+    );
     assert_eq!(outcome.last(2).mask, mask(&[(A, 0..4)]));
     assert_eq!(outcome.last(2).confidence, BTreeMap::from([(A, SURE)]));
 }
 
 #[test]
 fn nearest_anchors_beside_the_range_are_read() {
-    let anchors = [(0, mask(&[(A, 0..2)])), (1, mask(&[(B, 8..9)])), (2, mask(&[(A, 0..4)])), (8, mask(&[(A, 0..4)]))];
+    let anchors = [
+        (0, mask(&[(A, 0..2)])),
+        (1, mask(&[(B, 8..9)])),
+        (2, mask(&[(A, 0..4)])),
+        (8, mask(&[(A, 0..4)])),
+    ];
     let mut film = Film::new(10, &anchors);
     (film.request.from, film.request.to) = (4, 5);
     let outcome = film.track();
@@ -160,11 +227,18 @@ fn label_of_a_later_anchor_is_added_there_and_carried_back() {
     let film = Film::new(7, &[(0, mask(&[(A, 0..4)])), (4, mask(&[(B, 8..10)]))]);
     let outcome = film.track();
     assert_eq!(outcome.asked, "r0A p1 p2 p3 r4B p5 p6 r4B p3 p2 p1");
-    assert_eq!(outcome.given[1].mask, mask(&[(A, 0..4)]), "forwards nothing is known of B yet");
+    assert_eq!(
+        outcome.given[1].mask,
+        mask(&[(A, 0..4)]),
+        "forwards nothing is known of B yet"
+    );
     let both = mask(&[(A, 0..4), (B, 8..10)]);
     for frame in [1, 2, 3, 5, 6] {
         assert_eq!(outcome.last(frame).mask, both, "frame {frame}");
-        assert_eq!(outcome.last(frame).confidence, BTreeMap::from([(A, SURE), (B, SURE)]));
+        assert_eq!(
+            outcome.last(frame).confidence,
+            BTreeMap::from([(A, SURE), (B, SURE)])
+        );
     }
 }
 
@@ -176,7 +250,13 @@ fn nearer_anchor_counts_more_between_two() {
     assert_eq!(outcome.last(8).mask, mask(&[(A, 4..8)]));
     // The walks share no pixel: half of what one that all agree on would be.
     assert!((outcome.last(2).confidence[&A] - SURE / 2.0).abs() < 1e-6);
-    assert!(outcome.given.iter().filter(|given| given.preliminary).all(|given| given.mask == mask(&[(A, 0..4)])));
+    assert!(
+        outcome
+            .given
+            .iter()
+            .filter(|given| given.preliminary)
+            .all(|given| given.mask == mask(&[(A, 0..4)]))
+    );
 }
 
 #[test]
@@ -184,18 +264,30 @@ fn stop_keeps_what_is_done() {
     let film = Film::new(9, &[(0, mask(&[(A, 0..4)]))]);
     let outcome = film.track_until(3);
     assert!(matches!(outcome.ended, Err(MaskError::Stopped(_))));
-    assert_eq!((outcome.frames().as_str(), outcome.asked.as_str()), ("1 2 3", "r0A p1 p2 p3"));
+    assert_eq!(
+        (outcome.frames().as_str(), outcome.asked.as_str()),
+        ("1 2 3", "r0A p1 p2 p3")
+    );
 }
 
 #[test]
 fn only_wanted_labels_are_followed() {
-    let mut film = Film::new(5, &[(0, mask(&[(A, 0..4), (B, 6..8)])), (4, mask(&[(A, 0..4)]))]);
+    let mut film = Film::new(
+        5,
+        &[(0, mask(&[(A, 0..4), (B, 6..8)])), (4, mask(&[(A, 0..4)]))],
+    );
     film.request.labels = Some(BTreeSet::from([B]));
     let outcome = film.track();
     assert_eq!(outcome.asked, "r0B p1 p2 p3", "the other anchor shows none");
     assert_eq!(outcome.last(3).mask, mask(&[(B, 6..8)]));
     film.request.labels = Some(BTreeSet::from([LabelId(9)]));
-    assert!(film.track().ended.unwrap_err().to_string().contains("no mask shows a label"));
+    assert!(
+        film.track()
+            .ended
+            .unwrap_err()
+            .to_string()
+            .contains("no mask shows a label")
+    );
 }
 
 #[test]
@@ -204,34 +296,53 @@ fn pictures_of_another_size_are_walked_by_themselves_or_named() {
     let mut frames = film.request.frames.to_vec();
     for at in [2, 4] {
         let path = film.folder.path().join(format!("large-{at}.png"));
-        image::RgbImage::from_pixel(20, 10, image::Rgb([at as u8; 3])).save(&path).unwrap();
-        frames[at].picture = PictureSource::File { path, orientation: Orientation::default() };
+        image::RgbImage::from_pixel(20, 10, image::Rgb([at as u8; 3]))
+            .save(&path)
+            .unwrap();
+        frames[at].picture = PictureSource::File {
+            path,
+            orientation: Orientation::default(),
+        };
         (frames[at].width, frames[at].height) = (20, 10);
     }
     film.request.frames = Arc::new(frames);
     let outcome = film.track();
     assert_eq!(outcome.asked, "r0A p1 p3 p5");
     let warnings = outcome.ended.unwrap().join(" ");
-    assert!(warnings.contains("2 frames") && warnings.contains("02, 04") && warnings.contains("another size"));
+    assert!(
+        warnings.contains("2 frames")
+            && warnings.contains("02, 04")
+            && warnings.contains("another size")
+    );
     let mut large = LabelMask::empty(20, 10);
     large.ids[7] = B;
     film.request.anchors.insert(4, Arc::new(large));
     let outcome = film.track();
     assert_eq!(outcome.asked, "r0A p1 p3 p5 r4B p2");
     assert!(outcome.ended.as_ref().unwrap().is_empty());
-    assert_eq!((outcome.last(2).mask.width, outcome.last(2).mask.ids[7]), (20, B));
+    assert_eq!(
+        (outcome.last(2).mask.width, outcome.last(2).mask.ids[7]),
+        (20, B)
+    );
 }
 
 #[test]
 fn unreadable_pictures_are_stepped_over_and_named() {
     let film = Film::new(5, &[(0, mask(&[(A, 0..4)])), (4, mask(&[(A, 0..4)]))]);
-    let remove = |at: usize| std::fs::remove_file(film.folder.path().join(format!("{at:02}.png"))).unwrap();
+    let remove =
+        |at: usize| std::fs::remove_file(film.folder.path().join(format!("{at:02}.png"))).unwrap();
     [2, 4].into_iter().for_each(remove);
     let outcome = film.track();
-    assert_eq!(outcome.asked, "r0A p1 p3", "nothing starts from an anchor that cannot be read");
+    assert_eq!(
+        outcome.asked, "r0A p1 p3",
+        "nothing starts from an anchor that cannot be read"
+    );
     assert_eq!(outcome.frames(), "1~ 3~ 1 3", "no answer stays preliminary");
     let warnings = outcome.ended.unwrap().join(" ");
-    assert!(warnings.contains("2 frames cannot be read") && warnings.contains("02, 04"), "{warnings}");
+    assert!(
+        warnings.contains("2 frames cannot be read") && warnings.contains("02, 04"),
+        "{warnings}"
+    );
     [0, 1, 3].into_iter().for_each(remove);
     let mut gone = film;
     gone.request.store = Arc::new(FrameStore::new(1 << 20));
@@ -246,5 +357,8 @@ fn frames_behind_an_unreadable_anchor_are_named() {
     let outcome = film.track();
     assert_eq!(outcome.frames(), "4");
     let warnings = outcome.ended.unwrap().join(" ");
-    assert!(warnings.contains("2 frames were left out") && warnings.contains("01, 02"), "{warnings}");
+    assert!(
+        warnings.contains("2 frames were left out") && warnings.contains("01, 02"),
+        "{warnings}"
+    );
 }

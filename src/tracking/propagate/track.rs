@@ -32,19 +32,39 @@ pub(crate) fn track(
         return Err(nothing_to_do(request, courses.is_empty()));
     }
     let pictures = Pictures::new(request, progress);
-    let mut run = Run { emit, progress, make, pictures, done: 0, total, answered: BTreeSet::new() };
+    let mut run = Run {
+        emit,
+        progress,
+        make,
+        pictures,
+        done: 0,
+        total,
+        answered: BTreeSet::new(),
+    };
     courses.iter().try_for_each(|course| run.follow(course))?;
-    if let Some(failure) = run.answered.is_empty().then(|| run.pictures.failure()).flatten() {
+    if let Some(failure) = run
+        .answered
+        .is_empty()
+        .then(|| run.pictures.failure())
+        .flatten()
+    {
         return Err(failure);
     }
-    let wanted = courses.iter().flat_map(|course| course.forward.targets.union(&course.backward.targets));
-    let missed: Vec<usize> = wanted.copied().filter(|frame| !run.answered.contains(frame)).collect();
+    let wanted = courses
+        .iter()
+        .flat_map(|course| course.forward.targets.union(&course.backward.targets));
+    let missed: Vec<usize> = wanted
+        .copied()
+        .filter(|frame| !run.answered.contains(frame))
+        .collect();
     Ok(run.pictures.warnings(&missed, &others))
 }
 
 fn nothing_to_do(request: &TrackRequest, is_unmasked: bool) -> MaskError {
     if is_unmasked {
-        return MaskError::Request("no mask shows a label that is to be tracked; prompt or import one first".into());
+        return MaskError::Request(
+            "no mask shows a label that is to be tracked; prompt or import one first".into(),
+        );
     }
     MaskError::Request(format!(
         "no frame from {} to {} lies on the side of an anchor that masks are carried to; choose another range or \
@@ -75,28 +95,55 @@ impl Run<'_, '_> {
     fn follow(&mut self, course: &Course) -> Result<(), MaskError> {
         let mut kept: BTreeMap<usize, Kept> = BTreeMap::new();
         let met = &course.backward.targets;
-        self.walk(&course.forward, &course.anchors, &mut |run, frame, given| {
-            let answer = Answer::new(&given);
-            run.hand_on(frame, &answer, met.contains(&frame));
-            if met.contains(&frame) {
-                let runs = RunMask::encode(&answer.mask);
-                kept.insert(frame, Kept { runs, rest: Answer { mask: LabelMask::empty(0, 0), ..answer } });
-            }
-        })?;
-        self.walk(&course.backward, &course.anchors, &mut |run, frame, given| {
-            let second = Answer::new(&given);
-            let answer = match kept.remove(&frame) {
-                None => second,
-                Some(Kept { runs, rest }) => {
-                    let first = Answer { mask: runs.decode(), ..rest };
-                    merged(&first, &second, &given, course.nearness(frame))
+        self.walk(
+            &course.forward,
+            &course.anchors,
+            &mut |run, frame, given| {
+                let answer = Answer::new(&given);
+                run.hand_on(frame, &answer, met.contains(&frame));
+                if met.contains(&frame) {
+                    let runs = RunMask::encode(&answer.mask);
+                    kept.insert(
+                        frame,
+                        Kept {
+                            runs,
+                            rest: Answer {
+                                mask: LabelMask::empty(0, 0),
+                                ..answer
+                            },
+                        },
+                    );
                 }
-            };
-            run.hand_on(frame, &answer, false);
-        })?;
+            },
+        )?;
+        self.walk(
+            &course.backward,
+            &course.anchors,
+            &mut |run, frame, given| {
+                let second = Answer::new(&given);
+                let answer = match kept.remove(&frame) {
+                    None => second,
+                    Some(Kept { runs, rest }) => {
+                        let first = Answer {
+                            mask: runs.decode(),
+                            ..rest
+                        };
+                        merged(&first, &second, &given, course.nearness(frame))
+                    }
+                };
+                run.hand_on(frame, &answer, false);
+            },
+        )?;
         // The anchor behind them could not be read.
         for (frame, Kept { runs, rest }) in kept {
-            self.hand_on(frame, &Answer { mask: runs.decode(), ..rest }, false);
+            self.hand_on(
+                frame,
+                &Answer {
+                    mask: runs.decode(),
+                    ..rest
+                },
+                false,
+            );
         }
         Ok(())
     }
@@ -130,7 +177,12 @@ impl Run<'_, '_> {
 
     fn hand_on(&mut self, frame: usize, answer: &Answer, preliminary: bool) {
         let (mask, confidence) = (answer.mask.clone(), answer.confidences());
-        (self.emit)(TrackedFrame { frame, mask, confidence, preliminary });
+        (self.emit)(TrackedFrame {
+            frame,
+            mask,
+            confidence,
+            preliminary,
+        });
         self.answered.insert(frame);
     }
 }

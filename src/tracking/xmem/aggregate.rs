@@ -9,7 +9,9 @@ const BLOCK: usize = 4096;
 pub(super) fn aggregated(alone: &[f32], area: usize) -> Vec<f32> {
     let maps = 1 + alone.len() / area;
     let firsts = (0..area).into_par_iter().step_by(BLOCK);
-    let blocks: Vec<Vec<f32>> = firsts.map(|first| shares(alone, area, first, BLOCK.min(area - first))).collect();
+    let blocks: Vec<Vec<f32>> = firsts
+        .map(|first| shares(alone, area, first, BLOCK.min(area - first)))
+        .collect();
     let mut out = vec![0.0; maps * area];
     for (place, block) in blocks.iter().enumerate() {
         let count = block.len() / maps;
@@ -52,7 +54,20 @@ mod tests {
         // Odds: nothing 0.4 · 0.7 = 0.28 → 0.3889; 0.6 → 1.5; 0.3 → 0.4286. Then one that is sure.
         let found = aggregated(&[0.6, 1.0, 0.3, 0.0], 2);
         let sum = 0.388_888_9 + 1.5 + 0.428_571_4;
-        let expected = [0.388_888_9 / sum, 0.0, 1.5 / sum, 1.0, 0.428_571_4 / sum, 0.0];
-        assert!(found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-6), "{found:?}");
+        let expected = [
+            0.388_888_9 / sum,
+            0.0,
+            1.5 / sum,
+            1.0,
+            0.428_571_4 / sum,
+            0.0,
+        ];
+        assert!(
+            found
+                .iter()
+                .zip(expected)
+                .all(|(found, expected)| (found - expected).abs() < 1e-6),
+            "{found:?}"
+        );
     }
 }

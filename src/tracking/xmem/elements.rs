@@ -33,7 +33,15 @@ impl Elements {
     pub fn new(widths: Widths, objects: usize) -> Self {
         let none = Vec::new;
         let values = vec![Vec::new(); objects];
-        Self { widths, keys: none(), shrinkages: none(), selections: none(), values, uses: none(), lives: none() }
+        Self {
+            widths,
+            keys: none(),
+            shrinkages: none(),
+            selections: none(),
+            values,
+            uses: none(),
+            lives: none(),
+        }
     }
 
     pub fn len(&self) -> usize {
@@ -50,7 +58,10 @@ impl Elements {
 
     /// The same keys with other values, by object `[elements][value]`.
     pub fn with_values(&self, values: Vec<Vec<f32>>) -> Self {
-        Self { values, ..self.clone() }
+        Self {
+            values,
+            ..self.clone()
+        }
     }
 
     /// Adds the elements of another, as new ones.
@@ -58,7 +69,10 @@ impl Elements {
         self.keys.extend_from_slice(&other.keys);
         self.shrinkages.extend_from_slice(&other.shrinkages);
         self.selections.extend_from_slice(&other.selections);
-        self.values.iter_mut().zip(&other.values).for_each(|(own, other)| own.extend_from_slice(other));
+        self.values
+            .iter_mut()
+            .zip(&other.values)
+            .for_each(|(own, other)| own.extend_from_slice(other));
         self.uses.resize(self.len(), 0.0);
         self.lives.resize(self.len(), BORN);
     }
@@ -72,7 +86,11 @@ impl Elements {
             keys: self.keys.drain(wide(key)).collect(),
             shrinkages: self.shrinkages.drain(range.clone()).collect(),
             selections: self.selections.drain(wide(key)).collect(),
-            values: self.values.iter_mut().map(|values| values.drain(wide(value)).collect()).collect(),
+            values: self
+                .values
+                .iter_mut()
+                .map(|values| values.drain(wide(value)).collect())
+                .collect(),
             uses: self.uses.drain(range.clone()).collect(),
             lives: self.lives.drain(range).collect(),
         }
@@ -90,21 +108,34 @@ impl Elements {
 
     /// How much was taken of each element per frame.
     pub fn usages(&self) -> Vec<f32> {
-        self.uses.iter().zip(&self.lives).map(|(uses, lives)| uses / lives).collect()
+        self.uses
+            .iter()
+            .zip(&self.lives)
+            .map(|(uses, lives)| uses / lives)
+            .collect()
     }
 
     /// Forgets the least used, and all that are used no more than the last of those, so that at most `most` stay.
     pub fn forget(&mut self, most: usize) {
-        let Some(surplus) = self.len().checked_sub(most).filter(|&surplus| surplus > 0) else { return };
+        let Some(surplus) = self.len().checked_sub(most).filter(|&surplus| surplus > 0) else {
+            return;
+        };
         let usages = self.usages();
         let mut sorted = usages.clone();
         sorted.sort_unstable_by(f32::total_cmp);
-        let stays: Vec<bool> = usages.iter().map(|&usage| usage > sorted[surplus - 1]).collect();
+        let stays: Vec<bool> = usages
+            .iter()
+            .map(|&usage| usage > sorted[surplus - 1])
+            .collect();
         let Widths { key, value } = self.widths;
         keep(&mut self.keys, &stays, key);
         keep(&mut self.selections, &stays, key);
-        self.values.iter_mut().for_each(|values| keep(values, &stays, value));
-        [&mut self.shrinkages, &mut self.uses, &mut self.lives].into_iter().for_each(|list| keep(list, &stays, 1));
+        self.values
+            .iter_mut()
+            .for_each(|values| keep(values, &stays, value));
+        [&mut self.shrinkages, &mut self.uses, &mut self.lives]
+            .into_iter()
+            .for_each(|list| keep(list, &stays, 1));
     }
 }
 
@@ -128,8 +159,14 @@ mod tests {
     /// Elements whose key, shrinkage and values are their number.
     fn numbered(numbers: Range<usize>) -> Elements {
         let mut elements = Elements::new(Widths { key: 2, value: 3 }, 2);
-        let all = |width: usize| numbers.clone().flat_map(|at| vec![at as f32; width]).collect::<Vec<_>>();
-        (elements.keys, elements.shrinkages, elements.values) = (all(2), all(1), vec![all(3), all(3)]);
+        let all = |width: usize| {
+            numbers
+                .clone()
+                .flat_map(|at| vec![at as f32; width])
+                .collect::<Vec<_>>()
+        };
+        (elements.keys, elements.shrinkages, elements.values) =
+            (all(2), all(1), vec![all(3), all(3)]);
         elements.selections = all(2);
         elements
     }
@@ -148,7 +185,10 @@ mod tests {
         elements.forget(3);
         assert_eq!(elements.shrinkages, [0.0, 2.0, 5.0]);
         assert_eq!(elements.keys, [0.0, 0.0, 2.0, 2.0, 5.0, 5.0]);
-        assert_eq!(elements.values[1], [0.0, 0.0, 0.0, 2.0, 2.0, 2.0, 5.0, 5.0, 5.0]);
+        assert_eq!(
+            elements.values[1],
+            [0.0, 0.0, 0.0, 2.0, 2.0, 2.0, 5.0, 5.0, 5.0]
+        );
         assert_eq!(elements.usages().len(), 3);
         elements.forget(3);
         assert_eq!(elements.len(), 3, "as many as may stay do");
@@ -163,8 +203,14 @@ mod tests {
         elements.use_of(2, 0.7);
         elements.live();
         let taken = elements.take(1..3);
-        assert_eq!((taken.shrinkages.clone(), taken.usages()), (vec![1.0, 2.0], vec![0.0, 0.7 / (1.0 + BORN)]));
+        assert_eq!(
+            (taken.shrinkages.clone(), taken.usages()),
+            (vec![1.0, 2.0], vec![0.0, 0.7 / (1.0 + BORN)])
+        );
         assert_eq!(elements.keys, [0.0, 0.0, 3.0, 3.0, 4.0, 4.0]);
-        assert_eq!(elements.values[0], [0.0, 0.0, 0.0, 3.0, 3.0, 3.0, 4.0, 4.0, 4.0]);
+        assert_eq!(
+            elements.values[0],
+            [0.0, 0.0, 0.0, 3.0, 3.0, 3.0, 4.0, 4.0, 4.0]
+        );
     }
 }

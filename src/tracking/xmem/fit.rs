@@ -31,10 +31,20 @@ impl Fit {
         let picture = (width as usize, height as usize);
         let short = picture.0.min(picture.1).max(1);
         let side = short_side.map_or(short, |side| side as usize);
-        let side = side.min(LONGEST * short / picture.0.max(picture.1).max(1)).max(1);
+        let side = side
+            .min(LONGEST * short / picture.0.max(picture.1).max(1))
+            .max(1);
         let shown = (side * picture.0 / short, side * picture.1 / short);
-        let padded = (shown.0.next_multiple_of(CELL), shown.1.next_multiple_of(CELL));
-        Self { picture, shown, padded, corner: ((padded.0 - shown.0) / 2, (padded.1 - shown.1) / 2) }
+        let padded = (
+            shown.0.next_multiple_of(CELL),
+            shown.1.next_multiple_of(CELL),
+        );
+        Self {
+            picture,
+            shown,
+            padded,
+            corner: ((padded.0 - shown.0) / 2, (padded.1 - shown.1) / 2),
+        }
     }
 
     /// Columns and rows of cells.
@@ -51,10 +61,14 @@ impl Fit {
     pub fn planes(&self, image: &Image) -> Vec<f32> {
         let small = resized_planes(&image.pixels, self.picture, self.shown);
         let mut planes = vec![0.0; 3 * self.area()];
-        let both = planes.chunks_exact_mut(self.area()).zip(small.chunks_exact(self.shown.0 * self.shown.1));
+        let both = planes
+            .chunks_exact_mut(self.area())
+            .zip(small.chunks_exact(self.shown.0 * self.shown.1));
         for (channel, (plane, small)) in both.enumerate() {
             for (out, row) in self.rows(plane).zip(small.chunks_exact(self.shown.0)) {
-                out.iter_mut().zip(row).for_each(|(out, v)| *out = (v - MEAN[channel]) / DEVIATION[channel]);
+                out.iter_mut()
+                    .zip(row)
+                    .for_each(|(out, v)| *out = (v - MEAN[channel]) / DEVIATION[channel]);
             }
         }
         planes
@@ -67,14 +81,25 @@ impl Fit {
         let from = |at: usize, shown: usize, picture: usize| at * picture / shown;
         for (map, &label) in maps.chunks_exact_mut(self.area()).zip(labels) {
             for (y, out) in self.rows(map).enumerate() {
-                let row = &mask.ids[from(y, self.shown.1, self.picture.1) * self.picture.0..][..self.picture.0];
+                let row = &mask.ids[from(y, self.shown.1, self.picture.1) * self.picture.0..]
+                    [..self.picture.0];
                 let is_there = |x: usize| row[from(x, self.shown.0, self.picture.0)] == label;
-                out.iter_mut().enumerate().for_each(|(x, out)| *out = f32::from(u8::from(is_there(x))));
+                out.iter_mut()
+                    .enumerate()
+                    .for_each(|(x, out)| *out = f32::from(u8::from(is_there(x))));
             }
             let is_lost = !map.contains(&1.0);
-            if let Some(first) = mask.ids.iter().position(|&id| id == label).filter(|_| is_lost) {
+            if let Some(first) = mask
+                .ids
+                .iter()
+                .position(|&id| id == label)
+                .filter(|_| is_lost)
+            {
                 let (x, y) = (first % self.picture.0, first / self.picture.0);
-                let at = (x * self.shown.0 / self.picture.0, y * self.shown.1 / self.picture.1);
+                let at = (
+                    x * self.shown.0 / self.picture.0,
+                    y * self.shown.1 / self.picture.1,
+                );
                 map[(self.corner.1 + at.1) * self.padded.0 + self.corner.0 + at.0] = 1.0;
             }
         }
@@ -83,26 +108,36 @@ impl Fit {
 
     /// Maps `[any][rows][columns]` of what the networks see, at the size of the picture, between pixels linearly.
     pub fn enlarged(&self, maps: &[f32]) -> Vec<f32> {
-        let (columns, rows) = (between(self.picture.0, self.shown.0), between(self.picture.1, self.shown.1));
+        let (columns, rows) = (
+            between(self.picture.0, self.shown.0),
+            between(self.picture.1, self.shown.1),
+        );
         let mut out = vec![0.0; maps.len() / self.area() * self.picture.0 * self.picture.1];
-        out.par_chunks_mut(self.picture.0).enumerate().for_each(|(line, out)| {
-            let map = &maps[line / self.picture.1 * self.area()..][..self.area()];
-            let (upper, below) = rows[line % self.picture.1];
-            let row = |at: usize| &map[(self.corner.1 + at) * self.padded.0 + self.corner.0..][..self.shown.0];
-            let (first, second) = (row(upper), row((upper + 1).min(self.shown.1 - 1)));
-            for (out, &(left, right)) in out.iter_mut().zip(&columns) {
-                let next = (left + 1).min(self.shown.0 - 1);
-                let across = |row: &[f32]| row[left] + right * (row[next] - row[left]);
-                *out = across(first) + below * (across(second) - across(first));
-            }
-        });
+        out.par_chunks_mut(self.picture.0)
+            .enumerate()
+            .for_each(|(line, out)| {
+                let map = &maps[line / self.picture.1 * self.area()..][..self.area()];
+                let (upper, below) = rows[line % self.picture.1];
+                let row = |at: usize| {
+                    &map[(self.corner.1 + at) * self.padded.0 + self.corner.0..][..self.shown.0]
+                };
+                let (first, second) = (row(upper), row((upper + 1).min(self.shown.1 - 1)));
+                for (out, &(left, right)) in out.iter_mut().zip(&columns) {
+                    let next = (left + 1).min(self.shown.0 - 1);
+                    let across = |row: &[f32]| row[left] + right * (row[next] - row[left]);
+                    *out = across(first) + below * (across(second) - across(first));
+                }
+            });
         out
     }
 
     /// The rows of a map that show the picture.
     fn rows<'a>(&self, map: &'a mut [f32]) -> impl Iterator<Item = &'a mut [f32]> + use<'a> {
         let (corner, shown) = (self.corner, self.shown);
-        let rows = map.chunks_exact_mut(self.padded.0).skip(corner.1).take(shown.1);
+        let rows = map
+            .chunks_exact_mut(self.padded.0)
+            .skip(corner.1)
+            .take(shown.1);
         rows.map(move |row| &mut row[corner.0..][..shown.0])
     }
 }
@@ -124,9 +159,15 @@ mod tests {
     #[test]
     fn sizes_are_those_of_the_official_code() {
         let fit = Fit::new(960, 540, Some(480));
-        assert_eq!((fit.shown, fit.padded, fit.corner), ((853, 480), (864, 480), (5, 0)));
+        assert_eq!(
+            (fit.shown, fit.padded, fit.corner),
+            ((853, 480), (864, 480), (5, 0))
+        );
         let fit = Fit::new(300, 401, None);
-        assert_eq!((fit.shown, fit.padded, fit.corner), ((300, 401), (304, 416), (2, 7)));
+        assert_eq!(
+            (fit.shown, fit.padded, fit.corner),
+            ((300, 401), (304, 416), (2, 7))
+        );
         assert_eq!(Fit::new(90, 60, Some(72)).cells(), (7, 5));
     }
 
@@ -136,8 +177,10 @@ mod tests {
         (mask.ids[33 * 100 + 57], mask.ids[0]) = (LabelId(3), LabelId(4));
         let fit = Fit::new(100, 100, Some(32));
         let maps = fit.one_hot(&mask, &[LabelId(3), LabelId(4), LabelId(5)]);
-        let there: Vec<Vec<usize>> =
-            maps.chunks(32 * 32).map(|map| (0..1024).filter(|&at| map[at] > 0.0).collect()).collect();
+        let there: Vec<Vec<usize>> = maps
+            .chunks(32 * 32)
+            .map(|map| (0..1024).filter(|&at| map[at] > 0.0).collect())
+            .collect();
         assert_eq!(there, [vec![10 * 32 + 18], vec![0], vec![]]);
     }
 
@@ -147,12 +190,17 @@ mod tests {
         let fit = Fit::new(90, 60, Some(30));
         let mut map = vec![99.0; fit.area()];
         for (y, row) in fit.rows(&mut map).enumerate() {
-            row.iter_mut().enumerate().for_each(|(x, value)| *value = 2.0 * (x as f32 + 0.5) + 4.0 * (y as f32 + 0.5));
+            row.iter_mut()
+                .enumerate()
+                .for_each(|(x, value)| *value = 2.0 * (x as f32 + 0.5) + 4.0 * (y as f32 + 0.5));
         }
         let found = fit.enlarged(&map);
         for (x, y) in [(1, 1), (44, 30), (88, 58)] {
             let expected = (f64::from(x) + 0.5) + 2.0 * (f64::from(y) + 0.5);
-            assert!((f64::from(found[(y * 90 + x) as usize]) - expected).abs() < 1e-4, "{x} {y}");
+            assert!(
+                (f64::from(found[(y * 90 + x) as usize]) - expected).abs() < 1e-4,
+                "{x} {y}"
+            );
         }
     }
 }

@@ -27,25 +27,39 @@ impl Group {
     /// Nothing is remembered yet of these objects.
     pub fn new(objects: Range<usize>, widths: Widths, cells: usize) -> Self {
         let empty = Elements::new(widths, objects.len());
-        Self { objects, working: empty.clone(), cells, long_term: empty }
+        Self {
+            objects,
+            working: empty.clone(),
+            cells,
+            long_term: empty,
+        }
     }
 
     /// What memory says of every object: `[objects][value][cells]`, for keys and selections `[cells][key]`.
     pub fn read(&mut self, keys: &[f32], selections: &[f32], options: &XMemOptions) -> Vec<f32> {
         let Widths { key, value } = self.working.widths;
-        let stores = [&self.long_term, &self.working].map(|of| (of.keys.as_slice(), of.shrinkages.as_slice()));
+        let stores = [&self.long_term, &self.working]
+            .map(|of| (of.keys.as_slice(), of.shrinkages.as_slice()));
         let lookup = Lookup::new(key, &stores);
-        let blocks = keys.par_chunks(BLOCK * key).zip(selections.par_chunks(BLOCK * key));
+        let blocks = keys
+            .par_chunks(BLOCK * key)
+            .zip(selections.par_chunks(BLOCK * key));
         let found = blocks.flat_map_iter(|(keys, selections)| {
             let similar = lookup.similarities(keys, selections);
-            similar.column_iter().map(|column| best(column.as_slice(), options.matches)).collect::<Vec<_>>()
+            similar
+                .column_iter()
+                .map(|column| best(column.as_slice(), options.matches))
+                .collect::<Vec<_>>()
         });
         let found: Vec<Vec<Match>> = found.collect();
         self.note(&found);
         let cells = found.len();
         let mut out = vec![0.0; self.objects.len() * value * cells];
         for (object, out) in out.chunks_exact_mut(value * cells).enumerate() {
-            let rows: Vec<f32> = found.par_iter().flat_map_iter(|matches| self.mean(object, matches)).collect();
+            let rows: Vec<f32> = found
+                .par_iter()
+                .flat_map_iter(|matches| self.mean(object, matches))
+                .collect();
             transpose(&rows, value, out);
         }
         out
@@ -61,7 +75,9 @@ impl Group {
                 Some(element) => row(&self.working.values[object], element, width),
                 None => row(&self.long_term.values[object], one.element, width),
             };
-            mean.iter_mut().zip(value).for_each(|(mean, value)| *mean += one.share * value);
+            mean.iter_mut()
+                .zip(value)
+                .for_each(|(mean, value)| *mean += one.share * value);
         }
         mean
     }
@@ -82,7 +98,10 @@ impl Group {
     /// Remembers a frame; consolidates working memory when it is full.
     pub fn remember(&mut self, frame: &Elements, options: &XMemOptions) {
         self.working.add(frame);
-        let (most, least) = (options.most_frames * self.cells, options.least_frames * self.cells);
+        let (most, least) = (
+            options.most_frames * self.cells,
+            options.least_frames * self.cells,
+        );
         if self.working.len() < most || self.working.len() <= least {
             return;
         }
@@ -91,8 +110,11 @@ impl Group {
             self.long_term.forget(room);
         }
         // The first frame and the last ones stay.
-        let candidates = self.working.take(self.cells..self.working.len() - least + self.cells);
-        self.long_term.add(&prototypes(&candidates, options.prototypes));
+        let candidates = self
+            .working
+            .take(self.cells..self.working.len() - least + self.cells);
+        self.long_term
+            .add(&prototypes(&candidates, options.prototypes));
     }
 
     /// Elements of working and of long-term memory.
@@ -106,6 +128,8 @@ impl Group {
 pub(super) fn transpose(rows: &[f32], width: usize, out: &mut [f32]) {
     let count = rows.len() / width;
     for (at, row) in rows.chunks_exact(width).enumerate() {
-        row.iter().enumerate().for_each(|(part, &value)| out[part * count + at] = value);
+        row.iter()
+            .enumerate()
+            .for_each(|(part, &value)| out[part * count + at] = value);
     }
 }

@@ -43,13 +43,28 @@ impl Networks {
     /// [`NnError::Mismatch`] where they do not take what is fed.
     pub fn new([key_encoder, value_encoder, decoder]: [Network; 3]) -> Result<Self, NnError> {
         takes(&key_encoder, &["image"])?;
-        takes(&value_encoder, &["image", "f16", "hidden", "masks", "others"])?;
+        takes(
+            &value_encoder,
+            &["image", "f16", "hidden", "masks", "others"],
+        )?;
         takes(&decoder, &["f16", "f8", "f4", "readout", "hidden"])?;
-        let (value, hidden) = (channels(&decoder, "readout")?, channels(&decoder, "hidden")?);
+        let (value, hidden) = (
+            channels(&decoder, "readout")?,
+            channels(&decoder, "hidden")?,
+        );
         if channels(&value_encoder, "hidden")? != hidden {
-            return Err(mismatch(&value_encoder, "is of another size than the decoder"));
+            return Err(mismatch(
+                &value_encoder,
+                "is of another size than the decoder",
+            ));
         }
-        Ok(Self { key_encoder, value_encoder, decoder, value, hidden })
+        Ok(Self {
+            key_encoder,
+            value_encoder,
+            decoder,
+            value,
+            hidden,
+        })
     }
 
     /// Looks at a picture.
@@ -61,57 +76,122 @@ impl Networks {
         let (columns, rows) = fit.cells();
         let count = columns * rows;
         let width = key.as_floats().len() / count;
-        if shrinkage.shape() != [1, 1, rows, columns] || selection.shape() != key.shape() || width == 0 {
+        if shrinkage.shape() != [1, 1, rows, columns]
+            || selection.shape() != key.shape()
+            || width == 0
+        {
             return Err(unusable(&self.key_encoder));
         }
-        let mut cells = Elements::new(Widths { key: width, value: self.value }, 0);
+        let mut cells = Elements::new(
+            Widths {
+                key: width,
+                value: self.value,
+            },
+            0,
+        );
         cells.keys = by_cell(key.as_floats(), count);
         cells.selections = by_cell(selection.as_floats(), count);
         cells.shrinkages = shrinkage.as_floats().to_vec();
-        Ok(Seen { fit, image, features: [f16, f8, f4], cells })
+        Ok(Seen {
+            fit,
+            image,
+            features: [f16, f8, f4],
+            cells,
+        })
     }
 
     /// Logits `[objects][rows][columns]` from what memory says, `[objects][value][cells]`, and sensory memory.
-    pub fn decode(&self, seen: &Seen, readout: &[f32], hidden: &[f32], progress: &Progress) -> Result<Said, MaskError> {
+    pub fn decode(
+        &self,
+        seen: &Seen,
+        readout: &[f32],
+        hidden: &[f32],
+        progress: &Progress,
+    ) -> Result<Said, MaskError> {
         let (columns, rows) = seen.fit.cells();
         let [f16, f8, f4] = &seen.features;
         let size = columns * rows;
-        let parts = readout.chunks(OBJECTS * self.value * size).zip(hidden.chunks(OBJECTS * self.hidden * size));
-        let mut said = Said { values: Vec::new(), hidden: Vec::new() };
+        let parts = readout
+            .chunks(OBJECTS * self.value * size)
+            .zip(hidden.chunks(OBJECTS * self.hidden * size));
+        let mut said = Said {
+            values: Vec::new(),
+            hidden: Vec::new(),
+        };
         for (readout, hidden) in parts {
             let count = hidden.len() / (self.hidden * size);
-            let readout = Tensor::floats(&[count, self.value, rows, columns], readout.to_vec()).map_err(told)?;
-            let hidden = Tensor::floats(&[count, self.hidden, rows, columns], hidden.to_vec()).map_err(told)?;
-            let fed = [("f16", f16), ("f8", f8), ("f4", f4), ("readout", &readout), ("hidden", &hidden)];
-            said.add(&self.decoder, run(&self.decoder, &fed, progress)?, count * seen.fit.area(), hidden.shape())?;
+            let readout = Tensor::floats(&[count, self.value, rows, columns], readout.to_vec())
+                .map_err(told)?;
+            let hidden = Tensor::floats(&[count, self.hidden, rows, columns], hidden.to_vec())
+                .map_err(told)?;
+            let fed = [
+                ("f16", f16),
+                ("f8", f8),
+                ("f4", f4),
+                ("readout", &readout),
+                ("hidden", &hidden),
+            ];
+            said.add(
+                &self.decoder,
+                run(&self.decoder, &fed, progress)?,
+                count * seen.fit.area(),
+                hidden.shape(),
+            )?;
         }
         Ok(said)
     }
 
     /// What is to be remembered of each object, `[objects][value][cells]`, from its probabilities `[objects][area]`.
-    pub fn value(&self, seen: &Seen, masks: &[f32], hidden: &[f32], progress: &Progress) -> Result<Said, MaskError> {
+    pub fn value(
+        &self,
+        seen: &Seen,
+        masks: &[f32],
+        hidden: &[f32],
+        progress: &Progress,
+    ) -> Result<Said, MaskError> {
         let (columns, rows) = seen.fit.cells();
         let (area, size) = (seen.fit.area(), columns * rows);
         let others = others(masks, area);
-        let parts = masks.chunks(OBJECTS * area).zip(others.chunks(OBJECTS * area));
-        let mut said = Said { values: Vec::new(), hidden: Vec::new() };
+        let parts = masks
+            .chunks(OBJECTS * area)
+            .zip(others.chunks(OBJECTS * area));
+        let mut said = Said {
+            values: Vec::new(),
+            hidden: Vec::new(),
+        };
         for ((masks, others), hidden) in parts.zip(hidden.chunks(OBJECTS * self.hidden * size)) {
             let count = masks.len() / area;
             let shape = [count, 1, seen.fit.padded.1, seen.fit.padded.0];
             let masks = Tensor::floats(&shape, masks.to_vec()).map_err(told)?;
             let others = Tensor::floats(&shape, others.to_vec()).map_err(told)?;
-            let hidden = Tensor::floats(&[count, self.hidden, rows, columns], hidden.to_vec()).map_err(told)?;
-            let fed = [("image", &seen.image), ("f16", &seen.features[0]), ("hidden", &hidden)];
+            let hidden = Tensor::floats(&[count, self.hidden, rows, columns], hidden.to_vec())
+                .map_err(told)?;
+            let fed = [
+                ("image", &seen.image),
+                ("f16", &seen.features[0]),
+                ("hidden", &hidden),
+            ];
             let fed = [fed.as_slice(), &[("masks", &masks), ("others", &others)]].concat();
             let given = run(&self.value_encoder, &fed, progress)?;
-            said.add(&self.value_encoder, given, count * self.value * size, hidden.shape())?;
+            said.add(
+                &self.value_encoder,
+                given,
+                count * self.value * size,
+                hidden.shape(),
+            )?;
         }
         Ok(said)
     }
 }
 
 impl Said {
-    fn add(&mut self, by: &Network, given: Vec<Tensor>, count: usize, hidden: &[usize]) -> Result<(), MaskError> {
+    fn add(
+        &mut self,
+        by: &Network,
+        given: Vec<Tensor>,
+        count: usize,
+        hidden: &[usize],
+    ) -> Result<(), MaskError> {
         let [values, renewed] = outputs(by, given)?;
         if values.as_floats().len() != count || renewed.shape() != hidden {
             return Err(unusable(by));
@@ -126,7 +206,10 @@ impl Seen {
     /// Features `f16`, `f8` or `f4`.
     #[cfg(test)]
     pub fn feature(&self, name: &str) -> &Tensor {
-        let place = ["f16", "f8", "f4"].iter().position(|&known| known == name).unwrap();
+        let place = ["f16", "f8", "f4"]
+            .iter()
+            .position(|&known| known == name)
+            .unwrap();
         &self.features[place]
     }
 
@@ -134,7 +217,8 @@ impl Seen {
     pub fn with_values(&self, values: &[f32]) -> Elements {
         let count = self.cells.len();
         let of = values.chunks_exact(self.cells.widths.value * count);
-        self.cells.with_values(of.map(|values| by_cell(values, count)).collect())
+        self.cells
+            .with_values(of.map(|values| by_cell(values, count)).collect())
     }
 }
 
@@ -150,25 +234,42 @@ fn others(masks: &[f32], area: usize) -> Vec<f32> {
     let objects: Vec<&[f32]> = masks.chunks_exact(area).collect();
     let mut out = vec![0.0; masks.len()];
     for (object, out) in out.chunks_exact_mut(area).enumerate() {
-        for (_, other) in objects.iter().enumerate().filter(|(other, _)| *other != object) {
-            out.iter_mut().zip(*other).for_each(|(sum, value)| *sum += value);
+        for (_, other) in objects
+            .iter()
+            .enumerate()
+            .filter(|(other, _)| *other != object)
+        {
+            out.iter_mut()
+                .zip(*other)
+                .for_each(|(sum, value)| *sum += value);
         }
     }
     out
 }
 
-fn run(network: &Network, fed: &[(&str, &Tensor)], progress: &Progress) -> Result<Vec<Tensor>, MaskError> {
-    let given = network.run_while(fed, &|| progress.check().is_ok()).map_err(told)?;
+fn run(
+    network: &Network,
+    fed: &[(&str, &Tensor)],
+    progress: &Progress,
+) -> Result<Vec<Tensor>, MaskError> {
+    let given = network
+        .run_while(fed, &|| progress.check().is_ok())
+        .map_err(told)?;
     given.ok_or_else(|| Stopped.into())
 }
 
-fn outputs<const N: usize>(network: &Network, given: Vec<Tensor>) -> Result<[Tensor; N], MaskError> {
+fn outputs<const N: usize>(
+    network: &Network,
+    given: Vec<Tensor>,
+) -> Result<[Tensor; N], MaskError> {
     <[Tensor; N]>::try_from(given).map_err(|_| unusable(network))
 }
 
 fn unusable(network: &Network) -> MaskError {
     let path = network.path().display();
-    MaskError::Network(format!("{path}: gives something else than assets/export/xmem.py makes; export it again"))
+    MaskError::Network(format!(
+        "{path}: gives something else than assets/export/xmem.py makes; export it again"
+    ))
 }
 
 #[expect(clippy::needless_pass_by_value, reason = "`map_err` hands it over")]
@@ -182,17 +283,30 @@ fn takes(network: &Network, names: &[&str]) -> Result<(), NnError> {
     if there.len() == names.len() && names.iter().all(is_there) {
         return Ok(());
     }
-    Err(mismatch(network, &format!("expected the inputs {}", names.join(", "))))
+    Err(mismatch(
+        network,
+        &format!("expected the inputs {}", names.join(", ")),
+    ))
 }
 
 fn channels(network: &Network, name: &str) -> Result<usize, NnError> {
-    let port = network.signature().inputs.iter().find(|port| port.name == name);
+    let port = network
+        .signature()
+        .inputs
+        .iter()
+        .find(|port| port.name == name);
     match port.map(|port| port.shape.as_slice()) {
         Some([_, Some(channels), _, _]) => Ok(*channels),
-        _ => Err(mismatch(network, &format!("expected the input `{name}` f32 [any, channels, any, any]"))),
+        _ => Err(mismatch(
+            network,
+            &format!("expected the input `{name}` f32 [any, channels, any, any]"),
+        )),
     }
 }
 
 fn mismatch(network: &Network, what: &str) -> NnError {
-    NnError::Mismatch { path: network.path().to_owned(), what: what.to_owned() }
+    NnError::Mismatch {
+        path: network.path().to_owned(),
+        what: what.to_owned(),
+    }
 }

@@ -9,7 +9,11 @@ pub(super) fn prototypes(candidates: &Elements, count: usize) -> Elements {
     let chosen = most_used(&candidates.usages(), count);
     let widths = candidates.widths;
     let of = |part: fn(&Elements, usize) -> &[f32]| -> Vec<f32> {
-        chosen.iter().flat_map(|&element| part(candidates, element)).copied().collect()
+        chosen
+            .iter()
+            .flat_map(|&element| part(candidates, element))
+            .copied()
+            .collect()
     };
     let (keys, selections) = (of(Elements::key), of(Elements::selection));
     let lookup = Lookup::new(widths.key, &[(&candidates.keys, &candidates.shrinkages)]);
@@ -22,14 +26,23 @@ pub(super) fn prototypes(candidates: &Elements, count: usize) -> Elements {
     let mut made = Elements::new(widths, candidates.values.len());
     made.keys = keys;
     made.shrinkages = mean(&candidates.shrinkages, 1, &shares);
-    made.values = candidates.values.iter().map(|values| mean(values, widths.value, &shares)).collect();
+    made.values = candidates
+        .values
+        .iter()
+        .map(|values| mean(values, widths.value, &shares))
+        .collect();
     made
 }
 
 /// By column of `shares` the mean of rows `[elements][width]`.
 fn mean(rows: &[f32], width: usize, shares: &DMatrix<f32>) -> Vec<f32> {
     let mut out = DMatrix::zeros(width, shares.ncols());
-    out.gemm(1.0, &DMatrixView::from_slice(rows, width, shares.nrows()), shares, 0.0);
+    out.gemm(
+        1.0,
+        &DMatrixView::from_slice(rows, width, shares.nrows()),
+        shares,
+        0.0,
+    );
     out.data.into()
 }
 
@@ -51,7 +64,8 @@ mod tests {
         // Two that look alike, and one far from them.
         let mut candidates = Elements::new(Widths { key: 1, value: 2 }, 1);
         let mut all = candidates.clone();
-        (all.keys, all.shrinkages, all.selections) = (vec![0.0, 0.0, 9.0], vec![1.0, 3.0, 2.0], vec![1.0; 3]);
+        (all.keys, all.shrinkages, all.selections) =
+            (vec![0.0, 0.0, 9.0], vec![1.0, 3.0, 2.0], vec![1.0; 3]);
         all.values = vec![vec![1.0, 0.0, 3.0, 4.0, 50.0, 60.0]];
         candidates.add(&all);
         candidates.live();
@@ -60,7 +74,12 @@ mod tests {
         let made = prototypes(&candidates, 2);
         assert_eq!(made.keys, [0.0, 9.0], "the most used first");
         let expected = [2.0, 2.0, 50.0, 60.0];
-        assert!(made.values[0].iter().zip(expected).all(|(value, expected)| (value - expected).abs() < 1e-4));
+        assert!(
+            made.values[0]
+                .iter()
+                .zip(expected)
+                .all(|(value, expected)| (value - expected).abs() < 1e-4)
+        );
         assert!((made.shrinkages[0] - 2.0).abs() < 1e-4 && made.selections.is_empty());
         assert_eq!(prototypes(&candidates, 9).len(), 3);
     }

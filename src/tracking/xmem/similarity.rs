@@ -13,7 +13,10 @@ pub(super) struct Lookup {
 impl Lookup {
     /// Of keys `[elements][width]` with their shrinkages `[elements]`, in stores that follow one another.
     pub fn new(width: usize, stores: &[(&[f32], &[f32])]) -> Self {
-        let count = stores.iter().map(|(_, shrinkages)| shrinkages.len()).sum::<usize>();
+        let count = stores
+            .iter()
+            .map(|(_, shrinkages)| shrinkages.len())
+            .sum::<usize>();
         let (mut parts, mut scales) = (vec![0.0; 2 * width * count], Vec::with_capacity(count));
         for (keys, shrinkages) in stores {
             for (at, key) in keys.chunks_exact(width).enumerate() {
@@ -22,9 +25,17 @@ impl Lookup {
                     parts[(width + part) * count + scales.len() + at] = value;
                 }
             }
-            scales.extend(shrinkages.iter().map(|shrinkage| shrinkage / (width as f32).sqrt()));
+            scales.extend(
+                shrinkages
+                    .iter()
+                    .map(|shrinkage| shrinkage / (width as f32).sqrt()),
+            );
         }
-        Self { width, parts, scales }
+        Self {
+            width,
+            parts,
+            scales,
+        }
     }
 
     /// Elements of memory.
@@ -42,13 +53,26 @@ impl Lookup {
         for (key, selection) in keys.chunks_exact(width).zip(selections.chunks_exact(width)) {
             asked.extend(selection.iter().map(|e| -e));
             asked.extend(key.iter().zip(selection).map(|(q, e)| 2.0 * q * e));
-            own.push(key.iter().zip(selection).map(|(q, e)| e * q * q).sum::<f32>());
+            own.push(
+                key.iter()
+                    .zip(selection)
+                    .map(|(q, e)| e * q * q)
+                    .sum::<f32>(),
+            );
         }
         let parts = DMatrixView::from_slice(&self.parts, self.len(), 2 * width);
         let mut similar = DMatrix::zeros(self.len(), count);
-        similar.gemm(1.0, &parts, &DMatrixView::from_slice(&asked, 2 * width, count), 0.0);
+        similar.gemm(
+            1.0,
+            &parts,
+            &DMatrixView::from_slice(&asked, 2 * width, count),
+            0.0,
+        );
         for (mut column, own) in similar.column_iter_mut().zip(own) {
-            column.iter_mut().zip(&self.scales).for_each(|(value, scale)| *value = (*value - own) * scale);
+            column
+                .iter_mut()
+                .zip(&self.scales)
+                .for_each(|(value, scale)| *value = (*value - own) * scale);
         }
         similar
     }
@@ -62,21 +86,34 @@ mod tests {
     fn product_of_matrices_is_the_weighted_distance() {
         let width = 8;
         let made = |seed: usize, count: usize| -> Vec<f32> {
-            (0..count).map(|at| ((at * 37 + seed * 101) % 97) as f32 / 50.0 - 1.0).collect()
+            (0..count)
+                .map(|at| ((at * 37 + seed * 101) % 97) as f32 / 50.0 - 1.0)
+                .collect()
         };
         let (first, second, queries) = (made(1, 5 * width), made(2, 7 * width), made(3, 4 * width));
         let selections: Vec<f32> = made(4, 4 * width).iter().map(|value| value.abs()).collect();
-        let shrinkages: Vec<f32> = made(5, 12).iter().map(|value| 1.0 + value * value).collect();
-        let lookup = Lookup::new(width, &[(&first, &shrinkages[..5]), (&second, &shrinkages[5..])]);
+        let shrinkages: Vec<f32> = made(5, 12)
+            .iter()
+            .map(|value| 1.0 + value * value)
+            .collect();
+        let lookup = Lookup::new(
+            width,
+            &[(&first, &shrinkages[..5]), (&second, &shrinkages[5..])],
+        );
         let found = lookup.similarities(&queries, &selections);
         assert_eq!(found.shape(), (12, 4));
         let keys: Vec<&[f32]> = first.chunks(width).chain(second.chunks(width)).collect();
         for (element, key) in keys.iter().enumerate() {
             for query in 0..4 {
-                let part = |at: usize| selections[query * width + at] * (key[at] - queries[query * width + at]).powi(2);
+                let part = |at: usize| {
+                    selections[query * width + at] * (key[at] - queries[query * width + at]).powi(2)
+                };
                 let distance: f32 = (0..width).map(part).sum();
                 let expected = -shrinkages[element] * distance / 8.0f32.sqrt();
-                assert!((found[(element, query)] - expected).abs() < 1e-5, "{element} {query}");
+                assert!(
+                    (found[(element, query)] - expected).abs() < 1e-5,
+                    "{element} {query}"
+                );
             }
         }
     }

@@ -32,7 +32,10 @@ impl XMem {
     /// # Errors
     /// [`NnError::Mismatch`] where they do not take what is fed.
     pub fn new(networks: [Network; 3]) -> Result<Self, NnError> {
-        Ok(Self { networks: Arc::new(Networks::new(networks)?), options: XMemOptions::default() })
+        Ok(Self {
+            networks: Arc::new(Networks::new(networks)?),
+            options: XMemOptions::default(),
+        })
     }
 
     pub(super) fn walk<'a>(&'a self, progress: &'a Progress) -> Walk<'a> {
@@ -51,6 +54,8 @@ impl Tracker for XMem {
         emit: &mut dyn FnMut(TrackedFrame),
         progress: &Progress,
     ) -> Result<Vec<String>, MaskError> {
-        track(request, emit, progress, &|| -> Box<dyn Propagator + '_> { Box::new(self.walk(progress)) })
+        track(request, emit, progress, &|| -> Box<dyn Propagator + '_> {
+            Box::new(self.walk(progress))
+        })
     }
 }

@@ -5,18 +5,35 @@ use ostra_frames::Image;
 
 /// How many pixels show something.
 fn covered<const N: usize>(pixels: &[[u8; N]], style: &SceneStyle) -> usize {
-    pixels.iter().filter(|pixel| pixel[..3] != style.background).count()
+    pixels
+        .iter()
+        .filter(|pixel| pixel[..3] != style.background)
+        .count()
 }
 
 #[test]
 fn what_is_out_of_view_is_left_out_and_nothing_is_missed() {
-    let Some((device, queue)) = device() else { return };
+    let Some((device, queue)) = device() else {
+        return;
+    };
     let cloud = Arc::new(sphere(1_000_000));
     let mut view = SceneView::new(&device, &queue);
     view.set_model(Model::Cloud(Arc::clone(&cloud)));
-    let whole = Orbit::framing(&Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE }, Vec3::new(0.2, 0.3, 1.0), Vec3::NEG_Y);
+    let whole = Orbit::framing(
+        &Bounds {
+            min: Vec3::NEG_ONE,
+            max: Vec3::ONE,
+        },
+        Vec3::new(0.2, 0.3, 1.0),
+        Vec3::NEG_Y,
+    );
     let axes = Axes::new(Vec3::NEG_Y, Vec3::Z);
-    let corner = Clip::inside(&axes, &axes.bounds([Vec3::splat(0.3), Vec3::ONE].into_iter()).unwrap());
+    let corner = Clip::inside(
+        &axes,
+        &axes
+            .bounds([Vec3::splat(0.3), Vec3::ONE].into_iter())
+            .unwrap(),
+    );
     for (what, closer, turned, clip) in [
         ("over the surface", 0.23, 0.4, Clip::default()),
         ("from within", 0.05, 2.0, Clip::default()),
@@ -25,7 +42,11 @@ fn what_is_out_of_view_is_left_out_and_nothing_is_missed() {
         let mut orbit = whole;
         orbit.distance *= closer;
         orbit.turn(turned);
-        let style = SceneStyle { edl_strength: 0.0, clip, ..by_label() };
+        let style = SceneStyle {
+            edl_strength: 0.0,
+            clip,
+            ..by_label()
+        };
         let camera = orbit.camera(256, 192);
         let (gpu, _) = drawn(&mut view, &scene(camera, &style));
         let cpu = draw_cloud(&cloud, &camera, &style).image;
@@ -33,19 +54,38 @@ fn what_is_out_of_view_is_left_out_and_nothing_is_missed() {
         assert!(same >= 985, "{what}: {same} of 1000 pixels agree");
         assert!(covered(&cpu.pixels, &style) > 300, "{what}");
         let (count, all) = view.drawn();
-        assert!(count > 0 && count * 10 < all * 9, "{what}: {count} of {all} points are drawn");
+        assert!(
+            count > 0 && count * 10 < all * 9,
+            "{what}: {count} of {all} points are drawn"
+        );
     }
 }
 
 #[test]
 fn the_picture_stays_closed_from_the_first_coarse_one_to_the_last() {
-    let Some((device, queue)) = device() else { return };
+    let Some((device, queue)) = device() else {
+        return;
+    };
     let cloud = Arc::new(sphere(1_500_000));
-    let mut orbit = Orbit::framing(&Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE }, Vec3::Z, Vec3::NEG_Y);
-    let style = SceneStyle { edl_strength: 0.0, point_px: 0.05, ..by_label() };
+    let mut orbit = Orbit::framing(
+        &Bounds {
+            min: Vec3::NEG_ONE,
+            max: Vec3::ONE,
+        },
+        Vec3::Z,
+        Vec3::NEG_Y,
+    );
+    let style = SceneStyle {
+        edl_strength: 0.0,
+        point_px: 0.05,
+        ..by_label()
+    };
     let mut view = SceneView::new(&device, &queue);
     view.set_model(Model::Cloud(Arc::clone(&cloud)));
-    assert!(!view.draw(&scene(orbit.camera(256, 256), &style)), "points are arranged first");
+    assert!(
+        !view.draw(&scene(orbit.camera(256, 256), &style)),
+        "points are arranged first"
+    );
     drawn(&mut view, &scene(orbit.camera(256, 256), &style));
     orbit.turn(0.7);
     let turned = scene(orbit.camera(256, 256), &style);
@@ -56,13 +96,25 @@ fn the_picture_stays_closed_from_the_first_coarse_one_to_the_last() {
         whole = step(&mut view, &turned);
         calls += 1;
         let gpu = read_back(&view, 256, 256);
-        let both = gpu.iter().zip(&cpu.pixels).filter(|(g, c)| g[..3] != style.background && **c != style.background);
+        let both = gpu
+            .iter()
+            .zip(&cpu.pixels)
+            .filter(|(g, c)| g[..3] != style.background && **c != style.background);
         let both = both.count();
-        assert!(both * 1000 >= all * 990, "call {calls}: {both} of {all} pixels are covered");
+        assert!(
+            both * 1000 >= all * 990,
+            "call {calls}: {both} of {all} pixels are covered"
+        );
         let beyond = covered(&gpu, &style) - both;
-        assert!(beyond * 100 <= all * if whole { 1 } else { 5 }, "call {calls}: {beyond} of {all} pixels too many");
+        assert!(
+            beyond * 100 <= all * if whole { 1 } else { 5 },
+            "call {calls}: {beyond} of {all} pixels too many"
+        );
     }
-    assert!(calls > 2 && view.drawn() == (cloud.len(), cloud.len()), "{calls}");
+    assert!(
+        calls > 2 && view.drawn() == (cloud.len(), cloud.len()),
+        "{calls}"
+    );
 }
 
 /// A wall that is 2 wide, its left half of 300 × 300 points with a round hole of radius 0.05 around (-0.5, 0), its right
@@ -82,35 +134,82 @@ fn wall() -> LabelledCloud {
 #[test]
 fn dense_and_sparse_parts_are_both_closed_without_fat_discs() {
     let cloud = Arc::new(wall());
-    let orbit = Orbit::framing(&Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE }, Vec3::Z, Vec3::NEG_Y);
-    let camera = Orbit { orthographic: true, ..orbit }.camera(1024, 1024);
-    let style = SceneStyle { edl_strength: 0.0, point_px: 0.05, ..SceneStyle::default() };
+    let orbit = Orbit::framing(
+        &Bounds {
+            min: Vec3::NEG_ONE,
+            max: Vec3::ONE,
+        },
+        Vec3::Z,
+        Vec3::NEG_Y,
+    );
+    let camera = Orbit {
+        orthographic: true,
+        ..orbit
+    }
+    .camera(1024, 1024);
+    let style = SceneStyle {
+        edl_strength: 0.0,
+        point_px: 0.05,
+        ..SceneStyle::default()
+    };
     let cpu = draw_cloud(&cloud, &camera, &style).image;
     let gpu = device().map(|(device, queue)| {
         let mut view = SceneView::new(&device, &queue);
         view.set_model(Model::Cloud(Arc::clone(&cloud)));
         let pixels = drawn(&mut view, &scene(camera, &style)).0;
-        Image { width: 1024, height: 1024, pixels: pixels.iter().map(|&[r, g, b, _]| [r, g, b]).collect() }
+        Image {
+            width: 1024,
+            height: 1024,
+            pixels: pixels.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
+        }
     });
     for picture in [Some(cpu), gpu].into_iter().flatten() {
         // Of the pixels around a place, how many of a thousand show something.
         let share = |x: f32, half: f32| {
-            let [from, to] = [-half, half].map(|off| camera.project(Vec3::new(x + off, off, 0.0)).unwrap().0);
+            let [from, to] =
+                [-half, half].map(|off| camera.project(Vec3::new(x + off, off, 0.0)).unwrap().0);
             let rows = from.y as usize..to.y as usize;
-            let pixels = rows.flat_map(|y| &picture.pixels[y * 1024 + from.x as usize..y * 1024 + to.x as usize]);
-            let shown = pixels.clone().filter(|pixel| **pixel != style.background).count();
+            let pixels = rows.flat_map(|y| {
+                &picture.pixels[y * 1024 + from.x as usize..y * 1024 + to.x as usize]
+            });
+            let shown = pixels
+                .clone()
+                .filter(|pixel| **pixel != style.background)
+                .count();
             shown * 1000 / pixels.count()
         };
-        assert!(share(0.5, 0.4) >= 985, "the sparse half is closed: {}", share(0.5, 0.4));
-        assert!(share(-0.2, 0.12) >= 990, "the dense half is closed: {}", share(-0.2, 0.12));
-        assert!(share(-0.5, 0.03) <= 10, "the hole is open: {}", share(-0.5, 0.03));
+        assert!(
+            share(0.5, 0.4) >= 985,
+            "the sparse half is closed: {}",
+            share(0.5, 0.4)
+        );
+        assert!(
+            share(-0.2, 0.12) >= 990,
+            "the dense half is closed: {}",
+            share(-0.2, 0.12)
+        );
+        assert!(
+            share(-0.5, 0.03) <= 10,
+            "the hole is open: {}",
+            share(-0.5, 0.03)
+        );
     }
 }
 
 #[test]
 fn the_old_picture_stands_until_another_cloud_is_arranged() {
-    let Some((device, queue)) = device() else { return };
-    let camera = Orbit::framing(&Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE }, Vec3::Z, Vec3::NEG_Y).camera(256, 192);
+    let Some((device, queue)) = device() else {
+        return;
+    };
+    let camera = Orbit::framing(
+        &Bounds {
+            min: Vec3::NEG_ONE,
+            max: Vec3::ONE,
+        },
+        Vec3::Z,
+        Vec3::NEG_Y,
+    )
+    .camera(256, 192);
     let style = by_label();
     let mut view = SceneView::new(&device, &queue);
     view.set_model(Model::Cloud(Arc::new(sphere(30_000))));
@@ -119,7 +218,10 @@ fn the_old_picture_stands_until_another_cloud_is_arranged() {
         view.set_model(Model::Cloud(Arc::new(sphere(points))));
         view.draw(&scene(camera, &style));
         let now = read_back(&view, 256, 192);
-        assert!(covered(&now, &style) * 10 >= covered(&before, &style) * 9, "no blank picture between");
+        assert!(
+            covered(&now, &style) * 10 >= covered(&before, &style) * 9,
+            "no blank picture between"
+        );
     }
     view.set_model(Model::Cloud(Arc::default()));
     let (nothing, _) = drawn(&mut view, &scene(camera, &style));

@@ -11,16 +11,31 @@ use ostra_masks::{Label, LabelId, LabelTree};
 /// A plant (7) with a leaf (3) whose name no file name can hold.
 pub(super) fn tree() -> LabelTree {
     let mut tree = LabelTree::default();
-    let label = |id, name: &str, color, parent| Label { id: LabelId(id), name: name.into(), color, parent };
+    let label = |id, name: &str, color, parent| Label {
+        id: LabelId(id),
+        name: name.into(),
+        color,
+        parent,
+    };
     tree.set(label(7, "the plant", [0, 51, 255], None)).unwrap();
-    tree.set(label(3, "feuille été", [255, 102, 0], Some(LabelId(7)))).unwrap();
+    tree.set(label(3, "feuille été", [255, 102, 0], Some(LabelId(7))))
+        .unwrap();
     tree
 }
 
 /// Two triangles of a leaf, one of the plant and one without a label, with corners of their own.
 pub(super) fn mesh() -> LabelledMesh {
-    let places = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.0, 1.5], [0.0, 1.0, 1.1]].map(Vec3::from);
-    let mut vertices = LabelledCloud { tree: tree(), ..LabelledCloud::default() };
+    let places = [
+        [0.0, 0.0, 1.0],
+        [1.0, 0.0, 1.0],
+        [1.0, 1.0, 1.5],
+        [0.0, 1.0, 1.1],
+    ]
+    .map(Vec3::from);
+    let mut vertices = LabelledCloud {
+        tree: tree(),
+        ..LabelledCloud::default()
+    };
     for (id, shift) in [(3, 0.0), (7, -2.5), (0, 4.0)] {
         for place in places {
             vertices.positions.push(place + Vec3::X * shift);
@@ -30,25 +45,42 @@ pub(super) fn mesh() -> LabelledMesh {
             vertices.confidence.push(0.5 + place.y / 4.0);
         }
     }
-    LabelledMesh { vertices, triangles: vec![[4, 5, 6], [0, 1, 2], [0, 2, 3], [8, 9, 10]] }
+    LabelledMesh {
+        vertices,
+        triangles: vec![[4, 5, 6], [0, 1, 2], [0, 2, 3], [8, 9, 10]],
+    }
 }
 
 pub(super) fn saved(mesh: &LabelledMesh, path: &Path, coloring: Coloring) -> Vec<u8> {
-    MeshFormat::of(path).unwrap().save(path, mesh, coloring, &Progress::default()).unwrap();
+    MeshFormat::of(path)
+        .unwrap()
+        .save(path, mesh, coloring, &Progress::default())
+        .unwrap();
     std::fs::read(path).unwrap()
 }
 
 #[test]
 fn the_ending_tells_the_format_and_others_are_named() {
-    assert_eq!(MeshFormat::of(Path::new("a/B.OBJ")).unwrap(), MeshFormat::Obj);
-    assert_eq!(VoxelFormat::of(Path::new("v.npz")).unwrap(), VoxelFormat::Npz);
+    assert_eq!(
+        MeshFormat::of(Path::new("a/B.OBJ")).unwrap(),
+        MeshFormat::Obj
+    );
+    assert_eq!(
+        VoxelFormat::of(Path::new("v.npz")).unwrap(),
+        VoxelFormat::Npz
+    );
     let wrong = |path: &str| MeshFormat::of(Path::new(path)).unwrap_err().to_string();
     assert_eq!(
         wrong("a/b.stl"),
         "a/b.stl: a mesh cannot be written under this ending; give a name that ends in .ply, .obj, .glb"
     );
     assert!(wrong("mesh").contains(".glb"));
-    assert!(VoxelFormat::of(Path::new("v.obj")).unwrap_err().to_string().contains(".ply, .npz, .vox"));
+    assert!(
+        VoxelFormat::of(Path::new("v.obj"))
+            .unwrap_err()
+            .to_string()
+            .contains(".ply, .npz, .vox")
+    );
 }
 
 #[test]
@@ -56,10 +88,19 @@ fn the_same_mesh_gives_the_same_bytes_and_nothing_else_is_left() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["a.ply", "a.obj", "a.glb"] {
         let path = folder.path().join(name);
-        assert!(saved(&mesh(), &path, Coloring::Picture) == saved(&mesh(), &path, Coloring::Picture), "{name}");
-        assert!(saved(&mesh(), &path, Coloring::Picture) != saved(&mesh(), &path, Coloring::Labels), "{name}");
+        assert!(
+            saved(&mesh(), &path, Coloring::Picture) == saved(&mesh(), &path, Coloring::Picture),
+            "{name}"
+        );
+        assert!(
+            saved(&mesh(), &path, Coloring::Picture) != saved(&mesh(), &path, Coloring::Labels),
+            "{name}"
+        );
     }
-    let mut names: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    let mut names: Vec<_> = std::fs::read_dir(folder.path())
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name())
+        .collect();
     names.sort();
     assert_eq!(names, ["a.glb", "a.mtl", "a.obj", "a.ply"]);
 }
@@ -72,7 +113,12 @@ fn a_stop_leaves_the_old_file() {
     for name in ["a.obj", "a.glb"] {
         let path = folder.path().join(name);
         let before = saved(&mesh(), &path, Coloring::Picture);
-        assert!(MeshFormat::of(&path).unwrap().save(&path, &mesh(), Coloring::Labels, &stopped).is_err());
+        assert!(
+            MeshFormat::of(&path)
+                .unwrap()
+                .save(&path, &mesh(), Coloring::Labels, &stopped)
+                .is_err()
+        );
         assert!(std::fs::read(&path).unwrap() == before, "{name}");
     }
 }

@@ -24,10 +24,18 @@ fn unzip(bytes: &[u8]) -> BTreeMap<String, Vec<u8>> {
     let mut files = BTreeMap::new();
     for _ in 0..count {
         assert_eq!(&bytes[at..at + 4], b"PK\x01\x02");
-        let (size, name_length, start) = (long(bytes, at + 24), short(bytes, at + 28), long(bytes, at + 42));
+        let (size, name_length, start) = (
+            long(bytes, at + 24),
+            short(bytes, at + 28),
+            long(bytes, at + 42),
+        );
         let name = &bytes[at + 46..][..name_length];
         assert_eq!(&bytes[start..start + 4], b"PK\x03\x04");
-        assert_eq!(bytes[start + 4..start + 30], bytes[at + 6..at + 32], "both heads tell the same");
+        assert_eq!(
+            bytes[start + 4..start + 30],
+            bytes[at + 6..at + 32],
+            "both heads tell the same"
+        );
         assert_eq!(&bytes[start + 30..][..name_length], name);
         let content = bytes[start + 30 + name_length..][..size].to_vec();
         files.insert(String::from_utf8(name.to_vec()).unwrap(), content);
@@ -42,20 +50,38 @@ fn array(bytes: &[u8]) -> Array {
     let start = 10 + short(bytes, 8);
     assert_eq!((start % 64, bytes[start - 1]), (0, b'\n'));
     let head = std::str::from_utf8(&bytes[10..start]).unwrap();
-    let between = |from: &str, to: &str| head.split_once(from).unwrap().1.split_once(to).unwrap().0.to_owned();
-    (between("'descr': '", "'"), between("'shape': ", ", }"), bytes[start..].to_vec())
+    let between = |from: &str, to: &str| {
+        head.split_once(from)
+            .unwrap()
+            .1
+            .split_once(to)
+            .unwrap()
+            .0
+            .to_owned()
+    };
+    (
+        between("'descr': '", "'"),
+        between("'shape': ", ", }"),
+        bytes[start..].to_vec(),
+    )
 }
 
 fn written(voxels: &LabelledCloud, coloring: Coloring) -> BTreeMap<String, Array> {
     let files = unzip(&saved(voxels, "voxels.npz", coloring).unwrap());
-    files.into_iter().map(|(name, bytes)| (name.strip_suffix(".npy").unwrap().to_owned(), array(&bytes))).collect()
+    files
+        .into_iter()
+        .map(|(name, bytes)| (name.strip_suffix(".npy").unwrap().to_owned(), array(&bytes)))
+        .collect()
 }
 
 #[test]
 fn all_of_the_voxels_comes_back() {
     let places = [[-3, 5, 7], [0, 5, 6], [2, 9, 6], [2, 9, 1000]];
     let arrays = written(&voxels(&places), Coloring::Picture);
-    let kinds: Vec<_> = arrays.iter().map(|(name, (kind, shape, _))| [name.as_str(), kind, shape]).collect();
+    let kinds: Vec<_> = arrays
+        .iter()
+        .map(|(name, (kind, shape, _))| [name.as_str(), kind, shape])
+        .collect();
     let expected = [
         ["colors", "|u1", "(4,3,)"],
         ["confidence", "<f4", "(4,)"],
@@ -69,30 +95,62 @@ fn all_of_the_voxels_comes_back() {
     assert_eq!(kinds, expected);
     let bytes = |name: &str| arrays[name].2.as_slice();
     let doubles = |name: &str| -> Vec<f64> {
-        bytes(name).chunks(8).map(|eight| f64::from_le_bytes(eight.try_into().unwrap())).collect()
+        bytes(name)
+            .chunks(8)
+            .map(|eight| f64::from_le_bytes(eight.try_into().unwrap()))
+            .collect()
     };
     let (origin, size) = (doubles("origin"), doubles("voxel_size")[0]);
     assert_eq!(size, VOXEL);
-    let indices: Vec<i32> = bytes("indices").chunks(4).map(|four| long(four, 0) as i32).collect();
+    let indices: Vec<i32> = bytes("indices")
+        .chunks(4)
+        .map(|four| long(four, 0) as i32)
+        .collect();
     for (index, place) in indices.chunks(3).zip(&places) {
         for along in 0..3 {
             let middle = origin[along] + (f64::from(index[along]) + 0.5) * size;
-            assert!((middle - (f64::from(place[along]) + 0.5) * VOXEL).abs() < 1e-9 && index[along] >= 0);
+            assert!(
+                (middle - (f64::from(place[along]) + 0.5) * VOXEL).abs() < 1e-9
+                    && index[along] >= 0
+            );
         }
     }
-    let shorts = |name: &str| bytes(name).chunks(2).map(|two| short(two, 0)).collect::<Vec<_>>();
-    assert_eq!((shorts("labels"), shorts("label_ids")), (vec![3, 7, 0, 3], vec![0, 3, 7]));
+    let shorts = |name: &str| {
+        bytes(name)
+            .chunks(2)
+            .map(|two| short(two, 0))
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(
+        (shorts("labels"), shorts("label_ids")),
+        (vec![3, 7, 0, 3], vec![0, 3, 7])
+    );
     assert_eq!(bytes("confidence")[4..8], 0.5f32.to_le_bytes());
     assert_eq!(bytes("colors")[9..], [3, 100, 200]);
-    let letters: Vec<char> =
-        bytes("label_names").chunks(4).map(|four| char::from_u32(long(four, 0) as u32).unwrap()).collect();
-    let names: Vec<String> =
-        letters.chunks(21).map(|name| name.iter().collect::<String>().trim_end_matches('\0').into()).collect();
+    let letters: Vec<char> = bytes("label_names")
+        .chunks(4)
+        .map(|four| char::from_u32(long(four, 0) as u32).unwrap())
+        .collect();
+    let names: Vec<String> = letters
+        .chunks(21)
+        .map(|name| {
+            name.iter()
+                .collect::<String>()
+                .trim_end_matches('\0')
+                .into()
+        })
+        .collect();
     assert_eq!(names, ["unlabelled", "the plant/feuille été", "the plant"]);
 }
 
 #[test]
 fn the_twin_has_the_labels_colours() {
-    let arrays = written(&voxels(&[[0, 0, 0], [1, 0, 0], [2, 0, 0]]), Coloring::Labels);
-    assert_eq!(arrays["colors"].2, [[255, 102, 0], [0, 51, 255], UNLABELLED_COLOR].as_flattened());
+    let arrays = written(
+        &voxels(&[[0, 0, 0], [1, 0, 0], [2, 0, 0]]),
+        Coloring::Labels,
+    );
+    assert_eq!(
+        arrays["colors"].2,
+        [[255, 102, 0], [0, 51, 255], UNLABELLED_COLOR].as_flattened()
+    );
 }

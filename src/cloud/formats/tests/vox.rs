@@ -27,7 +27,9 @@ impl<'a> Reader<'a> {
     }
 
     fn dictionary(&mut self) -> BTreeMap<String, String> {
-        (0..self.number()).map(|_| (self.text(), self.text())).collect()
+        (0..self.number())
+            .map(|_| (self.text(), self.text()))
+            .collect()
     }
 }
 
@@ -43,7 +45,10 @@ struct Scene {
 
 fn read(bytes: &[u8]) -> Scene {
     let mut whole = Reader(bytes);
-    assert_eq!((whole.take(4), whole.number(), whole.take(4), whole.number()), (&b"VOX "[..], 150, &b"MAIN"[..], 0));
+    assert_eq!(
+        (whole.take(4), whole.number(), whole.take(4), whole.number()),
+        (&b"VOX "[..], 150, &b"MAIN"[..], 0)
+    );
     assert_eq!(whole.number() as usize, whole.0.len());
     let mut scene = Scene::default();
     let (mut models, mut moved, mut shapes) = (Vec::new(), BTreeMap::new(), BTreeMap::new());
@@ -53,7 +58,9 @@ fn read(bytes: &[u8]) -> Scene {
         assert_eq!(children, 0);
         let mut chunk = Reader(whole.take(length));
         match id {
-            b"SIZE" => scene.sizes.push(IVec3::new(chunk.number(), chunk.number(), chunk.number())),
+            b"SIZE" => scene
+                .sizes
+                .push(IVec3::new(chunk.number(), chunk.number(), chunk.number())),
             b"XYZI" => {
                 let count = chunk.number() as usize;
                 models.push(chunk.take(4 * count));
@@ -61,14 +68,29 @@ fn read(bytes: &[u8]) -> Scene {
             b"nTRN" => {
                 let (node, name, child) = (chunk.number(), chunk.dictionary(), chunk.number());
                 assert_eq!([chunk.number(), chunk.number(), chunk.number()], [-1, 0, 1]);
-                let place: Vec<i32> = chunk.dictionary()["_t"].split(' ').map(|along| along.parse().unwrap()).collect();
-                moved.insert(child, (node, name.get("_name").cloned(), IVec3::from_slice(&place)));
+                let place: Vec<i32> = chunk.dictionary()["_t"]
+                    .split(' ')
+                    .map(|along| along.parse().unwrap())
+                    .collect();
+                moved.insert(
+                    child,
+                    (node, name.get("_name").cloned(), IVec3::from_slice(&place)),
+                );
             }
             b"nGRP" => {
                 let (node, _) = (chunk.number(), chunk.dictionary());
                 let nodes: Vec<i32> = (0..chunk.number()).map(|_| chunk.number()).collect();
-                assert_eq!((node, moved[&1].0), (1, 0), "the top transform holds the group");
-                assert!(nodes.iter().enumerate().all(|(at, &node)| node == 2 + 2 * at as i32));
+                assert_eq!(
+                    (node, moved[&1].0),
+                    (1, 0),
+                    "the top transform holds the group"
+                );
+                assert!(
+                    nodes
+                        .iter()
+                        .enumerate()
+                        .all(|(at, &node)| node == 2 + 2 * at as i32)
+                );
             }
             b"nSHP" => {
                 let (node, _) = (chunk.number(), chunk.dictionary());
@@ -81,7 +103,10 @@ fn read(bytes: &[u8]) -> Scene {
         }
         assert!(chunk.0.is_empty(), "{id:?}");
     }
-    assert_eq!((models.len(), shapes.len()), (scene.sizes.len(), scene.sizes.len()));
+    assert_eq!(
+        (models.len(), shapes.len()),
+        (scene.sizes.len(), scene.sizes.len())
+    );
     for (node, model) in shapes {
         let (_, name, place) = &moved[&node];
         let size = scene.sizes[model];
@@ -108,12 +133,19 @@ fn each_label_is_an_object_in_its_colour_and_up_is_up() {
     // x, z, -y of the world, from the ground in the middle.
     let expected = [
         ("the plant", [0, 51, 255], vec![[0, -4, 0]]),
-        ("the plant/feuille été", [255, 102, 0], vec![[-1, -4, 0], [-1, 3, 0]]),
+        (
+            "the plant/feuille été",
+            [255, 102, 0],
+            vec![[-1, -4, 0], [-1, 3, 0]],
+        ),
         ("unlabelled", UNLABELLED_COLOR, vec![[-1, -4, 4]]),
     ];
     assert_eq!(scene.objects.len(), 3);
     for (name, color, places) in expected {
-        let object = places.into_iter().map(|place| (place, color)).collect::<BTreeSet<_>>();
+        let object = places
+            .into_iter()
+            .map(|place| (place, color))
+            .collect::<BTreeSet<_>>();
         assert_eq!(scene.objects[name], object, "{name}");
     }
 }
@@ -125,11 +157,17 @@ fn what_is_larger_than_a_model_is_put_together_of_several() {
     one.labels.fill(LabelId(7));
     let scene = read(&saved(&one, "v.vox", Coloring::Picture).unwrap());
     assert!(scene.sizes.len() > 2 && scene.sizes.iter().all(|size| size.max_element() <= 256));
-    let found: BTreeSet<[i32; 3]> = scene.objects["the plant"].iter().map(|(place, _)| *place).collect();
+    let found: BTreeSet<[i32; 3]> = scene.objects["the plant"]
+        .iter()
+        .map(|(place, _)| *place)
+        .collect();
     let expected: BTreeSet<[i32; 3]> = places.iter().map(|&[x, y, z]| [x, z, -y]).collect();
     assert_eq!(found.len(), 700);
-    let shifts: BTreeSet<[i32; 3]> =
-        found.iter().zip(&expected).map(|(a, b)| (IVec3::from(*a) - IVec3::from(*b)).to_array()).collect();
+    let shifts: BTreeSet<[i32; 3]> = found
+        .iter()
+        .zip(&expected)
+        .map(|(a, b)| (IVec3::from(*a) - IVec3::from(*b)).to_array())
+        .collect();
     assert_eq!(shifts.len(), 1, "all are shifted alike: {shifts:?}");
 }
 
@@ -138,8 +176,13 @@ fn more_labels_than_colours_are_refused_with_a_way_out() {
     let places: Vec<[i32; 3]> = (0..256).map(|at| [at, 0, 0]).collect();
     let mut many = voxels(&places);
     many.labels = (0..256).map(LabelId).collect();
-    let error = saved(&many, "v.vox", Coloring::Picture).unwrap_err().to_string();
-    assert!(error.contains("256 labels") && error.contains(".npz"), "{error}");
+    let error = saved(&many, "v.vox", Coloring::Picture)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("256 labels") && error.contains(".npz"),
+        "{error}"
+    );
     many.labels[255] = LabelId(1);
     assert!(saved(&many, "v.vox", Coloring::Picture).is_ok());
 }

@@ -5,16 +5,37 @@ use super::networks;
 #[test]
 fn every_network_has_files_and_known_elements() {
     let catalogue = Catalogue::bundled().unwrap();
-    let names: Vec<&str> = catalogue.entries().iter().map(|entry| entry.name.as_str()).collect();
+    let names: Vec<&str> = catalogue
+        .entries()
+        .iter()
+        .map(|entry| entry.name.as_str())
+        .collect();
     let expected = "onnxruntime sam-vit-b mobile-sam efficient-sam grounding-dino xmem deaot superpoint \
                     superglue-indoor superglue-outdoor xfeat lighterglue yolox";
     assert_eq!(names.join(" "), expected);
     for entry in catalogue.entries() {
-        assert_eq!(entry.files().is_empty(), entry.is_library(), "{}", entry.name);
-        assert!(!entry.purpose.is_empty() && !entry.licence.is_empty() && entry.source.starts_with("https://"));
-        for signature in entry.files().iter().filter_map(super::super::NetworkFile::signature) {
+        assert_eq!(
+            entry.files().is_empty(),
+            entry.is_library(),
+            "{}",
+            entry.name
+        );
+        assert!(
+            !entry.purpose.is_empty()
+                && !entry.licence.is_empty()
+                && entry.source.starts_with("https://")
+        );
+        for signature in entry
+            .files()
+            .iter()
+            .filter_map(super::super::NetworkFile::signature)
+        {
             let mut ports = signature.inputs.iter().chain(&signature.outputs);
-            assert!(ports.all(|port| !matches!(port.element, Element::Other(_))), "{}", entry.name);
+            assert!(
+                ports.all(|port| !matches!(port.element, Element::Other(_))),
+                "{}",
+                entry.name
+            );
         }
     }
 }
@@ -22,38 +43,75 @@ fn every_network_has_files_and_known_elements() {
 #[test]
 fn files_have_names_of_their_own() {
     let catalogue = Catalogue::bundled().unwrap();
-    let mut names: Vec<String> = catalogue.entries().iter().flat_map(super::super::Entry::file_names).collect();
+    let mut names: Vec<String> = catalogue
+        .entries()
+        .iter()
+        .flat_map(super::super::Entry::file_names)
+        .collect();
     let count = names.len();
     names.sort();
     names.dedup();
-    assert_eq!(names.len(), count, "one would overwrite the other: {names:?}");
+    assert_eq!(
+        names.len(),
+        count,
+        "one would overwrite the other: {names:?}"
+    );
 }
 
 #[test]
 fn an_unknown_name_is_answered_with_the_known_ones() {
-    let error = Catalogue::bundled().unwrap().entry("xfaet").unwrap_err().to_string();
-    assert!(error.contains("`xfaet`") && error.contains("xfeat, lighterglue"), "{error}");
+    let error = Catalogue::bundled()
+        .unwrap()
+        .entry("xfaet")
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("`xfaet`") && error.contains("xfeat, lighterglue"),
+        "{error}"
+    );
 }
 
 #[test]
 fn the_known_digests_are_those_of_the_files() {
     let Some(folder) = networks() else { return };
     let catalogue = Catalogue::bundled().unwrap();
-    let files = catalogue.entries().iter().flat_map(super::super::Entry::files);
+    let files = catalogue
+        .entries()
+        .iter()
+        .flat_map(super::super::Entry::files);
     let known: Vec<_> = files.filter(|file| file.sha256.is_some()).collect();
     assert_eq!(known.len(), 5);
     for file in known.iter().filter(|file| folder.join(&file.name).exists()) {
         let found = sha256(&folder.join(&file.name)).unwrap();
-        assert!(file.sha256.as_ref() == Some(&found) || file.other_sha256.contains(&found), "{}", file.name);
+        assert!(
+            file.sha256.as_ref() == Some(&found) || file.other_sha256.contains(&found),
+            "{}",
+            file.name
+        );
     }
 }
 
 #[test]
 fn what_has_an_address_can_be_verified() {
     let catalogue = Catalogue::bundled().unwrap();
-    for file in catalogue.entries().iter().flat_map(super::super::Entry::files).filter(|file| file.url.is_some()) {
+    for file in catalogue
+        .entries()
+        .iter()
+        .flat_map(super::super::Entry::files)
+        .filter(|file| file.url.is_some())
+    {
         let digest = file.sha256.as_deref().unwrap_or_default();
-        assert!(file.url.as_deref().is_some_and(|url| url.starts_with("https://")), "{}", file.name);
-        assert!(digest.len() == 64 && file.bytes.is_some(), "{} could not be verified", file.name);
+        assert!(
+            file.url
+                .as_deref()
+                .is_some_and(|url| url.starts_with("https://")),
+            "{}",
+            file.name
+        );
+        assert!(
+            digest.len() == 64 && file.bytes.is_some(),
+            "{} could not be verified",
+            file.name
+        );
     }
 }

@@ -34,20 +34,42 @@ fn serve(file: Vec<u8>, breaks_at: &'static [usize]) -> String {
 
 fn answer(mut stream: &TcpStream, file: &[u8], limit: usize) {
     let mut from = None;
-    for line in BufReader::new(stream).lines().map_while(Result::ok).take_while(|line| !line.is_empty()) {
+    for line in BufReader::new(stream)
+        .lines()
+        .map_while(Result::ok)
+        .take_while(|line| !line.is_empty())
+    {
         let range = line.to_lowercase();
-        from = from.or_else(|| range.strip_prefix("range: bytes=")?.trim_end_matches('-').parse::<usize>().ok());
+        from = from.or_else(|| {
+            range
+                .strip_prefix("range: bytes=")?
+                .trim_end_matches('-')
+                .parse::<usize>()
+                .ok()
+        });
     }
     let (start, count) = (from.unwrap_or(0), file.len());
     if start >= count {
-        write!(stream, "HTTP/1.1 416 Range Not Satisfiable\r\nContent-Length: 0\r\nConnection: close\r\n\r\n").unwrap();
+        write!(
+            stream,
+            "HTTP/1.1 416 Range Not Satisfiable\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
+        )
+        .unwrap();
         return;
     }
-    let status = if from.is_some() { "206 Partial Content" } else { "200 OK" };
+    let status = if from.is_some() {
+        "206 Partial Content"
+    } else {
+        "200 OK"
+    };
     let range = format!("Content-Range: bytes {start}-{}/{count}\r\n", count - 1);
     let range = if from.is_some() { &*range } else { "" };
     let length = count - start;
-    write!(stream, "HTTP/1.1 {status}\r\nContent-Length: {length}\r\n{range}Connection: close\r\n\r\n").unwrap();
+    write!(
+        stream,
+        "HTTP/1.1 {status}\r\nContent-Length: {length}\r\n{range}Connection: close\r\n\r\n"
+    )
+    .unwrap();
     let _ = stream.write_all(&file[start..count.min(start.saturating_add(limit))]);
 }
 
@@ -61,13 +83,29 @@ fn a_broken_download_is_continued() {
         return;
     }
     let (file, scratch) = (bytes(100_000), tempfile::tempdir().unwrap());
-    let (url, into) = (serve(file.clone(), &[40_000, 30_000]), scratch.path().join("file"));
+    let (url, into) = (
+        serve(file.clone(), &[40_000, 30_000]),
+        scratch.path().join("file"),
+    );
     let error = fetch(&url, &into, 1 << 20, &mut |_| true).unwrap_err();
-    assert!(matches!(&error, NnError::Fetch { is_stopped: false, .. }), "{error}");
+    assert!(
+        matches!(
+            &error,
+            NnError::Fetch {
+                is_stopped: false,
+                ..
+            }
+        ),
+        "{error}"
+    );
     let part = scratch.path().join("file.part");
     assert!(fs::metadata(&part).unwrap().len() == 40_000 && !into.exists());
     fetch(&url, &into, 1 << 20, &mut |_| true).unwrap_err();
-    assert_eq!(fs::metadata(&part).unwrap().len(), 70_000, "another break loses nothing");
+    assert_eq!(
+        fs::metadata(&part).unwrap().len(),
+        70_000,
+        "another break loses nothing"
+    );
     // What is there is not asked for again.
     let mut kept = fs::read(&part).unwrap();
     kept[0] ^= 1;
@@ -87,7 +125,16 @@ fn a_download_stops_when_asked_to() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let url = format!("http://{}/file", listener.local_addr().unwrap());
     let error = fetch(&url, &scratch.path().join("file"), 1 << 20, &mut |_| false).unwrap_err();
-    assert!(matches!(error, NnError::Fetch { is_stopped: true, .. }), "{error}");
+    assert!(
+        matches!(
+            error,
+            NnError::Fetch {
+                is_stopped: true,
+                ..
+            }
+        ),
+        "{error}"
+    );
 }
 
 fn digest(bytes: &[u8]) -> String {
@@ -103,7 +150,16 @@ fn a_file_that_is_longer_than_expected_is_not_kept() {
     }
     let (url, scratch) = (serve(bytes(100_000), &[]), tempfile::tempdir().unwrap());
     let error = fetch(&url, &scratch.path().join("file"), 50_000, &mut |_| true).unwrap_err();
-    assert!(matches!(error, NnError::Fetch { is_stopped: false, .. }), "{error}");
+    assert!(
+        matches!(
+            error,
+            NnError::Fetch {
+                is_stopped: false,
+                ..
+            }
+        ),
+        "{error}"
+    );
     assert!(!scratch.path().join("file").exists());
 }
 
@@ -125,13 +181,28 @@ fn a_network_is_fetched_checked_and_remembered() {
     let network = fs::read(folder.join("yolox_nano.onnx")).unwrap();
     let scratch = tempfile::tempdir().unwrap();
     let (url, target) = (serve(network.clone(), &[]), scratch.path().join("models"));
-    let wrong = install(&catalogue(&url, Some("00")), &target, "xfeat", &mut |_| true).unwrap_err();
-    assert!(matches!(&wrong, NnError::WrongDownload { .. }) && !target.join("n.onnx").exists(), "{wrong}");
-    let unknown = install(&catalogue(&url, None), &target, "xfeat", &mut |_| true).unwrap_err().to_string();
-    assert!(unknown.contains("no digest") && unknown.contains("ostra models add xfeat"), "{unknown}");
+    let wrong = install(&catalogue(&url, Some("00")), &target, "xfeat", &mut |_| {
+        true
+    })
+    .unwrap_err();
+    assert!(
+        matches!(&wrong, NnError::WrongDownload { .. }) && !target.join("n.onnx").exists(),
+        "{wrong}"
+    );
+    let unknown = install(&catalogue(&url, None), &target, "xfeat", &mut |_| true)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        unknown.contains("no digest") && unknown.contains("ostra models add xfeat"),
+        "{unknown}"
+    );
     let (good, mut most) = (catalogue(&url, Some(&digest(&network))), 0);
     let added = install(&good, &target, "xfeat", &mut |now| {
-        assert!(now.what.contains("MIT"), "the licence is told: {}", now.what);
+        assert!(
+            now.what.contains("MIT"),
+            "the licence is told: {}",
+            now.what
+        );
         most = now.bytes.max(most);
         true
     });
@@ -158,19 +229,44 @@ fn what_was_refused_is_not_taken_for_the_file_again() {
     let scratch = tempfile::tempdir().unwrap();
     let target = scratch.path().join("models");
     let sha256 = digest(&network);
-    let from = |file: Vec<u8>| install(&catalogue(&serve(file, &[]), Some(&sha256)), &target, "xfeat", &mut |_| true);
+    let from = |file: Vec<u8>| {
+        install(
+            &catalogue(&serve(file, &[]), Some(&sha256)),
+            &target,
+            "xfeat",
+            &mut |_| true,
+        )
+    };
     let refused = from(b"<html>There is no such file</html>".to_vec()).unwrap_err();
-    assert!(!matches!(refused, NnError::Fetch { .. }) && !target.join("n.onnx").exists(), "{refused}");
-    assert_eq!(fs::read(&from(network.clone()).unwrap()[0].path).unwrap(), network);
+    assert!(
+        !matches!(refused, NnError::Fetch { .. }) && !target.join("n.onnx").exists(),
+        "{refused}"
+    );
+    assert_eq!(
+        fs::read(&from(network.clone()).unwrap()[0].path).unwrap(),
+        network
+    );
 }
 
 #[test]
 fn what_has_no_address_says_how_to_get_it() {
     let scratch = tempfile::tempdir().unwrap();
-    let error = install(&Catalogue::bundled().unwrap(), scratch.path(), "superpoint", &mut |_| true).unwrap_err();
+    let error = install(
+        &Catalogue::bundled().unwrap(),
+        scratch.path(),
+        "superpoint",
+        &mut |_| true,
+    )
+    .unwrap_err();
     let error = error.to_string();
-    assert!(error.contains("no address") && error.contains("assets/export/superglue.py"), "{error}");
-    assert!(fs::read_dir(scratch.path()).unwrap().next().is_none(), "nothing is left behind");
+    assert!(
+        error.contains("no address") && error.contains("assets/export/superglue.py"),
+        "{error}"
+    );
+    assert!(
+        fs::read_dir(scratch.path()).unwrap().next().is_none(),
+        "nothing is left behind"
+    );
 }
 
 #[test]

@@ -14,33 +14,77 @@ fn an_added_network_is_listed_checked_and_loaded() {
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
     let target = scratch.path().join("models");
     let source = folder.join("xfeat.onnx");
-    let listed = || list(&catalogue, &target).into_iter().find(|row| row.name == "xfeat").unwrap().installed;
+    let listed = || {
+        list(&catalogue, &target)
+            .into_iter()
+            .find(|row| row.name == "xfeat")
+            .unwrap()
+            .installed
+    };
     assert_eq!(listed(), None);
     let added = add(&catalogue, &target, "xfeat", std::slice::from_ref(&source)).unwrap();
-    assert_eq!((added[0].path.clone(), &added[0].proof), (target.join("xfeat.onnx"), &Proof::Fits));
-    assert_eq!(listed().unwrap().bytes, fs::metadata(&source).unwrap().len());
+    assert_eq!(
+        (added[0].path.clone(), &added[0].proof),
+        (target.join("xfeat.onnx"), &Proof::Fits)
+    );
+    assert_eq!(
+        listed().unwrap().bytes,
+        fs::metadata(&source).unwrap().len()
+    );
     let checked = check(&catalogue, &target, "xfeat").unwrap();
-    assert!(checked[0].is_compared && checked[0].signature.as_ref().unwrap().inputs[0].name == "input");
+    assert!(
+        checked[0].is_compared && checked[0].signature.as_ref().unwrap().inputs[0].name == "input"
+    );
     assert_eq!(load(&target, "xfeat").unwrap().len(), 1);
-    assert_eq!(files_in(&target), 2, "the network and the digests; no temporary file stays");
+    assert_eq!(
+        files_in(&target),
+        2,
+        "the network and the digests; no temporary file stays"
+    );
 }
 
 #[test]
 fn adding_what_is_installed_keeps_it() {
     let Some((_, folder)) = ready() else { return };
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
-    let added = add(&catalogue, scratch.path(), "yolox", &[folder.join("yolox_nano.onnx")]).unwrap();
-    add(&catalogue, scratch.path(), "yolox", &[added[0].path.clone()]).unwrap();
-    assert_eq!(fs::read(&added[0].path).unwrap(), fs::read(folder.join("yolox_nano.onnx")).unwrap());
+    let added = add(
+        &catalogue,
+        scratch.path(),
+        "yolox",
+        &[folder.join("yolox_nano.onnx")],
+    )
+    .unwrap();
+    add(
+        &catalogue,
+        scratch.path(),
+        "yolox",
+        &[added[0].path.clone()],
+    )
+    .unwrap();
+    assert_eq!(
+        fs::read(&added[0].path).unwrap(),
+        fs::read(folder.join("yolox_nano.onnx")).unwrap()
+    );
 }
 
 #[test]
 fn a_folder_stands_for_the_files_in_it() {
     let Some((_, folder)) = ready() else { return };
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
-    let added = add(&catalogue, scratch.path(), "xfeat", std::slice::from_ref(&folder)).unwrap();
-    assert_eq!(fs::read(&added[0].path).unwrap(), fs::read(folder.join("xfeat.onnx")).unwrap());
-    let error = add(&catalogue, scratch.path(), "xmem", &[folder]).unwrap_err().to_string();
+    let added = add(
+        &catalogue,
+        scratch.path(),
+        "xfeat",
+        std::slice::from_ref(&folder),
+    )
+    .unwrap();
+    assert_eq!(
+        fs::read(&added[0].path).unwrap(),
+        fs::read(folder.join("xfeat.onnx")).unwrap()
+    );
+    let error = add(&catalogue, scratch.path(), "xmem", &[folder])
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("xmem") && error.contains(".onnx"), "{error}");
 }
 
@@ -48,7 +92,13 @@ fn a_folder_stands_for_the_files_in_it() {
 fn another_network_is_not_added() {
     let Some((_, folder)) = ready() else { return };
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
-    let error = add(&catalogue, scratch.path(), "xfeat", &[folder.join("lighterglue.onnx")]).unwrap_err();
+    let error = add(
+        &catalogue,
+        scratch.path(),
+        "xfeat",
+        &[folder.join("lighterglue.onnx")],
+    )
+    .unwrap_err();
     assert!(matches!(error, NnError::Mismatch { .. }), "{error}");
     assert_eq!(files_in(scratch.path()), 0);
 }
@@ -57,8 +107,17 @@ fn another_network_is_not_added() {
 fn a_network_without_a_known_interface_is_loaded_only() {
     let Some((_, folder)) = ready() else { return };
     let text = "[[entry]]\nname = 'a'\npurpose = ''\nlicence = ''\nsource = ''\n[[entry.file]]\nname = 'a.onnx'\n";
-    let (catalogue, scratch) = (toml::from_str::<Catalogue>(text).unwrap(), tempfile::tempdir().unwrap());
-    let added = add(&catalogue, scratch.path(), "a", &[folder.join("xfeat.onnx")]).unwrap();
+    let (catalogue, scratch) = (
+        toml::from_str::<Catalogue>(text).unwrap(),
+        tempfile::tempdir().unwrap(),
+    );
+    let added = add(
+        &catalogue,
+        scratch.path(),
+        "a",
+        &[folder.join("xfeat.onnx")],
+    )
+    .unwrap();
     assert_eq!(added[0].proof, Proof::Loads);
     assert!(!check(&catalogue, scratch.path(), "a").unwrap()[0].is_compared);
 }
@@ -66,15 +125,25 @@ fn a_network_without_a_known_interface_is_loaded_only() {
 #[test]
 fn a_wrong_number_of_files_is_answered_with_their_names() {
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
-    let error = add(&catalogue, scratch.path(), "sam-vit-b", &["a.onnx".into()]).unwrap_err().to_string();
-    assert_eq!(error, "`sam-vit-b` takes 2 files in this order: sam-vit-b-encoder.onnx, sam-vit-b-decoder.onnx");
+    let error = add(&catalogue, scratch.path(), "sam-vit-b", &["a.onnx".into()])
+        .unwrap_err()
+        .to_string();
+    assert_eq!(
+        error,
+        "`sam-vit-b` takes 2 files in this order: sam-vit-b-encoder.onnx, sam-vit-b-decoder.onnx"
+    );
 }
 
 #[test]
 fn what_is_not_installed_is_told_with_what_to_do() {
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
-    let error = check(&catalogue, scratch.path(), "xfeat").unwrap_err().to_string();
-    assert!(error.contains("`xfeat` is not installed") && error.contains("ostra models add xfeat FILE"), "{error}");
+    let error = check(&catalogue, scratch.path(), "xfeat")
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("`xfeat` is not installed") && error.contains("ostra models add xfeat FILE"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -91,16 +160,25 @@ name = "n.onnx"
 name = "words.txt"
 text = true
 "#;
-    let (catalogue, scratch): (Catalogue, _) = (toml::from_str(text).unwrap(), tempfile::tempdir().unwrap());
-    let (network, words) = (folder.join("yolox_nano.onnx"), scratch.path().join("vocab.txt"));
+    let (catalogue, scratch): (Catalogue, _) =
+        (toml::from_str(text).unwrap(), tempfile::tempdir().unwrap());
+    let (network, words) = (
+        folder.join("yolox_nano.onnx"),
+        scratch.path().join("vocab.txt"),
+    );
     let target = scratch.path().join("models");
     fs::write(&words, [0xff, 0xfe]).unwrap();
     let files = [network, words.clone()];
-    let error = add(&catalogue, &target, "yolox", &files).unwrap_err().to_string();
+    let error = add(&catalogue, &target, "yolox", &files)
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("vocab.txt") && !target.exists(), "{error}");
     fs::write(&words, "naïve\n").unwrap();
     add(&catalogue, &target, "yolox", &files).unwrap();
-    assert_eq!(fs::read_to_string(target.join("words.txt")).unwrap(), "naïve\n");
+    assert_eq!(
+        fs::read_to_string(target.join("words.txt")).unwrap(),
+        "naïve\n"
+    );
     let checked = check(&catalogue, &target, "yolox").unwrap();
     assert!(checked[0].signature.is_some() && checked[1].signature.is_none());
 }
@@ -108,9 +186,21 @@ text = true
 #[test]
 fn texts_and_networks_of_one_name_are_told_apart() {
     let scratch = tempfile::tempdir().unwrap();
-    let error = load_text(scratch.path(), "grounding-dino").unwrap_err().to_string();
-    assert!(error.contains("`grounding-dino` is not installed"), "{error}");
+    let error = load_text(scratch.path(), "grounding-dino")
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("`grounding-dino` is not installed"),
+        "{error}"
+    );
     fs::write(scratch.path().join("grounding-dino.onnx"), "no network").unwrap();
-    fs::write(scratch.path().join("grounding-dino-vocab.txt"), "[CLS]\n[SEP]\n").unwrap();
-    assert_eq!(load_text(scratch.path(), "grounding-dino").unwrap(), ["[CLS]\n[SEP]\n"]);
+    fs::write(
+        scratch.path().join("grounding-dino-vocab.txt"),
+        "[CLS]\n[SEP]\n",
+    )
+    .unwrap();
+    assert_eq!(
+        load_text(scratch.path(), "grounding-dino").unwrap(),
+        ["[CLS]\n[SEP]\n"]
+    );
 }

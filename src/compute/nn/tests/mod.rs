@@ -14,11 +14,19 @@ use super::Runtime;
 /// The folder of networks for tests; `None`, after a printed line, where it is missing, which `CI` does not allow.
 fn networks() -> Option<PathBuf> {
     let named = std::env::var_os("OSTRA_MODELS").map(PathBuf::from);
-    let folder = named.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/models"));
+    let folder = named
+        .unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/models"));
     let is_there = folder.is_dir();
-    assert!(is_there || std::env::var_os("CI").is_none(), "{} is missing", folder.display());
+    assert!(
+        is_there || std::env::var_os("CI").is_none(),
+        "{} is missing",
+        folder.display()
+    );
     if !is_there {
-        println!("skipped: {} is missing (set OSTRA_MODELS)", folder.display());
+        println!(
+            "skipped: {} is missing (set OSTRA_MODELS)",
+            folder.display()
+        );
     }
     is_there.then_some(folder)
 }

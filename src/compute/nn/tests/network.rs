@@ -2,62 +2,115 @@ use super::super::{Catalogue, Network, NnError, Signature, Tensor};
 use super::ready;
 
 fn expected(name: &str) -> Signature {
-    Catalogue::bundled().unwrap().entry(name).unwrap().files()[0].signature().unwrap()
+    Catalogue::bundled().unwrap().entry(name).unwrap().files()[0]
+        .signature()
+        .unwrap()
 }
 
 #[test]
 fn runs_and_gives_what_was_asked_for_in_that_order() {
-    let Some((runtime, folder)) = ready() else { return };
+    let Some((runtime, folder)) = ready() else {
+        return;
+    };
     let mut wanted = expected("xfeat");
     wanted.outputs.reverse();
     let network = Network::load(&runtime, &folder.join("xfeat.onnx"), Some(&wanted)).unwrap();
-    let input = Tensor::floats(&[1, 1, 64, 96], (0..64 * 96).map(|at| (at % 7) as f32 / 7.0).collect()).unwrap();
+    let input = Tensor::floats(
+        &[1, 1, 64, 96],
+        (0..64 * 96).map(|at| (at % 7) as f32 / 7.0).collect(),
+    )
+    .unwrap();
     let given = network.run(&[("input", &input)]).unwrap();
     let shapes: Vec<&[usize]> = given.iter().map(Tensor::shape).collect();
     assert_eq!(shapes, [[1, 1, 8, 12], [1, 65, 8, 12], [1, 64, 8, 12]]);
     assert!(given[0].as_floats().iter().all(|value| value.is_finite()));
-    assert_eq!(given, network.run(&[("input", &input)]).unwrap(), "the same again");
+    assert_eq!(
+        given,
+        network.run(&[("input", &input)]).unwrap(),
+        "the same again"
+    );
 }
 
 #[test]
 fn threads_share_a_network() {
-    let Some((runtime, folder)) = ready() else { return };
-    let network = Network::load(&runtime, &folder.join("xfeat.onnx"), Some(&expected("xfeat"))).unwrap();
-    let input = Tensor::floats(&[1, 1, 64, 64], (0..64 * 64).map(|at| (at % 5) as f32 / 5.0).collect()).unwrap();
+    let Some((runtime, folder)) = ready() else {
+        return;
+    };
+    let network = Network::load(
+        &runtime,
+        &folder.join("xfeat.onnx"),
+        Some(&expected("xfeat")),
+    )
+    .unwrap();
+    let input = Tensor::floats(
+        &[1, 1, 64, 64],
+        (0..64 * 64).map(|at| (at % 5) as f32 / 5.0).collect(),
+    )
+    .unwrap();
     let alone = network.run(&[("input", &input)]).unwrap();
     std::thread::scope(|scope| {
         let running = [0; 4].map(|_| scope.spawn(|| network.run(&[("input", &input)]).unwrap()));
-        running.into_iter().for_each(|run| assert_eq!(run.join().unwrap(), alone));
+        running
+            .into_iter()
+            .for_each(|run| assert_eq!(run.join().unwrap(), alone));
     });
 }
 
 #[test]
 fn a_run_that_is_no_longer_wanted_is_given_up() {
-    let Some((runtime, folder)) = ready() else { return };
-    let network = Network::load(&runtime, &folder.join("xfeat.onnx"), Some(&expected("xfeat"))).unwrap();
+    let Some((runtime, folder)) = ready() else {
+        return;
+    };
+    let network = Network::load(
+        &runtime,
+        &folder.join("xfeat.onnx"),
+        Some(&expected("xfeat")),
+    )
+    .unwrap();
     // Large enough to be running still when it is asked for the first time.
     let large = Tensor::floats(&[1, 1, 2048, 4096], vec![0.5; 2048 * 4096]).unwrap();
-    assert!(network.run_while(&[("input", &large)], &|| false).unwrap().is_none());
+    assert!(
+        network
+            .run_while(&[("input", &large)], &|| false)
+            .unwrap()
+            .is_none()
+    );
     let small = Tensor::floats(&[1, 1, 64, 64], vec![0.5; 64 * 64]).unwrap();
     let given = network.run_while(&[("input", &small)], &|| true).unwrap();
-    assert_eq!(given, Some(network.run(&[("input", &small)]).unwrap()), "the network is as good as before");
+    assert_eq!(
+        given,
+        Some(network.run(&[("input", &small)]).unwrap()),
+        "the network is as good as before"
+    );
 }
 
 #[test]
 fn another_network_is_refused_with_both_interfaces() {
-    let Some((runtime, folder)) = ready() else { return };
-    let error = Network::load(&runtime, &folder.join("yolox_nano.onnx"), Some(&expected("xfeat"))).unwrap_err();
+    let Some((runtime, folder)) = ready() else {
+        return;
+    };
+    let error = Network::load(
+        &runtime,
+        &folder.join("yolox_nano.onnx"),
+        Some(&expected("xfeat")),
+    )
+    .unwrap_err();
     let text = error.to_string();
-    let told = "expected the input `input` f32 [1, 1, any, any], there is `images` f32 [1, 3, 416, 416]";
+    let told =
+        "expected the input `input` f32 [1, 1, any, any], there is `images` f32 [1, 3, 416, 416]";
     assert!(
-        matches!(error, NnError::Mismatch { .. }) && text.contains("yolox_nano.onnx") && text.contains(told),
+        matches!(error, NnError::Mismatch { .. })
+            && text.contains("yolox_nano.onnx")
+            && text.contains(told),
         "{text}"
     );
 }
 
 #[test]
 fn a_file_that_is_no_network_is_refused() {
-    let Some((runtime, folder)) = ready() else { return };
+    let Some((runtime, folder)) = ready() else {
+        return;
+    };
     let scratch = tempfile::tempdir().unwrap();
     let broken = scratch.path().join("broken.onnx");
     let whole = std::fs::read(folder.join("xfeat.onnx")).unwrap();
@@ -72,13 +125,28 @@ fn a_file_that_is_no_network_is_refused() {
 
 #[test]
 fn inputs_that_do_not_fit_are_an_error_and_no_panic() {
-    let Some((runtime, folder)) = ready() else { return };
+    let Some((runtime, folder)) = ready() else {
+        return;
+    };
     let network = Network::load(&runtime, &folder.join("yolox_nano.onnx"), None).unwrap();
     let small = Tensor::floats(&[1, 3, 8, 8], vec![0.0; 192]).unwrap();
     let empty = Tensor::floats(&[1, 3, 0, 8], Vec::new()).unwrap();
-    let whole = Tensor::new(&[1, 3, 416, 416], super::super::TensorValues::I64(vec![0; 3 * 416 * 416])).unwrap();
-    for fed in [&[("images", &small)][..], &[("images", &empty)], &[("images", &whole)], &[("pictures", &small)], &[]] {
+    let whole = Tensor::new(
+        &[1, 3, 416, 416],
+        super::super::TensorValues::I64(vec![0; 3 * 416 * 416]),
+    )
+    .unwrap();
+    for fed in [
+        &[("images", &small)][..],
+        &[("images", &empty)],
+        &[("images", &whole)],
+        &[("pictures", &small)],
+        &[],
+    ] {
         assert!(matches!(network.run(fed), Err(NnError::Run { .. })));
     }
-    assert!(Tensor::floats(&[2, 2], vec![0.0; 3]).is_err(), "four values are needed");
+    assert!(
+        Tensor::floats(&[2, 2], vec![0.0; 3]).is_err(),
+        "four values are needed"
+    );
 }

@@ -3,21 +3,29 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use super::super::search::{Place, library_name, places};
-use super::super::{Catalogue, Network, NnError, Proof, Provider, Runtime, add, models_folder, take_fall_backs};
+use super::super::{
+    Catalogue, Network, NnError, Proof, Provider, Runtime, add, models_folder, take_fall_backs,
+};
 use super::{networks, ready};
 
 /// Runs one ignored test of this module in a process of its own, as a process loads ONNX Runtime only once.
 fn alone(test: &str, library: Option<&OsStr>, data: &Path) {
     let mut command = Command::new(std::env::current_exe().unwrap());
     let name = format!("{}::{test}", module_path!().split_once("::").unwrap().1);
-    command.args([name.as_str(), "--exact", "--ignored", "--nocapture"]).env("XDG_DATA_HOME", data);
+    command
+        .args([name.as_str(), "--exact", "--ignored", "--nocapture"])
+        .env("XDG_DATA_HOME", data);
     match library {
         Some(library) => command.env("ORT_DYLIB_PATH", library),
         None => command.env_remove("ORT_DYLIB_PATH"),
     };
     let output = command.output().unwrap();
-    let told = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && told.contains("1 passed"), "{told}");
+    let told = String::from_utf8_lossy(&output.stdout).into_owned()
+        + &String::from_utf8_lossy(&output.stderr);
+    assert!(
+        output.status.success() && told.contains("1 passed"),
+        "{told}"
+    );
 }
 
 #[test]
@@ -28,15 +36,26 @@ fn the_named_library_comes_before_our_own_and_the_systems() {
     assert_eq!(places(None, Some(scratch.path()))[0], system);
     std::fs::write(&own, "").unwrap();
     let found = places(Some(PathBuf::new()), Some(scratch.path()));
-    assert_eq!(found[..2], [Place::File(own), system], "an empty variable names nothing");
+    assert_eq!(
+        found[..2],
+        [Place::File(own), system],
+        "an empty variable names nothing"
+    );
     let named = PathBuf::from("/somewhere/libonnxruntime.so");
-    assert_eq!(places(Some(named.clone()), Some(scratch.path())), [Place::Named(named)]);
+    assert_eq!(
+        places(Some(named.clone()), Some(scratch.path())),
+        [Place::Named(named)]
+    );
 }
 
 #[test]
 fn a_library_that_is_not_there_is_told() {
     let scratch = tempfile::tempdir().unwrap();
-    alone("a_child_with_a_wrong_library", Some(scratch.path().join("missing.so").as_os_str()), scratch.path());
+    alone(
+        "a_child_with_a_wrong_library",
+        Some(scratch.path().join("missing.so").as_os_str()),
+        scratch.path(),
+    );
 }
 
 #[test]
@@ -44,15 +63,26 @@ fn a_file_that_is_no_library_is_told() {
     let scratch = tempfile::tempdir().unwrap();
     let file = scratch.path().join("text.so");
     std::fs::write(&file, "no library").unwrap();
-    alone("a_child_with_a_wrong_library", Some(file.as_os_str()), scratch.path());
+    alone(
+        "a_child_with_a_wrong_library",
+        Some(file.as_os_str()),
+        scratch.path(),
+    );
 }
 
 #[test]
 #[cfg(target_os = "linux")]
 fn another_library_is_told() {
     let maps = std::fs::read_to_string("/proc/self/maps").unwrap();
-    let library = maps.split_whitespace().find(|word| word.contains("/libc.so")).unwrap();
-    alone("a_child_with_a_wrong_library", Some(OsStr::new(library)), tempfile::tempdir().unwrap().path());
+    let library = maps
+        .split_whitespace()
+        .find(|word| word.contains("/libc.so"))
+        .unwrap();
+    alone(
+        "a_child_with_a_wrong_library",
+        Some(OsStr::new(library)),
+        tempfile::tempdir().unwrap().path(),
+    );
 }
 
 #[test]
@@ -62,25 +92,47 @@ fn a_child_with_a_wrong_library() {
         let error = Runtime::find().unwrap_err();
         let named = std::env::var("ORT_DYLIB_PATH").unwrap();
         let text = error.to_string();
-        assert!(matches!(error, NnError::RuntimeUnusable { .. }) && text.contains(&named), "{text}");
-        assert!(text.contains("1.24 or newer") && !text.contains('\n'), "{text}");
+        assert!(
+            matches!(error, NnError::RuntimeUnusable { .. }) && text.contains(&named),
+            "{text}"
+        );
+        assert!(
+            text.contains("1.24 or newer") && !text.contains('\n'),
+            "{text}"
+        );
     }
 }
 
 #[test]
 fn no_library_anywhere_is_told_with_what_to_do() {
-    alone("a_child_without_a_library", None, tempfile::tempdir().unwrap().path());
+    alone(
+        "a_child_without_a_library",
+        None,
+        tempfile::tempdir().unwrap().path(),
+    );
 }
 
 #[test]
 #[ignore = "run by others in a process of its own"]
 fn a_child_without_a_library() {
     match Runtime::find() {
-        Ok(runtime) => assert!(runtime.path().is_relative(), "the system's own: {}", runtime.path().display()),
+        Ok(runtime) => assert!(
+            runtime.path().is_relative(),
+            "the system's own: {}",
+            runtime.path().display()
+        ),
         Err(error) => {
             let text = error.to_string();
-            assert!(matches!(error, NnError::RuntimeMissing { .. }) && text.contains("is not installed"), "{text}");
-            assert!(text.contains("ostra models add onnxruntime FILE") && text.contains("ORT_DYLIB_PATH"), "{text}");
+            assert!(
+                matches!(error, NnError::RuntimeMissing { .. })
+                    && text.contains("is not installed"),
+                "{text}"
+            );
+            assert!(
+                text.contains("ostra models add onnxruntime FILE")
+                    && text.contains("ORT_DYLIB_PATH"),
+                "{text}"
+            );
         }
     }
 }
@@ -89,7 +141,11 @@ fn a_child_without_a_library() {
 fn without_onnx_runtime_files_are_proved_by_their_digest() {
     if networks().is_some() {
         let scratch = tempfile::tempdir().unwrap();
-        alone("a_child_that_adds_without_a_runtime", Some(OsStr::new("/nowhere/onnxruntime")), scratch.path());
+        alone(
+            "a_child_that_adds_without_a_runtime",
+            Some(OsStr::new("/nowhere/onnxruntime")),
+            scratch.path(),
+        );
     }
 }
 
@@ -100,10 +156,24 @@ fn a_child_that_adds_without_a_runtime() {
     let folder = networks().unwrap();
     let added = add(&catalogue, &target, "xfeat", &[folder.join("xfeat.onnx")]).unwrap();
     assert_eq!(added[0].proof, Proof::Known);
-    let added =
-        add(&catalogue, &target, "mobile-sam", &[folder.join("xfeat.onnx"), folder.join("xfeat.onnx")]).unwrap();
-    assert!(matches!(&added[0].proof, Proof::None(why) if why.contains("ONNX Runtime")), "{added:?}");
-    let error = add(&catalogue, &target, "lighterglue", &[folder.join("xfeat.onnx")]).unwrap_err();
+    let added = add(
+        &catalogue,
+        &target,
+        "mobile-sam",
+        &[folder.join("xfeat.onnx"), folder.join("xfeat.onnx")],
+    )
+    .unwrap();
+    assert!(
+        matches!(&added[0].proof, Proof::None(why) if why.contains("ONNX Runtime")),
+        "{added:?}"
+    );
+    let error = add(
+        &catalogue,
+        &target,
+        "lighterglue",
+        &[folder.join("xfeat.onnx")],
+    )
+    .unwrap_err();
     assert!(matches!(error, NnError::Digest { .. }), "{error}");
     assert!(!target.join("lighterglue.onnx").exists());
 }
@@ -124,26 +194,49 @@ fn an_added_library_is_found_in_our_folder() {
 #[ignore = "run by others in a process of its own"]
 fn a_child_that_adds_a_library() {
     let target = models_folder().unwrap();
-    let given = target.ancestors().nth(2).unwrap().join("libonnxruntime.so.1.99");
-    let added = add(&Catalogue::bundled().unwrap(), &target, "onnxruntime", &[given]).unwrap();
-    assert_eq!((&added[0].path, &added[0].proof), (&target.join(library_name()), &Proof::Loads));
+    let given = target
+        .ancestors()
+        .nth(2)
+        .unwrap()
+        .join("libonnxruntime.so.1.99");
+    let added = add(
+        &Catalogue::bundled().unwrap(),
+        &target,
+        "onnxruntime",
+        &[given],
+    )
+    .unwrap();
+    assert_eq!(
+        (&added[0].path, &added[0].proof),
+        (&target.join(library_name()), &Proof::Loads)
+    );
 }
 
 #[test]
 #[ignore = "run by others in a process of its own"]
 fn a_child_with_an_added_library() {
     let runtime = Runtime::find().unwrap();
-    assert_eq!(runtime.path(), models_folder().unwrap().join(library_name()));
+    assert_eq!(
+        runtime.path(),
+        models_folder().unwrap().join(library_name())
+    );
     Network::load(&runtime, &networks().unwrap().join("xfeat.onnx"), None).unwrap();
     let error = Runtime::open(Path::new("/another/onnxruntime")).unwrap_err();
-    assert!(error.to_string().contains("in use"), "a second one cannot be loaded: {error}");
+    assert!(
+        error.to_string().contains("in use"),
+        "a second one cannot be loaded: {error}"
+    );
 }
 
 #[test]
 fn a_provider_that_does_not_start_is_told_and_the_processor_does_its_work() {
     let Some((runtime, _)) = ready() else { return };
     let library = runtime.path().as_os_str();
-    alone("a_child_on_a_card_that_is_not_there", Some(library), tempfile::tempdir().unwrap().path());
+    alone(
+        "a_child_on_a_card_that_is_not_there",
+        Some(library),
+        tempfile::tempdir().unwrap().path(),
+    );
 }
 
 #[test]
@@ -155,8 +248,13 @@ fn a_child_on_a_card_that_is_not_there() {
         provider.choose();
         Network::load(&runtime, &path, None).unwrap();
         let told = take_fall_backs();
-        let what = format!("runs on the processor, as '{}' does not start", provider.name());
-        assert!(told.iter().all(|line| line.contains("xfeat.onnx") && line.contains(&what) && !line.contains('\n')));
+        let what = format!(
+            "runs on the processor, as '{}' does not start",
+            provider.name()
+        );
+        assert!(told.iter().all(|line| line.contains("xfeat.onnx")
+            && line.contains(&what)
+            && !line.contains('\n')));
         match provider {
             Provider::Cpu => assert!(told.is_empty(), "{told:?}"),
             // These two are of other systems than this one, wherever the test runs.

@@ -21,8 +21,19 @@ impl Aim {
     /// What pays at first.
     #[must_use]
     pub fn of(options: &InteractOptions) -> Self {
-        let InteractOptions { good_iou, price, price_beyond, outline_px: finest_px, .. } = *options;
-        Self { good_iou, price, price_beyond, finest_px }
+        let InteractOptions {
+            good_iou,
+            price,
+            price_beyond,
+            outline_px: finest_px,
+            ..
+        } = *options;
+        Self {
+            good_iou,
+            price,
+            price_beyond,
+            finest_px,
+        }
     }
 
     /// What pays where all that paid so far is done and more is asked: half is enough beyond what is good, and no more is asked
@@ -30,7 +41,11 @@ impl Aim {
     #[must_use]
     pub fn lowered(self, least_price: f64) -> Option<Self> {
         let half = self.price_beyond / 2.0;
-        (half >= least_price).then(|| Self { price: self.price.min(half), price_beyond: half, ..self })
+        (half >= least_price).then(|| Self {
+            price: self.price.min(half),
+            price_beyond: half,
+            ..self
+        })
     }
 
     /// How many clicks an IoU is worth, less those that it took.
@@ -42,6 +57,9 @@ impl Aim {
     /// How far the border of what is drawn lies off between two corners, in pixels, the coarsest first.
     pub(super) fn off_px(&self) -> impl Iterator<Item = f64> + use<> {
         let finest_px = self.finest_px;
-        OFF_PX.into_iter().filter(move |&off_px| off_px > finest_px).chain([finest_px])
+        OFF_PX
+            .into_iter()
+            .filter(move |&off_px| off_px > finest_px)
+            .chain([finest_px])
     }
 }

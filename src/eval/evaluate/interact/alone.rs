@@ -22,34 +22,73 @@ pub fn frame_by_frame(
     options: &InteractOptions,
     progress: &Progress,
 ) -> Result<BTreeMap<usize, FrameByFrame>> {
-    let of_frame =
-        |frame: usize| RobotUser::new(sequence, segmenter, prepared, progress, options, 1 + frame as u64, usize::MAX);
-    let mut users: Vec<(usize, RobotUser<'_>)> = sequence.truth.keys().map(|&frame| (frame, of_frame(frame))).collect();
-    let first = Aim { price_beyond: f64::INFINITY, ..Aim::of(options) };
-    let finer = successors(Some(Aim::of(options)), |aim| aim.lowered(options.least_price));
+    let of_frame = |frame: usize| {
+        RobotUser::new(
+            sequence,
+            segmenter,
+            prepared,
+            progress,
+            options,
+            1 + frame as u64,
+            usize::MAX,
+        )
+    };
+    let mut users: Vec<(usize, RobotUser<'_>)> = sequence
+        .truth
+        .keys()
+        .map(|&frame| (frame, of_frame(frame)))
+        .collect();
+    let first = Aim {
+        price_beyond: f64::INFINITY,
+        ..Aim::of(options)
+    };
+    let finer = successors(Some(Aim::of(options)), |aim| {
+        aim.lowered(options.least_price)
+    });
     progress.stage("click frame by frame")?;
     'rounds: for (round, aim) in once(first).chain(finer).enumerate() {
-        let clicks = if round == 0 { Clicks::of(options) } else { Clicks::NONE };
+        let clicks = if round == 0 {
+            Clicks::of(options)
+        } else {
+            Clicks::NONE
+        };
         for at in 0..users.len() {
             if round > 0 && mean_iou(&users)? >= InteractReport::GOALS[1] {
                 break 'rounds;
             }
             progress.step(at, users.len())?;
             let (frame, user) = &mut users[at];
-            let asked: BTreeMap<LabelId, Clicks> =
-                sequence.shown_on(*frame).into_iter().map(|label| (label, clicks)).collect();
+            let asked: BTreeMap<LabelId, Clicks> = sequence
+                .shown_on(*frame)
+                .into_iter()
+                .map(|label| (label, clicks))
+                .collect();
             user.visit(*frame, &asked, &aim)?;
         }
     }
     let counted = users.into_iter().map(|(frame, user)| {
-        let failed = user.ious(frame)?.values().any(|&iou| iou < options.good_iou);
-        Ok((frame, FrameByFrame { frames: 1, clicks: user.clicks(), failed: usize::from(failed) }))
+        let failed = user
+            .ious(frame)?
+            .values()
+            .any(|&iou| iou < options.good_iou);
+        Ok((
+            frame,
+            FrameByFrame {
+                frames: 1,
+                clicks: user.clicks(),
+                failed: usize::from(failed),
+            },
+        ))
     });
     counted.collect()
 }
 
 /// Mean IoU over the sequence of which each user has labelled a frame.
 fn mean_iou(users: &[(usize, RobotUser<'_>)]) -> Result<f64> {
-    let ious = by_label(users.iter().map(|(frame, user)| Ok((*frame, user.ious(*frame)?))))?;
+    let ious = by_label(
+        users
+            .iter()
+            .map(|(frame, user)| Ok((*frame, user.ious(*frame)?))),
+    )?;
     Ok(mean_over_labels(ious))
 }

@@ -24,13 +24,22 @@ pub fn most_worth(
     anchors: &BTreeSet<usize>,
     left_alone: &BTreeSet<(usize, LabelId)>,
 ) -> Option<Worth> {
-    let is_open = |worth: &Worth| worth.iou < 1.0 && !left_alone.contains(&(worth.frame, worth.label));
+    let is_open =
+        |worth: &Worth| worth.iou < 1.0 && !left_alone.contains(&(worth.frame, worth.label));
     let lack = |stretch: &[Worth]| stretch.iter().map(|worth| 1.0 - worth.iou).sum::<f64>();
     let (mut poorest, mut widest): (Option<Worth>, Option<(f64, Worth)>) = (None, None);
     for (&label, of) in ious {
-        let all: Vec<Worth> = of.iter().map(|(&frame, &iou)| Worth { frame, label, iou }).collect();
-        let at_anchors = all.iter().filter(|worth| anchors.contains(&worth.frame) && is_open(worth));
-        poorest = at_anchors.chain(&poorest).min_by(|a, b| a.iou.total_cmp(&b.iou)).copied();
+        let all: Vec<Worth> = of
+            .iter()
+            .map(|(&frame, &iou)| Worth { frame, label, iou })
+            .collect();
+        let at_anchors = all
+            .iter()
+            .filter(|worth| anchors.contains(&worth.frame) && is_open(worth));
+        poorest = at_anchors
+            .chain(&poorest)
+            .min_by(|a, b| a.iou.total_cmp(&b.iou))
+            .copied();
         for stretch in all.split(|worth| anchors.contains(&worth.frame)) {
             let all = lack(stretch);
             if all > widest.map_or(0.0, |(most, _)| most) {
@@ -71,8 +80,16 @@ mod tests {
     fn the_middle_of_the_widest_lack_comes_before_one_poor_frame() {
         let ious = [1.0, 0.1, 0.9, 1.0, 0.7, 0.6, 0.6, 0.7, 0.9];
         assert_eq!(chosen(&ious, &[0, 3], &[]), Some(6));
-        assert_eq!(chosen(&ious, &[0, 3], &[6]), Some(5), "the nearest that is not left alone");
-        assert_eq!(chosen(&ious, &[0, 3, 6], &[]), Some(1), "an anchor parts stretches");
+        assert_eq!(
+            chosen(&ious, &[0, 3], &[6]),
+            Some(5),
+            "the nearest that is not left alone"
+        );
+        assert_eq!(
+            chosen(&ious, &[0, 3, 6], &[]),
+            Some(1),
+            "an anchor parts stretches"
+        );
     }
 
     #[test]
@@ -82,14 +99,27 @@ mod tests {
         assert_eq!(chosen(&[0.8, 0.99, 0.7], &[0, 2], &[]), Some(1));
         assert_eq!(chosen(&[1.0, 1.0], &[0], &[]), None);
         assert_eq!(chosen(&[0.5, 0.5], &[0], &[0, 1]), None);
-        assert_eq!(most_worth(&BTreeMap::new(), &BTreeSet::new(), &BTreeSet::new()), None);
+        assert_eq!(
+            most_worth(&BTreeMap::new(), &BTreeSet::new(), &BTreeSet::new()),
+            None
+        );
     }
 
     #[test]
     fn the_label_that_lacks_most_goes_first() {
         let of = |ious: [f64; 3]| ious.into_iter().enumerate().collect::<BTreeMap<_, _>>();
-        let ious = BTreeMap::from([(LABEL, of([1.0, 0.5, 0.5])), (LabelId(2), of([1.0, 0.4, 0.4]))]);
+        let ious = BTreeMap::from([
+            (LABEL, of([1.0, 0.5, 0.5])),
+            (LabelId(2), of([1.0, 0.4, 0.4])),
+        ]);
         let worth = most_worth(&ious, &BTreeSet::from([0]), &BTreeSet::new()).unwrap();
-        assert_eq!(worth, Worth { frame: 1, label: LabelId(2), iou: 0.4 });
+        assert_eq!(
+            worth,
+            Worth {
+                frame: 1,
+                label: LabelId(2),
+                iou: 0.4
+            }
+        );
     }
 }

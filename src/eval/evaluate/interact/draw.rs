@@ -22,7 +22,9 @@ pub fn drawn(
     }
     let (outlined, value) = outlined((truth, mask), (label, tree), iou, aim)?;
     let mended = mended((truth, mask), (label, tree), (iou, aim), value)?;
-    Ok(mended.filter(|drawn| aim.value(iou(&drawn.mask), drawn.corners) > value).or(outlined))
+    Ok(mended
+        .filter(|drawn| aim.value(iou(&drawn.mask), drawn.corners) > value)
+        .or(outlined))
 }
 
 #[cfg(test)]
@@ -36,13 +38,25 @@ mod tests {
         let drawn_with = |truth: &LabelMask, mask: &LabelMask, good_iou: f64| {
             let region = truth.region(LABEL);
             let iou = |mask: &LabelMask| mask.region(LABEL).iou(&region);
-            let aim = Aim { good_iou, price: 1e-6, price_beyond: 1.0, finest_px: 1.0 };
-            drawn((truth, mask), (LABEL, &tree), &iou, &aim).unwrap().unwrap().corners
+            let aim = Aim {
+                good_iou,
+                price: 1e-6,
+                price_beyond: 1.0,
+                finest_px: 1.0,
+            };
+            drawn((truth, mask), (LABEL, &tree), &iou, &aim)
+                .unwrap()
+                .unwrap()
+                .corners
         };
         let square = |x: u32, y: u32| (20..80).contains(&x) && (20..80).contains(&y);
         let tip = |x: u32, y: u32| (80..84).contains(&y) && x.abs_diff(50) < 12 - 3 * (y - 80);
         let tipped = mask(|x, y| square(x, y) || tip(x, y));
         assert_eq!(drawn_with(&tipped, &mask(square), 0.995), 1, "one pull");
-        assert_eq!(drawn_with(&mask(square), &mask(|_, _| false), 0.995), 4, "there is no border to be pulled");
+        assert_eq!(
+            drawn_with(&mask(square), &mask(|_, _| false), 0.995),
+            4,
+            "there is no border to be pulled"
+        );
     }
 }

@@ -38,7 +38,9 @@ impl Change {
     fn made(&self, drawn: &Drawn, (label, tree): (LabelId, &LabelTree)) -> Result<Drawn> {
         let mut next = drawn.clone();
         match self {
-            Self::Polygon(correction) => next.draw(&correction.ring, (label, tree), correction.include)?,
+            Self::Polygon(correction) => {
+                next.draw(&correction.ring, (label, tree), correction.include)?
+            }
             Self::Pull(pulled) => next.pull(pulled.ends_px, (label, tree))?,
         }
         Ok(next)
@@ -56,7 +58,10 @@ pub fn mended(
     (iou, aim): (Iou<'_>, &Aim),
     best: f64,
 ) -> Result<Option<Drawn>> {
-    let mut drawn = Drawn { mask: mask.clone(), corners: 0 };
+    let mut drawn = Drawn {
+        mask: mask.clone(),
+        corners: 0,
+    };
     let mut value = aim.value(iou(mask), 0);
     loop {
         let changes = changes(truth, &drawn.mask, label, aim)?;
@@ -71,7 +76,10 @@ pub fn mended(
             let next_value = aim.value(iou(&next.mask), next.corners);
             if next_value > value {
                 (drawn, value) = (next, next_value);
-                change.pixels().iter().for_each(|pixels| touched[pixels.clone()].fill(true));
+                change
+                    .pixels()
+                    .iter()
+                    .for_each(|pixels| touched[pixels.clone()].fill(true));
             }
         }
         if value <= looked_at {
@@ -82,12 +90,22 @@ pub fn mended(
 
 /// What is worth most to be done now, the best first.
 fn changes(truth: &LabelMask, mask: &LabelMask, label: LabelId, aim: &Aim) -> Result<Vec<Change>> {
-    let mut all: Vec<Change> = pulls(truth, mask, label, aim.finest_px)?.into_iter().map(Change::Pull).collect();
+    let mut all: Vec<Change> = pulls(truth, mask, label, aim.finest_px)?
+        .into_iter()
+        .map(Change::Pull)
+        .collect();
     for off_px in aim.off_px() {
-        all.extend(corrections(truth, mask, label, off_px)?.into_iter().map(Change::Polygon));
+        all.extend(
+            corrections(truth, mask, label, off_px)?
+                .into_iter()
+                .map(Change::Polygon),
+        );
     }
     all.sort_by(|a, b| b.worth().total_cmp(&a.worth()));
-    let least = all.first().map_or(0.0, |best| best.worth() * OF_BEST).max(LEAST_PX);
+    let least = all
+        .first()
+        .map_or(0.0, |best| best.worth() * OF_BEST)
+        .max(LEAST_PX);
     all.retain(|change| change.worth() >= least);
     Ok(all)
 }
@@ -97,11 +115,27 @@ mod tests {
     use super::*;
     use crate::evaluate::interact::tests::shape::{LABEL, mask};
 
-    fn mended_from(truth: &LabelMask, mask: &LabelMask, price_beyond: f64, best: f64) -> Option<Drawn> {
+    fn mended_from(
+        truth: &LabelMask,
+        mask: &LabelMask,
+        price_beyond: f64,
+        best: f64,
+    ) -> Option<Drawn> {
         let truth_region = truth.region(LABEL);
         let iou = |mask: &LabelMask| mask.region(LABEL).iou(&truth_region);
-        let aim = Aim { good_iou: 0.95, price: 1e-6, price_beyond, finest_px: 1.0 };
-        mended((truth, mask), (LABEL, &LabelTree::default()), (&iou, &aim), best).unwrap()
+        let aim = Aim {
+            good_iou: 0.95,
+            price: 1e-6,
+            price_beyond,
+            finest_px: 1.0,
+        };
+        mended(
+            (truth, mask),
+            (LABEL, &LabelTree::default()),
+            (&iou, &aim),
+            best,
+        )
+        .unwrap()
     }
 
     #[test]
@@ -112,7 +146,10 @@ mod tests {
         let apart = |x: u32, y: u32| (2..14).contains(&x) && (2..14).contains(&y);
         let truth = mask(|x, y| square(x, y) || tip(x, y) || apart(x, y));
         let drawn = mended_from(&truth, &mask(square), 0.003, 0.0).unwrap();
-        assert_eq!(drawn.corners, 5, "one for the tip, four for what no border is near");
+        assert_eq!(
+            drawn.corners, 5,
+            "one for the tip, four for what no border is near"
+        );
         assert!(drawn.mask.region(LABEL).iou(&truth.region(LABEL)) > 0.98);
     }
 
@@ -122,6 +159,10 @@ mod tests {
         let half = mask(|x, y| (20..80).contains(&x) && (20..60).contains(&y));
         assert!(mended_from(&truth, &half, 0.001, 0.0).is_some());
         assert_eq!(mended_from(&truth, &half, 0.001, 1e9), None);
-        assert_eq!(mended_from(&truth, &truth, 0.001, 0.0), None, "nothing is wrong");
+        assert_eq!(
+            mended_from(&truth, &truth, 0.001, 0.0),
+            None,
+            "nothing is wrong"
+        );
     }
 }

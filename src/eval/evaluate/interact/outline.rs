@@ -5,8 +5,8 @@ use glam::DVec2;
 
 use super::aim::Aim;
 use ostra_masks::{
-    LabelId, LabelMask, LabelTree, Outline, PaintRule, Region, assign, erase, fill_polygons, outlines, polygon_spans,
-    pull,
+    LabelId, LabelMask, LabelTree, Outline, PaintRule, Region, assign, erase, fill_polygons,
+    outlines, polygon_spans, pull,
 };
 
 /// What a user draws with the polygon tool, corner by corner, and by pulling borders.
@@ -48,7 +48,10 @@ fn drawn_whole(
     (label, tree): (LabelId, &LabelTree),
     off_px: f64,
 ) -> Result<Option<Drawn>> {
-    let mut drawn = Drawn { mask: mask.clone(), corners: 0 };
+    let mut drawn = Drawn {
+        mask: mask.clone(),
+        corners: 0,
+    };
     erase(&mut drawn.mask, &mask.region(label), Some(label))?;
     for polygon in polygons(&truth.region(label), off_px) {
         drawn.draw(&polygon.keyhole(), (label, tree), true)?;
@@ -67,7 +70,10 @@ fn drawn_parts(
     off_px: f64,
     best: f64,
 ) -> Result<Option<Drawn>> {
-    let mut drawn = Drawn { mask: mask.clone(), corners: 0 };
+    let mut drawn = Drawn {
+        mask: mask.clone(),
+        corners: 0,
+    };
     let mut value = aim.value(iou(mask), 0);
     for Correction { ring, include, .. } in corrections(truth, mask, label, off_px)? {
         if aim.value(1.0, drawn.corners + ring.len()) <= best {
@@ -94,22 +100,52 @@ pub(super) struct Correction {
 }
 
 /// Polygons around the wrong parts of a label, those that mend most for each corner first.
-pub(super) fn corrections(truth: &LabelMask, mask: &LabelMask, label: LabelId, off_px: f64) -> Result<Vec<Correction>> {
+pub(super) fn corrections(
+    truth: &LabelMask,
+    mask: &LabelMask,
+    label: LabelId,
+    off_px: f64,
+) -> Result<Vec<Correction>> {
     let mut all = Vec::new();
     for include in [true, false] {
         // What polygons change, and where they mend by it.
         let changed = |is: LabelId| (is == label) != include;
         let mends = |truth: LabelId| (truth == label) == include;
         let pairs = || truth.ids.iter().zip(&mask.ids);
-        let wrong = pairs().map(|(&truth, &is)| changed(is) && mends(truth)).collect();
-        for polygon in polygons(&Region { width: mask.width, height: mask.height, inside: wrong }, off_px) {
+        let wrong = pairs()
+            .map(|(&truth, &is)| changed(is) && mends(truth))
+            .collect();
+        for polygon in polygons(
+            &Region {
+                width: mask.width,
+                height: mask.height,
+                inside: wrong,
+            },
+            off_px,
+        ) {
             let ring = polygon.keyhole();
             let mut pixels = Vec::new();
-            polygon_spans(mask.width, mask.height, std::slice::from_ref(&ring), |span| pixels.push(span))?;
-            let inside = pixels.iter().cloned().flatten().filter(|&at| changed(mask.ids[at]));
-            let mended: i64 = inside.map(|at| if mends(truth.ids[at]) { 1 } else { -1 }).sum();
+            polygon_spans(
+                mask.width,
+                mask.height,
+                std::slice::from_ref(&ring),
+                |span| pixels.push(span),
+            )?;
+            let inside = pixels
+                .iter()
+                .cloned()
+                .flatten()
+                .filter(|&at| changed(mask.ids[at]));
+            let mended: i64 = inside
+                .map(|at| if mends(truth.ids[at]) { 1 } else { -1 })
+                .sum();
             if mended > 0 {
-                all.push(Correction { worth: mended as f64 / ring.len() as f64, ring, include, pixels });
+                all.push(Correction {
+                    worth: mended as f64 / ring.len() as f64,
+                    ring,
+                    include,
+                    pixels,
+                });
             }
         }
     }
@@ -124,7 +160,11 @@ impl Drawn {
         (label, tree): (LabelId, &LabelTree),
         include: bool,
     ) -> Result<()> {
-        let region = fill_polygons(self.mask.width, self.mask.height, std::slice::from_ref(ring))?;
+        let region = fill_polygons(
+            self.mask.width,
+            self.mask.height,
+            std::slice::from_ref(ring),
+        )?;
         if include {
             assign(&mut self.mask, &region, label, PaintRule::Replace, tree)?;
         } else {
@@ -135,7 +175,11 @@ impl Drawn {
     }
 
     /// Pulls the border of a label.
-    pub(super) fn pull(&mut self, ends_px: (DVec2, DVec2), (label, tree): (LabelId, &LabelTree)) -> Result<()> {
+    pub(super) fn pull(
+        &mut self,
+        ends_px: (DVec2, DVec2),
+        (label, tree): (LabelId, &LabelTree),
+    ) -> Result<()> {
         pull(&mut self.mask, ends_px, label, PaintRule::Replace, tree)?;
         self.corners += 1;
         Ok(())
@@ -144,7 +188,10 @@ impl Drawn {
 
 /// What a hand draws around the parts of a region.
 fn polygons(region: &Region, off_px: f64) -> Vec<Outline> {
-    outlines(region).iter().filter_map(|outline| outline.simplified(off_px)).collect()
+    outlines(region)
+        .iter()
+        .filter_map(|outline| outline.simplified(off_px))
+        .collect()
 }
 
 #[cfg(test)]
@@ -159,30 +206,65 @@ mod tests {
     fn drawn_for(truth: &LabelMask, mask: &LabelMask, price_beyond: f64) -> Option<Drawn> {
         let iou = |mask: &LabelMask| {
             let pairs = || mask.ids.iter().zip(&truth.ids);
-            let both = pairs().filter(|(a, b)| **a == LABEL && **b == LABEL).count();
-            both as f64 / pairs().filter(|(a, b)| **a == LABEL || **b == LABEL).count() as f64
+            let both = pairs()
+                .filter(|(a, b)| **a == LABEL && **b == LABEL)
+                .count();
+            both as f64
+                / pairs()
+                    .filter(|(a, b)| **a == LABEL || **b == LABEL)
+                    .count() as f64
         };
-        let aim = Aim { good_iou: 0.9, price: 1e-6, price_beyond, finest_px: 2.0 };
-        outlined((truth, mask), (LABEL, &LabelTree::default()), &iou, &aim).unwrap().0
+        let aim = Aim {
+            good_iou: 0.9,
+            price: 1e-6,
+            price_beyond,
+            finest_px: 2.0,
+        };
+        outlined((truth, mask), (LABEL, &LabelTree::default()), &iou, &aim)
+            .unwrap()
+            .0
     }
 
     #[test]
     fn one_wrong_part_is_drawn_and_the_rest_left_as_it_is() {
         let truth = mask(|x, y| (20..80).contains(&x) && (20..80).contains(&y));
         let missed = mask(|x, y| (20..80).contains(&x) && (20..60).contains(&y) && x + y > 45);
-        assert_eq!(drawn_from(&truth, &missed).unwrap().corners, 4, "the missed stripe, not the corner");
+        assert_eq!(
+            drawn_from(&truth, &missed).unwrap().corners,
+            4,
+            "the missed stripe, not the corner"
+        );
         let taken = mask(|x, y| (20..80).contains(&x) && (20..95).contains(&y));
-        assert_eq!(drawn_from(&truth, &taken).unwrap(), Drawn { mask: truth.clone(), corners: 4 });
+        assert_eq!(
+            drawn_from(&truth, &taken).unwrap(),
+            Drawn {
+                mask: truth.clone(),
+                corners: 4
+            }
+        );
     }
 
     #[test]
     fn more_corners_are_drawn_where_they_pay() {
-        let within = |x: u32, y: u32, across: std::ops::Range<u32>| across.contains(&x) && (20..80).contains(&y);
-        let truth = mask(|x, y| within(x, y, 20..80) || within(x, y, 80..86) && (45..75).contains(&y));
+        let within = |x: u32, y: u32, across: std::ops::Range<u32>| {
+            across.contains(&x) && (20..80).contains(&y)
+        };
+        let truth =
+            mask(|x, y| within(x, y, 20..80) || within(x, y, 80..86) && (45..75).contains(&y));
         let nothing = mask(|_, _| false);
         assert_eq!(drawn_for(&truth, &nothing, 1.0).unwrap().corners, 4);
-        assert_eq!(drawn_for(&truth, &nothing, 0.004).unwrap(), Drawn { mask: truth.clone(), corners: 8 });
-        assert_eq!(drawn_for(&truth, &nothing, 0.02).unwrap().corners, 4, "four for 0.05 are too dear");
+        assert_eq!(
+            drawn_for(&truth, &nothing, 0.004).unwrap(),
+            Drawn {
+                mask: truth.clone(),
+                corners: 8
+            }
+        );
+        assert_eq!(
+            drawn_for(&truth, &nothing, 0.02).unwrap().corners,
+            4,
+            "four for 0.05 are too dear"
+        );
     }
 
     #[test]
@@ -192,8 +274,15 @@ mod tests {
         let drawn_with = |price: f64| {
             let region = truth.region(LABEL);
             let iou = |mask: &LabelMask| mask.region(LABEL).iou(&region);
-            let aim = Aim { good_iou: 0.9, price, price_beyond: 1.0, finest_px: 1.0 };
-            outlined((&truth, &mask), (LABEL, &LabelTree::default()), &iou, &aim).unwrap().0
+            let aim = Aim {
+                good_iou: 0.9,
+                price,
+                price_beyond: 1.0,
+                finest_px: 1.0,
+            };
+            outlined((&truth, &mask), (LABEL, &LabelTree::default()), &iou, &aim)
+                .unwrap()
+                .0
         };
         // Four corners for 0.07 from five sixths to 0.9.
         assert_eq!(drawn_with(0.015).map(|drawn| drawn.corners), Some(4));
@@ -204,23 +293,40 @@ mod tests {
     fn what_mends_most_for_a_corner_is_drawn_first() {
         let square = |x: u32, y: u32| (20..80).contains(&x) && (20..80).contains(&y);
         let comb = |x: u32, y: u32| {
-            (20..80).contains(&x) && ((80..82).contains(&y) || (82..90).contains(&y) && (x / 4).is_multiple_of(2))
+            (20..80).contains(&x)
+                && ((80..82).contains(&y) || (82..90).contains(&y) && (x / 4).is_multiple_of(2))
         };
         let truth = mask(|x, y| square(x, y) || comb(x, y));
         // Of the square 300 pixels are missed, of the comb with its many corners all 344.
         let drawn = drawn_from(&truth, &mask(|x, y| square(x, y) && y >= 25)).unwrap();
-        assert_eq!(drawn, Drawn { mask: mask(square), corners: 4 });
+        assert_eq!(
+            drawn,
+            Drawn {
+                mask: mask(square),
+                corners: 4
+            }
+        );
     }
 
     #[test]
     fn the_whole_is_drawn_where_that_is_less_work() {
         let truth = mask(|x, y| (20..80).contains(&x) && (20..80).contains(&y));
         let stripes = mask(|x, y| (20..80).contains(&x) && (20..80).contains(&y) && x / 5 % 2 == 0);
-        assert_eq!(drawn_from(&truth, &stripes).unwrap(), Drawn { mask: truth.clone(), corners: 4 });
-        let within = |x: u32, y: u32, side: std::ops::Range<u32>| side.contains(&x) && side.contains(&y);
+        assert_eq!(
+            drawn_from(&truth, &stripes).unwrap(),
+            Drawn {
+                mask: truth.clone(),
+                corners: 4
+            }
+        );
+        let within =
+            |x: u32, y: u32, side: std::ops::Range<u32>| side.contains(&x) && side.contains(&y);
         let ring = mask(|x, y| within(x, y, 20..80) && !within(x, y, 40..60));
         let again = drawn_from(&ring, &mask(|_, _| false)).unwrap();
-        assert!(again.mask.ids[(50 * SIZE + 50) as usize] == LabelId::NONE, "holes stay");
+        assert!(
+            again.mask.ids[(50 * SIZE + 50) as usize] == LabelId::NONE,
+            "holes stay"
+        );
     }
 
     #[test]
@@ -230,6 +336,13 @@ mod tests {
         let line = mask(|x, y| x == 50 && y < 90);
         let beside = mask(|x, y| (50..60).contains(&x) && y < 90);
         let drawn = drawn_from(&line, &beside);
-        assert_eq!(drawn, Some(Drawn { mask: line, corners: 4 }), "but what is too much beside it is taken away");
+        assert_eq!(
+            drawn,
+            Some(Drawn {
+                mask: line,
+                corners: 4
+            }),
+            "but what is too much beside it is taken away"
+        );
     }
 }

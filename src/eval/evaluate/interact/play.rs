@@ -29,13 +29,25 @@ pub fn interact(
     options: &InteractOptions,
     progress: &Progress,
 ) -> Result<InteractReport> {
-    let first = sequence.truth.keys().copied().find(|&frame| !sequence.shown_on(frame).is_empty());
+    let first = sequence
+        .truth
+        .keys()
+        .copied()
+        .find(|&frame| !sequence.shown_on(frame).is_empty());
     let first = first.context("the true masks show no label; give masks that do")?;
     let prepared = PreparedFrames::new(PREPARED_BYTES);
     let alone = frame_by_frame(sequence, segmenter, &prepared, options, progress)?;
     let begun = Instant::now();
     let most_clicks = 2 * alone.values().map(|alone| alone.clicks).sum::<usize>();
-    let user = RobotUser::new(sequence, segmenter, &prepared, progress, options, 0, most_clicks);
+    let user = RobotUser::new(
+        sequence,
+        segmenter,
+        &prepared,
+        progress,
+        options,
+        0,
+        most_clicks,
+    );
     let mut game = Game::new(user, tracker, options);
     progress.stage("click")?;
     let failed = game.begin(first, &sequence.shown_on(first))?;
@@ -59,7 +71,11 @@ pub fn interact(
         corrected: game.corrected.len(),
         seconds,
         frame_by_frame: alone.values().copied().sum(),
-        failed_by_frame: failed.iter().filter_map(|frame| alone.get(frame)).copied().sum(),
+        failed_by_frame: failed
+            .iter()
+            .filter_map(|frame| alone.get(frame))
+            .copied()
+            .sum(),
     })
 }
 
@@ -80,7 +96,10 @@ struct Game<'a> {
 
 impl<'a> Game<'a> {
     fn new(user: RobotUser<'a>, tracker: &'a dyn Tracker, options: &'a InteractOptions) -> Self {
-        let goals = InteractReport::GOALS.map(|mean_iou| Goal { mean_iou, clicks: None });
+        let goals = InteractReport::GOALS.map(|mean_iou| Goal {
+            mean_iou,
+            clicks: None,
+        });
         Self {
             user,
             tracker,
@@ -96,23 +115,38 @@ impl<'a> Game<'a> {
 
     /// Labels the first frame and tracks it; gives the others on which that left a label below the IoU at which it is good.
     fn begin(&mut self, first: usize, labels: &[LabelId]) -> Result<BTreeSet<usize>> {
-        let asked = labels.iter().map(|&label| (label, Clicks::of(self.options))).collect();
+        let asked = labels
+            .iter()
+            .map(|&label| (label, Clicks::of(self.options)))
+            .collect();
         let before = self.user.ious(first)?;
         self.user.visit(first, &asked, &self.aim)?;
         self.leave(first, &asked, &before)?;
         self.user.track(self.tracker)?;
         self.note()?;
         let ious = self.user.ious_by_label()?;
-        let poor = ious.values().flatten().filter(|&(_, &iou)| iou < self.options.good_iou);
-        Ok(poor.map(|(&frame, _)| frame).filter(|&frame| frame != first).collect())
+        let poor = ious
+            .values()
+            .flatten()
+            .filter(|&(_, &iou)| iou < self.options.good_iou);
+        Ok(poor
+            .map(|(&frame, _)| frame)
+            .filter(|&frame| frame != first)
+            .collect())
     }
 
     /// Where a correction is worth most; where none pays any longer, the user is content with less for each corner.
     fn next(&mut self) -> Result<Option<Worth>> {
         loop {
-            let worth = most_worth(&self.user.ious_by_label()?, &self.user.anchors(), &self.left_alone);
+            let worth = most_worth(
+                &self.user.ious_by_label()?,
+                &self.user.anchors(),
+                &self.left_alone,
+            );
             let lowered = self.aim.lowered(self.options.least_price);
-            let (None, Some(aim)) = (worth, lowered) else { return Ok(worth) };
+            let (None, Some(aim)) = (worth, lowered) else {
+                return Ok(worth);
+            };
             self.aim = aim;
             self.left_alone.clear();
         }
@@ -123,14 +157,17 @@ impl<'a> Game<'a> {
         let Worth { frame, label, .. } = worth;
         let good_iou = self.options.good_iou;
         let before = self.user.ious(frame)?;
-        let is_meant = |id: LabelId, iou: f64| id == label || iou < good_iou && !self.left_alone.contains(&(frame, id));
+        let is_meant = |id: LabelId, iou: f64| {
+            id == label || iou < good_iou && !self.left_alone.contains(&(frame, id))
+        };
         let clicks = |id: LabelId, iou: f64| match self.clicked_out.contains(&(frame, id)) {
             true => Clicks::NONE,
             false if iou < good_iou => Clicks::of(self.options),
             false => Clicks::ONE,
         };
         let meant = before.iter().filter(|&(&id, &iou)| is_meant(id, iou));
-        let asked: BTreeMap<LabelId, Clicks> = meant.map(|(&id, &iou)| (id, clicks(id, iou))).collect();
+        let asked: BTreeMap<LabelId, Clicks> =
+            meant.map(|(&id, &iou)| (id, clicks(id, iou))).collect();
         if self.user.visit(frame, &asked, &self.aim)? {
             self.corrected.insert(frame);
             let labels: Vec<LabelId> = asked.keys().copied().collect();
@@ -162,7 +199,11 @@ impl<'a> Game<'a> {
     /// Notes the mean IoU, and the goals that are reached now for the first time.
     fn note(&mut self) -> Result<()> {
         self.mean_iou = self.user.mean_iou()?;
-        for goal in self.goals.iter_mut().filter(|goal| self.mean_iou >= goal.mean_iou) {
+        for goal in self
+            .goals
+            .iter_mut()
+            .filter(|goal| self.mean_iou >= goal.mean_iou)
+        {
             goal.clicks.get_or_insert(self.user.clicks());
         }
         Ok(())

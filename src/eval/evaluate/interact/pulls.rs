@@ -29,12 +29,25 @@ pub struct Pulled {
 ///
 /// # Errors
 /// When the masks differ in size.
-pub fn pulls(truth: &LabelMask, mask: &LabelMask, label: LabelId, finest_px: f64) -> Result<Vec<Pulled>> {
+pub fn pulls(
+    truth: &LabelMask,
+    mask: &LabelMask,
+    label: LabelId,
+    finest_px: f64,
+) -> Result<Vec<Pulled>> {
     let borders = ElasticBorders::of(&mask.region(label));
     let judge = Judge { truth, mask, label };
-    let places: Vec<DVec2> = borders.rings().iter().flat_map(|ring| places_along(ring)).collect();
-    let near = places.into_par_iter().filter(|&place| judge.is_wrong_near(place));
-    let best: Result<Vec<Option<Pulled>>> = near.map(|place| best_at(&judge, &borders, place, finest_px)).collect();
+    let places: Vec<DVec2> = borders
+        .rings()
+        .iter()
+        .flat_map(|ring| places_along(ring))
+        .collect();
+    let near = places
+        .into_par_iter()
+        .filter(|&place| judge.is_wrong_near(place));
+    let best: Result<Vec<Option<Pulled>>> = near
+        .map(|place| best_at(&judge, &borders, place, finest_px))
+        .collect();
     Ok(best?.into_iter().flatten().collect())
 }
 
@@ -54,12 +67,25 @@ fn places_along(ring: &[DVec2]) -> Vec<DVec2> {
     places
 }
 
-fn best_at(judge: &Judge<'_>, borders: &ElasticBorders, from: DVec2, finest_px: f64) -> Result<Option<Pulled>> {
+fn best_at(
+    judge: &Judge<'_>,
+    borders: &ElasticBorders,
+    from: DVec2,
+    finest_px: f64,
+) -> Result<Option<Pulled>> {
     let mut best: Option<Pulled> = None;
     for far_px in FAR_PX.into_iter().filter(|&far_px| far_px >= finest_px) {
-        let Some(mut pull) = borders.pull(from, from + DVec2::X * far_px) else { continue };
-        let across = pull.gives_way.first().zip(pull.gives_way.last()).map(|(&a, &b)| (b - a).perp());
-        let Some(across) = across.and_then(DVec2::try_normalize) else { continue };
+        let Some(mut pull) = borders.pull(from, from + DVec2::X * far_px) else {
+            continue;
+        };
+        let across = pull
+            .gives_way
+            .first()
+            .zip(pull.gives_way.last())
+            .map(|(&a, &b)| (b - a).perp());
+        let Some(across) = across.and_then(DVec2::try_normalize) else {
+            continue;
+        };
         for to in [from + across * far_px, from - across * far_px] {
             pull.to_px = to;
             let (mut mended, mut pixels) = (0, Vec::new());
@@ -68,7 +94,11 @@ fn best_at(judge: &Judge<'_>, borders: &ElasticBorders, from: DVec2, finest_px: 
                 pixels.push(span);
             })?;
             if mended > best.as_ref().map_or(0, |best| best.mended) {
-                best = Some(Pulled { ends_px: (from, to), mended, pixels });
+                best = Some(Pulled {
+                    ends_px: (from, to),
+                    mended,
+                    pixels,
+                });
             }
         }
     }
@@ -85,15 +115,27 @@ struct Judge<'a> {
 impl Judge<'_> {
     /// What is mended, less what is spoilt, where pixels come to the label or go.
     fn mended(&self, pixels: Range<usize>, comes: bool) -> i64 {
-        let pairs = self.truth.ids[pixels.clone()].iter().zip(&self.mask.ids[pixels]);
+        let pairs = self.truth.ids[pixels.clone()]
+            .iter()
+            .zip(&self.mask.ids[pixels]);
         let changed = pairs.filter(|(_, is)| (**is == self.label) != comes);
-        changed.map(|(truth, _)| if (*truth == self.label) == comes { 1 } else { -1 }).sum()
+        changed
+            .map(|(truth, _)| {
+                if (*truth == self.label) == comes {
+                    1
+                } else {
+                    -1
+                }
+            })
+            .sum()
     }
 
     fn is_wrong_near(&self, at_px: DVec2) -> bool {
         let (width, height) = (i64::from(self.mask.width), i64::from(self.mask.height));
-        let around = |at: f64, size: i64| (at as i64 - NEAR_PX).max(0)..(at as i64 + NEAR_PX + 1).min(size);
-        let is_wrong = |at: usize| (self.truth.ids[at] == self.label) != (self.mask.ids[at] == self.label);
+        let around =
+            |at: f64, size: i64| (at as i64 - NEAR_PX).max(0)..(at as i64 + NEAR_PX + 1).min(size);
+        let is_wrong =
+            |at: usize| (self.truth.ids[at] == self.label) != (self.mask.ids[at] == self.label);
         let mut columns_of_rows = around(at_px.y, height).map(|y| (y, around(at_px.x, width)));
         columns_of_rows.any(|(y, mut columns)| columns.any(|x| is_wrong((y * width + x) as usize)))
     }
@@ -111,10 +153,26 @@ mod tests {
         let all = pulls(&truth, &cut, LABEL, 1.0).unwrap();
         let best = all.iter().max_by_key(|pulled| pulled.mended).unwrap();
         let missed = truth.region(LABEL).area() - cut.region(LABEL).area();
-        assert!(best.mended as usize > missed * 3 / 4, "{} of {missed}", best.mended);
-        assert!(best.ends_px.1.distance(DVec2::splat(60.0)) < 3.0, "{:?}", best.ends_px);
-        assert!(all.iter().all(|pulled| pulled.ends_px.0.min_element() > 40.0), "the rest is right");
-        assert_eq!(pulls(&truth, &cut, LABEL, 20.0).unwrap(), [], "a coarse hand does nothing so fine");
+        assert!(
+            best.mended as usize > missed * 3 / 4,
+            "{} of {missed}",
+            best.mended
+        );
+        assert!(
+            best.ends_px.1.distance(DVec2::splat(60.0)) < 3.0,
+            "{:?}",
+            best.ends_px
+        );
+        assert!(
+            all.iter()
+                .all(|pulled| pulled.ends_px.0.min_element() > 40.0),
+            "the rest is right"
+        );
+        assert_eq!(
+            pulls(&truth, &cut, LABEL, 20.0).unwrap(),
+            [],
+            "a coarse hand does nothing so fine"
+        );
     }
 
     #[test]
@@ -122,7 +180,12 @@ mod tests {
         let truth = mask(|x, y| (20..60).contains(&x) && (20..60).contains(&y));
         assert_eq!(pulls(&truth, &truth, LABEL, 1.0).unwrap(), []);
         assert_eq!(pulls(&truth, &mask(|_, _| false), LABEL, 1.0).unwrap(), []);
-        let holed = mask(|x, y| (20..60).contains(&x) && (20..60).contains(&y) && !(x == 40 && y == 40));
-        assert_eq!(pulls(&holed, &truth, LABEL, 1.0).unwrap(), [], "a hole is not at a border");
+        let holed =
+            mask(|x, y| (20..60).contains(&x) && (20..60).contains(&y) && !(x == 40 && y == 40));
+        assert_eq!(
+            pulls(&holed, &truth, LABEL, 1.0).unwrap(),
+            [],
+            "a hole is not at a border"
+        );
     }
 }

@@ -77,11 +77,17 @@ impl InteractReport {
     #[must_use]
     pub fn share_of_reclicking(&self) -> Option<f64> {
         let clicks = self.failed_by_frame.clicks;
-        (clicks > 0).then(|| self.clicks_to_goal()).flatten().map(|goal| goal / clicks as f64)
+        (clicks > 0)
+            .then(|| self.clicks_to_goal())
+            .flatten()
+            .map(|goal| goal / clicks as f64)
     }
 
     fn clicks_to_goal(&self) -> Option<f64> {
-        let goal = self.reached.iter().find(|goal| goal.mean_iou == Self::GOALS[1])?;
+        let goal = self
+            .reached
+            .iter()
+            .find(|goal| goal.mean_iou == Self::GOALS[1])?;
         goal.clicks.map(|clicks| clicks as f64)
     }
 }

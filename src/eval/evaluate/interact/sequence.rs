@@ -33,27 +33,52 @@ impl Sequence {
         // Depths that a reconstruction made lie in the project's folder.
         let store = FrameStore::at_home(PIXEL_BYTES, frames.to_owned());
         let (frames, mut warnings) = read_frames(frames, progress)?;
-        let read = |frame: &Frame| store.image(frame).and_then(|_| store.depth(frame)).map(drop);
+        let read = |frame: &Frame| {
+            store
+                .image(frame)
+                .and_then(|_| store.depth(frame))
+                .map(drop)
+        };
         let (frames, unreadable) = readable_frames(frames, read, progress)?;
         warnings.extend(unreadable);
         let sized: Vec<MaskFrame<'_>> = frames.iter().map(MaskFrame::from).collect();
-        let imported = import_masks(truth, MaskFormat::Davis, &sized, &LabelTree::default(), progress)?;
+        let imported = import_masks(
+            truth,
+            MaskFormat::Davis,
+            &sized,
+            &LabelTree::default(),
+            progress,
+        )?;
         warnings.extend(imported.warnings);
         let labels = LabelTree::try_from(imported.new_labels)?;
         let (frames, store) = (Arc::new(frames), Arc::new(store));
-        Ok((Self { frames, store, labels, truth: imported.masks }, warnings))
+        Ok((
+            Self {
+                frames,
+                store,
+                labels,
+                truth: imported.masks,
+            },
+            warnings,
+        ))
     }
 
     /// The labels that the truth shows anywhere.
     #[must_use]
     pub fn shown(&self) -> BTreeSet<LabelId> {
-        self.truth.keys().flat_map(|&frame| self.shown_on(frame)).collect()
+        self.truth
+            .keys()
+            .flat_map(|&frame| self.shown_on(frame))
+            .collect()
     }
 
     /// The labels that the truth shows on a frame.
     #[must_use]
     pub fn shown_on(&self, frame: usize) -> Vec<LabelId> {
-        self.truth.get(&frame).map(|mask| mask.extents().into_keys().collect()).unwrap_or_default()
+        self.truth
+            .get(&frame)
+            .map(|mask| mask.extents().into_keys().collect())
+            .unwrap_or_default()
     }
 
     /// The true mask of a frame.
@@ -61,12 +86,18 @@ impl Sequence {
     /// # Errors
     /// When there is none.
     pub fn truth_of(&self, frame: usize) -> Result<&RunMask> {
-        self.truth.get(&frame).with_context(|| format!("frame {frame} has no true mask"))
+        self.truth
+            .get(&frame)
+            .with_context(|| format!("frame {frame} has no true mask"))
     }
 
     /// A project in memory with the frames and labels, and nothing else.
     #[must_use]
     pub fn project(&self) -> Project {
-        Project { frames: Arc::clone(&self.frames), labels: self.labels.clone(), ..Project::default() }
+        Project {
+            frames: Arc::clone(&self.frames),
+            labels: self.labels.clone(),
+            ..Project::default()
+        }
     }
 }

@@ -31,7 +31,10 @@ pub struct InteractRequest {
 ///
 /// # Errors
 /// As [`Sequence::open`] and [`interact`]; for an engine that is not installed or does not fit the frames.
-pub fn evaluate_interaction(request: &InteractRequest, watch: &mut Watch<'_>) -> Result<(InteractReport, Vec<String>)> {
+pub fn evaluate_interaction(
+    request: &InteractRequest,
+    watch: &mut Watch<'_>,
+) -> Result<(InteractReport, Vec<String>)> {
     let (request, (sender, receiver)) = (request.clone(), channel());
     let mut session = Session::new();
     session.start("Interact", Kind::Long, move |link| {
@@ -50,10 +53,22 @@ pub fn evaluate_interaction(request: &InteractRequest, watch: &mut Watch<'_>) ->
 
 fn play(request: &InteractRequest, progress: &Progress) -> Result<(InteractReport, Vec<String>)> {
     let (sequence, warnings) = Sequence::open(&request.frames, &request.truth, progress)?;
-    let geometry = engines::geometry_segmenter(Arc::clone(&sequence.project().frames), Arc::clone(&sequence.store));
+    let geometry = engines::geometry_segmenter(
+        Arc::clone(&sequence.project().frames),
+        Arc::clone(&sequence.store),
+    );
     let segmenter = engines::segmenter(&request.segmenter, geometry)?;
-    let settings = TrackSettings { tracker: request.tracker.clone(), ..TrackSettings::default() };
+    let settings = TrackSettings {
+        tracker: request.tracker.clone(),
+        ..TrackSettings::default()
+    };
     let tracker = engines::tracker(&settings, &sequence.project())?;
-    let report = interact(&sequence, segmenter.as_ref(), tracker.as_ref(), &request.options, progress)?;
+    let report = interact(
+        &sequence,
+        segmenter.as_ref(),
+        tracker.as_ref(),
+        &request.options,
+        progress,
+    )?;
     Ok((report, warnings))
 }

@@ -9,8 +9,8 @@ use super::{FrameByFrame, InteractOptions, Sequence, interact};
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::{DepthMap, FrameFolder, FrameStore, Image, OpenRequest, open};
 use ostra_masks::{
-    Label, LabelId, LabelMask, LabelTree, MaskError, PreparedFrame, Region, RunMask, SegmentRequest, Segmenter,
-    TrackRequest, TrackedFrame, Tracker,
+    Label, LabelId, LabelMask, LabelTree, MaskError, PreparedFrame, Region, RunMask,
+    SegmentRequest, Segmenter, TrackRequest, TrackedFrame, Tracker,
 };
 use ostra_session::PreparedFrames;
 
@@ -22,7 +22,10 @@ const FRAMES: u32 = 12;
 /// Columns of the two objects: the red one moves by 2 px a frame, the blue one stands still from frame 3 on.
 fn columns(frame: u32) -> [(LabelId, [u8; 3], Range<u32>); 2] {
     let blue = if frame < 3 { 0..0 } else { 52..62 };
-    [(LabelId(1), [200, 30, 30], 2 + 2 * frame..18 + 2 * frame), (LabelId(2), [30, 30, 200], blue)]
+    [
+        (LabelId(1), [200, 30, 30], 2 + 2 * frame..18 + 2 * frame),
+        (LabelId(2), [30, 30, 200], blue),
+    ]
 }
 
 /// Frames as files, with their true masks.
@@ -30,18 +33,45 @@ fn sequence(folder: &Path) -> Sequence {
     let (width, height) = SIZE;
     let mut truth = BTreeMap::new();
     for frame in 0..FRAMES {
-        let object = |x, y| columns(frame).into_iter().find(|(_, _, at)| at.contains(&x) && (4..20).contains(&y));
+        let object = |x, y| {
+            columns(frame)
+                .into_iter()
+                .find(|(_, _, at)| at.contains(&x) && (4..20).contains(&y))
+        };
         let color = |x, y| image::Rgb(object(x, y).map_or([90; 3], |(_, color, _)| color));
-        image::RgbImage::from_fn(width, height, color).save(folder.join(format!("{frame:02}.png"))).unwrap();
+        image::RgbImage::from_fn(width, height, color)
+            .save(folder.join(format!("{frame:02}.png")))
+            .unwrap();
         let id = |at: u32| object(at % width, at / width).map_or(LabelId::NONE, |(id, _, _)| id);
-        let mask = LabelMask { width, height, ids: (0..width * height).map(id).collect() };
+        let mask = LabelMask {
+            width,
+            height,
+            ids: (0..width * height).map(id).collect(),
+        };
         truth.insert(frame as usize, RunMask::encode(&mask));
     }
     let sources = vec![FrameFolder::from(folder.to_owned())];
-    let opened = open(&OpenRequest { sources, ..OpenRequest::default() }, &Progress::default()).unwrap();
-    let label = |id: u16| Label { id: LabelId(id), name: id.to_string(), color: [0; 3], parent: None };
+    let opened = open(
+        &OpenRequest {
+            sources,
+            ..OpenRequest::default()
+        },
+        &Progress::default(),
+    )
+    .unwrap();
+    let label = |id: u16| Label {
+        id: LabelId(id),
+        name: id.to_string(),
+        color: [0; 3],
+        parent: None,
+    };
     let labels = LabelTree::try_from(vec![label(1), label(2)]).unwrap();
-    Sequence { frames: Arc::new(opened.frames), store: Arc::new(FrameStore::new(1 << 20)), labels, truth }
+    Sequence {
+        frames: Arc::new(opened.frames),
+        store: Arc::new(FrameStore::new(1 << 20)),
+        labels,
+        truth,
+    }
 }
 
 /// Answers a click with all pixels of the clicked colour, or with the clicked pixel alone.
@@ -65,7 +95,10 @@ impl Segmenter for ByColor {
         _: Option<&Arc<DepthMap>>,
         _: &Progress,
     ) -> Result<Arc<dyn PreparedFrame>, MaskError> {
-        Ok(Arc::new(Colors { image: Arc::clone(image), whole: self.whole }))
+        Ok(Arc::new(Colors {
+            image: Arc::clone(image),
+            whole: self.whole,
+        }))
     }
 }
 
@@ -74,9 +107,20 @@ impl PreparedFrame for Colors {
         let (width, height) = (self.image.width, self.image.height);
         let click = request.prompt.clicks.last().unwrap();
         let at = click.pixel_in(width, height).unwrap();
-        let alike = |pixel: usize| click.include && self.image.pixels[pixel] == self.image.pixels[at];
-        let inside = (0..self.image.pixels.len()).map(|pixel| if self.whole { alike(pixel) } else { pixel == at });
-        Ok(Region { width, height, inside: inside.collect() })
+        let alike =
+            |pixel: usize| click.include && self.image.pixels[pixel] == self.image.pixels[at];
+        let inside = (0..self.image.pixels.len()).map(|pixel| {
+            if self.whole {
+                alike(pixel)
+            } else {
+                pixel == at
+            }
+        });
+        Ok(Region {
+            width,
+            height,
+            inside: inside.collect(),
+        })
     }
 
     fn bytes(&self) -> usize {
@@ -105,12 +149,27 @@ impl Tracker for Copier {
         progress: &Progress,
     ) -> Result<Vec<String>, MaskError> {
         let anchors: BTreeSet<usize> = request.anchors.keys().copied().collect();
-        self.asked.lock().unwrap().push((anchors, request.from..request.to + 1, request.labels.clone()));
-        for frame in (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame)) {
+        self.asked.lock().unwrap().push((
+            anchors,
+            request.from..request.to + 1,
+            request.labels.clone(),
+        ));
+        for frame in
+            (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame))
+        {
             progress.check()?;
-            let nearest = request.anchors.iter().min_by_key(|(anchor, _)| anchor.abs_diff(frame)).unwrap();
+            let nearest = request
+                .anchors
+                .iter()
+                .min_by_key(|(anchor, _)| anchor.abs_diff(frame))
+                .unwrap();
             let mask = nearest.1.as_ref().clone();
-            emit(TrackedFrame { frame, mask, confidence: BTreeMap::new(), preliminary: false });
+            emit(TrackedFrame {
+                frame,
+                mask,
+                confidence: BTreeMap::new(),
+                preliminary: false,
+            });
         }
         Ok(Vec::new())
     }
@@ -121,23 +180,68 @@ fn corrections_between_anchors_make_a_sequence_good() {
     let folder = tempfile::tempdir().unwrap();
     let (sequence, tracker) = (sequence(folder.path()), Copier::default());
     let options = InteractOptions::default();
-    let report = interact(&sequence, &ByColor { whole: true }, &tracker, &options, &Progress::default()).unwrap();
+    let report = interact(
+        &sequence,
+        &ByColor { whole: true },
+        &tracker,
+        &options,
+        &Progress::default(),
+    )
+    .unwrap();
     // One click an object and frame; 12 frames show red and 9 blue.
-    assert_eq!(report.frame_by_frame, FrameByFrame { frames: 12, clicks: 21, failed: 0 });
+    assert_eq!(
+        report.frame_by_frame,
+        FrameByFrame {
+            frames: 12,
+            clicks: 21,
+            failed: 0
+        }
+    );
     assert!(report.mean_iou >= 0.95, "{report:?}");
-    let clicks: Vec<usize> = report.reached.iter().map(|goal| goal.clicks.unwrap()).collect();
-    assert!(clicks.is_sorted() && clicks[0] > 1 && clicks[2] == report.clicks && clicks[2] < 21, "{clicks:?}");
+    let clicks: Vec<usize> = report
+        .reached
+        .iter()
+        .map(|goal| goal.clicks.unwrap())
+        .collect();
+    assert!(
+        clicks.is_sorted() && clicks[0] > 1 && clicks[2] == report.clicks && clicks[2] < 21,
+        "{clicks:?}"
+    );
     assert!(report.saved().unwrap() > 0.3);
     let asked = tracker.asked.into_inner().unwrap();
-    assert_eq!(asked[0], (BTreeSet::from([0]), 0..FRAMES as usize, None), "first all labels over all frames");
+    assert_eq!(
+        asked[0],
+        (BTreeSet::from([0]), 0..FRAMES as usize, None),
+        "first all labels over all frames"
+    );
     for (anchors, range, labels) in &asked[1..] {
-        assert!(labels.as_ref().is_some_and(|labels| (1..=2).contains(&labels.len())), "what is poor on the frame");
-        assert_eq!(anchors.iter().filter(|&anchor| range.contains(anchor)).count(), 1, "{anchors:?} {range:?}");
+        assert!(
+            labels
+                .as_ref()
+                .is_some_and(|labels| (1..=2).contains(&labels.len())),
+            "what is poor on the frame"
+        );
+        assert_eq!(
+            anchors
+                .iter()
+                .filter(|&anchor| range.contains(anchor))
+                .count(),
+            1,
+            "{anchors:?} {range:?}"
+        );
         let is_bound = |frame: usize| frame == FRAMES as usize || anchors.contains(&frame);
         assert!((range.start == 0 || is_bound(range.start - 1)) && is_bound(range.end));
     }
-    let asks_for = |label, asked: &Asked| asked.2.as_ref().is_some_and(|labels| labels.contains(&LabelId(label)));
-    assert!(asked[1..].iter().any(|asked| asks_for(2, asked)), "blue comes later");
+    let asks_for = |label, asked: &Asked| {
+        asked
+            .2
+            .as_ref()
+            .is_some_and(|labels| labels.contains(&LabelId(label)))
+    };
+    assert!(
+        asked[1..].iter().any(|asked| asks_for(2, asked)),
+        "blue comes later"
+    );
 }
 
 #[test]
@@ -145,13 +249,33 @@ fn what_clicks_cannot_do_is_drawn_and_its_corners_count() {
     let folder = tempfile::tempdir().unwrap();
     let sequence = sequence(folder.path());
     let options = InteractOptions::default();
-    let report =
-        interact(&sequence, &ByColor { whole: false }, &Copier::default(), &options, &Progress::default()).unwrap();
+    let report = interact(
+        &sequence,
+        &ByColor { whole: false },
+        &Copier::default(),
+        &options,
+        &Progress::default(),
+    )
+    .unwrap();
     // Three clicks in vain and the four corners of a rectangle.
-    assert_eq!(report.frame_by_frame, FrameByFrame { frames: 12, clicks: 21 * (options.patience + 4), failed: 0 });
+    assert_eq!(
+        report.frame_by_frame,
+        FrameByFrame {
+            frames: 12,
+            clicks: 21 * (options.patience + 4),
+            failed: 0
+        }
+    );
     assert!(report.mean_iou >= 0.95, "{report:?}");
-    assert_eq!(report.corners % 4, 1, "rectangles, and what was copied to where nothing is, taken off: {report:?}");
-    assert!(report.clicks * 4 >= report.corners * 7, "clicks in vain come before each: {report:?}");
+    assert_eq!(
+        report.corners % 4,
+        1,
+        "rectangles, and what was copied to where nothing is, taken off: {report:?}"
+    );
+    assert!(
+        report.clicks * 4 >= report.corners * 7,
+        "clicks in vain come before each: {report:?}"
+    );
 }
 
 #[test]
@@ -160,17 +284,43 @@ fn what_did_not_pay_is_drawn_where_more_is_asked() {
     let sequence = sequence(folder.path());
     // Each of four corners brings an IoU of a quarter.
     for (least_price, is_drawn) in [(0.2, false), (0.1, true)] {
-        let options = InteractOptions { price: 0.3, price_beyond: 0.3, least_price, ..InteractOptions::default() };
-        let report =
-            interact(&sequence, &ByColor { whole: false }, &Copier::default(), &options, &Progress::default()).unwrap();
-        assert_eq!((report.corners >= 4, report.mean_iou >= 0.9), (is_drawn, is_drawn), "{report:?}");
-        assert_eq!(report.failed_by_frame.frames, FRAMES as usize - 1, "the first was not tracked");
+        let options = InteractOptions {
+            price: 0.3,
+            price_beyond: 0.3,
+            least_price,
+            ..InteractOptions::default()
+        };
+        let report = interact(
+            &sequence,
+            &ByColor { whole: false },
+            &Copier::default(),
+            &options,
+            &Progress::default(),
+        )
+        .unwrap();
+        assert_eq!(
+            (report.corners >= 4, report.mean_iou >= 0.9),
+            (is_drawn, is_drawn),
+            "{report:?}"
+        );
+        assert_eq!(
+            report.failed_by_frame.frames,
+            FRAMES as usize - 1,
+            "the first was not tracked"
+        );
         // Without the last frame's two objects the mean is 0.90 already.
         let corners = if is_drawn { 19 * 4 } else { 0 };
-        assert_eq!(report.frame_by_frame.clicks, 21 * options.patience + corners, "by the same rules: {report:?}");
+        assert_eq!(
+            report.frame_by_frame.clicks,
+            21 * options.patience + corners,
+            "by the same rules: {report:?}"
+        );
         // Blue is clicked on where it was copied to but is not, too.
         let in_vain = report.clicks - report.corners;
-        assert!(in_vain <= 22 * options.patience, "nothing is clicked on in vain twice: {report:?}");
+        assert!(
+            in_vain <= 22 * options.patience,
+            "nothing is clicked on in vain twice: {report:?}"
+        );
     }
 }
 
@@ -178,37 +328,77 @@ fn what_did_not_pay_is_drawn_where_more_is_asked() {
 fn a_hand_too_coarse_ends_all_the_same() {
     let folder = tempfile::tempdir().unwrap();
     let sequence = sequence(folder.path());
-    let options = InteractOptions { outline_px: 100.0, ..InteractOptions::default() };
-    let report =
-        interact(&sequence, &ByColor { whole: false }, &Copier::default(), &options, &Progress::default()).unwrap();
+    let options = InteractOptions {
+        outline_px: 100.0,
+        ..InteractOptions::default()
+    };
+    let report = interact(
+        &sequence,
+        &ByColor { whole: false },
+        &Copier::default(),
+        &options,
+        &Progress::default(),
+    )
+    .unwrap();
     assert!(report.reached.iter().all(|goal| goal.clicks.is_none()) && report.saved().is_none());
-    assert!(report.clicks <= 2 * report.frame_by_frame.clicks && report.mean_iou < 0.1, "{report:?}");
+    assert!(
+        report.clicks <= 2 * report.frame_by_frame.clicks && report.mean_iou < 0.1,
+        "{report:?}"
+    );
     assert_eq!(
         report.frame_by_frame,
-        FrameByFrame { frames: 12, clicks: 21 * options.patience, failed: FRAMES as usize }
+        FrameByFrame {
+            frames: 12,
+            clicks: 21 * options.patience,
+            failed: FRAMES as usize
+        }
     );
 }
 
 #[test]
 fn no_more_clicks_are_given_than_there_are() {
     let folder = tempfile::tempdir().unwrap();
-    let (sequence, options, progress) = (sequence(folder.path()), InteractOptions::default(), Progress::default());
+    let (sequence, options, progress) = (
+        sequence(folder.path()),
+        InteractOptions::default(),
+        Progress::default(),
+    );
     let (prepared, segmenter) = (PreparedFrames::new(1 << 20), ByColor { whole: false });
     for most in [2, 5] {
-        let mut user = RobotUser::new(&sequence, &segmenter, &prepared, &progress, &options, 0, most);
-        let asked = sequence.shown_on(4).into_iter().map(|label| (label, Clicks::of(&options))).collect();
+        let mut user = RobotUser::new(
+            &sequence, &segmenter, &prepared, &progress, &options, 0, most,
+        );
+        let asked = sequence
+            .shown_on(4)
+            .into_iter()
+            .map(|label| (label, Clicks::of(&options)))
+            .collect();
         user.visit(4, &asked, &Aim::of(&options)).unwrap();
         // Six clicks in vain and four corners for each of two labels would be wanted.
-        assert!(user.is_spent() && user.clicks() == most && user.corners() == 0, "{} of {most}", user.clicks());
+        assert!(
+            user.is_spent() && user.clicks() == most && user.corners() == 0,
+            "{} of {most}",
+            user.clicks()
+        );
     }
 }
 
 #[test]
 fn a_stop_is_noticed() {
     let folder = tempfile::tempdir().unwrap();
-    let (sequence, options, stopped) = (sequence(folder.path()), InteractOptions::default(), Progress::default());
+    let (sequence, options, stopped) = (
+        sequence(folder.path()),
+        InteractOptions::default(),
+        Progress::default(),
+    );
     stopped.stop();
-    let stopped = interact(&sequence, &ByColor { whole: true }, &Copier::default(), &options, &stopped);
+    let stopped = interact(
+        &sequence,
+        &ByColor { whole: true },
+        &Copier::default(),
+        &options,
+        &stopped,
+    );
     assert!(stopped.unwrap_err().is::<Stopped>());
 }
 
@@ -216,9 +406,18 @@ fn a_stop_is_noticed() {
 fn truth_without_labels_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let mut sequence = sequence(folder.path());
-    sequence.truth.values_mut().for_each(|mask| *mask = RunMask::empty(SIZE.0, SIZE.1));
+    sequence
+        .truth
+        .values_mut()
+        .for_each(|mask| *mask = RunMask::empty(SIZE.0, SIZE.1));
     let options = InteractOptions::default();
-    let error = interact(&sequence, &ByColor { whole: true }, &Copier::default(), &options, &Progress::default());
+    let error = interact(
+        &sequence,
+        &ByColor { whole: true },
+        &Copier::default(),
+        &options,
+        &Progress::default(),
+    );
     assert!(error.unwrap_err().to_string().contains("no label"));
 }
 
@@ -238,7 +437,9 @@ impl Tracker for Thief {
         emit: &mut dyn FnMut(TrackedFrame),
         _: &Progress,
     ) -> Result<Vec<String>, MaskError> {
-        for frame in (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame)) {
+        for frame in
+            (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame))
+        {
             let mut mask = self.truth[&frame].decode();
             let stolen = |at: usize| request.labels.is_none() && at % mask.width as usize == 52;
             let ids = mask.ids.iter().enumerate().map(|(at, &id)| match id {
@@ -246,7 +447,12 @@ impl Tracker for Thief {
                 id => id,
             });
             mask.ids = ids.collect();
-            emit(TrackedFrame { frame, mask, confidence: BTreeMap::new(), preliminary: false });
+            emit(TrackedFrame {
+                frame,
+                mask,
+                confidence: BTreeMap::new(),
+                preliminary: false,
+            });
         }
         Ok(Vec::new())
     }
@@ -256,26 +462,53 @@ impl Tracker for Thief {
 fn pixels_that_another_label_holds_wrongly_are_taken_back() {
     let folder = tempfile::tempdir().unwrap();
     let sequence = sequence(folder.path());
-    let (thief, options) = (Thief { truth: sequence.truth.clone() }, InteractOptions::default());
-    let report = interact(&sequence, &ByColor { whole: true }, &thief, &options, &Progress::default()).unwrap();
+    let (thief, options) = (
+        Thief {
+            truth: sequence.truth.clone(),
+        },
+        InteractOptions::default(),
+    );
+    let report = interact(
+        &sequence,
+        &ByColor { whole: true },
+        &thief,
+        &options,
+        &Progress::default(),
+    )
+    .unwrap();
     assert!(report.clicks == 2 && report.mean_iou > 0.99, "{report:?}");
     // The thief left no frame poor: nothing would be clicked anew.
-    assert_eq!((report.failed_by_frame, report.share_of_reclicking()), (FrameByFrame::default(), None));
+    assert_eq!(
+        (report.failed_by_frame, report.share_of_reclicking()),
+        (FrameByFrame::default(), None)
+    );
 }
 
 #[test]
 fn a_shaking_hand_is_the_same_for_the_same_seed() {
     let folder = tempfile::tempdir().unwrap();
     let sequence = sequence(folder.path());
-    let options = InteractOptions { jitter_px: 3.0, ..InteractOptions::default() };
+    let options = InteractOptions {
+        jitter_px: 3.0,
+        ..InteractOptions::default()
+    };
     let play = || {
-        let mut report =
-            interact(&sequence, &ByColor { whole: true }, &Copier::default(), &options, &Progress::default()).unwrap();
+        let mut report = interact(
+            &sequence,
+            &ByColor { whole: true },
+            &Copier::default(),
+            &options,
+            &Progress::default(),
+        )
+        .unwrap();
         report.seconds = 0.0;
         report
     };
     let report = play();
     assert_eq!(report, play());
-    assert!(report.mean_iou >= 0.95 && report.failed_by_frame.clicks > 0, "{report:?}");
+    assert!(
+        report.mean_iou >= 0.95 && report.failed_by_frame.clicks > 0,
+        "{report:?}"
+    );
     assert!(report.share_of_reclicking().unwrap() < 1.0, "{report:?}");
 }

@@ -13,7 +13,9 @@ use ostra_core::job::Progress;
 use ostra_masks::{Click, LabelId, LabelMask, RunMask, Segmenter, Tracker, next_label_click};
 use ostra_project::{Edit, MaskOrigin, Project};
 use ostra_session::PreparedFrames;
-use ostra_session::commands::{LabelChoice, anchor, answer, carried, corrects, mask_of, track_request, with_answer};
+use ostra_session::commands::{
+    LabelChoice, anchor, answer, carried, corrects, mask_of, track_request, with_answer,
+};
 use ostra_session::{PromptRequest, TrackSettings};
 
 /// An IoU that grows by less was hardly bettered.
@@ -32,7 +34,11 @@ impl Given {
     /// Notes a click and the IoU after it.
     fn note(&mut self, iou: f64) {
         self.clicks += 1;
-        self.in_vain = if iou >= self.best_iou + LEAST_GAIN { 0 } else { self.in_vain + 1 };
+        self.in_vain = if iou >= self.best_iou + LEAST_GAIN {
+            0
+        } else {
+            self.in_vain + 1
+        };
         self.best_iou = self.best_iou.max(iou);
     }
 }
@@ -48,14 +54,23 @@ pub struct Clicks {
 
 impl Clicks {
     /// It is only drawn.
-    pub const NONE: Self = Self { good_iou: 0.0, most: 0 };
+    pub const NONE: Self = Self {
+        good_iou: 0.0,
+        most: 0,
+    };
     /// Whatever one click betters.
-    pub const ONE: Self = Self { good_iou: 1.0, most: 1 };
+    pub const ONE: Self = Self {
+        good_iou: 1.0,
+        most: 1,
+    };
 
     /// Until it is good.
     #[must_use]
     pub fn of(options: &InteractOptions) -> Self {
-        Self { good_iou: options.good_iou, most: options.visit_clicks }
+        Self {
+            good_iou: options.good_iou,
+            most: options.visit_clicks,
+        }
     }
 }
 
@@ -87,7 +102,18 @@ impl<'a> RobotUser<'a> {
         most_clicks: usize,
     ) -> Self {
         let (hand, project) = (Hand::new(options, turn), sequence.project());
-        Self { sequence, segmenter, prepared, progress, options, hand, project, clicks: 0, corners: 0, most_clicks }
+        Self {
+            sequence,
+            segmenter,
+            prepared,
+            progress,
+            options,
+            hand,
+            project,
+            clicks: 0,
+            corners: 0,
+            most_clicks,
+        }
     }
 
     /// Clicks given so far; those taken back count, and corners of outlines and borders pulled.
@@ -109,7 +135,12 @@ impl<'a> RobotUser<'a> {
     /// those that are to be clicked on, and not on where several clicks in a row hardly bettered it. The best that was reached
     /// on the way stands, the clicks after it are taken back (and count). Then what pays for the aim is drawn. Says whether the
     /// frame is better than before.
-    pub fn visit(&mut self, frame: usize, labels: &BTreeMap<LabelId, Clicks>, aim: &Aim) -> Result<bool> {
+    pub fn visit(
+        &mut self,
+        frame: usize,
+        labels: &BTreeMap<LabelId, Clicks>,
+        aim: &Aim,
+    ) -> Result<bool> {
         let truth = self.sequence.truth_of(frame)?.decode();
         let was = self.frame_iou(frame)?;
         let mut best = (was, self.project.clone());
@@ -130,7 +161,10 @@ impl<'a> RobotUser<'a> {
             let click = self.hand.place(&next, &truth, &mask);
             self.click(frame, next.label, click)?;
             let now = self.ious(frame)?.get(&next.label).copied().unwrap_or(0.0);
-            let before = Given { best_iou: ious.get(&next.label).copied().unwrap_or(0.0), ..Given::default() };
+            let before = Given {
+                best_iou: ious.get(&next.label).copied().unwrap_or(0.0),
+                ..Given::default()
+            };
             given.entry(next.label).or_insert(before).note(now);
             let iou = self.frame_iou(frame)?;
             if iou > best.0 {
@@ -155,14 +189,24 @@ impl<'a> RobotUser<'a> {
         let iou = |mask: &LabelMask| {
             let ious = of_truth.ious(&RunMask::encode(mask));
             let now = |id: &LabelId| ious.get(id).copied().unwrap_or(1.0);
-            let lost = before.iter().filter(|(id, _)| **id != label).map(|(id, was)| was - now(id)).sum::<f64>();
+            let lost = before
+                .iter()
+                .filter(|(id, _)| **id != label)
+                .map(|(id, was)| was - now(id))
+                .sum::<f64>();
             now(&label) - lost.max(0.0)
         };
         let mask = mask_of(&self.project, frame)?;
         let drawn = drawn((truth, &mask), (label, &sequence.labels), &iou, aim)?;
         let affordable = self.most_clicks - self.clicks;
-        let Some(Drawn { mask, corners }) = drawn.filter(|drawn| drawn.corners <= affordable) else { return Ok(()) };
-        self.project.apply(Edit::SetMask { frame, mask: Some(anchor(&mask)) })?;
+        let Some(Drawn { mask, corners }) = drawn.filter(|drawn| drawn.corners <= affordable)
+        else {
+            return Ok(());
+        };
+        self.project.apply(Edit::SetMask {
+            frame,
+            mask: Some(anchor(&mask)),
+        })?;
         self.clicks += corners;
         self.corners += corners;
         Ok(())
@@ -175,11 +219,27 @@ impl<'a> RobotUser<'a> {
 
     /// Carries labels anew between the anchors next to a corrected frame, where there is a frame between them: over other
     /// labels where these hold most of what is missed there.
-    pub fn retrack(&mut self, tracker: &dyn Tracker, frame: usize, labels: &[LabelId]) -> Result<()> {
-        let settings = TrackSettings { labels: labels.to_vec(), ..TrackSettings::default() };
-        let Ok(settings) = settings.around(&self.project, frame) else { return Ok(()) };
+    pub fn retrack(
+        &mut self,
+        tracker: &dyn Tracker,
+        frame: usize,
+        labels: &[LabelId],
+    ) -> Result<()> {
+        let settings = TrackSettings {
+            labels: labels.to_vec(),
+            ..TrackSettings::default()
+        };
+        let Ok(settings) = settings.around(&self.project, frame) else {
+            return Ok(());
+        };
         let replace = self.is_overrun(&settings);
-        self.track_with(tracker, &TrackSettings { replace, ..settings })
+        self.track_with(
+            tracker,
+            &TrackSettings {
+                replace,
+                ..settings
+            },
+        )
     }
 
     /// Whether most pixels that the labels miss on the frames of a range are held by others.
@@ -188,11 +248,22 @@ impl<'a> RobotUser<'a> {
         let range = settings.from.unwrap_or(0)..=settings.to.unwrap_or(usize::MAX);
         let (mut missed, mut held) = (0, 0);
         for (frame, truth) in self.sequence.truth.range(range) {
-            let tracked = self.project.masks.get(frame).filter(|mask| mask.origin != MaskOrigin::Anchor);
-            for (truth, is, pixels) in tracked.into_iter().flat_map(|mask| truth.joint_runs(&mask.runs)) {
+            let tracked = self
+                .project
+                .masks
+                .get(frame)
+                .filter(|mask| mask.origin != MaskOrigin::Anchor);
+            for (truth, is, pixels) in tracked
+                .into_iter()
+                .flat_map(|mask| truth.joint_runs(&mask.runs))
+            {
                 if truth != is && labels.contains(&truth) {
                     missed += pixels;
-                    held += if is == LabelId::NONE || labels.contains(&is) { 0 } else { pixels };
+                    held += if is == LabelId::NONE || labels.contains(&is) {
+                        0
+                    } else {
+                        pixels
+                    };
                 }
             }
         }
@@ -202,7 +273,11 @@ impl<'a> RobotUser<'a> {
     fn track_with(&mut self, tracker: &dyn Tracker, settings: &TrackSettings) -> Result<()> {
         let request = track_request(&self.project, &self.sequence.store, settings)?;
         let mut tracked = Vec::new();
-        tracker.track(&request, &mut |answer| tracked.push(carried(answer)), self.progress)?;
+        tracker.track(
+            &request,
+            &mut |answer| tracked.push(carried(answer)),
+            self.progress,
+        )?;
         let choice = LabelChoice::new(settings);
         for (frame, mask) in tracked {
             if let Some(edit) = choice.edit(&self.project, frame, mask) {
@@ -215,17 +290,37 @@ impl<'a> RobotUser<'a> {
     /// One click for a label on a frame, which becomes an anchor.
     fn click(&mut self, frame: usize, label: LabelId, click: Click) -> Result<()> {
         self.progress.check()?;
-        let mut prompt = self.project.prompts.get(&(frame, label)).cloned().unwrap_or_default();
+        let mut prompt = self
+            .project
+            .prompts
+            .get(&(frame, label))
+            .cloned()
+            .unwrap_or_default();
         prompt.clicks.push(click);
         let segmenter = self.segmenter.name().to_owned();
-        let mut request = PromptRequest { frame, label, prompt, segmenter };
-        request.prompt.corrects = corrects(&self.project, &mask_of(&self.project, frame)?, &request);
+        let mut request = PromptRequest {
+            frame,
+            label,
+            prompt,
+            segmenter,
+        };
+        request.prompt.corrects =
+            corrects(&self.project, &mask_of(&self.project, frame)?, &request);
         let of = self.project.frame(frame)?;
-        let ready = self.prepared.get(self.segmenter, of, &self.sequence.store, self.progress)?;
+        let ready = self
+            .prepared
+            .get(self.segmenter, of, &self.sequence.store, self.progress)?;
         let region = answer(ready.as_ref(), &self.project, &request, self.progress)?;
         let mask = with_answer(&self.project, &request, &region)?;
-        self.project.apply(Edit::SetPrompt { frame, label, prompt: Some(request.prompt) })?;
-        self.project.apply(Edit::SetMask { frame, mask: Some(anchor(&mask)) })?;
+        self.project.apply(Edit::SetPrompt {
+            frame,
+            label,
+            prompt: Some(request.prompt),
+        })?;
+        self.project.apply(Edit::SetMask {
+            frame,
+            mask: Some(anchor(&mask)),
+        })?;
         self.clicks += 1;
         Ok(())
     }
@@ -234,13 +329,22 @@ impl<'a> RobotUser<'a> {
     pub fn ious(&self, frame: usize) -> Result<BTreeMap<LabelId, f64>> {
         let truth = self.sequence.truth_of(frame)?;
         let nothing = || Arc::new(RunMask::empty(truth.width, truth.height));
-        let result = self.project.masks.get(&frame).map_or_else(nothing, |mask| Arc::clone(&mask.runs));
+        let result = self
+            .project
+            .masks
+            .get(&frame)
+            .map_or_else(nothing, |mask| Arc::clone(&mask.runs));
         Ok(truth.ious(&result))
     }
 
     /// IoU of each label on each frame on which truth or result shows it.
     pub fn ious_by_label(&self) -> Result<IousByLabel> {
-        by_label(self.sequence.truth.keys().map(|&frame| Ok((frame, self.ious(frame)?))))
+        by_label(
+            self.sequence
+                .truth
+                .keys()
+                .map(|&frame| Ok((frame, self.ious(frame)?))),
+        )
     }
 
     /// Mean IoU over the sequence ([`mean_over_labels`]).
@@ -250,7 +354,11 @@ impl<'a> RobotUser<'a> {
 
     /// The frames that are anchors.
     pub fn anchors(&self) -> BTreeSet<usize> {
-        let anchors = self.project.masks.iter().filter(|(_, mask)| mask.origin == MaskOrigin::Anchor);
+        let anchors = self
+            .project
+            .masks
+            .iter()
+            .filter(|(_, mask)| mask.origin == MaskOrigin::Anchor);
         anchors.map(|(&frame, _)| frame).collect()
     }
 
@@ -261,7 +369,9 @@ impl<'a> RobotUser<'a> {
 }
 
 /// IoUs of the labels on frames, by label.
-pub(super) fn by_label(frames: impl Iterator<Item = Result<(usize, BTreeMap<LabelId, f64>)>>) -> Result<IousByLabel> {
+pub(super) fn by_label(
+    frames: impl Iterator<Item = Result<(usize, BTreeMap<LabelId, f64>)>>,
+) -> Result<IousByLabel> {
     let mut all = IousByLabel::new();
     for of_frame in frames {
         let (frame, ious) = of_frame?;
@@ -279,6 +389,10 @@ pub(super) fn mean_over_labels(ious: IousByLabel) -> f64 {
 
 /// 1 of nothing: there is nothing wrong.
 fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
-    let (sum, count) = values.into_iter().fold((0.0, 0_usize), |(sum, count), value| (sum + value, count + 1));
+    let (sum, count) = values
+        .into_iter()
+        .fold((0.0, 0_usize), |(sum, count), value| {
+            (sum + value, count + 1)
+        });
     if count == 0 { 1.0 } else { sum / count as f64 }
 }

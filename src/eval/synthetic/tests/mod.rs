@@ -11,7 +11,13 @@ use ostra_masks::{LabelId, LabelTree};
 
 /// A small picture of few views of a seed's tiller.
 fn small(seed: u64) -> SceneOptions {
-    SceneOptions { views: 4, width: 240, height: 320, seed, ..SceneOptions::default() }
+    SceneOptions {
+        views: 4,
+        width: 240,
+        height: 320,
+        seed,
+        ..SceneOptions::default()
+    }
 }
 
 fn built(options: &SceneOptions) -> Scene {
@@ -20,5 +26,6 @@ fn built(options: &SceneOptions) -> Scene {
 
 /// Name of the class (`stem`, `leaf`, …) of a label; empty for none.
 fn class(tree: &LabelTree, id: LabelId) -> String {
-    tree.get(tree.at_level(id, Scene::CLASS_LEVEL)).map_or_else(String::new, |label| label.name.clone())
+    tree.get(tree.at_level(id, Scene::CLASS_LEVEL))
+        .map_or_else(String::new, |label| label.name.clone())
 }

@@ -6,28 +6,41 @@ use super::super::tiller::build_tiller;
 use super::*;
 
 fn parts<'a>(assembly: &'a Assembly, ending: &str) -> Vec<&'a Part> {
-    let named = |part: &&Part| assembly.tree.get(part.label).is_some_and(|label| label.name.ends_with(ending));
+    let named = |part: &&Part| {
+        assembly
+            .tree
+            .get(part.label)
+            .is_some_and(|label| label.name.ends_with(ending))
+    };
     assembly.parts.iter().filter(named).collect()
 }
 
 fn organ_points<'a>(assembly: &'a Assembly) -> impl Iterator<Item = DVec3> + 'a {
-    let organs = assembly.parts.iter().filter(|part| part.label != LabelId::NONE);
+    let organs = assembly
+        .parts
+        .iter()
+        .filter(|part| part.label != LabelId::NONE);
     organs.flat_map(|part| part.mesh.positions.iter().copied())
 }
 
 /// Lengths of the rows of a patch with `columns` cells a row.
 fn row_lengths(part: &Part, columns: usize) -> Vec<f64> {
     let rows = part.mesh.positions.chunks(columns + 1);
-    rows.map(|row| row.windows(2).map(|pair| pair[0].distance(pair[1])).sum()).collect()
+    rows.map(|row| row.windows(2).map(|pair| pair[0].distance(pair[1])).sum())
+        .collect()
 }
 
 #[test]
 fn plant_has_the_promised_dimensions() {
     for seed in 1..=6 {
         let assembly = build_tiller(seed);
-        let (low, high) = organ_points(&assembly).fold((f64::MAX, 0.0_f64), |(l, h), x| (l.min(x.z), h.max(x.z)));
+        let (low, high) =
+            organ_points(&assembly).fold((f64::MAX, 0.0_f64), |(l, h), x| (l.min(x.z), h.max(x.z)));
         assert!((high - 0.6).abs() < 1e-4 && low > -1e-3, "{low} {high}");
-        let stems: Vec<&Part> = ["stem 1", "stem 2", "stem 3"].iter().flat_map(|name| parts(&assembly, name)).collect();
+        let stems: Vec<&Part> = ["stem 1", "stem 2", "stem 3"]
+            .iter()
+            .flat_map(|name| parts(&assembly, name))
+            .collect();
         assert_eq!(stems.len(), 3);
         for stem in stems {
             // Rows of 24 corners and the seam; the last two rows are the cap.
@@ -49,15 +62,24 @@ fn plant_has_the_promised_dimensions() {
 #[test]
 fn sheaths_wrap_their_culm() {
     let assembly = build_tiller(4);
-    let stems: Vec<&Part> = ["stem 1", "stem 2", "stem 3"].iter().flat_map(|name| parts(&assembly, name)).collect();
+    let stems: Vec<&Part> = ["stem 1", "stem 2", "stem 3"]
+        .iter()
+        .flat_map(|name| parts(&assembly, name))
+        .collect();
     let sheaths = parts(&assembly, "sheath");
     assert_eq!(sheaths.len(), 8);
     for sheath in sheaths {
         for row in sheath.mesh.positions.chunks(31).skip(2) {
             let centre = row[..30].iter().sum::<DVec3>() / 30.0;
-            let near = stems.iter().flat_map(|stem| &stem.mesh.positions).map(|x| x.distance(centre));
+            let near = stems
+                .iter()
+                .flat_map(|stem| &stem.mesh.positions)
+                .map(|x| x.distance(centre));
             assert!(near.fold(f64::MAX, f64::min) < 0.0035, "no culm inside");
-            let turn: f64 = row.windows(2).map(|p| (p[0] - centre).angle_between(p[1] - centre)).sum();
+            let turn: f64 = row
+                .windows(2)
+                .map(|p| (p[0] - centre).angle_between(p[1] - centre))
+                .sum();
             assert!(turn > std::f64::consts::TAU, "{turn}");
             assert!(row.iter().all(|x| x.distance(centre) < 0.006));
         }
@@ -76,7 +98,10 @@ impl Spheroid {
     fn of(grain: &Part) -> Self {
         let points = &grain.mesh.positions;
         let (tail, head) = (points[0], points[points.len() - 1]);
-        Self { centre: 0.5 * (tail + head), axis: (head - tail).normalize() }
+        Self {
+            centre: 0.5 * (tail + head),
+            axis: (head - tail).normalize(),
+        }
     }
 
     /// The place of the solid spheroid nearest to `x`: along and across the axis it is `half² offset / (half² + t)`, `t` by
@@ -87,7 +112,10 @@ impl Spheroid {
         let across = offset - along * self.axis;
         let lengths = [along, across.length()];
         let outside = |t: f64| {
-            let shares = lengths.iter().zip(HALF).map(|(length, half)| (half * length / (half * half + t)).powi(2));
+            let shares = lengths
+                .iter()
+                .zip(HALF)
+                .map(|(length, half)| (half * length / (half * half + t)).powi(2));
             shares.sum::<f64>() > 1.0
         };
         if !outside(0.0) {
@@ -116,8 +144,12 @@ impl Spheroid {
 fn spheroids_have_their_distance() {
     let at = |centre: DVec3, axis: DVec3| Spheroid { centre, axis };
     let gap = |a: &Spheroid, b: &Spheroid| a.distance(b);
-    assert!((gap(&at(DVec3::ZERO, DVec3::Z), &at(0.009 * DVec3::Z, DVec3::Z)) - 0.002).abs() < 1e-6);
-    assert!((gap(&at(DVec3::ZERO, DVec3::Z), &at(0.006 * DVec3::X, DVec3::Y)) - 0.003).abs() < 1e-6);
+    assert!(
+        (gap(&at(DVec3::ZERO, DVec3::Z), &at(0.009 * DVec3::Z, DVec3::Z)) - 0.002).abs() < 1e-6
+    );
+    assert!(
+        (gap(&at(DVec3::ZERO, DVec3::Z), &at(0.006 * DVec3::X, DVec3::Y)) - 0.003).abs() < 1e-6
+    );
     assert!(gap(&at(DVec3::ZERO, DVec3::Z), &at(0.0025 * DVec3::X, DVec3::Y)) < 1e-5);
 }
 
@@ -132,12 +164,18 @@ fn grains_lie_apart() {
             // Every corner lies on the spheroid, so that the surface lies inside.
             for x in &grain.mesh.positions {
                 let along = (*x - spheroid.centre).dot(spheroid.axis) / HALF[0];
-                let across = (*x - spheroid.centre).reject_from_normalized(spheroid.axis).length() / HALF[1];
+                let across = (*x - spheroid.centre)
+                    .reject_from_normalized(spheroid.axis)
+                    .length()
+                    / HALF[1];
                 assert!((along.hypot(across) - 1.0).abs() < 1e-6, "{along} {across}");
             }
         }
         for (k, spheroid) in spheroids.iter().enumerate() {
-            for other in spheroids[..k].iter().filter(|other| other.centre.distance(spheroid.centre) < 0.0085) {
+            for other in spheroids[..k]
+                .iter()
+                .filter(|other| other.centre.distance(spheroid.centre) < 0.0085)
+            {
                 let gap = spheroid.distance(other);
                 assert!(gap >= 0.001, "seed {seed}: {gap}");
             }
@@ -148,10 +186,15 @@ fn grains_lie_apart() {
 #[test]
 fn the_plant_fills_the_height_of_every_view() {
     for seed in 1..=3 {
-        let scene = built(&SceneOptions { views: 5, seed, ..SceneOptions::default() });
+        let scene = built(&SceneOptions {
+            views: 5,
+            seed,
+            ..SceneOptions::default()
+        });
         for view in scene.views() {
             let mask = scene.render(view).mask;
-            let has_label = |&row: &u32| (0..mask.width).any(|column| mask.at(column, row) != LabelId::NONE);
+            let has_label =
+                |&row: &u32| (0..mask.width).any(|column| mask.at(column, row) != LabelId::NONE);
             let rows: Vec<u32> = (0..mask.height).filter(has_label).collect();
             let span = rows[rows.len() - 1] - rows[0];
             assert!(span > mask.height * 80 / 100, "{span}");
@@ -162,13 +205,25 @@ fn the_plant_fills_the_height_of_every_view() {
 
 /// CIE 1976 L*a*b* of an sRGB colour, D65.
 fn lab(srgb: Vec3) -> Vec3 {
-    let linear = srgb.map(|v| if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) });
+    let linear = srgb.map(|v| {
+        if v <= 0.04045 {
+            v / 12.92
+        } else {
+            ((v + 0.055) / 1.055).powf(2.4)
+        }
+    });
     let xyz = Vec3::new(
         linear.dot(Vec3::new(0.4124, 0.3576, 0.1805)) / 0.950_47,
         linear.dot(Vec3::new(0.2126, 0.7152, 0.0722)),
         linear.dot(Vec3::new(0.0193, 0.1192, 0.9505)) / 1.088_83,
     );
-    let f = xyz.map(|v| if v > 0.008_856 { v.cbrt() } else { 7.787 * v + 16.0 / 116.0 });
+    let f = xyz.map(|v| {
+        if v > 0.008_856 {
+            v.cbrt()
+        } else {
+            7.787 * v + 16.0 / 116.0
+        }
+    });
     Vec3::new(116.0 * f.y - 16.0, 500.0 * (f.x - f.y), 200.0 * (f.y - f.z))
 }
 
@@ -181,7 +236,10 @@ fn leaf_and_stem_are_alike_in_colour() {
             let rendered = scene.render(view);
             for (pixel, &id) in rendered.image.pixels.iter().zip(&rendered.mask.ids) {
                 let sum = sums.entry(class(scene.tree(), id)).or_default();
-                *sum = (sum.0 + Vec3::from(pixel.map(f32::from)) / 255.0, sum.1 + 1.0);
+                *sum = (
+                    sum.0 + Vec3::from(pixel.map(f32::from)) / 255.0,
+                    sum.1 + 1.0,
+                );
             }
         }
         let mean = |name: &str| lab(sums[name].0 / sums[name].1);
@@ -195,8 +253,18 @@ fn leaf_and_stem_are_alike_in_colour() {
 fn equal_seeds_make_equal_scenes_and_others_do_not() {
     let seen = |seed| {
         let scene = built(&small(seed));
-        let cloud = scene.cloud(&TruthOptions { spacing_m: 0.003, ..TruthOptions::default() }, &Progress::default());
-        (scene.render(&scene.views[0]), scene.traits().to_vec(), cloud.unwrap())
+        let cloud = scene.cloud(
+            &TruthOptions {
+                spacing_m: 0.003,
+                ..TruthOptions::default()
+            },
+            &Progress::default(),
+        );
+        (
+            scene.render(&scene.views[0]),
+            scene.traits().to_vec(),
+            cloud.unwrap(),
+        )
     };
     let (first, again, other) = (seen(1), seen(1), seen(2));
     assert!(first == again);
@@ -209,7 +277,10 @@ fn equal_seeds_make_equal_scenes_and_others_do_not() {
 fn trees_have_the_promised_classes() {
     let classes = |scene| {
         let scene = built(&SceneOptions { scene, ..small(1) });
-        let at_class = scene.tree().iter().filter(|label| scene.tree().depth(label.id) == Scene::CLASS_LEVEL);
+        let at_class = scene
+            .tree()
+            .iter()
+            .filter(|label| scene.tree().depth(label.id) == Scene::CLASS_LEVEL);
         at_class.map(|label| label.name.clone()).collect::<Vec<_>>()
     };
     assert_eq!(classes(SceneKind::Tiller), ["stem", "leaf", "panicle"]);
@@ -218,33 +289,67 @@ fn trees_have_the_promised_classes() {
 
 #[test]
 fn every_class_instance_and_part_of_the_bricks_is_seen() {
-    let scene = built(&SceneOptions { scene: SceneKind::Bricks, ..small(7) });
-    let (tree, mut seen) = (scene.tree(), std::collections::BTreeMap::<LabelId, usize>::new());
+    let scene = built(&SceneOptions {
+        scene: SceneKind::Bricks,
+        ..small(7)
+    });
+    let (tree, mut seen) = (
+        scene.tree(),
+        std::collections::BTreeMap::<LabelId, usize>::new(),
+    );
     for view in scene.views() {
         let rendered = scene.render(view);
-        let shown: std::collections::BTreeSet<LabelId> =
-            rendered.mask.ids.iter().flat_map(|&id| tree.path(id)).collect();
-        shown.into_iter().for_each(|id| *seen.entry(id).or_default() += 1);
-        assert!(rendered.depth.depths.iter().all(|&depth| depth > 0.0), "there is a surface behind every pixel");
+        let shown: std::collections::BTreeSet<LabelId> = rendered
+            .mask
+            .ids
+            .iter()
+            .flat_map(|&id| tree.path(id))
+            .collect();
+        shown
+            .into_iter()
+            .for_each(|id| *seen.entry(id).or_default() += 1);
+        assert!(
+            rendered.depth.depths.iter().all(|&depth| depth > 0.0),
+            "there is a surface behind every pixel"
+        );
     }
     for label in tree.iter() {
-        assert!(seen.get(&label.id).is_some_and(|&views| views >= 2), "{} is hidden", label.name);
+        assert!(
+            seen.get(&label.id).is_some_and(|&views| views >= 2),
+            "{} is hidden",
+            label.name
+        );
     }
     let wheel = tree.by_name("wheel").unwrap().id;
     assert_eq!(tree.children(Some(wheel)).count(), 6);
-    assert_eq!(tree.iter().map(|label| tree.depth(label.id)).max(), Some(4), "class, instance and part");
+    assert_eq!(
+        tree.iter().map(|label| tree.depth(label.id)).max(),
+        Some(4),
+        "class, instance and part"
+    );
 }
 
 #[test]
 fn bricks_stand_on_the_table_and_wheels_lie_apart() {
     let assembly = build_bricks(3);
-    let wheels: Vec<&Part> = (1..=6).flat_map(|k| parts(&assembly, &format!("wheel {k}"))).collect();
+    let wheels: Vec<&Part> = (1..=6)
+        .flat_map(|k| parts(&assembly, &format!("wheel {k}")))
+        .collect();
     assert_eq!(wheels.len(), 6);
     for (k, wheel) in wheels.iter().enumerate() {
-        let lowest = wheel.mesh.positions.iter().map(|x| x.z).fold(f64::MAX, f64::min);
+        let lowest = wheel
+            .mesh
+            .positions
+            .iter()
+            .map(|x| x.z)
+            .fold(f64::MAX, f64::min);
         assert!((0.0..1e-3).contains(&(lowest + 1e-9)), "{lowest}");
         for other in &wheels[..k] {
-            let gaps = wheel.mesh.positions.iter().flat_map(|a| other.mesh.positions.iter().map(|b| a.distance(*b)));
+            let gaps = wheel
+                .mesh
+                .positions
+                .iter()
+                .flat_map(|a| other.mesh.positions.iter().map(|b| a.distance(*b)));
             assert!(gaps.fold(f64::MAX, f64::min) > 0.02);
         }
     }

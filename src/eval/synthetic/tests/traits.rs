@@ -3,7 +3,9 @@ use ostra_cloud::LabelledCloud;
 use ostra_cloud::measure::{MeasureOptions, TraitRow, measure, measure_angles};
 
 fn find<'a>(rows: &'a [TraitRow], like: &TraitRow) -> Option<&'a TraitRow> {
-    rows.iter().find(|row| (&row.label, row.instance, &row.name) == (&like.label, like.instance, &like.name))
+    rows.iter().find(|row| {
+        (&row.label, row.instance, &row.name) == (&like.label, like.instance, &like.name)
+    })
 }
 
 /// Largest share by which a measured trait may be off; the area of a sheath alone by more, as its overlapping borders
@@ -21,15 +23,31 @@ fn tolerance(truth: &TraitRow) -> f64 {
 const ANGLE_DEG: f64 = 1.5;
 
 fn compare(scene: &Scene, min_views: usize, wanted: impl Fn(&TraitRow) -> bool) -> usize {
-    let options = TruthOptions { spacing_m: 0.001, surroundings_m: None, min_views };
+    let options = TruthOptions {
+        spacing_m: 0.001,
+        surroundings_m: None,
+        min_views,
+    };
     let cloud = scene.cloud(&options, &Progress::default()).unwrap();
     let measured = measure(&cloud, &MeasureOptions::default(), &Progress::default()).unwrap();
     let wanted: Vec<&TraitRow> = scene.traits().iter().filter(|row| wanted(row)).collect();
     for truth in &wanted {
-        let found = find(&measured, truth).unwrap_or_else(|| panic!("{} of {} is missing", truth.name, truth.label));
+        let found = find(&measured, truth)
+            .unwrap_or_else(|| panic!("{} of {} is missing", truth.name, truth.label));
         let off = (found.value - truth.value).abs();
-        let allowed = if truth.name == "insertion_angle" { ANGLE_DEG } else { tolerance(truth) * truth.value };
-        assert!(off <= allowed, "{} of {}: {} instead of {}", truth.name, truth.label, found.value, truth.value);
+        let allowed = if truth.name == "insertion_angle" {
+            ANGLE_DEG
+        } else {
+            tolerance(truth) * truth.value
+        };
+        assert!(
+            off <= allowed,
+            "{} of {}: {} instead of {}",
+            truth.name,
+            truth.label,
+            found.value,
+            truth.value
+        );
     }
     wanted.len()
 }
@@ -44,15 +62,24 @@ fn traits_measured_on_the_whole_surface_are_the_true_ones() {
 #[test]
 fn traits_measured_on_what_the_cameras_see_are_the_true_ones() {
     // A third of each sheath faces away from every camera, so that its area cannot be measured.
-    let hidden = |row: &TraitRow| row.name == "instances" || row.name == "area" && !row.label.ends_with("blade");
-    let scene = built(&SceneOptions { views: 12, ..SceneOptions::default() });
+    let hidden = |row: &TraitRow| {
+        row.name == "instances" || row.name == "area" && !row.label.ends_with("blade")
+    };
+    let scene = built(&SceneOptions {
+        views: 12,
+        ..SceneOptions::default()
+    });
     assert_eq!(compare(&scene, 2, |row| !hidden(row)), 3 * 2 + 8 * 7 + 1);
 }
 
 #[test]
 fn insertion_angles_hold_for_other_plants() {
     for seed in [4, 6] {
-        let scene = built(&SceneOptions { views: 12, seed, ..SceneOptions::default() });
+        let scene = built(&SceneOptions {
+            views: 12,
+            seed,
+            ..SceneOptions::default()
+        });
         assert_eq!(compare(&scene, 2, |row| row.name == "insertion_angle"), 8);
     }
 }
@@ -62,18 +89,35 @@ const CHOSEN_DEG: f64 = 3.0;
 
 #[test]
 fn angles_between_a_leaf_and_the_stems_are_its_insertion_angle() {
-    let scene = built(&SceneOptions { views: 12, ..SceneOptions::default() });
-    let options = TruthOptions { spacing_m: 0.001, surroundings_m: None, min_views: 2 };
+    let scene = built(&SceneOptions {
+        views: 12,
+        ..SceneOptions::default()
+    });
+    let options = TruthOptions {
+        spacing_m: 0.001,
+        surroundings_m: None,
+        min_views: 2,
+    };
     let cloud = scene.cloud(&options, &Progress::default()).unwrap();
     let id = |name: &str| scene.tree().by_name(name).unwrap().id;
-    let truths: Vec<&TraitRow> = scene.traits().iter().filter(|row| row.name == "insertion_angle").collect();
+    let truths: Vec<&TraitRow> = scene
+        .traits()
+        .iter()
+        .filter(|row| row.name == "insertion_angle")
+        .collect();
     assert_eq!(truths.len(), 8);
     for truth in truths {
         let leaf = truth.label.trim_end_matches(" blade");
         // The blade alone, the leaf with its sheath; against all stems, whose nearest is the leaf's own.
         for name in [&truth.label, leaf] {
             let pair = [id(name), id("stem")];
-            let rows = measure_angles(&cloud, &[pair], &MeasureOptions::default(), &Progress::default()).unwrap();
+            let rows = measure_angles(
+                &cloud,
+                &[pair],
+                &MeasureOptions::default(),
+                &Progress::default(),
+            )
+            .unwrap();
             assert!(
                 (rows[0].value - truth.value).abs() < CHOSEN_DEG,
                 "{name}: {} instead of {}",
@@ -93,42 +137,87 @@ fn of_label(cloud: &LabelledCloud, name: &str) -> LabelledCloud {
 
 /// How many instances of a label are counted on the whole surface.
 fn count(scene: &Scene, label: &str, spacing_m: f64) -> f64 {
-    let options = TruthOptions { spacing_m, surroundings_m: None, min_views: 0 };
+    let options = TruthOptions {
+        spacing_m,
+        surroundings_m: None,
+        min_views: 0,
+    };
     let cloud = of_label(&scene.cloud(&options, &Progress::default()).unwrap(), label);
     let rows = measure(&cloud, &MeasureOptions::default(), &Progress::default()).unwrap();
-    rows.iter().find(|row| row.label == label && row.name == "instances").unwrap().value
+    rows.iter()
+        .find(|row| row.label == label && row.name == "instances")
+        .unwrap()
+        .value
 }
 
 #[test]
 fn grains_leaves_and_stems_are_counted() {
     for seed in [1, 3] {
         let scene = built(&small(seed));
-        let grains = scene.traits().iter().find(|row| row.name == "instances").unwrap().value;
+        let grains = scene
+            .traits()
+            .iter()
+            .find(|row| row.name == "instances")
+            .unwrap()
+            .value;
         // Grains lie 1 mm apart; three spacings hang together.
         assert_eq!(count(&scene, "panicle grains", 0.000_2), grains);
-        assert_eq!((count(&scene, "leaf", 0.001), count(&scene, "stem", 0.001)), (8.0, 3.0));
+        assert_eq!(
+            (count(&scene, "leaf", 0.001), count(&scene, "stem", 0.001)),
+            (8.0, 3.0)
+        );
     }
 }
 
 #[test]
 fn bricks_have_their_volumes() {
-    let scene = built(&SceneOptions { scene: SceneKind::Bricks, ..small(1) });
-    let options = TruthOptions { spacing_m: 0.002, surroundings_m: None, min_views: 0 };
+    let scene = built(&SceneOptions {
+        scene: SceneKind::Bricks,
+        ..small(1)
+    });
+    let options = TruthOptions {
+        spacing_m: 0.002,
+        surroundings_m: None,
+        min_views: 0,
+    };
     let cloud = scene.cloud(&options, &Progress::default()).unwrap();
     let measured = measure(&cloud, &MeasureOptions::default(), &Progress::default()).unwrap();
-    let volumes: Vec<&TraitRow> = scene.traits().iter().filter(|row| row.name == "hull_volume").collect();
+    let volumes: Vec<&TraitRow> = scene
+        .traits()
+        .iter()
+        .filter(|row| row.name == "hull_volume")
+        .collect();
     assert_eq!(volumes.len(), 6 + 4 + 5);
     for truth in volumes {
         let found = find(&measured, truth).unwrap();
-        assert!((found.value / truth.value - 1.0).abs() < 0.1, "{}: {} {}", truth.label, found.value, truth.value);
+        assert!(
+            (found.value / truth.value - 1.0).abs() < 0.1,
+            "{}: {} {}",
+            truth.label,
+            found.value,
+            truth.value
+        );
     }
 }
 
 #[test]
 fn every_trait_has_a_definition() {
     for kind in [SceneKind::Tiller, SceneKind::Bricks] {
-        let scene = built(&SceneOptions { scene: kind, ..small(1) });
-        assert!(scene.traits().iter().all(|row| row.definition.len() > 10 && row.value > 0.0));
-        assert!(scene.traits().iter().all(|row| row.path.contains(&row.label)));
+        let scene = built(&SceneOptions {
+            scene: kind,
+            ..small(1)
+        });
+        assert!(
+            scene
+                .traits()
+                .iter()
+                .all(|row| row.definition.len() > 10 && row.value > 0.0)
+        );
+        assert!(
+            scene
+                .traits()
+                .iter()
+                .all(|row| row.path.contains(&row.label))
+        );
     }
 }

@@ -29,20 +29,35 @@ impl Made {
 
     /// A ball flies through the pictures, its middle at these pixels.
     pub fn with_ball(views: usize, ball: impl Fn(usize) -> Option<[f32; 2]>) -> Self {
-        let options = SceneOptions { views, width: 360, height: 480, arc_deg: 50.0, ..SceneOptions::default() };
+        let options = SceneOptions {
+            views,
+            width: 360,
+            height: 480,
+            arc_deg: 50.0,
+            ..SceneOptions::default()
+        };
         let scene = Scene::build(&options).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let (mut frames, mut truth) = (Vec::new(), Vec::new());
         for (k, view) in scene.views().iter().enumerate() {
             let mut rendered = scene.render(view);
-            rendered.mask.ids.iter_mut().for_each(|id| *id = scene.tree().at_level(*id, 3));
+            rendered
+                .mask
+                .ids
+                .iter_mut()
+                .for_each(|id| *id = scene.tree().at_level(*id, 3));
             if let Some(middle) = ball(k) {
                 throw(&mut rendered, middle);
             }
             frames.push(frame(folder.path(), view, &rendered));
             truth.push(rendered.mask);
         }
-        Self { _folder: folder, scene, frames, truth: Arc::new(truth) }
+        Self {
+            _folder: folder,
+            scene,
+            frames,
+            truth: Arc::new(truth),
+        }
     }
 
     /// The label of an organ.
@@ -55,7 +70,10 @@ impl Made {
         TrackRequest {
             frames: Arc::new(self.frames.clone()),
             store: Arc::new(FrameStore::new(64 << 20)),
-            anchors: anchors.iter().map(|&frame| (frame, Arc::new(self.truth[frame].clone()))).collect(),
+            anchors: anchors
+                .iter()
+                .map(|&frame| (frame, Arc::new(self.truth[frame].clone())))
+                .collect(),
             from: 0,
             to: self.frames.len() - 1,
             direction,
@@ -82,19 +100,37 @@ fn throw(rendered: &mut RenderedView, middle: [f32; 2]) {
 
 fn frame(folder: &Path, view: &View, rendered: &RenderedView) -> Frame {
     let (width, height) = (rendered.image.width, rendered.image.height);
-    let [picture, depth] = ["picture", "depth"].map(|kind| folder.join(format!("{kind}-{}.png", view.name)));
+    let [picture, depth] =
+        ["picture", "depth"].map(|kind| folder.join(format!("{kind}-{}.png", view.name)));
     let colors = rendered.image.pixels.as_flattened().to_vec();
-    image::RgbImage::from_raw(width, height, colors).unwrap().save(&picture).unwrap();
-    let steps = rendered.depth.depths.iter().map(|&depth| (f64::from(depth) / Scene::DEPTH_UNIT_M).round() as u16);
-    let steps = image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::from_raw(width, height, steps.collect()).unwrap();
+    image::RgbImage::from_raw(width, height, colors)
+        .unwrap()
+        .save(&picture)
+        .unwrap();
+    let steps = rendered
+        .depth
+        .depths
+        .iter()
+        .map(|&depth| (f64::from(depth) / Scene::DEPTH_UNIT_M).round() as u16);
+    let steps =
+        image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::from_raw(width, height, steps.collect())
+            .unwrap();
     steps.save(&depth).unwrap();
     let orientation = Orientation::default();
     Frame {
         name: view.name.clone(),
         width,
         height,
-        picture: PictureSource::File { path: picture, orientation },
-        depth: Some(DepthSource::Sensor { path: depth, unit: Scene::DEPTH_UNIT_M, orientation, camera: None }),
+        picture: PictureSource::File {
+            path: picture,
+            orientation,
+        },
+        depth: Some(DepthSource::Sensor {
+            path: depth,
+            unit: Scene::DEPTH_UNIT_M,
+            orientation,
+            camera: None,
+        }),
         camera: Some(view.frame_camera()),
     }
 }

@@ -12,15 +12,31 @@ fn mended(made: &Made, labels: &[LabelId], error: Error, again: &Error) -> [[f64
     let request = made.request(&[0], Direction::Both);
     let result = outcome(made, &request, WRONG_AT, error);
     println!("{:?}", result.lines);
-    let frames = || (WRONG_AT..made.frames.len()).flat_map(|frame| labels.iter().map(move |&label| (frame, label)));
-    let before =
-        frames().map(|(frame, label)| made.iou(&again(&made.truth[frame], 1 + frame - WRONG_AT), frame, label));
+    let frames = || {
+        (WRONG_AT..made.frames.len())
+            .flat_map(|frame| labels.iter().map(move |&label| (frame, label)))
+    };
+    let before = frames().map(|(frame, label)| {
+        made.iou(
+            &again(&made.truth[frame], 1 + frame - WRONG_AT),
+            frame,
+            label,
+        )
+    });
     let after = frames().map(|(frame, label)| made.iou(&result.tracked[&frame].mask, frame, label));
-    let summary =
-        |ious: Vec<f64>| [ious.iter().copied().fold(1.0, f64::min), ious.iter().sum::<f64>() / ious.len() as f64];
+    let summary = |ious: Vec<f64>| {
+        [
+            ious.iter().copied().fold(1.0, f64::min),
+            ious.iter().sum::<f64>() / ious.len() as f64,
+        ]
+    };
     let (before, after) = (summary(before.collect()), summary(after.collect()));
     println!("IoU least and mean before {before:.3?}, after {after:.3?}");
-    assert_eq!(result.begun, [0, WRONG_AT], "it began anew where it went wrong, and went well from there");
+    assert_eq!(
+        result.begun,
+        [0, WRONG_AT],
+        "it began anew where it went wrong, and went well from there"
+    );
     [before, after]
 }
 
@@ -50,16 +66,33 @@ fn a_leaf_that_was_lost_is_found() {
 
 #[test]
 fn what_moved_is_left_to_the_tracker() {
-    let made = Made::with_ball(8, |k| Some([60.0 + 20.0 * k as f32, 120.0 + 10.0 * k as f32]));
+    let made = Made::with_ball(8, |k| {
+        Some([60.0 + 20.0 * k as f32, 120.0 + 10.0 * k as f32])
+    });
     let request = made.request(&[0], Direction::Forward);
     let leaf = made.label("leaf 2");
     let right = outcome(&made, &request, 99, lose(leaf));
-    assert!(right.tracked.iter().all(|(&frame, tracked)| tracked.mask == made.truth[frame]), "{:?}", right.lines);
-    assert!(right.lines[0].contains("contradicts no mask of the 7 frames"), "{:?}", right.lines);
+    assert!(
+        right
+            .tracked
+            .iter()
+            .all(|(&frame, tracked)| tracked.mask == made.truth[frame]),
+        "{:?}",
+        right.lines
+    );
+    assert!(
+        right.lines[0].contains("contradicts no mask of the 7 frames"),
+        "{:?}",
+        right.lines
+    );
     // What stands still is mended all the same.
     let wrong = outcome(&made, &request, 3, lose(leaf));
     for (&frame, tracked) in &wrong.tracked {
         assert_eq!(made.iou(&tracked.mask, frame, BALL), 1.0, "frame {frame}");
-        assert!(made.iou(&tracked.mask, frame, leaf) > 0.85, "frame {frame}: {}", made.iou(&tracked.mask, frame, leaf));
+        assert!(
+            made.iou(&tracked.mask, frame, leaf) > 0.85,
+            "frame {frame}: {}",
+            made.iou(&tracked.mask, frame, leaf)
+        );
     }
 }

@@ -34,7 +34,9 @@ impl Tracker for Straying {
         progress: &Progress,
     ) -> Result<Vec<String>, MaskError> {
         let anchors = &request.anchors;
-        let mut frames: Vec<usize> = (request.from..=request.to).filter(|frame| !anchors.contains_key(frame)).collect();
+        let mut frames: Vec<usize> = (request.from..=request.to)
+            .filter(|frame| !anchors.contains_key(frame))
+            .collect();
         let is_backward = request.direction == Direction::Backward;
         if is_backward {
             frames.reverse();
@@ -49,12 +51,29 @@ impl Tracker for Straying {
                 all.push(begun);
             }
             drop(all);
-            let has_passed =
-                if is_backward { begun >= self.at && self.at > frame } else { begun < self.at && self.at <= frame };
+            let has_passed = if is_backward {
+                begun >= self.at && self.at > frame
+            } else {
+                begun < self.at && self.at <= frame
+            };
             let truth = &self.truth[frame];
-            let mask = if has_passed { (self.error)(truth, 1 + frame.abs_diff(self.at)) } else { truth.clone() };
-            let confidence = mask.ids.iter().filter(|&&id| id != LabelId::NONE).map(|&id| (id, 0.9)).collect();
-            emit(TrackedFrame { frame, mask, confidence, preliminary: false });
+            let mask = if has_passed {
+                (self.error)(truth, 1 + frame.abs_diff(self.at))
+            } else {
+                truth.clone()
+            };
+            let confidence = mask
+                .ids
+                .iter()
+                .filter(|&&id| id != LabelId::NONE)
+                .map(|&id| (id, 0.9))
+                .collect();
+            emit(TrackedFrame {
+                frame,
+                mask,
+                confidence,
+                preliminary: false,
+            });
             progress.step(done + 1, frames.len())?;
         }
         Ok(vec!["a tracker's own warning".into()])
@@ -72,7 +91,10 @@ pub fn swap(a: LabelId, b: LabelId) -> Error {
             id
         }
     };
-    Box::new(move |mask, _| LabelMask { ids: mask.ids.iter().map(|&id| swapped(id)).collect(), ..*mask })
+    Box::new(move |mask, _| LabelMask {
+        ids: mask.ids.iter().map(|&id| swapped(id)).collect(),
+        ..*mask
+    })
 }
 
 /// A label moves to the right over everything else.
@@ -82,14 +104,20 @@ pub fn drift(label: LabelId, px: usize) -> Error {
         let came = |at: usize| at % width >= aside && mask.ids[at - aside] == label;
         let keeps = |id: LabelId| if id == label { LabelId::NONE } else { id };
         let ids = (0..mask.ids.len()).map(|at| if came(at) { label } else { keeps(mask.ids[at]) });
-        LabelMask { ids: ids.collect(), ..*mask }
+        LabelMask {
+            ids: ids.collect(),
+            ..*mask
+        }
     })
 }
 
 /// A label is gone.
 pub fn lose(label: LabelId) -> Error {
     let left = move |id: LabelId| if id == label { LabelId::NONE } else { id };
-    Box::new(move |mask, _| LabelMask { ids: mask.ids.iter().map(|&id| left(id)).collect(), ..*mask })
+    Box::new(move |mask, _| LabelMask {
+        ids: mask.ids.iter().map(|&id| left(id)).collect(),
+        ..*mask
+    })
 }
 
 /// What a constrained tracker made of a request.
@@ -104,10 +132,25 @@ pub struct Outcome {
 }
 
 /// A tracker that goes wrong at a frame, constrained.
-pub fn constrained(made: &Made, at: usize, error: Error) -> (ConstrainedTracker, Arc<Mutex<Vec<usize>>>) {
+pub fn constrained(
+    made: &Made,
+    at: usize,
+    error: Error,
+) -> (ConstrainedTracker, Arc<Mutex<Vec<usize>>>) {
     let begun = Arc::default();
-    let tracker = Straying { truth: Arc::clone(&made.truth), at, error, begun: Arc::clone(&begun) };
-    (ConstrainedTracker { tracker: Box::new(tracker), options: ConstrainOptions::default() }, begun)
+    let tracker = Straying {
+        truth: Arc::clone(&made.truth),
+        at,
+        error,
+        begun: Arc::clone(&begun),
+    };
+    (
+        ConstrainedTracker {
+            tracker: Box::new(tracker),
+            options: ConstrainOptions::default(),
+        },
+        begun,
+    )
 }
 
 /// Tracks with it.
@@ -118,7 +161,14 @@ pub fn outcome(made: &Made, request: &TrackRequest, at: usize, error: Error) -> 
         answers += 1;
         tracked.insert(frame.frame, frame);
     };
-    let lines = tracker.track(request, &mut take, &Progress::default()).unwrap();
+    let lines = tracker
+        .track(request, &mut take, &Progress::default())
+        .unwrap();
     let begun = begun.lock().unwrap().clone();
-    Outcome { tracked, answers, lines, begun }
+    Outcome {
+        tracked,
+        answers,
+        lines,
+        begun,
+    }
 }

@@ -39,15 +39,27 @@ fn every_cut_of_a_binary_model_is_an_error() {
     };
     for cut in 0..cameras.len() {
         store(&cameras[..cut], &images, &points);
-        assert!(error_of(folder.path()).contains("cameras.bin"), "cut at {cut}");
+        assert!(
+            error_of(folder.path()).contains("cameras.bin"),
+            "cut at {cut}"
+        );
     }
     for cut in 0..images.len() {
         store(&cameras, &images[..cut], &points);
-        assert!(error_of(folder.path()).contains("images.bin"), "cut at {cut}");
+        assert!(
+            error_of(folder.path()).contains("images.bin"),
+            "cut at {cut}"
+        );
     }
     for cut in 0..points.len() {
         store(&cameras, &images, &points[..cut]);
-        assert!(read_sparse_points(folder.path()).unwrap_err().to_string().contains("points3D.bin"), "cut at {cut}");
+        assert!(
+            read_sparse_points(folder.path())
+                .unwrap_err()
+                .to_string()
+                .contains("points3D.bin"),
+            "cut at {cut}"
+        );
     }
 }
 
@@ -76,7 +88,10 @@ fn huge_counts_and_unknown_models_in_binary_files() {
         cameras.resize(32 + 8 * parameters, 0);
         write(folder.path(), "cameras.bin", &cameras);
         let error = error_of(folder.path());
-        assert!(error.contains(&format!("camera model {name} is not supported")), "{error}");
+        assert!(
+            error.contains(&format!("camera model {name} is not supported")),
+            "{error}"
+        );
     }
 }
 
@@ -85,9 +100,21 @@ fn broken_colmap_text() {
     let image = "1 1 0 0 0 0 0 0 1 a.png\n\n";
     for (cameras, images, expected) in [
         ("1 FOV 640 480 500 500 320 240 0.1\n", image, "FOV"),
-        ("1 PINHOLE 640 480 500 500 320\n", image, "4 parameters, not 3"),
-        ("1 PINHOLE 0 480 500 500 320 240\n", image, "image size of 0 × 480"),
-        ("1 PINHOLE 4000000000 480 500 500 320 240\n", image, "image size of 4000000000 × 480"),
+        (
+            "1 PINHOLE 640 480 500 500 320\n",
+            image,
+            "4 parameters, not 3",
+        ),
+        (
+            "1 PINHOLE 0 480 500 500 320 240\n",
+            image,
+            "image size of 0 × 480",
+        ),
+        (
+            "1 PINHOLE 4000000000 480 500 500 320 240\n",
+            image,
+            "image size of 4000000000 × 480",
+        ),
         ("1 PINHOLE 640 480 500 500 320 x\n", image, "'x'"),
         ("1 PINHOLE 640 480 NaN 500 320 240\n", image, "finite"),
         (CAMERA, "1 NaN 0 0 0 0 0 0 1 a.png\n\n", "finite"),
@@ -96,11 +123,18 @@ fn broken_colmap_text() {
         (CAMERA, "1 1 0 0 0 0 0 0 2 a.png\n\n", "camera 2"),
         (CAMERA, "1 1 0 0 0 0 0 0 1\n\n", "no name"),
         (CAMERA, "1 1 0 0\n\n", "ends too early"),
-        (CAMERA, "1 1 0 0 0 0 0 0 1 a.png\n2 1 0 0 0 0 0 0 1 b.png\n", "line 2"),
+        (
+            CAMERA,
+            "1 1 0 0 0 0 0 0 1 a.png\n2 1 0 0 0 0 0 0 1 b.png\n",
+            "line 2",
+        ),
         (CAMERA, "# nothing\n", "no cameras"),
     ] {
         let error = colmap_error(cameras, images);
-        assert!(error.contains(expected), "'{error}' does not say '{expected}'");
+        assert!(
+            error.contains(expected),
+            "'{error}' does not say '{expected}'"
+        );
     }
 }
 
@@ -110,7 +144,11 @@ fn broken_files_of_other_formats() {
         ("transforms.json", "{\"frames\": [", "transforms.json"),
         ("transforms.json", "{}", "frames"),
         ("transforms.json", r#"{"frames": []}"#, "no cameras"),
-        ("transforms.json", r#"{"frames": [{"file_path": "a", "transform_matrix": [[1, 0], [0]]}]}"#, "not 4x4"),
+        (
+            "transforms.json",
+            r#"{"frames": [{"file_path": "a", "transform_matrix": [[1, 0], [0]]}]}"#,
+            "not 4x4",
+        ),
         (
             "transforms.json",
             r#"{"fl_x": 1, "camera_model": "EQUIRECTANGULAR", "frames": [{"file_path": "a",
@@ -121,14 +159,29 @@ fn broken_files_of_other_formats() {
         ("t.txt", "1.5 0 0 0 0 0 0 1\n2.5 0 0\n", "line 2"),
         ("t.txt", "nan 0 0 0 0 0 0 1\n", "time"),
         ("t.log", "0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n", "cut off"),
-        ("t.log", "0 0 1\n1 0 0 0\n0 1 0 nan\n0 0 1 0\n0 0 0 1\n", "finite"),
-        ("t.log", "0 0 1\n2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n", "no rotation"),
-        ("x_par.txt", "2\na.png 1 0 0 0 1 0 0 0 1 1 0 0 0 1 0 0 0 1 0 0 0\n", "2 cameras are announced, 1 follow"),
+        (
+            "t.log",
+            "0 0 1\n1 0 0 0\n0 1 0 nan\n0 0 1 0\n0 0 0 1\n",
+            "finite",
+        ),
+        (
+            "t.log",
+            "0 0 1\n2 0 0 0\n0 2 0 0\n0 0 2 0\n0 0 0 1\n",
+            "no rotation",
+        ),
+        (
+            "x_par.txt",
+            "2\na.png 1 0 0 0 1 0 0 0 1 1 0 0 0 1 0 0 0 1 0 0 0\n",
+            "2 cameras are announced, 1 follow",
+        ),
         ("x.txt", "a b c d e f\n", "no file of cameras"),
         ("x.txt", "", "empty"),
     ] {
         let error = error_in(name, content);
-        assert!(error.contains(expected), "'{error}' does not say '{expected}'");
+        assert!(
+            error.contains(expected),
+            "'{error}' does not say '{expected}'"
+        );
     }
     assert!(error_in("x.txt", [0xff, 0xfe, 0x00]).contains("not a text file"));
 }
@@ -136,9 +189,23 @@ fn broken_files_of_other_formats() {
 #[test]
 fn unused_cameras_of_other_models_do_no_harm() {
     let folder = tempfile::tempdir().unwrap();
-    write(folder.path(), "text/cameras.txt", format!("{CAMERA}2 EQUIRECTANGULAR 640 320 640 320\n3 NEW 1 1 1\n"));
-    write(folder.path(), "text/images.txt", "1 1 0 0 0 0 0 0 1 a.png\n\n");
-    assert!(GivenCameras::read(&folder.path().join("text")).unwrap().cameras[0].camera_from_world.is_ok());
+    write(
+        folder.path(),
+        "text/cameras.txt",
+        format!("{CAMERA}2 EQUIRECTANGULAR 640 320 640 320\n3 NEW 1 1 1\n"),
+    );
+    write(
+        folder.path(),
+        "text/images.txt",
+        "1 1 0 0 0 0 0 0 1 a.png\n\n",
+    );
+    assert!(
+        GivenCameras::read(&folder.path().join("text"))
+            .unwrap()
+            .cameras[0]
+            .camera_from_world
+            .is_ok()
+    );
     let [mut cameras, images, _] = binary_model();
     cameras[0] = 3;
     for (model, parameters) in [(16i32, 6), (13, 5)] {
@@ -149,7 +216,13 @@ fn unused_cameras_of_other_models_do_no_harm() {
     }
     write(folder.path(), "binary/cameras.bin", &cameras);
     write(folder.path(), "binary/images.bin", &images);
-    assert!(GivenCameras::read(&folder.path().join("binary")).unwrap().cameras[0].camera_from_world.is_ok());
+    assert!(
+        GivenCameras::read(&folder.path().join("binary"))
+            .unwrap()
+            .cameras[0]
+            .camera_from_world
+            .is_ok()
+    );
 }
 
 #[test]
@@ -159,10 +232,27 @@ fn numbers_in_json_may_be_strings_or_what_python_writes() {
         {"file_path": "a \"NaN.png", "transform_matrix": [[NaN, 0, 0, 0], [0, 1, 0, Infinity], [0, 0, 1, -Infinity], [0, 0, 0, 1]]},
         {"file_path": "Infinity.png", "transform_matrix": [["1", 0, 0, "2.5"], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}]}"#;
     write(folder.path(), "transforms.json", json);
-    let cameras = GivenCameras::read(&folder.path().join("transforms.json")).unwrap().cameras;
-    assert!(cameras[0].camera_from_world.as_ref().unwrap_err().contains("a \"NaN.png: the pose has a value"));
+    let cameras = GivenCameras::read(&folder.path().join("transforms.json"))
+        .unwrap()
+        .cameras;
+    assert!(
+        cameras[0]
+            .camera_from_world
+            .as_ref()
+            .unwrap_err()
+            .contains("a \"NaN.png: the pose has a value")
+    );
     assert_eq!(cameras[1].key, CameraKey::Name("Infinity.png".into()));
-    assert_eq!(cameras[1].camera_from_world.as_ref().unwrap().inverse().translation.x, 2.5);
+    assert_eq!(
+        cameras[1]
+            .camera_from_world
+            .as_ref()
+            .unwrap()
+            .inverse()
+            .translation
+            .x,
+        2.5
+    );
     let error = error_in(
         "transforms.json",
         r#"{"fl_x": 1, "k1": NaN, "frames": [{"file_path": "a",
@@ -179,17 +269,52 @@ fn frames_of_transforms_without_a_usable_pose_or_lens_do_not_refuse_the_others()
             r#"{{"file_path": "{name}"{more}, "transform_matrix": [[1, 0, 0, {value}], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}}"#
         )
     };
-    let lost = ["null", "-NaN", "nan", "-nan(ind)", "1.#QNAN", "-1.#IND", "-inf", "1.#INF"];
-    let mut all: Vec<String> = lost.iter().enumerate().map(|(k, value)| frame(&k.to_string(), value, "")).collect();
-    all.push(frame("panorama", "0", r#", "camera_model": "EQUIRECTANGULAR""#));
+    let lost = [
+        "null",
+        "-NaN",
+        "nan",
+        "-nan(ind)",
+        "1.#QNAN",
+        "-1.#IND",
+        "-inf",
+        "1.#INF",
+    ];
+    let mut all: Vec<String> = lost
+        .iter()
+        .enumerate()
+        .map(|(k, value)| frame(&k.to_string(), value, ""))
+        .collect();
+    all.push(frame(
+        "panorama",
+        "0",
+        r#", "camera_model": "EQUIRECTANGULAR""#,
+    ));
     all.push(frame("whole", "2.5", ""));
-    write(folder.path(), "transforms.json", format!(r#"{{"fl_x": 500, "frames": [{}]}}"#, all.join(", ")));
-    let cameras = GivenCameras::read(&folder.path().join("transforms.json")).unwrap().cameras;
+    write(
+        folder.path(),
+        "transforms.json",
+        format!(r#"{{"fl_x": 500, "frames": [{}]}}"#, all.join(", ")),
+    );
+    let cameras = GivenCameras::read(&folder.path().join("transforms.json"))
+        .unwrap()
+        .cameras;
     let (whole, others) = cameras.split_last().unwrap();
-    assert_eq!(whole.camera_from_world.as_ref().unwrap().inverse().translation.x, 2.5);
+    assert_eq!(
+        whole
+            .camera_from_world
+            .as_ref()
+            .unwrap()
+            .inverse()
+            .translation
+            .x,
+        2.5
+    );
     for camera in others {
         let reason = camera.camera_from_world.as_ref().unwrap_err();
-        assert!(reason.contains("finite") || reason.contains("EQUIRECTANGULAR"), "{reason}");
+        assert!(
+            reason.contains("finite") || reason.contains("EQUIRECTANGULAR"),
+            "{reason}"
+        );
     }
 }
 
@@ -203,13 +328,31 @@ fn damaged_pose_files_and_those_of_macos_do_not_refuse_the_others() {
     write(folder.path(), "000002.txt", &matrix("2")[..20]);
     write(folder.path(), "000003.txt", matrix("-nan(ind)"));
     write(folder.path(), "000004.txt", matrix("1.#QNAN0"));
-    let mut all = frames(&["000000.png", "000001.png", "000002.png", "000003.png", "000004.png"]);
+    let mut all = frames(&[
+        "000000.png",
+        "000001.png",
+        "000002.png",
+        "000003.png",
+        "000004.png",
+    ]);
     attach_intrinsics(&mut all, &[500.0, 500.0, 320.0, 240.0].into()).unwrap();
-    let warnings = GivenCameras::read(folder.path()).unwrap().match_to(&mut all).unwrap();
-    let posed: Vec<bool> = all.iter().map(|frame| frame.posed_camera().is_some()).collect();
+    let warnings = GivenCameras::read(folder.path())
+        .unwrap()
+        .match_to(&mut all)
+        .unwrap();
+    let posed: Vec<bool> = all
+        .iter()
+        .map(|frame| frame.posed_camera().is_some())
+        .collect();
     assert_eq!(posed, [false, true, false, false, false]);
-    assert!(warnings.len() == 1 && warnings[0].contains("4 of 5 frames"), "{warnings:?}");
-    assert!(warnings[0].contains("000000.txt: holds 0 numbers"), "{warnings:?}");
+    assert!(
+        warnings.len() == 1 && warnings[0].contains("4 of 5 frames"),
+        "{warnings:?}"
+    );
+    assert!(
+        warnings[0].contains("000000.txt: holds 0 numbers"),
+        "{warnings:?}"
+    );
 }
 
 #[test]
@@ -218,7 +361,12 @@ fn sparse_binary_files_are_refused_without_reading_them() {
     let [cameras, images, points] = binary_model();
     let huge = |name: &str, start: &[u8]| {
         write(folder.path(), name, start);
-        std::fs::File::options().write(true).open(folder.path().join(name)).unwrap().set_len(200 << 30).unwrap();
+        std::fs::File::options()
+            .write(true)
+            .open(folder.path().join(name))
+            .unwrap()
+            .set_len(200 << 30)
+            .unwrap();
     };
     write(folder.path(), "cameras.bin", &cameras);
     for start in [&[][..], &4_u64.to_le_bytes(), &u64::MAX.to_le_bytes()] {
@@ -227,7 +375,12 @@ fn sparse_binary_files_are_refused_without_reading_them() {
     }
     write(folder.path(), "images.bin", &images);
     huge("points3D.bin", &[]);
-    assert!(read_sparse_points(folder.path()).unwrap_err().to_string().contains("points3D.bin"));
+    assert!(
+        read_sparse_points(folder.path())
+            .unwrap_err()
+            .to_string()
+            .contains("points3D.bin")
+    );
     write(folder.path(), "points3D.bin", &points);
     huge("cameras.bin", &[]);
     assert!(error_of(folder.path()).contains("cameras.bin"));
@@ -246,13 +399,29 @@ fn a_lost_frame_keeps_the_numbers_of_the_others() {
     write(folder.path(), "t.log", log);
     let mut all = frames(&["image1.png", "image2.png", "image3.png", "image4.png"]);
     attach_intrinsics(&mut all, &[500.0, 500.0, 320.0, 240.0].into()).unwrap();
-    let warnings = GivenCameras::read(&folder.path().join("t.log")).unwrap().match_to(&mut all).unwrap();
-    let x = |frame: &Frame| frame.posed_camera().map(|(_, pose)| pose.inverse().translation.x);
-    assert_eq!(all.iter().map(x).collect::<Vec<_>>(), [Some(0.0), None, None, Some(3.0)]);
-    assert!(
-        warnings.len() == 1 && warnings[0].contains("2 of 4 frames") && warnings[0].contains("image2.png, image3.png")
+    let warnings = GivenCameras::read(&folder.path().join("t.log"))
+        .unwrap()
+        .match_to(&mut all)
+        .unwrap();
+    let x = |frame: &Frame| {
+        frame
+            .posed_camera()
+            .map(|(_, pose)| pose.inverse().translation.x)
+    };
+    assert_eq!(
+        all.iter().map(x).collect::<Vec<_>>(),
+        [Some(0.0), None, None, Some(3.0)]
     );
-    assert_eq!(warnings[0].matches("not a finite number").count(), 1, "{warnings:?}");
+    assert!(
+        warnings.len() == 1
+            && warnings[0].contains("2 of 4 frames")
+            && warnings[0].contains("image2.png, image3.png")
+    );
+    assert_eq!(
+        warnings[0].matches("not a finite number").count(),
+        1,
+        "{warnings:?}"
+    );
 }
 
 #[test]
@@ -269,7 +438,10 @@ fn broken_folders() {
     write(folder.path(), "d/0.pose.txt", "nan ".repeat(16));
     assert!(error_of(&folder.path().join("d")).contains("finite"));
     write(folder.path(), "f/0.pose.txt", "-inf ".repeat(16));
-    assert!(error_of(&folder.path().join("f")).contains("holds no cameras"), "a frame that was lost");
+    assert!(
+        error_of(&folder.path().join("f")).contains("holds no cameras"),
+        "a frame that was lost"
+    );
     write(folder.path(), "e/images.txt", "");
     assert!(error_of(&folder.path().join("e/images.txt")).contains("one part of a COLMAP model"));
 }

@@ -13,9 +13,14 @@ const INTRINSICS: [f64; 4] = [500.0, 510.0, 320.0, 240.0];
 fn matched(path: &Path, names: &[&str]) -> Vec<FrameCamera> {
     let mut all = frames(names);
     attach_intrinsics(&mut all, &INTRINSICS.into()).unwrap();
-    let warnings = GivenCameras::read(path).unwrap().match_to(&mut all).unwrap();
+    let warnings = GivenCameras::read(path)
+        .unwrap()
+        .match_to(&mut all)
+        .unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
-    all.iter().map(|frame: &Frame| frame.camera.unwrap()).collect()
+    all.iter()
+        .map(|frame: &Frame| frame.camera.unwrap())
+        .collect()
 }
 
 fn assert_poses(cameras: &[FrameCamera], expected: &[Pose]) {
@@ -30,14 +35,27 @@ fn tum_trajectories_are_matched_by_time() {
     let folder = tempfile::tempdir().unwrap();
     let line = |time: &str, pose: Pose| {
         let (c, q) = (pose.inverse().translation, pose.inverse().rotation);
-        format!("{time} {} {} {} {} {} {} {}\n", c.x, c.y, c.z, q.x, q.y, q.z, q.w)
+        format!(
+            "{time} {} {} {} {} {} {} {}\n",
+            c.x, c.y, c.z, q.x, q.y, q.z, q.w
+        )
     };
-    let text = ["# timestamp …\n".into(), line("1305031102.2112", pose(2)), line("1305031102.1758", pose(1))].concat();
+    let text = [
+        "# timestamp …\n".into(),
+        line("1305031102.2112", pose(2)),
+        line("1305031102.1758", pose(1)),
+    ]
+    .concat();
     write(folder.path(), "groundtruth.txt", text);
-    let cameras =
-        matched(&folder.path().join("groundtruth.txt"), &["rgb/1305031102.175304.png", "rgb/1305031102.211214.png"]);
+    let cameras = matched(
+        &folder.path().join("groundtruth.txt"),
+        &["rgb/1305031102.175304.png", "rgb/1305031102.211214.png"],
+    );
     assert_poses(&cameras, &[pose(1), pose(2)]);
-    assert_eq!(cameras[0].intrinsics, Camera::pinhole(640, 480, 500.0, 510.0, 320.0, 240.0));
+    assert_eq!(
+        cameras[0].intrinsics,
+        Camera::pinhole(640, 480, 500.0, 510.0, 320.0, 240.0)
+    );
 }
 
 #[test]
@@ -52,9 +70,18 @@ fn logs_are_matched_by_number_or_order() {
     let path = folder.path().join("trajectory.log");
     std::fs::write(&path, log(&[0, 1, 2])).unwrap();
     // Tanks and Temples count pictures from 1, the log from 0.
-    assert_poses(&matched(&path, &["000001.jpg", "000002.jpg", "000003.jpg"]), &[pose(0), pose(1), pose(2)]);
-    assert_poses(&matched(&path, &["a.jpg", "b.jpg", "c.jpg"]), &[pose(0), pose(1), pose(2)]);
-    assert_poses(&matched(&path, &["color-000002.jpg", "color-000000.jpg"]), &[pose(2), pose(0)]);
+    assert_poses(
+        &matched(&path, &["000001.jpg", "000002.jpg", "000003.jpg"]),
+        &[pose(0), pose(1), pose(2)],
+    );
+    assert_poses(
+        &matched(&path, &["a.jpg", "b.jpg", "c.jpg"]),
+        &[pose(0), pose(1), pose(2)],
+    );
+    assert_poses(
+        &matched(&path, &["color-000002.jpg", "color-000000.jpg"]),
+        &[pose(2), pose(0)],
+    );
     assert_poses(&matched(&path, &["FILM/000001"]), &[pose(1)]);
 }
 
@@ -62,36 +89,77 @@ fn logs_are_matched_by_number_or_order() {
 fn pose_files_are_matched_by_name() {
     let folder = tempfile::tempdir().unwrap();
     for i in 0..2 {
-        write(folder.path(), &format!("seven/frame-00000{i}.pose.txt"), world_from_camera_text(&pose(i)));
-        write(folder.path(), &format!("plain/{i}.txt"), world_from_camera_text(&pose(i)));
+        write(
+            folder.path(),
+            &format!("seven/frame-00000{i}.pose.txt"),
+            world_from_camera_text(&pose(i)),
+        );
+        write(
+            folder.path(),
+            &format!("plain/{i}.txt"),
+            world_from_camera_text(&pose(i)),
+        );
     }
-    let seven = matched(&folder.path().join("seven"), &["frame-000000.color.png", "frame-000001.color.png"]);
+    let seven = matched(
+        &folder.path().join("seven"),
+        &["frame-000000.color.png", "frame-000001.color.png"],
+    );
     assert_poses(&seven, &[pose(0), pose(1)]);
-    assert_poses(&matched(&folder.path().join("plain"), &["color/1.jpg"]), &[pose(1)]);
+    assert_poses(
+        &matched(&folder.path().join("plain"), &["color/1.jpg"]),
+        &[pose(1)],
+    );
 }
 
 fn camera_matrix() -> DMat3 {
-    DMat3::from_cols(DVec3::X * 1500.0, DVec3::Y * 1510.0, DVec3::new(302.5, 247.0, 1.0))
+    DMat3::from_cols(
+        DVec3::X * 1500.0,
+        DVec3::Y * 1510.0,
+        DVec3::new(302.5, 247.0, 1.0),
+    )
 }
 
 #[test]
 fn middlebury_pixels_have_their_centres_at_whole_numbers() {
     let folder = tempfile::tempdir().unwrap();
-    let numbers = |m: DMat3| m.transpose().to_cols_array().map(|v| v.to_string()).join(" ");
+    let numbers = |m: DMat3| {
+        m.transpose()
+            .to_cols_array()
+            .map(|v| v.to_string())
+            .join(" ")
+    };
     let t = pose(1).translation;
     let rotation = DMat3::from_quat(pose(1).rotation);
-    let text = format!("1\nx0001.png {} {} {} {} {}\n", numbers(camera_matrix()), numbers(rotation), t.x, t.y, t.z);
+    let text = format!(
+        "1\nx0001.png {} {} {} {} {}\n",
+        numbers(camera_matrix()),
+        numbers(rotation),
+        t.x,
+        t.y,
+        t.z
+    );
     write(folder.path(), "x_par.txt", text);
     let cameras = matched(folder.path(), &["x0001.png"]);
     assert_poses(&cameras, &[pose(1)]);
-    assert_eq!(cameras[0].intrinsics, Camera::pinhole(640, 480, 1500.0, 1510.0, 303.0, 247.5));
+    assert_eq!(
+        cameras[0].intrinsics,
+        Camera::pinhole(640, 480, 1500.0, 1510.0, 303.0, 247.5)
+    );
 }
 
 /// Rows of `scale · K [R t]`.
 fn projection_text(pose: &Pose, scale: f64) -> String {
     let left = scale * (camera_matrix() * DMat3::from_quat(pose.rotation));
     let right = scale * (camera_matrix() * pose.translation);
-    let rows = [0, 1, 2].map(|i| format!("{} {} {} {}", left.row(i).x, left.row(i).y, left.row(i).z, right[i]));
+    let rows = [0, 1, 2].map(|i| {
+        format!(
+            "{} {} {} {}",
+            left.row(i).x,
+            left.row(i).y,
+            left.row(i).z,
+            right[i]
+        )
+    });
     rows.join("\n")
 }
 
@@ -100,23 +168,40 @@ fn dtu_projections_are_taken_apart() {
     let folder = tempfile::tempdir().unwrap();
     for i in 1..=3 {
         let scale = if i == 2 { -0.37 } else { 24.0 };
-        write(folder.path(), &format!("pos_00{i}.txt"), projection_text(&pose(i), scale));
+        write(
+            folder.path(),
+            &format!("pos_00{i}.txt"),
+            projection_text(&pose(i), scale),
+        );
     }
-    let by_number = matched(folder.path(), &["rect_003_3_r5000.png", "rect_001_3_r5000.png"]);
+    let by_number = matched(
+        folder.path(),
+        &["rect_003_3_r5000.png", "rect_001_3_r5000.png"],
+    );
     assert_poses(&by_number, &[pose(3), pose(1)]);
     let from_zero = matched(folder.path(), &["000000.jpg", "000001.jpg"]);
     assert_poses(&from_zero, &[pose(1), pose(2)]);
     for camera in by_number.iter().chain(&from_zero) {
         let intrinsics = camera.intrinsics;
-        assert!(intrinsics.focal_px.abs_diff_eq(DVec2::new(1500.0, 1510.0), 1e-6));
-        assert!(intrinsics.principal_px.abs_diff_eq(DVec2::new(303.0, 247.5), 1e-6));
+        assert!(
+            intrinsics
+                .focal_px
+                .abs_diff_eq(DVec2::new(1500.0, 1510.0), 1e-6)
+        );
+        assert!(
+            intrinsics
+                .principal_px
+                .abs_diff_eq(DVec2::new(303.0, 247.5), 1e-6)
+        );
     }
 }
 
 /// Camera-to-world with y up and the view along −z, as nested JSON.
 fn opengl_matrix(pose: &Pose) -> String {
     let flip = glam::DMat4::from_diagonal(glam::DVec4::new(1.0, -1.0, -1.0, 1.0));
-    let rows = (pose.inverse().matrix() * flip).transpose().to_cols_array_2d();
+    let rows = (pose.inverse().matrix() * flip)
+        .transpose()
+        .to_cols_array_2d();
     serde_json::to_string(&rows).unwrap()
 }
 
@@ -134,11 +219,20 @@ fn transforms_of_nerfstudio() {
     let cameras = matched(folder.path(), &["a.png", "b.png"]);
     assert_poses(&cameras, &[pose(1), pose(2)]);
     let expected = Camera {
-        distortion: Distortion::OpenCv { k: [0.1, 0.02], p: [0.001, -0.002] },
+        distortion: Distortion::OpenCv {
+            k: [0.1, 0.02],
+            p: [0.001, -0.002],
+        },
         ..Camera::pinhole(640, 480, 500.0, 510.0, 321.0, 242.0)
     };
     assert_eq!(cameras[0].intrinsics, expected);
-    assert_eq!(cameras[1].intrinsics, Camera { focal_px: DVec2::new(600.0, 510.0), ..expected });
+    assert_eq!(
+        cameras[1].intrinsics,
+        Camera {
+            focal_px: DVec2::new(600.0, 510.0),
+            ..expected
+        }
+    );
 }
 
 #[test]

@@ -9,10 +9,16 @@ use ostra_geometry::Camera;
 fn given(names: &[&str]) -> GivenCameras {
     let camera = |(i, name): (usize, &&str)| GivenCamera {
         key: CameraKey::Name((*name).into()),
-        intrinsics: Some(GivenIntrinsics::pinhole(DVec2::splat(500.0), DVec2::new(320.0, 240.0))),
+        intrinsics: Some(GivenIntrinsics::pinhole(
+            DVec2::splat(500.0),
+            DVec2::new(320.0, 240.0),
+        )),
         camera_from_world: Ok(pose(i as u32)),
     };
-    GivenCameras { path: "cameras".into(), cameras: names.iter().enumerate().map(camera).collect() }
+    GivenCameras {
+        path: "cameras".into(),
+        cameras: names.iter().enumerate().map(camera).collect(),
+    }
 }
 
 fn x_of(frame: &Frame) -> Option<f64> {
@@ -23,28 +29,54 @@ fn x_of(frame: &Frame) -> Option<f64> {
 fn matched(cameras: &[&str], names: &[&str]) -> Vec<Option<usize>> {
     let mut all = frames(names);
     given(cameras).match_to(&mut all).unwrap();
-    all.iter().map(|frame| x_of(frame).map(|x| (10.0 * x).round() as usize)).collect()
+    all.iter()
+        .map(|frame| x_of(frame).map(|x| (10.0 * x).round() as usize))
+        .collect()
 }
 
 #[test]
 fn full_names_go_before_file_names() {
-    assert_eq!(matched(&["a/1.jpg", "b/1.jpg"], &["b/1.jpg", "a/1.jpg"]), [Some(1), Some(0)]);
-    assert_eq!(matched(&["x/a/1.jpg", "x/b/1.jpg"], &["b/1.jpg", "a/1.jpg"]), [Some(1), Some(0)]);
-    assert_eq!(matched(&["other/1.jpg", "other/2.jpg"], &["images/2.jpg"]), [Some(1)]);
-    assert_eq!(matched(&["1.png", "2.png"], &["1.jpg", "2.jpg"]), [Some(0), Some(1)]);
+    assert_eq!(
+        matched(&["a/1.jpg", "b/1.jpg"], &["b/1.jpg", "a/1.jpg"]),
+        [Some(1), Some(0)]
+    );
+    assert_eq!(
+        matched(&["x/a/1.jpg", "x/b/1.jpg"], &["b/1.jpg", "a/1.jpg"]),
+        [Some(1), Some(0)]
+    );
+    assert_eq!(
+        matched(&["other/1.jpg", "other/2.jpg"], &["images/2.jpg"]),
+        [Some(1)]
+    );
+    assert_eq!(
+        matched(&["1.png", "2.png"], &["1.jpg", "2.jpg"]),
+        [Some(0), Some(1)]
+    );
 }
 
 #[test]
 fn ambiguous_file_names_are_not_guessed() {
-    assert_eq!(matched(&["1.jpg", "2.jpg"], &["a/1.jpg", "b/1.jpg", "a/2.jpg"]), [None, None, Some(1)]);
-    assert_eq!(matched(&["a/1.jpg", "b/1.jpg", "2.jpg"], &["1.jpg", "2.jpg"]), [None, Some(2)]);
+    assert_eq!(
+        matched(&["1.jpg", "2.jpg"], &["a/1.jpg", "b/1.jpg", "a/2.jpg"]),
+        [None, None, Some(1)]
+    );
+    assert_eq!(
+        matched(&["a/1.jpg", "b/1.jpg", "2.jpg"], &["1.jpg", "2.jpg"]),
+        [None, Some(2)]
+    );
 }
 
 #[test]
 fn no_match_at_all_names_both_sides_and_changes_nothing() {
     let mut all = frames(&["x.png", "y.png"]);
-    let error = given(&["a.png", "b.png"]).match_to(&mut all).unwrap_err().to_string();
-    assert!(error.contains("a.png, b.png") && error.contains("x.png, y.png") && !error.contains('\n'), "{error}");
+    let error = given(&["a.png", "b.png"])
+        .match_to(&mut all)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("a.png, b.png") && error.contains("x.png, y.png") && !error.contains('\n'),
+        "{error}"
+    );
     assert_eq!(all, frames(&["x.png", "y.png"]));
 }
 
@@ -56,18 +88,28 @@ fn another_size_is_an_error_with_both_and_changes_nothing() {
     }
     let mut all = vec![frame("a.png", 640, 480, 1), frame("b.png", 320, 240, 1)];
     let error = cameras.match_to(&mut all).unwrap_err().to_string();
-    assert!(error.contains("b.png") && error.contains("640x480") && error.contains("320x240"), "{error}");
+    assert!(
+        error.contains("b.png") && error.contains("640x480") && error.contains("320x240"),
+        "{error}"
+    );
     assert!(all.iter().all(|frame| frame.camera.is_none()));
     // A picture shown upright has the size of the stored one swapped.
     assert!(cameras.match_to(&mut [frame("a.png", 480, 640, 6)]).is_ok());
-    assert!(cameras.match_to(&mut [frame("a.png", 640, 480, 6)]).is_err());
+    assert!(
+        cameras
+            .match_to(&mut [frame("a.png", 640, 480, 6)])
+            .is_err()
+    );
 }
 
 #[test]
 fn a_turned_picture_has_its_camera_turned() {
     let mut all = vec![frame("a.png", 640, 480, 1), frame("b.png", 480, 640, 6)];
     let mut cameras = given(&["a.png", "b.png"]);
-    cameras.cameras[1] = GivenCamera { key: CameraKey::Name("b.png".into()), ..cameras.cameras[0].clone() };
+    cameras.cameras[1] = GivenCamera {
+        key: CameraKey::Name("b.png".into()),
+        ..cameras.cameras[0].clone()
+    };
     cameras.match_to(&mut all).unwrap();
     let x_in_world = pose(0).inverse().transform(DVec3::new(0.2, 0.1, 1.0));
     let at = |frame: &Frame| {
@@ -80,8 +122,14 @@ fn a_turned_picture_has_its_camera_turned() {
 
 #[test]
 fn a_mirrored_picture_is_refused() {
-    let error = given(&["a.png"]).match_to(&mut [frame("a.png", 640, 480, 2)]).unwrap_err().to_string();
-    assert!(error.contains("a.png") && error.contains("mirrors"), "{error}");
+    let error = given(&["a.png"])
+        .match_to(&mut [frame("a.png", 640, 480, 2)])
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("a.png") && error.contains("mirrors"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -90,11 +138,20 @@ fn poses_without_intrinsics_ask_for_them() {
     cameras.cameras[0].intrinsics = None;
     let mut all = frames(&["a.png"]);
     assert!(!cameras.have_intrinsics());
-    assert!(cameras.match_to(&mut all).unwrap_err().to_string().contains("--intrinsics"));
+    assert!(
+        cameras
+            .match_to(&mut all)
+            .unwrap_err()
+            .to_string()
+            .contains("--intrinsics")
+    );
     attach_intrinsics(&mut all, &[400.0, 401.0, 300.0, 200.0].into()).unwrap();
     cameras.match_to(&mut all).unwrap();
     let intrinsics = Camera::pinhole(640, 480, 400.0, 401.0, 300.0, 200.0);
-    assert_eq!(all[0].camera, Some(FrameCamera::given(intrinsics, Some(pose(0)))));
+    assert_eq!(
+        all[0].camera,
+        Some(FrameCamera::given(intrinsics, Some(pose(0))))
+    );
     // Intrinsics given later keep the pose.
     attach_intrinsics(&mut all, &[410.0, 401.0, 300.0, 200.0].into()).unwrap();
     assert_eq!(all[0].posed_camera().unwrap().1, &pose(0));
@@ -105,10 +162,18 @@ fn one_set_of_intrinsics_fits_one_stored_size() {
     let mut all = vec![frame("a.png", 640, 480, 1), frame("b.png", 480, 640, 6)];
     attach_intrinsics(&mut all, &[500.0, 510.0, 300.0, 200.0].into()).unwrap();
     let turned = all[1].camera.unwrap().intrinsics;
-    assert_eq!(turned, Camera::pinhole(480, 640, 510.0, 500.0, 280.0, 300.0));
+    assert_eq!(
+        turned,
+        Camera::pinhole(480, 640, 510.0, 500.0, 280.0, 300.0)
+    );
     all.push(frame("c.png", 480, 640, 1));
-    let error = attach_intrinsics(&mut all, &[1.0; 4].into()).unwrap_err().to_string();
-    assert!(error.contains("a.png") && error.contains("c.png"), "{error}");
+    let error = attach_intrinsics(&mut all, &[1.0; 4].into())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("a.png") && error.contains("c.png"),
+        "{error}"
+    );
     assert_eq!(all[0].camera.unwrap().intrinsics.focal_px.x, 500.0);
     assert!(attach_intrinsics(&mut all[..1], &[0.0, 1.0, 1.0, 1.0].into()).is_err());
     assert!(attach_intrinsics(&mut all[..1], &[f64::NAN, 1.0, 1.0, 1.0].into()).is_err());
@@ -117,12 +182,20 @@ fn one_set_of_intrinsics_fits_one_stored_size() {
 #[test]
 fn numbers_that_do_not_fit_leave_frames_out_with_a_warning() {
     let folder = tempfile::tempdir().unwrap();
-    let text: String = (0..3).map(|i| format!("{i} {i} 0\n{}\n", super::world_from_camera_text(&pose(i)))).collect();
+    let text: String = (0..3)
+        .map(|i| format!("{i} {i} 0\n{}\n", super::world_from_camera_text(&pose(i))))
+        .collect();
     write(folder.path(), "t.log", text);
     let mut all = frames(&["0001.png", "0002.png", "0005.png", "0006.png"]);
     attach_intrinsics(&mut all, &[500.0, 500.0, 320.0, 240.0].into()).unwrap();
-    let warnings = GivenCameras::read(&folder.path().join("t.log")).unwrap().match_to(&mut all).unwrap();
-    assert!(warnings.len() == 1 && warnings[0].ends_with("0005.png, 0006.png"), "{warnings:?}");
+    let warnings = GivenCameras::read(&folder.path().join("t.log"))
+        .unwrap()
+        .match_to(&mut all)
+        .unwrap();
+    assert!(
+        warnings.len() == 1 && warnings[0].ends_with("0005.png, 0006.png"),
+        "{warnings:?}"
+    );
     assert!(all[3].camera.unwrap().camera_from_world.is_none());
     assert_eq!(x_of(&all[0]).map(|x| (10.0 * x).round()), Some(1.0));
 }

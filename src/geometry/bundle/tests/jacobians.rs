@@ -11,8 +11,18 @@ const STEP: f64 = 1e-6;
 
 /// One view of one camera, everything refined: the pose is block 0, the intrinsics are the blocks behind it.
 fn single_view(bundle: &Bundle) -> (State, Layout) {
-    let refine = vec![Refine { focal: true, principal: true, distortion: true }];
-    let state = State::new(bundle, &BundleOptions { refine, ..BundleOptions::default() });
+    let refine = vec![Refine {
+        focal: true,
+        principal: true,
+        distortion: true,
+    }];
+    let state = State::new(
+        bundle,
+        &BundleOptions {
+            refine,
+            ..BundleOptions::default()
+        },
+    );
     let blocks = 1 + state.intrinsics(0).div_ceil(BLOCK);
     let layout = Layout {
         poses: vec![Some(0)],
@@ -24,11 +34,21 @@ fn single_view(bundle: &Bundle) -> (State, Layout) {
 }
 
 /// The derivative of a residual by one unknown of poses and intrinsics, by central differences.
-fn difference(state: &State, layout: &Layout, point: DVec3, sighting: &Sighting, unknown: usize) -> DVec2 {
+fn difference(
+    state: &State,
+    layout: &Layout,
+    point: DVec3,
+    sighting: &Sighting,
+    unknown: usize,
+) -> DVec2 {
     let residual = |by: f64| {
         let mut step: Vec<Column> = vec![[0.0; BLOCK]; layout.len()];
         step[unknown / BLOCK][unknown % BLOCK] = by;
-        state.moved(layout, &step).observe(point, sighting).unwrap().residual
+        state
+            .moved(layout, &step)
+            .observe(point, sighting)
+            .unwrap()
+            .residual
     };
     (residual(STEP) - residual(-STEP)) / (2.0 * STEP)
 }
@@ -40,28 +60,50 @@ fn derivatives_agree_with_finite_differences_for_every_lens() {
         let (state, layout) = single_view(&bundle);
         for seen in &bundle.observations {
             let point = bundle.points[seen.point as usize];
-            let sighting = Sighting { image: 0, at_px: seen.at_px + DVec2::new(3.0, -2.0) };
+            let sighting = Sighting {
+                image: 0,
+                at_px: seen.at_px + DVec2::new(3.0, -2.0),
+            };
             let observed = state.observe(point, &sighting).unwrap();
-            assert!(observed.residual.abs_diff_eq(DVec2::new(-3.0, 2.0), 1e-9), "{camera:?}");
+            assert!(
+                observed.residual.abs_diff_eq(DVec2::new(-3.0, 2.0), 1e-9),
+                "{camera:?}"
+            );
             let close = |exact: DVec2, differenced: DVec2, what: &str| {
                 let scale = 1.0 + exact.length();
-                assert!(exact.abs_diff_eq(differenced, 1e-5 * scale), "{what} of {camera:?}: {exact} {differenced}");
+                assert!(
+                    exact.abs_diff_eq(differenced, 1e-5 * scale),
+                    "{what} of {camera:?}: {exact} {differenced}"
+                );
             };
             for axis in 0..3 {
                 let shift = STEP * DVec3::AXES[axis];
                 let residual = |x: DVec3| state.observe(x, &sighting).unwrap().residual;
-                let differenced = (residual(point + shift) - residual(point - shift)) / (2.0 * STEP);
-                close(DVec2::from(observed.by_point.map(|d| d[axis])), differenced, "point");
+                let differenced =
+                    (residual(point + shift) - residual(point - shift)) / (2.0 * STEP);
+                close(
+                    DVec2::from(observed.by_point.map(|d| d[axis])),
+                    differenced,
+                    "point",
+                );
             }
             for unknown in 0..BLOCK {
                 let differenced = difference(&state, &layout, point, &sighting, unknown);
-                close(DVec2::from(observed.by_pose().map(|row| row[unknown])), differenced, "pose");
+                close(
+                    DVec2::from(observed.by_pose().map(|row| row[unknown])),
+                    differenced,
+                    "pose",
+                );
             }
             let [first, second] = observed.by_intrinsics();
             for unknown in 0..(layout.len() - 1) * BLOCK {
                 let differenced = difference(&state, &layout, point, &sighting, BLOCK + unknown);
                 let rows = if unknown < BLOCK { &first } else { &second };
-                close(DVec2::from(rows.map(|row| row[unknown % BLOCK])), differenced, "intrinsics");
+                close(
+                    DVec2::from(rows.map(|row| row[unknown % BLOCK])),
+                    differenced,
+                    "intrinsics",
+                );
             }
         }
     }
@@ -85,7 +127,15 @@ fn points_are_seen_where_the_camera_projects_them() {
             let sighting = |at_px| Sighting { image: 0, at_px };
             match (expected, state.sees(world, 0)) {
                 (Some(at_px), true) => {
-                    assert!(state.observe(world, &sighting(at_px)).unwrap().residual.length() < 1e-6, "{camera:?}");
+                    assert!(
+                        state
+                            .observe(world, &sighting(at_px))
+                            .unwrap()
+                            .residual
+                            .length()
+                            < 1e-6,
+                        "{camera:?}"
+                    );
                 }
                 (seen, sees) => assert_eq!(seen.is_some(), sees, "{camera:?} at {x}"),
             }

@@ -32,12 +32,30 @@ pub fn cameras() -> Vec<Camera> {
     let models = [
         Distortion::None,
         Distortion::Radial { k: [-0.2, 0.03] },
-        Distortion::OpenCv { k: [-0.28, 0.07], p: [1e-3, -2e-3] },
-        Distortion::FullOpenCv { k: [0.3, 0.05, 0.002, 0.5, 0.03, 0.001], p: [-1e-3, 5e-4] },
-        Distortion::OpenCvFisheye { k: [0.05, -0.01, 0.004, -0.001] },
-        Distortion::ThinPrismFisheye { k: [0.02, -0.01, 0.003, 1e-3], p: [4e-3, -7e-3], s: [3e-3, 5e-3] },
+        Distortion::OpenCv {
+            k: [-0.28, 0.07],
+            p: [1e-3, -2e-3],
+        },
+        Distortion::FullOpenCv {
+            k: [0.3, 0.05, 0.002, 0.5, 0.03, 0.001],
+            p: [-1e-3, 5e-4],
+        },
+        Distortion::OpenCvFisheye {
+            k: [0.05, -0.01, 0.004, -0.001],
+        },
+        Distortion::ThinPrismFisheye {
+            k: [0.02, -0.01, 0.003, 1e-3],
+            p: [4e-3, -7e-3],
+            s: [3e-3, 5e-3],
+        },
     ];
-    models.into_iter().map(|distortion| Camera { distortion, ..pinhole() }).collect()
+    models
+        .into_iter()
+        .map(|distortion| Camera {
+            distortion,
+            ..pinhole()
+        })
+        .collect()
 }
 
 pub fn pinhole() -> Camera {
@@ -49,7 +67,11 @@ fn looking(centre: DVec3, target: DVec3, roll: f64) -> Pose {
     let z = (target - centre).normalize();
     let x = DVec3::Y.cross(z).normalize();
     let world_from_camera = DMat3::from_cols(x, z.cross(x), z) * DMat3::from_rotation_z(roll);
-    Pose::from_matrix(world_from_camera.transpose(), -(world_from_camera.transpose() * centre)).unwrap()
+    Pose::from_matrix(
+        world_from_camera.transpose(),
+        -(world_from_camera.transpose() * centre),
+    )
+    .unwrap()
 }
 
 /// Points in a cube of side 2, seen exactly by `views` pictures on a dome around it, taken by each camera in turn;
@@ -60,22 +82,39 @@ pub fn dome(cameras: Vec<Camera>, views: usize, points: usize, share: f64, seed:
         .map(|i| {
             let turn = i as f64 * 2.4;
             let height = 0.3 + 2.0 * (i as f64 + 0.5) / views as f64;
-            let centre = DVec3::new(turn.cos(), 0.0, turn.sin()) * noise.uniform(3.0, 4.5) - DVec3::Y * height;
+            let centre = DVec3::new(turn.cos(), 0.0, turn.sin()) * noise.uniform(3.0, 4.5)
+                - DVec3::Y * height;
             let pose = looking(centre, noise.vector(0.1), noise.uniform(-1.5, 1.5));
-            BundleImage { camera: (i % cameras.len()) as u32, camera_from_world: pose }
+            BundleImage {
+                camera: (i % cameras.len()) as u32,
+                camera_from_world: pose,
+            }
         })
         .collect();
     let mut side = || noise.uniform(-1.0, 1.0);
-    let points: Vec<DVec3> = (0..points).map(|_| DVec3::new(side(), side(), side())).collect();
-    let mut bundle = Bundle { cameras, images, points, observations: Vec::new() };
+    let points: Vec<DVec3> = (0..points)
+        .map(|_| DVec3::new(side(), side(), side()))
+        .collect();
+    let mut bundle = Bundle {
+        cameras,
+        images,
+        points,
+        observations: Vec::new(),
+    };
     for point in 0..bundle.points.len() {
         for image in 0..views {
             let of = &bundle.images[image];
             let camera = &bundle.cameras[of.camera as usize];
             let seen = camera.project(of.camera_from_world.transform(bundle.points[point]));
-            let Some(at_px) = seen.filter(|&at| camera.contains(at)) else { continue };
+            let Some(at_px) = seen.filter(|&at| camera.contains(at)) else {
+                continue;
+            };
             if noise.uniform(0.0, 1.0) < share {
-                bundle.observations.push(BundleObservation { image: image as u32, point: point as u32, at_px });
+                bundle.observations.push(BundleObservation {
+                    image: image as u32,
+                    point: point as u32,
+                    at_px,
+                });
             }
         }
     }
@@ -95,7 +134,10 @@ pub fn disturb(bundle: &mut Bundle, turn: f64, shift: f64, seed: u64) {
     let mut noise = Noise::new(seed);
     for image in &mut bundle.images {
         let rotation = glam::DQuat::from_scaled_axis(noise.vector(turn));
-        let off = Pose { rotation, translation: noise.vector(shift) };
+        let off = Pose {
+            rotation,
+            translation: noise.vector(shift),
+        };
         image.camera_from_world = off.compose(&image.camera_from_world);
     }
     for point in &mut bundle.points {

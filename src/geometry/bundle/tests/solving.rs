@@ -23,7 +23,10 @@ fn disturbed(bundle: Bundle) -> Bundle {
 fn without_elimination(layout: &Layout, pieces: &[Piece], state: &State) -> (DVector<f64>, f64) {
     let before = layout.len() * BLOCK;
     let points: usize = pieces.iter().map(|piece| piece.points.len()).sum();
-    let (mut matrix, mut right) = (DMatrix::zeros(before + 3 * points, before + 3 * points), DVector::zeros(0));
+    let (mut matrix, mut right) = (
+        DMatrix::zeros(before + 3 * points, before + 3 * points),
+        DVector::zeros(0),
+    );
     right.resize_vertically_mut(before + 3 * points, 0.0);
     let mut first = before;
     for piece in pieces {
@@ -38,7 +41,9 @@ fn without_elimination(layout: &Layout, pieces: &[Piece], state: &State) -> (DVe
                     push(block, observed.by_pose());
                 }
                 let intrinsics = layout.intrinsics[state.camera_of(sighting.image)].clone();
-                intrinsics.zip(observed.by_intrinsics()).for_each(|(block, by)| push(block, by));
+                intrinsics
+                    .zip(observed.by_intrinsics())
+                    .for_each(|(block, by)| push(block, by));
                 rows.extend((0..3).map(|i| (first + i, observed.by_point.map(|d| d[i]))));
                 for &(i, a) in &rows {
                     right[i] -= a[0] * observed.residual.x + a[1] * observed.residual.y;
@@ -53,7 +58,11 @@ fn without_elimination(layout: &Layout, pieces: &[Piece], state: &State) -> (DVe
     let undamped = matrix.clone();
     for i in 0..matrix.nrows() {
         let own = matrix[(i, i)];
-        matrix[(i, i)] = if own > 0.0 { own * (1.0 + DAMPING) } else { 1.0 };
+        matrix[(i, i)] = if own > 0.0 {
+            own * (1.0 + DAMPING)
+        } else {
+            1.0
+        };
     }
     let step = matrix.cholesky().unwrap().solve(&right);
     let fall = right.dot(&step) - 0.5 * step.dot(&(undamped * &step));
@@ -62,11 +71,18 @@ fn without_elimination(layout: &Layout, pieces: &[Piece], state: &State) -> (DVe
 
 #[test]
 fn a_step_is_that_of_the_whole_normal_equations() {
-    let bent = crate::Camera { distortion: Distortion::Radial { k: [-0.1, 0.02] }, ..pinhole() };
+    let bent = crate::Camera {
+        distortion: Distortion::Radial { k: [-0.1, 0.02] },
+        ..pinhole()
+    };
     let bundle = disturbed(dome(vec![bent, pinhole()], 8, 300, 0.6, 1));
     let options = BundleOptions {
         loss: Loss::Cauchy { px: 5.0 },
-        refine: vec![Refine { focal: true, principal: true, distortion: true }],
+        refine: vec![Refine {
+            focal: true,
+            principal: true,
+            distortion: true,
+        }],
         fixed_images: vec![false, true],
         ..BundleOptions::default()
     };
@@ -78,13 +94,29 @@ fn a_step_is_that_of_the_whole_normal_equations() {
     normal.build(&pieces, &layout, &state, DAMPING);
     let step = normal.solve().unwrap();
     let moved = state.moved(&layout, &step);
-    let trial = Trial { layout: &layout, state: &state, moved: &moved, step: &step, damping: DAMPING };
+    let trial = Trial {
+        layout: &layout,
+        state: &state,
+        moved: &moved,
+        step: &step,
+        damping: DAMPING,
+    };
     let outcome = trial.evaluate(&mut pieces);
-    let shifts = pieces.iter().flat_map(|piece| piece.tried.iter().zip(&piece.points).map(|(a, b)| *a - *b));
-    let found = step.as_flattened().iter().copied().chain(shifts.flat_map(|shift| shift.to_array()));
+    let shifts = pieces
+        .iter()
+        .flat_map(|piece| piece.tried.iter().zip(&piece.points).map(|(a, b)| *a - *b));
+    let found = step
+        .as_flattened()
+        .iter()
+        .copied()
+        .chain(shifts.flat_map(|shift| shift.to_array()));
     let found = DVector::from_iterator(expected.len(), found);
     assert!((&found - &expected).norm() < 1e-8 * expected.norm());
-    assert!((outcome.predicted / fall - 1.0).abs() < 1e-8, "{} {fall}", outcome.predicted);
+    assert!(
+        (outcome.predicted / fall - 1.0).abs() < 1e-8,
+        "{} {fall}",
+        outcome.predicted
+    );
 }
 
 #[test]
@@ -106,8 +138,14 @@ fn a_skyline_solves_as_the_dense_matrix() {
             *block = std::array::from_fn(|c| std::array::from_fn(|r| dense[at(r, c)]));
         }
     }
-    let right: Vec<Column> = first.iter().map(|_| std::array::from_fn(|_| noise.normal())).collect();
-    let expected = dense.cholesky().unwrap().solve(&DVector::from_column_slice(right.as_flattened()));
+    let right: Vec<Column> = first
+        .iter()
+        .map(|_| std::array::from_fn(|_| noise.normal()))
+        .collect();
+    let expected = dense
+        .cholesky()
+        .unwrap()
+        .solve(&DVector::from_column_slice(right.as_flattened()));
     assert!(skyline.factor());
     let mut found = right.clone();
     skyline.solve(&mut found);
@@ -120,7 +158,11 @@ fn a_skyline_solves_as_the_dense_matrix() {
 fn conjugate_gradients_gain_as_much_as_factoring() {
     let bundle = disturbed(dome(vec![pinhole()], 60, 800, 0.2, 4));
     let options = BundleOptions {
-        refine: vec![Refine { focal: true, principal: true, distortion: false }],
+        refine: vec![Refine {
+            focal: true,
+            principal: true,
+            distortion: false,
+        }],
         ..BundleOptions::default()
     };
     let state = State::new(&bundle, &options);
@@ -131,9 +173,18 @@ fn conjugate_gradients_gain_as_much_as_factoring() {
     let exact = normal.solve().unwrap();
     let mut fall = |step: &[Column]| {
         let moved = state.moved(&layout, step);
-        let trial = Trial { layout: &layout, state: &state, moved: &moved, step, damping: 1e-4 };
+        let trial = Trial {
+            layout: &layout,
+            state: &state,
+            moved: &moved,
+            step,
+            damping: 1e-4,
+        };
         trial.evaluate(&mut pieces).predicted
     };
     let (near, exact) = (fall(&near), fall(&exact));
-    assert!(near > 0.95 * exact && near < 1.0001 * exact, "{near} {exact}");
+    assert!(
+        near > 0.95 * exact && near < 1.0001 * exact,
+        "{near} {exact}"
+    );
 }

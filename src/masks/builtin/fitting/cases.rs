@@ -24,7 +24,11 @@ pub struct Case {
 }
 
 fn sorted(folder: &Path) -> Vec<PathBuf> {
-    let mut paths: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().flatten().map(|entry| entry.path()).collect();
+    let mut paths: Vec<PathBuf> = std::fs::read_dir(folder)
+        .unwrap()
+        .flatten()
+        .map(|entry| entry.path())
+        .collect();
     paths.sort();
     paths
 }
@@ -40,12 +44,17 @@ pub fn davis(root: &Path) -> Vec<Case> {
         let pictures = sorted(&clip);
         let clip = name_of(&clip);
         let last = pictures.len() - 1;
-        for at in (0..pictures.len()).filter(|at| at % 12 == 0 || *at == last || *at == pictures.len() / 2) {
+        for at in (0..pictures.len())
+            .filter(|at| at % 12 == 0 || *at == last || *at == pictures.len() / 2)
+        {
             cases.push(Case {
                 clip: clip.clone(),
                 image: pictures[at].clone(),
                 depth: None,
-                truth: root.join("Annotations").join(&clip).join(format!("{at:05}.png")),
+                truth: root
+                    .join("Annotations")
+                    .join(&clip)
+                    .join(format!("{at:05}.png")),
                 alone: None,
                 is_binary: true,
                 clicks: 20,
@@ -58,7 +67,10 @@ pub fn davis(root: &Path) -> Vec<Case> {
 
 /// Every folder of pictures with depth and labels in `root`.
 pub fn recordings(root: &Path) -> Vec<Case> {
-    sorted(root).iter().flat_map(|folder| recording(folder, &name_of(folder), 1)).collect()
+    sorted(root)
+        .iter()
+        .flat_map(|folder| recording(folder, &name_of(folder), 1))
+        .collect()
 }
 
 /// Each `every`-th picture with depth and labels of one folder.
@@ -67,8 +79,11 @@ pub fn recording(root: &Path, clip: &str, every: usize) -> Vec<Case> {
     for picture in sorted(&root.join("color")).iter().step_by(every) {
         let file = picture.file_name().unwrap();
         let truth = root.join("labels").join(file);
-        let objects: Vec<Option<u8>> =
-            if clip.contains("alone") { values(&truth).into_iter().map(Some).collect() } else { vec![None] };
+        let objects: Vec<Option<u8>> = if clip.contains("alone") {
+            values(&truth).into_iter().map(Some).collect()
+        } else {
+            vec![None]
+        };
         cases.extend(objects.into_iter().map(|alone| Case {
             clip: clip.to_owned(),
             image: picture.clone(),
@@ -87,8 +102,14 @@ pub fn recording(root: &Path, clip: &str, every: usize) -> Vec<Case> {
 fn values(truth: &Path) -> Vec<u8> {
     const LEAST_PX: usize = 150;
     let mut counts = [0usize; 256];
-    image::open(truth).unwrap().to_luma8().pixels().for_each(|pixel| counts[usize::from(pixel.0[0])] += 1);
-    (1..=255).filter(|&value| counts[usize::from(value)] >= LEAST_PX).collect()
+    image::open(truth)
+        .unwrap()
+        .to_luma8()
+        .pixels()
+        .for_each(|pixel| counts[usize::from(pixel.0[0])] += 1);
+    (1..=255)
+        .filter(|&value| counts[usize::from(value)] >= LEAST_PX)
+        .collect()
 }
 
 impl Case {
@@ -100,11 +121,23 @@ impl Case {
     pub fn load(&self) -> (Prepared, LabelMask) {
         let image = image::open(&self.image).unwrap().to_rgb8();
         let (width, height) = image.dimensions();
-        let image = Arc::new(Image { width, height, pixels: image.pixels().map(|pixel| pixel.0).collect() });
+        let image = Arc::new(Image {
+            width,
+            height,
+            pixels: image.pixels().map(|pixel| pixel.0).collect(),
+        });
         let depth = self.depth.as_ref().map(|path| {
-            let depths =
-                image::open(path).unwrap().to_luma16().pixels().map(|pixel| f32::from(pixel.0[0]) * 1e-3).collect();
-            DepthMap { width, height, depths }
+            let depths = image::open(path)
+                .unwrap()
+                .to_luma16()
+                .pixels()
+                .map(|pixel| f32::from(pixel.0[0]) * 1e-3)
+                .collect();
+            DepthMap {
+                width,
+                height,
+                depths,
+            }
         });
         let id = |value: u8| match self.alone {
             Some(object) => u16::from(value == object),
@@ -112,7 +145,13 @@ impl Case {
             None => u16::from(value),
         };
         let truth = image::open(&self.truth).unwrap().to_luma8();
-        let ids = truth.pixels().map(|pixel| LabelId(id(pixel.0[0]))).collect();
-        (prepare(&image, depth.as_ref(), &Progress::default()).unwrap(), LabelMask { width, height, ids })
+        let ids = truth
+            .pixels()
+            .map(|pixel| LabelId(id(pixel.0[0])))
+            .collect();
+        (
+            prepare(&image, depth.as_ref(), &Progress::default()).unwrap(),
+            LabelMask { width, height, ids },
+        )
     }
 }

@@ -21,19 +21,34 @@ use super::choice::{Kind, WEIGHTS};
 use cases::{davis, recording, recordings};
 use play::{Sample, explore};
 
-const KINDS: [Kind; 6] =
-    [Kind::First, Kind::Include, Kind::Exclude, Kind::DeepFirst, Kind::DeepInclude, Kind::DeepExclude];
+const KINDS: [Kind; 6] = [
+    Kind::First,
+    Kind::Include,
+    Kind::Exclude,
+    Kind::DeepFirst,
+    Kind::DeepInclude,
+    Kind::DeepExclude,
+];
 
 #[test]
 fn fitted_weights_gain_more_than_none() {
-    let data = std::env::var_os("OSTRA_DATA").map_or_else(|| PathBuf::from("../../../shared/data"), PathBuf::from);
+    let data = std::env::var_os("OSTRA_DATA")
+        .map_or_else(|| PathBuf::from("../../../shared/data"), PathBuf::from);
     if !data.is_dir() {
-        assert!(std::env::var_os("CI").is_none(), "{}: the test data is missing", data.display());
+        assert!(
+            std::env::var_os("CI").is_none(),
+            "{}: the test data is missing",
+            data.display()
+        );
         println!("skipped: no test data at {}", data.display());
         return;
     }
     let is_whole = std::env::var_os("OSTRA_FIT").is_some();
-    let mut cases = recording(&data.join("apc_shelf_rgbd_labels"), "shelf", if is_whole { 1 } else { 7 });
+    let mut cases = recording(
+        &data.join("apc_shelf_rgbd_labels"),
+        "shelf",
+        if is_whole { 1 } else { 7 },
+    );
     if is_whole {
         cases.extend(davis(&data.join("davis2016")));
     }
@@ -58,11 +73,20 @@ fn fitted_weights_gain_more_than_none() {
     }
     println!("const WEIGHTS: Weights = [");
     for row in &weights {
-        println!("    [{}],", row.map(|weight| format!("{weight:.4}")).join(", "));
+        println!(
+            "    [{}],",
+            row.map(|weight| format!("{weight:.4}")).join(", ")
+        );
     }
     println!("];");
     report::plays(&cases, &samples, &weights);
     let none = WEIGHTS.map(|row| row.map(|_| 0.0));
-    let (fitted, none) = (report::mean_gain(&samples, &weights), report::mean_gain(&samples, &none));
-    assert!(fitted > 1.2 * none.max(0.0), "a click gains {fitted} by fitted weights, {none} by none");
+    let (fitted, none) = (
+        report::mean_gain(&samples, &weights),
+        report::mean_gain(&samples, &none),
+    );
+    assert!(
+        fitted > 1.2 * none.max(0.0),
+        "a click gains {fitted} by fitted weights, {none} by none"
+    );
 }

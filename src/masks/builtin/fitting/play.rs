@@ -27,10 +27,21 @@ pub fn play(case: &Case, choose: &mut Choose<'_>) -> Vec<f32> {
     let mut means = Vec::new();
     for given in 0..most {
         // One click for each object first, then always into the largest error.
-        let left: Vec<LabelId> = game.objects.iter().copied().filter(|id| game.given(*id) < case.clicks).collect();
-        let new: Vec<LabelId> = left.iter().copied().filter(|id| game.given(*id) == 0).collect();
+        let left: Vec<LabelId> = game
+            .objects
+            .iter()
+            .copied()
+            .filter(|id| game.given(*id) < case.clicks)
+            .collect();
+        let new: Vec<LabelId> = left
+            .iter()
+            .copied()
+            .filter(|id| game.given(*id) == 0)
+            .collect();
         let open = if new.is_empty() { left } else { new };
-        let Some(next) = next_label_click(&truth, &game.mask, &open) else { break };
+        let Some(next) = next_label_click(&truth, &game.mask, &open) else {
+            break;
+        };
         game.answer(next.label, next.click, choose);
         if (given + 1) % game.objects.len() == 0 {
             means.push(game.mean_iou());
@@ -50,11 +61,17 @@ pub fn explore(case: &Case, weights: &Weights, seed: u64) -> Vec<Sample> {
         samples.push(Sample {
             clip: case.clip.clone(),
             kind,
-            terms: found.all.iter().map(|candidate| terms(&candidate.traits)).collect(),
+            terms: found
+                .all
+                .iter()
+                .map(|candidate| terms(&candidate.traits))
+                .collect(),
             gains: gains.to_vec(),
             shared: found.shared.clone(),
         });
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         match state >> 60 {
             0..2 => (state >> 20) as usize % found.all.len(),
             2..5 => oracle(gains),
@@ -66,7 +83,9 @@ pub fn explore(case: &Case, weights: &Weights, seed: u64) -> Vec<Sample> {
 
 /// The candidate with the largest gain.
 pub fn oracle(gains: &[f32]) -> usize {
-    (0..gains.len()).max_by(|&a, &b| gains[a].total_cmp(&gains[b])).unwrap()
+    (0..gains.len())
+        .max_by(|&a, &b| gains[a].total_cmp(&gains[b]))
+        .unwrap()
 }
 
 /// A frame being labelled.
@@ -80,10 +99,21 @@ struct Game<'a> {
 
 impl<'a> Game<'a> {
     fn new(frame: &'a Prepared, truth: &'a LabelMask) -> Self {
-        let mut objects: Vec<LabelId> = truth.ids.iter().copied().filter(|&id| id != LabelId::NONE).collect();
+        let mut objects: Vec<LabelId> = truth
+            .ids
+            .iter()
+            .copied()
+            .filter(|&id| id != LabelId::NONE)
+            .collect();
         objects.sort_unstable();
         objects.dedup();
-        Self { frame, truth, objects, mask: LabelMask::empty(truth.width, truth.height), clicks: BTreeMap::new() }
+        Self {
+            frame,
+            truth,
+            objects,
+            mask: LabelMask::empty(truth.width, truth.height),
+            clicks: BTreeMap::new(),
+        }
     }
 
     fn given(&self, label: LabelId) -> usize {
@@ -93,19 +123,37 @@ impl<'a> Game<'a> {
     /// Answers a click as the session does: the label clicked into gives way, the others keep what they have.
     fn answer(&mut self, label: LabelId, click: Click, choose: &mut Choose<'_>) {
         let at = click.pixel_in(self.mask.width, self.mask.height).unwrap();
-        let contested = if click.include { self.mask.ids[at] } else { LabelId::NONE };
+        let contested = if click.include {
+            self.mask.ids[at]
+        } else {
+            LabelId::NONE
+        };
         let free = |id: LabelId| id == LabelId::NONE || id == label || id == contested;
-        let rivals = self.clicks.iter().filter(|(id, _)| **id != label).flat_map(|(_, clicks)| clicks);
-        let rivals = rivals.filter(|click| click.include).map(|click| Click { include: false, ..*click });
-        let earlier: Vec<Click> = rivals.chain(self.clicks.get(&label).into_iter().flatten().copied()).collect();
+        let rivals = self
+            .clicks
+            .iter()
+            .filter(|(id, _)| **id != label)
+            .flat_map(|(_, clicks)| clicks);
+        let rivals = rivals.filter(|click| click.include).map(|click| Click {
+            include: false,
+            ..*click
+        });
+        let earlier: Vec<Click> = rivals
+            .chain(self.clicks.get(&label).into_iter().flatten().copied())
+            .collect();
         self.clicks.entry(label).or_default().push(click);
-        let taken = Region { inside: self.mask.ids.iter().map(|&id| !free(id)).collect(), ..self.mask.region(label) };
+        let taken = Region {
+            inside: self.mask.ids.iter().map(|&id| !free(id)).collect(),
+            ..self.mask.region(label)
+        };
         let previous = self.mask.region(label);
         let mut query = Query::new(self.frame, Some(&taken));
         if !previous.is_empty() {
             query.start_from(&previous);
         }
-        earlier.iter().for_each(|click| query.add_known_click(click));
+        earlier
+            .iter()
+            .for_each(|click| query.add_known_click(click));
         query.note_new_click(&click);
         let change = query.situation().map(|situation| {
             let mut found = candidates(&situation, &CandidateOptions::default());
@@ -127,7 +175,13 @@ impl<'a> Game<'a> {
     }
 
     /// What each candidate gains in mean IoU, told from counts per region.
-    fn gains(&self, found: &Candidates, label: LabelId, contested: LabelId, include: bool) -> Vec<f32> {
+    fn gains(
+        &self,
+        found: &Candidates,
+        label: LabelId,
+        contested: LabelId,
+        include: bool,
+    ) -> Vec<f32> {
         let changing = |id: LabelId| match include {
             true => id == LabelId::NONE || id == contested,
             false => id == label,
@@ -137,11 +191,19 @@ impl<'a> Game<'a> {
         // (truth, current) pairs that would change, per region.
         let mut movable: Vec<BTreeMap<(LabelId, LabelId), f32>> =
             vec![BTreeMap::new(); self.frame.graph.region_count()];
-        for ((&region, &truth), &current) in self.frame.raster.of_pixel.iter().zip(&self.truth.ids).zip(&self.mask.ids)
+        for ((&region, &truth), &current) in self
+            .frame
+            .raster
+            .of_pixel
+            .iter()
+            .zip(&self.truth.ids)
+            .zip(&self.mask.ids)
         {
             *counts.entry((truth, current)).or_default() += 1.0;
             if changing(current) {
-                *movable[region as usize].entry((truth, current)).or_default() += 1.0;
+                *movable[region as usize]
+                    .entry((truth, current))
+                    .or_default() += 1.0;
             }
         }
         let before = mean_iou(&counts, &self.objects);
@@ -155,12 +217,22 @@ impl<'a> Game<'a> {
             }
             mean_iou(&counts, &self.objects) - before
         };
-        found.all.iter().map(|candidate| gain(&candidate.change)).collect()
+        found
+            .all
+            .iter()
+            .map(|candidate| gain(&candidate.change))
+            .collect()
     }
 
     fn mean_iou(&self) -> f32 {
         let mut counts = Counts::new();
-        for pair in self.truth.ids.iter().copied().zip(self.mask.ids.iter().copied()) {
+        for pair in self
+            .truth
+            .ids
+            .iter()
+            .copied()
+            .zip(self.mask.ids.iter().copied())
+        {
             *counts.entry(pair).or_default() += 1.0;
         }
         mean_iou(&counts, &self.objects)
@@ -173,7 +245,11 @@ type Counts = BTreeMap<(LabelId, LabelId), f32>;
 fn mean_iou(counts: &Counts, objects: &[LabelId]) -> f32 {
     let of = |object: LabelId| {
         let sum = |keep: &dyn Fn(LabelId, LabelId) -> bool| -> f32 {
-            counts.iter().filter(|((truth, current), _)| keep(*truth, *current)).map(|(_, pixels)| pixels).sum()
+            counts
+                .iter()
+                .filter(|((truth, current), _)| keep(*truth, *current))
+                .map(|(_, pixels)| pixels)
+                .sum()
         };
         sum(&|truth, current| truth == object && current == object)
             / sum(&|truth, current| truth == object || current == object).max(1.0)

@@ -11,7 +11,10 @@ fn held_out(samples: &[Sample], weights: &Weights) -> Vec<(String, Weights)> {
     let mut clips: Vec<&str> = samples.iter().map(|sample| &*sample.clip).collect();
     clips.sort_unstable();
     clips.dedup();
-    clips.par_iter().map(|&clip| (clip.to_owned(), fitted(samples, Some(clip), weights))).collect()
+    clips
+        .par_iter()
+        .map(|&clip| (clip.to_owned(), fitted(samples, Some(clip), weights)))
+        .collect()
 }
 
 fn without<'a>(held_out: &'a [(String, Weights)], clip: &str) -> &'a Weights {
@@ -22,8 +25,17 @@ fn without<'a>(held_out: &'a [(String, Weights)], clip: &str) -> &'a Weights {
 pub fn mean_gain(samples: &[Sample], weights: &Weights) -> f32 {
     let gain = |sample: &Sample| {
         let row = &weights[sample.kind as usize];
-        let scores: Vec<f32> =
-            sample.terms.iter().map(|terms| terms.iter().zip(row).map(|(term, weight)| term * weight).sum()).collect();
+        let scores: Vec<f32> = sample
+            .terms
+            .iter()
+            .map(|terms| {
+                terms
+                    .iter()
+                    .zip(row)
+                    .map(|(term, weight)| term * weight)
+                    .sum()
+            })
+            .collect();
         sample.gains[expected_best(&scores, &sample.shared).unwrap()]
     };
     samples.iter().map(gain).sum::<f32>() / samples.len() as f32
@@ -33,20 +45,36 @@ pub fn mean_gain(samples: &[Sample], weights: &Weights) -> f32 {
 pub fn gains(samples: &[Sample], weights: &Weights) {
     let held_out = held_out(samples, weights);
     for kind in KINDS {
-        let of_kind: Vec<&Sample> = samples.iter().filter(|sample| sample.kind == kind).collect();
+        let of_kind: Vec<&Sample> = samples
+            .iter()
+            .filter(|sample| sample.kind == kind)
+            .collect();
         let mean = |pick: &dyn Fn(&Sample) -> usize| {
-            of_kind.iter().map(|sample| sample.gains[pick(sample)]).sum::<f32>() / of_kind.len() as f32
+            of_kind
+                .iter()
+                .map(|sample| sample.gains[pick(sample)])
+                .sum::<f32>()
+                / of_kind.len() as f32
         };
         let by = |weights: &Weights, sample: &Sample, sharp: f32| {
             let row = &weights[kind as usize];
-            let scores: Vec<f32> =
-                sample.terms.iter().map(|terms| terms.iter().zip(row).map(|(a, b)| sharp * a * b).sum()).collect();
+            let scores: Vec<f32> = sample
+                .terms
+                .iter()
+                .map(|terms| terms.iter().zip(row).map(|(a, b)| sharp * a * b).sum())
+                .collect();
             expected_best(&scores, &sample.shared).unwrap()
         };
         let by_truth = mean(&|sample| oracle(&sample.gains));
-        print!("{kind:?}: {} clicks; gain by truth {by_truth:.4}, held out", of_kind.len());
+        print!(
+            "{kind:?}: {} clicks; gain by truth {by_truth:.4}, held out",
+            of_kind.len()
+        );
         for sharpness in [0.3, 0.6, 1.0, 2.0, 100.0] {
-            print!(" {:.4}", mean(&|sample| by(without(&held_out, &sample.clip), sample, sharpness)));
+            print!(
+                " {:.4}",
+                mean(&|sample| by(without(&held_out, &sample.clip), sample, sharpness))
+            );
         }
         println!(" fitted {:.4}", mean(&|sample| by(weights, sample, 1.0)));
     }
@@ -71,8 +99,18 @@ pub fn plays(cases: &[Case], samples: &[Sample], weights: &Weights) {
         groups.sort_unstable();
         groups.dedup();
         for name in groups {
-            let of_group = || shown.iter().zip(&runs).filter(|(case, _)| group(case) == name);
-            summary(title, name, &of_group().map(|(_, run)| run).collect::<Vec<_>>(), of_group().next().unwrap().0);
+            let of_group = || {
+                shown
+                    .iter()
+                    .zip(&runs)
+                    .filter(|(case, _)| group(case) == name)
+            };
+            summary(
+                title,
+                name,
+                &of_group().map(|(_, run)| run).collect::<Vec<_>>(),
+                of_group().next().unwrap().0,
+            );
         }
     }
 }
@@ -80,16 +118,30 @@ pub fn plays(cases: &[Case], samples: &[Sample], weights: &Weights) {
 fn group(case: &Case) -> &str {
     match case.has_depth() {
         false => "davis",
-        true => case.clip.trim_end_matches(|letter: char| letter.is_ascii_digit()),
+        true => case
+            .clip
+            .trim_end_matches(|letter: char| letter.is_ascii_digit()),
     }
 }
 
 fn summary(title: &str, name: &str, runs: &[&Vec<f32>], case: &Case) {
     const WANTED: f32 = 0.85;
     let count = runs.len() as f32;
-    let after = |clicks: usize| runs.iter().map(|run| run.get(clicks - 1).or(run.last()).unwrap()).sum::<f32>() / count;
-    let to = |run: &&Vec<f32>| run.iter().position(|&iou| iou >= WANTED).map_or(case.clicks, |at| at + 1) as f32;
-    let failed = runs.iter().filter(|run| run.iter().all(|&iou| iou < WANTED)).count();
+    let after = |clicks: usize| {
+        runs.iter()
+            .map(|run| run.get(clicks - 1).or(run.last()).unwrap())
+            .sum::<f32>()
+            / count
+    };
+    let to = |run: &&Vec<f32>| {
+        run.iter()
+            .position(|&iou| iou >= WANTED)
+            .map_or(case.clicks, |at| at + 1) as f32
+    };
+    let failed = runs
+        .iter()
+        .filter(|run| run.iter().all(|&iou| iou < WANTED))
+        .count();
     let ious: Vec<String> = [1, 2, 3, 5, 10, 20]
         .into_iter()
         .filter(|&clicks| clicks <= case.clicks)

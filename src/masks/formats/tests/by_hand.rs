@@ -8,7 +8,10 @@ fn write(dir: &Path, name: &str, text: &str) {
 
 fn pixels(mask: &RunMask, id: u16) -> Vec<(u32, u32)> {
     let region = mask.region(LabelId(id));
-    (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y))).filter(|&(x, y)| region.at(x, y)).collect()
+    (0..HEIGHT)
+        .flat_map(|y| (0..WIDTH).map(move |x| (x, y)))
+        .filter(|&(x, y)| region.at(x, y))
+        .collect()
 }
 
 const COCO: &str = r#"{
@@ -24,8 +27,17 @@ const COCO: &str = r#"{
 
 fn coco(annotations: &str) -> Result<Imported, MaskError> {
     let dir = tempfile::tempdir().unwrap();
-    write(dir.path(), "_annotations.coco.json", &COCO.replace("ANNOTATIONS", annotations));
-    import(dir.path(), MaskFormat::Coco, &["a.jpg", "b.jpg"], &LabelTree::default())
+    write(
+        dir.path(),
+        "_annotations.coco.json",
+        &COCO.replace("ANNOTATIONS", annotations),
+    );
+    import(
+        dir.path(),
+        MaskFormat::Coco,
+        &["a.jpg", "b.jpg"],
+        &LabelTree::default(),
+    )
 }
 
 #[test]
@@ -43,21 +55,46 @@ fn coco_as_other_tools_write_it() {
     let id = |name: &str| tree.by_name(name).unwrap().id;
     assert_eq!(tree.name_path(id("grain")), "plant › leaf › grain");
     assert_eq!(tree.name_path(id("stone")), "stone");
-    assert_eq!(tree.iter().count(), 4, "categories without annotations stay out");
+    assert_eq!(
+        tree.iter().count(),
+        4,
+        "categories without annotations stay out"
+    );
     let mask = &read.masks[&0];
-    assert_eq!(pixels(mask, id("grain").0), [(1, 1)], "the deeper label wins");
-    assert_eq!(pixels(mask, id("leaf").0), [(2, 1), (3, 1), (1, 2), (2, 2), (3, 2), (8, 8)]);
+    assert_eq!(
+        pixels(mask, id("grain").0),
+        [(1, 1)],
+        "the deeper label wins"
+    );
+    assert_eq!(
+        pixels(mask, id("leaf").0),
+        [(2, 1), (3, 1), (1, 2), (2, 2), (3, 2), (8, 8)]
+    );
     assert_eq!(pixels(mask, id("stone").0), [(12, 8)]);
     assert_eq!(read.masks.len(), 1);
-    assert!(read.warnings.iter().any(|warning| warning.starts_with("1 images have no outlines")));
-    assert!(read.warnings.iter().any(|warning| warning.starts_with("2 annotations have no outline")));
+    assert!(
+        read.warnings
+            .iter()
+            .any(|warning| warning.starts_with("1 images have no outlines"))
+    );
+    assert!(
+        read.warnings
+            .iter()
+            .any(|warning| warning.starts_with("2 annotations have no outline"))
+    );
 }
 
 #[test]
 fn broken_coco_is_told() {
     for (annotations, part) in [
-        (r#"[{"id": 3, "image_id": 7, "category_id": 1, "segmentation": [[1,1,2,2,3,3]]}]"#, "annotation 3"),
-        (r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": [[1,1,2,2,3]]}]"#, "x but no y"),
+        (
+            r#"[{"id": 3, "image_id": 7, "category_id": 1, "segmentation": [[1,1,2,2,3,3]]}]"#,
+            "annotation 3",
+        ),
+        (
+            r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": [[1,1,2,2,3]]}]"#,
+            "x but no y",
+        ),
         (
             r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": {"size":[9,13],"counts":[1,2]}}]"#,
             "damaged or do not fit",
@@ -70,11 +107,17 @@ fn broken_coco_is_told() {
             r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": {"size":[9,13],"counts":"!"}}]"#,
             "damaged or do not fit",
         ),
-        (r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": 5}]"#, "neither polygons"),
+        (
+            r#"[{"id": 3, "image_id": 7, "category_id": 0, "segmentation": 5}]"#,
+            "neither polygons",
+        ),
         ("[", "not a COCO JSON file"),
     ] {
         let error = coco(annotations).unwrap_err().to_string();
-        assert!(error.contains(part) && error.contains("_annotations.coco.json"), "{error}");
+        assert!(
+            error.contains(part) && error.contains("_annotations.coco.json"),
+            "{error}"
+        );
     }
 }
 
@@ -85,7 +128,13 @@ fn a_circle_of_supercategories_ends() {
         "categories":[{"id":1,"name":"x","supercategory":"y"},{"id":2,"name":"y","supercategory":"x"}],
         "annotations":[{"image_id":1,"category_id":1,"segmentation":[[0,0,2,0,2,2]]}]}"#;
     write(dir.path(), "c.json", text);
-    let read = import(&dir.path().join("c.json"), MaskFormat::Coco, &["a.jpg"], &LabelTree::default()).unwrap();
+    let read = import(
+        &dir.path().join("c.json"),
+        MaskFormat::Coco,
+        &["a.jpg"],
+        &LabelTree::default(),
+    )
+    .unwrap();
     assert_eq!(read.new_labels.len(), 2);
 }
 
@@ -100,14 +149,30 @@ fn yolo(text: &str, names: Option<&str>, tree: &LabelTree) -> Result<Imported, M
 
 #[test]
 fn yolo_as_other_tools_write_it() {
-    let text = "1 0 0 0.5 0 0.5 1 0 1\n0 0.9 0.9 0.2 0.2\n\n2 0.23 0.33 0.31 0.33 0.31 0.45 0.23 0.45\n";
+    let text =
+        "1 0 0 0.5 0 0.5 1 0 1\n0 0.9 0.9 0.2 0.2\n\n2 0.23 0.33 0.31 0.33 0.31 0.45 0.23 0.45\n";
     let read = yolo(text, Some("names: [pot, rice, 'stem 1']"), &tree()).unwrap();
     assert!(read.new_labels.is_empty());
-    assert_eq!(pixels(&read.masks[&0], 2), [(3, 3)], "a part lies above its whole");
-    assert_eq!(pixels(&read.masks[&0], 1).len(), 6 * 9 - 1, "the side through the centres of column 6 ends before it");
-    assert_eq!(read.warnings, ["1 lines hold boxes, no outlines, and were left out"]);
+    assert_eq!(
+        pixels(&read.masks[&0], 2),
+        [(3, 3)],
+        "a part lies above its whole"
+    );
+    assert_eq!(
+        pixels(&read.masks[&0], 1).len(),
+        6 * 9 - 1,
+        "the side through the centres of column 6 ends before it"
+    );
+    assert_eq!(
+        read.warnings,
+        ["1 lines hold boxes, no outlines, and were left out"]
+    );
     let unnamed = yolo(text, None, &tree()).unwrap();
-    assert_eq!(pixels(&unnamed.masks[&0], 3), [(3, 3)], "class 2 without names is label 3");
+    assert_eq!(
+        pixels(&unnamed.masks[&0], 3),
+        [(3, 3)],
+        "class 2 without names is label 3"
+    );
     assert_eq!(yolo("", None, &tree()).unwrap().masks[&0], mask([]));
 }
 
@@ -122,11 +187,25 @@ fn broken_yolo_lines_are_left_out_and_named() {
     ] {
         let read = yolo(&format!("0 0 0 1 0 1 1\n{text}"), None, &tree()).unwrap();
         assert!(!pixels(&read.masks[&0], 1).is_empty());
-        assert!(read.warnings.iter().any(|warning| warning.contains("'train/a', line 2")), "{:?}", read.warnings);
+        assert!(
+            read.warnings
+                .iter()
+                .any(|warning| warning.contains("'train/a', line 2")),
+            "{:?}",
+            read.warnings
+        );
         let error = yolo(text, None, &tree()).unwrap_err().to_string();
-        assert!(error.contains("no outline can be used") && error.contains("line 1"), "{text}: {error}");
+        assert!(
+            error.contains("no outline can be used") && error.contains("line 1"),
+            "{text}: {error}"
+        );
     }
-    assert!(yolo("70000 0 0 1 0 1 1", None, &tree()).unwrap_err().to_string().contains("70000"));
+    assert!(
+        yolo("70000 0 0 1 0 1 1", None, &tree())
+            .unwrap_err()
+            .to_string()
+            .contains("70000")
+    );
 }
 
 #[test]
@@ -140,16 +219,41 @@ fn one_bad_outline_costs_no_other() {
         ("1 0 0 0.5 0 inf 1", "not a number"),
         ("1.0\t0 0 5e-1 0 0.5 1 0.93 ", "confidence"),
     ] {
-        let read = yolo(&format!("{good}\r\n{line}\r\n"), Some("names: [rice, pot]"), &tree()).unwrap();
+        let read = yolo(
+            &format!("{good}\r\n{line}\r\n"),
+            Some("names: [rice, pot]"),
+            &tree(),
+        )
+        .unwrap();
         assert!(!pixels(&read.masks[&0], 1).is_empty());
-        assert!(read.warnings.iter().any(|warning| warning.contains(what)), "{line}: {:?}", read.warnings);
-        assert_eq!(pixels(&read.masks[&0], 9).is_empty(), what != "confidence", "{line}");
+        assert!(
+            read.warnings.iter().any(|warning| warning.contains(what)),
+            "{line}: {:?}",
+            read.warnings
+        );
+        assert_eq!(
+            pixels(&read.masks[&0], 9).is_empty(),
+            what != "confidence",
+            "{line}"
+        );
     }
-    let error = yolo("1 0.5 0.5 0.1 0.1", Some("names: [rice, pot]"), &tree()).unwrap_err().to_string();
-    assert!(error.contains("no outline can be used") && error.contains("boxes"), "{error}");
-    assert!(yolo("0 0 0 1 0 1 1", None, &tree()).unwrap().warnings[0].contains("no class names were found"));
+    let error = yolo("1 0.5 0.5 0.1 0.1", Some("names: [rice, pot]"), &tree())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("no outline can be used") && error.contains("boxes"),
+        "{error}"
+    );
+    assert!(
+        yolo("0 0 0 1 0 1 1", None, &tree()).unwrap().warnings[0]
+            .contains("no class names were found")
+    );
     let above = yolo("7 0 0 1 0 1 1", Some("names: [rice, pot]"), &tree()).unwrap();
-    assert!(above.warnings[0].contains("1 classes have no name"), "{:?}", above.warnings);
+    assert!(
+        above.warnings[0].contains("1 classes have no name"),
+        "{:?}",
+        above.warnings
+    );
 }
 
 #[test]
@@ -160,7 +264,13 @@ fn one_unreadable_yolo_file_costs_no_other() {
     let read = |names: &[&str]| import(dir.path(), MaskFormat::Yolo, names, &LabelTree::default());
     let both = read(&["a.jpg", "b.jpg"]).unwrap();
     assert_eq!(both.masks.len(), 1);
-    assert!(both.warnings.iter().any(|warning| warning.contains("b.txt")), "{:?}", both.warnings);
+    assert!(
+        both.warnings
+            .iter()
+            .any(|warning| warning.contains("b.txt")),
+        "{:?}",
+        both.warnings
+    );
     assert!(read(&["b.jpg"]).unwrap_err().to_string().contains("b.txt"));
 }
 
@@ -177,46 +287,89 @@ fn one_coco_image_of_another_size_costs_no_other() {
     let read = coco_file(&images(""), categories, annotations, &LabelTree::default()).unwrap();
     assert_eq!(read.masks.keys().copied().collect::<Vec<_>>(), [1]);
     let what = "1 images have another size than their frame and were left out (the image 'a.jpg' is 9×13 pixels";
-    assert!(read.warnings.iter().any(|warning| warning.starts_with(what)), "{:?}", read.warnings);
-    let none = coco_file(&images(r#", "width": 1, "height": 1"#), categories, annotations, &LabelTree::default());
+    assert!(
+        read.warnings
+            .iter()
+            .any(|warning| warning.starts_with(what)),
+        "{:?}",
+        read.warnings
+    );
+    let none = coco_file(
+        &images(r#", "width": 1, "height": 1"#),
+        categories,
+        annotations,
+        &LabelTree::default(),
+    );
     let error = none.unwrap_err().to_string();
     assert!(error.contains("'a.jpg' is 9×13 pixels"), "{error}");
 }
 
 #[test]
 fn one_bad_annotation_costs_no_other() {
-    let good = r#"{"id": 1, "image_id": 7, "category_id": 0, "segmentation": [[1, 1, 4, 1, 4, 3, 1, 3]]}"#;
+    let good =
+        r#"{"id": 1, "image_id": 7, "category_id": 0, "segmentation": [[1, 1, 4, 1, 4, 3, 1, 3]]}"#;
     for (segmentation, what) in [
-        ("[[1, 1]]", "1 polygons of fewer than three corners were left out (annotation 2)"),
-        ("[[5, 5, 9, 5, 9, 8], [1, 1, 2, 2]]", "fewer than three corners"),
+        (
+            "[[1, 1]]",
+            "1 polygons of fewer than three corners were left out (annotation 2)",
+        ),
+        (
+            "[[5, 5, 9, 5, 9, 8], [1, 1, 2, 2]]",
+            "fewer than three corners",
+        ),
         ("[[]]", "fewer than three corners"),
         ("[[5, 5, 9, 5, 9]]", "x but no y"),
         ("[[5, 5, NaN, 5, 9, 8]]", "not a number"),
         ("[[5, 5, 1e300, 5, 9, 8]]", "not a number or far outside"),
         ("[[50, 50, 90, 50, 90, 80]]", "cover no pixel"),
-        (r#"{"size": [9, 13], "counts": [1, 2]}"#, "damaged or do not fit"),
-        (r#"{"size": [13, 9], "counts": [117]}"#, "damaged or do not fit"),
-        (r#"{"size": [9, 13], "counts": "!"}"#, "damaged or do not fit"),
+        (
+            r#"{"size": [9, 13], "counts": [1, 2]}"#,
+            "damaged or do not fit",
+        ),
+        (
+            r#"{"size": [13, 9], "counts": [117]}"#,
+            "damaged or do not fit",
+        ),
+        (
+            r#"{"size": [9, 13], "counts": "!"}"#,
+            "damaged or do not fit",
+        ),
         (r#"{}"#, "neither polygons nor run lengths"),
         (r#""""#, "neither polygons nor run lengths"),
         ("null", "no outline"),
     ] {
-        let bad = format!(r#"{{"id": 2, "image_id": 7, "category_id": 6, "segmentation": {segmentation}}}"#);
+        let bad = format!(
+            r#"{{"id": 2, "image_id": 7, "category_id": 6, "segmentation": {segmentation}}}"#
+        );
         let read = coco(&format!("[{bad}, {good}]")).unwrap();
         assert_eq!(read.masks.len(), 1);
-        assert!(read.warnings.iter().any(|warning| warning.contains(what)), "{segmentation}: {:?}", read.warnings);
+        assert!(
+            read.warnings.iter().any(|warning| warning.contains(what)),
+            "{segmentation}: {:?}",
+            read.warnings
+        );
     }
     for (bad, what) in [
-        (r#"{"id": 2, "image_id": 7, "category_id": 44, "segmentation": [[1, 1, 2, 2, 3, 3]]}"#, "category 44"),
+        (
+            r#"{"id": 2, "image_id": 7, "category_id": 44, "segmentation": [[1, 1, 2, 2, 3, 3]]}"#,
+            "category 44",
+        ),
         (
             r#"{"id": 2, "image_id": 12, "category_id": 0, "segmentation": [[1, 1, 2, 2, 3, 3]]}"#,
             "image that is not listed",
         ),
-        (r#"{"id": 2, "category_id": 0, "segmentation": [[1, 1, 2, 2, 3, 3]]}"#, "without image or category"),
+        (
+            r#"{"id": 2, "category_id": 0, "segmentation": [[1, 1, 2, 2, 3, 3]]}"#,
+            "without image or category",
+        ),
         (r#"5"#, "without image or category"),
     ] {
         let read = coco(&format!("[{good}, {bad}]")).unwrap();
-        assert!(read.warnings.iter().any(|warning| warning.contains(what)), "{bad}: {:?}", read.warnings);
+        assert!(
+            read.warnings.iter().any(|warning| warning.contains(what)),
+            "{bad}: {:?}",
+            read.warnings
+        );
     }
 }
 
@@ -230,16 +383,35 @@ fn coco_types_may_be_loose() {
         r#""area": Infinity, "bbox": [NaN, -Infinity, 1, 2]"#,
     ] {
         let read = coco(&format!("[{{{more}, {good}}}]")).unwrap();
-        assert_eq!(read.masks[&0].extents().values().map(|extent| extent.area).sum::<u64>(), 6, "{more}");
-        assert_eq!(read.warnings, ["1 images have no outlines and got no mask"], "{more}");
+        assert_eq!(
+            read.masks[&0]
+                .extents()
+                .values()
+                .map(|extent| extent.area)
+                .sum::<u64>(),
+            6,
+            "{more}"
+        );
+        assert_eq!(
+            read.warnings,
+            ["1 images have no outlines and got no mask"],
+            "{more}"
+        );
     }
     let flat = r#"[{"image_id": 7, "category_id": 6, "segmentation": [1, 1, 4, 1, 4, 3, 1, 3]}]"#;
     assert_eq!(coco(flat).unwrap().masks.len(), 1);
 }
 
-fn coco_file(images: &str, categories: &str, annotations: &str, tree: &LabelTree) -> Result<Imported, MaskError> {
+fn coco_file(
+    images: &str,
+    categories: &str,
+    annotations: &str,
+    tree: &LabelTree,
+) -> Result<Imported, MaskError> {
     let dir = tempfile::tempdir().unwrap();
-    let text = format!(r#"{{"images": {images}, "categories": {categories}, "annotations": {annotations}}}"#);
+    let text = format!(
+        r#"{{"images": {images}, "categories": {categories}, "annotations": {annotations}}}"#
+    );
     write(dir.path(), "c.json", &format!("\u{feff}{text}"));
     import(dir.path(), MaskFormat::Coco, &["a.jpg", "b.jpg"], tree)
 }
@@ -257,29 +429,76 @@ fn categories_of_one_name_stay_apart_by_their_supercategories() {
     let twins = r##"[{"id": 1, "name": "leaf", "supercategory": "rice", "color": "#010203"}, {"id": -2, "name": "leaf", "supercategory": "weed"}]"##;
     let read = coco_file(images, twins, &both, &LabelTree::default()).unwrap();
     let tree = LabelTree::try_from(read.new_labels).unwrap();
-    let mut paths: Vec<String> = read.masks[&0].extents().keys().map(|&id| tree.name_path(id)).collect();
+    let mut paths: Vec<String> = read.masks[&0]
+        .extents()
+        .keys()
+        .map(|&id| tree.name_path(id))
+        .collect();
     paths.sort();
     assert_eq!(paths, ["rice › leaf", "weed › leaf (weed)"]);
-    assert!(read.warnings[0].contains("2 categories are named 'leaf'"), "{:?}", read.warnings);
+    assert!(
+        read.warnings[0].contains("2 categories are named 'leaf'"),
+        "{:?}",
+        read.warnings
+    );
     let again = coco_file(images, twins, &both, &tree).unwrap();
-    assert!(again.new_labels.is_empty() && again.masks == read.masks, "a second import finds the same labels");
+    assert!(
+        again.new_labels.is_empty() && again.masks == read.masks,
+        "a second import finds the same labels"
+    );
 
-    let one =
-        r#"[{"id": 1, "name": "leaf", "supercategory": "rice"}, {"id": -2, "name": "leaf", "supercategory": "rice"}]"#;
+    let one = r#"[{"id": 1, "name": "leaf", "supercategory": "rice"}, {"id": -2, "name": "leaf", "supercategory": "rice"}]"#;
     let merged = coco_file(images, one, &both, &LabelTree::default()).unwrap();
-    assert!(merged.warnings[0].contains("became one label"), "{:?}", merged.warnings);
+    assert!(
+        merged.warnings[0].contains("became one label"),
+        "{:?}",
+        merged.warnings
+    );
     let weed = r#"[{"id": -2, "name": "leaf", "supercategory": "weed"}]"#;
     let other = coco_file(images, weed, &format!("[{}]", annotation(-2, 4)), &tree).unwrap();
-    let path = other.masks[&0].extents().keys().map(|&id| tree.name_path(id)).collect::<Vec<_>>();
-    assert!(other.new_labels.is_empty() && path == ["weed › leaf (weed)"], "{path:?}");
-    let top = LabelTree::try_from(vec![Label { id: LabelId(5), name: "leaf".into(), color: [0; 3], parent: None }]);
-    let other = coco_file(images, weed, &format!("[{}]", annotation(-2, 4)), &top.unwrap()).unwrap();
-    assert!(other.warnings[0].contains("under 'weed' was taken as the label 'leaf'"), "{:?}", other.warnings);
+    let path = other.masks[&0]
+        .extents()
+        .keys()
+        .map(|&id| tree.name_path(id))
+        .collect::<Vec<_>>();
+    assert!(
+        other.new_labels.is_empty() && path == ["weed › leaf (weed)"],
+        "{path:?}"
+    );
+    let top = LabelTree::try_from(vec![Label {
+        id: LabelId(5),
+        name: "leaf".into(),
+        color: [0; 3],
+        parent: None,
+    }]);
+    let other = coco_file(
+        images,
+        weed,
+        &format!("[{}]", annotation(-2, 4)),
+        &top.unwrap(),
+    )
+    .unwrap();
+    assert!(
+        other.warnings[0].contains("under 'weed' was taken as the label 'leaf'"),
+        "{:?}",
+        other.warnings
+    );
     let upper = r#"[{"id": 1, "name": "leaf"}, {"id": -2, "name": "Leaf"}]"#;
-    assert_eq!(coco_file(images, upper, &both, &LabelTree::default()).unwrap().new_labels.len(), 2);
+    assert_eq!(
+        coco_file(images, upper, &both, &LabelTree::default())
+            .unwrap()
+            .new_labels
+            .len(),
+        2
+    );
     let repeated = r#"[{"id": 1, "name": "leaf"}, {"id": 1, "name": "stem"}]"#;
-    let error = coco_file(images, repeated, &both, &LabelTree::default()).unwrap_err().to_string();
-    assert!(error.contains("category id 1 is listed for 'leaf' and for 'stem'"), "{error}");
+    let error = coco_file(images, repeated, &both, &LabelTree::default())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("category id 1 is listed for 'leaf' and for 'stem'"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -287,33 +506,70 @@ fn images_that_are_listed_twice_are_merged_or_refused() {
     let categories = r#"[{"id": 0, "name": "leaf"}]"#;
     let annotations = r#"[{"image_id": 1, "category_id": 0, "segmentation": [[0, 0, 2, 0, 2, 2, 0, 2]]},
                           {"image_id": 2, "category_id": 0, "segmentation": [[4, 0, 6, 0, 6, 2, 4, 2]]}]"#;
-    for (first, second) in [("a.jpg", "a.jpg"), ("x/a.jpg", ".\\\\x\\\\a.jpg"), ("a.jpg", "./a.jpg")] {
-        let images =
-            format!(r#"[{{"id": 1, "file_name": "{first}"}}, {{"id": 2, "file_name": "{second}", "width": null}}]"#);
+    for (first, second) in [
+        ("a.jpg", "a.jpg"),
+        ("x/a.jpg", ".\\\\x\\\\a.jpg"),
+        ("a.jpg", "./a.jpg"),
+    ] {
+        let images = format!(
+            r#"[{{"id": 1, "file_name": "{first}"}}, {{"id": 2, "file_name": "{second}", "width": null}}]"#
+        );
         let read = coco_file(&images, categories, annotations, &LabelTree::default()).unwrap();
-        assert_eq!(read.masks[&0].extents().values().map(|extent| extent.area).sum::<u64>(), 8);
-        assert!(read.warnings.iter().any(|warning| warning.starts_with("1 images are listed more than once")));
-        assert!(read.warnings.iter().any(|warning| warning.starts_with("2 images have no size")));
+        assert_eq!(
+            read.masks[&0]
+                .extents()
+                .values()
+                .map(|extent| extent.area)
+                .sum::<u64>(),
+            8
+        );
+        assert!(
+            read.warnings
+                .iter()
+                .any(|warning| warning.starts_with("1 images are listed more than once"))
+        );
+        assert!(
+            read.warnings
+                .iter()
+                .any(|warning| warning.starts_with("2 images have no size"))
+        );
     }
     let url = r#"[{"id": 1, "file_name": "https://host/x/a.jpg?token=1"}, {"id": 2, "file_name": "b.jpg"}]"#;
-    assert_eq!(coco_file(url, categories, annotations, &LabelTree::default()).unwrap().masks.len(), 2);
+    assert_eq!(
+        coco_file(url, categories, annotations, &LabelTree::default())
+            .unwrap()
+            .masks
+            .len(),
+        2
+    );
     let two_sets = r#"[{"id": 1, "file_name": "x/a.jpg"}, {"id": 2, "file_name": "y/a.jpg"}]"#;
-    let error = coco_file(two_sets, categories, annotations, &LabelTree::default()).unwrap_err().to_string();
+    let error = coco_file(two_sets, categories, annotations, &LabelTree::default())
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("both fit the same frame"), "{error}");
     let one_id = r#"[{"id": 1, "file_name": "a.jpg"}, {"id": 1, "file_name": "b.jpg"}]"#;
-    let error = coco_file(one_id, categories, annotations, &LabelTree::default()).unwrap_err().to_string();
-    assert!(error.contains("image id 1 is listed for 'a.jpg' and for 'b.jpg'"), "{error}");
+    let error = coco_file(one_id, categories, annotations, &LabelTree::default())
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("image id 1 is listed for 'a.jpg' and for 'b.jpg'"),
+        "{error}"
+    );
 }
 
 #[test]
 fn holes_are_kept_in_one_line() {
     let dir = tempfile::tempdir().unwrap();
-    let ring = mask((0..5).flat_map(|y| (0..WIDTH).map(move |x| u16::from(x < 5 && !(x == 2 && y == 2)))));
+    let ring =
+        mask((0..5).flat_map(|y| (0..WIDTH).map(move |x| u16::from(x < 5 && !(x == 2 && y == 2)))));
     export(dir.path(), MaskFormat::Yolo, &["a.jpg"], &[(0, ring)]).unwrap();
     let text = std::fs::read_to_string(dir.path().join("labels/a.txt")).unwrap();
     assert_eq!(text.lines().count(), 1);
     let yaml = std::fs::read_to_string(dir.path().join("data.yaml")).unwrap();
-    assert!(yaml.contains("  0: 'rice'\n  1: 'stem 1'\n  2: 'panicle: ''A/B'', #1'\n"), "{yaml}");
+    assert!(
+        yaml.contains("  0: 'rice'\n  1: 'stem 1'\n  2: 'panicle: ''A/B'', #1'\n"),
+        "{yaml}"
+    );
 }
 
 #[test]
@@ -326,20 +582,33 @@ fn binary_folders_by_name_then_by_number() {
         encoder.set_color(png::ColorType::Grayscale);
         let mut bytes = vec![0; (WIDTH * HEIGHT) as usize];
         (bytes[at], bytes[100]) = (value, value);
-        encoder.write_header().unwrap().write_image_data(&bytes).unwrap();
+        encoder
+            .write_header()
+            .unwrap()
+            .write_image_data(&bytes)
+            .unwrap();
     };
     white("rice", 0, 255);
     white("002", 1, 1);
     white("weed", 2, 200);
     let read = import(dir.path(), MaskFormat::Binary, &["a.jpg"], &tree()).unwrap();
     assert_eq!(read.new_labels.len(), 1);
-    assert_eq!((read.new_labels[0].id, read.new_labels[0].name.as_str()), (LabelId(10), "weed"));
+    assert_eq!(
+        (read.new_labels[0].id, read.new_labels[0].name.as_str()),
+        (LabelId(10), "weed")
+    );
     let mask = &read.masks[&0];
     assert_eq!([0, 1, 2].map(|at| mask.decode().ids[at].0), [1, 2, 10]);
-    assert_eq!(pixels(mask, 2).len(), 2, "the part keeps the pixel that its whole and the weed claim");
+    assert_eq!(
+        pixels(mask, 2).len(),
+        2,
+        "the part keeps the pixel that its whole and the weed claim"
+    );
     assert_eq!(read.warnings.len(), 1, "{:?}", read.warnings);
     white(".", 0, 255);
-    let error = import(dir.path(), MaskFormat::Binary, &["a.jpg"], &tree()).unwrap_err().to_string();
+    let error = import(dir.path(), MaskFormat::Binary, &["a.jpg"], &tree())
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("LABEL/FRAME.png"), "{error}");
 }
 
@@ -350,7 +619,11 @@ fn write_grey(path: &Path, values: &[u8]) {
     encoder.set_color(png::ColorType::Grayscale);
     let mut bytes = values.to_vec();
     bytes.resize((WIDTH * HEIGHT) as usize, 0);
-    encoder.write_header().unwrap().write_image_data(&bytes).unwrap();
+    encoder
+        .write_header()
+        .unwrap()
+        .write_image_data(&bytes)
+        .unwrap();
 }
 
 #[test]
@@ -360,9 +633,17 @@ fn binary_values_are_compared_with_the_highest_of_the_label() {
     write_grey(&dir.path().join("rice/b.png"), &[1, 0, 1, 1]);
     write_grey(&dir.path().join("pot/a.png"), &[1]);
     let read = import(dir.path(), MaskFormat::Binary, &["a.jpg", "b.jpg"], &tree()).unwrap();
-    assert_eq!(read.masks[&0], mask([9, 0, 0, 1, 1]), "the grey of a trimap is outside, a highest value of 1 inside");
+    assert_eq!(
+        read.masks[&0],
+        mask([9, 0, 0, 1, 1]),
+        "the grey of a trimap is outside, a highest value of 1 inside"
+    );
     assert_eq!(read.masks[&1], mask([]), "noise is no object");
-    assert!(read.warnings[0].contains("became empty ('rice/b')"), "{:?}", read.warnings);
+    assert!(
+        read.warnings[0].contains("became empty ('rice/b')"),
+        "{:?}",
+        read.warnings
+    );
 }
 
 #[test]
@@ -370,11 +651,18 @@ fn one_bad_binary_file_costs_no_other() {
     let dir = tempfile::tempdir().unwrap();
     write_grey(&dir.path().join("rice/a.png"), &[255]);
     write_grey(&dir.path().join("rice/b.png"), &[255]);
-    std::fs::write(dir.path().join("rice/b.png"), &std::fs::read(dir.path().join("rice/b.png")).unwrap()[..40])
-        .unwrap();
+    std::fs::write(
+        dir.path().join("rice/b.png"),
+        &std::fs::read(dir.path().join("rice/b.png")).unwrap()[..40],
+    )
+    .unwrap();
     let read = import(dir.path(), MaskFormat::Binary, &["a.jpg", "b.jpg"], &tree()).unwrap();
     assert_eq!(read.masks.keys().copied().collect::<Vec<_>>(), [0]);
-    assert!(read.warnings[0].starts_with("1 files cannot be used and were left out"), "{:?}", read.warnings);
+    assert!(
+        read.warnings[0].starts_with("1 files cannot be used and were left out"),
+        "{:?}",
+        read.warnings
+    );
     assert!(read.warnings[0].contains("b.png"), "{:?}", read.warnings);
     assert!(import(dir.path(), MaskFormat::Binary, &["b.jpg"], &tree()).is_err());
 }
@@ -386,15 +674,33 @@ fn folders_of_systems_are_no_labels() {
         write_grey(&dir.path().join(folder).join("a.png"), &[255]);
     }
     let read = import(dir.path(), MaskFormat::Binary, &["a.jpg"], &tree()).unwrap();
-    assert!(read.new_labels.is_empty() && read.warnings.is_empty(), "{read:?}");
+    assert!(
+        read.new_labels.is_empty() && read.warnings.is_empty(),
+        "{read:?}"
+    );
 
-    let label = Label { id: LabelId(1), name: "Recycler".into(), color: [1; 3], parent: None };
+    let label = Label {
+        id: LabelId(1),
+        name: "Recycler".into(),
+        color: [1; 3],
+        parent: None,
+    };
     let recycler: LabelTree = vec![label].try_into().unwrap();
     let dir = tempfile::tempdir().unwrap();
     let (format, frames, one) = (MaskFormat::Binary, frames(&["a.jpg"]), mask([1]));
-    export_masks(dir.path(), format, &frames, [(0, &one)], &recycler, &Progress::default()).unwrap();
+    export_masks(
+        dir.path(),
+        format,
+        &frames,
+        [(0, &one)],
+        &recycler,
+        &Progress::default(),
+    )
+    .unwrap();
     assert_eq!(
-        import(dir.path(), format, &["a.jpg"], &recycler).unwrap().masks[&0],
+        import(dir.path(), format, &["a.jpg"], &recycler)
+            .unwrap()
+            .masks[&0],
         one,
         "a label may have such a name"
     );
@@ -403,17 +709,35 @@ fn folders_of_systems_are_no_labels() {
 #[test]
 fn binary_folders_have_names_that_every_system_takes() {
     let dir = tempfile::tempdir().unwrap();
-    export(dir.path(), MaskFormat::Binary, &["cam/a.jpg"], &[(0, mask([1, 3]))]).unwrap();
+    export(
+        dir.path(),
+        MaskFormat::Binary,
+        &["cam/a.jpg"],
+        &[(0, mask([1, 3]))],
+    )
+    .unwrap();
     assert!(dir.path().join("panicle_ 'A_B', #1/cam/a.png").is_file());
     assert!(dir.path().join("rice/cam/a.png").is_file());
-    assert!(!dir.path().join("pot").exists(), "a label that is nowhere has no folder");
+    assert!(
+        !dir.path().join("pot").exists(),
+        "a label that is nowhere has no folder"
+    );
 }
 
 #[test]
 fn formats_are_known_by_name() {
     for format in MaskFormat::ALL {
         assert_eq!(format.name().parse::<MaskFormat>().unwrap(), format);
-        assert_eq!(serde_json::to_string(&format).unwrap(), format!("\"{}\"", format.name()));
+        assert_eq!(
+            serde_json::to_string(&format).unwrap(),
+            format!("\"{}\"", format.name())
+        );
     }
-    assert!("tiff".parse::<MaskFormat>().unwrap_err().to_string().contains("davis, binary, coco or yolo"));
+    assert!(
+        "tiff"
+            .parse::<MaskFormat>()
+            .unwrap_err()
+            .to_string()
+            .contains("davis, binary, coco or yolo")
+    );
 }

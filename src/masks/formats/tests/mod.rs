@@ -34,20 +34,48 @@ fn tree() -> LabelTree {
 }
 
 fn frames<'a>(names: &[&'a str]) -> Vec<MaskFrame<'a>> {
-    names.iter().map(|name| MaskFrame { name, width: WIDTH, height: HEIGHT }).collect()
+    names
+        .iter()
+        .map(|name| MaskFrame {
+            name,
+            width: WIDTH,
+            height: HEIGHT,
+        })
+        .collect()
 }
 
 fn mask(ids: impl IntoIterator<Item = u16>) -> RunMask {
     let mut ids: Vec<LabelId> = ids.into_iter().map(LabelId).collect();
     ids.resize((WIDTH * HEIGHT) as usize, LabelId::NONE);
-    RunMask::encode(&LabelMask { width: WIDTH, height: HEIGHT, ids })
+    RunMask::encode(&LabelMask {
+        width: WIDTH,
+        height: HEIGHT,
+        ids,
+    })
 }
 
-fn import(dir: &Path, format: MaskFormat, names: &[&str], tree: &LabelTree) -> Result<Imported, MaskError> {
+fn import(
+    dir: &Path,
+    format: MaskFormat,
+    names: &[&str],
+    tree: &LabelTree,
+) -> Result<Imported, MaskError> {
     import_masks(dir, format, &frames(names), tree, &Progress::default())
 }
 
-fn export(dir: &Path, format: MaskFormat, names: &[&str], masks: &[(usize, RunMask)]) -> Result<(), MaskError> {
+fn export(
+    dir: &Path,
+    format: MaskFormat,
+    names: &[&str],
+    masks: &[(usize, RunMask)],
+) -> Result<(), MaskError> {
     let masks = masks.iter().map(|(frame, mask)| (*frame, mask));
-    export_masks(dir, format, &frames(names), masks, &tree(), &Progress::default())
+    export_masks(
+        dir,
+        format,
+        &frames(names),
+        masks,
+        &tree(),
+        &Progress::default(),
+    )
 }

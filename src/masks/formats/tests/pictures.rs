@@ -12,37 +12,88 @@ fn write_png(path: &Path, color: ColorType, depth: BitDepth, bytes: &[u8]) {
     if color == ColorType::Indexed {
         encoder.set_palette([9, 8, 7].repeat(1 << (depth as usize)));
     }
-    encoder.write_header().unwrap().write_image_data(bytes).unwrap();
+    encoder
+        .write_header()
+        .unwrap()
+        .write_image_data(bytes)
+        .unwrap();
 }
 
 #[test]
 fn pngs_of_every_kind_are_read_as_stored() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("m.png");
-    let (zero_one, to_three, to_fifteen) =
-        ([1, 0, 1, 1, 0, 0, 1, 0, 0, 1], [3, 0, 1, 2, 0, 0, 1, 0, 3, 2], [15, 0, 1, 9, 0, 0, 8, 0, 3, 2]);
+    let (zero_one, to_three, to_fifteen) = (
+        [1, 0, 1, 1, 0, 0, 1, 0, 0, 1],
+        [3, 0, 1, 2, 0, 0, 1, 0, 3, 2],
+        [15, 0, 1, 9, 0, 0, 8, 0, 3, 2],
+    );
     let to_byte = [255, 0, 1, 128, 7, 0, 254, 3, 3, 2];
     let high = [65535, 0, 256, 255, 7, 0, 32768, 3, 3, 2];
     let bytes = to_byte.map(|id: u16| id as u8);
     let interleaved = |channels: usize, others: u8| -> Vec<u8> {
-        let pixel =
-            |&id: &u8| std::iter::repeat_n(id, channels.min(3)).chain([others]).take(channels).collect::<Vec<_>>();
+        let pixel = |&id: &u8| {
+            std::iter::repeat_n(id, channels.min(3))
+                .chain([others])
+                .take(channels)
+                .collect::<Vec<_>>()
+        };
         bytes.iter().flat_map(pixel).collect()
     };
     let grey_alpha: Vec<u8> = bytes.iter().flat_map(|&id| [id, 77]).collect();
     let high_bytes: Vec<u8> = high.iter().flat_map(|id: &u16| id.to_be_bytes()).collect();
     let cases: [(ColorType, BitDepth, Vec<u8>, [u16; 10]); 11] = [
-        (ColorType::Grayscale, BitDepth::One, vec![0b1011_0000, 0b0100_1000], zero_one),
-        (ColorType::Indexed, BitDepth::One, vec![0b1011_0000, 0b0100_1000], zero_one),
-        (ColorType::Grayscale, BitDepth::Two, vec![0b1100_0110, 0, 0b0001_0011, 0b1000_0000], to_three),
-        (ColorType::Indexed, BitDepth::Two, vec![0b1100_0110, 0, 0b0001_0011, 0b1000_0000], to_three),
-        (ColorType::Indexed, BitDepth::Four, vec![0xf0, 0x19, 0, 0x08, 0x03, 0x20], to_fifteen),
-        (ColorType::Grayscale, BitDepth::Eight, bytes.to_vec(), to_byte),
+        (
+            ColorType::Grayscale,
+            BitDepth::One,
+            vec![0b1011_0000, 0b0100_1000],
+            zero_one,
+        ),
+        (
+            ColorType::Indexed,
+            BitDepth::One,
+            vec![0b1011_0000, 0b0100_1000],
+            zero_one,
+        ),
+        (
+            ColorType::Grayscale,
+            BitDepth::Two,
+            vec![0b1100_0110, 0, 0b0001_0011, 0b1000_0000],
+            to_three,
+        ),
+        (
+            ColorType::Indexed,
+            BitDepth::Two,
+            vec![0b1100_0110, 0, 0b0001_0011, 0b1000_0000],
+            to_three,
+        ),
+        (
+            ColorType::Indexed,
+            BitDepth::Four,
+            vec![0xf0, 0x19, 0, 0x08, 0x03, 0x20],
+            to_fifteen,
+        ),
+        (
+            ColorType::Grayscale,
+            BitDepth::Eight,
+            bytes.to_vec(),
+            to_byte,
+        ),
         (ColorType::Indexed, BitDepth::Eight, bytes.to_vec(), to_byte),
         (ColorType::Grayscale, BitDepth::Sixteen, high_bytes, high),
-        (ColorType::GrayscaleAlpha, BitDepth::Eight, grey_alpha, to_byte),
+        (
+            ColorType::GrayscaleAlpha,
+            BitDepth::Eight,
+            grey_alpha,
+            to_byte,
+        ),
         (ColorType::Rgb, BitDepth::Eight, interleaved(3, 0), to_byte),
-        (ColorType::Rgba, BitDepth::Eight, interleaved(4, 13), to_byte),
+        (
+            ColorType::Rgba,
+            BitDepth::Eight,
+            interleaved(4, 13),
+            to_byte,
+        ),
     ];
     for (color, depth, bytes, expected) in cases {
         write_png(&path, color, depth, &bytes);
@@ -54,16 +105,44 @@ fn pngs_of_every_kind_are_read_as_stored() {
 #[test]
 fn colours_need_a_list_of_labels() {
     let dir = tempfile::tempdir().unwrap();
-    let frames = [MaskFrame { name: "a.jpg", width: 5, height: 2 }];
-    let read = |dir: &Path| import_masks(dir, MaskFormat::Davis, &frames, &LabelTree::default(), &Progress::default());
+    let frames = [MaskFrame {
+        name: "a.jpg",
+        width: 5,
+        height: 2,
+    }];
+    let read = |dir: &Path| {
+        import_masks(
+            dir,
+            MaskFormat::Davis,
+            &frames,
+            &LabelTree::default(),
+            &Progress::default(),
+        )
+    };
     let [stem, rice] = [LabelId(2), LabelId(1)].map(LabelTree::color_for);
     let colors: Vec<u8> = [stem, [0; 3], rice, rice, stem].repeat(2).into_flattened();
-    write_png(&dir.path().join("a.png"), ColorType::Rgb, BitDepth::Eight, &colors);
+    write_png(
+        &dir.path().join("a.png"),
+        ColorType::Rgb,
+        BitDepth::Eight,
+        &colors,
+    );
     let error = read(dir.path()).unwrap_err().to_string();
-    assert!(error.contains("a.png") && error.contains("labels.json"), "{error}");
+    assert!(
+        error.contains("a.png") && error.contains("labels.json"),
+        "{error}"
+    );
     write_labels_json(dir.path(), &tree()).unwrap();
-    assert_eq!(read(dir.path()).unwrap().masks[&0].decode().ids, [2, 0, 1, 1, 2].map(LabelId).repeat(2));
-    write_png(&dir.path().join("a.png"), ColorType::Rgb, BitDepth::Eight, &[200, 1, 2].repeat(10));
+    assert_eq!(
+        read(dir.path()).unwrap().masks[&0].decode().ids,
+        [2, 0, 1, 1, 2].map(LabelId).repeat(2)
+    );
+    write_png(
+        &dir.path().join("a.png"),
+        ColorType::Rgb,
+        BitDepth::Eight,
+        &[200, 1, 2].repeat(10),
+    );
     let error = read(dir.path()).unwrap_err().to_string();
     assert!(error.contains("#c80102"), "{error}");
 }
@@ -74,39 +153,95 @@ fn white_means_label_one_unless_it_is_known_as_255() {
         let dir = tempfile::tempdir().unwrap();
         let names = ["a.png", "b.png"];
         let blank = LabelTree::default();
-        let masks = [mask([ids[0], ids[1]]), mask([ids[1]])].into_iter().enumerate();
-        export_masks(dir.path(), MaskFormat::Davis, &frames(&names), masks, &blank, &Progress::default()).unwrap();
+        let masks = [mask([ids[0], ids[1]]), mask([ids[1]])]
+            .into_iter()
+            .enumerate();
+        export_masks(
+            dir.path(),
+            MaskFormat::Davis,
+            &frames(&names),
+            masks,
+            &blank,
+            &Progress::default(),
+        )
+        .unwrap();
         std::fs::remove_file(dir.path().join("labels.json")).unwrap();
-        (import(dir.path(), MaskFormat::Davis, &names, &blank).unwrap(), dir)
+        (
+            import(dir.path(), MaskFormat::Davis, &names, &blank).unwrap(),
+            dir,
+        )
     };
-    let labels = |imported: &Imported| imported.new_labels.iter().map(|label| label.id.0).collect::<Vec<_>>();
+    let labels = |imported: &Imported| {
+        imported
+            .new_labels
+            .iter()
+            .map(|label| label.id.0)
+            .collect::<Vec<_>>()
+    };
     let (white, dir) = one(&[255, 0]);
     assert_eq!(white.masks[&0], mask([1]));
     assert_eq!(labels(&white), [1]);
     let (mixed, _dir) = one(&[255, 3]);
     assert_eq!(mixed.masks[&0], mask([0, 3]), "void next to smaller ids");
     assert_eq!(labels(&mixed), [3]);
-    assert!(mixed.warnings[0].starts_with("1 pixels of 1 masks have the value 255"), "{:?}", mixed.warnings);
-    std::fs::write(dir.path().join("labels.json"), r#"[{"id":255,"name":"last"}]"#).unwrap();
-    let listed = import(dir.path(), MaskFormat::Davis, &["a.png"], &LabelTree::default()).unwrap();
+    assert!(
+        mixed.warnings[0].starts_with("1 pixels of 1 masks have the value 255"),
+        "{:?}",
+        mixed.warnings
+    );
+    std::fs::write(
+        dir.path().join("labels.json"),
+        r#"[{"id":255,"name":"last"}]"#,
+    )
+    .unwrap();
+    let listed = import(
+        dir.path(),
+        MaskFormat::Davis,
+        &["a.png"],
+        &LabelTree::default(),
+    )
+    .unwrap();
     assert_eq!(labels(&listed), [255]);
 }
 
 #[test]
 fn listed_names_find_the_projects_labels() {
     let dir = tempfile::tempdir().unwrap();
-    export(dir.path(), MaskFormat::Davis, &["a.png"], &[(0, mask([1, 2, 4, 50]))]).unwrap();
-    let label = |id: u16, name: &str| Label { id: LabelId(id), name: name.into(), color: [0; 3], parent: None };
-    let project = vec![label(2, "rice"), label(1, "stone")].try_into().unwrap();
+    export(
+        dir.path(),
+        MaskFormat::Davis,
+        &["a.png"],
+        &[(0, mask([1, 2, 4, 50]))],
+    )
+    .unwrap();
+    let label = |id: u16, name: &str| Label {
+        id: LabelId(id),
+        name: name.into(),
+        color: [0; 3],
+        parent: None,
+    };
+    let project = vec![label(2, "rice"), label(1, "stone")]
+        .try_into()
+        .unwrap();
     let read = import(dir.path(), MaskFormat::Davis, &["a.png"], &project).unwrap();
-    let new: BTreeMapOfNames = read.new_labels.iter().map(|label| (label.name.clone(), label.id.0)).collect();
+    let new: BTreeMapOfNames = read
+        .new_labels
+        .iter()
+        .map(|label| (label.name.clone(), label.id.0))
+        .collect();
     assert_eq!(read.masks[&0], mask([2, new["stem 1"], 4, 50]));
-    assert!(new["stem 1"] > 50, "a fresh id is none of the file's: {new:?}");
+    assert!(
+        new["stem 1"] > 50,
+        "a fresh id is none of the file's: {new:?}"
+    );
     assert_eq!(new["50"], 50);
 }
 
 /// Writes grey masks; returns what an import of them gives.
-fn read_greys(files: &[&dyn Fn(u32, u32) -> u8], labels_json: Option<&str>) -> Result<Imported, MaskError> {
+fn read_greys(
+    files: &[&dyn Fn(u32, u32) -> u8],
+    labels_json: Option<&str>,
+) -> Result<Imported, MaskError> {
     let dir = tempfile::tempdir().unwrap();
     let names: Vec<String> = (0..files.len()).map(|at| format!("{at}.png")).collect();
     for (name, value) in names.iter().zip(files) {
@@ -116,8 +251,21 @@ fn read_greys(files: &[&dyn Fn(u32, u32) -> u8], labels_json: Option<&str>) -> R
     if let Some(text) = labels_json {
         std::fs::write(dir.path().join("labels.json"), text).unwrap();
     }
-    let frames: Vec<MaskFrame<'_>> = names.iter().map(|name| MaskFrame { name, width: 40, height: 36 }).collect();
-    import_masks(dir.path(), MaskFormat::Davis, &frames, &LabelTree::default(), &Progress::default())
+    let frames: Vec<MaskFrame<'_>> = names
+        .iter()
+        .map(|name| MaskFrame {
+            name,
+            width: 40,
+            height: 36,
+        })
+        .collect();
+    import_masks(
+        dir.path(),
+        MaskFormat::Davis,
+        &frames,
+        &LabelTree::default(),
+        &Progress::default(),
+    )
 }
 
 /// A disc with soft edges.
@@ -128,8 +276,18 @@ fn soft_disc(x: u32, y: u32, highest: f64) -> u8 {
 
 #[test]
 fn soft_masks_may_have_another_peak_in_each_file() {
-    let read = read_greys(&[&|x, y| soft_disc(x, y, 255.0), &|x, y| soft_disc(x, y, 240.0)], None).unwrap();
-    assert!(read.warnings[0].contains("soft edges"), "{:?}", read.warnings);
+    let read = read_greys(
+        &[&|x, y| soft_disc(x, y, 255.0), &|x, y| {
+            soft_disc(x, y, 240.0)
+        }],
+        None,
+    )
+    .unwrap();
+    assert!(
+        read.warnings[0].contains("soft edges"),
+        "{:?}",
+        read.warnings
+    );
     assert_eq!(read.new_labels.len(), 1);
     let areas = [0, 1].map(|frame| read.masks[&frame].extents()[&LabelId(1)].area);
     assert!(areas[0].abs_diff(areas[1]) < 30, "{areas:?}");
@@ -153,7 +311,10 @@ fn white_on_most_pixels_is_asked_about() {
         )
     };
     let error = read(10.0, 255, 254).unwrap_err().to_string();
-    assert!(error.contains("255 on more pixels") && error.contains("--format binary"), "{error}");
+    assert!(
+        error.contains("255 on more pixels") && error.contains("--format binary"),
+        "{error}"
+    );
     assert!(read(10.0, 254, 255).unwrap().warnings[0].contains("means void"));
 }
 
@@ -163,21 +324,35 @@ fn many_labels_named_after_numbers_are_reported() {
     assert!(read(20).warnings.is_empty());
     let many = read(40);
     assert_eq!(many.new_labels.len(), 39);
-    assert!(many.warnings[0].starts_with("39 labels were named after numbers (1, 2"), "{:?}", many.warnings);
+    assert!(
+        many.warnings[0].starts_with("39 labels were named after numbers (1, 2"),
+        "{:?}",
+        many.warnings
+    );
 }
 
 #[test]
 fn values_that_a_list_lacks_are_refused_as_soft_edges_or_reported() {
     let list = Some(r#"[{"id":200,"name":"leaf"}]"#);
-    let error = read_greys(&[&|x, y| soft_disc(x, y, 200.0)], list).unwrap_err().to_string();
-    assert!(error.contains("soft edges") && error.contains("labels.json does not list"), "{error}");
+    let error = read_greys(&[&|x, y| soft_disc(x, y, 200.0)], list)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        error.contains("soft edges") && error.contains("labels.json does not list"),
+        "{error}"
+    );
     let read = read_greys(&[&|x, _| [0, 200, 7, 9, 11][x as usize / 8]], list).unwrap();
     assert!(
         read.warnings[0].starts_with("3 ids of the masks are not in labels.json (7, 9, 11)"),
         "{:?}",
         read.warnings
     );
-    assert!(read_greys(&[&|x, _| [0, 200][x as usize / 20]], list).unwrap().warnings.is_empty());
+    assert!(
+        read_greys(&[&|x, _| [0, 200][x as usize / 20]], list)
+            .unwrap()
+            .warnings
+            .is_empty()
+    );
 }
 
 #[test]
@@ -186,12 +361,27 @@ fn one_bad_mask_costs_no_other() {
     let whole = encode_palette_png(&mask([1, 2, 3, 3]), &tree()).unwrap();
     std::fs::write(dir.path().join("a.png"), &whole).unwrap();
     std::fs::write(dir.path().join("b.png"), &whole[..whole.len() / 2]).unwrap();
-    std::fs::write(dir.path().join("c.png"), encode_palette_png(&RunMask::empty(3, 3), &tree()).unwrap()).unwrap();
-    let read = import(dir.path(), MaskFormat::Davis, &["a.jpg", "b.jpg", "c.jpg"], &tree()).unwrap();
+    std::fs::write(
+        dir.path().join("c.png"),
+        encode_palette_png(&RunMask::empty(3, 3), &tree()).unwrap(),
+    )
+    .unwrap();
+    let read = import(
+        dir.path(),
+        MaskFormat::Davis,
+        &["a.jpg", "b.jpg", "c.jpg"],
+        &tree(),
+    )
+    .unwrap();
     assert_eq!(read.masks.keys().copied().collect::<Vec<_>>(), [0]);
     let warning = &read.warnings[0];
-    assert!(warning.starts_with("2 files cannot be used") && warning.contains("b.png"), "{warning}");
-    let error = import(dir.path(), MaskFormat::Davis, &["b.jpg", "c.jpg"], &tree()).unwrap_err().to_string();
+    assert!(
+        warning.starts_with("2 files cannot be used") && warning.contains("b.png"),
+        "{warning}"
+    );
+    let error = import(dir.path(), MaskFormat::Davis, &["b.jpg", "c.jpg"], &tree())
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("b.png"), "{error}");
 }
 
@@ -203,16 +393,39 @@ fn write_places(path: &Path, palette: &[[u8; 3]], alpha: Option<&[u8]>, places: 
     if let Some(alpha) = alpha {
         encoder.set_trns(alpha.to_vec());
     }
-    encoder.write_header().unwrap().write_image_data(&places).unwrap();
+    encoder
+        .write_header()
+        .unwrap()
+        .write_image_data(&places)
+        .unwrap();
 }
 
 fn read_small(dir: &Path, names: &[&str]) -> Imported {
-    let frames: Vec<MaskFrame<'_>> = names.iter().map(|name| MaskFrame { name, width: 5, height: 2 }).collect();
-    import_masks(dir, MaskFormat::Davis, &frames, &LabelTree::default(), &Progress::default()).unwrap()
+    let frames: Vec<MaskFrame<'_>> = names
+        .iter()
+        .map(|name| MaskFrame {
+            name,
+            width: 5,
+            height: 2,
+        })
+        .collect();
+    import_masks(
+        dir,
+        MaskFormat::Davis,
+        &frames,
+        &LabelTree::default(),
+        &Progress::default(),
+    )
+    .unwrap()
 }
 
 fn ids_of(read: &Imported, frame: usize) -> Vec<u16> {
-    read.masks[&frame].decode().ids.iter().map(|id| id.0).collect()
+    read.masks[&frame]
+        .decode()
+        .ids
+        .iter()
+        .map(|id| id.0)
+        .collect()
 }
 
 #[test]
@@ -227,18 +440,37 @@ fn transparency_of_palettes_and_colours_counts() {
         assert_eq!(ids_of(&read, 0), half, "soft cut-out in colour {color}");
         assert!(read.warnings[0].contains("cut-outs"), "{:?}", read.warnings);
     }
-    let colors = [[0; 3], [200, 0, 0], [0, 200, 0], [0, 0, 200], [9, 9, 0], [7; 3]];
+    let colors = [
+        [0; 3],
+        [200, 0, 0],
+        [0, 200, 0],
+        [0, 0, 200],
+        [9, 9, 0],
+        [7; 3],
+    ];
     write_places(&path, &colors, Some(&[0]), places);
     let read = read_small(dir.path(), &["a.jpg"]);
-    assert_eq!((ids_of(&read, 0), read.warnings.len()), (places.map(u16::from).to_vec(), 0), "places are ids");
+    assert_eq!(
+        (ids_of(&read, 0), read.warnings.len()),
+        (places.map(u16::from).to_vec(), 0),
+        "places are ids"
+    );
 
     let mut encoder = png::Encoder::new(std::fs::File::create(&path).unwrap(), 5, 2);
     encoder.set_color(ColorType::Grayscale);
     encoder.set_trns(vec![0, 9]);
-    encoder.write_header().unwrap().write_image_data(&[9, 9, 1, 2, 9, 0, 1, 2, 0, 9]).unwrap();
+    encoder
+        .write_header()
+        .unwrap()
+        .write_image_data(&[9, 9, 1, 2, 9, 0, 1, 2, 0, 9])
+        .unwrap();
     let read = read_small(dir.path(), &["a.jpg"]);
     assert_eq!(ids_of(&read, 0), [0, 0, 1, 2, 0, 0, 1, 2, 0, 0]);
-    assert!(read.warnings[0].contains("transparent pixels"), "{:?}", read.warnings);
+    assert!(
+        read.warnings[0].contains("transparent pixels"),
+        "{:?}",
+        read.warnings
+    );
 }
 
 #[test]
@@ -246,55 +478,119 @@ fn black_cut_outs_are_objects_unless_other_masks_have_labels() {
     let dir = tempfile::tempdir().unwrap();
     let alpha = [0, 0, 255, 255, 100, 0, 0, 255, 255, 0];
     let black: Vec<u8> = alpha.iter().flat_map(|&alpha| [0, 0, 0, alpha]).collect();
-    write_png(&dir.path().join("a.png"), ColorType::Rgba, BitDepth::Eight, &black);
-    write_png(&dir.path().join("b.png"), ColorType::Rgba, BitDepth::Eight, &[0; 40]);
+    write_png(
+        &dir.path().join("a.png"),
+        ColorType::Rgba,
+        BitDepth::Eight,
+        &black,
+    );
+    write_png(
+        &dir.path().join("b.png"),
+        ColorType::Rgba,
+        BitDepth::Eight,
+        &[0; 40],
+    );
     let read = read_small(dir.path(), &["a.jpg", "b.jpg"]);
     assert_eq!(ids_of(&read, 0), [0, 0, 1, 1, 0, 0, 0, 1, 1, 0]);
     assert_eq!(ids_of(&read, 1), [0; 10], "the object is not in this frame");
-    assert!(read.warnings[0].contains("1 masks are cut-outs"), "{:?}", read.warnings);
-    write_png(&dir.path().join("b.png"), ColorType::Grayscale, BitDepth::Eight, &[3; 10]);
+    assert!(
+        read.warnings[0].contains("1 masks are cut-outs"),
+        "{:?}",
+        read.warnings
+    );
+    write_png(
+        &dir.path().join("b.png"),
+        ColorType::Grayscale,
+        BitDepth::Eight,
+        &[3; 10],
+    );
     let read = read_small(dir.path(), &["a.jpg", "b.jpg"]);
-    assert_eq!((ids_of(&read, 0), ids_of(&read, 1)), (vec![0; 10], vec![3; 10]), "black is the background here");
+    assert_eq!(
+        (ids_of(&read, 0), ids_of(&read, 1)),
+        (vec![0; 10], vec![3; 10]),
+        "black is the background here"
+    );
 }
 
 #[test]
 fn frames_of_cut_outs_may_be_all_or_nothing() {
     let dir = tempfile::tempdir().unwrap();
-    let white = |alpha: &dyn Fn(usize) -> u8| -> Vec<u8> { (0..10).flat_map(|at| [255, alpha(at)]).collect() };
-    for (name, bytes) in [("a", white(&|at| at as u8 / 5 * 255)), ("b", white(&|_| 0)), ("c", white(&|_| 255))] {
+    let white = |alpha: &dyn Fn(usize) -> u8| -> Vec<u8> {
+        (0..10).flat_map(|at| [255, alpha(at)]).collect()
+    };
+    for (name, bytes) in [
+        ("a", white(&|at| at as u8 / 5 * 255)),
+        ("b", white(&|_| 0)),
+        ("c", white(&|_| 255)),
+    ] {
         let path = dir.path().join(format!("{name}.png"));
         write_png(&path, ColorType::GrayscaleAlpha, BitDepth::Eight, &bytes);
     }
     let read = read_small(dir.path(), &["a.jpg", "b.jpg", "c.jpg"]);
     assert_eq!(ids_of(&read, 0), [0, 0, 0, 0, 0, 1, 1, 1, 1, 1]);
-    assert_eq!((ids_of(&read, 1), ids_of(&read, 2)), (vec![0; 10], vec![1; 10]));
+    assert_eq!(
+        (ids_of(&read, 1), ids_of(&read, 2)),
+        (vec![0; 10], vec![1; 10])
+    );
 }
 
 #[test]
 fn the_whole_palette_decides_about_greys() {
     let dir = tempfile::tempdir().unwrap();
     let [black, white] = [[0; 3], [255; 3]];
-    write_places(&dir.path().join("a.png"), &[white, black], None, [1, 1, 0, 0, 1, 1, 1, 0, 0, 1]);
+    write_places(
+        &dir.path().join("a.png"),
+        &[white, black],
+        None,
+        [1, 1, 0, 0, 1, 1, 1, 0, 0, 1],
+    );
     write_places(&dir.path().join("b.png"), &[white, black], None, [1; 10]);
-    write_places(&dir.path().join("c.png"), &[black, white], None, [0, 0, 1, 1, 0, 0, 0, 1, 1, 0]);
+    write_places(
+        &dir.path().join("c.png"),
+        &[black, white],
+        None,
+        [0, 0, 1, 1, 0, 0, 0, 1, 1, 0],
+    );
     let read = read_small(dir.path(), &["a.jpg", "b.jpg", "c.jpg"]);
-    assert_eq!((ids_of(&read, 0), ids_of(&read, 1)), (vec![0, 0, 1, 1, 0, 0, 0, 1, 1, 0], vec![0; 10]));
+    assert_eq!(
+        (ids_of(&read, 0), ids_of(&read, 1)),
+        (vec![0, 0, 1, 1, 0, 0, 0, 1, 1, 0], vec![0; 10])
+    );
     assert_eq!(read.masks[&0], read.masks[&2]);
     assert!(read.warnings.is_empty(), "{:?}", read.warnings);
-    write_places(&dir.path().join("a.png"), &[black, [90; 3], white], None, [1, 1, 0, 0, 1, 1, 1, 0, 0, 2]);
+    write_places(
+        &dir.path().join("a.png"),
+        &[black, [90; 3], white],
+        None,
+        [1, 1, 0, 0, 1, 1, 1, 0, 0, 2],
+    );
     let read = read_small(dir.path(), &["a.jpg"]);
     assert_eq!(ids_of(&read, 0), [1, 1, 0, 0, 1, 1, 1, 0, 0, 2]);
-    assert!(read.warnings.iter().any(|warning| warning.contains("palette of greys")), "{:?}", read.warnings);
+    assert!(
+        read.warnings
+            .iter()
+            .any(|warning| warning.contains("palette of greys")),
+        "{:?}",
+        read.warnings
+    );
 }
 
 #[test]
 fn project_masks_with_labels_of_any_colour_are_read_as_written() {
-    let label = |id: u16, color: u8| Label { id: LabelId(id), name: id.to_string(), color: [color; 3], parent: None };
+    let label = |id: u16, color: u8| Label {
+        id: LabelId(id),
+        name: id.to_string(),
+        color: [color; 3],
+        parent: None,
+    };
     let tree: LabelTree = vec![label(1, 255), label(2, 0)].try_into().unwrap();
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.png");
     std::fs::write(&path, encode_palette_png(&mask([1, 2, 2]), &tree).unwrap()).unwrap();
-    assert_eq!(RunMask::encode(&read_palette_png(&path).unwrap()), mask([1, 2, 2]));
+    assert_eq!(
+        RunMask::encode(&read_palette_png(&path).unwrap()),
+        mask([1, 2, 2])
+    );
 }
 
 #[test]
@@ -302,7 +598,11 @@ fn colours_of_16_bits_may_be_ids() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.png");
     let write = |ids: [u16; 10]| {
-        let bytes: Vec<u8> = ids.iter().flat_map(|id| [id.to_be_bytes(); 3]).flatten().collect();
+        let bytes: Vec<u8> = ids
+            .iter()
+            .flat_map(|id| [id.to_be_bytes(); 3])
+            .flatten()
+            .collect();
         write_png(&path, ColorType::Rgb, BitDepth::Sixteen, &bytes);
     };
     let ids = [0, 0, 1, 2, 0, 0, 1, 2, 90, 90];
@@ -311,34 +611,72 @@ fn colours_of_16_bits_may_be_ids() {
     write_labels_json(dir.path(), &tree()).unwrap();
     assert_eq!(read_palette_png(&path).unwrap().ids, ids.map(LabelId));
     let read = read_small(dir.path(), &["a.jpg"]);
-    assert!(read.new_labels.iter().any(|label| label.name == "rice"), "ids, and not black: {read:?}");
+    assert!(
+        read.new_labels.iter().any(|label| label.name == "rice"),
+        "ids, and not black: {read:?}"
+    );
 }
 
 /// Reads one 5 × 2 PNG of these bytes as the mask of a frame.
 fn read_one(color: ColorType, bytes: &[u8]) -> Result<Imported, MaskError> {
     let dir = tempfile::tempdir().unwrap();
     write_png(&dir.path().join("a.png"), color, BitDepth::Eight, bytes);
-    let frames = [MaskFrame { name: "a.jpg", width: 5, height: 2 }];
-    import_masks(dir.path(), MaskFormat::Davis, &frames, &LabelTree::default(), &Progress::default())
+    let frames = [MaskFrame {
+        name: "a.jpg",
+        width: 5,
+        height: 2,
+    }];
+    import_masks(
+        dir.path(),
+        MaskFormat::Davis,
+        &frames,
+        &LabelTree::default(),
+        &Progress::default(),
+    )
 }
 
 #[test]
 fn transparency_is_a_cut_out_or_clears_ids() {
     let alpha = [0, 0, 255, 255, 100, 0, 0, 255, 255, 0];
     let rgba = |color: &dyn Fn(usize) -> [u8; 3]| -> Vec<u8> {
-        alpha.iter().enumerate().flat_map(|(at, &alpha)| color(at).into_iter().chain([alpha])).collect()
+        alpha
+            .iter()
+            .enumerate()
+            .flat_map(|(at, &alpha)| color(at).into_iter().chain([alpha]))
+            .collect()
     };
-    let ids = |read: &Imported| read.masks[&0].decode().ids.iter().map(|id| id.0).collect::<Vec<_>>();
+    let ids = |read: &Imported| {
+        read.masks[&0]
+            .decode()
+            .ids
+            .iter()
+            .map(|id| id.0)
+            .collect::<Vec<_>>()
+    };
     let read = read_one(ColorType::Rgba, &rgba(&|_| [255; 3])).unwrap();
     assert_eq!(ids(&read), [0, 0, 1, 1, 0, 0, 0, 1, 1, 0]);
     assert!(read.warnings[0].contains("cut-outs"), "{:?}", read.warnings);
     let grey: Vec<u8> = alpha.iter().flat_map(|&alpha| [255, alpha]).collect();
-    assert_eq!(ids(&read_one(ColorType::GrayscaleAlpha, &grey).unwrap()), [0, 0, 1, 1, 0, 0, 0, 1, 1, 0]);
-    let labelled = read_one(ColorType::Rgba, &rgba(&|at| [if at < 5 { 3 } else { 4 }; 3])).unwrap();
+    assert_eq!(
+        ids(&read_one(ColorType::GrayscaleAlpha, &grey).unwrap()),
+        [0, 0, 1, 1, 0, 0, 0, 1, 1, 0]
+    );
+    let labelled = read_one(
+        ColorType::Rgba,
+        &rgba(&|at| [if at < 5 { 3 } else { 4 }; 3]),
+    )
+    .unwrap();
     assert_eq!(ids(&labelled), [0, 0, 3, 3, 0, 0, 0, 4, 4, 0]);
-    assert!(labelled.warnings[0].contains("transparent pixels"), "{:?}", labelled.warnings);
+    assert!(
+        labelled.warnings[0].contains("transparent pixels"),
+        "{:?}",
+        labelled.warnings
+    );
     let colored = read_one(ColorType::Rgba, &rgba(&|at| [200, at as u8, 1]));
-    assert!(colored.unwrap_err().to_string().contains("colour image"), "few colours are labels, not an image");
+    assert!(
+        colored.unwrap_err().to_string().contains("colour image"),
+        "few colours are labels, not an image"
+    );
 }
 
 #[test]
@@ -348,23 +686,55 @@ fn palettes_of_greys_in_another_order_are_read_as_greys() {
     let mut encoder = png::Encoder::new(std::fs::File::create(&path).unwrap(), 5, 2);
     encoder.set_color(ColorType::Indexed);
     encoder.set_palette(vec![255, 255, 255, 0, 0, 0]);
-    encoder.write_header().unwrap().write_image_data(&[1, 1, 0, 0, 1, 1, 1, 0, 0, 1]).unwrap();
-    let frames = [MaskFrame { name: "a.jpg", width: 5, height: 2 }];
-    let read =
-        import_masks(dir.path(), MaskFormat::Davis, &frames, &LabelTree::default(), &Progress::default()).unwrap();
-    assert_eq!(read.masks[&0].decode().ids, [0, 0, 1, 1, 0, 0, 0, 1, 1, 0].map(LabelId));
+    encoder
+        .write_header()
+        .unwrap()
+        .write_image_data(&[1, 1, 0, 0, 1, 1, 1, 0, 0, 1])
+        .unwrap();
+    let frames = [MaskFrame {
+        name: "a.jpg",
+        width: 5,
+        height: 2,
+    }];
+    let read = import_masks(
+        dir.path(),
+        MaskFormat::Davis,
+        &frames,
+        &LabelTree::default(),
+        &Progress::default(),
+    )
+    .unwrap();
+    assert_eq!(
+        read.masks[&0].decode().ids,
+        [0, 0, 1, 1, 0, 0, 0, 1, 1, 0].map(LabelId)
+    );
 }
 
 #[test]
 fn trimaps_are_refused_and_other_kinds_of_images_named() {
-    let error = read_one(ColorType::Grayscale, &[0, 0, 128, 255, 255, 0, 0, 128, 255, 255]).unwrap_err().to_string();
+    let error = read_one(
+        ColorType::Grayscale,
+        &[0, 0, 128, 255, 255, 0, 0, 128, 255, 255],
+    )
+    .unwrap_err()
+    .to_string();
     assert!(error.contains("--format binary"), "{error}");
-    let spread = read_one(ColorType::Grayscale, &[0, 0, 85, 170, 255, 0, 0, 85, 170, 255]).unwrap();
+    let spread = read_one(
+        ColorType::Grayscale,
+        &[0, 0, 85, 170, 255, 0, 0, 85, 170, 255],
+    )
+    .unwrap();
     assert_eq!(spread.new_labels.len(), 3);
-    assert!(spread.warnings[0].contains("evenly"), "{:?}", spread.warnings);
+    assert!(
+        spread.warnings[0].contains("evenly"),
+        "{:?}",
+        spread.warnings
+    );
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("a.jpg"), "x").unwrap();
-    let error = import(dir.path(), MaskFormat::Davis, &["a.jpg"], &tree()).unwrap_err().to_string();
+    let error = import(dir.path(), MaskFormat::Davis, &["a.jpg"], &tree())
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("1 other images (first: a.jpg)"), "{error}");
 }
 
@@ -377,7 +747,9 @@ fn a_damaged_picture_is_told_and_never_a_panic() {
     let whole = encode_palette_png(&mask([1, 2, 3, 3]), &tree()).unwrap();
     for length in 0..whole.len() - 12 {
         std::fs::write(&path, &whole[..length]).unwrap();
-        let error = import(dir.path(), MaskFormat::Davis, &["a.png"], &tree()).unwrap_err().to_string();
+        let error = import(dir.path(), MaskFormat::Davis, &["a.png"], &tree())
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("a.png"), "{length}: {error}");
     }
     for at in 0..whole.len() {

@@ -5,17 +5,36 @@ use proptest::prelude::*;
 use super::*;
 use crate::{encode_palette_png, read_palette_png};
 
-const NAMES: [&str; 4] = ["cam 0/0001.jpg", "cam 0/0002.jpg", "film.mp4/000001", "x.y.png"];
+const NAMES: [&str; 4] = [
+    "cam 0/0001.jpg",
+    "cam 0/0002.jpg",
+    "film.mp4/000001",
+    "x.y.png",
+];
 
 fn masks() -> impl Strategy<Value = Vec<(usize, RunMask)>> {
-    let runs = prop::collection::vec((prop::sample::select(vec![0u16, 0, 1, 2, 3, 4, 9]), 1usize..30), 60);
+    let runs = prop::collection::vec(
+        (
+            prop::sample::select(vec![0u16, 0, 1, 2, 3, 4, 9]),
+            1usize..30,
+        ),
+        60,
+    );
     let pixels = (WIDTH * HEIGHT) as usize;
     let one = runs.prop_map(move |runs| {
-        mask(runs.into_iter().flat_map(|(id, count)| std::iter::repeat_n(id, count)).take(pixels))
+        mask(
+            runs.into_iter()
+                .flat_map(|(id, count)| std::iter::repeat_n(id, count))
+                .take(pixels),
+        )
     });
     let labelled = |mask: &RunMask| mask.decode().ids.iter().any(|&id| id != LabelId::NONE);
-    let one = one.prop_filter("not all formats can say that a frame has no labels", labelled);
-    prop::collection::vec(one, NAMES.len()).prop_map(|masks| masks.into_iter().enumerate().collect())
+    let one = one.prop_filter(
+        "not all formats can say that a frame has no labels",
+        labelled,
+    );
+    prop::collection::vec(one, NAMES.len())
+        .prop_map(|masks| masks.into_iter().enumerate().collect())
 }
 
 proptest! {
@@ -59,14 +78,22 @@ proptest! {
 #[test]
 fn a_frame_without_labels_stays_one_in_the_formats_that_can_say_so() {
     let masks = [(0, mask([])), (1, mask([1, 1, 2]))];
-    for (format, frames) in
-        [(MaskFormat::Davis, 2), (MaskFormat::Binary, 2), (MaskFormat::Yolo, 2), (MaskFormat::Coco, 1)]
-    {
+    for (format, frames) in [
+        (MaskFormat::Davis, 2),
+        (MaskFormat::Binary, 2),
+        (MaskFormat::Yolo, 2),
+        (MaskFormat::Coco, 1),
+    ] {
         let dir = tempfile::tempdir().unwrap();
         export(dir.path(), format, &["a.png", "b.png"], &masks).unwrap();
         let read = import(dir.path(), format, &["a.png", "b.png"], &tree()).unwrap();
         assert_eq!(read.masks.len(), frames, "{format:?}");
-        assert_eq!(read.warnings.len(), 2 - frames, "COCO says that a picture has no outlines: {:?}", read.warnings);
+        assert_eq!(
+            read.warnings.len(),
+            2 - frames,
+            "COCO says that a picture has no outlines: {:?}",
+            read.warnings
+        );
     }
 }
 
@@ -77,7 +104,11 @@ fn ids_without_a_label_are_named_after_their_numbers() {
         let dir = tempfile::tempdir().unwrap();
         export(dir.path(), format, &["a.png"], &masks).unwrap();
         let read = import(dir.path(), format, &["a.png"], &tree()).unwrap();
-        let mut new: Vec<(u16, &str)> = read.new_labels.iter().map(|label| (label.id.0, label.name.as_str())).collect();
+        let mut new: Vec<(u16, &str)> = read
+            .new_labels
+            .iter()
+            .map(|label| (label.id.0, label.name.as_str()))
+            .collect();
         new.sort_unstable();
         assert_eq!(new, [(7, "7"), (300, "300")], "{format:?}");
         assert_eq!(read.masks[&0], masks[0].1, "{format:?}");
@@ -99,20 +130,40 @@ fn frames_that_share_a_name_but_for_the_ending_keep_their_masks() {
 #[test]
 fn a_mask_of_another_size_is_left_out_with_both_sizes_named() {
     let masks = [(0, mask([1])), (1, mask([2]))];
-    for format in MaskFormat::ALL.into_iter().filter(|format| *format != MaskFormat::Yolo) {
+    for format in MaskFormat::ALL
+        .into_iter()
+        .filter(|format| *format != MaskFormat::Yolo)
+    {
         let dir = tempfile::tempdir().unwrap();
         export(dir.path(), format, &["a.png", "b.png"], &masks).unwrap();
         let mut frames = frames(&["a.png", "b.png"]);
         frames[1].width = 14;
-        let import = |frames: &[MaskFrame<'_>]| import_masks(dir.path(), format, frames, &tree(), &Progress::default());
+        let import = |frames: &[MaskFrame<'_>]| {
+            import_masks(dir.path(), format, frames, &tree(), &Progress::default())
+        };
         let read = import(&frames).unwrap();
-        assert_eq!(read.masks.keys().copied().collect::<Vec<_>>(), [0], "{format:?}");
+        assert_eq!(
+            read.masks.keys().copied().collect::<Vec<_>>(),
+            [0],
+            "{format:?}"
+        );
         let error = import(&frames[1..]).unwrap_err().to_string();
         for part in ["13×9", "14×9", "'b.png'"] {
             assert!(error.contains(part), "{format:?}: {error}");
-            assert!(read.warnings.iter().any(|warning| warning.contains(part)), "{format:?}: {:?}", read.warnings);
+            assert!(
+                read.warnings.iter().any(|warning| warning.contains(part)),
+                "{format:?}: {:?}",
+                read.warnings
+            );
         }
-        let error = export_masks(dir.path(), format, &frames, masks.clone(), &tree(), &Progress::default());
+        let error = export_masks(
+            dir.path(),
+            format,
+            &frames,
+            masks.clone(),
+            &tree(),
+            &Progress::default(),
+        );
         assert!(error.is_err(), "{format:?}");
     }
 }
@@ -121,12 +172,31 @@ fn a_mask_of_another_size_is_left_out_with_both_sizes_named() {
 fn names_that_fit_nothing() {
     for format in MaskFormat::ALL {
         let dir = tempfile::tempdir().unwrap();
-        assert!(import(dir.path(), format, &["a.png"], &tree()).is_err(), "an empty folder");
-        export(dir.path(), format, &["a.png", "b.png"], &[(0, mask([1])), (1, mask([1]))]).unwrap();
+        assert!(
+            import(dir.path(), format, &["a.png"], &tree()).is_err(),
+            "an empty folder"
+        );
+        export(
+            dir.path(),
+            format,
+            &["a.png", "b.png"],
+            &[(0, mask([1])), (1, mask([1]))],
+        )
+        .unwrap();
         let some = import(dir.path(), format, &["z/b.jpg", "c.jpg"], &tree()).unwrap();
-        assert_eq!(some.masks.keys().copied().collect::<Vec<_>>(), [0], "{format:?}");
-        assert!(some.warnings.len() == 1 && some.warnings[0].contains('a'), "{format:?}: {:?}", some.warnings);
-        let error = import(dir.path(), format, &["c.jpg"], &tree()).unwrap_err().to_string();
+        assert_eq!(
+            some.masks.keys().copied().collect::<Vec<_>>(),
+            [0],
+            "{format:?}"
+        );
+        assert!(
+            some.warnings.len() == 1 && some.warnings[0].contains('a'),
+            "{format:?}: {:?}",
+            some.warnings
+        );
+        let error = import(dir.path(), format, &["c.jpg"], &tree())
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("'c.jpg'"), "{format:?}: {error}");
     }
 }
@@ -137,9 +207,15 @@ fn a_folder_that_cannot_be_written_is_told_by_name() {
     let taken = dir.path().join("taken");
     std::fs::write(&taken, "a file").unwrap();
     for format in MaskFormat::ALL {
-        let error = export(&taken, format, &["a.png"], &[(0, mask([1]))]).unwrap_err().to_string();
+        let error = export(&taken, format, &["a.png"], &[(0, mask([1]))])
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("taken"), "{format:?}: {error}");
-        assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1, "nothing is left behind");
+        assert_eq!(
+            std::fs::read_dir(dir.path()).unwrap().count(),
+            1,
+            "nothing is left behind"
+        );
     }
 }
 
@@ -151,8 +227,19 @@ fn a_stop_is_noticed() {
     let masks = [(0, mask([1]))];
     for format in MaskFormat::ALL {
         let frames = frames(&["a.png"]);
-        let error = export_masks(dir.path(), format, &frames, masks.clone(), &tree(), &stopped).unwrap_err();
+        let error = export_masks(
+            dir.path(),
+            format,
+            &frames,
+            masks.clone(),
+            &tree(),
+            &stopped,
+        )
+        .unwrap_err();
         assert!(matches!(error, MaskError::Stopped(_)));
-        assert!(matches!(import_masks(dir.path(), format, &frames, &tree(), &stopped), Err(MaskError::Stopped(_))));
+        assert!(matches!(
+            import_masks(dir.path(), format, &frames, &tree(), &stopped),
+            Err(MaskError::Stopped(_))
+        ));
     }
 }

@@ -22,15 +22,23 @@ impl Caption {
     /// [`MaskError::Request`] for no phrase, one without a word or with a full stop or question mark in it, or too many.
     pub fn new(tokenizer: &Tokenizer, phrases: &[String]) -> Result<Self, MaskError> {
         if phrases.is_empty() {
-            return Err(MaskError::Request("there is no word to look for; name what is to be found".into()));
+            return Err(MaskError::Request(
+                "there is no word to look for; name what is to be found".into(),
+            ));
         }
-        let mut caption = Self { ids: Vec::new(), positions: Vec::new(), phrases: Vec::new() };
+        let mut caption = Self {
+            ids: Vec::new(),
+            positions: Vec::new(),
+            phrases: Vec::new(),
+        };
         caption.push(&[tokenizer.start], None);
         for (number, phrase) in phrases.iter().enumerate() {
             let plain = phrase.trim().trim_end_matches('.');
             let mut ids = tokenizer.ids(plain)?;
             if ids.is_empty() || plain.contains(['.', '?']) {
-                let text = format!("'{phrase}' is no phrase; give a few words without full stop or question mark");
+                let text = format!(
+                    "'{phrase}' is no phrase; give a few words without full stop or question mark"
+                );
                 return Err(MaskError::Request(text));
             }
             ids.push(tokenizer.stop);
@@ -39,7 +47,10 @@ impl Caption {
         caption.push(&[tokenizer.end], None);
         let count = caption.ids.len();
         if count > Self::MOST {
-            let text = format!("the phrases make {count} tokens, {} can be looked for at once; give fewer", Self::MOST);
+            let text = format!(
+                "the phrases make {count} tokens, {} can be looked for at once; give fewer",
+                Self::MOST
+            );
             return Err(MaskError::Request(text));
         }
         Ok(caption)
@@ -57,7 +68,8 @@ impl Caption {
         let count = self.ids.len();
         let attends = |at: usize| {
             let (row, column) = (at / count, at % count);
-            let attends = row == column || (self.phrases[row].is_some() && self.phrases[row] == self.phrases[column]);
+            let attends = row == column
+                || (self.phrases[row].is_some() && self.phrases[row] == self.phrases[column]);
             i64::from(attends)
         };
         (0..count * count).map(attends).collect()
@@ -86,7 +98,10 @@ mod tests {
     }
 
     fn reference() -> (Reference, Tokenizer) {
-        let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/parity/words.json"));
+        let text = include_str!(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../tests/parity/words.json"
+        ));
         let reference: Reference = serde_json::from_str(text).unwrap();
         let tokenizer = Tokenizer::new(&reference.vocabulary.join("\n")).unwrap();
         (reference, tokenizer)
@@ -106,8 +121,16 @@ mod tests {
         let (reference, tokenizer) = reference();
         for expected in &reference.captions {
             let caption = Caption::new(&tokenizer, &expected.phrases).unwrap();
-            assert_eq!((&caption.ids, &caption.positions), (&expected.ids, &expected.positions));
-            assert_eq!(caption.attention(), expected.attention.concat(), "{:?}", expected.phrases);
+            assert_eq!(
+                (&caption.ids, &caption.positions),
+                (&expected.ids, &expected.positions)
+            );
+            assert_eq!(
+                caption.attention(),
+                expected.attention.concat(),
+                "{:?}",
+                expected.phrases
+            );
         }
     }
 
@@ -122,6 +145,11 @@ mod tests {
         assert!(told(&["cat", " . "]).contains("' . '"));
         assert!(told(&["cat. dog"]).contains("'cat. dog'"));
         assert!(told(&["cat"; 200]).contains("402 tokens"));
-        assert!(Tokenizer::new("[CLS]\n[SEP]\n[UNK]").unwrap_err().to_string().contains("'.'"));
+        assert!(
+            Tokenizer::new("[CLS]\n[SEP]\n[UNK]")
+                .unwrap_err()
+                .to_string()
+                .contains("'.'")
+        );
     }
 }

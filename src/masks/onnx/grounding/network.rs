@@ -47,12 +47,24 @@ impl GroundingDino {
     /// caption needs.
     pub fn new(network: Network, vocabulary: &str) -> Result<Self, NnError> {
         let there = &network.signature().inputs;
-        if there.len() != INPUTS.len() || !INPUTS.iter().all(|name| there.iter().any(|port| port.name == *name)) {
+        if there.len() != INPUTS.len()
+            || !INPUTS
+                .iter()
+                .all(|name| there.iter().any(|port| port.name == *name))
+        {
             let what = format!("expected the inputs {}", INPUTS.join(", "));
-            return Err(NnError::Mismatch { path: network.path().to_owned(), what });
+            return Err(NnError::Mismatch {
+                path: network.path().to_owned(),
+                what,
+            });
         }
-        let tokenizer = Tokenizer::new(vocabulary).map_err(|error| NnError::Request(error.to_string()))?;
-        Ok(Self { network, tokenizer, last: Mutex::default() })
+        let tokenizer =
+            Tokenizer::new(vocabulary).map_err(|error| NnError::Request(error.to_string()))?;
+        Ok(Self {
+            network,
+            tokenizer,
+            last: Mutex::default(),
+        })
     }
 
     /// What the network says of a picture and some phrases, for any threshold.
@@ -60,7 +72,12 @@ impl GroundingDino {
     /// # Errors
     /// [`MaskError::Request`] for no phrase, one without a word or with a full stop or question mark in it, too many, an
     /// empty or very narrow picture; [`MaskError::Stopped`], or what the network says.
-    pub fn look(&self, image: &Image, phrases: &[String], progress: &Progress) -> Result<Arc<Answer>, MaskError> {
+    pub fn look(
+        &self,
+        image: &Image,
+        phrases: &[String],
+        progress: &Progress,
+    ) -> Result<Arc<Answer>, MaskError> {
         let caption = Caption::new(&self.tokenizer, phrases)?;
         let shown = Shown::new(image)?;
         progress.step(0, 1)?;
@@ -69,8 +86,14 @@ impl GroundingDino {
             answer
         } else {
             let (logits, boxes) = self.run(&shown, &caption, progress)?;
-            let answer = Arc::new(Answer { caption, logits, boxes, size_px });
-            *self.last.lock().unwrap_or_else(PoisonError::into_inner) = Some((shown, Arc::clone(&answer)));
+            let answer = Arc::new(Answer {
+                caption,
+                logits,
+                boxes,
+                size_px,
+            });
+            *self.last.lock().unwrap_or_else(PoisonError::into_inner) =
+                Some((shown, Arc::clone(&answer)));
             answer
         };
         progress.step(1, 1)?;
@@ -86,10 +109,16 @@ impl GroundingDino {
     }
 
     /// Logits and boxes of every query.
-    fn run(&self, shown: &Shown, caption: &Caption, progress: &Progress) -> Result<(Vec<f32>, Vec<f32>), MaskError> {
+    fn run(
+        &self,
+        shown: &Shown,
+        caption: &Caption,
+        progress: &Progress,
+    ) -> Result<(Vec<f32>, Vec<f32>), MaskError> {
         let told = |error: NnError| MaskError::Network(error.to_string());
         let count = caption.ids.len();
-        let image = Tensor::floats(&[1, 3, shown.rows, shown.columns], shown.planes()).map_err(told)?;
+        let image =
+            Tensor::floats(&[1, 3, shown.rows, shown.columns], shown.planes()).map_err(told)?;
         let integers = |shape: &[usize], values| Tensor::integers(shape, values).map_err(told);
         let ids = integers(&[1, count], caption.ids.clone())?;
         let positions = integers(&[1, count], caption.positions.clone())?;
@@ -97,7 +126,11 @@ impl GroundingDino {
         let [a, b, c, d] = INPUTS;
         let inputs = [(a, &image), (b, &ids), (c, &positions), (d, &attention)];
         let is_wanted = || progress.check().is_ok();
-        let given = self.network.run_while(&inputs, &is_wanted).map_err(told)?.ok_or(Stopped)?;
+        let given = self
+            .network
+            .run_while(&inputs, &is_wanted)
+            .map_err(told)?
+            .ok_or(Stopped)?;
         if let [logits, boxes] = given.as_slice()
             && let [1, queries, tokens] = *logits.shape()
             && tokens == count
@@ -106,7 +139,9 @@ impl GroundingDino {
             return Ok((logits.as_floats().to_vec(), boxes.as_floats().to_vec()));
         }
         let path = self.network.path().display();
-        Err(MaskError::Network(format!("{path}: does not give a logit for each token and a box for each query")))
+        Err(MaskError::Network(format!(
+            "{path}: does not give a logit for each token and a box for each query"
+        )))
     }
 }
 

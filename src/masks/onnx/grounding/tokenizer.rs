@@ -21,8 +21,10 @@ impl Tokenizer {
     /// # Errors
     /// [`MaskError::Network`] where it lacks what every caption needs.
     pub fn new(vocabulary: &str) -> Result<Self, MaskError> {
-        let broken = |what: &str| MaskError::Network(format!("{what}; take vocab.txt of BERT uncased"));
-        let unread = |error: tokenizers::Error| broken(&format!("the vocabulary cannot be used ({error})"));
+        let broken =
+            |what: &str| MaskError::Network(format!("{what}; take vocab.txt of BERT uncased"));
+        let unread =
+            |error: tokenizers::Error| broken(&format!("the vocabulary cannot be used ({error})"));
         let ids = WordPiece::read_bytes(vocabulary.as_bytes()).map_err(unread)?;
         let id = |piece: &str| {
             let found = ids.get(piece).copied().map(i64::from);
@@ -30,9 +32,16 @@ impl Tokenizer {
         };
         let (start, end, stop, _) = (id("[CLS]")?, id("[SEP]")?, id(".")?, id("[UNK]")?);
         let mut pieces = WordPieces::new(WordPiece::builder().vocab(ids).build().map_err(unread)?);
-        pieces.with_normalizer(Some(BertNormalizer::default())).map_err(unread)?;
+        pieces
+            .with_normalizer(Some(BertNormalizer::default()))
+            .map_err(unread)?;
         pieces.with_pre_tokenizer(Some(BertPreTokenizer));
-        Ok(Self { pieces, start, end, stop })
+        Ok(Self {
+            pieces,
+            start,
+            end,
+            stop,
+        })
     }
 
     /// Ids of the pieces of a text.
@@ -40,7 +49,9 @@ impl Tokenizer {
     /// # Errors
     /// [`MaskError::Request`] for a text that cannot be split.
     pub fn ids(&self, text: &str) -> Result<Vec<i64>, MaskError> {
-        let unfit = |error: tokenizers::Error| MaskError::Request(format!("'{text}' cannot be read ({error})"));
+        let unfit = |error: tokenizers::Error| {
+            MaskError::Request(format!("'{text}' cannot be read ({error})"))
+        };
         let split = self.pieces.encode_fast(text, false).map_err(unfit)?;
         Ok(split.get_ids().iter().copied().map(i64::from).collect())
     }

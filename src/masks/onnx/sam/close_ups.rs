@@ -27,21 +27,30 @@ impl CloseUps {
     /// Of a picture; nothing is embedded before the first prompt.
     #[must_use]
     pub fn new(sam: Arc<Sam>, image: Arc<Image>) -> Self {
-        Self { sam, image, seen: Mutex::default() }
+        Self {
+            sam,
+            image,
+            seen: Mutex::default(),
+        }
     }
 
     /// The part around what is included and the newest click; all of the picture where a part would show no more.
     fn around(&self, prompt: &Prompt, progress: &Progress) -> Result<Arc<SamFrame>, MaskError> {
         let (width, height) = (self.image.width, self.image.height);
         let prompt = &told_of(prompt);
-        let wanted = Part::around(prompt, width, height, self.sam.side()).unwrap_or(Part::whole(width, height));
+        let wanted = Part::around(prompt, width, height, self.sam.side())
+            .unwrap_or(Part::whole(width, height));
         // Held while a part is embedded, so that nobody embeds it a second time.
         let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
-        let will_do = |part: Part| part.side() <= wanted.side() * MOST_LONGER && part.holds_all(prompt);
+        let will_do =
+            |part: Part| part.side() <= wanted.side() * MOST_LONGER && part.holds_all(prompt);
         if let Some(known) = seen.iter().rev().find(|known| will_do(known.part())) {
             return Ok(Arc::clone(known));
         }
-        let frame = Arc::new(self.sam.frame(&self.sam.embed(&self.image, wanted, progress)?)?);
+        let frame = Arc::new(
+            self.sam
+                .frame(&self.sam.embed(&self.image, wanted, progress)?)?,
+        );
         seen.push_back(Arc::clone(&frame));
         if seen.len() > KEPT {
             seen.pop_front();
@@ -51,13 +60,30 @@ impl CloseUps {
 }
 
 impl PreparedFrame for CloseUps {
-    fn segment(&self, request: &SegmentRequest<'_>, progress: &Progress) -> Result<Region, MaskError> {
+    fn segment(
+        &self,
+        request: &SegmentRequest<'_>,
+        progress: &Progress,
+    ) -> Result<Region, MaskError> {
         let frame = self.around(request.prompt, progress)?;
         // What is not looked at is not answered, but for what is clicked to be outside.
-        let (told, beyond): (Vec<_>, Vec<_>) =
-            request.prompt.clicks.iter().partition(|click| click.include || frame.part().holds(click.at_px));
-        let prompt = Prompt { clicks: told, boxes: request.prompt.boxes.clone(), ..Prompt::default() };
-        let mut region = frame.segment(&SegmentRequest { prompt: &prompt, ..*request }, progress)?;
+        let (told, beyond): (Vec<_>, Vec<_>) = request
+            .prompt
+            .clicks
+            .iter()
+            .partition(|click| click.include || frame.part().holds(click.at_px));
+        let prompt = Prompt {
+            clicks: told,
+            boxes: request.prompt.boxes.clone(),
+            ..Prompt::default()
+        };
+        let mut region = frame.segment(
+            &SegmentRequest {
+                prompt: &prompt,
+                ..*request
+            },
+            progress,
+        )?;
         beyond.iter().for_each(|click| hold(&mut region, click));
         Ok(region)
     }
@@ -70,9 +96,16 @@ impl PreparedFrame for CloseUps {
 
 /// What must be seen: the boxes, the include clicks, and the newest click of whatever kind.
 fn told_of(prompt: &Prompt) -> Prompt {
-    let newest = prompt.clicks.last().map(|click| Click { include: true, ..*click });
+    let newest = prompt.clicks.last().map(|click| Click {
+        include: true,
+        ..*click
+    });
     let included = prompt.clicks.iter().filter(|click| click.include).copied();
-    Prompt { clicks: included.chain(newest).collect(), boxes: prompt.boxes.clone(), ..Prompt::default() }
+    Prompt {
+        clicks: included.chain(newest).collect(),
+        boxes: prompt.boxes.clone(),
+        ..Prompt::default()
+    }
 }
 
 impl Part {
@@ -84,6 +117,7 @@ impl Part {
     /// Whether all that is told of lies within.
     fn holds_all(&self, prompt: &Prompt) -> bool {
         let holds_box = |part: &PxBox| self.holds(part.min_px) && self.holds(part.max_px - 0.5);
-        prompt.clicks.iter().all(|click| self.holds(click.at_px)) && prompt.boxes.iter().all(holds_box)
+        prompt.clicks.iter().all(|click| self.holds(click.at_px))
+            && prompt.boxes.iter().all(holds_box)
     }
 }

@@ -99,19 +99,42 @@ impl Decoder {
     /// # Errors
     /// [`NnError::Mismatch`] where it takes no square embedding.
     pub fn new(network: Network) -> Result<Self, NnError> {
-        let named = |name: &str| network.signature().inputs.iter().find(|port| port.name == name);
-        let dialect = if named("batched_point_coords").is_some() { Dialect::Efficient } else { Dialect::Sam };
+        let named = |name: &str| {
+            network
+                .signature()
+                .inputs
+                .iter()
+                .find(|port| port.name == name)
+        };
+        let dialect = if named("batched_point_coords").is_some() {
+            Dialect::Efficient
+        } else {
+            Dialect::Sam
+        };
         let sizes = named("image_embeddings").map(|port| port.shape.as_slice());
         let Some([_, Some(channels), Some(rows), Some(columns)]) = sizes else {
-            let what = "expected the input `image_embeddings` f32 [1, channels, cells, cells]".to_owned();
-            return Err(NnError::Mismatch { path: network.path().to_owned(), what });
+            let what =
+                "expected the input `image_embeddings` f32 [1, channels, cells, cells]".to_owned();
+            return Err(NnError::Mismatch {
+                path: network.path().to_owned(),
+                what,
+            });
         };
         if rows != columns {
-            let what = format!("expected as many rows as columns of cells, it takes {rows}×{columns}");
-            return Err(NnError::Mismatch { path: network.path().to_owned(), what });
+            let what =
+                format!("expected as many rows as columns of cells, it takes {rows}×{columns}");
+            return Err(NnError::Mismatch {
+                path: network.path().to_owned(),
+                what,
+            });
         }
         let (channels, cells) = (*channels, *rows);
-        Ok(Self { network, dialect, channels, cells })
+        Ok(Self {
+            network,
+            dialect,
+            channels,
+            cells,
+        })
     }
 
     /// How it is asked.
@@ -121,7 +144,10 @@ impl Decoder {
 
     /// The square that the encoder sees.
     pub fn canvas(&self) -> Canvas {
-        Canvas { side: self.cells * CELL, is_filled: self.dialect == Dialect::Efficient }
+        Canvas {
+            side: self.cells * CELL,
+            is_filled: self.dialect == Dialect::Efficient,
+        }
     }
 
     /// Channels and cells along each side of an embedding.
@@ -136,18 +162,34 @@ impl Decoder {
 
     /// The masks that a question may mean. `before` are logits of an earlier answer that is to be refined, where the
     /// network can.
-    pub fn run(&self, embedding: &Tensor, asked: &Question, before: Option<&[f32]>) -> Result<Answers, MaskError> {
+    pub fn run(
+        &self,
+        embedding: &Tensor,
+        asked: &Question,
+        before: Option<&[f32]>,
+    ) -> Result<Answers, MaskError> {
         match self.dialect {
             Dialect::Sam => self.run_sam(embedding, asked, before),
             Dialect::Efficient => self.run_efficient(embedding, asked),
         }
     }
 
-    fn run_sam(&self, embedding: &Tensor, asked: &Question, before: Option<&[f32]>) -> Result<Answers, MaskError> {
+    fn run_sam(
+        &self,
+        embedding: &Tensor,
+        asked: &Question,
+        before: Option<&[f32]>,
+    ) -> Result<Answers, MaskError> {
         let (count, fine) = (asked.points.len(), self.fine());
         let points = floats(&[1, count, 2], asked.points.as_flattened().to_vec())?;
-        let kinds = floats(&[1, count], asked.kinds.iter().map(|kind| kind.number()).collect())?;
-        let mask = floats(&[1, 1, fine, fine], before.map_or_else(|| vec![0.0; fine * fine], <[f32]>::to_vec))?;
+        let kinds = floats(
+            &[1, count],
+            asked.kinds.iter().map(|kind| kind.number()).collect(),
+        )?;
+        let mask = floats(
+            &[1, 1, fine, fine],
+            before.map_or_else(|| vec![0.0; fine * fine], <[f32]>::to_vec),
+        )?;
         let is_given = floats(&[1], vec![f32::from(u8::from(before.is_some()))])?;
         // The masks at the picture's size are made here, of the one that is chosen; of all they are asked for small.
         let size = floats(&[2], vec![CELL as f32; 2])?;
@@ -160,7 +202,10 @@ impl Decoder {
             ("orig_im_size", &size),
         ];
         let mut answers = self.answers(&fed, "low_res_masks", &[1, 4])?;
-        Ok(Answers { clear: Some(answers.remove(0)), others: answers })
+        Ok(Answers {
+            clear: Some(answers.remove(0)),
+            others: answers,
+        })
     }
 
     fn run_efficient(&self, embedding: &Tensor, asked: &Question) -> Result<Answers, MaskError> {
@@ -168,10 +213,15 @@ impl Decoder {
         let (fine, side) = (self.fine(), self.canvas().side);
         let all = || asked.points.iter().zip(&asked.kinds);
         let corners: Vec<_> = all().filter(|(_, kind)| kind.is_corner()).collect();
-        let clicks: Vec<_> = all().filter(|(_, kind)| **kind == PointKind::Include).collect();
+        let clicks: Vec<_> = all()
+            .filter(|(_, kind)| **kind == PointKind::Include)
+            .collect();
         let latest = &clicks[clicks.len().saturating_sub(MOST_TOLD - corners.len())..];
         let heeded: Vec<_> = corners.iter().chain(latest).collect();
-        let points = heeded.iter().flat_map(|(at, _)| at.map(|at| at * (fine as f32 / side as f32))).collect();
+        let points = heeded
+            .iter()
+            .flat_map(|(at, _)| at.map(|at| at * (fine as f32 / side as f32)))
+            .collect();
         let kinds = heeded.iter().map(|(_, kind)| kind.number()).collect();
         let points = floats(&[1, 1, heeded.len(), 2], points)?;
         let kinds = floats(&[1, 1, heeded.len()], kinds)?;
@@ -182,23 +232,51 @@ impl Decoder {
             ("batched_point_labels", &kinds),
             ("orig_im_size", &size),
         ];
-        Ok(Answers { clear: None, others: self.answers(&fed, "output_masks", &[3])? })
+        Ok(Answers {
+            clear: None,
+            others: self.answers(&fed, "output_masks", &[3])?,
+        })
     }
 
     /// The masks of one run, as many as one of the `counts`.
-    fn answers(&self, fed: &[(&str, &Tensor)], masks: &str, counts: &[usize]) -> Result<Vec<Answer>, MaskError> {
+    fn answers(
+        &self,
+        fed: &[(&str, &Tensor)],
+        masks: &str,
+        counts: &[usize],
+    ) -> Result<Vec<Answer>, MaskError> {
         let given = self.network.run(fed).map_err(told)?;
         let ports = &self.network.signature().outputs;
-        let named = |name: &str| ports.iter().position(|port| port.name == name).and_then(|at| given.get(at));
+        let named = |name: &str| {
+            ports
+                .iter()
+                .position(|port| port.name == name)
+                .and_then(|at| given.get(at))
+        };
         let fine = self.fine();
-        let all = named(masks).zip(named("iou_predictions")).and_then(|(masks, scores)| {
-            let count = scores.as_floats().len();
-            let fits = masks.shape().ends_with(&[count, fine, fine]) && counts.contains(&count);
-            fits.then(|| masks.as_floats().chunks_exact(fine * fine).zip(scores.as_floats()))
-        });
+        let all = named(masks)
+            .zip(named("iou_predictions"))
+            .and_then(|(masks, scores)| {
+                let count = scores.as_floats().len();
+                let fits = masks.shape().ends_with(&[count, fine, fine]) && counts.contains(&count);
+                fits.then(|| {
+                    masks
+                        .as_floats()
+                        .chunks_exact(fine * fine)
+                        .zip(scores.as_floats())
+                })
+            });
         let path = self.network.path().display();
-        let unfit = || MaskError::Network(format!("{path}: gives no masks of {fine}×{fine} with their scores"));
-        let answer = |(logits, &score): (&[f32], &f32)| Answer { logits: logits.to_vec(), score, is_given: false };
+        let unfit = || {
+            MaskError::Network(format!(
+                "{path}: gives no masks of {fine}×{fine} with their scores"
+            ))
+        };
+        let answer = |(logits, &score): (&[f32], &f32)| Answer {
+            logits: logits.to_vec(),
+            score,
+            is_given: false,
+        };
         Ok(all.ok_or_else(unfit)?.map(answer).collect())
     }
 }

@@ -26,10 +26,25 @@ impl Embedding {
     /// little-endian.
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        let Part { x, y, width, height } = self.part;
-        let head = [self.width, self.height, x, y, width, height, self.channels as u32, self.cells as u32];
+        let Part {
+            x,
+            y,
+            width,
+            height,
+        } = self.part;
+        let head = [
+            self.width,
+            self.height,
+            x,
+            y,
+            width,
+            height,
+            self.channels as u32,
+            self.cells as u32,
+        ];
         let head = head.iter().flat_map(|number| number.to_le_bytes());
-        head.chain(self.values.iter().flat_map(|value| value.to_le_bytes())).collect()
+        head.chain(self.values.iter().flat_map(|value| value.to_le_bytes()))
+            .collect()
     }
 
     /// From the bytes of [`Self::to_bytes`].
@@ -37,18 +52,42 @@ impl Embedding {
     /// # Errors
     /// [`MaskError::Network`] where they are cut off or say what cannot be.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, MaskError> {
-        let broken = || MaskError::Network("a kept embedding is damaged; delete it, it is made anew".into());
-        let words: Vec<[u8; 4]> = bytes.chunks_exact(4).filter_map(|word| word.try_into().ok()).collect();
+        let broken =
+            || MaskError::Network("a kept embedding is damaged; delete it, it is made anew".into());
+        let words: Vec<[u8; 4]> = bytes
+            .chunks_exact(4)
+            .filter_map(|word| word.try_into().ok())
+            .collect();
         let (head, values) = words.split_at_checked(HEAD).ok_or_else(broken)?;
         let head: Vec<u32> = head.iter().map(|&word| u32::from_le_bytes(word)).collect();
-        let part = Part { x: head[2], y: head[3], width: head[4], height: head[5] };
+        let part = Part {
+            x: head[2],
+            y: head[3],
+            width: head[4],
+            height: head[5],
+        };
         let (channels, cells) = (head[6] as usize, head[7] as usize);
-        let count = cells.checked_mul(cells).and_then(|cells| cells.checked_mul(channels));
-        if !bytes.len().is_multiple_of(4) || count != Some(values.len()) || !part.is_within(head[0], head[1]) {
+        let count = cells
+            .checked_mul(cells)
+            .and_then(|cells| cells.checked_mul(channels));
+        if !bytes.len().is_multiple_of(4)
+            || count != Some(values.len())
+            || !part.is_within(head[0], head[1])
+        {
             return Err(broken());
         }
-        let values = values.iter().map(|&word| f32::from_le_bytes(word)).collect();
-        Ok(Self { width: head[0], height: head[1], part, channels, cells, values })
+        let values = values
+            .iter()
+            .map(|&word| f32::from_le_bytes(word))
+            .collect();
+        Ok(Self {
+            width: head[0],
+            height: head[1],
+            part,
+            channels,
+            cells,
+            values,
+        })
     }
 
     /// Bytes held.

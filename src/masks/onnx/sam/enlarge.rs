@@ -14,21 +14,40 @@ struct Taps {
 /// fills it, as the official codes do it. Both are weighted sums along rows and along columns, made here as one.
 pub(super) fn enlarged(logits: &[f32], fine: usize, part: Part, canvas: Canvas) -> Vec<f32> {
     // A square of one pixel a logit is passed through unchanged.
-    let canvas = if canvas.is_filled { Canvas { side: fine, ..canvas } } else { canvas };
+    let canvas = if canvas.is_filled {
+        Canvas {
+            side: fine,
+            ..canvas
+        }
+    } else {
+        canvas
+    };
     let (shown, side) = (part.shown(canvas), canvas.side);
     let (width, height) = (part.width as usize, part.height as usize);
     let columns = taps(fine, side, shown.0, width);
     let mut wide = vec![0.0; fine * width];
-    wide.par_chunks_mut(width).zip(logits.par_chunks(fine)).for_each(|(out, row)| {
-        out.iter_mut().zip(&columns).for_each(|(out, taps)| *out = taps.sum(|at| row[at]));
-    });
+    wide.par_chunks_mut(width)
+        .zip(logits.par_chunks(fine))
+        .for_each(|(out, row)| {
+            out.iter_mut()
+                .zip(&columns)
+                .for_each(|(out, taps)| *out = taps.sum(|at| row[at]));
+        });
     let rows = taps(fine, side, shown.1, height);
     let mut out = vec![0.0; width * height];
-    out.par_chunks_mut(width).zip(&rows).for_each(|(out, taps)| {
-        for (&weight, row) in taps.weights.iter().zip(wide[taps.first * width..].chunks_exact(width)) {
-            out.iter_mut().zip(row).for_each(|(out, value)| *out += weight * value);
-        }
-    });
+    out.par_chunks_mut(width)
+        .zip(&rows)
+        .for_each(|(out, taps)| {
+            for (&weight, row) in taps
+                .weights
+                .iter()
+                .zip(wide[taps.first * width..].chunks_exact(width))
+            {
+                out.iter_mut()
+                    .zip(row)
+                    .for_each(|(out, value)| *out += weight * value);
+            }
+        });
     out
 }
 
@@ -36,11 +55,24 @@ pub(super) fn enlarged(logits: &[f32], fine: usize, part: Part, canvas: Canvas) 
 fn taps(fine: usize, side: usize, shown: usize, out: usize) -> Vec<Taps> {
     let one = |at: usize| {
         let parts = between(at, out, shown);
-        let both = parts.map(|(at, weight)| between(at, side, fine).map(|(at, part)| (at, part * weight)));
-        let first = both.as_flattened().iter().map(|&(at, _)| at).min().unwrap_or(0);
-        let last = both.as_flattened().iter().map(|&(at, _)| at).max().unwrap_or(0);
+        let both =
+            parts.map(|(at, weight)| between(at, side, fine).map(|(at, part)| (at, part * weight)));
+        let first = both
+            .as_flattened()
+            .iter()
+            .map(|&(at, _)| at)
+            .min()
+            .unwrap_or(0);
+        let last = both
+            .as_flattened()
+            .iter()
+            .map(|&(at, _)| at)
+            .max()
+            .unwrap_or(0);
         let mut weights = vec![0.0; last - first + 1];
-        both.as_flattened().iter().for_each(|&(at, weight)| weights[at - first] += weight as f32);
+        both.as_flattened()
+            .iter()
+            .for_each(|&(at, weight)| weights[at - first] += weight as f32);
         Taps { first, weights }
     };
     (0..out).map(one).collect()
@@ -56,6 +88,10 @@ fn between(at: usize, to: usize, from: usize) -> [(usize, f64); 2] {
 
 impl Taps {
     fn sum(&self, value: impl Fn(usize) -> f32) -> f32 {
-        self.weights.iter().enumerate().map(|(offset, weight)| weight * value(self.first + offset)).sum()
+        self.weights
+            .iter()
+            .enumerate()
+            .map(|(offset, weight)| weight * value(self.first + offset))
+            .sum()
     }
 }

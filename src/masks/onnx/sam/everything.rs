@@ -23,7 +23,13 @@ pub struct EverythingOptions {
 
 impl Default for EverythingOptions {
     fn default() -> Self {
-        Self { points_per_side: 16, least_score: 0.88, least_stability: 0.95, offset: 1.0, most_overlap: 0.7 }
+        Self {
+            points_per_side: 16,
+            least_score: 0.88,
+            least_stability: 0.95,
+            offset: 1.0,
+            most_overlap: 0.7,
+        }
     }
 }
 
@@ -33,7 +39,11 @@ impl SamFrame {
     ///
     /// # Errors
     /// [`MaskError::Stopped`], or what the network says.
-    pub fn everything(&self, options: &EverythingOptions, progress: &Progress) -> Result<Vec<Proposal>, MaskError> {
+    pub fn everything(
+        &self,
+        options: &EverythingOptions,
+        progress: &Progress,
+    ) -> Result<Vec<Proposal>, MaskError> {
         let count = options.points_per_side;
         let part = self.part();
         let along = |first: u32, size: u32, at: u32| {
@@ -42,13 +52,21 @@ impl SamFrame {
         let mut found = Vec::new();
         for at in 0..count * count {
             progress.step(at as usize, (count * count) as usize)?;
-            let at_px = DVec2::new(along(part.x, part.width, at % count), along(part.y, part.height, at / count));
-            let masks = self.masks_at(Click { at_px, include: true })?;
+            let at_px = DVec2::new(
+                along(part.x, part.width, at % count),
+                along(part.y, part.height, at / count),
+            );
+            let masks = self.masks_at(Click {
+                at_px,
+                include: true,
+            })?;
             found.extend(masks.iter().filter_map(|mask| self.proposal(mask, options)));
         }
         // Stable: of equal scores the first, row by row.
         found.sort_by(|a, b| b.score.total_cmp(&a.score));
-        Ok(without_doubles(found, options.most_overlap, |one| one.extent))
+        Ok(without_doubles(found, options.most_overlap, |one| {
+            one.extent
+        }))
     }
 
     fn proposal(&self, mask: &Answer, options: &EverythingOptions) -> Option<Proposal> {
@@ -64,15 +82,26 @@ impl SamFrame {
         }
         let region = self.region(mask);
         let extent = extent(&region)?;
-        Some(Proposal { region, extent, score: mask.score, stability })
+        Some(Proposal {
+            region,
+            extent,
+            score: mask.score,
+            stability,
+        })
     }
 }
 
 /// The box around a region; `None` for an empty one.
 fn extent(region: &Region) -> Option<PxBox> {
     let width = region.width as usize;
-    let inside = region.inside.iter().enumerate().filter(|(_, inside)| **inside);
+    let inside = region
+        .inside
+        .iter()
+        .enumerate()
+        .filter(|(_, inside)| **inside);
     let places = inside.map(|(at, _)| DVec2::new((at % width) as f64, (at / width) as f64));
-    let extents = places.map(|at| (at, at + 1.0)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
+    let extents = places
+        .map(|at| (at, at + 1.0))
+        .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
     extents.map(|(min_px, max_px)| PxBox { min_px, max_px })
 }

@@ -37,13 +37,30 @@ const KNOWN: usize = 48;
 
 impl SamFrame {
     pub(super) fn new(decoder: Arc<Decoder>, embedding: &Embedding) -> Result<Self, MaskError> {
-        let Embedding { width, height, part, channels, cells, .. } = *embedding;
+        let Embedding {
+            width,
+            height,
+            part,
+            channels,
+            cells,
+            ..
+        } = *embedding;
         if decoder.embedding() != (channels, cells) {
-            let what = format!("an embedding of {channels}×{cells}×{cells} is not of this network; make it anew");
+            let what = format!(
+                "an embedding of {channels}×{cells}×{cells} is not of this network; make it anew"
+            );
             return Err(MaskError::Network(what));
         }
-        let tensor = Tensor::floats(&[1, channels, cells, cells], embedding.values.clone()).map_err(told)?;
-        Ok(Self { decoder, embedding: tensor, width, height, part, known: Mutex::default() })
+        let tensor =
+            Tensor::floats(&[1, channels, cells, cells], embedding.values.clone()).map_err(told)?;
+        Ok(Self {
+            decoder,
+            embedding: tensor,
+            width,
+            height,
+            part,
+            known: Mutex::default(),
+        })
     }
 
     /// Columns and rows of the picture.
@@ -92,12 +109,21 @@ impl SamFrame {
             Dialect::Sam => {
                 let is_ambiguous = clicks.len() == 1 && within.is_none() && before.is_none();
                 let logits = before.map(|answer| answer.logits.as_slice());
-                chosen(self.decoder.run(&self.embedding, &question, logits)?, is_ambiguous)?
+                chosen(
+                    self.decoder.run(&self.embedding, &question, logits)?,
+                    is_ambiguous,
+                )?
             }
             Dialect::Efficient => self.heed(clicks, within, before.map(|before| &**before))?,
         });
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        known.push_back((Asked { question, before: before.cloned() }, Arc::clone(&answer)));
+        known.push_back((
+            Asked {
+                question,
+                before: before.cloned(),
+            },
+            Arc::clone(&answer),
+        ));
         if known.len() > KNOWN {
             known.pop_front();
         }
@@ -107,19 +133,32 @@ impl SamFrame {
     /// All masks that a click may mean, with the network's scores; nothing of it is kept.
     pub(super) fn masks_at(&self, click: Click) -> Result<Vec<Answer>, MaskError> {
         let Answers { clear, others } = self.masks(&[click], None)?;
-        Ok(if others.is_empty() { clear.into_iter().collect() } else { others })
+        Ok(if others.is_empty() {
+            clear.into_iter().collect()
+        } else {
+            others
+        })
     }
 
     /// All masks that clicks and a box may mean.
-    pub(super) fn masks(&self, clicks: &[Click], within: Option<&PxBox>) -> Result<Answers, MaskError> {
-        self.decoder.run(&self.embedding, &self.question(clicks, within), None)
+    pub(super) fn masks(
+        &self,
+        clicks: &[Click],
+        within: Option<&PxBox>,
+    ) -> Result<Answers, MaskError> {
+        self.decoder
+            .run(&self.embedding, &self.question(clicks, within), None)
     }
 
     fn question(&self, clicks: &[Click], within: Option<&PxBox>) -> Question {
         let (part, canvas) = (self.part, self.canvas());
         let mut question = Question::default();
         for click in clicks {
-            let kind = if click.include { PointKind::Include } else { PointKind::Exclude };
+            let kind = if click.include {
+                PointKind::Include
+            } else {
+                PointKind::Exclude
+            };
             question.tell(part.told_click(click.at_px, canvas), kind);
         }
         if let Some(within) = within {
@@ -135,7 +174,8 @@ impl SamFrame {
     /// Logit of an answer under a click.
     pub(super) fn logit_at(&self, answer: &Answer, click: &Click) -> f32 {
         let (fine, canvas) = (self.fine(), self.canvas());
-        let cell = |at: f32| (((at + 0.5) * fine as f32 / canvas.side as f32) as usize).min(fine - 1);
+        let cell =
+            |at: f32| (((at + 0.5) * fine as f32 / canvas.side as f32) as usize).min(fine - 1);
         let [x, y] = self.part.told_click(click.at_px, canvas).map(cell);
         answer.logits[y * fine + x]
     }
@@ -149,45 +189,81 @@ impl SamFrame {
     pub(super) fn region(&self, answer: &Answer) -> Region {
         let mut region = Region::empty(self.width, self.height);
         let columns = self.part.width as usize;
-        let rows = region.inside.chunks_exact_mut(self.width as usize).skip(self.part.y as usize);
+        let rows = region
+            .inside
+            .chunks_exact_mut(self.width as usize)
+            .skip(self.part.y as usize);
         for (row, logits) in rows.zip(self.enlarged(answer).chunks_exact(columns)) {
             let row = &mut row[self.part.x as usize..][..columns];
-            row.iter_mut().zip(logits).for_each(|(inside, &logit)| *inside = logit > 0.0);
+            row.iter_mut()
+                .zip(logits)
+                .for_each(|(inside, &logit)| *inside = logit > 0.0);
         }
         region
     }
 
     fn check(&self, request: &SegmentRequest<'_>) -> Result<(), MaskError> {
-        let Part { x, y, width, height } = self.part;
+        let Part {
+            x,
+            y,
+            width,
+            height,
+        } = self.part;
         let shown = format!("the {width}×{height} pixels from {x}, {y} that are looked at");
         let prompt = request.prompt;
         if prompt.is_empty() {
-            return Err(MaskError::Request("there is no click and no box; click on the object first".into()));
+            return Err(MaskError::Request(
+                "there is no click and no box; click on the object first".into(),
+            ));
         }
-        if let Some(click) = prompt.clicks.iter().find(|click| !self.part.holds(click.at_px)) {
+        if let Some(click) = prompt
+            .clicks
+            .iter()
+            .find(|click| !self.part.holds(click.at_px))
+        {
             let at = click.at_px;
-            return Err(MaskError::Request(format!("the click at {}, {} lies outside {shown}", at.x, at.y)));
+            return Err(MaskError::Request(format!(
+                "the click at {}, {} lies outside {shown}",
+                at.x, at.y
+            )));
         }
-        let (first, last) = (glam::DVec2::new(x.into(), y.into()), glam::DVec2::new(width.into(), height.into()));
+        let (first, last) = (
+            glam::DVec2::new(x.into(), y.into()),
+            glam::DVec2::new(width.into(), height.into()),
+        );
         let crosses = |part: &PxBox| {
             let common = part.max_px.min(first + last) - part.min_px.max(first);
             common.min_element() > 0.0
         };
         if let Some(part) = prompt.boxes.iter().find(|part| !crosses(part)) {
             let (a, b) = (part.min_px, part.max_px);
-            let text = format!("the box from {}, {} to {}, {} holds no pixel of {shown}", a.x, a.y, b.x, b.y);
+            let text = format!(
+                "the box from {}, {} to {}, {} holds no pixel of {shown}",
+                a.x, a.y, b.x, b.y
+            );
             return Err(MaskError::Request(text));
         }
         let fits = |region: &Region| (region.width, region.height) == (self.width, self.height);
-        if [request.previous, request.taken].into_iter().flatten().all(fits) {
+        if [request.previous, request.taken]
+            .into_iter()
+            .flatten()
+            .all(fits)
+        {
             return Ok(());
         }
         let (width, height) = self.size();
-        Err(MaskError::Request(format!("a mask given does not have the picture's size of {width}×{height}")))
+        Err(MaskError::Request(format!(
+            "a mask given does not have the picture's size of {width}×{height}"
+        )))
     }
 
     /// The object's pixels before other labels are looked at.
-    fn found(&self, prompt: &Prompt, previous: Option<&Region>, taken: Option<&Region>) -> Result<Region, MaskError> {
+    fn found(
+        &self,
+        prompt: &Prompt,
+        previous: Option<&Region>,
+        taken: Option<&Region>,
+    ) -> Result<Region, MaskError> {
         let (Some(previous), Some((last, earlier))) = (previous, prompt.clicks.split_last()) else {
             return Ok(Objects::of(self, &prompt.boxes, &prompt.clicks)?.region());
         };
@@ -201,11 +277,22 @@ impl SamFrame {
 }
 
 impl PreparedFrame for SamFrame {
-    fn segment(&self, request: &SegmentRequest<'_>, _progress: &Progress) -> Result<Region, MaskError> {
+    fn segment(
+        &self,
+        request: &SegmentRequest<'_>,
+        _progress: &Progress,
+    ) -> Result<Region, MaskError> {
         self.check(request)?;
-        let SegmentRequest { prompt, previous, taken } = *request;
+        let SegmentRequest {
+            prompt,
+            previous,
+            taken,
+        } = *request;
         let mut region = self.found(prompt, previous, taken)?;
-        prompt.clicks.iter().for_each(|click| hold(&mut region, click));
+        prompt
+            .clicks
+            .iter()
+            .for_each(|click| hold(&mut region, click));
         if let Some(taken) = taken {
             region.subtract(taken);
         }
@@ -213,7 +300,8 @@ impl PreparedFrame for SamFrame {
     }
 
     fn proposals(&self, progress: &Progress) -> Result<Option<Vec<Proposal>>, MaskError> {
-        self.everything(&EverythingOptions::default(), progress).map(Some)
+        self.everything(&EverythingOptions::default(), progress)
+            .map(Some)
     }
 
     fn bytes(&self) -> usize {
@@ -232,7 +320,11 @@ fn chosen(Answers { clear, mut others }: Answers, is_ambiguous: bool) -> Result<
     // Stable: of equal scores the first is taken.
     others.sort_by(|a, b| b.score.total_cmp(&a.score));
     let surest = others.into_iter().next();
-    let answer = if is_ambiguous { surest.or(clear) } else { clear.or(surest) };
+    let answer = if is_ambiguous {
+        surest.or(clear)
+    } else {
+        clear.or(surest)
+    };
     answer.ok_or_else(|| MaskError::Network("the network gives no mask".into()))
 }
 

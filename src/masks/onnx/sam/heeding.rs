@@ -14,7 +14,8 @@ impl SamFrame {
         within: Option<&PxBox>,
         before: Option<&Answer>,
     ) -> Result<Answer, MaskError> {
-        let holds_all = |answer: &&Answer| self.obeyed(answer, clicks, true) == includes(clicks).count();
+        let holds_all =
+            |answer: &&Answer| self.obeyed(answer, clicks, true) == includes(clicks).count();
         let found = match before.filter(|before| before.is_given).filter(holds_all) {
             Some(before) => vec![before.clone()],
             None => self.masks(clicks, within)?.others,
@@ -35,26 +36,45 @@ impl SamFrame {
     /// Of several masks the one that holds most of what is to be inside, of equal ones that which leaves out most of what
     /// is to be outside, of equal ones the surest.
     fn most_heeding(&self, found: Vec<Answer>, clicks: &[Click]) -> Option<Answer> {
-        let ranked =
-            found.into_iter().map(|answer| ([true, false].map(|kind| self.obeyed(&answer, clicks, kind)), answer));
-        let better =
-            |a: &([usize; 2], Answer), b: &([usize; 2], Answer)| b.0.cmp(&a.0).then(b.1.score.total_cmp(&a.1.score));
+        let ranked = found.into_iter().map(|answer| {
+            (
+                [true, false].map(|kind| self.obeyed(&answer, clicks, kind)),
+                answer,
+            )
+        });
+        let better = |a: &([usize; 2], Answer), b: &([usize; 2], Answer)| {
+            b.0.cmp(&a.0).then(b.1.score.total_cmp(&a.1.score))
+        };
         ranked.min_by(better).map(|(_, answer)| answer)
     }
 
     /// How many clicks of a kind an answer obeys.
     fn obeyed(&self, answer: &Answer, clicks: &[Click], include: bool) -> usize {
         let of_kind = clicks.iter().filter(|click| click.include == include);
-        of_kind.filter(|click| (self.logit_at(answer, click) > 0.0) == include).count()
+        of_kind
+            .filter(|click| (self.logit_at(answer, click) > 0.0) == include)
+            .count()
     }
 
     /// What lies at an exclude click, holds no include click, and is no more than half of the answer.
-    fn excluded(&self, at: &Click, clicks: &[Click], answer: &Answer) -> Result<Option<Answer>, MaskError> {
-        let at = Click { include: true, ..*at };
+    fn excluded(
+        &self,
+        at: &Click,
+        clicks: &[Click],
+        answer: &Answer,
+    ) -> Result<Option<Answer>, MaskError> {
+        let at = Click {
+            include: true,
+            ..*at
+        };
         let mut found = self.masks_at(at)?;
         found.retain(|other| {
             let is_in = |click: &Click| self.logit_at(other, click) > 0.0;
-            let inside = answer.logits.iter().zip(&other.logits).filter(|(answer, _)| **answer > 0.0);
+            let inside = answer
+                .logits
+                .iter()
+                .zip(&other.logits)
+                .filter(|(answer, _)| **answer > 0.0);
             let taken = inside.clone().filter(|(_, other)| **other > 0.0).count();
             is_in(&at) && !includes(clicks).any(is_in) && 2 * taken <= inside.count()
         });

@@ -15,11 +15,21 @@ pub(super) fn hint(region: &Region, part: Part, canvas: Canvas, fine: usize) -> 
     // Pixel of the picture under each sample along an axis; none in the padding.
     let along = |first: u32, count: u32, shown: usize| -> Vec<Option<u32>> {
         let pixel = |at: usize| {
-            ((at as f64 + 0.5) * canvas.side as f64 / steps as f64 * f64::from(count) / shown as f64) as u32
+            ((at as f64 + 0.5) * canvas.side as f64 / steps as f64 * f64::from(count)
+                / shown as f64) as u32
         };
-        (0..steps).map(|at| Some(pixel(at)).filter(|&pixel| pixel < count).map(|pixel| first + pixel)).collect()
+        (0..steps)
+            .map(|at| {
+                Some(pixel(at))
+                    .filter(|&pixel| pixel < count)
+                    .map(|pixel| first + pixel)
+            })
+            .collect()
     };
-    let (across, down) = (along(part.x, part.width, columns), along(part.y, part.height, rows));
+    let (across, down) = (
+        along(part.x, part.width, columns),
+        along(part.y, part.height, rows),
+    );
     let mut inside = vec![0u32; fine * fine];
     for (y, row) in down.iter().enumerate() {
         for (x, column) in across.iter().enumerate() {
@@ -28,5 +38,8 @@ pub(super) fn hint(region: &Region, part: Part, canvas: Canvas, fine: usize) -> 
         }
     }
     let share = |&count: &u32| count as f32 / (SAMPLES * SAMPLES) as f32;
-    inside.iter().map(|count| SURE * (2.0 * share(count) - 1.0)).collect()
+    inside
+        .iter()
+        .map(|count| SURE * (2.0 * share(count) - 1.0))
+        .collect()
 }

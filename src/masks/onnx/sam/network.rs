@@ -32,7 +32,8 @@ impl Sam {
     /// When it is not installed there, does not load, or ONNX Runtime is missing.
     pub fn load(folder: &Path, name: &str) -> Result<Self, NnError> {
         let pair = <[Network; 2]>::try_from(load(folder, name)?);
-        let [encoder, decoder] = pair.map_err(|_| NnError::Request(format!("`{name}` has no encoder and decoder")))?;
+        let [encoder, decoder] =
+            pair.map_err(|_| NnError::Request(format!("`{name}` has no encoder and decoder")))?;
         Self::new(encoder, decoder)
     }
 
@@ -46,9 +47,10 @@ impl Sam {
         let decoder = Decoder::new(decoder)?;
         let side = decoder.canvas().side;
         let (fits, expected) = match decoder.dialect() {
-            Dialect::Sam => {
-                (takes(encoder.signature(), "image", [Some(side); 2]), format!("`image` f32 [1, 3, {side}, {side}]"))
-            }
+            Dialect::Sam => (
+                takes(encoder.signature(), "image", [Some(side); 2]),
+                format!("`image` f32 [1, 3, {side}, {side}]"),
+            ),
             Dialect::Efficient => (
                 takes(encoder.signature(), "batched_images", [None; 2]),
                 "`batched_images` f32 [1, 3, any, any]".to_owned(),
@@ -56,9 +58,15 @@ impl Sam {
         };
         if !fits {
             let what = format!("expected the only input {expected}, which goes with the decoder");
-            return Err(NnError::Mismatch { path: encoder.path().to_owned(), what });
+            return Err(NnError::Mismatch {
+                path: encoder.path().to_owned(),
+                what,
+            });
         }
-        Ok(Self { encoder, decoder: Arc::new(decoder) })
+        Ok(Self {
+            encoder,
+            decoder: Arc::new(decoder),
+        })
     }
 
     /// The file of the network that embeds.
@@ -77,12 +85,25 @@ impl Sam {
     ///
     /// # Errors
     /// [`MaskError::Request`] for a part that is not in the picture, [`MaskError::Stopped`], or what the network says.
-    pub fn embed(&self, image: &Image, part: Part, progress: &Progress) -> Result<Embedding, MaskError> {
+    pub fn embed(
+        &self,
+        image: &Image,
+        part: Part,
+        progress: &Progress,
+    ) -> Result<Embedding, MaskError> {
         let Image { width, height, .. } = *image;
-        if !part.is_within(width, height) || image.pixels.len() != width as usize * height as usize {
-            let Part { x, y, width: columns, height: rows } = part;
+        if !part.is_within(width, height) || image.pixels.len() != width as usize * height as usize
+        {
+            let Part {
+                x,
+                y,
+                width: columns,
+                height: rows,
+            } = part;
             let part = format!("{columns}×{rows} pixels from {x}, {y}");
-            return Err(MaskError::Request(format!("{part} are not in the picture of {width}×{height}; ask for less")));
+            return Err(MaskError::Request(format!(
+                "{part} are not in the picture of {width}×{height}; ask for less"
+            )));
         }
         progress.step(0, 2)?;
         let (name, input) = match self.decoder.dialect() {
@@ -92,16 +113,32 @@ impl Sam {
         let input = input.map_err(told)?;
         progress.step(1, 2)?;
         let is_wanted = || progress.check().is_ok();
-        let Some(given) = self.encoder.run_while(&[(name, &input)], &is_wanted).map_err(told)? else {
+        let Some(given) = self
+            .encoder
+            .run_while(&[(name, &input)], &is_wanted)
+            .map_err(told)?
+        else {
             return Err(Stopped.into());
         };
         let (channels, cells) = self.decoder.embedding();
-        let Some(embedding) = given.first().filter(|given| given.shape() == [1, channels, cells, cells]) else {
+        let Some(embedding) = given
+            .first()
+            .filter(|given| given.shape() == [1, channels, cells, cells])
+        else {
             let path = self.encoder.path().display();
-            return Err(MaskError::Network(format!("{path}: gives no embedding of {channels}×{cells}×{cells}")));
+            return Err(MaskError::Network(format!(
+                "{path}: gives no embedding of {channels}×{cells}×{cells}"
+            )));
         };
         progress.step(2, 2)?;
-        Ok(Embedding { width, height, part, channels, cells, values: embedding.as_floats().to_vec() })
+        Ok(Embedding {
+            width,
+            height,
+            part,
+            channels,
+            cells,
+            values: embedding.as_floats().to_vec(),
+        })
     }
 
     /// Bytes that a frame of these networks holds.
@@ -142,34 +179,61 @@ pub(super) fn told(error: NnError) -> MaskError {
 
 /// Whether the only input is a picture of three colours with that many rows and columns, `None` = any.
 fn takes(signature: &Signature, name: &str, size: [Option<usize>; 2]) -> bool {
-    let [port] = signature.inputs.as_slice() else { return false };
-    port.name == name && matches!(port.shape.as_slice(), [_, Some(3), rows, columns] if [*rows, *columns] == size)
+    let [port] = signature.inputs.as_slice() else {
+        return false;
+    };
+    port.name == name
+        && matches!(port.shape.as_slice(), [_, Some(3), rows, columns] if [*rows, *columns] == size)
 }
 
 /// The pixels of a part, row by row.
 fn pixels(image: &Image, part: Part) -> Vec<[u8; 3]> {
-    let rows = image.pixels.chunks_exact(image.width as usize).skip(part.y as usize).take(part.height as usize);
-    rows.flat_map(|row| &row[part.x as usize..][..part.width as usize]).copied().collect()
+    let rows = image
+        .pixels
+        .chunks_exact(image.width as usize)
+        .skip(part.y as usize)
+        .take(part.height as usize);
+    rows.flat_map(|row| &row[part.x as usize..][..part.width as usize])
+        .copied()
+        .collect()
 }
 
 /// The part as `EfficientSAM` takes it, which fits it to its square itself: colours from 0 to 1.
 fn fed_unscaled(image: &Image, part: Part) -> Result<Tensor, NnError> {
     let pixels = pixels(image, part);
-    let plane = |channel: usize| pixels.iter().map(move |pixel| f32::from(pixel[channel]) / 255.0);
-    Tensor::floats(&[1, 3, part.height as usize, part.width as usize], (0..3).flat_map(plane).collect())
+    let plane = |channel: usize| {
+        pixels
+            .iter()
+            .map(move |pixel| f32::from(pixel[channel]) / 255.0)
+    };
+    Tensor::floats(
+        &[1, 3, part.height as usize, part.width as usize],
+        (0..3).flat_map(plane).collect(),
+    )
 }
 
 /// The part as the encoder takes it: its longer side as long as the square, normalised, then zeros to the right and below.
 fn fed(image: &Image, part: Part, canvas: Canvas) -> Result<Tensor, NnError> {
     let (shown, side) = (part.shown(canvas), canvas.side);
-    let small = resized(&pixels(image, part), (part.width as usize, part.height as usize), shown);
+    let small = resized(
+        &pixels(image, part),
+        (part.width as usize, part.height as usize),
+        shown,
+    );
     let mut planes = vec![0.0; 3 * side * side];
-    planes.par_chunks_mut(side).enumerate().for_each(|(line, out)| {
-        let (channel, row) = (line / side, line % side);
-        if row < shown.1 {
-            let values = small[row * shown.0..][..shown.0].iter().map(|pixel| f32::from(pixel[channel]));
-            out.iter_mut().zip(values).for_each(|(out, value)| *out = (value - MEAN[channel]) / DEVIATION[channel]);
-        }
-    });
+    planes
+        .par_chunks_mut(side)
+        .enumerate()
+        .for_each(|(line, out)| {
+            let (channel, row) = (line / side, line % side);
+            if row < shown.1 {
+                let values = small[row * shown.0..][..shown.0]
+                    .iter()
+                    .map(|pixel| f32::from(pixel[channel]));
+                out.iter_mut()
+                    .zip(values)
+                    .for_each(|(out, value)| *out = (value - MEAN[channel]) / DEVIATION[channel]);
+            }
+        });
     Tensor::floats(&[1, 3, side, side], planes)
 }

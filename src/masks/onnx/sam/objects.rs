@@ -35,10 +35,20 @@ impl<'a> Objects<'a> {
     /// The objects that boxes and clicks in the order given mean; every click is answered before the next.
     pub fn of(frame: &'a SamFrame, boxes: &[PxBox], clicks: &[Click]) -> Result<Self, MaskError> {
         let (width, height) = frame.size();
-        let mut found = Self { frame, objects: Vec::new(), excludes: Vec::new(), kept: Region::empty(width, height) };
+        let mut found = Self {
+            frame,
+            objects: Vec::new(),
+            excludes: Vec::new(),
+            kept: Region::empty(width, height),
+        };
         for within in boxes {
             let answer = frame.ask(&[], Some(within), None)?;
-            found.objects.push(Object { within: Some(*within), told: Vec::new(), answer, given: None });
+            found.objects.push(Object {
+                within: Some(*within),
+                told: Vec::new(),
+                answer,
+                given: None,
+            });
         }
         clicks.iter().try_for_each(|click| found.add(click))?;
         Ok(found)
@@ -52,24 +62,53 @@ impl<'a> Objects<'a> {
         let object = |number: u32| {
             let inside = parts.labels.iter().map(|&part| part == number).collect();
             let part = Region { inside, ..*region };
-            let is_on = |click: &&Click| click.pixel_in(part.width, part.height).is_some_and(|at| part.inside[at]);
-            let mut told: Vec<Click> = clicks.iter().filter(|click| click.include).filter(is_on).copied().collect();
+            let is_on = |click: &&Click| {
+                click
+                    .pixel_in(part.width, part.height)
+                    .is_some_and(|at| part.inside[at])
+            };
+            let mut told: Vec<Click> = clicks
+                .iter()
+                .filter(|click| click.include)
+                .filter(is_on)
+                .copied()
+                .collect();
             if told.is_empty() {
-                let middle = deepest_point(&part).map(|(x, y)| glam::DVec2::new(x.into(), y.into()) + 0.5);
-                told.extend(middle.map(|at_px| Click { at_px, include: true }));
+                let middle =
+                    deepest_point(&part).map(|(x, y)| glam::DVec2::new(x.into(), y.into()) + 0.5);
+                told.extend(middle.map(|at_px| Click {
+                    at_px,
+                    include: true,
+                }));
             }
             let logits = hint(&part, frame.part(), frame.canvas(), frame.fine());
-            let told = told.into_iter().filter(|click| frame.part().holds(click.at_px)).collect();
+            let told = told
+                .into_iter()
+                .filter(|click| frame.part().holds(click.at_px))
+                .collect();
             Object {
                 within: None,
                 told,
-                answer: Arc::new(Answer { logits, score: 0.0, is_given: true }),
+                answer: Arc::new(Answer {
+                    logits,
+                    score: 0.0,
+                    is_given: true,
+                }),
                 given: Some(part),
             }
         };
-        let excludes = clicks.iter().filter(|click| !click.include).copied().collect();
+        let excludes = clicks
+            .iter()
+            .filter(|click| !click.include)
+            .copied()
+            .collect();
         let kept = Region::empty(region.width, region.height);
-        Self { frame, objects: numbers.map(object).collect(), excludes, kept }
+        Self {
+            frame,
+            objects: numbers.map(object).collect(),
+            excludes,
+            kept,
+        }
     }
 
     /// Whether a mask is what the objects give, but for what other labels took.
@@ -94,13 +133,22 @@ impl<'a> Objects<'a> {
     fn include(&mut self, click: &Click) -> Result<(), MaskError> {
         let boxed = self.smallest_box(click);
         if let Some(at) = boxed.or_else(|| self.holding(click)) {
-            return if self.objects[at].given.is_some() { Ok(()) } else { self.tell(at, click) };
+            return if self.objects[at].given.is_some() {
+                Ok(())
+            } else {
+                self.tell(at, click)
+            };
         }
         let alone = self.frame.ask(&[*click], None, None)?;
         match self.touched_by(&alone) {
             Some(at) => self.tell(at, click),
             None => {
-                self.objects.push(Object { within: None, told: vec![*click], answer: alone, given: None });
+                self.objects.push(Object {
+                    within: None,
+                    told: vec![*click],
+                    answer: alone,
+                    given: None,
+                });
                 Ok(())
             }
         }
@@ -110,7 +158,9 @@ impl<'a> Objects<'a> {
     fn tell(&mut self, at: usize, click: &Click) -> Result<(), MaskError> {
         let object = &mut self.objects[at];
         object.told.push(*click);
-        object.answer = self.frame.ask(&object.told, object.within.as_ref(), Some(&object.answer))?;
+        object.answer =
+            self.frame
+                .ask(&object.told, object.within.as_ref(), Some(&object.answer))?;
         if let Some(mut given) = object.given.take() {
             // What lies beside the part that the network sees is not its to judge.
             given.subtract(&self.frame.part().region(given.width, given.height));
@@ -142,21 +192,33 @@ impl<'a> Objects<'a> {
 
     fn covers(&self, object: &Object, click: &Click) -> bool {
         match &object.given {
-            Some(part) => click.pixel_in(part.width, part.height).is_some_and(|at| part.inside[at]),
+            Some(part) => click
+                .pixel_in(part.width, part.height)
+                .is_some_and(|at| part.inside[at]),
             None => self.frame.logit_at(&object.answer, click) > 0.0,
         }
     }
 
     fn smallest_box(&self, click: &Click) -> Option<usize> {
-        let holds = |part: &PxBox| click.at_px.cmpge(part.min_px).all() && click.at_px.cmplt(part.max_px).all();
+        let holds = |part: &PxBox| {
+            click.at_px.cmpge(part.min_px).all() && click.at_px.cmplt(part.max_px).all()
+        };
         let area = |part: &PxBox| (part.max_px - part.min_px).element_product();
-        let boxed = self.objects.iter().enumerate().filter_map(|(at, object)| Some((at, object.within.as_ref()?)));
+        let boxed = self
+            .objects
+            .iter()
+            .enumerate()
+            .filter_map(|(at, object)| Some((at, object.within.as_ref()?)));
         let around = boxed.filter(|(_, part)| holds(part));
-        around.min_by(|(_, a), (_, b)| area(a).total_cmp(&area(b))).map(|(at, _)| at)
+        around
+            .min_by(|(_, a), (_, b)| area(a).total_cmp(&area(b)))
+            .map(|(at, _)| at)
     }
 
     fn holding(&self, click: &Click) -> Option<usize> {
-        self.objects.iter().position(|object| self.covers(object, click))
+        self.objects
+            .iter()
+            .position(|object| self.covers(object, click))
     }
 
     /// The object that an answer shares most with; one that it only touches will do.
@@ -165,10 +227,20 @@ impl<'a> Objects<'a> {
         let near = grown(&answer.logits, fine);
         let shared = |object: &Object| {
             let inside = object.answer.logits.iter().map(|&logit| logit > 0.0);
-            inside.zip(&near).filter(|&(inside, &near)| inside && near).count()
+            inside
+                .zip(&near)
+                .filter(|&(inside, &near)| inside && near)
+                .count()
         };
-        let shares = self.objects.iter().map(shared).enumerate().filter(|&(_, shared)| shared > 0);
-        shares.max_by_key(|&(at, shared)| (shared, std::cmp::Reverse(at))).map(|(at, _)| at)
+        let shares = self
+            .objects
+            .iter()
+            .map(shared)
+            .enumerate()
+            .filter(|&(_, shared)| shared > 0);
+        shares
+            .max_by_key(|&(at, shared)| (shared, std::cmp::Reverse(at)))
+            .map(|(at, _)| at)
     }
 
     /// All objects together.

@@ -25,15 +25,27 @@ impl Part {
     /// All of a picture.
     #[must_use]
     pub fn whole(width: u32, height: u32) -> Self {
-        Self { x: 0, y: 0, width, height }
+        Self {
+            x: 0,
+            y: 0,
+            width,
+            height,
+        }
     }
 
     /// The square around a prompt, for things too thin for the whole picture at the network's `side` of pixels: with
     /// room around it, inside the picture; `None` for an empty prompt, or where the whole picture is hardly larger.
     #[must_use]
     pub fn around(prompt: &Prompt, width: u32, height: u32, side: usize) -> Option<Self> {
-        let corners = prompt.boxes.iter().flat_map(|part| [part.min_px, part.max_px]);
-        let clicks = prompt.clicks.iter().filter(|click| click.include).map(|click| click.at_px);
+        let corners = prompt
+            .boxes
+            .iter()
+            .flat_map(|part| [part.min_px, part.max_px]);
+        let clicks = prompt
+            .clicks
+            .iter()
+            .filter(|click| click.include)
+            .map(|click| click.at_px);
         let all = || corners.clone().chain(clicks.clone());
         let (least, most) = (all().reduce(DVec2::min)?, all().reduce(DVec2::max)?);
         let extent = (most - least).max_element() * (1.0 + ROOM);
@@ -43,7 +55,9 @@ impl Part {
         }
         let (columns, rows) = (wanted.min(width), wanted.min(height));
         let first = |middle: f64, part: u32, all: u32| {
-            (middle - f64::from(part) / 2.0).round().clamp(0.0, f64::from(all - part)) as u32
+            (middle - f64::from(part) / 2.0)
+                .round()
+                .clamp(0.0, f64::from(all - part)) as u32
         };
         let middle = (least + most) / 2.0;
         Some(Self {
@@ -56,8 +70,9 @@ impl Part {
 
     /// Whether it lies within a picture and holds a pixel.
     pub(super) fn is_within(&self, width: u32, height: u32) -> bool {
-        let fits =
-            |first: u32, count: u32, all: u32| count > 0 && first.checked_add(count).is_some_and(|end| end <= all);
+        let fits = |first: u32, count: u32, all: u32| {
+            count > 0 && first.checked_add(count).is_some_and(|end| end <= all)
+        };
         fits(self.x, self.width, width) && fits(self.y, self.height, height)
     }
 
@@ -70,7 +85,11 @@ impl Part {
     /// Its pixels in a picture.
     pub(super) fn region(&self, width: u32, height: u32) -> Region {
         let mut region = Region::empty(width, height);
-        let rows = region.inside.chunks_exact_mut(width as usize).skip(self.y as usize).take(self.height as usize);
+        let rows = region
+            .inside
+            .chunks_exact_mut(width as usize)
+            .skip(self.y as usize)
+            .take(self.height as usize);
         rows.for_each(|row| row[self.x as usize..][..self.width as usize].fill(true));
         region
     }
@@ -95,12 +114,18 @@ impl Part {
     pub(super) fn told_box(&self, within: &PxBox, canvas: Canvas) -> [[f32; 2]; 2] {
         let end = self.origin() + DVec2::new(self.width.into(), self.height.into());
         let cut = |corner: DVec2| corner.clamp(self.origin(), end);
-        [self.told(cut(within.min_px), canvas), self.told(cut(within.max_px) - 1.0, canvas)]
+        [
+            self.told(cut(within.min_px), canvas),
+            self.told(cut(within.max_px) - 1.0, canvas),
+        ]
     }
 
     fn told(&self, index_px: DVec2, canvas: Canvas) -> [f32; 2] {
         let (columns, rows) = self.shown(canvas);
-        let scale = DVec2::new(columns as f64 / f64::from(self.width), rows as f64 / f64::from(self.height));
+        let scale = DVec2::new(
+            columns as f64 / f64::from(self.width),
+            rows as f64 / f64::from(self.height),
+        );
         ((index_px - self.origin()) * scale).as_vec2().to_array()
     }
 

@@ -47,11 +47,18 @@ pub fn fit(pairs: &[&Pair]) -> (Parallax, Matrix) {
         let shared: Vec<Vec<Shared>> = pairs.par_iter().map(|pair| pair.shared(level)).collect();
         for _ in 0..STEPS {
             let at = parallax(&unknowns);
-            let of_pair = |(pair, shared): (&&Pair, &Vec<Shared>)| Sums::of(pair, shared, level, &at);
+            let of_pair =
+                |(pair, shared): (&&Pair, &Vec<Shared>)| Sums::of(pair, shared, level, &at);
             let sums: Vec<Sums> = pairs.par_iter().zip(&shared).map(of_pair).collect();
-            let hessian = sums.iter().fold(Matrix::from_diagonal(&held), |all, one| all + one.hessian);
-            let gradient = sums.iter().fold(held.component_mul(&unknowns), |all, one| all + one.gradient);
-            let Some(solved) = hessian.cholesky() else { break };
+            let hessian = sums
+                .iter()
+                .fold(Matrix::from_diagonal(&held), |all, one| all + one.hessian);
+            let gradient = sums
+                .iter()
+                .fold(held.component_mul(&unknowns), |all, one| all + one.gradient);
+            let Some(solved) = hessian.cholesky() else {
+                break;
+            };
             let step = solved.solve(&-gradient);
             unknowns += step;
             covariance = solved.inverse();
@@ -73,14 +80,23 @@ pub fn errors(pairs: &[&Pair], parallax: &Parallax) -> [f64; 2] {
             let luma = |view: usize| seen(pair, LEVEL, shared, view, parallax).map(|seen| seen.0);
             Some([luma(0)?, luma(1)?])
         };
-        let both =
-            shared.iter().filter_map(|shared| Some((told(shared, parallax)?, told(shared, &Parallax::default())?)));
+        let both = shared.iter().filter_map(|shared| {
+            Some((told(shared, parallax)?, told(shared, &Parallax::default())?))
+        });
         let (with, without): (Vec<[f32; 2]>, Vec<[f32; 2]>) = both.unzip();
         let before = unlikeness(&without);
-        [if 2 * with.len() < shared.len() { before } else { unlikeness(&with) }, before]
+        [
+            if 2 * with.len() < shared.len() {
+                before
+            } else {
+                unlikeness(&with)
+            },
+            before,
+        ]
     };
     let all: Vec<[f64; 2]> = pairs.par_iter().map(of_pair).collect();
-    [0, 1].map(|which| all.iter().map(|errors| errors[which]).sum::<f64>() / all.len().max(1) as f64)
+    [0, 1]
+        .map(|which| all.iter().map(|errors| errors[which]).sum::<f64>() / all.len().max(1) as f64)
 }
 
 /// Mean difference of luma less its mean, over the standard deviation in the first of both views.
@@ -95,10 +111,18 @@ fn unlikeness(points: &[[f32; 2]]) -> f64 {
 }
 
 /// Luma where a view of a pair sees a point, with its slope on the plane at depth 1; `None` where it does not see it.
-fn seen(pair: &Pair, level: usize, shared: &Shared, view: usize, parallax: &Parallax) -> Option<(f32, Vec2)> {
+fn seen(
+    pair: &Pair,
+    level: usize,
+    shared: &Shared,
+    view: usize,
+    parallax: &Parallax,
+) -> Option<(f32, Vec2)> {
     let level: &Level = &pair.views[view].levels[level];
     let at_px = parallax.project(shared[view]) * level.focal + level.principal;
-    level.grey_at(at_px).map(|(luma, slope)| (luma, slope * level.focal))
+    level
+        .grey_at(at_px)
+        .map(|(luma, slope)| (luma, slope * level.focal))
 }
 
 /// Sums over the points of a pair.
@@ -122,7 +146,11 @@ impl Sums {
             let [by_a, by_b] = shared.map(|point: Vec3| parallax.slopes(point));
             let by_pose = parallax.slopes_of_pose(shared[1]);
             let by = Own::from_fn(|i, _| {
-                let moved = if i < UNKNOWNS { by_b[i] - carried * by_a[i] } else { by_pose[i - UNKNOWNS] };
+                let moved = if i < UNKNOWNS {
+                    by_b[i] - carried * by_a[i]
+                } else {
+                    by_pose[i - UNKNOWNS]
+                };
                 f64::from(slope.dot(moved))
             });
             Some((b - a, by))
@@ -143,13 +171,19 @@ impl Sums {
     /// What is told of the parallax, however the pose be a little off; nothing where something is not finite.
     fn without_pose(hessian: &OwnMatrix, gradient: &Own, held: &PoseMatrix) -> Self {
         let shared = hessian.fixed_view::<OF_POSE, UNKNOWNS>(UNKNOWNS, 0);
-        let Some(of_pose) = (hessian.fixed_view::<OF_POSE, OF_POSE>(UNKNOWNS, UNKNOWNS) + held).cholesky() else {
-            return Self { hessian: Matrix::zeros(), gradient: Vector::zeros() };
+        let Some(of_pose) =
+            (hessian.fixed_view::<OF_POSE, OF_POSE>(UNKNOWNS, UNKNOWNS) + held).cholesky()
+        else {
+            return Self {
+                hessian: Matrix::zeros(),
+                gradient: Vector::zeros(),
+            };
         };
         let by_pose = of_pose.solve(&shared).transpose();
         Self {
             hessian: hessian.fixed_view::<UNKNOWNS, UNKNOWNS>(0, 0) - by_pose * shared,
-            gradient: gradient.fixed_rows::<UNKNOWNS>(0) - by_pose * gradient.fixed_rows::<OF_POSE>(UNKNOWNS),
+            gradient: gradient.fixed_rows::<UNKNOWNS>(0)
+                - by_pose * gradient.fixed_rows::<OF_POSE>(UNKNOWNS),
         }
     }
 }
@@ -168,7 +202,9 @@ fn middle(mut values: Vec<f32>) -> (f32, f32) {
     }
     let at = values.len() / 2;
     let median = *values.select_nth_unstable_by(at, f32::total_cmp).1;
-    values.iter_mut().for_each(|value| *value = (*value - median).abs());
+    values
+        .iter_mut()
+        .for_each(|value| *value = (*value - median).abs());
     let spread = 1.4826 * *values.select_nth_unstable_by(at, f32::total_cmp).1;
     (median, spread.max(LEAST_SPREAD))
 }

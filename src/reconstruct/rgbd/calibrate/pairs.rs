@@ -47,7 +47,8 @@ impl Pair {
         let blind = views.map(|view| Pyramid::new(&view.without_picture()));
         let views = views.map(Pyramid::new);
         let (guess, _) = align_and_check(views.each_ref(), &[(Pose::IDENTITY, Start::Far)]).ok()?;
-        let (aligned, _) = align_and_check(blind.each_ref(), &[(guess.target_from_source, Start::Near)]).ok()?;
+        let (aligned, _) =
+            align_and_check(blind.each_ref(), &[(guess.target_from_source, Start::Near)]).ok()?;
         Some(Self { views, aligned })
     }
 
@@ -69,7 +70,9 @@ impl Pair {
     /// How directions across the source's picture are turned in the target's.
     #[must_use]
     pub fn turn_of_picture(&self) -> Mat2 {
-        Mat2::from_mat3(Mat3::from_quat(self.aligned.target_from_source.rotation.as_quat()))
+        Mat2::from_mat3(Mat3::from_quat(
+            self.aligned.target_from_source.rotation.as_quat(),
+        ))
     }
 
     /// As [`Aligned::information`], by depth alone.
@@ -86,7 +89,9 @@ impl Pair {
 }
 
 fn meets(target: &Level, point: Vec3) -> bool {
-    let Some(at_px) = target.project(point) else { return false };
+    let Some(at_px) = target.project(point) else {
+        return false;
+    };
     let depth = target.depths[at_px.y as usize * target.width + at_px.x as usize];
     depth > 0.0 && (depth - point.z).abs() < SAME * depth
 }
@@ -101,19 +106,29 @@ impl Recording<'_> {
         let count = PAIRS.min(self.numbers.len());
         let from = |at: usize| {
             progress.step(done.fetch_add(1, Ordering::Relaxed), count)?;
-            let Some(source) = self.view(self.numbers[at]) else { return Ok(None) };
-            let mut gaps = GAPS.into_iter().filter_map(|gap| self.view(*self.numbers.get(at + gap)?));
+            let Some(source) = self.view(self.numbers[at]) else {
+                return Ok(None);
+            };
+            let mut gaps = GAPS
+                .into_iter()
+                .filter_map(|gap| self.view(*self.numbers.get(at + gap)?));
             Ok(gaps.find_map(|target| Pair::of([&source, &target])))
         };
         let firsts: Vec<usize> = (0..count).map(|k| k * self.numbers.len() / count).collect();
-        let pairs: Vec<Option<Pair>> = firsts.into_par_iter().map(from).collect::<Result<_, Stopped>>()?;
+        let pairs: Vec<Option<Pair>> = firsts
+            .into_par_iter()
+            .map(from)
+            .collect::<Result<_, Stopped>>()?;
         Ok(pairs.into_iter().flatten().collect())
     }
 
     /// What registration sees of a frame; `None` where it cannot be read, which registration tells.
     fn view(&self, frame: usize) -> Option<View> {
         let frame = &self.frames[frame];
-        let (image, depth) = (self.store.image(frame).ok()?, self.store.depth(frame).ok()??);
+        let (image, depth) = (
+            self.store.image(frame).ok()?,
+            self.store.depth(frame).ok()??,
+        );
         let size = (self.camera.width, self.camera.height);
         let fits = (image.width, image.height) == size && (depth.width, depth.height) == size;
         fits.then(|| View::new(&image, &depth, &self.camera))

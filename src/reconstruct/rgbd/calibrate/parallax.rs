@@ -29,7 +29,12 @@ impl Parallax {
     /// From its unknowns, in the order of the fields.
     #[must_use]
     pub fn of([zoom, roll, shift_x, shift_y, aside_x, aside_y]: [f32; UNKNOWNS]) -> Self {
-        Self { zoom, roll, shift: Vec2::new(shift_x, shift_y), aside: Vec2::new(aside_x, aside_y) }
+        Self {
+            zoom,
+            roll,
+            shift: Vec2::new(shift_x, shift_y),
+            aside: Vec2::new(aside_x, aside_y),
+        }
     }
 
     /// Where the picture sees a point in the depth camera's axes, on the plane at depth 1 of the camera that was taken to be
@@ -45,7 +50,14 @@ impl Parallax {
     pub fn slopes(&self, point: Vec3) -> [Vec2; UNKNOWNS] {
         let larger = self.zoom.exp() / point.z;
         let turned = Mat2::from_angle(self.roll) * point.truncate();
-        [larger * (turned + self.aside), larger * turned.perp(), Vec2::X, Vec2::Y, larger * Vec2::X, larger * Vec2::Y]
+        [
+            larger * (turned + self.aside),
+            larger * turned.perp(),
+            Vec2::X,
+            Vec2::Y,
+            larger * Vec2::X,
+            larger * Vec2::Y,
+        ]
     }
 
     /// How the place where the picture sees a point moves when the point is turned about the depth camera's axes, and when it is shifted
@@ -54,9 +66,18 @@ impl Parallax {
     pub fn slopes_of_pose(&self, point: Vec3) -> [Vec2; 6] {
         let turned = Mat2::from_angle(self.roll);
         let beside = turned * point.truncate() + self.aside;
-        let moved = |by: Vec3| self.zoom.exp() / point.z * (turned * by.truncate() - beside * (by.z / point.z));
+        let moved = |by: Vec3| {
+            self.zoom.exp() / point.z * (turned * by.truncate() - beside * (by.z / point.z))
+        };
         let [x, y, z] = Vec3::AXES;
-        [moved(x.cross(point)), moved(y.cross(point)), moved(z.cross(point)), moved(x), moved(y), moved(z)]
+        [
+            moved(x.cross(point)),
+            moved(y.cross(point)),
+            moved(z.cross(point)),
+            moved(x),
+            moved(y),
+            moved(z),
+        ]
     }
 
     /// The camera of pictures that were taken to have the intrinsics `given`, which are the depth's, and the depth's to it.
@@ -72,15 +93,26 @@ impl Parallax {
             rotation: DQuat::from_rotation_z(self.roll.into()),
             translation: DVec3::from((self.aside.as_dvec2(), 0.0)),
         };
-        (picture, DepthCamera { intrinsics: *given, picture_from_depth, estimated: true })
+        (
+            picture,
+            DepthCamera {
+                intrinsics: *given,
+                picture_from_depth,
+                estimated: true,
+            },
+        )
     }
 
     /// The farthest that pictures of one and the other lie apart, as a share of the picture's width; things at depth
     /// `typical`.
     #[must_use]
     pub fn apart(&self, other: &Self, camera: &Camera, typical: f32) -> f64 {
-        let off = |point: Vec3| (self.project(point) - other.project(point)).as_dvec2() * camera.focal_px;
-        corners(camera, typical).map(|point| off(point).length()).into_iter().fold(0.0, f64::max)
+        let off =
+            |point: Vec3| (self.project(point) - other.project(point)).as_dvec2() * camera.focal_px;
+        corners(camera, typical)
+            .map(|point| off(point).length())
+            .into_iter()
+            .fold(0.0, f64::max)
             / f64::from(camera.width)
     }
 
@@ -88,11 +120,21 @@ impl Parallax {
     #[must_use]
     pub fn doubt(&self, covariance: &Matrix, camera: &Camera, typical: f32) -> f64 {
         let square = |point: Vec3| {
-            let slopes = self.slopes(point).map(|slope| slope.as_dvec2() * camera.focal_px);
+            let slopes = self
+                .slopes(point)
+                .map(|slope| slope.as_dvec2() * camera.focal_px);
             let along = |axis: usize| Vector::from_fn(|unknown, _| slopes[unknown][axis]);
-            [0, 1].map(|axis| along(axis).dot(&(covariance * along(axis)))).iter().sum::<f64>()
+            [0, 1]
+                .map(|axis| along(axis).dot(&(covariance * along(axis))))
+                .iter()
+                .sum::<f64>()
         };
-        corners(camera, typical).map(square).into_iter().fold(0.0, f64::max).sqrt() / f64::from(camera.width)
+        corners(camera, typical)
+            .map(square)
+            .into_iter()
+            .fold(0.0, f64::max)
+            .sqrt()
+            / f64::from(camera.width)
     }
 }
 
@@ -107,15 +149,21 @@ fn corners(camera: &Camera, typical: f32) -> [Vec3; 4] {
 mod tests {
     use super::*;
 
-    const PARALLAX: Parallax =
-        Parallax { zoom: -0.1, roll: 0.01, shift: Vec2::new(0.002, -0.005), aside: Vec2::new(-0.026, 0.001) };
+    const PARALLAX: Parallax = Parallax {
+        zoom: -0.1,
+        roll: 0.01,
+        shift: Vec2::new(0.002, -0.005),
+        aside: Vec2::new(-0.026, 0.001),
+    };
 
     #[test]
     fn the_cameras_see_what_it_says() {
         let given = Camera::pinhole(640, 480, 585.0, 580.0, 320.0, 240.0);
         let (picture, depth) = PARALLAX.cameras(&given);
         for point in [Vec3::new(0.4, -0.2, 1.5), Vec3::new(-0.5, 0.7, 3.0)] {
-            let seen = picture.project(depth.picture_from_depth.transform(point.as_dvec3())).unwrap();
+            let seen = picture
+                .project(depth.picture_from_depth.transform(point.as_dvec3()))
+                .unwrap();
             let said = given.focal_px * PARALLAX.project(point).as_dvec2() + given.principal_px;
             assert!(seen.abs_diff_eq(said, 1e-3), "{seen} is not {said}");
         }
@@ -124,15 +172,26 @@ mod tests {
     #[test]
     fn slopes_are_those_of_small_steps() {
         let point = Vec3::new(0.4, -0.2, 1.5);
-        let Parallax { zoom, roll, shift, aside } = PARALLAX;
+        let Parallax {
+            zoom,
+            roll,
+            shift,
+            aside,
+        } = PARALLAX;
         for unknown in 0..UNKNOWNS {
             let by = |step: f32| {
                 let mut unknowns = [zoom, roll, shift.x, shift.y, aside.x, aside.y];
                 unknowns[unknown] += step;
                 Parallax::of(unknowns).project(point)
             };
-            let (measured, slope) = ((by(1e-2) - by(-1e-2)) / 2e-2, PARALLAX.slopes(point)[unknown]);
-            assert!(measured.abs_diff_eq(slope, 1e-4), "{unknown}: {measured} is not {slope}");
+            let (measured, slope) = (
+                (by(1e-2) - by(-1e-2)) / 2e-2,
+                PARALLAX.slopes(point)[unknown],
+            );
+            assert!(
+                measured.abs_diff_eq(slope, 1e-4),
+                "{unknown}: {measured} is not {slope}"
+            );
         }
     }
 
@@ -141,21 +200,46 @@ mod tests {
         let point = Vec3::new(0.4, -0.2, 1.5);
         for (unknown, slope) in PARALLAX.slopes_of_pose(point).into_iter().enumerate() {
             let axis = Vec3::AXES[unknown % 3];
-            let moved = |by: f32| if unknown < 3 { point + by * axis.cross(point) } else { point + by * axis };
+            let moved = |by: f32| {
+                if unknown < 3 {
+                    point + by * axis.cross(point)
+                } else {
+                    point + by * axis
+                }
+            };
             let measured = (PARALLAX.project(moved(1e-2)) - PARALLAX.project(moved(-1e-2))) / 2e-2;
-            assert!(measured.abs_diff_eq(slope, 1e-3), "{unknown}: {measured} is not {slope}");
+            assert!(
+                measured.abs_diff_eq(slope, 1e-3),
+                "{unknown}: {measured} is not {slope}"
+            );
         }
     }
 
     #[test]
     fn doubt_is_how_far_corners_move() {
         let camera = Camera::pinhole(640, 480, 600.0, 600.0, 320.0, 240.0);
-        let shift = |by: f64| Matrix::from_diagonal(&Vector::from([0.0, 0.0, by * by, 0.0, 0.0, 0.0]));
+        let shift =
+            |by: f64| Matrix::from_diagonal(&Vector::from([0.0, 0.0, by * by, 0.0, 0.0, 0.0]));
         let off = PARALLAX.doubt(&shift(0.02), &camera, 2.0);
-        let moved = Parallax { shift: PARALLAX.shift + Vec2::new(0.02, 0.0), ..PARALLAX };
-        assert!((off - PARALLAX.apart(&moved, &camera, 2.0)).abs() < 1e-6, "{off}");
+        let moved = Parallax {
+            shift: PARALLAX.shift + Vec2::new(0.02, 0.0),
+            ..PARALLAX
+        };
+        assert!(
+            (off - PARALLAX.apart(&moved, &camera, 2.0)).abs() < 1e-6,
+            "{off}"
+        );
         let zoom = Matrix::from_diagonal(&Vector::from([1e-6, 0.0, 0.0, 0.0, 0.0, 0.0]));
-        let (off, moved) = (PARALLAX.doubt(&zoom, &camera, 2.0), Parallax { zoom: PARALLAX.zoom + 1e-3, ..PARALLAX });
-        assert!((off / PARALLAX.apart(&moved, &camera, 2.0) - 1.0).abs() < 0.01, "{off}");
+        let (off, moved) = (
+            PARALLAX.doubt(&zoom, &camera, 2.0),
+            Parallax {
+                zoom: PARALLAX.zoom + 1e-3,
+                ..PARALLAX
+            },
+        );
+        assert!(
+            (off / PARALLAX.apart(&moved, &camera, 2.0) - 1.0).abs() < 0.01,
+            "{off}"
+        );
     }
 }

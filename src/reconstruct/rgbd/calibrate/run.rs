@@ -39,17 +39,30 @@ pub struct Calibration {
 ///
 /// # Errors
 /// When stopped.
-pub fn calibrate(frames: &[Frame], store: &FrameStore, progress: &Progress) -> Result<Vec<Calibration>, Stopped> {
+pub fn calibrate(
+    frames: &[Frame],
+    store: &FrameStore,
+    progress: &Progress,
+) -> Result<Vec<Calibration>, Stopped> {
     let mut found = Vec::new();
     for (given, numbers) in lenses(frames) {
         let cameras = match of_same_sensor(frames, &given) {
             Some(known) => Some(known),
             None => {
-                let recording = Recording { frames, numbers: &numbers, camera: given, store };
+                let recording = Recording {
+                    frames,
+                    numbers: &numbers,
+                    camera: given,
+                    store,
+                };
                 parallax(&recording, progress)?.map(|found| found.cameras(&given))
             }
         };
-        found.extend(cameras.map(|(picture, depth)| Calibration { frames: numbers, picture, depth }));
+        found.extend(cameras.map(|(picture, depth)| Calibration {
+            frames: numbers,
+            picture,
+            depth,
+        }));
     }
     Ok(found)
 }
@@ -59,7 +72,8 @@ impl Calibration {
     pub fn apply(&self, frames: &mut [Frame]) {
         for &number in &self.frames {
             let frame = &mut frames[number];
-            if let (Some(camera), Some(DepthSource::Sensor { camera: own, .. })) = (&mut frame.camera, &mut frame.depth)
+            if let (Some(camera), Some(DepthSource::Sensor { camera: own, .. })) =
+                (&mut frame.camera, &mut frame.depth)
             {
                 camera.intrinsics = self.picture;
                 *own = Some(Box::new(self.depth));
@@ -92,7 +106,8 @@ fn depth_camera(frame: &Frame) -> Option<&DepthCamera> {
 /// is given for some frames says nothing of others.
 fn of_same_sensor(frames: &[Frame], given: &Camera) -> Option<(Camera, DepthCamera)> {
     let of_frame = |frame: &Frame| {
-        let depth = depth_camera(frame).filter(|depth| depth.estimated && depth.intrinsics == *given)?;
+        let depth =
+            depth_camera(frame).filter(|depth| depth.estimated && depth.intrinsics == *given)?;
         Some((frame.camera?.intrinsics, *depth))
     };
     frames.iter().find_map(of_frame)
@@ -103,8 +118,13 @@ fn lenses(frames: &[Frame]) -> Vec<(Camera, Vec<usize>)> {
     let mut lenses: Vec<(Camera, Vec<usize>)> = Vec::new();
     for (number, frame) in frames.iter().enumerate() {
         let given = frame.camera.as_ref().filter(|camera| !camera.estimated);
-        let Some(camera) = given.map(|camera| camera.intrinsics) else { continue };
-        if !frame.has_sensor_depth() || depth_camera(frame).is_some() || camera.distortion != Distortion::None {
+        let Some(camera) = given.map(|camera| camera.intrinsics) else {
+            continue;
+        };
+        if !frame.has_sensor_depth()
+            || depth_camera(frame).is_some()
+            || camera.distortion != Distortion::None
+        {
             continue;
         }
         match lenses.iter_mut().find(|(lens, _)| *lens == camera) {
@@ -134,6 +154,8 @@ fn parallax(recording: &Recording<'_>, progress: &Progress) -> Result<Option<Par
     let size = apart(&found, &Parallax::default());
     let agree = apart(&of_half[0], &of_half[1]) < AGREE * size;
     let sure = found.doubt(&covariance, &recording.camera, typical) < SURE * size;
-    let better = is_better(&halves[1], &of_half[0]) && is_better(&halves[0], &of_half[1]) && is_better(&all, &found);
+    let better = is_better(&halves[1], &of_half[0])
+        && is_better(&halves[0], &of_half[1])
+        && is_better(&all, &found);
     Ok((agree && sure && better).then_some(found))
 }

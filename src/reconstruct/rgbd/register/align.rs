@@ -30,8 +30,15 @@ pub fn align(pairs: impl Iterator<Item = (DVec3, DVec3, f64)> + Clone) -> Option
     if sigma[0] <= 0.0 || sigma[1] <= LINE_RATIO * sigma[0] {
         return None;
     }
-    let flip = if (u * vt).determinant() < 0.0 { -1.0 } else { 1.0 };
+    let flip = if (u * vt).determinant() < 0.0 {
+        -1.0
+    } else {
+        1.0
+    };
     let matrix = u * Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, flip)) * vt;
     let rotation = DQuat::from_mat3(&DMat3::from_cols_slice(matrix.as_slice())).normalize();
-    Some(Pose { rotation, translation: target_mean - rotation * source_mean })
+    Some(Pose {
+        rotation,
+        translation: target_mean - rotation * source_mean,
+    })
 }

@@ -25,8 +25,16 @@ impl DescribedCloud {
         check_voxel(voxel)?;
         let cloud = cloud.thinned(voxel);
         let all = fpfh::describe(&cloud, voxel, progress)?;
-        let (places, descriptors) =
-            all.into_iter().enumerate().filter_map(|(index, found)| Some((index as u32, found?))).unzip();
-        Ok(Self { cloud, voxel, descriptors, places })
+        let (places, descriptors) = all
+            .into_iter()
+            .enumerate()
+            .filter_map(|(index, found)| Some((index as u32, found?)))
+            .unzip();
+        Ok(Self {
+            cloud,
+            voxel,
+            descriptors,
+            places,
+        })
     }
 }

@@ -23,7 +23,12 @@ pub fn firmness(level: &Level, partners: &[Partner]) -> f64 {
     let extent = Extent::new(partners);
     let mut sum: Matrix6<f64> = Matrix6::zeros();
     for partner in partners {
-        let row = extent.along(partner.moved, level.target.normals[partner.target].as_dvec3()).normalize();
+        let row = extent
+            .along(
+                partner.moved,
+                level.target.normals[partner.target].as_dvec3(),
+            )
+            .normalize();
         sum.ger(1.0, &row, &row, 1.0);
     }
     (sum.symmetric_eigenvalues().min() / partners.len() as f64).max(0.0)
@@ -31,7 +36,10 @@ pub fn firmness(level: &Level, partners: &[Partner]) -> f64 {
 
 /// Root mean square of the partners' point-to-plane distances.
 pub fn rmse(level: &Level, partners: &[Partner]) -> f64 {
-    let squares: f64 = partners.iter().map(|partner| level.distance(partner).powi(2)).sum();
+    let squares: f64 = partners
+        .iter()
+        .map(|partner| level.distance(partner).powi(2))
+        .sum();
     (squares / partners.len().max(1) as f64).sqrt()
 }
 
@@ -39,12 +47,18 @@ pub fn rmse(level: &Level, partners: &[Partner]) -> f64 {
 pub fn correlation(level: &Level, partners: &[Partner]) -> Option<f64> {
     let pairs = || {
         let intensity = |partner: &Partner| {
-            [level.source.intensities[partner.source], level.target.intensities[partner.target]].map(f64::from)
+            [
+                level.source.intensities[partner.source],
+                level.target.intensities[partner.target],
+            ]
+            .map(f64::from)
         };
         partners.iter().map(intensity)
     };
     let count = partners.len().max(1) as f64;
-    let mean = pairs().fold([0.0; 2], |sum, pair| [sum[0] + pair[0] / count, sum[1] + pair[1] / count]);
+    let mean = pairs().fold([0.0; 2], |sum, pair| {
+        [sum[0] + pair[0] / count, sum[1] + pair[1] / count]
+    });
     let [mut source, mut target, mut both] = [0.0; 3];
     for pair in pairs() {
         let [a, b] = [pair[0] - mean[0], pair[1] - mean[1]];

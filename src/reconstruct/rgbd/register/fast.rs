@@ -23,7 +23,10 @@ const STEPS: usize = 4;
 /// closed form, so turns of any size are found.
 pub fn fast(pairs: &Pairs, distance: f64, seed: u64) -> Option<Pose> {
     let chosen = tuples(pairs, seed);
-    let diameter = [0, 1].map(|end| 2.0 * reach(&chosen, end)).into_iter().fold(0.0, f64::max);
+    let diameter = [0, 1]
+        .map(|end| 2.0 * reach(&chosen, end))
+        .into_iter()
+        .fold(0.0, f64::max);
     let mut width = diameter * diameter;
     let mut pose = align(chosen.iter().map(|&[source, target]| (source, target, 1.0)))?;
     for iteration in 1..=ITERATIONS {
@@ -48,7 +51,10 @@ fn tuples(pairs: &Pairs, seed: u64) -> Vec<[DVec3; 2]> {
     }
     for _ in 0..TRIALS * count {
         let [a, b, c] = std::array::from_fn(|_| random.random_range(0..count));
-        if [[a, b], [b, c], [c, a]].iter().all(|&[one, other]| pairs.fit_together(one, other, TUPLE_RATIO)) {
+        if [[a, b], [b, c], [c, a]]
+            .iter()
+            .all(|&[one, other]| pairs.fit_together(one, other, TUPLE_RATIO))
+        {
             chosen.extend([a, b, c].map(|pair| pairs.points[pair]));
             if chosen.len() >= 3 * MAX_TUPLES {
                 break;
@@ -61,5 +67,8 @@ fn tuples(pairs: &Pairs, seed: u64) -> Vec<[DVec3; 2]> {
 /// The largest distance of a point to the middle of all.
 fn reach(points: &[[DVec3; 2]], end: usize) -> f64 {
     let middle = points.iter().map(|pair| pair[end]).sum::<DVec3>() / points.len().max(1) as f64;
-    points.iter().map(|pair| pair[end].distance(middle)).fold(0.0, f64::max)
+    points
+        .iter()
+        .map(|pair| pair[end].distance(middle))
+        .fold(0.0, f64::max)
 }

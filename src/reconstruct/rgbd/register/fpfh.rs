@@ -30,12 +30,23 @@ type Around = Vec<(u32, f32)>;
 ///
 /// # Errors
 /// [`Stopped`].
-pub fn describe(cloud: &OrientedCloud, voxel: f32, progress: &Progress) -> Result<Vec<Option<Descriptor>>, Stopped> {
-    let Some(tree) = Neighbours::new(&cloud.positions) else { return Ok(Vec::new()) };
-    let around: Vec<Around> = in_chunks(cloud.len(), progress, |index| around(cloud, &tree, index, RADIUS * voxel))?;
-    let own: Vec<Option<Descriptor>> =
-        in_chunks(cloud.len(), progress, |index| own_histogram(cloud, index, &around[index]))?;
-    in_chunks(cloud.len(), progress, |index| own[index].map(|mine| mixed(mine, &around[index], &own)))
+pub fn describe(
+    cloud: &OrientedCloud,
+    voxel: f32,
+    progress: &Progress,
+) -> Result<Vec<Option<Descriptor>>, Stopped> {
+    let Some(tree) = Neighbours::new(&cloud.positions) else {
+        return Ok(Vec::new());
+    };
+    let around: Vec<Around> = in_chunks(cloud.len(), progress, |index| {
+        around(cloud, &tree, index, RADIUS * voxel)
+    })?;
+    let own: Vec<Option<Descriptor>> = in_chunks(cloud.len(), progress, |index| {
+        own_histogram(cloud, index, &around[index])
+    })?;
+    in_chunks(cloud.len(), progress, |index| {
+        own[index].map(|mine| mixed(mine, &around[index], &own))
+    })
 }
 
 fn in_chunks<T: Send>(
@@ -43,7 +54,10 @@ fn in_chunks<T: Send>(
     progress: &Progress,
     of: impl Fn(usize) -> T + Sync + Send,
 ) -> Result<Vec<T>, Stopped> {
-    (0..count).into_par_iter().map(|index| progress.check().map(|()| of(index))).collect()
+    (0..count)
+        .into_par_iter()
+        .map(|index| progress.check().map(|()| of(index)))
+        .collect()
 }
 
 /// Neighbours that have a normal.
@@ -51,11 +65,16 @@ fn around(cloud: &OrientedCloud, tree: &Neighbours, index: usize, radius: f32) -
     if cloud.normals[index] == Vec3::ZERO {
         return Vec::new();
     }
-    let found = tree.nearest_n(cloud.positions[index], NEIGHBOURS + 1).into_iter();
+    let found = tree
+        .nearest_n(cloud.positions[index], NEIGHBOURS + 1)
+        .into_iter();
     let fits = |&(other, distance): &(usize, f32)| {
         distance > 0.0 && distance < radius && cloud.normals[other] != Vec3::ZERO && other != index
     };
-    found.filter(fits).map(|(other, distance)| (other as u32, distance)).collect()
+    found
+        .filter(fits)
+        .map(|(other, distance)| (other as u32, distance))
+        .collect()
 }
 
 fn own_histogram(cloud: &OrientedCloud, index: usize, around: &Around) -> Option<Descriptor> {
@@ -89,7 +108,11 @@ fn angles(line: Vec3, here: Vec3, there: Vec3) -> Option<[f32; 3]> {
     let v = line.cross(from).try_normalize()?;
     let w = from.cross(v);
     let theta = w.dot(to).atan2(from.dot(to));
-    Some([theta / std::f32::consts::TAU + 0.5, v.dot(to) * 0.5 + 0.5, phi * 0.5 + 0.5])
+    Some([
+        theta / std::f32::consts::TAU + 0.5,
+        v.dot(to) * 0.5 + 0.5,
+        phi * 0.5 + 0.5,
+    ])
 }
 
 fn mixed(own: Descriptor, around: &Around, all: &[Option<Descriptor>]) -> Descriptor {

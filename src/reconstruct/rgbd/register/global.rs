@@ -43,15 +43,22 @@ pub fn register_globally(
 ) -> Result<Option<GlobalAlignment>, SceneError> {
     if source.voxel.to_bits() != target.voxel.to_bits() {
         let voxels = [source.voxel, target.voxel];
-        return Err(SceneError::Request(format!("clouds with voxels of {voxels:?} cannot be matched; use one size")));
+        return Err(SceneError::Request(format!(
+            "clouds with voxels of {voxels:?} cannot be matched; use one size"
+        )));
     }
     if !(0.0..=1.0).contains(&options.min_share) {
-        return Err(SceneError::Request("the share of matches that agree must be from 0 to 1".into()));
+        return Err(SceneError::Request(
+            "the share of matches that agree must be from 0 to 1".into(),
+        ));
     }
     let matches = matching::mutual(&source.descriptors, &target.descriptors, progress)?;
     let distance = AGREEING * f64::from(source.voxel);
     let pairs = Pairs::new(source, target, &matches, distance);
-    let least = options.min_agreeing.max((options.min_share * matches.len() as f64).ceil() as usize).max(3);
+    let least = options
+        .min_agreeing
+        .max((options.min_share * matches.len() as f64).ceil() as usize)
+        .max(3);
     let found = match options.method {
         GlobalRegistration::Fgr => fast(&pairs, distance, options.seed),
         GlobalRegistration::Ransac => sampled(&pairs, least, options.seed),
@@ -60,7 +67,11 @@ pub fn register_globally(
     let alignment = found.map(|pose| {
         let target_from_source = settled(&pairs, pose);
         let agreeing = pairs.agreeing(&target_from_source);
-        GlobalAlignment { target_from_source, matches: matches.len(), agreeing }
+        GlobalAlignment {
+            target_from_source,
+            matches: matches.len(),
+            agreeing,
+        }
     });
     Ok(alignment.filter(|found| found.agreeing >= least))
 }
@@ -69,7 +80,9 @@ pub fn register_globally(
 fn settled(pairs: &Pairs, mut pose: Pose) -> Pose {
     let mut cost = pairs.cost(&pose, f64::INFINITY);
     for _ in 0..REFINEMENTS {
-        let Some(refined) = pairs.refined(&pose) else { break };
+        let Some(refined) = pairs.refined(&pose) else {
+            break;
+        };
         let its_cost = pairs.cost(&refined, f64::INFINITY);
         if its_cost >= cost {
             break;

@@ -38,7 +38,10 @@ pub fn iterate(
         let extent = Extent::new(&partners);
         let delta = step(level, &partners, &extent, lambda);
         pose = extent.motion(&delta).compose(&pose);
-        let [turn, shift] = [delta.fixed_rows::<3>(0).norm(), delta.fixed_rows::<3>(3).norm()];
+        let [turn, shift] = [
+            delta.fixed_rows::<3>(0).norm(),
+            delta.fixed_rows::<3>(3).norm(),
+        ];
         if turn < LAST_TURN * extent.radius && shift < LAST_SHIFT * level.voxel {
             break;
         }
@@ -58,27 +61,49 @@ impl Extent {
     pub fn new(partners: &[Partner]) -> Self {
         let count = partners.len().max(1) as f64;
         let middle = partners.iter().map(|partner| partner.moved).sum::<DVec3>() / count;
-        let spread: f64 = partners.iter().map(|partner| partner.moved.distance_squared(middle)).sum();
-        Self { middle, radius: (spread / count).sqrt().max(f64::MIN_POSITIVE) }
+        let spread: f64 = partners
+            .iter()
+            .map(|partner| partner.moved.distance_squared(middle))
+            .sum();
+        Self {
+            middle,
+            radius: (spread / count).sqrt().max(f64::MIN_POSITIVE),
+        }
     }
 
     /// How the place of a point along a direction changes with a motion.
     pub fn along(&self, point: DVec3, direction: DVec3) -> Vector6<f64> {
         let turn = ((point - self.middle) / self.radius).cross(direction);
-        Vector6::new(turn.x, turn.y, turn.z, direction.x, direction.y, direction.z)
+        Vector6::new(
+            turn.x,
+            turn.y,
+            turn.z,
+            direction.x,
+            direction.y,
+            direction.z,
+        )
     }
 
     fn motion(&self, delta: &Vector6<f64>) -> Pose {
-        let rotation = DQuat::from_scaled_axis(DVec3::new(delta[0], delta[1], delta[2]) / self.radius);
+        let rotation =
+            DQuat::from_scaled_axis(DVec3::new(delta[0], delta[1], delta[2]) / self.radius);
         let shift = DVec3::new(delta[3], delta[4], delta[5]);
-        Pose { rotation, translation: self.middle - rotation * self.middle + shift }
+        Pose {
+            rotation,
+            translation: self.middle - rotation * self.middle + shift,
+        }
     }
 }
 
 /// The motion that lowers the cost most.
 fn step(level: &Level, partners: &[Partner], extent: &Extent, lambda: f64) -> Vector6<f64> {
     let rows = |of: fn(&Level, &Extent, &Partner) -> Row| {
-        weighted(partners.iter().map(|partner| of(level, extent, partner)).collect())
+        weighted(
+            partners
+                .iter()
+                .map(|partner| of(level, extent, partner))
+                .collect(),
+        )
     };
     let (mut matrix, mut right) = rows(distance_row);
     (matrix, right) = (matrix * lambda, right * lambda);
@@ -88,13 +113,21 @@ fn step(level: &Level, partners: &[Partner], extent: &Extent, lambda: f64) -> Ve
         right += brightness.1 * (1.0 - lambda);
     }
     // Brightness that is no number must not reach the eigenvectors.
-    if !matrix.iter().chain(right.iter()).all(|value| value.is_finite()) {
+    if !matrix
+        .iter()
+        .chain(right.iter())
+        .all(|value| value.is_finite())
+    {
         return Vector6::zeros();
     }
     let eigen = matrix.symmetric_eigen();
     let least = HELD * eigen.eigenvalues.max();
     let mut delta = Vector6::zeros();
-    for (value, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+    for (value, direction) in eigen
+        .eigenvalues
+        .iter()
+        .zip(eigen.eigenvectors.column_iter())
+    {
         if *value > least {
             delta -= direction * (direction.dot(&right) / value);
         }
@@ -110,8 +143,14 @@ fn distance_row(level: &Level, extent: &Extent, partner: &Partner) -> Row {
 fn brightness_row(level: &Level, extent: &Extent, partner: &Partner) -> Row {
     let slope = level.slopes[partner.target].as_dvec3();
     let step = partner.moved - level.target.positions[partner.target].as_dvec3();
-    let [there, here] = [level.target.intensities[partner.target], level.source.intensities[partner.source]];
-    (extent.along(partner.moved, slope), f64::from(there) + slope.dot(step) - f64::from(here))
+    let [there, here] = [
+        level.target.intensities[partner.target],
+        level.source.intensities[partner.source],
+    ];
+    (
+        extent.along(partner.moved, slope),
+        f64::from(there) + slope.dot(step) - f64::from(here),
+    )
 }
 
 /// Sums of J Jᵀ and J r.

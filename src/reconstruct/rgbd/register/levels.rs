@@ -50,14 +50,26 @@ impl Level {
     ) -> Result<Option<Self>, Stopped> {
         progress.check()?;
         let (source, target) = rayon::join(|| source.thinned(voxel), || target.thinned(voxel));
-        let Some(tree) = Neighbours::new(&target.positions) else { return Ok(None) };
+        let Some(tree) = Neighbours::new(&target.positions) else {
+            return Ok(None);
+        };
         progress.check()?;
         let sloping = if with_brightness { target.len() } else { 0 };
         let slopes = (0..sloping)
             .into_par_iter()
-            .map(|index| progress.check().map(|()| slope(&target, &tree, index, voxel)))
+            .map(|index| {
+                progress
+                    .check()
+                    .map(|()| slope(&target, &tree, index, voxel))
+            })
             .collect::<Result<_, _>>()?;
-        Ok(Some(Self { source, target, slopes, voxel: f64::from(voxel), tree }))
+        Ok(Some(Self {
+            source,
+            target,
+            slopes,
+            voxel: f64::from(voxel),
+            tree,
+        }))
     }
 
     /// Source points that have a target point near and with a normal within 45° of theirs. Points that were seen so far
@@ -72,24 +84,41 @@ impl Level {
         let of_chunk = |(chunk, seen): (usize, &mut [Seen])| {
             progress.check()?;
             let ours = seen.iter_mut().enumerate();
-            Ok(ours.filter_map(|(at, seen)| self.partner(target_from_source, chunk * CHUNK + at, seen)).collect())
+            Ok(ours
+                .filter_map(|(at, seen)| self.partner(target_from_source, chunk * CHUNK + at, seen))
+                .collect())
         };
-        let chunks: Vec<Vec<Partner>> =
-            seen.par_chunks_mut(CHUNK).enumerate().map(of_chunk).collect::<Result<_, _>>()?;
+        let chunks: Vec<Vec<Partner>> = seen
+            .par_chunks_mut(CHUNK)
+            .enumerate()
+            .map(of_chunk)
+            .collect::<Result<_, _>>()?;
         Ok(chunks.concat())
     }
 
-    fn partner(&self, target_from_source: &Pose, source: usize, seen: &mut Seen) -> Option<Partner> {
+    fn partner(
+        &self,
+        target_from_source: &Pose,
+        source: usize,
+        seen: &mut Seen,
+    ) -> Option<Partner> {
         let reach = REACH * self.voxel;
         let moved = target_from_source.transform(self.source.positions[source].as_dvec3());
         if seen.distance - seen.moved.distance(moved) > 1.01 * reach {
             return None;
         }
         let (target, distance) = self.tree.nearest(moved.as_vec3());
-        *seen = Seen { moved, distance: f64::from(distance) };
+        *seen = Seen {
+            moved,
+            distance: f64::from(distance),
+        };
         let normal = target_from_source.rotation * self.source.normals[source].as_dvec3();
         let alike = normal.dot(self.target.normals[target].as_dvec3()) > SAME_NORMAL;
-        (seen.distance < reach && alike).then_some(Partner { moved, source, target })
+        (seen.distance < reach && alike).then_some(Partner {
+            moved,
+            source,
+            target,
+        })
     }
 
     /// How far a partner is in front of the target's surface.

@@ -28,20 +28,39 @@ pub struct Match {
 ///
 /// # Errors
 /// [`Stopped`].
-pub fn mutual(source: &[Descriptor], target: &[Descriptor], progress: &Progress) -> Result<Vec<Match>, Stopped> {
+pub fn mutual(
+    source: &[Descriptor],
+    target: &[Descriptor],
+    progress: &Progress,
+) -> Result<Vec<Match>, Stopped> {
     let there = nearest(source, &blocks(target), progress)?;
     let mut met: Vec<u32> = there.iter().map(|&(target, _)| target).collect();
     met.sort_unstable();
     met.dedup();
-    let asked: Vec<Descriptor> = met.iter().filter_map(|&index| target.get(index as usize).copied()).collect();
+    let asked: Vec<Descriptor> = met
+        .iter()
+        .filter_map(|&index| target.get(index as usize).copied())
+        .collect();
     let back = nearest(&asked, &blocks(source), progress)?;
     let mut matches: Vec<Match> = met
         .iter()
         .zip(back)
-        .filter(|&(&target, (source, _))| there.get(source as usize).is_some_and(|found| found.0 == target))
-        .map(|(&target, (source, distance))| Match { source, target, distance })
+        .filter(|&(&target, (source, _))| {
+            there
+                .get(source as usize)
+                .is_some_and(|found| found.0 == target)
+        })
+        .map(|(&target, (source, distance))| Match {
+            source,
+            target,
+            distance,
+        })
         .collect();
-    matches.sort_by(|a, b| a.distance.total_cmp(&b.distance).then(a.source.cmp(&b.source)));
+    matches.sort_by(|a, b| {
+        a.distance
+            .total_cmp(&b.distance)
+            .then(a.source.cmp(&b.source))
+    });
     Ok(matches)
 }
 
@@ -60,13 +79,23 @@ fn blocks(descriptors: &[Descriptor]) -> Vec<Block> {
 }
 
 /// The nearest of those in blocks to each of `asked`, as (place, squared distance); the earlier of equals.
-fn nearest(asked: &[Descriptor], blocks: &[Block], progress: &Progress) -> Result<Vec<(u32, f32)>, Stopped> {
+fn nearest(
+    asked: &[Descriptor],
+    blocks: &[Block],
+    progress: &Progress,
+) -> Result<Vec<(u32, f32)>, Stopped> {
     let arch = Arch::new();
     let of_chunk = |chunk: &[Descriptor]| {
         progress.check()?;
-        Ok(chunk.iter().map(|asked| arch.dispatch(Nearest { asked, blocks })).collect())
+        Ok(chunk
+            .iter()
+            .map(|asked| arch.dispatch(Nearest { asked, blocks }))
+            .collect())
     };
-    let chunks: Vec<Vec<(u32, f32)>> = asked.par_chunks(CHUNK).map(of_chunk).collect::<Result<_, _>>()?;
+    let chunks: Vec<Vec<(u32, f32)>> = asked
+        .par_chunks(CHUNK)
+        .map(of_chunk)
+        .collect::<Result<_, _>>()?;
     Ok(chunks.concat())
 }
 
@@ -93,12 +122,23 @@ impl WithSimd for Nearest<'_> {
             for lane in 0..LANES {
                 let nearer = sums[lane] < least[lane];
                 least[lane] = if nearer { sums[lane] } else { least[lane] };
-                place[lane] = if nearer { (at * LANES + lane) as u32 } else { place[lane] };
+                place[lane] = if nearer {
+                    (at * LANES + lane) as u32
+                } else {
+                    place[lane]
+                };
             }
         }
-        (0..LANES)
-            .map(|lane| (place[lane], least[lane]))
-            .fold((u32::MAX, f32::INFINITY), |best, one| if (one.1, one.0) < (best.1, best.0) { one } else { best })
+        (0..LANES).map(|lane| (place[lane], least[lane])).fold(
+            (u32::MAX, f32::INFINITY),
+            |best, one| {
+                if (one.1, one.0) < (best.1, best.0) {
+                    one
+                } else {
+                    best
+                }
+            },
+        )
     }
 }
 
@@ -111,13 +151,18 @@ mod tests {
     fn mutual_pairs_are_those_of_the_plain_way() {
         let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(2);
         let mut list = |count: usize| -> Vec<Descriptor> {
-            (0..count).map(|_| std::array::from_fn(|_| random.random_range(0.0..9.0))).collect()
+            (0..count)
+                .map(|_| std::array::from_fn(|_| random.random_range(0.0..9.0)))
+                .collect()
         };
         let (source, target) = (list(150), list(77));
-        let distance =
-            |a: &Descriptor, b: &Descriptor| -> f32 { a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum() };
+        let distance = |a: &Descriptor, b: &Descriptor| -> f32 {
+            a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+        };
         let closest = |to: &Descriptor, among: &[Descriptor]| {
-            (0..among.len()).min_by(|&a, &b| distance(to, &among[a]).total_cmp(&distance(to, &among[b]))).unwrap()
+            (0..among.len())
+                .min_by(|&a, &b| distance(to, &among[a]).total_cmp(&distance(to, &among[b])))
+                .unwrap()
         };
         let mut plain: Vec<(u32, u32)> = Vec::new();
         for (index, one) in source.iter().enumerate() {
@@ -131,7 +176,15 @@ mod tests {
         let mut pairs: Vec<(u32, u32)> = found.iter().map(|one| (one.source, one.target)).collect();
         pairs.sort_unstable();
         assert_eq!(pairs, plain);
-        assert!(mutual(&source, &[], &Progress::default()).unwrap().is_empty());
-        assert!(mutual(&[], &target, &Progress::default()).unwrap().is_empty());
+        assert!(
+            mutual(&source, &[], &Progress::default())
+                .unwrap()
+                .is_empty()
+        );
+        assert!(
+            mutual(&[], &target, &Progress::default())
+                .unwrap()
+                .is_empty()
+        );
     }
 }

@@ -27,7 +27,12 @@ pub struct GlobalOptions {
 
 impl Default for GlobalOptions {
     fn default() -> Self {
-        Self { method: GlobalRegistration::default(), min_agreeing: 20, min_share: 0.03, seed: 0 }
+        Self {
+            method: GlobalRegistration::default(),
+            min_agreeing: 20,
+            min_share: 0.03,
+            seed: 0,
+        }
     }
 }
 
@@ -44,6 +49,9 @@ pub struct RefineOptions {
 
 impl Default for RefineOptions {
     fn default() -> Self {
-        Self { voxel: 0.05, lambda_geometric: 0.968 }
+        Self {
+            voxel: 0.05,
+            lambda_geometric: 0.968,
+        }
     }
 }

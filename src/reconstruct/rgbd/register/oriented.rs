@@ -20,12 +20,19 @@ impl OrientedCloud {
     #[must_use]
     pub fn thinned(&self, voxel: f32) -> Self {
         let cell = |position: &Vec3| {
-            let I64Vec3 { x, y, z } = (position.as_dvec3() / f64::from(voxel)).floor().as_i64vec3();
+            let I64Vec3 { x, y, z } = (position.as_dvec3() / f64::from(voxel))
+                .floor()
+                .as_i64vec3();
             (z, y, x)
         };
-        let finite = self.positions.iter().enumerate().filter(|(_, position)| position.is_finite());
-        let mut order: Vec<((i64, i64, i64), u32)> =
-            finite.map(|(index, position)| (cell(position), index as u32)).collect();
+        let finite = self
+            .positions
+            .iter()
+            .enumerate()
+            .filter(|(_, position)| position.is_finite());
+        let mut order: Vec<((i64, i64, i64), u32)> = finite
+            .map(|(index, position)| (cell(position), index as u32))
+            .collect();
         order.par_sort_unstable();
         let mut thin = Self::default();
         for group in order.chunk_by(|a, b| a.0 == b.0) {
@@ -57,7 +64,8 @@ impl OrientedCloud {
         if self.normals.len() == self.len() && self.intensities.len() == self.len() {
             return Ok(());
         }
-        let (points, normals, intensities) = (self.len(), self.normals.len(), self.intensities.len());
+        let (points, normals, intensities) =
+            (self.len(), self.normals.len(), self.intensities.len());
         Err(SceneError::Request(format!(
             "a cloud to register has {points} points, {normals} normals and {intensities} intensities; give one each"
         )))
@@ -69,5 +77,7 @@ pub(super) fn check_voxel(voxel: f32) -> Result<(), SceneError> {
     if voxel.is_finite() && voxel > 0.0 {
         return Ok(());
     }
-    Err(SceneError::Request(format!("a voxel size of {voxel} is not possible; give a length above 0")))
+    Err(SceneError::Request(format!(
+        "a voxel size of {voxel} is not possible; give a length above 0"
+    )))
 }

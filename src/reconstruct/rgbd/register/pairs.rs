@@ -27,7 +27,12 @@ type Block = [[f64; LANES]; 6];
 
 impl Pairs {
     /// Of matched descriptors; pairs agree with a pose within `distance`.
-    pub fn new(source: &DescribedCloud, target: &DescribedCloud, matches: &[Match], distance: f64) -> Self {
+    pub fn new(
+        source: &DescribedCloud,
+        target: &DescribedCloud,
+        matches: &[Match],
+        distance: f64,
+    ) -> Self {
         let ends = |one: &Match| [(source, one.source), (target, one.target)];
         let of = |(cloud, place): (&DescribedCloud, u32)| cloud.places[place as usize] as usize;
         let point = |end: (&DescribedCloud, u32)| end.0.cloud.positions[of(end)].as_dvec3();
@@ -35,16 +40,26 @@ impl Pairs {
         let points: Vec<[DVec3; 2]> = matches.iter().map(|one| ends(one).map(point)).collect();
         let normals = matches.iter().map(|one| ends(one).map(normal)).collect();
         let blocks = points.chunks(LANES).map(block).collect();
-        Self { points, normals, blocks, limit: distance * distance, arch: Arch::new() }
+        Self {
+            points,
+            normals,
+            blocks,
+            limit: distance * distance,
+            arch: Arch::new(),
+        }
     }
 
     /// Whether two pairs can be of one rigid motion: the distances between the points are alike up to the ratio
     /// `edge_ratio`, and so are the angles between the normals.
     pub fn fit_together(&self, one: usize, other: usize, edge_ratio: f64) -> bool {
-        let [here, there] = [0, 1].map(|end| self.points[one][end].distance(self.points[other][end]));
-        let [here_turn, there_turn] = [0, 1].map(|end| self.normals[one][end].dot(self.normals[other][end]));
+        let [here, there] =
+            [0, 1].map(|end| self.points[one][end].distance(self.points[other][end]));
+        let [here_turn, there_turn] =
+            [0, 1].map(|end| self.normals[one][end].dot(self.normals[other][end]));
         // Two pairs that share a point are at distance 0 and say nothing about a motion.
-        here > edge_ratio * there && there > edge_ratio * here && (here_turn - there_turn).abs() < NORMAL_TOLERANCE
+        here > edge_ratio * there
+            && there > edge_ratio * here
+            && (here_turn - there_turn).abs() < NORMAL_TOLERANCE
     }
 
     /// Whether the pose turns a pair's normals onto each other.
@@ -67,25 +82,39 @@ impl Pairs {
     /// Pairs within the distance, ascending.
     pub fn within(&self, pose: &Pose) -> Vec<u32> {
         let rotation = DMat3::from_quat(pose.rotation);
-        within(&self.blocks, self.limit, |block| errors(&rotation, pose.translation, block))
+        within(&self.blocks, self.limit, |block| {
+            errors(&rotation, pose.translation, block)
+        })
     }
 
     /// How many pairs agree with a pose, in distance and normals.
     pub fn agreeing(&self, pose: &Pose) -> usize {
-        self.within(pose).into_iter().filter(|&pair| self.same_normal(pose, pair as usize)).count()
+        self.within(pose)
+            .into_iter()
+            .filter(|&pair| self.same_normal(pose, pair as usize))
+            .count()
     }
 
     /// The pose that fits best to what agrees with a pose.
     pub fn refined(&self, pose: &Pose) -> Option<Pose> {
         let near = self.within(pose);
-        align(near.iter().map(|&pair| (self.points[pair as usize][0], self.points[pair as usize][1], 1.0)))
+        align(near.iter().map(|&pair| {
+            (
+                self.points[pair as usize][0],
+                self.points[pair as usize][1],
+                1.0,
+            )
+        }))
     }
 }
 
 fn block(chunk: &[[DVec3; 2]]) -> Block {
     let mut block = [[f64::NAN; LANES]; 6];
     for (lane, [source, target]) in chunk.iter().enumerate() {
-        for (row, value) in block.iter_mut().zip(source.to_array().into_iter().chain(target.to_array())) {
+        for (row, value) in block
+            .iter_mut()
+            .zip(source.to_array().into_iter().chain(target.to_array()))
+        {
             row[lane] = value;
         }
     }
@@ -99,7 +128,8 @@ fn errors(rotation: &DMat3, translation: DVec3, block: &Block) -> [f64; LANES] {
     for axis in 0..3 {
         for lane in 0..LANES {
             let moved = columns[0][axis] * block[0][lane] + columns[1][axis] * block[1][lane];
-            let miss = moved + columns[2][axis] * block[2][lane] + shift[0][axis] - block[3 + axis][lane];
+            let miss =
+                moved + columns[2][axis] * block[2][lane] + shift[0][axis] - block[3 + axis][lane];
             errors[lane] += miss * miss;
         }
     }

@@ -60,13 +60,25 @@ pub fn refine_registration(
     let with_brightness = options.lambda_geometric < 1.0;
     let mut levels = Vec::new();
     for (share, iterations) in LEVELS {
-        let level = Level::new([source, target], share * options.voxel, with_brightness, progress)?;
+        let level = Level::new(
+            [source, target],
+            share * options.voxel,
+            with_brightness,
+            progress,
+        )?;
         levels.extend(level.map(|level| (level, iterations)));
     }
     let mut best = refined(&levels, *start, 1.0, progress)?;
     if let Some(surfaces) = best.filter(|_| with_brightness) {
-        let both = refined(&levels, surfaces.target_from_source, options.lambda_geometric, progress)?;
-        best = both.filter(|both| both.fitness >= KEPT * surfaces.fitness).or(best);
+        let both = refined(
+            &levels,
+            surfaces.target_from_source,
+            options.lambda_geometric,
+            progress,
+        )?;
+        best = both
+            .filter(|both| both.fitness >= KEPT * surfaces.fitness)
+            .or(best);
     }
     Ok(best)
 }
@@ -81,7 +93,9 @@ fn refined(
     for (level, iterations) in levels {
         pose = iterate(level, pose, *iterations, lambda, progress)?;
     }
-    let Some((finest, _)) = levels.last() else { return Ok(None) };
+    let Some((finest, _)) = levels.last() else {
+        return Ok(None);
+    };
     let partners = finest.partners(&pose, &mut Vec::new(), progress)?;
     Ok((!partners.is_empty()).then(|| Refined {
         target_from_source: pose,
@@ -93,12 +107,18 @@ fn refined(
     }))
 }
 
-fn check(source: &OrientedCloud, target: &OrientedCloud, options: &RefineOptions) -> Result<(), SceneError> {
+fn check(
+    source: &OrientedCloud,
+    target: &OrientedCloud,
+    options: &RefineOptions,
+) -> Result<(), SceneError> {
     source.check()?;
     target.check()?;
     check_voxel(options.voxel)?;
     if (0.0..=1.0).contains(&options.lambda_geometric) {
         return Ok(());
     }
-    Err(SceneError::Request("the weight of the surfaces' distance must be from 0 to 1".into()))
+    Err(SceneError::Request(
+        "the weight of the surfaces' distance must be from 0 to 1".into(),
+    ))
 }

@@ -32,10 +32,17 @@ impl Estimator for Pairs {
 
     fn fit(&self, sample: &[usize], found: &mut Vec<Pose>) {
         let &[a, b, c] = sample else { return };
-        if ![[a, b], [b, c], [c, a]].iter().all(|&[one, other]| self.fit_together(one, other, EDGE_RATIO)) {
+        if ![[a, b], [b, c], [c, a]]
+            .iter()
+            .all(|&[one, other]| self.fit_together(one, other, EDGE_RATIO))
+        {
             return;
         }
-        let pose = align(sample.iter().map(|&pair| (self.points[pair][0], self.points[pair][1], 1.0)));
+        let pose = align(
+            sample
+                .iter()
+                .map(|&pair| (self.points[pair][0], self.points[pair][1], 1.0)),
+        );
         found.extend(pose.filter(|pose| sample.iter().all(|&pair| self.same_normal(pose, pair))));
     }
 

@@ -11,8 +11,10 @@ use ostra_geometry::{Camera, Distortion, Pose};
 /// The pictures' camera of a sensor as it is: a shorter focal length, beside that of the depths and a little turned.
 fn beside() -> (Camera, Pose) {
     let picture = Camera::pinhole(320, 240, 264.0, 264.0, 159.8, 119.6);
-    let picture_from_depth =
-        Pose { rotation: DQuat::from_rotation_z(0.006), translation: DVec3::new(-0.026, 0.001, 0.0) };
+    let picture_from_depth = Pose {
+        rotation: DQuat::from_rotation_z(0.006),
+        translation: DVec3::new(-0.026, 0.001, 0.0),
+    };
     (picture, picture_from_depth)
 }
 
@@ -36,7 +38,12 @@ fn by_two_cameras_at(steps: impl Iterator<Item = f64>) -> Recording {
 }
 
 fn found(recording: &Recording) -> Vec<Calibration> {
-    calibrate(&recording.frames, &FrameStore::new(64 << 20), &Progress::default()).unwrap()
+    calibrate(
+        &recording.frames,
+        &FrameStore::new(64 << 20),
+        &Progress::default(),
+    )
+    .unwrap()
 }
 
 /// How far the picture's corners are off for what lies at a depth, pixels.
@@ -44,10 +51,24 @@ fn off_px(found: &Calibration, depth: f64) -> f64 {
     let (picture, picture_from_depth) = beside();
     let off = |x: f64, y: f64| {
         let point = camera().unproject(glam::DVec2::new(x, y)).extend(1.0) * depth;
-        let truth = picture.project(picture_from_depth.transform(point)).unwrap();
-        truth.distance(found.picture.project(found.depth.picture_from_depth.transform(point)).unwrap())
+        let truth = picture
+            .project(picture_from_depth.transform(point))
+            .unwrap();
+        truth.distance(
+            found
+                .picture
+                .project(found.depth.picture_from_depth.transform(point))
+                .unwrap(),
+        )
     };
-    [off(0.0, 0.0), off(320.0, 0.0), off(0.0, 240.0), off(320.0, 240.0)].into_iter().fold(0.0, f64::max)
+    [
+        off(0.0, 0.0),
+        off(320.0, 0.0),
+        off(0.0, 240.0),
+        off(320.0, 240.0),
+    ]
+    .into_iter()
+    .fold(0.0, f64::max)
 }
 
 #[test]
@@ -57,7 +78,11 @@ fn a_camera_beside_the_depths_is_found_and_the_recording_placed_by_it() {
     assert_eq!(calibrations.len(), 1);
     let calibration = &calibrations[0];
     assert_eq!(calibration.frames, (0..18).collect::<Vec<_>>());
-    assert_eq!(calibration.depth.intrinsics, camera(), "the depths' camera is the one that was given");
+    assert_eq!(
+        calibration.depth.intrinsics,
+        camera(),
+        "the depths' camera is the one that was given"
+    );
     // As they were taken to lie, the corners are up to 21 pixels off. Most lies at 2.4 m; how far aside the camera stands is hardly told, so
     // that what is near lies farther off.
     for (depth, most_px) in [(2.4, 2.5), (1.2, 6.0)] {
@@ -68,10 +93,18 @@ fn a_camera_beside_the_depths_is_found_and_the_recording_placed_by_it() {
     calibration.apply(&mut recording.frames);
     let result = recording.register(&NearestMatcher::for_bytes(), 1).unwrap();
     assert_eq!(result.cameras.len(), 18);
-    assert!(result.cameras.values().all(|camera| camera.intrinsics == calibration.picture));
+    assert!(
+        result
+            .cameras
+            .values()
+            .all(|camera| camera.intrinsics == calibration.picture)
+    );
     let all: Vec<usize> = result.cameras.keys().copied().collect();
     for (frame, off, turn) in recording.errors(&result, &all) {
-        assert!(off < 0.01 && turn < 0.3, "frame {frame}: {off} m, {turn} deg");
+        assert!(
+            off < 0.01 && turn < 0.3,
+            "frame {frame}: {off} m, {turn} deg"
+        );
     }
     assert_eq!(found(&recording), [], "what has cameras of its own is left");
 }
@@ -85,12 +118,30 @@ fn pictures_that_lie_on_their_depths_are_left() {
 fn more_frames_of_a_known_sensor_take_its_cameras() {
     let mut recording = by_two_cameras(18);
     let whole = found(&recording).remove(0);
-    Calibration { frames: (0..16).collect(), ..whole }.apply(&mut recording.frames);
+    Calibration {
+        frames: (0..16).collect(),
+        ..whole
+    }
+    .apply(&mut recording.frames);
     // Two frames alone would tell nothing.
-    assert_eq!(found(&recording), [Calibration { frames: vec![16, 17], ..whole }]);
+    assert_eq!(
+        found(&recording),
+        [Calibration {
+            frames: vec![16, 17],
+            ..whole
+        }]
+    );
     // What was given for some says nothing of others.
-    let depth = DepthCamera { estimated: false, ..whole.depth };
-    Calibration { frames: (0..16).collect(), depth, ..whole }.apply(&mut recording.frames);
+    let depth = DepthCamera {
+        estimated: false,
+        ..whole.depth
+    };
+    Calibration {
+        frames: (0..16).collect(),
+        depth,
+        ..whole
+    }
+    .apply(&mut recording.frames);
     assert_eq!(found(&recording), []);
 }
 
@@ -99,7 +150,8 @@ fn too_few_frames_and_calibrated_lenses_are_left() {
     assert_eq!(found(&by_two_cameras(5)), []);
     let mut recording = by_two_cameras(18);
     for frame in &mut recording.frames {
-        frame.camera.as_mut().unwrap().intrinsics.distortion = Distortion::Radial { k: [0.01, 0.0] };
+        frame.camera.as_mut().unwrap().intrinsics.distortion =
+            Distortion::Radial { k: [0.01, 0.0] };
     }
     assert_eq!(found(&recording), []);
 }
@@ -107,7 +159,9 @@ fn too_few_frames_and_calibrated_lenses_are_left() {
 #[test]
 fn a_sensor_that_hardly_moves_tells_nothing() {
     for (frames, speed) in [(8, 0.05), (16, 0.02)] {
-        let found = found(&by_two_cameras_at((0..frames).map(|step| speed * f64::from(step))));
+        let found = found(&by_two_cameras_at(
+            (0..frames).map(|step| speed * f64::from(step)),
+        ));
         assert_eq!(found, [], "{frames} frames at {speed}");
     }
 }
@@ -128,12 +182,27 @@ fn depth_of_another_size_is_seen_in_the_pictures() {
     recording.add(&(image, depth), recording.truth[0]);
     let frame = &mut recording.frames[1];
     frame.camera.as_mut().unwrap().intrinsics = larger;
-    let Some(DepthSource::Sensor { camera: own, .. }) = &mut frame.depth else { panic!("a sensor's") };
-    *own = Some(Box::new(DepthCamera { intrinsics: camera(), picture_from_depth, estimated: false }));
+    let Some(DepthSource::Sensor { camera: own, .. }) = &mut frame.depth else {
+        panic!("a sensor's")
+    };
+    *own = Some(Box::new(DepthCamera {
+        intrinsics: camera(),
+        picture_from_depth,
+        estimated: false,
+    }));
     let seen = FrameStore::new(64 << 20).depth(frame).unwrap().unwrap();
-    let mut off: Vec<f32> =
-        seen.depths.iter().zip(&exact.depths).filter(|(seen, _)| **seen > 0.0).map(|(a, b)| (a - b).abs()).collect();
+    let mut off: Vec<f32> = seen
+        .depths
+        .iter()
+        .zip(&exact.depths)
+        .filter(|(seen, _)| **seen > 0.0)
+        .map(|(a, b)| (a - b).abs())
+        .collect();
     assert!(off.len() > 640 * 480 * 8 / 10, "{} pixels known", off.len());
     off.sort_by(f32::total_cmp);
-    assert!(off[off.len() * 95 / 100] < 0.002, "{} m", off[off.len() * 95 / 100]);
+    assert!(
+        off[off.len() * 95 / 100] < 0.002,
+        "{} m",
+        off[off.len() * 95 / 100]
+    );
 }

@@ -6,7 +6,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use glam::DVec3;
 
 use super::room::{camera, hand_at, seen};
-use crate::rgbd::{LinkKind, OnPose, RgbdError, RgbdOptions, RgbdRequest, RgbdResult, register_rgbd};
+use crate::rgbd::{
+    LinkKind, OnPose, RgbdError, RgbdOptions, RgbdRequest, RgbdResult, register_rgbd,
+};
 use crate::sfm::matching::NearestMatcher;
 use crate::sfm::{FeatureError, FeatureMatcher, Features, Outcome, Sift};
 use ostra_core::job::Progress;
@@ -22,7 +24,11 @@ pub struct Recording {
 
 impl Recording {
     pub fn new() -> Self {
-        Self { folder: tempfile::tempdir().unwrap(), frames: Vec::new(), truth: Vec::new() }
+        Self {
+            folder: tempfile::tempdir().unwrap(),
+            frames: Vec::new(),
+            truth: Vec::new(),
+        }
     }
 
     /// Records the steps of a hand.
@@ -43,7 +49,10 @@ impl Recording {
             name: format!("c{number:03}.png"),
             width: image.width,
             height: image.height,
-            picture: PictureSource::File { path: path("c"), orientation: Default::default() },
+            picture: PictureSource::File {
+                path: path("c"),
+                orientation: Default::default(),
+            },
             depth: Some(DepthSource::Sensor {
                 path: path("d"),
                 unit: 0.0005,
@@ -55,7 +64,11 @@ impl Recording {
         self.truth.push(truth);
     }
 
-    pub fn register(&self, matcher: &dyn FeatureMatcher, every: usize) -> Result<RgbdResult, RgbdError> {
+    pub fn register(
+        &self,
+        matcher: &dyn FeatureMatcher,
+        every: usize,
+    ) -> Result<RgbdResult, RgbdError> {
         self.register_with(matcher, every, &Progress::default())
     }
 
@@ -75,7 +88,8 @@ impl Recording {
         progress: &Progress,
         on_pose: &OnPose<'_>,
     ) -> Result<RgbdResult, RgbdError> {
-        let (chosen, between): (Vec<usize>, Vec<usize>) = (0..self.frames.len()).partition(|frame| frame % every == 0);
+        let (chosen, between): (Vec<usize>, Vec<usize>) =
+            (0..self.frames.len()).partition(|frame| frame % every == 0);
         let request = RgbdRequest {
             on_pose,
             frames: &self.frames,
@@ -94,9 +108,17 @@ impl Recording {
     pub fn errors(&self, result: &RgbdResult, sound: &[usize]) -> Vec<(usize, f64, f64)> {
         let pose = |frame: usize| result.cameras[&frame].camera_from_world.unwrap();
         // A point before each camera too: a hand's path alone is too straight to tell how it is turned.
-        let points = |pose: &Pose| [DVec3::ZERO, DVec3::Z, DVec3::X].map(|point| pose.inverse().transform(point));
-        let found: Vec<DVec3> = sound.iter().flat_map(|&frame| points(&pose(frame))).collect();
-        let truth: Vec<DVec3> = sound.iter().flat_map(|&frame| points(&self.truth[frame])).collect();
+        let points = |pose: &Pose| {
+            [DVec3::ZERO, DVec3::Z, DVec3::X].map(|point| pose.inverse().transform(point))
+        };
+        let found: Vec<DVec3> = sound
+            .iter()
+            .flat_map(|&frame| points(&pose(frame)))
+            .collect();
+        let truth: Vec<DVec3> = sound
+            .iter()
+            .flat_map(|&frame| points(&self.truth[frame]))
+            .collect();
         let to_truth = Similarity::align(&found, &truth, Alignment::Se3).unwrap();
         let error = |&frame: &usize| {
             let (found, truth) = (to_truth.transform_camera(&pose(frame)), self.truth[frame]);
@@ -109,17 +131,37 @@ impl Recording {
     fn assert_true(&self, result: &RgbdResult) {
         let all: Vec<usize> = result.cameras.keys().copied().collect();
         for (frame, off, turn) in self.errors(result, &all) {
-            assert!(off < 0.006 && turn < 0.2, "frame {frame}: {off} m, {turn} deg");
+            assert!(
+                off < 0.006 && turn < 0.2,
+                "frame {frame}: {off} m, {turn} deg"
+            );
         }
     }
 }
 
 fn write(color: &Path, depth_path: &Path, image: &Image, depth: &DepthMap) {
     let bytes: Vec<u8> = image.pixels.iter().flatten().copied().collect();
-    image::save_buffer(color, &bytes, image.width, image.height, image::ExtendedColorType::Rgb8).unwrap();
-    let steps: Vec<u8> =
-        depth.depths.iter().flat_map(|depth| ((depth / 0.0005).round() as u16).to_ne_bytes()).collect();
-    image::save_buffer(depth_path, &steps, depth.width, depth.height, image::ExtendedColorType::L16).unwrap();
+    image::save_buffer(
+        color,
+        &bytes,
+        image.width,
+        image.height,
+        image::ExtendedColorType::Rgb8,
+    )
+    .unwrap();
+    let steps: Vec<u8> = depth
+        .depths
+        .iter()
+        .flat_map(|depth| ((depth / 0.0005).round() as u16).to_ne_bytes())
+        .collect();
+    image::save_buffer(
+        depth_path,
+        &steps,
+        depth.width,
+        depth.height,
+        image::ExtendedColorType::L16,
+    )
+    .unwrap();
 }
 
 /// Recognises nothing: what is left is depth.
@@ -140,7 +182,11 @@ fn a_recording_is_placed_and_comes_out_the_same_twice() {
     let recording = Recording::of(0..14);
     let result = recording.register(&NearestMatcher::for_bytes(), 1).unwrap();
     assert_eq!(result.cameras.len(), 14);
-    assert_eq!(result.cameras[&0].camera_from_world, Some(Pose::IDENTITY), "the world is that of the first frame");
+    assert_eq!(
+        result.cameras[&0].camera_from_world,
+        Some(Pose::IDENTITY),
+        "the world is that of the first frame"
+    );
     recording.assert_true(&result);
     let again = recording.register(&NearestMatcher::for_bytes(), 1).unwrap();
     assert!(again.cameras == result.cameras && again.outcomes == result.outcomes);
@@ -165,9 +211,16 @@ fn spoilt_frames_are_told_and_the_others_placed() {
 
     let result = recording.register(&NearestMatcher::for_bytes(), 1).unwrap();
     assert_eq!(result.outcomes[&15], Outcome::NoDepth { known: 0.0 });
-    assert!(matches!(result.outcomes[&16], Outcome::Unlike { .. }), "mirrored: {:?}", result.outcomes[&16]);
+    assert!(
+        matches!(result.outcomes[&16], Outcome::Unlike { .. }),
+        "mirrored: {:?}",
+        result.outcomes[&16]
+    );
     let placed: Vec<usize> = result.cameras.keys().copied().collect();
-    assert_eq!(placed, [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 17]);
+    assert_eq!(
+        placed,
+        [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 17]
+    );
     recording.assert_true(&result);
 }
 
@@ -177,9 +230,17 @@ fn pieces_without_features_are_joined_by_their_shape() {
     let result = recording.register(&Blind, 1).unwrap();
     assert_eq!(result.cameras.len(), 20, "{:?}", result.outcomes);
     recording.assert_true(&result);
-    let by_shape = result.links.iter().filter(|link| link.kind == LinkKind::Shape && link.holds);
+    let by_shape = result
+        .links
+        .iter()
+        .filter(|link| link.kind == LinkKind::Shape && link.holds);
     assert!(by_shape.clone().count() >= 2, "{:?}", result.links);
-    assert!(by_shape.clone().all(|link| (link.frames[0] < 8) != (link.frames[1] < 8)), "between the two pieces");
+    assert!(
+        by_shape
+            .clone()
+            .all(|link| (link.frames[0] < 8) != (link.frames[1] < 8)),
+        "between the two pieces"
+    );
 }
 
 /// Stops the work after some pairs were matched.
@@ -205,27 +266,47 @@ impl FeatureMatcher for Stopping {
 fn a_stopped_run_keeps_what_it_has() {
     let recording = Recording::of(0..10);
     let progress = Progress::default();
-    let matcher = Stopping { progress: progress.clone(), left: AtomicUsize::new(6) };
+    let matcher = Stopping {
+        progress: progress.clone(),
+        left: AtomicUsize::new(6),
+    };
     let result = recording.register_with(&matcher, 1, &progress).unwrap();
-    assert!(result.stopped && (2..10).contains(&result.cameras.len()), "{:?}", result.cameras.keys());
+    assert!(
+        result.stopped && (2..10).contains(&result.cameras.len()),
+        "{:?}",
+        result.cameras.keys()
+    );
     recording.assert_true(&result);
     let progress = Progress::default();
     progress.stop();
-    assert!(matches!(recording.register_with(&Blind, 1, &progress), Err(RgbdError::Stopped(_))));
+    assert!(matches!(
+        recording.register_with(&Blind, 1, &progress),
+        Err(RgbdError::Stopped(_))
+    ));
 }
 
 #[test]
 fn a_piece_of_another_place_stays_apart() {
     let mut recording = Recording::of(0..6);
     // The room behind the camera: nothing of it is seen from the front.
-    let behind = Pose { rotation: glam::DQuat::from_rotation_y(std::f64::consts::PI), ..Pose::IDENTITY };
+    let behind = Pose {
+        rotation: glam::DQuat::from_rotation_y(std::f64::consts::PI),
+        ..Pose::IDENTITY
+    };
     for step in 0..4 {
         let pose = behind.compose(&hand_at(f64::from(step)));
         recording.add(&seen(&pose, 0.0015, 50), pose);
     }
     let result = recording.register(&NearestMatcher::for_bytes(), 1).unwrap();
-    assert_eq!(result.cameras.keys().copied().collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5]);
-    assert!((6..10).all(|frame| result.outcomes[&frame] == Outcome::Apart { frames: 4 }), "{:?}", result.outcomes);
+    assert_eq!(
+        result.cameras.keys().copied().collect::<Vec<_>>(),
+        [0, 1, 2, 3, 4, 5]
+    );
+    assert!(
+        (6..10).all(|frame| result.outcomes[&frame] == Outcome::Apart { frames: 4 }),
+        "{:?}",
+        result.outcomes
+    );
 }
 
 #[test]
@@ -241,14 +322,22 @@ fn who_looks_on_sees_the_cameras_one_after_the_other_and_then_as_they_end() {
     let recording = Recording::of(0..9);
     let told = Mutex::new(Vec::new());
     let take = |frame: usize, pose: &Pose| told.lock().unwrap().push((frame, *pose));
-    let result = recording.register_watched(&NearestMatcher::for_bytes(), 2, &Progress::default(), &take).unwrap();
+    let result = recording
+        .register_watched(&NearestMatcher::for_bytes(), 2, &Progress::default(), &take)
+        .unwrap();
     let told = told.into_inner().unwrap();
     let first: Vec<usize> = told.iter().map(|(frame, _)| *frame).take(5).collect();
     assert_eq!(first, [0, 2, 4, 6, 8], "while odometry goes on");
     let end: BTreeMap<usize, Pose> = told.into_iter().collect();
     assert_eq!(end.len(), 9);
     for (frame, camera) in &result.cameras {
-        assert!(end[frame].centre().distance(camera.camera_from_world.unwrap().centre()) < 1e-9, "{frame}");
+        assert!(
+            end[frame]
+                .centre()
+                .distance(camera.camera_from_world.unwrap().centre())
+                < 1e-9,
+            "{frame}"
+        );
     }
 }
 
@@ -258,6 +347,9 @@ fn frames_that_have_nothing_to_go_by_say_so() {
     for frame in &mut recording.frames {
         frame.camera = None;
     }
-    let error = recording.register(&NearestMatcher::for_bytes(), 1).unwrap_err().to_string();
+    let error = recording
+        .register(&NearestMatcher::for_bytes(), 1)
+        .unwrap_err()
+        .to_string();
     assert!(error.contains("--intrinsics"), "{error}");
 }

@@ -30,11 +30,18 @@ pub fn camera() -> Camera {
 
 /// The camera's pose after `step` steps of a hand that turns 2.5° and moves some 3 cm with each.
 pub fn hand_at(step: f64) -> Pose {
-    let turn =
-        DQuat::from_rotation_y((2.5 * step - 20.0).to_radians()) * DQuat::from_rotation_x(0.05 * (0.9 * step).sin());
-    let centre = DVec3::new(0.03 * step - 0.3, 0.4 + 0.02 * (1.3 * step).sin(), -0.8 + 0.01 * step);
+    let turn = DQuat::from_rotation_y((2.5 * step - 20.0).to_radians())
+        * DQuat::from_rotation_x(0.05 * (0.9 * step).sin());
+    let centre = DVec3::new(
+        0.03 * step - 0.3,
+        0.4 + 0.02 * (1.3 * step).sin(),
+        -0.8 + 0.01 * step,
+    );
     let rotation = turn.inverse();
-    Pose { rotation, translation: -(rotation * centre) }
+    Pose {
+        rotation,
+        translation: -(rotation * centre),
+    }
 }
 
 /// What the camera sees; depth scatters by `noise` times its square, metres.
@@ -43,14 +50,24 @@ pub fn seen(camera_from_world: &Pose, noise: f64, seed: u64) -> (Image, DepthMap
 }
 
 /// What another camera sees.
-pub fn seen_through(camera: &Camera, camera_from_world: &Pose, noise: f64, seed: u64) -> (Image, DepthMap) {
+pub fn seen_through(
+    camera: &Camera,
+    camera_from_world: &Pose,
+    noise: f64,
+    seed: u64,
+) -> (Image, DepthMap) {
     let world_from_camera = camera_from_world.inverse();
     let rng = &mut Pcg64Mcg::seed_from_u64(seed);
     let (mut pixels, mut depths) = (Vec::new(), Vec::new());
     for y in 0..camera.height {
         for x in 0..camera.width {
-            let ray = camera.unproject(glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)).extend(1.0);
-            let (origin, along) = (world_from_camera.translation, world_from_camera.rotation * ray);
+            let ray = camera
+                .unproject(glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5))
+                .extend(1.0);
+            let (origin, along) = (
+                world_from_camera.translation,
+                world_from_camera.rotation * ray,
+            );
             let depth = first_hit(origin, along);
             let grey = texture(origin + depth * along);
             pixels.push([grey; 3]);
@@ -59,19 +76,37 @@ pub fn seen_through(camera: &Camera, camera_from_world: &Pose, noise: f64, seed:
         }
     }
     let (width, height) = (camera.width, camera.height);
-    (Image { width, height, pixels }, DepthMap { width, height, depths })
+    (
+        Image {
+            width,
+            height,
+            pixels,
+        },
+        DepthMap {
+            width,
+            height,
+            depths,
+        },
+    )
 }
 
 fn first_hit(origin: DVec3, along: DVec3) -> f64 {
     let walls = ((ROOM * along.signum() - origin) / along).min_element();
     let things = FURNITURE.iter().filter_map(|[middle, half]| {
-        let (a, b) = ((middle - half - origin) / along, (middle + half - origin) / along);
+        let (a, b) = (
+            (middle - half - origin) / along,
+            (middle + half - origin) / along,
+        );
         let (enter, leave) = (a.min(b).max_element(), a.max(b).min_element());
         (enter > 0.0 && enter < leave).then_some(enter)
     });
     let balls = BALLS.iter().filter_map(|&(middle, radius)| {
         let from = origin - middle;
-        let (a, b, c) = (along.length_squared(), along.dot(from), from.length_squared() - radius * radius);
+        let (a, b, c) = (
+            along.length_squared(),
+            along.dot(from),
+            from.length_squared() - radius * radius,
+        );
         let enter = (-b - (b * b - a * c).sqrt()) / a;
         (enter > 0.0).then_some(enter)
     });
@@ -88,7 +123,11 @@ fn noise(at: DVec3, seed: u64) -> f64 {
     let (cell, share) = (at.floor(), at - at.floor());
     let corner = |x: f64, y: f64, z: f64| {
         let place = [cell.x + x, cell.y + y, cell.z + z].map(|v| v as i64 as u64);
-        let mixed = place.iter().fold(seed, |sum, v| (sum ^ v).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29));
+        let mixed = place.iter().fold(seed, |sum, v| {
+            (sum ^ v)
+                .wrapping_mul(0x9e37_79b9_7f4a_7c15)
+                .rotate_left(29)
+        });
         (mixed >> 40) as f64 / f64::from(1u32 << 24)
     };
     let lerp = |a: f64, b: f64, t: f64| a + (b - a) * t * t * (3.0 - 2.0 * t);

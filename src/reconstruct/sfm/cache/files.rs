@@ -61,11 +61,18 @@ impl FeatureCache {
     }
 
     pub(super) fn bounded(folder: PathBuf, budget_bytes: u64) -> Self {
-        let known = if is_own_folder(&folder) { read_pairs(&folder) } else { FxHashMap::default() };
+        let known = if is_own_folder(&folder) {
+            read_pairs(&folder)
+        } else {
+            FxHashMap::default()
+        };
         Self {
             folder,
             budget_bytes,
-            pairs: Mutex::new(Pairs { known, ..Pairs::default() }),
+            pairs: Mutex::new(Pairs {
+                known,
+                ..Pairs::default()
+            }),
             failure: Mutex::default(),
             found: Counts::default(),
             made: Counts::default(),
@@ -96,11 +103,21 @@ impl FeatureCache {
     }
 
     /// The features of a key, where they are kept and `is_right`.
-    pub(super) fn features(&self, key: &Key, is_right: impl FnOnce(&Features) -> bool) -> Option<Features> {
+    pub(super) fn features(
+        &self,
+        key: &Key,
+        is_right: impl FnOnce(&Features) -> bool,
+    ) -> Option<Features> {
         let path = self.features_path(key);
         let bytes = is_own_folder(&self.folder).then(|| read(&path)).flatten();
-        let found = bytes.and_then(|bytes| decode_features(&bytes)).filter(is_right);
-        let counts = if found.is_some() { &self.found } else { &self.made };
+        let found = bytes
+            .and_then(|bytes| decode_features(&bytes))
+            .filter(is_right);
+        let counts = if found.is_some() {
+            &self.found
+        } else {
+            &self.made
+        };
         counts.pictures.fetch_add(1, Ordering::Relaxed);
         if found.is_some() {
             used_now(&path);
@@ -114,7 +131,11 @@ impl FeatureCache {
 
     pub(super) fn pair(&self, key: &Key) -> Option<Matches> {
         let found = lock(&self.pairs).known.get(key).cloned();
-        let counts = if found.is_some() { &self.found } else { &self.made };
+        let counts = if found.is_some() {
+            &self.found
+        } else {
+            &self.made
+        };
         counts.pairs.fetch_add(1, Ordering::Relaxed);
         found
     }
@@ -134,9 +155,13 @@ impl FeatureCache {
 
     fn save_pairs(&self, pairs: &mut Pairs) {
         let unsaved = std::mem::take(&mut pairs.unsaved);
-        let Some(first) = unsaved.iter().min() else { return };
+        let Some(first) = unsaved.iter().min() else {
+            return;
+        };
         let path = self.folder.join(format!("matches-{}.bin", hex(first)));
-        let rows = unsaved.iter().filter_map(|key| Some((key, pairs.known.get(key)?)));
+        let rows = unsaved
+            .iter()
+            .filter_map(|key| Some((key, pairs.known.get(key)?)));
         self.write(&path, &encode_pairs(rows));
         pairs.saved = Some(Instant::now());
     }
@@ -150,7 +175,9 @@ impl FeatureCache {
         let mut failure = lock(&self.failure);
         if failure.is_none() {
             let written = make_own_folder(&self.folder).and_then(|()| disk::write(path, bytes));
-            *failure = written.err().map(|error| format!("{}: {error}", self.folder.display()));
+            *failure = written
+                .err()
+                .map(|error| format!("{}: {error}", self.folder.display()));
         }
     }
 
@@ -192,7 +219,9 @@ fn make_own_folder(folder: &Path) -> std::io::Result<()> {
 fn read_pairs(folder: &Path) -> FxHashMap<Key, Matches> {
     let (mut known, mut left) = (FxHashMap::default(), LOADED_BYTES);
     for (_, bytes, path) in entries(folder, &["matches-"]).into_iter().rev() {
-        let Some(rest) = left.checked_sub(bytes) else { break };
+        let Some(rest) = left.checked_sub(bytes) else {
+            break;
+        };
         if let Some(pairs) = read(&path).and_then(|bytes| decode_pairs(&bytes)) {
             known.extend(pairs);
             used_now(&path);
@@ -204,7 +233,10 @@ fn read_pairs(folder: &Path) -> FxHashMap<Key, Matches> {
 
 /// What is used last goes last.
 fn used_now(path: &Path) {
-    let _ = File::options().write(true).open(path).and_then(|file| file.set_modified(SystemTime::now()));
+    let _ = File::options()
+        .write(true)
+        .open(path)
+        .and_then(|file| file.set_modified(SystemTime::now()));
 }
 
 /// Time, size and path of the files whose names begin so, the oldest first.
@@ -213,7 +245,11 @@ fn entries(folder: &Path, starts: &[&str]) -> Vec<(SystemTime, u64, PathBuf)> {
         let about = fs::symlink_metadata(&path).ok()?;
         Some((about.modified().ok()?, about.len(), path))
     };
-    let paths = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let paths = fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .map(|entry| entry.path());
     let is_named = |path: &PathBuf| starts.iter().any(|start| is_named(path, start));
     let mut files: Vec<_> = paths.filter(is_named).filter_map(about).collect();
     files.sort();
@@ -228,7 +264,9 @@ fn is_named(path: &Path, start: &str) -> bool {
 /// The bytes of a regular file of a likely size; links are not followed.
 fn read(path: &Path) -> Option<Vec<u8>> {
     let about = fs::symlink_metadata(path).ok()?;
-    (about.is_file() && about.len() <= LARGEST_FILE).then(|| fs::read(path).ok()).flatten()
+    (about.is_file() && about.len() <= LARGEST_FILE)
+        .then(|| fs::read(path).ok())
+        .flatten()
 }
 
 fn lock<T>(value: &Mutex<T>) -> MutexGuard<'_, T> {

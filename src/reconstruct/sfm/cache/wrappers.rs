@@ -35,9 +35,14 @@ impl FeatureExtractor for CachedExtractor<'_> {
         digest.update(format!("{width}×{height} {} ", allowed.is_some()));
         digest.update(bytemuck::cast_slice::<f32, u8>(grey));
         let bits = allowed.unwrap_or_default().chunks(4096);
-        bits.for_each(|bits| digest.update(bits.iter().map(|&bit| u8::from(bit)).collect::<Vec<u8>>()));
+        bits.for_each(|bits| {
+            digest.update(bits.iter().map(|&bit| u8::from(bit)).collect::<Vec<u8>>())
+        });
         let key: Key = digest.finalize().into();
-        if let Some(known) = self.cache.features(&key, |known| are_of(known, width, height)) {
+        if let Some(known) = self
+            .cache
+            .features(&key, |known| are_of(known, width, height))
+        {
             return Ok(known);
         }
         let made = self.extractor.extract(grey, width, height, allowed)?;
@@ -70,7 +75,11 @@ impl FeatureMatcher for CachedMatcher<'_> {
     }
 
     fn of_set<'a>(&'a self, pictures: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
-        Ok(self.cached(self.keys(pictures), pictures, Some(self.matcher.of_set(pictures)?)))
+        Ok(self.cached(
+            self.keys(pictures),
+            pictures,
+            Some(self.matcher.of_set(pictures)?),
+        ))
     }
 
     fn of_pairs<'a>(
@@ -79,18 +88,24 @@ impl FeatureMatcher for CachedMatcher<'_> {
         pairs: &[(usize, usize)],
     ) -> Result<PairMatches<'a>, FeatureError> {
         let keys = self.keys(pictures);
-        let is_known = |&(first, second): &(usize, usize)| self.cache.has_pair(&keys.of(first, second));
+        let is_known =
+            |&(first, second): &(usize, usize)| self.cache.has_pair(&keys.of(first, second));
         // What the pictures of a set have in common is only worked out where a pair is not known; not within the closure,
         // which runs in parallel: work that waits for other work there can come to wait for itself.
         let needs_matcher = !pairs.iter().all(is_known);
-        let matcher = needs_matcher.then(|| self.matcher.of_pairs(pictures, pairs)).transpose()?;
+        let matcher = needs_matcher
+            .then(|| self.matcher.of_pairs(pictures, pairs))
+            .transpose()?;
         Ok(self.cached(keys, pictures, matcher))
     }
 }
 
 impl CachedMatcher<'_> {
     fn keys(&self, pictures: &[&Features]) -> PairKeys {
-        let digests: Vec<Key> = pictures.iter().map(|one| Sha256::digest(encode_features(one)).into()).collect();
+        let digests: Vec<Key> = pictures
+            .iter()
+            .map(|one| Sha256::digest(encode_features(one)).into())
+            .collect();
         let mut set = begun(&[self.identity, self.matcher.name()]);
         if self.matcher.depends_on_set() {
             digests.iter().for_each(|digest| set.update(digest));
@@ -142,14 +157,23 @@ fn are_of(features: &Features, width: usize, height: usize) -> bool {
     let is_inside = |at: &DVec2| (0.0..=x_end).contains(&at.x) && (0.0..=y_end).contains(&at.y);
     (features.width as usize, features.height as usize) == (width, height)
         && features.keypoints.iter().all(is_inside)
-        && features.scales_px.iter().chain(&features.scores).all(|value| value.is_finite())
-        && features.descriptors.as_floats().is_none_or(|values| values.iter().all(|value| value.is_finite()))
+        && features
+            .scales_px
+            .iter()
+            .chain(&features.scores)
+            .all(|value| value.is_finite())
+        && features
+            .descriptors
+            .as_floats()
+            .is_none_or(|values| values.iter().all(|value| value.is_finite()))
         && features.descriptors.len() == features.keypoints.len()
 }
 
 /// Whether matches name keypoints that are there, in order.
 fn fits(matches: &Matches, counts: [usize; 2]) -> bool {
-    matches.iter().all(|&(a, b)| (a as usize) < counts[0] && (b as usize) < counts[1])
+    matches
+        .iter()
+        .all(|&(a, b)| (a as usize) < counts[0] && (b as usize) < counts[1])
         && matches.is_sorted_by(|one, next| one.0 < next.0)
 }
 

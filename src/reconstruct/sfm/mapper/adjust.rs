@@ -5,7 +5,9 @@ use super::state::Mapper;
 use crate::sfm::{IntrinsicsSource, KeypointId};
 use ostra_core::job::Stopped;
 use ostra_geometry::Distortion;
-use ostra_geometry::bundle::{Bundle, BundleImage, BundleObservation, BundleOptions, Loss, Refine, adjust};
+use ostra_geometry::bundle::{
+    Bundle, BundleImage, BundleObservation, BundleOptions, Loss, Refine, adjust,
+};
 
 /// Images that a camera must have taken before its intrinsics are refined.
 const REFINE_FROM_IMAGES: usize = 3;
@@ -33,15 +35,33 @@ struct Effort {
 /// A lens without distortion, as the models write it that have some.
 const STRAIGHT: Distortion = Distortion::Radial { k: [0.0; 2] };
 
-const LOCAL: Effort = Effort { loss: Loss::SoftL1 { px: 1.0 }, iterations: 15, tolerance: 1e-4, principal: false };
-const GLOBAL: Effort = Effort { loss: Loss::SoftL1 { px: 1.0 }, iterations: 30, tolerance: 1e-5, principal: false };
-const FINAL: Effort = Effort { loss: Loss::SoftL1 { px: 1.0 }, iterations: 100, tolerance: 1e-8, principal: true };
+const LOCAL: Effort = Effort {
+    loss: Loss::SoftL1 { px: 1.0 },
+    iterations: 15,
+    tolerance: 1e-4,
+    principal: false,
+};
+const GLOBAL: Effort = Effort {
+    loss: Loss::SoftL1 { px: 1.0 },
+    iterations: 30,
+    tolerance: 1e-5,
+    principal: false,
+};
+const FINAL: Effort = Effort {
+    loss: Loss::SoftL1 { px: 1.0 },
+    iterations: 100,
+    tolerance: 1e-8,
+    principal: true,
+};
 
 impl Mapper<'_> {
     /// Adjusts a new image with those that share most points with it.
     pub fn adjust_around(&mut self, image: u32) -> Result<(), Stopped> {
         let free = self.neighbourhood(image);
-        let seen: BTreeSet<u32> = free.iter().flat_map(|&image| self.points_of(image)).collect();
+        let seen: BTreeSet<u32> = free
+            .iter()
+            .flat_map(|&image| self.points_of(image))
+            .collect();
         self.adjust(&free, &seen, LOCAL)?;
         self.filter(&seen);
         Ok(())
@@ -81,9 +101,12 @@ impl Mapper<'_> {
         let without = self.adjusted(&mut straight, &images, &free, FINAL);
         self.progress.check()?;
         let focal = |bundle: &Bundle, camera: usize| bundle.cameras[camera].focal_px.x;
-        let changes = |&camera: &usize| (focal(&straight, camera) / focal(&distorted, camera) - 1.0).abs() > AMBIGUOUS;
+        let changes = |&camera: &usize| {
+            (focal(&straight, camera) / focal(&distorted, camera) - 1.0).abs() > AMBIGUOUS
+        };
         if without > NEEDLESS * with || !bent.iter().any(changes) {
-            bent.into_iter().for_each(|camera| self.straight[camera] = false);
+            bent.into_iter()
+                .for_each(|camera| self.straight[camera] = false);
             return Ok(());
         }
         self.take(&straight, &images, &all);
@@ -96,7 +119,11 @@ impl Mapper<'_> {
         for _ in 0..rounds {
             let free: BTreeSet<u32> = self.model.placed().collect();
             let all: BTreeSet<u32> = self.model.points().map(|(point, _)| point).collect();
-            let sightings: usize = self.model.points().map(|(_, point)| point.track.len()).sum();
+            let sightings: usize = self
+                .model
+                .points()
+                .map(|(_, point)| point.track.len())
+                .sum();
             self.adjust(&free, &all, effort)?;
             let changes = self.filter(&all) + self.find_more();
             if (changes as f64) < CHANGE * sightings as f64 {
@@ -113,7 +140,11 @@ impl Mapper<'_> {
             changes += self.complete(point) + self.merge(point);
         }
         let placed: Vec<u32> = self.model.placed().collect();
-        changes + placed.into_iter().map(|image| self.triangulate_image(image)).sum::<usize>()
+        changes
+            + placed
+                .into_iter()
+                .map(|image| self.triangulate_image(image))
+                .sum::<usize>()
     }
 
     fn points_of(&self, image: u32) -> impl Iterator<Item = u32> + '_ {
@@ -124,19 +155,37 @@ impl Mapper<'_> {
     /// The image and those that share most points with it.
     fn neighbourhood(&self, image: u32) -> BTreeSet<u32> {
         let mut shared: BTreeMap<u32, usize> = BTreeMap::new();
-        for point in self.points_of(image).filter_map(|point| self.model.point(point)) {
-            for keypoint in point.track.iter().filter(|keypoint| keypoint.image != image) {
+        for point in self
+            .points_of(image)
+            .filter_map(|point| self.model.point(point))
+        {
+            for keypoint in point
+                .track
+                .iter()
+                .filter(|keypoint| keypoint.image != image)
+            {
                 *shared.entry(keypoint.image).or_default() += 1;
             }
         }
-        let mut ranked: Vec<(usize, u32)> = shared.into_iter().map(|(image, count)| (count, image)).collect();
+        let mut ranked: Vec<(usize, u32)> = shared
+            .into_iter()
+            .map(|(image, count)| (count, image))
+            .collect();
         ranked.sort_unstable_by_key(|&(count, image)| (std::cmp::Reverse(count), image));
-        let neighbours = ranked.into_iter().take(self.options.local_images - 1).map(|(_, image)| image);
+        let neighbours = ranked
+            .into_iter()
+            .take(self.options.local_images - 1)
+            .map(|(_, image)| image);
         neighbours.chain([image]).collect()
     }
 
     /// Bundle adjustment of the free images and of points; other images that see them stay where they are.
-    fn adjust(&mut self, free: &BTreeSet<u32>, points: &BTreeSet<u32>, effort: Effort) -> Result<(), Stopped> {
+    fn adjust(
+        &mut self,
+        free: &BTreeSet<u32>,
+        points: &BTreeSet<u32>,
+        effort: Effort,
+    ) -> Result<(), Stopped> {
         let (mut bundle, images) = self.bundle(points);
         self.adjusted(&mut bundle, &images, free, effort);
         self.take(&bundle, &images, points);
@@ -144,26 +193,46 @@ impl Mapper<'_> {
     }
 
     /// Adjusts a bundle in which only the free images move; gives the loss that is left.
-    fn adjusted(&self, bundle: &mut Bundle, images: &[u32], free: &BTreeSet<u32>, effort: Effort) -> f64 {
-        let is_fixed = |image: &u32| !free.contains(image) || self.problem.images[*image as usize].given.is_some();
+    fn adjusted(
+        &self,
+        bundle: &mut Bundle,
+        images: &[u32],
+        free: &BTreeSet<u32>,
+        effort: Effort,
+    ) -> f64 {
+        let is_fixed = |image: &u32| {
+            !free.contains(image) || self.problem.images[*image as usize].given.is_some()
+        };
         let options = BundleOptions {
             loss: effort.loss,
             max_iterations: effort.iterations,
             function_tolerance: effort.tolerance,
-            refine: (0..self.model.cameras.len()).map(|camera| self.refine(camera, free, effort)).collect(),
+            refine: (0..self.model.cameras.len())
+                .map(|camera| self.refine(camera, free, effort))
+                .collect(),
             fixed_images: images.iter().map(is_fixed).collect(),
             ..BundleOptions::default()
         };
         let progress = self.progress;
-        let mut step = |_, _| if progress.check().is_ok() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) };
+        let mut step = |_, _| {
+            if progress.check().is_ok() {
+                ControlFlow::Continue(())
+            } else {
+                ControlFlow::Break(())
+            }
+        };
         adjust(bundle, &options, &mut step).final_cost
     }
 
     /// The points with all their sightings, and which image each of the bundle's is.
     fn bundle(&self, points: &BTreeSet<u32>) -> (Bundle, Vec<u32>) {
         let tracks = || points.iter().filter_map(|&point| self.model.point(point));
-        let images: Vec<u32> =
-            tracks().flat_map(|p| &p.track).map(|k| k.image).collect::<BTreeSet<_>>().into_iter().collect();
+        let images: Vec<u32> = tracks()
+            .flat_map(|p| &p.track)
+            .map(|k| k.image)
+            .collect::<BTreeSet<_>>()
+            .into_iter()
+            .collect();
         let mut place = vec![0; self.problem.images.len()];
         for (i, &image) in images.iter().enumerate() {
             place[image as usize] = i as u32;
@@ -182,7 +251,10 @@ impl Mapper<'_> {
                 .iter()
                 .filter_map(|&image| {
                     let camera = self.problem.images[image as usize].camera as u32;
-                    Some(BundleImage { camera, camera_from_world: self.model.poses[image as usize]? })
+                    Some(BundleImage {
+                        camera,
+                        camera_from_world: self.model.poses[image as usize]?,
+                    })
                 })
                 .collect(),
             points: tracks().map(|known| known.position).collect(),
@@ -196,7 +268,11 @@ impl Mapper<'_> {
         for (&image, adjusted) in images.iter().zip(&bundle.images) {
             self.place(image, adjusted.camera_from_world);
         }
-        let known: Vec<u32> = points.iter().copied().filter(|&point| self.model.point(point).is_some()).collect();
+        let known: Vec<u32> = points
+            .iter()
+            .copied()
+            .filter(|&point| self.model.point(point).is_some())
+            .collect();
         for (point, &position) in known.into_iter().zip(&bundle.points) {
             self.model.move_to(point, position);
         }
@@ -212,7 +288,11 @@ impl Mapper<'_> {
     /// there are few. The principal point of a camera with few of the images, which may be crops, is held well enough by
     /// what the others see.
     fn refine(&self, camera: usize, free: &BTreeSet<u32>, effort: Effort) -> Refine {
-        let own = || self.model.placed().filter(|&image| self.problem.images[image as usize].camera == camera);
+        let own = || {
+            self.model
+                .placed()
+                .filter(|&image| self.problem.images[image as usize].camera == camera)
+        };
         let all_free = own().all(|image| free.contains(&image));
         let given = self.problem.cameras[camera].source == IntrinsicsSource::Given;
         let placed = self.model.placed().count();
@@ -220,17 +300,25 @@ impl Mapper<'_> {
             return Refine::NOTHING;
         }
         let few = own().count() * FEW_SHARE <= placed;
-        Refine { focal: true, principal: effort.principal && few, distortion: !self.straight[camera] }
+        Refine {
+            focal: true,
+            principal: effort.principal && few,
+            distortion: !self.straight[camera],
+        }
     }
 
     /// Drops sightings with a large error, and points that are left without parallax; gives how many sightings went.
     pub fn filter(&mut self, points: &BTreeSet<u32>) -> usize {
         let mut dropped = 0;
         for &point in points {
-            let Some(known) = self.model.point(point) else { continue };
+            let Some(known) = self.model.point(point) else {
+                continue;
+            };
             let (position, track) = (known.position, known.track.clone());
             let (fitting, wrong): (Vec<KeypointId>, Vec<KeypointId>) =
-                track.into_iter().partition(|&keypoint| self.error_px(keypoint, position) <= self.options.max_error_px);
+                track.into_iter().partition(|&keypoint| {
+                    self.error_px(keypoint, position) <= self.options.max_error_px
+                });
             if fitting.len() < 2 || !self.has_parallax(&fitting, position) {
                 dropped += fitting.len() + wrong.len();
                 self.remove_point(point);

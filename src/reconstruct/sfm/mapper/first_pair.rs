@@ -26,7 +26,13 @@ pub enum Start {
 }
 
 /// Shares of the matches and of the parallax asked for that are asked of the first pair, one after the other.
-const RELAXED: [(f64, f64); 5] = [(1.0, 1.0), (0.5, 1.0), (0.5, 0.5), (0.3, 0.25), (0.3, 0.125)];
+const RELAXED: [(f64, f64); 5] = [
+    (1.0, 1.0),
+    (0.5, 1.0),
+    (0.5, 0.5),
+    (0.3, 0.25),
+    (0.3, 0.125),
+];
 /// Pairs that are tried for each.
 const TRIES: usize = 12;
 /// Share of the matches asked for that must become points.
@@ -41,15 +47,22 @@ impl Mapper<'_> {
         let problem = self.problem;
         let mut tried = BTreeSet::new();
         for asked in RELAXED.map(|(matches, parallax)| relaxed(self.options, matches, parallax)) {
-            let mut ranked: Vec<(usize, &VerifiedPair)> = problem.pairs.iter().enumerate().collect();
+            let mut ranked: Vec<(usize, &VerifiedPair)> =
+                problem.pairs.iter().enumerate().collect();
             ranked.retain(|(number, pair)| !tried.contains(number) && self.may_start(pair, asked));
             ranked.sort_by_key(|(number, pair)| (std::cmp::Reverse(pair.matches.len()), *number));
             for (number, pair) in ranked.into_iter().take(TRIES) {
                 self.progress.check()?;
                 tried.insert(number);
                 if self.try_pair(pair, asked)? {
-                    let (images, matches, parallax) = (pair.images, pair.matches.len(), pair.parallax);
-                    return Ok(Some(Start::Pair { images, matches, parallax, asked }));
+                    let (images, matches, parallax) =
+                        (pair.images, pair.matches.len(), pair.parallax);
+                    return Ok(Some(Start::Pair {
+                        images,
+                        matches,
+                        parallax,
+                        asked,
+                    }));
                 }
             }
         }
@@ -65,8 +78,14 @@ impl Mapper<'_> {
     }
 
     /// Places the pair; takes it back where too few points come of it.
-    fn try_pair(&mut self, pair: &VerifiedPair, (matches, parallax): (usize, f64)) -> Result<bool, Stopped> {
-        let Some(second_from_first) = pair.second_from_first else { return Ok(false) };
+    fn try_pair(
+        &mut self,
+        pair: &VerifiedPair,
+        (matches, parallax): (usize, f64),
+    ) -> Result<bool, Stopped> {
+        let Some(second_from_first) = pair.second_from_first else {
+            return Ok(false);
+        };
         let [first, second] = pair.images;
         self.place(first, Pose::IDENTITY);
         self.place(second, second_from_first);
@@ -82,10 +101,15 @@ impl Mapper<'_> {
 
     /// Median angle between the rays of the points that a pair shares.
     fn median_angle(&self, pair: &VerifiedPair) -> f64 {
-        let [Some(a), Some(b)] = pair.images.map(|image| self.model.poses[image as usize]) else { return 0.0 };
+        let [Some(a), Some(b)] = pair.images.map(|image| self.model.poses[image as usize]) else {
+            return 0.0;
+        };
         let (a, b) = (a.centre(), b.centre());
-        let mut angles: Vec<f64> =
-            self.model.points().map(|(_, point)| (point.position - a).angle_between(point.position - b)).collect();
+        let mut angles: Vec<f64> = self
+            .model
+            .points()
+            .map(|(_, point)| (point.position - a).angle_between(point.position - b))
+            .collect();
         angles.sort_unstable_by(f64::total_cmp);
         angles.get(angles.len() / 2).copied().unwrap_or(0.0)
     }
@@ -100,5 +124,8 @@ impl Mapper<'_> {
 }
 
 fn relaxed(options: &MapperOptions, matches: f64, parallax: f64) -> (usize, f64) {
-    ((options.first_pair_matches as f64 * matches) as usize, options.first_pair_parallax * parallax)
+    (
+        (options.first_pair_matches as f64 * matches) as usize,
+        options.first_pair_parallax * parallax,
+    )
 }

@@ -15,7 +15,13 @@ impl Mapper<'_> {
     /// [`Stopped`]
     pub fn start_from_given(&mut self) -> Result<Option<Start>, Stopped> {
         let problem = self.problem;
-        let given = || problem.images.iter().zip(0u32..).filter_map(|(image, i)| Some((i, image.given?)));
+        let given = || {
+            problem
+                .images
+                .iter()
+                .zip(0u32..)
+                .filter_map(|(image, i)| Some((i, image.given?)))
+        };
         if given().count() < 2 {
             return Ok(None);
         }
@@ -37,10 +43,15 @@ impl Mapper<'_> {
         let mut adjusted = self.size();
         let mut settled = false;
         loop {
-            let open = (0..self.problem.images.len() as u32).filter(|&image| self.is_open(image)).count();
+            let open = (0..self.problem.images.len() as u32)
+                .filter(|&image| self.is_open(image))
+                .count();
             let placed = self.model.placed().count();
             self.progress.step(placed, placed + open)?;
-            let before = refused.iter().map(|(&image, refusal)| (image, refusal.seen)).collect();
+            let before = refused
+                .iter()
+                .map(|(&image, refusal)| (image, refusal.seen))
+                .collect();
             let Some(image) = self.candidates(&before).first().copied() else {
                 if settled {
                     break;
@@ -76,7 +87,8 @@ impl Mapper<'_> {
 
     fn has_grown(&self, since: (usize, usize)) -> bool {
         let now = self.size();
-        let grown = |now: usize, since: usize| now as f64 >= self.options.global_growth * since as f64;
+        let grown =
+            |now: usize, since: usize| now as f64 >= self.options.global_growth * since as f64;
         grown(now.0, since.0) || grown(now.1, since.1)
     }
 
@@ -91,7 +103,13 @@ impl Mapper<'_> {
         for image in lost {
             let agreeing = self.model.points_seen(image);
             self.displace(image);
-            refused.insert(image, Refusal { seen: self.supported(image), agreeing });
+            refused.insert(
+                image,
+                Refusal {
+                    seen: self.supported(image),
+                    agreeing,
+                },
+            );
         }
     }
 }

@@ -15,7 +15,9 @@ impl Mapper<'_> {
         let mut ranked: Vec<(u64, u32)> = open
             .filter_map(|image| {
                 let seen = self.supported(image);
-                let again = refused.get(&image).is_none_or(|&before| seen * 5 >= before * 6 + 5);
+                let again = refused
+                    .get(&image)
+                    .is_none_or(|&before| seen * 5 >= before * 6 + 5);
                 (seen >= self.options.pose_inliers && again).then(|| (self.coverage(image), image))
             })
             .collect();
@@ -25,7 +27,10 @@ impl Mapper<'_> {
 
     /// How many of an image's keypoints are matched with one that sees a point.
     pub fn supported(&self, image: u32) -> usize {
-        self.support(image).iter().filter(|&&count| count > 0).count()
+        self.support(image)
+            .iter()
+            .filter(|&&count| count > 0)
+            .count()
     }
 
     /// Occupied cells over all levels, each worth as much as its level has cells along a side, squared.
@@ -35,8 +40,14 @@ impl Mapper<'_> {
         let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
         let finest = 1usize << LEVELS;
         let mut occupied = vec![false; finest * finest];
-        for (at_px, _) in seen.keypoints.iter().zip(self.support(image)).filter(|&(_, &count)| count > 0) {
-            let cell = (*at_px / size * finest as f64).clamp(DVec2::ZERO, DVec2::splat(finest as f64 - 1.0));
+        for (at_px, _) in seen
+            .keypoints
+            .iter()
+            .zip(self.support(image))
+            .filter(|&(_, &count)| count > 0)
+        {
+            let cell = (*at_px / size * finest as f64)
+                .clamp(DVec2::ZERO, DVec2::splat(finest as f64 - 1.0));
             occupied[cell.y as usize * finest + cell.x as usize] = true;
         }
         let mut score = 0;

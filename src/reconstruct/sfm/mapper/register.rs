@@ -3,7 +3,8 @@ use glam::{DVec2, DVec3};
 use super::state::Mapper;
 use crate::sfm::KeypointId;
 use ostra_geometry::{
-    AbsolutePose, AbsolutePoseOptions, Camera, estimate_absolute_pose, estimate_absolute_pose_and_focal,
+    AbsolutePose, AbsolutePoseOptions, Camera, estimate_absolute_pose,
+    estimate_absolute_pose_and_focal,
 };
 
 /// Why an image could not be placed.
@@ -25,16 +26,25 @@ impl Mapper<'_> {
         let (at_px, positions): (Vec<DVec2>, Vec<DVec3>) = seen
             .iter()
             .filter_map(|&(index, point)| {
-                Some((self.at_px(KeypointId { image, index }), self.model.point(point)?.position))
+                Some((
+                    self.at_px(KeypointId { image, index }),
+                    self.model.point(point)?.position,
+                ))
             })
             .unzip();
         let camera = self.problem.images[image as usize].camera;
         let found = self.pose(image, camera, &at_px, &positions);
-        let agreeing = found.as_ref().map_or(0, |(_, pose)| distinct(&seen, &pose.inliers));
+        let agreeing = found
+            .as_ref()
+            .map_or(0, |(_, pose)| distinct(&seen, &pose.inliers));
         let distinct_seen = distinct(&seen, &(0..seen.len() as u32).collect::<Vec<_>>());
-        let enough = (self.options.pose_inlier_share * distinct_seen as f64).max(self.options.pose_inliers as f64);
+        let enough = (self.options.pose_inlier_share * distinct_seen as f64)
+            .max(self.options.pose_inliers as f64);
         let Some((intrinsics, pose)) = found.filter(|_| agreeing as f64 >= enough) else {
-            return Err(Refusal { seen: distinct_seen, agreeing });
+            return Err(Refusal {
+                seen: distinct_seen,
+                agreeing,
+            });
         };
         if self.model.cameras[camera] != intrinsics {
             self.model.cameras[camera] = intrinsics;
@@ -55,11 +65,18 @@ impl Mapper<'_> {
     /// Keypoints of an image with the points that their links see, each pair once.
     fn points_in_view(&self, image: u32) -> Vec<(u32, u32)> {
         let mut seen = Vec::new();
-        for (index, _) in self.support(image).iter().enumerate().filter(|&(_, &count)| count > 0) {
+        for (index, _) in self
+            .support(image)
+            .iter()
+            .enumerate()
+            .filter(|&(_, &count)| count > 0)
+        {
             let index = index as u32;
             let begun = seen.len();
             for &link in self.links.of(KeypointId { image, index }) {
-                let Some(point) = self.model.point_of(link) else { continue };
+                let Some(point) = self.model.point_of(link) else {
+                    continue;
+                };
                 if !seen[begun..].contains(&(index, point)) {
                     seen.push((index, point));
                 }
@@ -68,7 +85,13 @@ impl Mapper<'_> {
         seen
     }
 
-    fn pose(&self, image: u32, camera: usize, at_px: &[DVec2], positions: &[DVec3]) -> Option<(Camera, AbsolutePose)> {
+    fn pose(
+        &self,
+        image: u32,
+        camera: usize,
+        at_px: &[DVec2],
+        positions: &[DVec3],
+    ) -> Option<(Camera, AbsolutePose)> {
         let options = AbsolutePoseOptions {
             max_error_px: self.options.pose_error_px,
             seed: self.options.seed ^ u64::from(image),
@@ -76,10 +99,25 @@ impl Mapper<'_> {
         };
         let intrinsics = self.model.cameras[camera];
         if self.focal_known[camera] {
-            return Some((intrinsics, estimate_absolute_pose(&intrinsics, at_px, positions, &options)?));
+            return Some((
+                intrinsics,
+                estimate_absolute_pose(&intrinsics, at_px, positions, &options)?,
+            ));
         }
-        let (factor, pose) = estimate_absolute_pose_and_focal(&intrinsics, &FOCAL_FACTORS, at_px, positions, &options)?;
-        Some((Camera { focal_px: intrinsics.focal_px * factor, ..intrinsics }, pose))
+        let (factor, pose) = estimate_absolute_pose_and_focal(
+            &intrinsics,
+            &FOCAL_FACTORS,
+            at_px,
+            positions,
+            &options,
+        )?;
+        Some((
+            Camera {
+                focal_px: intrinsics.focal_px * factor,
+                ..intrinsics
+            },
+            pose,
+        ))
     }
 }
 

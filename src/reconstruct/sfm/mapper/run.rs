@@ -31,7 +31,11 @@ const FOCAL_FACTORS: [f64; 5] = [1.0, 0.7, 1.4, 0.5, 2.0];
 ///
 /// # Errors
 /// [`Stopped`] before anything was placed.
-pub fn map(problem: &MapProblem, options: &MapperOptions, progress: &Progress) -> Result<Vec<Mapped>, Stopped> {
+pub fn map(
+    problem: &MapProblem,
+    options: &MapperOptions,
+    progress: &Progress,
+) -> Result<Vec<Mapped>, Stopped> {
     let links = Correspondences::new(problem);
     let mut closed = vec![false; problem.images.len()];
     let mut models: Vec<Mapped> = Vec::new();
@@ -46,7 +50,12 @@ pub fn map(problem: &MapProblem, options: &MapperOptions, progress: &Progress) -
         }
         models.push(mapped);
     }
-    models.sort_by_key(|mapped| (mapped.start != Start::Given, std::cmp::Reverse(mapped.model.placed().count())));
+    models.sort_by_key(|mapped| {
+        (
+            mapped.start != Start::Given,
+            std::cmp::Reverse(mapped.model.placed().count()),
+        )
+    });
     Ok(models)
 }
 
@@ -59,16 +68,30 @@ fn best_start(
     closed: &[bool],
     progress: &Progress,
 ) -> Result<Option<Mapped>, Stopped> {
-    let linked = |image: u32| problem.pairs.iter().any(|pair| pair.images.contains(&image));
-    let could = (0..problem.images.len() as u32).filter(|&image| !closed[image as usize] && linked(image)).count();
-    let unknown = problem.cameras.iter().any(|camera| camera.source == IntrinsicsSource::Guessed);
+    let linked = |image: u32| {
+        problem
+            .pairs
+            .iter()
+            .any(|pair| pair.images.contains(&image))
+    };
+    let could = (0..problem.images.len() as u32)
+        .filter(|&image| !closed[image as usize] && linked(image))
+        .count();
+    let unknown = problem
+        .cameras
+        .iter()
+        .any(|camera| camera.source == IntrinsicsSource::Guessed);
     let mut best: Option<Mapped> = None;
     for factor in FOCAL_FACTORS {
         let grown = match one_model(problem, links, options, closed, factor, progress) {
             Err(stopped) if best.is_none() => return Err(stopped),
             grown => grown.ok().flatten(),
         };
-        let placed = |mapped: &Option<Mapped>| mapped.as_ref().map_or(0, |mapped| mapped.model.placed().count());
+        let placed = |mapped: &Option<Mapped>| {
+            mapped
+                .as_ref()
+                .map_or(0, |mapped| mapped.model.placed().count())
+        };
         if placed(&grown) > placed(&best) {
             best = grown;
         }
@@ -80,7 +103,9 @@ fn best_start(
         best.stopped |= progress.check().is_err();
     }
     let (images, points) = (options.min_model_images, options.min_model_points);
-    Ok(best.filter(|Mapped { model, .. }| model.placed().count() >= images && model.points().count() >= points))
+    Ok(best.filter(|Mapped { model, .. }| {
+        model.placed().count() >= images && model.points().count() >= points
+    }))
 }
 
 fn one_model(
@@ -100,7 +125,11 @@ fn one_model(
         }
     }
     let first = !closed.contains(&true);
-    let given = if first { mapper.start_from_given()? } else { None };
+    let given = if first {
+        mapper.start_from_given()?
+    } else {
+        None
+    };
     let start = match given {
         Some(start) => Some(start),
         None => mapper.start_from_pair()?,
@@ -113,5 +142,10 @@ fn one_model(
     }
     let grown = mapper.grow();
     let stopped = grown.is_err();
-    Ok(Some(Mapped { model: mapper.model, start, refused: grown.unwrap_or_default(), stopped }))
+    Ok(Some(Mapped {
+        model: mapper.model,
+        start,
+        refused: grown.unwrap_or_default(),
+        stopped,
+    }))
 }

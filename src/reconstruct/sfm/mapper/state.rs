@@ -1,7 +1,9 @@
 use glam::{DVec2, DVec3};
 
 use super::MapperOptions;
-use crate::sfm::{Correspondences, IntrinsicsSource, KeypointId, MapProblem, ModelPoint, SparseModel};
+use crate::sfm::{
+    Correspondences, IntrinsicsSource, KeypointId, MapProblem, ModelPoint, SparseModel,
+};
 use ostra_core::job::Progress;
 use ostra_geometry::{Pose, Sighting};
 
@@ -39,10 +41,18 @@ impl<'a> Mapper<'a> {
             progress,
             model,
             closed: vec![false; problem.images.len()],
-            focal_known: problem.cameras.iter().map(|camera| camera.source != IntrinsicsSource::Guessed).collect(),
+            focal_known: problem
+                .cameras
+                .iter()
+                .map(|camera| camera.source != IntrinsicsSource::Guessed)
+                .collect(),
             straight: vec![false; problem.cameras.len()],
             rays: vec![Vec::new(); problem.images.len()],
-            support: problem.images.iter().map(|image| vec![0; image.keypoints.len()]).collect(),
+            support: problem
+                .images
+                .iter()
+                .map(|image| vec![0; image.keypoints.len()])
+                .collect(),
         };
         (0..problem.cameras.len()).for_each(|camera| mapper.cast_rays(camera));
         mapper
@@ -51,10 +61,20 @@ impl<'a> Mapper<'a> {
     /// Undistorts the keypoints of a camera's images anew.
     pub fn cast_rays(&mut self, camera: usize) {
         let intrinsics = self.model.cameras[camera];
-        for (image, rays) in self.problem.images.iter().zip(&mut self.rays).filter(|(image, _)| image.camera == camera)
+        for (image, rays) in self
+            .problem
+            .images
+            .iter()
+            .zip(&mut self.rays)
+            .filter(|(image, _)| image.camera == camera)
         {
             rays.clear();
-            rays.extend(image.keypoints.iter().map(|&at_px| intrinsics.unproject(at_px)));
+            rays.extend(
+                image
+                    .keypoints
+                    .iter()
+                    .map(|&at_px| intrinsics.unproject(at_px)),
+            );
         }
     }
 
@@ -66,14 +86,23 @@ impl<'a> Mapper<'a> {
     pub fn sighting(&self, keypoint: KeypointId) -> Option<Sighting<'_>> {
         let image = keypoint.image as usize;
         let at_plane = self.rays[image][keypoint.index as usize];
-        let camera_from_world = self.model.poses[image].as_ref().filter(|_| at_plane.is_finite())?;
+        let camera_from_world = self.model.poses[image]
+            .as_ref()
+            .filter(|_| at_plane.is_finite())?;
         let camera = &self.model.cameras[self.problem.images[image].camera];
-        Some(Sighting { camera, camera_from_world, at_px: self.at_px(keypoint), at_plane })
+        Some(Sighting {
+            camera,
+            camera_from_world,
+            at_px: self.at_px(keypoint),
+            at_plane,
+        })
     }
 
     /// Reprojection error of a point in pixels; infinite where it is not seen.
     pub fn error_px(&self, keypoint: KeypointId, position: DVec3) -> f64 {
-        let Some(pose) = self.model.poses[keypoint.image as usize] else { return f64::INFINITY };
+        let Some(pose) = self.model.poses[keypoint.image as usize] else {
+            return f64::INFINITY;
+        };
         let camera = &self.model.cameras[self.problem.images[keypoint.image as usize].camera];
         let seen = camera.project(pose.transform(position));
         seen.map_or(f64::INFINITY, |at| at.distance(self.at_px(keypoint)))
@@ -87,7 +116,9 @@ impl<'a> Mapper<'a> {
             .map(|pose| (position - pose.centre()).normalize_or_zero())
             .collect();
         let limit = self.options.min_angle.cos();
-        rays.iter().enumerate().any(|(i, a)| rays[..i].iter().any(|b| a.dot(*b) < limit))
+        rays.iter()
+            .enumerate()
+            .any(|(i, a)| rays[..i].iter().any(|b| a.dot(*b) < limit))
     }
 
     /// Whether an image is free to be placed.

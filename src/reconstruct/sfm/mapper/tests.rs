@@ -5,7 +5,9 @@ use rand_pcg::Pcg64Mcg;
 use super::{Mapped, MapperOptions, Start, map};
 use crate::sfm::{IntrinsicsSource, MapCamera, MapImage, MapProblem, VerifiedPair};
 use ostra_core::job::Progress;
-use ostra_geometry::{Alignment, Camera, Distortion, Pose, TrajectoryError, TwoViewOptions, estimate_two_view};
+use ostra_geometry::{
+    Alignment, Camera, Distortion, Pose, TrajectoryError, TwoViewOptions, estimate_two_view,
+};
 
 /// A made scene: cameras around a block of points, keypoints with noise, matches with outliers.
 struct Made {
@@ -23,12 +25,23 @@ struct Recipe {
     poses: fn(usize) -> Pose,
 }
 
-const RING: Recipe = Recipe { views: 30, points: 700, noise_px: 0.5, outliers: 0.3, window: 5, poses: on_an_arc };
+const RING: Recipe = Recipe {
+    views: 30,
+    points: 700,
+    noise_px: 0.5,
+    outliers: 0.3,
+    window: 5,
+    poses: on_an_arc,
+};
 
 /// On an arc of 4 units around the origin, 6° apart, looking inwards, rising and falling.
 fn on_an_arc(view: usize) -> Pose {
     let angle = (view as f64 * 6.0).to_radians();
-    let centre = DVec3::new(4.0 * angle.sin(), 0.4 * (2.3 * angle).sin(), -4.0 * angle.cos());
+    let centre = DVec3::new(
+        4.0 * angle.sin(),
+        0.4 * (2.3 * angle).sin(),
+        -4.0 * angle.cos(),
+    );
     looking_at_origin(centre)
 }
 
@@ -37,12 +50,18 @@ fn looking_at_origin(centre: DVec3) -> Pose {
     let right = DVec3::Y.cross(forward).normalize();
     let camera_from_world = DMat3::from_cols(right, forward.cross(right), forward).transpose();
     let rotation = DQuat::from_mat3(&camera_from_world);
-    Pose { rotation, translation: -(rotation * centre) }
+    Pose {
+        rotation,
+        translation: -(rotation * centre),
+    }
 }
 
 /// From one place, turning by 3°.
 fn on_the_spot(view: usize) -> Pose {
-    let turn = Pose { rotation: DQuat::from_rotation_y((view as f64 * 3.0).to_radians()), translation: DVec3::ZERO };
+    let turn = Pose {
+        rotation: DQuat::from_rotation_y((view as f64 * 3.0).to_radians()),
+        translation: DVec3::ZERO,
+    };
     turn.compose(&looking_at_origin(DVec3::new(0.0, 0.0, -4.0)))
 }
 
@@ -54,21 +73,44 @@ impl Made {
             ..Camera::pinhole(1280, 960, 1100.0, 1100.0, 640.0, 480.0)
         };
         let mut within = || rng.random_range(-1.0..1.0);
-        let points: Vec<DVec3> = (0..recipe.points).map(|_| DVec3::new(within(), within(), within())).collect();
+        let points: Vec<DVec3> = (0..recipe.points)
+            .map(|_| DVec3::new(within(), within(), within()))
+            .collect();
         let truth: Vec<Pose> = (0..recipe.views).map(recipe.poses).collect();
         let mut normal = || (0..12).map(|_| rng.random_range(-0.5..0.5)).sum::<f64>();
         let images: Vec<MapImage> = truth
             .iter()
             .map(|pose| {
                 // A point out of sight has a keypoint that nothing is matched with.
-                let seen = |x: &DVec3| camera.project(pose.transform(*x)).filter(|&at| camera.contains(at));
+                let seen = |x: &DVec3| {
+                    camera
+                        .project(pose.transform(*x))
+                        .filter(|&at| camera.contains(at))
+                };
                 let noise = |at: DVec2, a: f64, b: f64| at + recipe.noise_px * DVec2::new(a, b);
-                let keypoints = points.iter().map(|x| seen(x).map_or(DVec2::NAN, |at| noise(at, normal(), normal())));
-                MapImage { camera: 0, keypoints: keypoints.collect(), given: None }
+                let keypoints = points
+                    .iter()
+                    .map(|x| seen(x).map_or(DVec2::NAN, |at| noise(at, normal(), normal())));
+                MapImage {
+                    camera: 0,
+                    keypoints: keypoints.collect(),
+                    given: None,
+                }
             })
             .collect();
-        let cameras = vec![MapCamera { intrinsics: camera, source: IntrinsicsSource::Given }];
-        let mut made = Self { problem: MapProblem { cameras, images, pairs: Vec::new() }, truth, camera };
+        let cameras = vec![MapCamera {
+            intrinsics: camera,
+            source: IntrinsicsSource::Given,
+        }];
+        let mut made = Self {
+            problem: MapProblem {
+                cameras,
+                images,
+                pairs: Vec::new(),
+            },
+            truth,
+            camera,
+        };
         made.match_window(recipe, &mut rng);
         made
     }
@@ -77,24 +119,44 @@ impl Made {
         for first in 0..recipe.views {
             for second in first + 1..recipe.views.min(first + 1 + recipe.window) {
                 let matches = self.matches(first, second, recipe.outliers, rng);
-                self.problem.pairs.extend(self.verified([first, second], &matches));
+                self.problem
+                    .pairs
+                    .extend(self.verified([first, second], &matches));
             }
         }
     }
 
-    fn matches(&self, first: usize, second: usize, outliers: f64, rng: &mut Pcg64Mcg) -> Vec<[u32; 2]> {
-        let finite = |image: usize, index: usize| self.problem.images[image].keypoints[index].is_finite();
+    fn matches(
+        &self,
+        first: usize,
+        second: usize,
+        outliers: f64,
+        rng: &mut Pcg64Mcg,
+    ) -> Vec<[u32; 2]> {
+        let finite =
+            |image: usize, index: usize| self.problem.images[image].keypoints[index].is_finite();
         let count = self.problem.images[first].keypoints.len();
-        let seen: Vec<usize> = (0..count).filter(|&i| finite(first, i) && finite(second, i)).collect();
+        let seen: Vec<usize> = (0..count)
+            .filter(|&i| finite(first, i) && finite(second, i))
+            .collect();
         let wrong = |rng: &mut Pcg64Mcg, i: usize| {
-            if rng.random_range(0.0..1.0) < outliers { seen[rng.random_range(0..seen.len())] } else { i }
+            if rng.random_range(0.0..1.0) < outliers {
+                seen[rng.random_range(0..seen.len())]
+            } else {
+                i
+            }
         };
-        seen.iter().map(|&i| [i as u32, wrong(rng, i) as u32]).collect()
+        seen.iter()
+            .map(|&i| [i as u32, wrong(rng, i) as u32])
+            .collect()
     }
 
     fn verified(&self, images: [usize; 2], matches: &[[u32; 2]]) -> Option<VerifiedPair> {
         let at = |image: usize, index: u32| self.problem.images[image].keypoints[index as usize];
-        let at_px: Vec<[DVec2; 2]> = matches.iter().map(|&[i, j]| [at(images[0], i), at(images[1], j)]).collect();
+        let at_px: Vec<[DVec2; 2]> = matches
+            .iter()
+            .map(|&[i, j]| [at(images[0], i), at(images[1], j)])
+            .collect();
         let camera = &self.problem.cameras[0];
         let calibrated = camera.source == IntrinsicsSource::Given;
         let both = [&camera.intrinsics, &camera.intrinsics];
@@ -109,12 +171,21 @@ impl Made {
     }
 
     fn map(&self) -> Vec<Mapped> {
-        map(&self.problem, &MapperOptions::default(), &Progress::default()).unwrap()
+        map(
+            &self.problem,
+            &MapperOptions::default(),
+            &Progress::default(),
+        )
+        .unwrap()
     }
 
     /// Largest centre error as a share of the extent, and largest rotation error in degrees, after Sim(3).
     fn errors(&self, mapped: &Mapped) -> (f64, f64) {
-        let placed = self.truth.iter().zip(&mapped.model.poses).filter_map(|(truth, found)| Some(((*found)?, *truth)));
+        let placed = self
+            .truth
+            .iter()
+            .zip(&mapped.model.poses)
+            .filter_map(|(truth, found)| Some(((*found)?, *truth)));
         let (found, truth): (Vec<Pose>, Vec<Pose>) = placed.unzip();
         let error = TrajectoryError::between(&found, &truth, Alignment::Sim3).unwrap();
         (error.centre.max / error.extent, error.rotation_deg.max)
@@ -129,30 +200,53 @@ fn thirty_views_with_noise_and_outliers() {
         assert_eq!(models.len(), 1);
         assert_eq!(models[0].model.placed().count(), 30);
         let (centre, rotation) = made.errors(&models[0]);
-        assert!(centre < 1e-3 && rotation < 0.05, "seed {seed}: centre {centre:.2e}, rotation {rotation:.3}°");
+        assert!(
+            centre < 1e-3 && rotation < 0.05,
+            "seed {seed}: centre {centre:.2e}, rotation {rotation:.3}°"
+        );
     }
 }
 
 #[test]
 fn an_unknown_focal_length_is_found() {
     let mut made = Made::new(&RING, 5);
-    let guess = Camera { distortion: Distortion::Radial { k: [0.0; 2] }, ..made.camera };
+    let guess = Camera {
+        distortion: Distortion::Radial { k: [0.0; 2] },
+        ..made.camera
+    };
     for factor in [0.8, 1.4] {
-        let intrinsics = Camera { focal_px: made.camera.focal_px * factor, ..guess };
-        made.problem.cameras = vec![MapCamera { intrinsics, source: IntrinsicsSource::Guessed }];
+        let intrinsics = Camera {
+            focal_px: made.camera.focal_px * factor,
+            ..guess
+        };
+        made.problem.cameras = vec![MapCamera {
+            intrinsics,
+            source: IntrinsicsSource::Guessed,
+        }];
         made.problem.pairs.clear();
         made.match_window(&RING, &mut Pcg64Mcg::seed_from_u64(1));
         let models = made.map();
         assert_eq!(models[0].model.placed().count(), 30, "factor {factor}");
         let focal = models[0].model.cameras[0].focal_px.x / 1100.0;
         let (centre, _) = made.errors(&models[0]);
-        assert!((focal - 1.0).abs() < 5e-3 && centre < 5e-3, "factor {factor}: focal {focal:.4}, centre {centre:.2e}");
+        assert!(
+            (focal - 1.0).abs() < 5e-3 && centre < 5e-3,
+            "factor {factor}: focal {focal:.4}, centre {centre:.2e}"
+        );
     }
 }
 
 #[test]
 fn a_camera_that_only_turns_gives_no_model() {
-    let made = Made::new(&Recipe { views: 8, outliers: 0.1, poses: on_the_spot, ..RING }, 1);
+    let made = Made::new(
+        &Recipe {
+            views: 8,
+            outliers: 0.1,
+            poses: on_the_spot,
+            ..RING
+        },
+        1,
+    );
     assert!(!made.problem.pairs.is_empty());
     assert!(made.map().is_empty());
 }
@@ -160,9 +254,14 @@ fn a_camera_that_only_turns_gives_no_model() {
 #[test]
 fn what_nothing_joins_becomes_models_of_their_own() {
     let mut made = Made::new(&RING, 2);
-    made.problem.pairs.retain(|pair| (pair.images[0] < 18) == (pair.images[1] < 18));
+    made.problem
+        .pairs
+        .retain(|pair| (pair.images[0] < 18) == (pair.images[1] < 18));
     let models = made.map();
-    let placed: Vec<Vec<u32>> = models.iter().map(|mapped| mapped.model.placed().collect()).collect();
+    let placed: Vec<Vec<u32>> = models
+        .iter()
+        .map(|mapped| mapped.model.placed().collect())
+        .collect();
     assert_eq!(placed, [(0..18).collect::<Vec<_>>(), (18..30).collect()]);
 }
 
@@ -175,9 +274,18 @@ fn given_poses_stay_and_the_rest_is_placed_beside_them() {
     let models = made.map();
     assert_eq!(models[0].start, Start::Given);
     let poses = &models[0].model.poses;
-    assert!(poses.iter().zip(&made.truth).take(20).all(|(found, truth)| *found == Some(*truth)));
+    assert!(
+        poses
+            .iter()
+            .zip(&made.truth)
+            .take(20)
+            .all(|(found, truth)| *found == Some(*truth))
+    );
     for (found, truth) in poses.iter().zip(&made.truth).skip(20) {
-        assert!(found.is_some_and(|found| found.centre().distance(truth.centre()) < 0.01), "{found:?} {truth:?}");
+        assert!(
+            found.is_some_and(|found| found.centre().distance(truth.centre()) < 0.01),
+            "{found:?} {truth:?}"
+        );
     }
 }
 
@@ -195,21 +303,39 @@ fn stopped_it_keeps_what_it_placed() {
     let models = map(&made.problem, &MapperOptions::default(), &progress).unwrap();
     watch.join().unwrap();
     let placed = models[0].model.placed().count();
-    assert!(models.len() == 1 && models[0].stopped && (8..30).contains(&placed), "{placed} placed");
+    assert!(
+        models.len() == 1 && models[0].stopped && (8..30).contains(&placed),
+        "{placed} placed"
+    );
     let (centre, rotation) = made.errors(&models[0]);
-    assert!(centre < 1e-2 && rotation < 0.2, "centre {centre:.2e}, rotation {rotation:.3}°");
-    assert!(map(&made.problem, &MapperOptions::default(), &progress).is_err(), "stopped before anything was placed");
+    assert!(
+        centre < 1e-2 && rotation < 0.2,
+        "centre {centre:.2e}, rotation {rotation:.3}°"
+    );
+    assert!(
+        map(&made.problem, &MapperOptions::default(), &progress).is_err(),
+        "stopped before anything was placed"
+    );
 }
 
 #[test]
 fn an_image_of_another_place_is_refused() {
-    let mut made = Made::new(&Recipe { outliers: 0.0, ..RING }, 4);
+    let mut made = Made::new(
+        &Recipe {
+            outliers: 0.0,
+            ..RING
+        },
+        4,
+    );
     let mut rng = Pcg64Mcg::seed_from_u64(9);
     for keypoint in &mut made.problem.images[29].keypoints {
         *keypoint = DVec2::new(rng.random_range(0.0..1280.0), rng.random_range(0.0..960.0));
     }
     let models = made.map();
-    assert_eq!(models[0].model.placed().collect::<Vec<_>>(), (0..29).collect::<Vec<_>>());
+    assert_eq!(
+        models[0].model.placed().collect::<Vec<_>>(),
+        (0..29).collect::<Vec<_>>()
+    );
     let refusal = models[0].refused[&29];
     assert!(refusal.seen > 100 && refusal.agreeing < 30, "{refusal:?}");
 }
@@ -217,7 +343,13 @@ fn an_image_of_another_place_is_refused() {
 #[test]
 fn the_model_does_not_depend_on_the_number_of_threads() {
     let made = Made::new(&Recipe { views: 12, ..RING }, 6);
-    let with = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| made.map());
+    let with = |threads| {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap()
+            .install(|| made.map())
+    };
     let (one, many) = (with(1), with(5));
     assert_eq!(one[0].model.poses, many[0].model.poses);
     assert!(one[0].model.points().eq(many[0].model.points()));

@@ -20,11 +20,21 @@ impl Mapper<'_> {
 
     /// Adds the keypoint to the point among its links' that it fits best.
     fn continue_track(&mut self, keypoint: KeypointId) -> bool {
-        let points = self.links.of(keypoint).iter().filter_map(|&link| self.model.point_of(link));
-        let errors =
-            points.filter_map(|point| Some((self.error_px(keypoint, self.model.point(point)?.position), point)));
+        let points = self
+            .links
+            .of(keypoint)
+            .iter()
+            .filter_map(|&link| self.model.point_of(link));
+        let errors = points.filter_map(|point| {
+            Some((
+                self.error_px(keypoint, self.model.point(point)?.position),
+                point,
+            ))
+        });
         let best = errors.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let Some((_, point)) = best.filter(|&(error, _)| error <= self.options.max_error_px) else { return false };
+        let Some((_, point)) = best.filter(|&(error, _)| error <= self.options.max_error_px) else {
+            return false;
+        };
         self.extend_point(point, keypoint);
         true
     }
@@ -32,15 +42,27 @@ impl Mapper<'_> {
     /// Makes a point of the keypoint and its links in placed images that see none.
     fn create_point(&mut self, keypoint: KeypointId) -> bool {
         let mut track = vec![keypoint];
-        track.extend(self.links.of(keypoint).iter().filter(|&&link| self.model.point_of(link).is_none()));
+        track.extend(
+            self.links
+                .of(keypoint)
+                .iter()
+                .filter(|&&link| self.model.point_of(link).is_none()),
+        );
         track.retain(|&keypoint| self.sighting(keypoint).is_some());
         if track.len() < 2 || track[0] != keypoint {
             return false;
         }
-        let sightings: Vec<Sighting<'_>> = track.iter().filter_map(|&keypoint| self.sighting(keypoint)).collect();
-        let options =
-            TriangulationOptions { max_error_px: self.options.max_error_px, min_angle: self.options.min_angle };
-        let Some(made) = triangulate_robust(&sightings, &options) else { return false };
+        let sightings: Vec<Sighting<'_>> = track
+            .iter()
+            .filter_map(|&keypoint| self.sighting(keypoint))
+            .collect();
+        let options = TriangulationOptions {
+            max_error_px: self.options.max_error_px,
+            min_angle: self.options.min_angle,
+        };
+        let Some(made) = triangulate_robust(&sightings, &options) else {
+            return false;
+        };
         let inliers = made.inliers.iter().map(|&i| track[i as usize]).collect();
         let point = self.add_point(made.position, inliers);
         self.complete(point);
@@ -50,13 +72,15 @@ impl Mapper<'_> {
     /// Adds to a point the keypoints that its sightings are matched with and that fit it, theirs, and so on. Gives how
     /// many.
     pub fn complete(&mut self, point: u32) -> usize {
-        let Some(known) = self.model.point(point) else { return 0 };
+        let Some(known) = self.model.point(point) else {
+            return 0;
+        };
         let (position, mut waiting) = (known.position, known.track.clone());
         let mut added = 0;
         while let Some(keypoint) = waiting.pop() {
             for &link in self.links.of(keypoint) {
-                let fits =
-                    self.model.point_of(link).is_none() && self.error_px(link, position) <= self.options.max_error_px;
+                let fits = self.model.point_of(link).is_none()
+                    && self.error_px(link, position) <= self.options.max_error_px;
                 if fits {
                     self.extend_point(point, link);
                     waiting.push(link);
@@ -70,16 +94,27 @@ impl Mapper<'_> {
     /// Makes one of a point and another that its sightings' links see, where one position fits all sightings of both.
     /// Gives the number of the point that holds them, and how many sightings moved.
     pub fn merge(&mut self, point: u32) -> usize {
-        let Some(known) = self.model.point(point) else { return 0 };
-        let linked = known.track.iter().flat_map(|&keypoint| self.links.of(keypoint));
-        let mut others: Vec<u32> =
-            linked.filter_map(|&link| self.model.point_of(link)).filter(|&other| other != point).collect();
+        let Some(known) = self.model.point(point) else {
+            return 0;
+        };
+        let linked = known
+            .track
+            .iter()
+            .flat_map(|&keypoint| self.links.of(keypoint));
+        let mut others: Vec<u32> = linked
+            .filter_map(|&link| self.model.point_of(link))
+            .filter(|&other| other != point)
+            .collect();
         others.sort_unstable();
         others.dedup();
         for other in others {
-            let Some(position) = self.common_position(point, other) else { continue };
+            let Some(position) = self.common_position(point, other) else {
+                continue;
+            };
             let moved = self.model.point(other).map_or(0, |other| other.track.len());
-            let (Some(a), Some(b)) = (self.remove_point(point), self.remove_point(other)) else { continue };
+            let (Some(a), Some(b)) = (self.remove_point(point), self.remove_point(other)) else {
+                continue;
+            };
             let merged = self.add_point(position, [a.track, b.track].concat());
             return moved + self.merge(merged);
         }
@@ -92,6 +127,7 @@ impl Mapper<'_> {
         let (n, m) = (a.track.len() as f64, b.track.len() as f64);
         let position = (a.position * n + b.position * m) / (n + m);
         let mut all = a.track.iter().chain(&b.track);
-        all.all(|&keypoint| self.error_px(keypoint, position) <= self.options.max_error_px).then_some(position)
+        all.all(|&keypoint| self.error_px(keypoint, position) <= self.options.max_error_px)
+            .then_some(position)
     }
 }

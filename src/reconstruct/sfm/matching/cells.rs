@@ -28,24 +28,43 @@ pub(super) struct Cells {
 impl Cells {
     /// Cells around centres that the descriptors of all pictures have in common; one for all where there are few.
     pub fn of_set<T: Value>(pictures: &[&[T]], dim: usize) -> Vec<Self> {
-        let most = pictures.iter().map(|values| values.len() / dim).max().unwrap_or(0);
+        let most = pictures
+            .iter()
+            .map(|values| values.len() / dim)
+            .max()
+            .unwrap_or(0);
         if most <= EXHAUSTIVE {
-            return pictures.iter().map(|values| Self::one((values.len() / dim) as u32)).collect();
+            return pictures
+                .iter()
+                .map(|values| Self::one((values.len() / dim) as u32))
+                .collect();
         }
         let count = (most / PER_CENTRE).min(MAX_CENTRES);
         let centres = k_means(&sample(pictures, dim, count * SAMPLE), dim, count, ROUNDS);
-        pictures.par_iter().map(|values| Self::around(&centres, values, dim)).collect()
+        pictures
+            .par_iter()
+            .map(|values| Self::around(&centres, values, dim))
+            .collect()
     }
 
     fn one(count: u32) -> Self {
-        Self { members: [0; 2].map(|_| vec![(0..count).collect()]) }
+        Self {
+            members: [0; 2].map(|_| vec![(0..count).collect()]),
+        }
     }
 
     fn around<T: Value>(centres: &[f32], values: &[T], dim: usize) -> Self {
         let mut members = [0; 2].map(|_| vec![Vec::new(); centres.len() / dim]);
-        for (index, near) in nearest_centres::<T, { PROBES[0] }>(values, centres, dim).into_iter().enumerate() {
+        for (index, near) in nearest_centres::<T, { PROBES[0] }>(values, centres, dim)
+            .into_iter()
+            .enumerate()
+        {
             for (members, probes) in members.iter_mut().zip(PROBES) {
-                for cell in near.into_iter().take(probes).filter(|&cell| cell != NO_CENTRE) {
+                for cell in near
+                    .into_iter()
+                    .take(probes)
+                    .filter(|&cell| cell != NO_CENTRE)
+                {
                     members[cell as usize].push(index as u32);
                 }
             }
@@ -58,11 +77,19 @@ impl Cells {
 fn sample<T: Value>(pictures: &[&[T]], dim: usize, count: usize) -> Vec<f32> {
     let all: usize = pictures.iter().map(|values| values.len() / dim).sum();
     let step = (all / count).max(1);
-    let mut rows: Vec<_> = pictures.iter().map(|values| values.chunks_exact(dim).step_by(step)).collect();
+    let mut rows: Vec<_> = pictures
+        .iter()
+        .map(|values| values.chunks_exact(dim).step_by(step))
+        .collect();
     let mut mixed = Vec::with_capacity(2 * count * dim);
     loop {
         let before = mixed.len();
-        mixed.extend(rows.iter_mut().filter_map(Iterator::next).flatten().map(|value| value.unit()));
+        mixed.extend(
+            rows.iter_mut()
+                .filter_map(Iterator::next)
+                .flatten()
+                .map(|value| value.unit()),
+        );
         if mixed.len() == before {
             return mixed;
         }
@@ -79,7 +106,11 @@ struct Ranking {
 impl Ranking {
     fn new(rule: Rule, count: usize) -> Self {
         let blank = rule.blank();
-        Self { rule, records: vec![blank; count], bars: vec![rule.bar(blank); count] }
+        Self {
+            rule,
+            records: vec![blank; count],
+            bars: vec![rule.bar(blank); count],
+        }
     }
 
     #[inline(always)]
@@ -94,7 +125,10 @@ impl Ranking {
     }
 
     fn accepted(&self) -> Vec<Option<u32>> {
-        self.records.iter().map(|&record| self.rule.accepted(record)).collect()
+        self.records
+            .iter()
+            .map(|&record| self.rule.accepted(record))
+            .collect()
     }
 }
 
@@ -110,10 +144,16 @@ pub(super) struct Comparison<'a, T> {
 impl<T: Value> Comparison<'_, T> {
     #[inline(always)]
     fn run<const FUSED: bool>(&self) -> [Vec<Option<u32>>; 2] {
-        let mut rankings = self.values.map(|values| Ranking::new(self.rule, values.len() / self.dim));
+        let mut rankings = self
+            .values
+            .map(|values| Ranking::new(self.rule, values.len() / self.dim));
         let (mut rows, mut panels) = (Vec::new(), Vec::new());
         let [firsts, seconds] = [&self.cells[0].members[0], &self.cells[1].members[1]];
-        for (firsts, seconds) in firsts.iter().zip(seconds).filter(|(a, b)| !a.is_empty() && !b.is_empty()) {
+        for (firsts, seconds) in firsts
+            .iter()
+            .zip(seconds)
+            .filter(|(a, b)| !a.is_empty() && !b.is_empty())
+        {
             self.gather_rows(firsts, &mut rows);
             self.gather_panels(seconds, &mut panels);
             self.compare::<FUSED>([firsts, seconds], &rows, &panels, &mut rankings);
@@ -128,7 +168,9 @@ impl<T: Value> Comparison<'_, T> {
         rows.resize(members.len().next_multiple_of(ROWS) * self.dim, 0.0);
         for (row, &index) in rows.chunks_exact_mut(self.dim).zip(members) {
             let values = &self.values[0][index as usize * self.dim..][..self.dim];
-            row.iter_mut().zip(values).for_each(|(to, value)| *to = value.unit());
+            row.iter_mut()
+                .zip(values)
+                .for_each(|(to, value)| *to = value.unit());
         }
     }
 
@@ -140,7 +182,10 @@ impl<T: Value> Comparison<'_, T> {
         for (panel, members) in panels.chunks_exact_mut(self.dim).zip(members.chunks(LANES)) {
             for (lane, &index) in members.iter().enumerate() {
                 let values = &self.values[1][index as usize * self.dim..][..self.dim];
-                panel.iter_mut().zip(values).for_each(|(to, value)| to[lane] = value.unit());
+                panel
+                    .iter_mut()
+                    .zip(values)
+                    .for_each(|(to, value)| to[lane] = value.unit());
             }
         }
     }
@@ -155,7 +200,8 @@ impl<T: Value> Comparison<'_, T> {
     ) {
         for (panel, seconds) in panels.chunks_exact(self.dim).zip(seconds.chunks(LANES)) {
             for (rows, firsts) in rows.chunks_exact(ROWS * self.dim).zip(firsts.chunks(ROWS)) {
-                let parts: [&[f32]; ROWS] = std::array::from_fn(|row| &rows[row * self.dim..(row + 1) * self.dim]);
+                let parts: [&[f32]; ROWS] =
+                    std::array::from_fn(|row| &rows[row * self.dim..(row + 1) * self.dim]);
                 let scores = tile::<FUSED>(parts, panel);
                 let mut bars = [f32::INFINITY; LANES];
                 for (bar, &second) in bars.iter_mut().zip(seconds) {
@@ -189,6 +235,10 @@ impl<T: Value> WithSimd for Comparison<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _simd: S) -> Self::Output {
-        if S::IS_SCALAR { self.run::<false>() } else { self.run::<true>() }
+        if S::IS_SCALAR {
+            self.run::<false>()
+        } else {
+            self.run::<true>()
+        }
     }
 }

@@ -15,8 +15,16 @@ struct Assign<'a, T, const N: usize> {
 
 /// For each descriptor (`values`, `dim` each) the numbers of its `N` nearest centres, the nearest first; of equally near
 /// ones the lowest.
-pub(crate) fn nearest_centres<T: Value, const N: usize>(values: &[T], centres: &[f32], dim: usize) -> Vec<[u32; N]> {
-    Arch::new().dispatch(Assign { centres, dim, values })
+pub(crate) fn nearest_centres<T: Value, const N: usize>(
+    values: &[T],
+    centres: &[f32],
+    dim: usize,
+) -> Vec<[u32; N]> {
+    Arch::new().dispatch(Assign {
+        centres,
+        dim,
+        values,
+    })
 }
 
 /// Lloyd's k-means, started from the first `count` rows of a sample (which should be in no order); a centre that nothing
@@ -27,14 +35,27 @@ pub(crate) fn k_means(sample: &[f32], dim: usize, count: usize, rounds: usize) -
         let nearest = nearest_centres::<f32, 1>(sample, &centres, dim);
         let mut sums = vec![0.0; centres.len()];
         let mut counts = vec![0.0; centres.len() / dim];
-        for (row, &[centre]) in sample.chunks_exact(dim).zip(&nearest).filter(|(_, to)| to[0] != NO_CENTRE) {
+        for (row, &[centre]) in sample
+            .chunks_exact(dim)
+            .zip(&nearest)
+            .filter(|(_, to)| to[0] != NO_CENTRE)
+        {
             let centre = centre as usize;
             counts[centre] += 1.0;
-            sums[centre * dim..(centre + 1) * dim].iter_mut().zip(row).for_each(|(sum, value)| *sum += value);
+            sums[centre * dim..(centre + 1) * dim]
+                .iter_mut()
+                .zip(row)
+                .for_each(|(sum, value)| *sum += value);
         }
-        let moved = centres.chunks_exact_mut(dim).zip(sums.chunks_exact(dim)).zip(&counts);
+        let moved = centres
+            .chunks_exact_mut(dim)
+            .zip(sums.chunks_exact(dim))
+            .zip(&counts);
         for ((centre, sum), &count) in moved.filter(|(_, count)| **count > 0.0) {
-            centre.iter_mut().zip(sum).for_each(|(to, sum)| *to = sum / count);
+            centre
+                .iter_mut()
+                .zip(sum)
+                .for_each(|(to, sum)| *to = sum / count);
         }
     }
     centres
@@ -51,17 +72,26 @@ impl<T: Value, const N: usize> Assign<'_, T, N> {
             for (unit, value) in units.iter_mut().zip(group) {
                 *unit = value.unit();
             }
-            let rows: [&[f32]; ROWS] = std::array::from_fn(|row| &units[row * dim..(row + 1) * dim]);
+            let rows: [&[f32]; ROWS] =
+                std::array::from_fn(|row| &units[row * dim..(row + 1) * dim]);
             let mut best = [[(f32::NEG_INFINITY, NO_CENTRE); N]; ROWS];
             for (at, panel) in panels.iter().enumerate() {
                 let products = tile::<FUSED>(rows, panel);
                 for (best, products) in best.iter_mut().zip(&products) {
                     for lane in 0..LANES {
-                        enter(best, products[lane] - halves[at][lane], (at * LANES + lane) as u32);
+                        enter(
+                            best,
+                            products[lane] - halves[at][lane],
+                            (at * LANES + lane) as u32,
+                        );
                     }
                 }
             }
-            nearest.extend(best.iter().take(group.len() / dim).map(|best| best.map(|(_, centre)| centre)));
+            nearest.extend(
+                best.iter()
+                    .take(group.len() / dim)
+                    .map(|best| best.map(|(_, centre)| centre)),
+            );
         }
         nearest
     }
@@ -101,6 +131,10 @@ impl<T: Value, const N: usize> WithSimd for Assign<'_, T, N> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _simd: S) -> Self::Output {
-        if S::IS_SCALAR { self.run::<false>() } else { self.run::<true>() }
+        if S::IS_SCALAR {
+            self.run::<false>()
+        } else {
+            self.run::<true>()
+        }
     }
 }

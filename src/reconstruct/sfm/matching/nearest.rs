@@ -20,7 +20,9 @@ impl NearestMatcher {
     /// cosine between the two larger than `min_cosine` (−1 = any).
     #[must_use]
     pub fn new(ratio: f32, min_cosine: f32) -> Self {
-        Self { rule: Rule::new(ratio, min_cosine) }
+        Self {
+            rule: Rule::new(ratio, min_cosine),
+        }
     }
 
     /// For SIFT: ratio 0.8, at most 0.7 rad between the two.
@@ -41,9 +43,18 @@ impl NearestMatcher {
         Box::new(move |first, second| {
             let values = [pictures[first], pictures[second]];
             let cells = [&cells[first], &cells[second]];
-            let [forth, back] = Arch::new().dispatch(Comparison { cells, values, dim, rule });
-            let found = (0u32..).zip(forth).filter_map(|(at, found)| found.map(|other| (at, other)));
-            Ok(found.filter(|&(at, other)| back[other as usize] == Some(at)).collect())
+            let [forth, back] = Arch::new().dispatch(Comparison {
+                cells,
+                values,
+                dim,
+                rule,
+            });
+            let found = (0u32..)
+                .zip(forth)
+                .filter_map(|(at, found)| found.map(|other| (at, other)));
+            Ok(found
+                .filter(|&(at, other)| back[other as usize] == Some(at))
+                .collect())
         })
     }
 }
@@ -58,14 +69,27 @@ impl FeatureMatcher for NearestMatcher {
         true
     }
 
-    fn matches(&self, first: &Features, second: &Features) -> Result<Vec<(u32, u32)>, FeatureError> {
+    fn matches(
+        &self,
+        first: &Features,
+        second: &Features,
+    ) -> Result<Vec<(u32, u32)>, FeatureError> {
         self.of_set(&[first, second])?(0, 1)
     }
 
     fn of_set<'a>(&'a self, pictures: &'a [&'a Features]) -> Result<PairMatches<'a>, FeatureError> {
-        let kinds = || pictures.iter().map(|one| &one.descriptors).filter(|one| !one.is_empty());
-        let Some(known) = kinds().next() else { return Ok(Box::new(|_, _| Ok(Vec::new()))) };
-        if let Some(other) = kinds().find(|other| other.dim() != known.dim() || is_bytes(other) != is_bytes(known)) {
+        let kinds = || {
+            pictures
+                .iter()
+                .map(|one| &one.descriptors)
+                .filter(|one| !one.is_empty())
+        };
+        let Some(known) = kinds().next() else {
+            return Ok(Box::new(|_, _| Ok(Vec::new())));
+        };
+        if let Some(other) =
+            kinds().find(|other| other.dim() != known.dim() || is_bytes(other) != is_bytes(known))
+        {
             return Err(FeatureError::Kinds(format!(
                 "descriptors of {} {} and {} {} cannot be compared",
                 known.dim(),
@@ -76,9 +100,15 @@ impl FeatureMatcher for NearestMatcher {
         }
         let all = pictures.iter().map(|one| &one.descriptors);
         Ok(if is_bytes(known) {
-            self.of_values(all.map(|one| one.as_bytes().unwrap_or_default()).collect(), known.dim())
+            self.of_values(
+                all.map(|one| one.as_bytes().unwrap_or_default()).collect(),
+                known.dim(),
+            )
         } else {
-            self.of_values(all.map(|one| one.as_floats().unwrap_or_default()).collect(), known.dim())
+            self.of_values(
+                all.map(|one| one.as_floats().unwrap_or_default()).collect(),
+                known.dim(),
+            )
         })
     }
 }
@@ -88,5 +118,9 @@ fn is_bytes(descriptors: &Descriptors) -> bool {
 }
 
 fn noun(descriptors: &Descriptors) -> &'static str {
-    if is_bytes(descriptors) { "bytes" } else { "floats" }
+    if is_bytes(descriptors) {
+        "bytes"
+    } else {
+        "floats"
+    }
 }

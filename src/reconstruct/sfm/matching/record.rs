@@ -26,7 +26,10 @@ pub(super) struct Rule {
 impl Rule {
     /// Distance to the nearest < `ratio` (0..1; 1 = any) · distance to the second nearest, and dot product > `floor`.
     pub fn new(ratio: f32, floor: f32) -> Self {
-        Self { excess: 1.0 / (ratio * ratio).clamp(1e-6, 1.0) - 1.0, floor }
+        Self {
+            excess: 1.0 / (ratio * ratio).clamp(1e-6, 1.0) - 1.0,
+            floor,
+        }
     }
 
     /// The dot product from which on a second spoils a best: |a − b|² = 2 − 2 a·b for unit vectors.
@@ -42,13 +45,21 @@ impl Rule {
 
     /// Before anything was seen.
     pub fn blank(self) -> Record {
-        Record { best: self.rival(self.floor), index: NOBODY, ambiguous: true }
+        Record {
+            best: self.rival(self.floor),
+            index: NOBODY,
+            ambiguous: true,
+        }
     }
 
     /// Scores below this one change nothing.
     #[inline(always)]
     pub fn bar(self, record: Record) -> f32 {
-        if record.ambiguous { record.best } else { self.rival(record.best) }
+        if record.ambiguous {
+            record.best
+        } else {
+            self.rival(record.best)
+        }
     }
 
     /// The record after one more score, in whichever order they come; the lower index wins a tie. The nearest may come
@@ -60,14 +71,27 @@ impl Rule {
         }
         if score > record.best {
             let ambiguous = record.index != NOBODY && self.spoils(score, record.best);
-            return Record { best: score, index, ambiguous };
+            return Record {
+                best: score,
+                index,
+                ambiguous,
+            };
         }
-        let index = if score == record.best { index.min(record.index) } else { record.index };
-        Record { index, ambiguous: record.ambiguous || self.spoils(record.best, score), ..record }
+        let index = if score == record.best {
+            index.min(record.index)
+        } else {
+            record.index
+        };
+        Record {
+            index,
+            ambiguous: record.ambiguous || self.spoils(record.best, score),
+            ..record
+        }
     }
 
     /// The match, if the record holds one.
     pub fn accepted(self, record: Record) -> Option<u32> {
-        (record.index != NOBODY && !record.ambiguous && record.best > self.floor).then_some(record.index)
+        (record.index != NOBODY && !record.ambiguous && record.best > self.floor)
+            .then_some(record.index)
     }
 }

@@ -20,7 +20,11 @@ impl Value for u8 {
 
     #[inline(always)]
     fn dot(a: &[Self], b: &[Self]) -> f32 {
-        let sum: i32 = a.iter().zip(b).map(|(&a, &b)| i32::from(a) * i32::from(b)).sum();
+        let sum: i32 = a
+            .iter()
+            .zip(b)
+            .map(|(&a, &b)| i32::from(a) * i32::from(b))
+            .sum();
         sum as f32 / (BYTE_LENGTH * BYTE_LENGTH)
     }
 }

@@ -10,7 +10,11 @@ pub fn look_twice(
     (first_look, most): (usize, usize),
     matched: impl Fn(usize) -> Result<Vec<(u32, u32)>, FeatureError>,
 ) -> Result<Vec<(u32, u32)>, FeatureError> {
-    let fewer = both.iter().map(|features| features.keypoints.len().min(most)).min().unwrap_or(0);
+    let fewer = both
+        .iter()
+        .map(|features| features.keypoints.len().min(most))
+        .min()
+        .unwrap_or(0);
     if fewer > first_look {
         let glanced = matched(first_look)?;
         if glanced.len() < OVERLAPPING {

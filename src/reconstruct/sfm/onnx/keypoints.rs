@@ -35,14 +35,26 @@ impl<'a> Picture<'a> {
         (max_side, multiple): (usize, usize),
     ) -> Self {
         let shown = Prepared::new(grey, size, max_side, multiple);
-        Self { size, shown, allowed, content: Content::of(grey, size.0, size.1) }
+        Self {
+            size,
+            shown,
+            allowed,
+            content: Content::of(grey, size.0, size.1),
+        }
     }
 
     /// The `most` strongest keypoints, of equal ones the first; those that are described by `around` pixels of the prepared
     /// picture lie as far from a bar.
-    pub fn strongest(&self, found: impl Iterator<Item = Found>, most: usize, around: f32) -> Vec<Found> {
+    pub fn strongest(
+        &self,
+        found: impl Iterator<Item = Found>,
+        most: usize,
+        around: f32,
+    ) -> Vec<Found> {
         let around = around * self.shown.original_from_here.max_element() as f32;
-        let mut found: Vec<Found> = found.filter(|found| self.allows(found.at, around)).collect();
+        let mut found: Vec<Found> = found
+            .filter(|found| self.allows(found.at, around))
+            .collect();
         found.sort_by(|a, b| b.score.total_cmp(&a.score));
         found.truncate(most);
         found
@@ -50,18 +62,33 @@ impl<'a> Picture<'a> {
 
     fn allows(&self, at: DVec2, around: f32) -> bool {
         let px = at * self.shown.original_from_here;
-        let (x, y) = ((px.x as usize).min(self.size.0 - 1), (px.y as usize).min(self.size.1 - 1));
-        self.allowed.is_none_or(|mask| mask[y * self.size.0 + x]) && self.content.holds(px.as_vec2(), around)
+        let (x, y) = (
+            (px.x as usize).min(self.size.0 - 1),
+            (px.y as usize).min(self.size.1 - 1),
+        );
+        self.allowed.is_none_or(|mask| mask[y * self.size.0 + x])
+            && self.content.holds(px.as_vec2(), around)
     }
 
     /// What was found, with descriptors of `dim` values that `describe` writes for a position in the prepared picture.
-    pub fn features(&self, found: &[Found], dim: usize, describe: impl Fn(DVec2, &mut [f32])) -> Features {
+    pub fn features(
+        &self,
+        found: &[Found],
+        dim: usize,
+        describe: impl Fn(DVec2, &mut [f32]),
+    ) -> Features {
         let mut values = vec![0.0; found.len() * dim];
-        found.iter().zip(values.chunks_exact_mut(dim)).for_each(|(found, row)| describe(found.at, row));
+        found
+            .iter()
+            .zip(values.chunks_exact_mut(dim))
+            .for_each(|(found, row)| describe(found.at, row));
         Features {
             width: self.size.0 as u32,
             height: self.size.1 as u32,
-            keypoints: found.iter().map(|found| found.at * self.shown.original_from_here).collect(),
+            keypoints: found
+                .iter()
+                .map(|found| found.at * self.shown.original_from_here)
+                .collect(),
             scales_px: Vec::new(),
             scores: found.iter().map(|found| found.score).collect(),
             descriptors: Descriptors::Floats { dim, values },
@@ -82,10 +109,14 @@ impl<'a> Picture<'a> {
         let shown = &self.shown;
         let given = Tensor::floats(&[1, 1, shown.height, shown.width], shown.grey.clone())?;
         let given = network.run(&[(input, &given)])?;
-        let expected = planes.map(|planes| vec![1, planes, shown.height / cell, shown.width / cell]);
+        let expected =
+            planes.map(|planes| vec![1, planes, shown.height / cell, shown.width / cell]);
         let shapes: Vec<&[usize]> = given.iter().map(Tensor::shape).collect();
         let what = format!("gives {shapes:?} where {expected:?} are expected");
-        let mismatch = || NnError::Mismatch { path: network.path().to_owned(), what };
+        let mismatch = || NnError::Mismatch {
+            path: network.path().to_owned(),
+            what,
+        };
         if shapes != expected {
             return Err(mismatch());
         }

@@ -21,7 +21,11 @@ pub struct LighterGlueOptions {
 
 impl Default for LighterGlueOptions {
     fn default() -> Self {
-        Self { most: 1024, first_look: 512, least_score: 0.1 }
+        Self {
+            most: 1024,
+            first_look: 512,
+            least_score: 0.1,
+        }
     }
 }
 
@@ -41,7 +45,10 @@ impl LighterGlue {
     /// # Errors
     /// When it is not installed there, does not load, or ONNX Runtime is missing.
     pub fn load(folder: &Path, options: LighterGlueOptions) -> Result<Self, NnError> {
-        Ok(Self { network: load_only(folder, "lighterglue")?, options })
+        Ok(Self {
+            network: load_only(folder, "lighterglue")?,
+            options,
+        })
     }
 
     /// Matches of the first `most` keypoints of both.
@@ -52,36 +59,56 @@ impl LighterGlue {
         if counts.contains(&0) {
             return Ok(Vec::new());
         }
-        let given = self.run(&first, &second).map_err(|error| FeatureError::Network(error.to_string()))?;
+        let given = self
+            .run(&first, &second)
+            .map_err(|error| FeatureError::Network(error.to_string()))?;
         let [pairs, scores] = given.as_slice() else {
-            return Err(FeatureError::Network("LighterGlue gives no matches and scores".to_owned()));
+            return Err(FeatureError::Network(
+                "LighterGlue gives no matches and scores".to_owned(),
+            ));
         };
         let pairs = pairs.as_integers().chunks_exact(2).zip(scores.as_floats());
         let sure = pairs.filter(|&(_, &score)| score > self.options.least_score);
-        let within = |index: i64, count: usize| u32::try_from(index).ok().filter(|&index| (index as usize) < count);
-        let known = sure.filter_map(|(pair, _)| Some((within(pair[0], counts[0])?, within(pair[1], counts[1])?)));
+        let within = |index: i64, count: usize| {
+            u32::try_from(index)
+                .ok()
+                .filter(|&index| (index as usize) < count)
+        };
+        let known = sure.filter_map(|(pair, _)| {
+            Some((within(pair[0], counts[0])?, within(pair[1], counts[1])?))
+        });
         let mut matches: Vec<(u32, u32)> = known.collect();
         matches.sort_unstable();
         Ok(matches)
     }
 
     fn run(&self, first: &[Tensor; 2], second: &[Tensor; 2]) -> Result<Vec<Tensor>, NnError> {
-        self.network.run(&[("kpts0", &first[0]), ("kpts1", &second[0]), ("desc0", &first[1]), ("desc1", &second[1])])
+        self.network.run(&[
+            ("kpts0", &first[0]),
+            ("kpts1", &second[0]),
+            ("desc0", &first[1]),
+            ("desc1", &second[1]),
+        ])
     }
 }
 
 /// Positions and descriptors of the first `most` keypoints as the network takes them.
 fn fed(features: &Features, most: usize) -> Result<[Tensor; 2], FeatureError> {
     let Descriptors::Floats { dim: DIM, values } = &features.descriptors else {
-        return Err(FeatureError::Kinds("LighterGlue matches the descriptors of XFeat only".to_owned()));
+        return Err(FeatureError::Kinds(
+            "LighterGlue matches the descriptors of XFeat only".to_owned(),
+        ));
     };
     let count = features.keypoints.len().min(most);
     let half = glam::DVec2::new(f64::from(features.width), f64::from(features.height)) / 2.0;
-    let placed = features.keypoints[..count].iter().map(|&at| (at - half) / half.max_element());
+    let placed = features.keypoints[..count]
+        .iter()
+        .map(|&at| (at - half) / half.max_element());
     let positions = placed.flat_map(|at| [at.x as f32, at.y as f32]).collect();
     let failed = |error: NnError| FeatureError::Network(error.to_string());
     let positions = Tensor::floats(&[1, count, 2], positions).map_err(failed)?;
-    let described = Tensor::floats(&[1, count, DIM], values[..count * DIM].to_vec()).map_err(failed)?;
+    let described =
+        Tensor::floats(&[1, count, DIM], values[..count * DIM].to_vec()).map_err(failed)?;
     Ok([positions, described])
 }
 
@@ -90,8 +117,16 @@ impl FeatureMatcher for LighterGlue {
         "lighterglue"
     }
 
-    fn matches(&self, first: &Features, second: &Features) -> Result<Vec<(u32, u32)>, FeatureError> {
-        let LighterGlueOptions { most, first_look, .. } = self.options;
-        look_twice([first, second], (first_look, most), |most| self.matched([first, second], most))
+    fn matches(
+        &self,
+        first: &Features,
+        second: &Features,
+    ) -> Result<Vec<(u32, u32)>, FeatureError> {
+        let LighterGlueOptions {
+            most, first_look, ..
+        } = self.options;
+        look_twice([first, second], (first_look, most), |most| {
+            self.matched([first, second], most)
+        })
     }
 }

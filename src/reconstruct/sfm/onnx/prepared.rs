@@ -24,20 +24,38 @@ impl Prepared {
     /// Prepares a grey picture so that its longer side has at most `max_side` pixels and both sides are multiples of
     /// `multiple`.
     #[must_use]
-    pub fn new(grey: &[f32], (width, height): (usize, usize), max_side: usize, multiple: usize) -> Self {
+    pub fn new(
+        grey: &[f32],
+        (width, height): (usize, usize),
+        max_side: usize,
+        multiple: usize,
+    ) -> Self {
         let scale = (max_side as f64 / width.max(height) as f64).min(1.0);
         let shrunk = |side: usize| ((side as f64 * scale).round() as usize).clamp(1, side);
         let (shown_width, shown_height) = (shrunk(width), shrunk(height));
-        let small = if scale < 1.0 { shrink(grey, (width, height), (shown_width, shown_height)) } else { None };
-        let (padded_width, padded_height) =
-            (shown_width.next_multiple_of(multiple), shown_height.next_multiple_of(multiple));
+        let small = if scale < 1.0 {
+            shrink(grey, (width, height), (shown_width, shown_height))
+        } else {
+            None
+        };
+        let (padded_width, padded_height) = (
+            shown_width.next_multiple_of(multiple),
+            shown_height.next_multiple_of(multiple),
+        );
         Self {
-            grey: padded(small.as_deref().unwrap_or(grey), (shown_width, shown_height), (padded_width, padded_height)),
+            grey: padded(
+                small.as_deref().unwrap_or(grey),
+                (shown_width, shown_height),
+                (padded_width, padded_height),
+            ),
             width: padded_width,
             height: padded_height,
             shown_width,
             shown_height,
-            original_from_here: DVec2::new(width as f64 / shown_width as f64, height as f64 / shown_height as f64),
+            original_from_here: DVec2::new(
+                width as f64 / shown_width as f64,
+                height as f64 / shown_height as f64,
+            ),
         }
     }
 }

@@ -19,9 +19,18 @@ impl Sampled {
         let cells = columns * rows;
         let mut values = vec![0.0; dim * cells];
         for (channel, plane) in planes.chunks_exact(cells).enumerate() {
-            values[channel..].iter_mut().step_by(dim).zip(plane).for_each(|(value, &given)| *value = given);
+            values[channel..]
+                .iter_mut()
+                .step_by(dim)
+                .zip(plane)
+                .for_each(|(value, &given)| *value = given);
         }
-        Self { columns, rows, dim, values }
+        Self {
+            columns,
+            rows,
+            dim,
+            values,
+        }
     }
 
     /// With each cell's values scaled to length 1.
@@ -40,7 +49,10 @@ impl Sampled {
     pub fn read_cells(&self, at: DVec2, into: &mut [f32]) {
         let (column, along_x) = between(at.x, self.columns);
         let (row, along_y) = between(at.y, self.rows);
-        let (next_column, next_row) = ((column + 1).min(self.columns - 1), (row + 1).min(self.rows - 1));
+        let (next_column, next_row) = (
+            (column + 1).min(self.columns - 1),
+            (row + 1).min(self.rows - 1),
+        );
         let corners = [
             (column, row, (1.0 - along_x) * (1.0 - along_y)),
             (next_column, row, along_x * (1.0 - along_y)),
@@ -49,7 +61,9 @@ impl Sampled {
         ];
         for (column, row, weight) in corners {
             let cell = &self.values[(row * self.columns + column) * self.dim..][..self.dim];
-            into.iter_mut().zip(cell).for_each(|(value, given)| *value += weight * given);
+            into.iter_mut()
+                .zip(cell)
+                .for_each(|(value, given)| *value += weight * given);
         }
     }
 }

@@ -22,7 +22,11 @@ pub struct SuperGlueOptions {
 impl Default for SuperGlueOptions {
     /// The share as the authors publish.
     fn default() -> Self {
-        Self { most: 1024, first_look: 512, least_share: 0.2 }
+        Self {
+            most: 1024,
+            first_look: 512,
+            least_share: 0.2,
+        }
     }
 }
 
@@ -55,7 +59,11 @@ impl SuperGlue {
 
     /// How well each two of the first `most` keypoints agree, `[1, first, second]`, and the agreement with nobody; `None`
     /// where a picture has no keypoints.
-    pub(super) fn agreement(&self, both: [&Features; 2], most: usize) -> Result<Option<(Tensor, f32)>, FeatureError> {
+    pub(super) fn agreement(
+        &self,
+        both: [&Features; 2],
+        most: usize,
+    ) -> Result<Option<(Tensor, f32)>, FeatureError> {
         let [first, second] = both.map(|features| fed(features, most));
         let ([at0, sure0, look0], [at1, sure1, look1]) = (first?, second?);
         let (rows, columns) = (sure0.shape()[1], sure1.shape()[1]);
@@ -72,11 +80,15 @@ impl SuperGlue {
         ];
         let answer = self.network.run(&given).map_err(|error| failed(&error))?;
         match <[Tensor; 2]>::try_from(answer) {
-            Ok([agreement, alone]) if agreement.shape() == [1, rows, columns] && alone.shape() == [1] => {
+            Ok([agreement, alone])
+                if agreement.shape() == [1, rows, columns] && alone.shape() == [1] =>
+            {
                 let alone = alone.as_floats().first().copied().unwrap_or_default();
                 Ok(Some((agreement, alone)))
             }
-            _ => Err(FeatureError::Network("SuperGlue gives something else than how keypoints agree".to_owned())),
+            _ => Err(FeatureError::Network(
+                "SuperGlue gives something else than how keypoints agree".to_owned(),
+            )),
         }
     }
 }
@@ -89,13 +101,19 @@ fn failed(error: &NnError) -> FeatureError {
 fn fed(features: &Features, most: usize) -> Result<[Tensor; 3], FeatureError> {
     let count = features.keypoints.len().min(most);
     let Descriptors::Floats { dim, values } = &features.descriptors else {
-        return Err(FeatureError::Kinds("SuperGlue matches the descriptors of SuperPoint only".to_owned()));
+        return Err(FeatureError::Kinds(
+            "SuperGlue matches the descriptors of SuperPoint only".to_owned(),
+        ));
     };
     let size = glam::DVec2::new(f64::from(features.width), f64::from(features.height));
     // It was trained on positions that count from the centre of the first pixel.
-    let placed = features.keypoints[..count].iter().map(|&at| (at - 0.5 - size / 2.0) / (SCALE * size.max_element()));
+    let placed = features.keypoints[..count]
+        .iter()
+        .map(|&at| (at - 0.5 - size / 2.0) / (SCALE * size.max_element()));
     let positions = placed.flat_map(|at| [at.x as f32, at.y as f32]).collect();
-    let made = |shape: &[usize], values: Vec<f32>| Tensor::floats(shape, values).map_err(|error| failed(&error));
+    let made = |shape: &[usize], values: Vec<f32>| {
+        Tensor::floats(shape, values).map_err(|error| failed(&error))
+    };
     Ok([
         made(&[1, count, 2], positions)?,
         made(&[1, count], features.scores[..count].to_vec())?,
@@ -108,10 +126,20 @@ impl FeatureMatcher for SuperGlue {
         "superglue"
     }
 
-    fn matches(&self, first: &Features, second: &Features) -> Result<Vec<(u32, u32)>, FeatureError> {
-        let SuperGlueOptions { most, first_look, least_share } = self.options;
+    fn matches(
+        &self,
+        first: &Features,
+        second: &Features,
+    ) -> Result<Vec<(u32, u32)>, FeatureError> {
+        let SuperGlueOptions {
+            most,
+            first_look,
+            least_share,
+        } = self.options;
         look_twice([first, second], (first_look, most), |most| {
-            let Some((agreement, alone)) = self.agreement([first, second], most)? else { return Ok(Vec::new()) };
+            let Some((agreement, alone)) = self.agreement([first, second], most)? else {
+                return Ok(Vec::new());
+            };
             let columns = agreement.shape()[2];
             Ok(Transport::new(agreement.as_floats(), columns, alone, ROUNDS).mutual(least_share))
         })

@@ -24,7 +24,12 @@ pub struct SuperPointOptions {
 impl Default for SuperPointOptions {
     /// Heat and radius as the authors publish.
     fn default() -> Self {
-        Self { most: 4096, max_side: 1600, least_heat: 0.005, radius: 4 }
+        Self {
+            most: 4096,
+            max_side: 1600,
+            least_heat: 0.005,
+            radius: 4,
+        }
     }
 }
 
@@ -54,19 +59,41 @@ impl SuperPoint {
     }
 
     /// A network that gives logits of keypoints and descriptors of any number of values.
-    pub(super) fn of_network(network: Network, options: SuperPointOptions) -> Result<Self, NnError> {
-        let dim = network.signature().outputs.get(1).and_then(|port| port.shape.get(1).copied().flatten());
+    pub(super) fn of_network(
+        network: Network,
+        options: SuperPointOptions,
+    ) -> Result<Self, NnError> {
+        let dim = network
+            .signature()
+            .outputs
+            .get(1)
+            .and_then(|port| port.shape.get(1).copied().flatten());
         let what = || "gives descriptors of no fixed size".to_owned();
-        let dim = dim.ok_or_else(|| NnError::Mismatch { path: network.path().to_owned(), what: what() })?;
-        Ok(Self { network, dim, options })
+        let dim = dim.ok_or_else(|| NnError::Mismatch {
+            path: network.path().to_owned(),
+            what: what(),
+        })?;
+        Ok(Self {
+            network,
+            dim,
+            options,
+        })
     }
 
     /// Keypoints of the part of the heat that shows the picture.
     fn found(&self, heat: &Heat, (width, height): (usize, usize)) -> Vec<Found> {
         let peaks = heat.separate(width, height, self.options.least_heat, self.options.radius);
-        let is_inside = |&(x, y): &(usize, usize)| x >= RIM && y >= RIM && x + RIM < width && y + RIM < height;
+        let is_inside =
+            |&(x, y): &(usize, usize)| x >= RIM && y >= RIM && x + RIM < width && y + RIM < height;
         let at = |(x, y): (usize, usize)| DVec2::new(x as f64, y as f64) + 0.5;
-        peaks.into_iter().filter(is_inside).map(|peak| Found { at: at(peak), score: heat.at(peak.0, peak.1) }).collect()
+        peaks
+            .into_iter()
+            .filter(is_inside)
+            .map(|peak| Found {
+                at: at(peak),
+                score: heat.at(peak.0, peak.1),
+            })
+            .collect()
     }
 }
 
@@ -82,7 +109,12 @@ impl FeatureExtractor for SuperPoint {
         height: usize,
         allowed: Option<&[bool]>,
     ) -> Result<Features, FeatureError> {
-        let picture = Picture::new(grey, (width, height), allowed, (self.options.max_side, CELL));
+        let picture = Picture::new(
+            grey,
+            (width, height),
+            allowed,
+            (self.options.max_side, CELL),
+        );
         let (shown, planes) = (&picture.shown, [CELL * CELL + 1, self.dim]);
         let (columns, rows) = (shown.width / CELL, shown.height / CELL);
         let [logits, described] = picture

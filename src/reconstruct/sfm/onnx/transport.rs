@@ -33,8 +33,12 @@ impl Transport {
             shares[count] = others as f64;
             shares
         };
-        let mut transport =
-            Self { columns: columns + 1, kernel, of_rows: share(columns, rows), of_columns: share(rows, columns) };
+        let mut transport = Self {
+            columns: columns + 1,
+            kernel,
+            of_rows: share(columns, rows),
+            of_columns: share(rows, columns),
+        };
         transport.balance(rounds);
         transport
     }
@@ -46,22 +50,38 @@ impl Transport {
         self.of_columns.fill(1.0);
         for _ in 0..rounds {
             let (kernel, of_columns) = (&self.kernel, &self.of_columns);
-            self.of_rows.par_iter_mut().enumerate().for_each(|(row, scale)| {
-                let row_of = &kernel[row * columns..][..columns];
-                let sum: f64 = row_of.iter().zip(of_columns).map(|(&value, scale)| f64::from(value) * scale).sum();
-                *scale = wanted_rows[row] / sum;
-            });
+            self.of_rows
+                .par_iter_mut()
+                .enumerate()
+                .for_each(|(row, scale)| {
+                    let row_of = &kernel[row * columns..][..columns];
+                    let sum: f64 = row_of
+                        .iter()
+                        .zip(of_columns)
+                        .map(|(&value, scale)| f64::from(value) * scale)
+                        .sum();
+                    *scale = wanted_rows[row] / sum;
+                });
             let of_rows = &self.of_rows;
-            self.of_columns.par_chunks_mut(BAND).enumerate().for_each(|(band, scales)| {
-                let start = band * BAND;
-                scales.fill(0.0);
-                for (row, by) in kernel.chunks_exact(columns).zip(of_rows) {
-                    let values = &row[start..start + scales.len()];
-                    scales.iter_mut().zip(values).for_each(|(sum, &value)| *sum += by * f64::from(value));
-                }
-                let wanted = &wanted_columns[start..start + scales.len()];
-                scales.iter_mut().zip(wanted).for_each(|(scale, wanted)| *scale = wanted / *scale);
-            });
+            self.of_columns
+                .par_chunks_mut(BAND)
+                .enumerate()
+                .for_each(|(band, scales)| {
+                    let start = band * BAND;
+                    scales.fill(0.0);
+                    for (row, by) in kernel.chunks_exact(columns).zip(of_rows) {
+                        let values = &row[start..start + scales.len()];
+                        scales
+                            .iter_mut()
+                            .zip(values)
+                            .for_each(|(sum, &value)| *sum += by * f64::from(value));
+                    }
+                    let wanted = &wanted_columns[start..start + scales.len()];
+                    scales
+                        .iter_mut()
+                        .zip(wanted)
+                        .for_each(|(scale, wanted)| *scale = wanted / *scale);
+                });
         }
     }
 
@@ -72,7 +92,8 @@ impl Transport {
         let mut best_of_row = vec![(0.0, 0); rows];
         for (row, best) in best_of_row.iter_mut().enumerate() {
             let values = &self.kernel[row * self.columns..][..columns];
-            for (column, (&value, of_column)) in values.iter().zip(&mut best_of_column).enumerate() {
+            for (column, (&value, of_column)) in values.iter().zip(&mut best_of_column).enumerate()
+            {
                 let share = f64::from(value) * self.of_rows[row] * self.of_columns[column];
                 if share > best.0 {
                     *best = (share, column);
@@ -86,7 +107,8 @@ impl Transport {
             .iter()
             .enumerate()
             .filter(|&(row, &(share, column))| share > least && best_of_column[column].1 == row);
-        sure.map(|(row, &(_, column))| (row as u32, column as u32)).collect()
+        sure.map(|(row, &(_, column))| (row as u32, column as u32))
+            .collect()
     }
 }
 
@@ -99,9 +121,14 @@ fn exponentials(values: &mut [f32], columns: usize) {
     });
     let mut largest = vec![f32::NEG_INFINITY; columns];
     for row in values.chunks_exact(columns) {
-        largest.iter_mut().zip(row).for_each(|(largest, &value)| *largest = largest.max(value));
+        largest
+            .iter_mut()
+            .zip(row)
+            .for_each(|(largest, &value)| *largest = largest.max(value));
     }
     values.par_chunks_exact_mut(columns).for_each(|row| {
-        row.iter_mut().zip(&largest).for_each(|(value, &largest)| *value = (*value - largest).exp());
+        row.iter_mut()
+            .zip(&largest)
+            .for_each(|(value, &largest)| *value = (*value - largest).exp());
     });
 }

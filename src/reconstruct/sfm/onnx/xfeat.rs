@@ -19,7 +19,11 @@ pub struct XFeatOptions {
 
 impl Default for XFeatOptions {
     fn default() -> Self {
-        Self { most: 4096, max_side: 1600, least_heat: 0.05 }
+        Self {
+            most: 4096,
+            max_side: 1600,
+            least_heat: 0.05,
+        }
     }
 }
 
@@ -46,7 +50,10 @@ impl XFeat {
     /// # Errors
     /// When it is not installed there, does not load, or ONNX Runtime is missing.
     pub fn load(folder: &Path, options: XFeatOptions) -> Result<Self, NnError> {
-        Ok(Self { network: load_only(folder, "xfeat")?, options })
+        Ok(Self {
+            network: load_only(folder, "xfeat")?,
+            options,
+        })
     }
 }
 
@@ -62,7 +69,12 @@ impl FeatureExtractor for XFeat {
         height: usize,
         allowed: Option<&[bool]>,
     ) -> Result<Features, FeatureError> {
-        let picture = Picture::new(grey, (width, height), allowed, (self.options.max_side, MULTIPLE));
+        let picture = Picture::new(
+            grey,
+            (width, height),
+            allowed,
+            (self.options.max_side, MULTIPLE),
+        );
         let (shown, planes) = (&picture.shown, [DIM, CELL * CELL + 1, 1]);
         let (columns, rows) = (shown.width / CELL, shown.height / CELL);
         let [described, logits, reliability] = picture
@@ -70,12 +82,19 @@ impl FeatureExtractor for XFeat {
             .map_err(|error| FeatureError::Network(error.to_string()))?;
         let heat = Heat::from_logits(logits.as_floats(), columns, rows);
         let reliability = Sampled::new(reliability.as_floats(), 1, columns, rows);
-        let peaks = heat.peaks(shown.shown_width, shown.shown_height, self.options.least_heat);
+        let peaks = heat.peaks(
+            shown.shown_width,
+            shown.shown_height,
+            self.options.least_heat,
+        );
         let found = peaks.into_iter().map(|(x, y)| {
             let at = heat.refined(x, y);
             let mut sure = [0.0];
             reliability.read(at, &mut sure);
-            Found { at, score: heat.at(x, y) * sure[0] }
+            Found {
+                at,
+                score: heat.at(x, y) * sure[0],
+            }
         });
         let found = picture.strongest(found, self.options.most, AROUND);
         let described = Sampled::new(described.as_floats(), DIM, columns, rows).normalised();

@@ -9,7 +9,11 @@ use crate::sfm::matching::Value;
 /// cosine with its own, besides pairs already `known`; the lower index first where two are equally alike. Vectors of
 /// length 0 are like no other.
 #[must_use]
-pub fn most_alike(pooled: &[Vec<f32>], k: usize, known: &BTreeSet<(usize, usize)>) -> Vec<(usize, usize)> {
+pub fn most_alike(
+    pooled: &[Vec<f32>],
+    k: usize,
+    known: &BTreeSet<(usize, usize)>,
+) -> Vec<(usize, usize)> {
     let of_one = |one: usize| {
         let mut others: Vec<(f32, usize)> = (0..pooled.len())
             .filter(|&other| other != one && !known.contains(&(one.min(other), one.max(other))))
@@ -17,9 +21,16 @@ pub fn most_alike(pooled: &[Vec<f32>], k: usize, known: &BTreeSet<(usize, usize)
             .filter(|&(cosine, _)| cosine != 0.0)
             .collect();
         others.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        others.into_iter().take(k).map(|(_, other)| (one.min(other), one.max(other))).collect::<Vec<_>>()
+        others
+            .into_iter()
+            .take(k)
+            .map(|(_, other)| (one.min(other), one.max(other)))
+            .collect::<Vec<_>>()
     };
-    let pairs: BTreeSet<(usize, usize)> = (0..pooled.len()).into_par_iter().flat_map_iter(of_one).collect();
+    let pairs: BTreeSet<(usize, usize)> = (0..pooled.len())
+        .into_par_iter()
+        .flat_map_iter(of_one)
+        .collect();
     pairs.into_iter().collect()
 }
 

@@ -29,7 +29,10 @@ struct Kind {
 
 impl Kind {
     fn of(descriptors: &Descriptors) -> Self {
-        Self { dim: descriptors.dim().max(1), bytes: matches!(descriptors, Descriptors::Bytes { .. }) }
+        Self {
+            dim: descriptors.dim().max(1),
+            bytes: matches!(descriptors, Descriptors::Bytes { .. }),
+        }
     }
 }
 
@@ -39,9 +42,21 @@ impl Vocabulary {
     pub fn learn(features: &[&Features], seed: u64) -> Self {
         let all: Vec<&Descriptors> = features.iter().map(|one| &one.descriptors).collect();
         let first = all.iter().find(|one| !one.is_empty());
-        let kind = first.map_or(Kind { dim: 1, bytes: false }, |first| Kind::of(first));
-        let fitting: Vec<&Descriptors> = all.into_iter().filter(|one| Kind::of(one) == kind).collect();
-        Self { kind, centres: k_means(&sample(&fitting, kind.dim, seed), kind.dim, CENTRES, ROUNDS) }
+        let kind = first.map_or(
+            Kind {
+                dim: 1,
+                bytes: false,
+            },
+            |first| Kind::of(first),
+        );
+        let fitting: Vec<&Descriptors> = all
+            .into_iter()
+            .filter(|one| Kind::of(one) == kind)
+            .collect();
+        Self {
+            kind,
+            centres: k_means(&sample(&fitting, kind.dim, seed), kind.dim, CENTRES, ROUNDS),
+        }
     }
 
     /// One vector of length 1 per picture; cosines between them say how alike two look. 0 without descriptors, and where
@@ -73,7 +88,9 @@ impl Vocabulary {
             let centre = centre as usize;
             let at = centre * self.kind.dim..(centre + 1) * self.kind.dim;
             let with_centre = sums[at.clone()].iter_mut().zip(&self.centres[at]);
-            with_centre.zip(row).for_each(|((sum, centre), value)| *sum += value.unit() - centre);
+            with_centre
+                .zip(row)
+                .for_each(|((sum, centre), value)| *sum += value.unit() - centre);
         }
         sums.chunks_exact_mut(self.kind.dim).for_each(normalise);
         normalise(&mut sums);
@@ -108,7 +125,9 @@ fn sample(all: &[&Descriptors], dim: usize, seed: u64) -> Vec<f32> {
             Descriptors::Bytes { values, .. } => {
                 rows.extend(values[first..first + dim].iter().map(|value| value.unit()));
             }
-            Descriptors::Floats { values, .. } => rows.extend_from_slice(&values[first..first + dim]),
+            Descriptors::Floats { values, .. } => {
+                rows.extend_from_slice(&values[first..first + dim])
+            }
         }
     }
     rows

@@ -41,7 +41,9 @@ pub(crate) fn second_chance(
         gained => gained?,
     };
     let (problem, tried) = with_gains(&first, &gained);
-    let again = progress.stage("map").and_then(|()| map(&problem, &request.mapper, progress));
+    let again = progress
+        .stage("map")
+        .and_then(|()| map(&problem, &request.mapper, progress));
     let Ok(models) = again else { return Ok(first) };
     if placed(&models) <= placed(&first.models) {
         return Ok(first);
@@ -49,7 +51,12 @@ pub(crate) fn second_chance(
     for (image, found) in gained {
         first.pictures[image] = found.picture;
     }
-    Ok(Attempt { problem, tried, models, ..first })
+    Ok(Attempt {
+        problem,
+        tried,
+        models,
+        ..first
+    })
 }
 
 /// By image that was left out, more matches, where they were found.
@@ -60,16 +67,32 @@ fn look_again(
     progress: &Progress,
 ) -> Result<BTreeMap<usize, Gained>, SfmError> {
     let mut gained = BTreeMap::new();
-    let (Some(kept), images) = (first.models.first(), left_out(first)) else { return Ok(gained) };
+    let (Some(kept), images) = (first.models.first(), left_out(first)) else {
+        return Ok(gained);
+    };
     if images.is_empty() {
         return Ok(gained);
     }
     progress.stage("look again at what was left out")?;
     for (done, &image) in images.iter().enumerate() {
         progress.step(done, images.len())?;
-        let (frame, allowed) = (request.mapped[image], (request.allowed)(request.mapped[image]));
-        let views = tilted_picture(&request.frames[frame], store, request.extractor, allowed.as_deref(), progress)?;
-        let look = LookAgain { attempt: first, model: &kept.model, image, seed: request.mapper.seed };
+        let (frame, allowed) = (
+            request.mapped[image],
+            (request.allowed)(request.mapped[image]),
+        );
+        let views = tilted_picture(
+            &request.frames[frame],
+            store,
+            request.extractor,
+            allowed.as_deref(),
+            progress,
+        )?;
+        let look = LookAgain {
+            attempt: first,
+            model: &kept.model,
+            image,
+            seed: request.mapper.seed,
+        };
         if let Some(found) = look.gains(&views, request.mapper.pose_inliers, progress)? {
             gained.insert(image, found);
         }
@@ -79,12 +102,21 @@ fn look_again(
 
 /// Images that no model holds although there is something to recognise in them.
 fn left_out(attempt: &Attempt) -> Vec<usize> {
-    let is_placed = |image: usize| attempt.models.iter().any(|mapped| mapped.model.is_placed(image as u32));
+    let is_placed = |image: usize| {
+        attempt
+            .models
+            .iter()
+            .any(|mapped| mapped.model.is_placed(image as u32))
+    };
     let is_rich = |image: usize| attempt.pictures[image].features.keypoints.len() >= FEW_FEATURES;
-    let mut images: Vec<usize> =
-        (0..attempt.pictures.len()).filter(|&image| is_rich(image) && !is_placed(image)).collect();
+    let mut images: Vec<usize> = (0..attempt.pictures.len())
+        .filter(|&image| is_rich(image) && !is_placed(image))
+        .collect();
     let most_matches = |image: usize| {
-        let own = attempt.tried.iter().filter(|pair| pair.images.contains(&(image as u32)));
+        let own = attempt
+            .tried
+            .iter()
+            .filter(|pair| pair.images.contains(&(image as u32)));
         own.map(|pair| pair.matches).max()
     };
     images.sort_by_cached_key(|&image| (std::cmp::Reverse(most_matches(image)), image));
@@ -96,7 +128,9 @@ fn left_out(attempt: &Attempt) -> Vec<usize> {
 fn with_gains(first: &Attempt, gained: &BTreeMap<usize, Gained>) -> (MapProblem, Vec<TriedPair>) {
     let (mut problem, mut tried) = (first.problem.clone(), first.tried.clone());
     for (&image, found) in gained {
-        problem.images[image].keypoints.clone_from(&found.picture.features.keypoints);
+        problem.images[image]
+            .keypoints
+            .clone_from(&found.picture.features.keypoints);
         for pair in &found.pairs {
             match tried.iter_mut().find(|known| known.images == pair.images) {
                 Some(known) => known.clone_from(pair),
@@ -104,7 +138,10 @@ fn with_gains(first: &Attempt, gained: &BTreeMap<usize, Gained>) -> (MapProblem,
             }
         }
     }
-    problem.pairs = tried.iter().filter_map(|pair| pair.verified.clone()).collect();
+    problem.pairs = tried
+        .iter()
+        .filter_map(|pair| pair.verified.clone())
+        .collect();
     (problem, tried)
 }
 

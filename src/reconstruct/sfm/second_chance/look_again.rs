@@ -45,28 +45,49 @@ impl LookAgain<'_> {
         let mut found = Vec::with_capacity(neighbours.len());
         for by_view in self.matches(&all, &neighbours, progress)? {
             let numbered = by_view.into_iter().flat_map(|(view, matches)| {
-                let numbers: Vec<_> =
-                    matches.into_iter().map(|(index, other)| (merged.number(all[view], index), other)).collect();
+                let numbers: Vec<_> = matches
+                    .into_iter()
+                    .map(|(index, other)| (merged.number(all[view], index), other))
+                    .collect();
                 numbers
             });
             found.push(one_to_one(numbered));
         }
         let picture = merged.into_picture();
-        let tried = neighbours.par_iter().zip(&found).map(|(&other, found)| self.verified(&picture, other, found));
-        let pairs: Vec<TriedPair> = tried.filter(|pair| agreeing(pair) > self.agreed(pair.images)).collect();
-        Ok(pairs.iter().any(|pair| agreeing(pair) >= enough).then_some(Gained { picture, pairs }))
+        let tried = neighbours
+            .par_iter()
+            .zip(&found)
+            .map(|(&other, found)| self.verified(&picture, other, found));
+        let pairs: Vec<TriedPair> = tried
+            .filter(|pair| agreeing(pair) > self.agreed(pair.images))
+            .collect();
+        Ok(pairs
+            .iter()
+            .any(|pair| agreeing(pair) >= enough)
+            .then_some(Gained { picture, pairs }))
     }
 
     /// Images of the model, ascending.
     fn neighbours(&self) -> Vec<usize> {
         let matches = |other: u32| {
             let pair = ordered(self.image as u32, other);
-            self.attempt.tried.iter().find(|tried| tried.images == pair).map_or(0, |tried| tried.matches)
+            self.attempt
+                .tried
+                .iter()
+                .find(|tried| tried.images == pair)
+                .map_or(0, |tried| tried.matches)
         };
-        let mut ranked: Vec<(usize, u32)> = self.model.placed().map(|other| (matches(other), other)).collect();
+        let mut ranked: Vec<(usize, u32)> = self
+            .model
+            .placed()
+            .map(|other| (matches(other), other))
+            .collect();
         ranked.sort_unstable_by_key(|&(matches, other)| (std::cmp::Reverse(matches), other));
         ranked.truncate(NEIGHBOURS);
-        let mut neighbours: Vec<usize> = ranked.into_iter().map(|(_, other)| other as usize).collect();
+        let mut neighbours: Vec<usize> = ranked
+            .into_iter()
+            .map(|(_, other)| other as usize)
+            .collect();
         neighbours.sort_unstable();
         neighbours
     }
@@ -78,8 +99,15 @@ impl LookAgain<'_> {
         neighbours: &[usize],
         progress: &Progress,
     ) -> Result<Vec<Vec<OfView>>, SfmError> {
-        let others = neighbours.iter().map(|&other| &self.attempt.pictures[other]);
-        let set: Vec<&Features> = views.iter().copied().chain(others).map(|picture| &picture.features).collect();
+        let others = neighbours
+            .iter()
+            .map(|&other| &self.attempt.pictures[other]);
+        let set: Vec<&Features> = views
+            .iter()
+            .copied()
+            .chain(others)
+            .map(|picture| &picture.features)
+            .collect();
         let matcher = match set[0].descriptors.as_bytes() {
             Some(_) => NearestMatcher::for_bytes(),
             None => NearestMatcher::for_floats(),
@@ -92,12 +120,21 @@ impl LookAgain<'_> {
             };
             (0..views.len()).map(of_view).collect()
         };
-        (0..neighbours.len()).into_par_iter().map(of_neighbour).collect()
+        (0..neighbours.len())
+            .into_par_iter()
+            .map(of_neighbour)
+            .collect()
     }
 
     /// What agrees of the matches of the picture, which is this image's, with another image.
-    fn verified(&self, picture: &PictureFeatures, other: usize, matches: &[(u32, u32)]) -> TriedPair {
-        let camera = |image: usize| self.attempt.problem.cameras[self.attempt.problem.images[image].camera];
+    fn verified(
+        &self,
+        picture: &PictureFeatures,
+        other: usize,
+        matches: &[(u32, u32)],
+    ) -> TriedPair {
+        let camera =
+            |image: usize| self.attempt.problem.cameras[self.attempt.problem.images[image].camera];
         let own = (self.image, &picture.features, camera(self.image));
         let other = (other, &self.attempt.pictures[other].features, camera(other));
         if own.0 < other.0 {
@@ -109,7 +146,11 @@ impl LookAgain<'_> {
 
     /// Matches of a pair that agreed in the first attempt.
     fn agreed(&self, images: [u32; 2]) -> usize {
-        self.attempt.tried.iter().find(|pair| pair.images == images).map_or(0, agreeing)
+        self.attempt
+            .tried
+            .iter()
+            .find(|pair| pair.images == images)
+            .map_or(0, agreeing)
     }
 }
 

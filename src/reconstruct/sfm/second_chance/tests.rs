@@ -7,7 +7,8 @@ use crate::sfm::extract::extract;
 use crate::sfm::matching::NearestMatcher;
 use crate::sfm::pipeline::SfmRequest;
 use crate::sfm::{
-    CameraGroups, Features, MapImage, MapProblem, MapperOptions, PairOptions, Sift, choose_pairs, map, match_pairs,
+    CameraGroups, Features, MapImage, MapProblem, MapperOptions, PairOptions, Sift, choose_pairs,
+    map, match_pairs,
 };
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameCamera, FrameStore, OpenRequest, open};
@@ -23,19 +24,31 @@ fn view(azimuth: f64, elevation: f64, distance: f64) -> Pose {
     let centre = distance * DVec3::new(around.sin() * up.cos(), -around.cos() * up.cos(), up.sin());
     let forward = -centre.normalize();
     let right = forward.cross(DVec3::Z).normalize();
-    let rotation = DQuat::from_mat3(&DMat3::from_cols(right, forward.cross(right), forward).transpose());
-    Pose { rotation, translation: -(rotation * centre) }
+    let rotation =
+        DQuat::from_mat3(&DMat3::from_cols(right, forward.cross(right), forward).transpose());
+    Pose {
+        rotation,
+        translation: -(rotation * centre),
+    }
 }
 
 fn camera() -> Camera {
-    Camera::pinhole(WIDTH, HEIGHT, FOCAL, FOCAL, f64::from(WIDTH) / 2.0, f64::from(HEIGHT) / 2.0)
+    Camera::pinhole(
+        WIDTH,
+        HEIGHT,
+        FOCAL,
+        FOCAL,
+        f64::from(WIDTH) / 2.0,
+        f64::from(HEIGHT) / 2.0,
+    )
 }
 
 /// Shade of a speckled surface, 0..1.
 fn speckles(x: f64, y: f64, seed: i64) -> f64 {
     let corner = |x: f64, y: f64| {
-        let mut mixed =
-            (x as i64).wrapping_mul(0x9E37_79B9) ^ (y as i64).wrapping_mul(0x85EB_CA6B) ^ seed.wrapping_mul(77);
+        let mut mixed = (x as i64).wrapping_mul(0x9E37_79B9)
+            ^ (y as i64).wrapping_mul(0x85EB_CA6B)
+            ^ seed.wrapping_mul(77);
         mixed = (mixed ^ (mixed >> 15)).wrapping_mul(0x2C1B_3C6D);
         mixed = (mixed ^ (mixed >> 12)).wrapping_mul(0x297A_2D39);
         ((mixed ^ (mixed >> 15)) & 0xffff) as f64 / 65535.0
@@ -66,7 +79,12 @@ fn shade(from: DVec3, along: DVec3, seed: i64) -> f64 {
 fn photo(pose: &Pose, seed: i64) -> GrayImage {
     let (camera, back, from) = (camera(), pose.rotation.inverse(), pose.centre());
     GrayImage::from_fn(WIDTH, HEIGHT, |x, y| {
-        let offsets = (0..9).map(|i| [f64::from(i % 3) / 3.0 + 1.0 / 6.0, f64::from(i / 3) / 3.0 + 1.0 / 6.0]);
+        let offsets = (0..9).map(|i| {
+            [
+                f64::from(i % 3) / 3.0 + 1.0 / 6.0,
+                f64::from(i / 3) / 3.0 + 1.0 / 6.0,
+            ]
+        });
         let samples = offsets.map(|[dx, dy]| {
             let ray = camera.unproject(glam::DVec2::new(f64::from(x) + dx, f64::from(y) + dy));
             shade(from, back * ray.extend(1.0), seed)
@@ -85,21 +103,42 @@ struct Photos {
 impl Photos {
     fn new(last: Pose, seed_of_last: i64) -> Self {
         let dir = TempDir::new().unwrap();
-        let mut poses: Vec<Pose> = (0..5).map(|i| view(14.0 * f64::from(i), 62.0, 3.6)).collect();
+        let mut poses: Vec<Pose> = (0..5)
+            .map(|i| view(14.0 * f64::from(i), 62.0, 3.6))
+            .collect();
         poses.push(last);
         for (number, pose) in poses.iter().enumerate() {
-            let seed = if number + 1 == poses.len() { seed_of_last } else { 1 };
-            photo(pose, seed).save(dir.path().join(format!("{number}.png"))).unwrap();
+            let seed = if number + 1 == poses.len() {
+                seed_of_last
+            } else {
+                1
+            };
+            photo(pose, seed)
+                .save(dir.path().join(format!("{number}.png")))
+                .unwrap();
         }
-        let request = OpenRequest { sources: vec![dir.path().to_path_buf().into()], ..OpenRequest::default() };
+        let request = OpenRequest {
+            sources: vec![dir.path().to_path_buf().into()],
+            ..OpenRequest::default()
+        };
         let mut frames = open(&request, &Progress::default()).unwrap().frames;
-        frames.iter_mut().for_each(|frame| frame.camera = Some(FrameCamera::given(camera(), None)));
-        Self { _dir: dir, frames, poses }
+        frames
+            .iter_mut()
+            .for_each(|frame| frame.camera = Some(FrameCamera::given(camera(), None)));
+        Self {
+            _dir: dir,
+            frames,
+            poses,
+        }
     }
 
     /// Numbers of the images placed in the first attempt and after a second one, and the error of their centres.
     fn placed(&self, progress: &Progress) -> (Vec<u32>, Vec<u32>, f64) {
-        let (store, sift, nearest) = (FrameStore::new(16 << 20), Sift::default(), NearestMatcher::for_bytes());
+        let (store, sift, nearest) = (
+            FrameStore::new(16 << 20),
+            Sift::default(),
+            NearestMatcher::for_bytes(),
+        );
         let request = SfmRequest {
             frames: &self.frames,
             mapped: &[0, 1, 2, 3, 4, 5],
@@ -117,7 +156,10 @@ impl Photos {
         let after = second_chance(first, &request, &store, progress).unwrap();
         let model = &after.models[0].model;
         let found: Vec<Pose> = model.poses.iter().flatten().copied().collect();
-        let truth: Vec<Pose> = model.placed().map(|image| self.poses[image as usize]).collect();
+        let truth: Vec<Pose> = model
+            .placed()
+            .map(|image| self.poses[image as usize])
+            .collect();
         let error = TrajectoryError::between(&found, &truth, Alignment::Sim3).unwrap();
         for (picture, image) in after.pictures.iter().zip(&after.problem.images) {
             assert_eq!(picture.features.keypoints, image.keypoints);
@@ -129,28 +171,54 @@ impl Photos {
 
 fn attempt(request: &SfmRequest<'_>, store: &FrameStore) -> Attempt {
     let progress = Progress::default();
-    let pictures =
-        extract(request.frames, request.mapped, store, request.extractor, request.allowed, &progress).unwrap();
+    let pictures = extract(
+        request.frames,
+        request.mapped,
+        store,
+        request.extractor,
+        request.allowed,
+        &progress,
+    )
+    .unwrap();
     let groups = CameraGroups::new(&request.frames.iter().collect::<Vec<_>>());
     let features: Vec<&Features> = pictures.iter().map(|picture| &picture.features).collect();
     let pairs = choose_pairs(&features, &[0; 6], &request.pairs);
-    let cameras: Vec<_> = groups.camera_of.iter().map(|&camera| groups.cameras[camera]).collect();
+    let cameras: Vec<_> = groups
+        .camera_of
+        .iter()
+        .map(|&camera| groups.cameras[camera])
+        .collect();
     let tried = match_pairs(&features, &cameras, &pairs, request.matcher, 0, &progress).unwrap();
-    let image = |features: &&Features| MapImage { camera: 0, keypoints: features.keypoints.clone(), given: None };
+    let image = |features: &&Features| MapImage {
+        camera: 0,
+        keypoints: features.keypoints.clone(),
+        given: None,
+    };
     let problem = MapProblem {
         cameras: groups.cameras,
         images: features.iter().map(image).collect(),
-        pairs: tried.iter().filter_map(|pair| pair.verified.clone()).collect(),
+        pairs: tried
+            .iter()
+            .filter_map(|pair| pair.verified.clone())
+            .collect(),
     };
     let models = map(&problem, &request.mapper, &progress).unwrap();
-    Attempt { problem, pictures, tried, models }
+    Attempt {
+        problem,
+        pictures,
+        tried,
+        models,
+    }
 }
 
 #[test]
 fn a_grazing_view_is_placed_after_tilting_it() {
     let photos = Photos::new(view(30.0, 15.0, 2.6), 1);
     let (before, after, error) = photos.placed(&Progress::default());
-    assert_eq!((before, after), (vec![0, 1, 2, 3, 4], vec![0, 1, 2, 3, 4, 5]));
+    assert_eq!(
+        (before, after),
+        (vec![0, 1, 2, 3, 4], vec![0, 1, 2, 3, 4, 5])
+    );
     assert!(error < 0.005, "{error:.4}");
 }
 

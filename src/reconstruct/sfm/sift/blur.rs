@@ -13,65 +13,102 @@ const MAX_TAPS: usize = 2 * MARGIN + 1;
 /// Writes rows `first..last` of `out`: `source` filtered with `kernel` in both directions.
 pub(super) fn blur(source: &Rows, kernel: &Kernel, out: &mut Rows, first: usize, last: usize) {
     let (stride, width) = (out.stride(), out.width);
-    out.piece_mut(first, last).par_chunks_mut(TASK_ROWS * stride).enumerate().for_each(|(task, rows)| {
-        let mut column_sums = [0.0; TILE + 2 * MARGIN + PAD];
-        for (at, len) in tiles(width) {
-            for (k, row) in rows.chunks_exact_mut(stride).enumerate() {
-                let y = first + task * TASK_ROWS + k;
-                let sums = sum_columns(source, y, kernel, (at, len, kernel), &mut column_sums);
-                sum_shifted(sums, kernel, &mut row[MARGIN + at..MARGIN + at + len]);
+    out.piece_mut(first, last)
+        .par_chunks_mut(TASK_ROWS * stride)
+        .enumerate()
+        .for_each(|(task, rows)| {
+            let mut column_sums = [0.0; TILE + 2 * MARGIN + PAD];
+            for (at, len) in tiles(width) {
+                for (k, row) in rows.chunks_exact_mut(stride).enumerate() {
+                    let y = first + task * TASK_ROWS + k;
+                    let sums = sum_columns(source, y, kernel, (at, len, kernel), &mut column_sums);
+                    sum_shifted(sums, kernel, &mut row[MARGIN + at..MARGIN + at + len]);
+                }
             }
-        }
-        rows.chunks_exact_mut(stride).for_each(|row| extend_margins(row, width));
-    });
+            rows.chunks_exact_mut(stride)
+                .for_each(|row| extend_margins(row, width));
+        });
 }
 
 /// Writes rows `first..last` of `out`, which is twice as large as `source`: doubled and blurred by the kernels for its
 /// even and its odd samples.
-pub(super) fn double(source: &Rows, kernels: &[Kernel; 2], out: &mut Rows, first: usize, last: usize) {
+pub(super) fn double(
+    source: &Rows,
+    kernels: &[Kernel; 2],
+    out: &mut Rows,
+    first: usize,
+    last: usize,
+) {
     let (stride, width) = (out.stride(), out.width);
-    out.piece_mut(first, last).par_chunks_mut(TASK_ROWS * stride).enumerate().for_each(|(task, rows)| {
-        let mut column_sums = [0.0; TILE + 2 * MARGIN + PAD];
-        let mut phases = [[0.0; TILE]; 2];
-        for (at, len) in tiles(source.width) {
-            for (k, row) in rows.chunks_exact_mut(stride).enumerate() {
-                let y = first + task * TASK_ROWS + k;
-                for (kernel, phase) in kernels.iter().zip(&mut phases) {
-                    let sums = sum_columns(source, y / 2, &kernels[y % 2], (at, len, kernel), &mut column_sums);
-                    sum_shifted(sums, kernel, &mut phase[..len]);
+    out.piece_mut(first, last)
+        .par_chunks_mut(TASK_ROWS * stride)
+        .enumerate()
+        .for_each(|(task, rows)| {
+            let mut column_sums = [0.0; TILE + 2 * MARGIN + PAD];
+            let mut phases = [[0.0; TILE]; 2];
+            for (at, len) in tiles(source.width) {
+                for (k, row) in rows.chunks_exact_mut(stride).enumerate() {
+                    let y = first + task * TASK_ROWS + k;
+                    for (kernel, phase) in kernels.iter().zip(&mut phases) {
+                        let sums = sum_columns(
+                            source,
+                            y / 2,
+                            &kernels[y % 2],
+                            (at, len, kernel),
+                            &mut column_sums,
+                        );
+                        sum_shifted(sums, kernel, &mut phase[..len]);
+                    }
+                    let pairs = row[MARGIN + 2 * at..]
+                        .chunks_exact_mut(2)
+                        .zip(phases[0].iter().zip(&phases[1]));
+                    pairs
+                        .take(len)
+                        .for_each(|(pair, (&even, &odd))| pair.copy_from_slice(&[even, odd]));
                 }
-                let pairs = row[MARGIN + 2 * at..].chunks_exact_mut(2).zip(phases[0].iter().zip(&phases[1]));
-                pairs.take(len).for_each(|(pair, (&even, &odd))| pair.copy_from_slice(&[even, odd]));
             }
-        }
-        rows.chunks_exact_mut(stride).for_each(|row| extend_margins(row, width));
-    });
+            rows.chunks_exact_mut(stride)
+                .for_each(|row| extend_margins(row, width));
+        });
 }
 
 /// `source` blurred, then every other sample of every other row, the first ones included.
 pub(super) fn halve(source: &Rows, kernel: &Kernel) -> Rows {
-    let mut out = Rows::new(source.width.div_ceil(2), source.height.div_ceil(2), source.height);
+    let mut out = Rows::new(
+        source.width.div_ceil(2),
+        source.height.div_ceil(2),
+        source.height,
+    );
     let (stride, width, height) = (out.stride(), out.width, out.height);
-    out.piece_mut(0, height).par_chunks_mut(TASK_ROWS * stride).enumerate().for_each(|(task, rows)| {
-        let mut column_sums = [0.0; TILE + 2 * MARGIN + PAD];
-        let mut full = [0.0; TILE];
-        for (at, len) in tiles(source.width) {
-            for (k, row) in rows.chunks_exact_mut(stride).enumerate() {
-                let y = 2 * (task * TASK_ROWS + k);
-                let sums = sum_columns(source, y, kernel, (at, len, kernel), &mut column_sums);
-                sum_shifted(sums, kernel, &mut full[..len]);
-                let kept = full[..len].iter().step_by(2);
-                row[MARGIN + at / 2..].iter_mut().zip(kept).for_each(|(out, &value)| *out = value);
+    out.piece_mut(0, height)
+        .par_chunks_mut(TASK_ROWS * stride)
+        .enumerate()
+        .for_each(|(task, rows)| {
+            let mut column_sums = [0.0; TILE + 2 * MARGIN + PAD];
+            let mut full = [0.0; TILE];
+            for (at, len) in tiles(source.width) {
+                for (k, row) in rows.chunks_exact_mut(stride).enumerate() {
+                    let y = 2 * (task * TASK_ROWS + k);
+                    let sums = sum_columns(source, y, kernel, (at, len, kernel), &mut column_sums);
+                    sum_shifted(sums, kernel, &mut full[..len]);
+                    let kept = full[..len].iter().step_by(2);
+                    row[MARGIN + at / 2..]
+                        .iter_mut()
+                        .zip(kept)
+                        .for_each(|(out, &value)| *out = value);
+                }
             }
-        }
-        rows.chunks_exact_mut(stride).for_each(|row| extend_margins(row, width));
-    });
+            rows.chunks_exact_mut(stride)
+                .for_each(|row| extend_margins(row, width));
+        });
     out
 }
 
 /// First column and padded width of each tile.
 fn tiles(width: usize) -> impl Iterator<Item = (usize, usize)> {
-    (0..width).step_by(TILE).map(move |at| (at, (width - at).min(TILE).next_multiple_of(PAD)))
+    (0..width)
+        .step_by(TILE)
+        .map(move |at| (at, (width - at).min(TILE).next_multiple_of(PAD)))
 }
 
 /// Sums `source` down its columns around row `y`: for the columns that `across` reaches from a tile (first, width).
@@ -89,7 +126,11 @@ fn sum_columns<'a>(
     for (k, row) in rows[..count].iter_mut().enumerate() {
         *row = &source.nearest(y as isize + down.first + k as isize)[start..start + len];
     }
-    Arch::new().dispatch(WeightedSum { rows: &rows[..count], taps: &down.taps, out: &mut out[..len] });
+    Arch::new().dispatch(WeightedSum {
+        rows: &rows[..count],
+        taps: &down.taps,
+        out: &mut out[..len],
+    });
     &out[..len]
 }
 
@@ -100,7 +141,11 @@ fn sum_shifted(row: &[f32], across: &Kernel, out: &mut [f32]) {
     for (k, shifted) in rows[..count].iter_mut().enumerate() {
         *shifted = &row[k..k + out.len()];
     }
-    Arch::new().dispatch(WeightedSum { rows: &rows[..count], taps: &across.taps, out });
+    Arch::new().dispatch(WeightedSum {
+        rows: &rows[..count],
+        taps: &across.taps,
+        out,
+    });
 }
 
 /// The sum of rows, each weighted; lengths are multiples of [`PAD`].

@@ -22,19 +22,34 @@ pub(crate) struct Content {
 impl Content {
     /// Finds the bars of a grey picture.
     pub fn of(grey: &[f32], width: usize, height: usize) -> Self {
-        let [columns, rows] =
-            [(width, height, 1, width), (height, width, width, 1)].map(|(lines, len, step, along)| {
-                let bar = |line: &dyn Fn(usize) -> usize| bar(lines, len, &|k, at| grey[line(k) * step + at * along]);
+        let [columns, rows] = [(width, height, 1, width), (height, width, width, 1)].map(
+            |(lines, len, step, along)| {
+                let bar = |line: &dyn Fn(usize) -> usize| {
+                    bar(lines, len, &|k, at| grey[line(k) * step + at * along])
+                };
                 let (before, after) = (bar(&|k| k), bar(&|k| lines - 1 - k));
-                let first = if before > 0 { before as f32 } else { f32::NEG_INFINITY };
-                (first, if after > 0 { (lines - after) as f32 } else { f32::INFINITY })
-            });
+                let first = if before > 0 {
+                    before as f32
+                } else {
+                    f32::NEG_INFINITY
+                };
+                (
+                    first,
+                    if after > 0 {
+                        (lines - after) as f32
+                    } else {
+                        f32::INFINITY
+                    },
+                )
+            },
+        );
         Self { columns, rows }
     }
 
     /// Whether a disc lies inside.
     pub fn holds(&self, at: glam::Vec2, radius: f32) -> bool {
-        let inside = |at: f32, (first, last): (f32, f32)| at - radius >= first && at + radius <= last;
+        let inside =
+            |at: f32, (first, last): (f32, f32)| at - radius >= first && at + radius <= last;
         inside(at.x, self.columns) && inside(at.y, self.rows)
     }
 }
@@ -46,11 +61,19 @@ fn bar(lines: usize, len: usize, pixel: &dyn Fn(usize, usize) -> f32) -> usize {
     }
     let mean = (0..len).map(|at| pixel(0, at)).sum::<f32>() / len as f32;
     let belongs = |line: usize| (0..len).all(|at| (pixel(line, at) - mean).abs() <= SPREAD);
-    let count = (0..lines).take_while(|&line| mean <= DARKEST && belongs(line)).count();
+    let count = (0..lines)
+        .take_while(|&line| mean <= DARKEST && belongs(line))
+        .count();
     if count < NARROWEST || count == lines {
         return 0;
     }
     let beyond = (count + BEYOND).min(lines - 1);
-    let content = (0..len).filter(|&at| (pixel(beyond, at) - mean).abs() > SPREAD).count();
-    if content as f32 >= LEAST_CONTENT * len as f32 { count } else { 0 }
+    let content = (0..len)
+        .filter(|&at| (pixel(beyond, at) - mean).abs() > SPREAD)
+        .count();
+    if content as f32 >= LEAST_CONTENT * len as f32 {
+        count
+    } else {
+        0
+    }
 }

@@ -44,13 +44,18 @@ impl Describer {
             let apart = (at - (cell as f32 - 0.5 * (CELLS as f32 - 1.0))).abs();
             (1.0 - apart).max(0.0) * (-0.5 * (at / WINDOW).powi(2)).exp()
         };
-        Self { weights: std::array::from_fn(|sample| std::array::from_fn(|cell| weight(sample, cell))) }
+        Self {
+            weights: std::array::from_fn(|sample| std::array::from_fn(|cell| weight(sample, cell))),
+        }
     }
 
     /// The descriptor of a keypoint of `sigma` samples of its octave, relative to the direction `angle`.
     pub fn describe(&self, level: &Rows, at: &Extremum, sigma: f32, angle: f32) -> [u8; 128] {
         let grid = grid(level, at, CELL / PER_CELL as f32 * sigma, angle);
-        let cells = Arch::new().dispatch(Gather { grid: &grid, weights: &self.weights });
+        let cells = Arch::new().dispatch(Gather {
+            grid: &grid,
+            weights: &self.weights,
+        });
         quantised(cells.as_flattened().as_flattened())
     }
 }
@@ -63,7 +68,9 @@ fn grid(level: &Rows, at: &Extremum, step: f32, angle: f32) -> [[f32; GRID]; GRI
     let reach = middle * step * (sin.abs() + cos.abs());
     let top = ((at.y - reach).floor().max(0.0) as usize).min(level.height - 1);
     let mut rows: [&[f32]; MOST_ROWS] = [&[]; MOST_ROWS];
-    let bottom = ((at.y + reach).ceil() as usize + 1).min(level.height - 1).min(top + MOST_ROWS - 1);
+    let bottom = ((at.y + reach).ceil() as usize + 1)
+        .min(level.height - 1)
+        .min(top + MOST_ROWS - 1);
     for (row, y) in rows.iter_mut().zip(top..=bottom) {
         *row = &level.with_margins(y)[MARGIN..];
     }
@@ -85,7 +92,10 @@ fn interpolated(rows: &[&[f32]; MOST_ROWS], x: f32, y: f32, last: usize) -> f32 
     let (column, row) = (x as i32 as usize, (y as i32 as usize) % MOST_ROWS);
     let (right, below) = (x - column as f32, y - row as f32);
     let along = |row: &[f32]| row[column] + right * (row[column + 1] - row[column]);
-    let (upper, lower) = (along(rows[row]), along(rows[(row + 1).min(last) % MOST_ROWS]));
+    let (upper, lower) = (
+        along(rows[row]),
+        along(rows[(row + 1).min(last) % MOST_ROWS]),
+    );
     upper + below * (lower - upper)
 }
 
@@ -150,7 +160,12 @@ fn direction_shares(direction: f32, length: f32) -> [f32; DIRECTIONS] {
 fn quantised(values: &[f32]) -> [u8; 128] {
     let length = values.iter().map(|value| value * value).sum::<f32>().sqrt();
     let capped = |value: f32| value.min(LARGEST * length);
-    let sum = values.iter().copied().map(capped).sum::<f32>().max(f32::MIN_POSITIVE);
+    let sum = values
+        .iter()
+        .copied()
+        .map(capped)
+        .sum::<f32>()
+        .max(f32::MIN_POSITIVE);
     let mut bytes = [0; 128];
     for (byte, &value) in bytes.iter_mut().zip(values) {
         *byte = (512.0 * (capped(value) / sum).sqrt() + 0.5).min(255.0) as u8;

@@ -32,14 +32,20 @@ pub fn extract_sift(
     let allowed = |keypoint: &SiftKeypoint| {
         let [x, y] = [keypoint.at_px.x as usize, keypoint.at_px.y as usize];
         let pixel = y.min(height - 1) * width + x.min(width - 1);
-        mask.is_none_or(|mask| mask[pixel]) && content.holds(keypoint.at_px, SUPPORT * keypoint.scale_px)
+        mask.is_none_or(|mask| mask[pixel])
+            && content.holds(keypoint.at_px, SUPPORT * keypoint.scale_px)
     };
     let mut strongest = Strongest::new(options.max_features);
     let mut find = |octave: Octave, index: i32| {
-        let keypoint = |extremum: &Extremum| Some(keypoint(extremum, index, pixel_size, options)).filter(allowed);
+        let keypoint = |extremum: &Extremum| {
+            Some(keypoint(extremum, index, pixel_size, options)).filter(allowed)
+        };
         octave.find(&keypoint, &mut strongest);
     };
-    let coarser = bases(&picture, options).into_iter().enumerate().skip(options.first_octave.max(0) as usize);
+    let coarser = bases(&picture, options)
+        .into_iter()
+        .enumerate()
+        .skip(options.first_octave.max(0) as usize);
     for (octave, base) in coarser.rev() {
         find(Octave::of(base, options), octave as i32);
     }
@@ -53,10 +59,18 @@ pub fn extract_sift(
 const SMALLEST_SIDE: usize = 16;
 
 /// A keypoint in pixels of the original picture, of which one pixel worked on spans `width` by `height`; without angle.
-fn keypoint(extremum: &Extremum, octave: i32, [width, height]: [f32; 2], options: &SiftOptions) -> SiftKeypoint {
+fn keypoint(
+    extremum: &Extremum,
+    octave: i32,
+    [width, height]: [f32; 2],
+    options: &SiftOptions,
+) -> SiftKeypoint {
     let step = (octave as f32).exp2();
     SiftKeypoint {
-        at_px: Vec2::new((extremum.x * step + 0.5) * width, (extremum.y * step + 0.5) * height),
+        at_px: Vec2::new(
+            (extremum.x * step + 0.5) * width,
+            (extremum.y * step + 0.5) * height,
+        ),
         scale_px: level_sigma(extremum.scale, options.scales) * step * (width * height).sqrt(),
         angle: 0.0,
     }

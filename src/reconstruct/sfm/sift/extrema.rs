@@ -23,7 +23,12 @@ const EARLY_SHARE: f32 = 0.8;
 type Differences = [[f32; TILE + 2 * LANES]; 3];
 
 /// Extrema in rows `first..last` of the differences of neighbouring levels.
-pub(super) fn find_extrema(levels: &[Rows], first: usize, last: usize, peak_threshold: f32) -> Vec<Candidate> {
+pub(super) fn find_extrema(
+    levels: &[Rows],
+    first: usize,
+    last: usize,
+    peak_threshold: f32,
+) -> Vec<Candidate> {
     let (width, height) = (levels[0].width, levels[0].height);
     let (first, last) = (first.max(1), last.min(height.saturating_sub(1)));
     let (arch, least) = (Arch::new(), peak_threshold * EARLY_SHARE);
@@ -31,10 +36,22 @@ pub(super) fn find_extrema(levels: &[Rows], first: usize, last: usize, peak_thre
     let mut differences = vec![[[0.0; TILE + 2 * LANES]; 3]; levels.len() - 1];
     for at in (0..width).step_by(TILE) {
         for y in first.saturating_sub(1)..(last + 1).min(height) {
-            arch.dispatch(Subtract { levels, at, y, differences: &mut differences });
+            arch.dispatch(Subtract {
+                levels,
+                at,
+                y,
+                differences: &mut differences,
+            });
             if y > first {
                 let differences = &differences;
-                arch.dispatch(Scan { differences, at, y: y - 1, width, least, found: &mut found });
+                arch.dispatch(Scan {
+                    differences,
+                    at,
+                    y: y - 1,
+                    width,
+                    least,
+                    found: &mut found,
+                });
             }
         }
     }
@@ -57,8 +74,10 @@ impl WithSimd for Subtract<'_> {
     fn with_simd<S: Simd>(self, _: S) {
         let start = MARGIN + self.at - 1;
         for (pair, difference) in self.levels.windows(2).zip(self.differences) {
-            let [finer, coarser] = [&pair[0], &pair[1]].map(|level| &level.with_margins(self.y)[start..]);
-            for ((out, &fine), &coarse) in difference[self.y % 3].iter_mut().zip(finer).zip(coarser) {
+            let [finer, coarser] =
+                [&pair[0], &pair[1]].map(|level| &level.with_margins(self.y)[start..]);
+            for ((out, &fine), &coarse) in difference[self.y % 3].iter_mut().zip(finer).zip(coarser)
+            {
                 *out = coarse - fine;
             }
         }
@@ -87,7 +106,11 @@ impl WithSimd for Scan<'_> {
                 while hits != 0 {
                     let x = self.at + start + hits.trailing_zeros() as usize;
                     if x > 0 && x + 1 < self.width {
-                        self.found.push(Candidate { x, y: self.y, level: k + 1 });
+                        self.found.push(Candidate {
+                            x,
+                            y: self.y,
+                            level: k + 1,
+                        });
                     }
                     hits &= hits - 1;
                 }
@@ -100,7 +123,10 @@ impl WithSimd for Scan<'_> {
 #[inline(always)]
 fn extreme_lanes(around: &[Differences], y: usize, start: usize, least: f32) -> u32 {
     let centre: [f32; LANES] = lanes(&around[1][y % 3], start + 1);
-    if !centre.iter().fold(false, |any, value| any | (value.abs() >= least)) {
+    if !centre
+        .iter()
+        .fold(false, |any, value| any | (value.abs() >= least))
+    {
         return 0;
     }
     let mut bounds = ([f32::INFINITY; LANES], [f32::NEG_INFINITY; LANES]);

@@ -13,7 +13,10 @@ pub(super) struct GradientRow {
 
 impl GradientRow {
     pub fn new() -> Self {
-        Self { length: [0.0; MOST_COLUMNS], turn: [0.0; MOST_COLUMNS] }
+        Self {
+            length: [0.0; MOST_COLUMNS],
+            turn: [0.0; MOST_COLUMNS],
+        }
     }
 
     /// Fills in the central differences at columns `first..=last` of row `y`, all inside the picture's border.

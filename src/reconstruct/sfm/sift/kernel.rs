@@ -14,8 +14,13 @@ impl Kernel {
     /// A Gaussian of standard deviation `sigma` samples.
     pub fn gaussian(sigma: f32) -> Self {
         let reach = (REACH * sigma).ceil().max(1.0) as isize;
-        let weights: Vec<f32> = (-reach..=reach).map(|k| (-0.5 * (k as f32 / sigma).powi(2)).exp()).collect();
-        Self { first: -reach, taps: normalised(weights) }
+        let weights: Vec<f32> = (-reach..=reach)
+            .map(|k| (-0.5 * (k as f32 / sigma).powi(2)).exp())
+            .collect();
+        Self {
+            first: -reach,
+            taps: normalised(weights),
+        }
     }
 
     /// Doubling by linear interpolation followed by a Gaussian of `sigma` doubled samples, as two kernels over the
@@ -25,7 +30,9 @@ impl Kernel {
         let reach = -fine.first + 1;
         let weight = |offset: isize| {
             let tap = |at: isize| {
-                let known = usize::try_from(at - fine.first).ok().and_then(|k| fine.taps.get(k));
+                let known = usize::try_from(at - fine.first)
+                    .ok()
+                    .and_then(|k| fine.taps.get(k));
                 known.copied().unwrap_or(0.0)
             };
             0.5 * tap(offset - 1) + tap(offset) + 0.5 * tap(offset + 1)
@@ -34,7 +41,10 @@ impl Kernel {
             let first = -(reach - phase) / 2;
             let last = (reach + phase) / 2;
             let weights = (first..=last).map(|k| weight(phase - 2 * k)).collect();
-            Self { first, taps: normalised(weights) }
+            Self {
+                first,
+                taps: normalised(weights),
+            }
         })
     }
 }

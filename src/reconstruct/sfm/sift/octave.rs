@@ -42,20 +42,33 @@ impl<'a> Octave<'a> {
     fn new(base: Rows, doubled: Option<(&'a Rows, [Kernel; 2])>, options: &'a SiftOptions) -> Self {
         let last = options.scales + 2;
         let (width, height) = (base.width, base.height);
-        let kernels = (1..=last).map(|level| step_kernel(level, options.scales)).collect();
+        let kernels = (1..=last)
+            .map(|level| step_kernel(level, options.scales))
+            .collect();
         let others = (1..=last).map(|level| Rows::new(width, height, (last + 3 - level) * BLOCK));
         let levels = std::iter::once(base).chain(others).collect();
-        Self { levels, kernels, doubled, describer: Describer::new(), options }
+        Self {
+            levels,
+            kernels,
+            doubled,
+            describer: Describer::new(),
+            options,
+        }
     }
 
     /// Lets the strongest have the features at every extremum that `keypoint` turns into a keypoint.
-    pub fn find(mut self, keypoint: &(impl Fn(&Extremum) -> Option<SiftKeypoint> + Sync), strongest: &mut Strongest) {
+    pub fn find(
+        mut self,
+        keypoint: &(impl Fn(&Extremum) -> Option<SiftKeypoint> + Sync),
+        strongest: &mut Strongest,
+    ) {
         let blocks = self.levels[0].height.div_ceil(BLOCK);
         let lag = self.levels.len();
         for step in 0..blocks + lag {
             self.advance(step, blocks);
             if step >= lag {
-                let features = self.block_features(step - lag, strongest.least_strength(), keypoint);
+                let features =
+                    self.block_features(step - lag, strongest.least_strength(), keypoint);
                 strongest.add(features);
             }
         }
@@ -72,10 +85,18 @@ impl<'a> Octave<'a> {
             double(picture, kernels, &mut self.levels[0], first, last);
         }
         for level in 1..self.levels.len() {
-            let Some(block) = step.checked_sub(level).filter(|&block| block < blocks) else { continue };
+            let Some(block) = step.checked_sub(level).filter(|&block| block < blocks) else {
+                continue;
+            };
             let (first, last) = span(block);
             let (finer, coarser) = self.levels.split_at_mut(level);
-            blur(&finer[level - 1], &self.kernels[level - 1], &mut coarser[0], first, last);
+            blur(
+                &finer[level - 1],
+                &self.kernels[level - 1],
+                &mut coarser[0],
+                first,
+                last,
+            );
         }
     }
 
@@ -85,17 +106,28 @@ impl<'a> Octave<'a> {
         least_strength: f32,
         keypoint: &(impl Fn(&Extremum) -> Option<SiftKeypoint> + Sync),
     ) -> Vec<Feature> {
-        let (first, last) = (block * BLOCK, ((block + 1) * BLOCK).min(self.levels[0].height));
+        let (first, last) = (
+            block * BLOCK,
+            ((block + 1) * BLOCK).min(self.levels[0].height),
+        );
         let starts: Vec<usize> = (first..last).step_by(TASK_ROWS).collect();
         let extrema = starts.par_iter().flat_map_iter(|&start| {
-            find_extrema(&self.levels, start, (start + TASK_ROWS).min(last), self.options.peak_threshold)
-                .into_iter()
-                .filter_map(|candidate| refine(&self.levels, candidate, self.options))
-                .filter(|extremum| extremum.strength >= least_strength)
-                .filter_map(|extremum| keypoint(&extremum).map(|keypoint| (extremum, keypoint)))
+            find_extrema(
+                &self.levels,
+                start,
+                (start + TASK_ROWS).min(last),
+                self.options.peak_threshold,
+            )
+            .into_iter()
+            .filter_map(|candidate| refine(&self.levels, candidate, self.options))
+            .filter(|extremum| extremum.strength >= least_strength)
+            .filter_map(|extremum| keypoint(&extremum).map(|keypoint| (extremum, keypoint)))
         });
         let extrema: Vec<(Extremum, SiftKeypoint)> = extrema.collect();
-        extrema.par_iter().flat_map_iter(|(extremum, keypoint)| self.described(extremum, *keypoint)).collect()
+        extrema
+            .par_iter()
+            .flat_map_iter(|(extremum, keypoint)| self.described(extremum, *keypoint))
+            .collect()
     }
 
     /// The features at an extremum, one per orientation.
@@ -107,6 +139,9 @@ impl<'a> Octave<'a> {
             strength: extremum.strength,
             descriptor: self.describer.describe(level, extremum, sigma, angle),
         };
-        orientations(level, extremum, sigma, self.options.max_orientations).into_iter().map(feature).collect()
+        orientations(level, extremum, sigma, self.options.max_orientations)
+            .into_iter()
+            .map(feature)
+            .collect()
     }
 }

@@ -19,7 +19,11 @@ pub(super) fn orientations(level: &Rows, at: &Extremum, sigma: f32, most: usize)
     (0..SMOOTHINGS).for_each(|_| histogram = smoothed(&histogram));
     let mut peaks = peaks(&histogram);
     peaks.sort_by(|a, b| b.1.total_cmp(&a.1));
-    peaks.into_iter().take(most).map(|(angle, _)| angle).collect()
+    peaks
+        .into_iter()
+        .take(most)
+        .map(|(angle, _)| angle)
+        .collect()
 }
 
 struct Histogram<'a> {
@@ -53,7 +57,10 @@ fn histogram(level: &Rows, at: &Extremum, sigma: f32) -> [f32; BINS] {
     for y in top..=bottom {
         let dy = y as f32 - at.y;
         let half = ((reach + 0.5).powi(2) - dy * dy).max(0.0).sqrt();
-        let (from, to) = (((at.x - half).ceil() as usize).max(first), ((at.x + half).floor() as usize).min(last));
+        let (from, to) = (
+            ((at.x - half).ceil() as usize).max(first),
+            ((at.x + half).floor() as usize).min(last),
+        );
         if from > to {
             continue;
         }

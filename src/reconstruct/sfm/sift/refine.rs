@@ -28,7 +28,11 @@ const FARTHEST: f32 = 1.5;
 /// Fits a quadratic to the differences around a candidate; none where it has no clear peak, is too weak or an edge.
 ///
 /// Brown and Lowe, "Invariant Features from Interest Point Groups", BMVC 2002; the edge test is Lowe 2004, section 4.1.
-pub(super) fn refine(levels: &[Rows], candidate: Candidate, options: &SiftOptions) -> Option<Extremum> {
+pub(super) fn refine(
+    levels: &[Rows],
+    candidate: Candidate,
+    options: &SiftOptions,
+) -> Option<Extremum> {
     let mut at = candidate;
     for move_on in (0..MOST_MOVES).rev() {
         let fit = Fit::at(levels, at);
@@ -42,8 +46,14 @@ pub(super) fn refine(levels: &[Rows], candidate: Candidate, options: &SiftOption
         let keep = offset.abs().max_element() < FARTHEST
             && height.abs() > options.peak_threshold
             && !fit.is_edge(options.edge_threshold);
-        let offset = slice_peak(levels, at, offset.z).unwrap_or(offset.truncate()).extend(offset.z);
-        return if keep { extremum(levels, at, offset, height.abs()) } else { None };
+        let offset = slice_peak(levels, at, offset.z)
+            .unwrap_or(offset.truncate())
+            .extend(offset.z);
+        return if keep {
+            extremum(levels, at, offset, height.abs())
+        } else {
+            None
+        };
     }
     None
 }
@@ -58,22 +68,44 @@ fn slice_peak(levels: &[Rows], at: Candidate, scale: f32) -> Option<Vec2> {
         let [finer, here, coarser] = [at.level - 1, at.level, at.level + 1].map(difference);
         here + 0.5 * scale * (coarser - finer + scale * (coarser + finer - 2.0 * here))
     };
-    let (here, right, left, below, above) = (sample(0, 0), sample(1, 0), sample(-1, 0), sample(0, 1), sample(0, -1));
+    let (here, right, left, below, above) = (
+        sample(0, 0),
+        sample(1, 0),
+        sample(-1, 0),
+        sample(0, 1),
+        sample(0, -1),
+    );
     let xy = 0.25 * (sample(1, 1) + sample(-1, -1) - sample(1, -1) - sample(-1, 1));
-    let curvature = Mat2::from_cols_array(&[right + left - 2.0 * here, xy, xy, below + above - 2.0 * here]);
-    let offset = curvature.as_dmat2().inverse() * (-0.5 * DVec2::new((right - left).into(), (below - above).into()));
+    let curvature = Mat2::from_cols_array(&[
+        right + left - 2.0 * here,
+        xy,
+        xy,
+        below + above - 2.0 * here,
+    ]);
+    let offset = curvature.as_dmat2().inverse()
+        * (-0.5 * DVec2::new((right - left).into(), (below - above).into()));
     (offset.abs().max_element() < f64::from(FARTHEST)).then(|| offset.as_vec2())
 }
 
 fn extremum(levels: &[Rows], at: Candidate, offset: Vec3, strength: f32) -> Option<Extremum> {
-    let [x, y, scale] = [at.x as f32 + offset.x, at.y as f32 + offset.y, at.level as f32 + offset.z];
+    let [x, y, scale] = [
+        at.x as f32 + offset.x,
+        at.y as f32 + offset.y,
+        at.level as f32 + offset.z,
+    ];
     let inside = x >= 0.0
         && y >= 0.0
         && x <= (levels[0].width - 1) as f32
         && y <= (levels[0].height - 1) as f32
         && scale >= 0.0
         && scale <= (levels.len() - 1) as f32;
-    inside.then_some(Extremum { x, y, scale, level: at.level, strength })
+    inside.then_some(Extremum {
+        x,
+        y,
+        scale,
+        level: at.level,
+        strength,
+    })
 }
 
 /// The neighbouring sample that the peak is nearer to, as far as it has neighbours on all sides.
@@ -106,7 +138,8 @@ impl Fit {
         };
         let value = sample(0, 0, 0);
         let along = |dx: isize, dy: isize, ds: isize| (sample(dx, dy, ds), sample(-dx, -dy, -ds));
-        let [(right, left), (below, above), (coarser, finer)] = [along(1, 0, 0), along(0, 1, 0), along(0, 0, 1)];
+        let [(right, left), (below, above), (coarser, finer)] =
+            [along(1, 0, 0), along(0, 1, 0), along(0, 0, 1)];
         let mixed = |a: (f32, f32), b: (f32, f32)| 0.25 * (a.0 + a.1 - b.0 - b.1);
         let xy = mixed(along(1, 1, 0), along(1, -1, 0));
         let xs = mixed(along(1, 0, 1), along(1, 0, -1));

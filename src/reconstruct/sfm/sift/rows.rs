@@ -20,14 +20,24 @@ impl Rows {
     pub fn new(width: usize, height: usize, held: usize) -> Self {
         let stride = width.next_multiple_of(PAD) + 2 * MARGIN + PAD;
         let held = held.clamp(1, height.max(1));
-        Self { width, height, held, stride, samples: vec![0.0; stride * held] }
+        Self {
+            width,
+            height,
+            held,
+            stride,
+            samples: vec![0.0; stride * held],
+        }
     }
 
     /// A whole picture.
     pub fn from_grey(grey: &[f32], width: usize, height: usize) -> Self {
         let mut rows = Self::new(width, height, height);
         if width > 0 {
-            for (row, source) in rows.samples.chunks_exact_mut(rows.stride).zip(grey.chunks_exact(width)) {
+            for (row, source) in rows
+                .samples
+                .chunks_exact_mut(rows.stride)
+                .zip(grey.chunks_exact(width))
+            {
                 row[MARGIN..MARGIN + width].copy_from_slice(source);
                 extend_margins(row, width);
             }

@@ -16,18 +16,31 @@ pub fn tilted_features(
     tilt: Tilt,
 ) -> Result<Features, FeatureError> {
     let view = TiltedView::new(grey, width, height, tilt);
-    let found = extractor.extract(&view.grey, view.width, view.height, Some(&allowed_in(&view, width, allowed)))?;
+    let found = extractor.extract(
+        &view.grey,
+        view.width,
+        view.height,
+        Some(&allowed_in(&view, width, allowed)),
+    )?;
     Ok(Features {
         width: width as u32,
         height: height as u32,
-        keypoints: found.keypoints.iter().map(|&at_px| view.original(at_px)).collect(),
+        keypoints: found
+            .keypoints
+            .iter()
+            .map(|&at_px| view.original(at_px))
+            .collect(),
         ..found
     })
 }
 
 /// Pixels of a view that show an allowed one of the picture.
 fn allowed_in(view: &TiltedView, width: usize, allowed: Option<&[bool]>) -> Vec<bool> {
-    let pixels = (0..view.height).flat_map(|y| (0..view.width).map(move |x| DVec2::new(x as f64, y as f64) + 0.5));
-    let is_allowed = |at: DVec2| allowed.is_none_or(|allowed| allowed[at.y as usize * width + at.x as usize]);
-    pixels.map(|at_px| view.shows(at_px) && is_allowed(view.original(at_px))).collect()
+    let pixels = (0..view.height)
+        .flat_map(|y| (0..view.width).map(move |x| DVec2::new(x as f64, y as f64) + 0.5));
+    let is_allowed =
+        |at: DVec2| allowed.is_none_or(|allowed| allowed[at.y as usize * width + at.x as usize]);
+    pixels
+        .map(|at_px| view.shows(at_px) && is_allowed(view.original(at_px)))
+        .collect()
 }

@@ -20,9 +20,16 @@ pub struct Merged {
 impl Merged {
     /// Only the picture's own features.
     pub fn new(own: &PictureFeatures) -> Self {
-        let mut merged = Self { picture: own.clone(), squares: FxHashMap::default() };
+        let mut merged = Self {
+            picture: own.clone(),
+            squares: FxHashMap::default(),
+        };
         for (number, &at_px) in (0..).zip(&own.features.keypoints) {
-            merged.squares.entry(square(at_px)).or_default().push(number);
+            merged
+                .squares
+                .entry(square(at_px))
+                .or_default()
+                .push(number);
         }
         merged
     }
@@ -48,11 +55,15 @@ impl Merged {
     fn nearest(&self, at_px: DVec2) -> Option<u32> {
         let [x, y] = square(at_px);
         let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| [x + dx, y + dy]));
-        let near = around.filter_map(|square| self.squares.get(&square)).flatten().copied();
+        let near = around
+            .filter_map(|square| self.squares.get(&square))
+            .flatten()
+            .copied();
         let keypoints = &self.picture.features.keypoints;
         let distances = near.map(|number| (keypoints[number as usize].distance(at_px), number));
         let best = distances.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        best.filter(|&(distance, _)| distance <= RADIUS_PX).map(|(_, number)| number)
+        best.filter(|&(distance, _)| distance <= RADIUS_PX)
+            .map(|(_, number)| number)
     }
 }
 
@@ -79,12 +90,16 @@ fn add(features: &mut Features, from: &Features, index: usize) {
 /// Matches one to one out of those of several views, preferring what most views found.
 pub fn one_to_one(found: impl IntoIterator<Item = (u32, u32)>) -> Vec<(u32, u32)> {
     let mut votes: BTreeMap<(u32, u32), u32> = BTreeMap::new();
-    found.into_iter().for_each(|pair| *votes.entry(pair).or_default() += 1);
+    found
+        .into_iter()
+        .for_each(|pair| *votes.entry(pair).or_default() += 1);
     let mut ranked: Vec<((u32, u32), u32)> = votes.into_iter().collect();
     ranked.sort_by_key(|&(pair, votes)| (std::cmp::Reverse(votes), pair));
     let (mut firsts, mut seconds) = (FxHashSet::default(), FxHashSet::default());
     let mut pairs: Vec<(u32, u32)> = ranked.into_iter().map(|(pair, _)| pair).collect();
-    pairs.retain(|(a, b)| !firsts.contains(a) && !seconds.contains(b) && firsts.insert(*a) && seconds.insert(*b));
+    pairs.retain(|(a, b)| {
+        !firsts.contains(a) && !seconds.contains(b) && firsts.insert(*a) && seconds.insert(*b)
+    });
     pairs.sort_unstable();
     pairs
 }

@@ -16,8 +16,14 @@ fn spotted(seed: u64) -> Vec<f32> {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let mut grey = vec![0.5; SIDE * SIDE];
     for _ in 0..900 {
-        let at = DVec2::new(random.random_range(0.0..SIDE as f64), random.random_range(0.0..SIDE as f64));
-        let (size, shade) = (random.random_range(1.5..6.0), random.random_range(-0.3..0.3));
+        let at = DVec2::new(
+            random.random_range(0.0..SIDE as f64),
+            random.random_range(0.0..SIDE as f64),
+        );
+        let (size, shade) = (
+            random.random_range(1.5..6.0),
+            random.random_range(-0.3..0.3),
+        );
         spot(&mut grey, at, size, shade);
     }
     grey
@@ -38,7 +44,13 @@ fn spot(grey: &mut [f32], at: DVec2, size: f64, shade: f64) {
 fn foreshortened(grey: &[f32]) -> (Vec<f32>, usize) {
     let width = SIDE / 3;
     let mean = |y: usize, x: usize| (0..3).map(|i| grey[y * SIDE + 3 * x + i]).sum::<f32>() / 3.0;
-    ((0..SIDE).flat_map(|y| (0..width).map(move |x| (y, x))).map(|(y, x)| mean(y, x)).collect(), width)
+    (
+        (0..SIDE)
+            .flat_map(|y| (0..width).map(move |x| (y, x)))
+            .map(|(y, x)| mean(y, x))
+            .collect(),
+        width,
+    )
 }
 
 #[test]
@@ -50,11 +62,24 @@ fn a_view_tells_where_it_shows_what() {
         let view = TiltedView::new(&grey, SIDE, SIDE, tilt);
         let place = |i: usize| DVec2::new((i % view.width) as f64, (i / view.width) as f64) + 0.5;
         let sum: f64 = view.grey.iter().map(|&v| f64::from(v)).sum();
-        let mean = view.grey.iter().enumerate().map(|(i, &v)| f64::from(v) * place(i)).sum::<DVec2>() / sum;
-        assert!(view.shows(mean) && view.original(mean).distance(at) < 0.1, "{tilt:?}: {}", view.original(mean));
+        let mean = view
+            .grey
+            .iter()
+            .enumerate()
+            .map(|(i, &v)| f64::from(v) * place(i))
+            .sum::<DVec2>()
+            / sum;
+        assert!(
+            view.shows(mean) && view.original(mean).distance(at) < 0.1,
+            "{tilt:?}: {}",
+            view.original(mean)
+        );
         // A tilted picture has less of everything.
         let expected = 2.0 * std::f64::consts::PI * 25.0 / tilt.by;
-        assert!((sum / expected - 1.0).abs() < 0.02, "{tilt:?}: {sum:.1} of {expected:.1}");
+        assert!(
+            (sum / expected - 1.0).abs() < 0.02,
+            "{tilt:?}: {sum:.1} of {expected:.1}"
+        );
     }
 }
 
@@ -66,16 +91,37 @@ fn large_pictures_are_shrunk_and_told_in_their_own_pixels() {
         (-0.5 * (distance / 4.0).powi(2)).exp() as f32
     };
     let grey: Vec<f32> = (0..width * height).map(shade).collect();
-    let view = TiltedView::new(&grey, width, height, Tilt { along: 0.0, by: 2.0 });
-    let brightest = (0..view.grey.len()).max_by(|&a, &b| view.grey[a].total_cmp(&view.grey[b])).unwrap();
-    let found = DVec2::new((brightest % view.width) as f64, (brightest / view.width) as f64) + 0.5;
-    assert!(view.width < 600 && view.original(found).distance(at) < 4.0, "{}", view.original(found));
+    let view = TiltedView::new(
+        &grey,
+        width,
+        height,
+        Tilt {
+            along: 0.0,
+            by: 2.0,
+        },
+    );
+    let brightest = (0..view.grey.len())
+        .max_by(|&a, &b| view.grey[a].total_cmp(&view.grey[b]))
+        .unwrap();
+    let found = DVec2::new(
+        (brightest % view.width) as f64,
+        (brightest / view.width) as f64,
+    ) + 0.5;
+    assert!(
+        view.width < 600 && view.original(found).distance(at) < 4.0,
+        "{}",
+        view.original(found)
+    );
 }
 
 #[test]
 fn larger_tilts_are_looked_at_from_more_sides() {
     let all = Tilt::all();
-    let sides = |by: f64| all.iter().filter(|tilt| (tilt.by - by).abs() < 1e-9).count();
+    let sides = |by: f64| {
+        all.iter()
+            .filter(|tilt| (tilt.by - by).abs() < 1e-9)
+            .count()
+    };
     assert_eq!([2f64.sqrt(), 2.0, 8f64.sqrt()].map(sides), [4, 5, 7]);
     assert_eq!(all.len(), 16);
 }
@@ -91,21 +137,49 @@ fn a_tilted_view_finds_what_is_foreshortened() {
             let (at, narrow) = (found.keypoints[a as usize], seen.keypoints[b as usize]);
             at.distance(narrow * DVec2::new(3.0, 1.0)) < 4.0
         };
-        matcher.matches(found, &seen).unwrap().iter().filter(|pair| fits(pair)).count()
+        matcher
+            .matches(found, &seen)
+            .unwrap()
+            .iter()
+            .filter(|pair| fits(pair))
+            .count()
     };
     let plain = right(&sift.extract(&grey, SIDE, SIDE, None).unwrap());
-    let tilt = Tilt { along: 0.0, by: 8f64.sqrt() };
+    let tilt = Tilt {
+        along: 0.0,
+        by: 8f64.sqrt(),
+    };
     let tilted = right(&tilted_features(&sift, &grey, [SIDE, SIDE], None, tilt).unwrap());
-    assert!(tilted >= 60 && tilted > 4 * plain, "{plain} without, {tilted} with a tilt");
+    assert!(
+        tilted >= 60 && tilted > 4 * plain,
+        "{plain} without, {tilted} with a tilt"
+    );
 }
 
 #[test]
 fn features_lie_where_they_may() {
     let allowed: Vec<bool> = (0..SIDE * SIDE).map(|i| i % SIDE < SIDE / 2).collect();
     for tilt in Tilt::all() {
-        let found = tilted_features(&Sift::default(), &spotted(4), [SIDE, SIDE], Some(&allowed), tilt).unwrap();
-        assert!(found.keypoints.len() > 50, "{tilt:?}: {}", found.keypoints.len());
-        assert!(found.keypoints.iter().all(|at| at.x < SIDE as f64 / 2.0 + 1.5), "{tilt:?}");
+        let found = tilted_features(
+            &Sift::default(),
+            &spotted(4),
+            [SIDE, SIDE],
+            Some(&allowed),
+            tilt,
+        )
+        .unwrap();
+        assert!(
+            found.keypoints.len() > 50,
+            "{tilt:?}: {}",
+            found.keypoints.len()
+        );
+        assert!(
+            found
+                .keypoints
+                .iter()
+                .all(|at| at.x < SIDE as f64 / 2.0 + 1.5),
+            "{tilt:?}"
+        );
     }
 }
 
@@ -117,22 +191,45 @@ fn picture(places: &[[f64; 2]]) -> PictureFeatures {
         keypoints: places.iter().map(|&at| at.into()).collect(),
         scales_px: vec![1.0; places.len()],
         scores: Vec::new(),
-        descriptors: Descriptors::Bytes { dim: 2, values: (0..places.len()).flat_map(|i| [i as u8; 2]).collect() },
+        descriptors: Descriptors::Bytes {
+            dim: 2,
+            values: (0..places.len()).flat_map(|i| [i as u8; 2]).collect(),
+        },
     };
-    PictureFeatures { features, colors: (0..places.len()).map(|i| [i as u8; 3]).collect(), unreadable: None }
+    PictureFeatures {
+        features,
+        colors: (0..places.len()).map(|i| [i as u8; 3]).collect(),
+        unreadable: None,
+    }
 }
 
 #[test]
 fn keypoints_of_one_place_are_one() {
-    let (own, view) = (picture(&[[10.0, 10.0], [50.0, 50.0]]), picture(&[[51.0, 50.9], [70.0, 70.0], [10.0, 12.0]]));
+    let (own, view) = (
+        picture(&[[10.0, 10.0], [50.0, 50.0]]),
+        picture(&[[51.0, 50.9], [70.0, 70.0], [10.0, 12.0]]),
+    );
     let mut merged = Merged::new(&own);
-    assert_eq!([0, 1, 2].map(|index| merged.number(&view, index)), [1, 2, 3]);
+    assert_eq!(
+        [0, 1, 2].map(|index| merged.number(&view, index)),
+        [1, 2, 3]
+    );
     assert_eq!(merged.number(&picture(&[[70.6, 69.4]]), 0), 2);
     let all = merged.into_picture();
     assert_eq!(all.features.keypoints[..2], own.features.keypoints[..]);
     assert_eq!(all.features.keypoints[2..], view.features.keypoints[1..]);
-    assert_eq!(all.features.descriptors.as_bytes().unwrap(), [0, 0, 1, 1, 1, 1, 2, 2]);
-    assert_eq!((all.colors.len(), all.colors[3], all.features.scales_px.len()), (4, [2; 3], 4));
+    assert_eq!(
+        all.features.descriptors.as_bytes().unwrap(),
+        [0, 0, 1, 1, 1, 1, 2, 2]
+    );
+    assert_eq!(
+        (
+            all.colors.len(),
+            all.colors[3],
+            all.features.scales_px.len()
+        ),
+        (4, [2; 3], 4)
+    );
 }
 
 #[test]

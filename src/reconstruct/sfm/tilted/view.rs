@@ -12,7 +12,11 @@ pub struct Tilt {
 }
 
 /// Tilts that are simulated: powers of √2.
-const TILTS: [f64; 3] = [std::f64::consts::SQRT_2, 2.0, 2.0 * std::f64::consts::SQRT_2];
+const TILTS: [f64; 3] = [
+    std::f64::consts::SQRT_2,
+    2.0,
+    2.0 * std::f64::consts::SQRT_2,
+];
 /// Angle between directions at a tilt of 1, in radians; less at larger ones.
 const STEP: f64 = 1.256_637_061_435_917_3;
 /// Blur of the picture per side that a tilt takes away, as SIFT takes a picture to have half a pixel already.
@@ -28,7 +32,10 @@ impl Tilt {
     pub fn all() -> Vec<Self> {
         let of = |by: f64| {
             let count = (std::f64::consts::PI * by / STEP).round();
-            (0..count as u32).map(move |i| Self { along: f64::from(i) * std::f64::consts::PI / count, by })
+            (0..count as u32).map(move |i| Self {
+                along: f64::from(i) * std::f64::consts::PI / count,
+                by,
+            })
         };
         TILTS.into_iter().flat_map(of).collect()
     }
@@ -56,7 +63,12 @@ impl TiltedView {
         if step == 1 {
             return Self::of_small(grey, width, height, tilt);
         }
-        let small = Self::of_small(&shrunk(grey, width, step), width / step, height / step, tilt);
+        let small = Self::of_small(
+            &shrunk(grey, width, step),
+            width / step,
+            height / step,
+            tilt,
+        );
         Self {
             original_from_view: small.original_from_view * step as f64,
             origin: small.origin * step as f64,
@@ -68,7 +80,12 @@ impl TiltedView {
     fn of_small(grey: &[f32], width: usize, height: usize, tilt: Tilt) -> Self {
         let size = DVec2::new(width as f64, height as f64);
         let turn = DMat2::from_angle(tilt.along);
-        let corners = [DVec2::ZERO, DVec2::new(size.x, 0.0), DVec2::new(0.0, size.y), size];
+        let corners = [
+            DVec2::ZERO,
+            DVec2::new(size.x, 0.0),
+            DVec2::new(0.0, size.y),
+            size,
+        ];
         let corners = corners.map(|corner| turn.transpose() * corner);
         let low = corners.into_iter().fold(corners[0], DVec2::min);
         let high = corners.into_iter().fold(corners[0], DVec2::max);
@@ -77,15 +94,26 @@ impl TiltedView {
         let columns = ((extent.x / tilt.by) as usize).max(1);
         let kernel = kernel(BLUR * (tilt.by * tilt.by - 1.0).max(0.0).sqrt());
         let mut view = vec![0.0; columns * rows];
-        view.par_chunks_mut(columns).enumerate().for_each(|(y, row)| {
-            let at = |x: usize| turn * (low + DVec2::new(x as f64, y as f64) + 0.5);
-            let line: Vec<f32> = (0..wide).map(|x| between(grey, [width, height], at(x))).collect();
-            for (x, value) in row.iter_mut().enumerate() {
-                *value = blurred(&line, &kernel, (x as f64 + 0.5) * tilt.by - 0.5);
-            }
-        });
+        view.par_chunks_mut(columns)
+            .enumerate()
+            .for_each(|(y, row)| {
+                let at = |x: usize| turn * (low + DVec2::new(x as f64, y as f64) + 0.5);
+                let line: Vec<f32> = (0..wide)
+                    .map(|x| between(grey, [width, height], at(x)))
+                    .collect();
+                for (x, value) in row.iter_mut().enumerate() {
+                    *value = blurred(&line, &kernel, (x as f64 + 0.5) * tilt.by - 0.5);
+                }
+            });
         let original_from_view = turn * DMat2::from_diagonal(DVec2::new(tilt.by, 1.0));
-        Self { grey: view, width: columns, height: rows, original_from_view, origin: turn * low, size }
+        Self {
+            grey: view,
+            width: columns,
+            height: rows,
+            original_from_view,
+            origin: turn * low,
+            size,
+        }
     }
 
     /// Position in the picture of a position in the view, both in pixels.
@@ -103,11 +131,15 @@ impl TiltedView {
 /// Means of squares of `step` pixels.
 fn shrunk(grey: &[f32], width: usize, step: usize) -> Vec<f32> {
     let mean = |rows: &[f32], x: usize| {
-        let lines = rows.chunks_exact(width).flat_map(|line| &line[x * step..(x + 1) * step]);
+        let lines = rows
+            .chunks_exact(width)
+            .flat_map(|line| &line[x * step..(x + 1) * step]);
         lines.sum::<f32>() / (step * step) as f32
     };
     let bands = grey.chunks_exact(width * step);
-    bands.flat_map(|rows| (0..width / step).map(move |x| mean(rows, x))).collect()
+    bands
+        .flat_map(|rows| (0..width / step).map(move |x| mean(rows, x)))
+        .collect()
 }
 
 /// Half of a symmetric kernel of sum 1, from its middle on.
@@ -116,7 +148,9 @@ fn kernel(sigma: f64) -> Vec<f32> {
         return vec![1.0];
     }
     let reach = (KERNEL_REACH * sigma).ceil() as u32;
-    let half: Vec<f64> = (0..=reach).map(|i| (-0.5 * (f64::from(i) / sigma).powi(2)).exp()).collect();
+    let half: Vec<f64> = (0..=reach)
+        .map(|i| (-0.5 * (f64::from(i) / sigma).powi(2)).exp())
+        .collect();
     let sum = 2.0 * half.iter().sum::<f64>() - half[0];
     half.iter().map(|value| (value / sum) as f32).collect()
 }
@@ -127,7 +161,8 @@ fn blurred(line: &[f32], kernel: &[f32], at: f64) -> f32 {
     let value = |x: isize| line[x.clamp(0, last) as usize];
     let sum = |x: isize| {
         let sides = kernel.iter().enumerate().skip(1);
-        let around = sides.map(|(i, weight)| weight * (value(x - i as isize) + value(x + i as isize)));
+        let around =
+            sides.map(|(i, weight)| weight * (value(x - i as isize) + value(x + i as isize)));
         kernel[0] * value(x) + around.sum::<f32>()
     };
     let (before, share) = (at.floor() as isize, at.fract() as f32);

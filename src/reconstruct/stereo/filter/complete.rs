@@ -21,14 +21,33 @@ pub fn completed(
     options: &FilterOptions,
 ) -> DepthEstimate {
     let size = (own.width(), own.height());
-    let view = View { own, picture: &picture.levels[0], neighbours, options };
-    let seen: Vec<Vec<u32>> = neighbours.par_iter().map(|neighbour| neighbour.projected(size)).collect();
+    let view = View {
+        own,
+        picture: &picture.levels[0],
+        neighbours,
+        options,
+    };
+    let seen: Vec<Vec<u32>> = neighbours
+        .par_iter()
+        .map(|neighbour| neighbour.projected(size))
+        .collect();
     let is_allowed = |at: usize| allowed.is_none_or(|allowed| allowed[at]);
-    let taken = |at: usize| if is_allowed(at) { view.taken(at, &seen) } else { None };
+    let taken = |at: usize| {
+        if is_allowed(at) {
+            view.taken(at, &seen)
+        } else {
+            None
+        }
+    };
     let taken: Vec<Option<Surface>> = (0..own.depths.len()).into_par_iter().map(taken).collect();
     let mut completed = own.clone();
     for (at, surface) in taken.into_iter().enumerate() {
-        if let Some(Surface { inverse_depth, normal, confidence }) = surface {
+        if let Some(Surface {
+            inverse_depth,
+            normal,
+            confidence,
+        }) = surface
+        {
             completed.depths[at] = 1.0 / inverse_depth;
             completed.normals[at] = (127.0 * normal).round().to_array().map(|value| value as i8);
             completed.confidence[at] = confidence;
@@ -48,34 +67,59 @@ impl View<'_> {
     /// The surface that a pixel takes over: the nearest that enough neighbours agree on and its colour fits.
     fn taken(&self, at: usize, seen: &[Vec<u32>]) -> Option<Surface> {
         let depth = self.own.depths[at];
-        let least = if depth > 0.0 { 1.0 / (depth * (1.0 - self.options.complete.before)) } else { 0.0 };
+        let least = if depth > 0.0 {
+            1.0 / (depth * (1.0 - self.options.complete.before))
+        } else {
+            0.0
+        };
         let counts = |surface: &Surface| surface.inverse_depth > least;
-        let surfaces = self.neighbours.iter().zip(seen).filter_map(|(neighbour, seen)| neighbour.surface(seen[at]));
+        let surfaces = self
+            .neighbours
+            .iter()
+            .zip(seen)
+            .filter_map(|(neighbour, seen)| neighbour.surface(seen[at]));
         let mut surfaces: Vec<Surface> = surfaces.filter(counts).collect();
         if surfaces.is_empty() {
             return None;
         }
         surfaces.sort_by(|a, b| b.inverse_depth.total_cmp(&a.inverse_depth));
         let most = self.most_difference(at);
-        surfaces.into_iter().find_map(|surface| self.confirmed(at, surface, most))
+        surfaces
+            .into_iter()
+            .find_map(|surface| self.confirmed(at, surface, most))
     }
 
     /// A surface at a pixel, on the pixel's own ray, where enough neighbours agree with it and the colours differ by less.
     fn confirmed(&self, at: usize, surface: Surface, most: f32) -> Option<Surface> {
         let matches = self.matches(at, surface);
-        if matches.len() < self.options.min_agreeing.max(WITNESSES) || self.difference(at, &matches) >= most {
+        if matches.len() < self.options.min_agreeing.max(WITNESSES)
+            || self.difference(at, &matches) >= most
+        {
             return None;
         }
-        let inverse_depth = upper_median(matches.iter().map(|(_, found)| found.inverse_depth).collect());
-        Some(Surface { inverse_depth, ..surface })
+        let inverse_depth = upper_median(
+            matches
+                .iter()
+                .map(|(_, found)| found.inverse_depth)
+                .collect(),
+        );
+        Some(Surface {
+            inverse_depth,
+            ..surface
+        })
     }
 
     /// What the neighbours show of a surface at a pixel.
     fn matches(&self, at: usize, surface: Surface) -> Vec<(&Neighbour, Match)> {
         let place = self.place(at);
         let matched = |neighbour| {
-            let found =
-                Neighbour::matched(neighbour, place, surface.inverse_depth, surface.normal, &self.options.agreement)?;
+            let found = Neighbour::matched(
+                neighbour,
+                place,
+                surface.inverse_depth,
+                surface.normal,
+                &self.options.agreement,
+            )?;
             Some((neighbour, found))
         };
         self.neighbours.iter().filter_map(matched).collect()
@@ -83,12 +127,17 @@ impl View<'_> {
 
     /// The middle difference of colour between a pixel and what neighbours show, squared grey levels.
     fn difference(&self, at: usize, matches: &[(&Neighbour, Match)]) -> f32 {
-        let of = |(neighbour, found): &(&Neighbour, Match)| neighbour.color_difference(found.pixel, self.picture, at);
+        let of = |(neighbour, found): &(&Neighbour, Match)| {
+            neighbour.color_difference(found.pixel, self.picture, at)
+        };
         upper_median(matches.iter().map(of).collect())
     }
 
     fn place(&self, at: usize) -> (f32, f32) {
-        ((at % self.own.width()) as f32, (at / self.own.width()) as f32)
+        (
+            (at % self.own.width()) as f32,
+            (at / self.own.width()) as f32,
+        )
     }
 
     /// The difference of colour that a surface before a pixel's own must stay below, squared grey levels.
@@ -99,10 +148,16 @@ impl View<'_> {
         if depth <= 0.0 {
             return most;
         }
-        let own = Surface { inverse_depth: 1.0 / depth, normal: self.own.normal(at), confidence: 0 };
+        let own = Surface {
+            inverse_depth: 1.0 / depth,
+            normal: self.own.normal(at),
+            confidence: 0,
+        };
         match self.matches(at, own) {
             matches if matches.is_empty() => most,
-            matches => most.min(options.color_ratio * options.color_ratio * self.difference(at, &matches)),
+            matches => {
+                most.min(options.color_ratio * options.color_ratio * self.difference(at, &matches))
+            }
         }
     }
 }

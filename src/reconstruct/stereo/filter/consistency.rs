@@ -36,7 +36,9 @@ impl Neighbour {
     /// Prepares a neighbour of `view`.
     #[must_use]
     pub fn new(view: &Picture, other: &Picture, estimate: Arc<DepthEstimate>) -> Self {
-        let here_from_there = view.camera_from_world.compose(&other.camera_from_world.inverse());
+        let here_from_there = view
+            .camera_from_world
+            .compose(&other.camera_from_world.inverse());
         Self {
             estimate,
             texture: Arc::clone(&other.levels[0]),
@@ -64,9 +66,21 @@ impl Neighbour {
         let (u, v) = (u / z, v / z);
         let (column, row) = ((u + 0.5).floor(), (v + 0.5).floor());
         let (beside, below) = (2.0 * u.floor() + 1.0 - column, 2.0 * v.floor() + 1.0 - row);
-        let around = [(column, row), (beside, row), (column, below), (beside, below)];
-        let point = Seen { at: (x, y), there: (u, v), inverse_depth, normal };
-        around.into_iter().find_map(|pixel| self.agreeing(&point, pixel, agreement))
+        let around = [
+            (column, row),
+            (beside, row),
+            (column, below),
+            (beside, below),
+        ];
+        let point = Seen {
+            at: (x, y),
+            there: (u, v),
+            inverse_depth,
+            normal,
+        };
+        around
+            .into_iter()
+            .find_map(|pixel| self.agreeing(&point, pixel, agreement))
     }
 
     /// For each pixel of a view of `width · height` pixels what the neighbour sees nearest there: its own pixel,
@@ -75,10 +89,17 @@ impl Neighbour {
     pub fn projected(&self, (width, height): (usize, usize)) -> Vec<u32> {
         let mut seen = vec![UNSEEN; width * height];
         let mut nearest = vec![0.0; seen.len()];
-        for (pixel, &depth) in self.estimate.depths.iter().enumerate().filter(|&(_, &depth)| depth > 0.0) {
+        for (pixel, &depth) in self
+            .estimate
+            .depths
+            .iter()
+            .enumerate()
+            .filter(|&(_, &depth)| depth > 0.0)
+        {
             let (x, y, inverse_depth) = self.place(pixel, depth);
             let (column, row) = ((x + 0.5).floor(), (y + 0.5).floor());
-            let is_inside = column >= 0.0 && row >= 0.0 && column < width as f32 && row < height as f32;
+            let is_inside =
+                column >= 0.0 && row >= 0.0 && column < width as f32 && row < height as f32;
             if !is_inside || inverse_depth <= 0.0 {
                 continue;
             }
@@ -94,10 +115,19 @@ impl Neighbour {
     #[must_use]
     pub fn surface(&self, pixel: u32) -> Option<Surface> {
         let pixel = pixel as usize;
-        let depth = self.estimate.depths.get(pixel).copied().filter(|&depth| depth > 0.0)?;
+        let depth = self
+            .estimate
+            .depths
+            .get(pixel)
+            .copied()
+            .filter(|&depth| depth > 0.0)?;
         let (_, _, inverse_depth) = self.place(pixel, depth);
         let normal = self.here_from_there * self.estimate.normal(pixel);
-        Some(Surface { inverse_depth, normal, confidence: self.estimate.confidence[pixel] })
+        Some(Surface {
+            inverse_depth,
+            normal,
+            confidence: self.estimate.confidence[pixel],
+        })
     }
 
     /// How far a pixel's colour is from that of a pixel of `texture`, squared grey levels.
@@ -112,12 +142,19 @@ impl Neighbour {
     /// Where the view sees a pixel of known depth, and its inverse depth there.
     fn place(&self, pixel: usize, depth: f32) -> (f32, f32, f32) {
         let width = self.estimate.width();
-        let [x, y, z] = self.back.apply((pixel % width) as f32, (pixel / width) as f32, 1.0 / depth);
+        let [x, y, z] =
+            self.back
+                .apply((pixel % width) as f32, (pixel / width) as f32, 1.0 / depth);
         (x / z, y / z, 1.0 / (depth * z))
     }
 
     /// The neighbour's pixel in a column and row, where it agrees.
-    fn agreeing(&self, point: &Seen, (column, row): (f32, f32), agreement: &Agreement) -> Option<Match> {
+    fn agreeing(
+        &self,
+        point: &Seen,
+        (column, row): (f32, f32),
+        agreement: &Agreement,
+    ) -> Option<Match> {
         let (width, height) = (self.estimate.width(), self.estimate.height());
         if column < 0.0 || row < 0.0 || column >= width as f32 || row >= height as f32 {
             return None;
@@ -129,7 +166,8 @@ impl Neighbour {
         }
         let (u, v) = point.there;
         let there = self.estimate.normal(pixel);
-        let plane = Plane::from_normal(depth, there, &self.raster, column, row).moved(u - column, v - row);
+        let plane =
+            Plane::from_normal(depth, there, &self.raster, column, row).moved(u - column, v - row);
         let [s, t, w] = self.back.apply(u, v, plane.inverse_depth);
         let (s, t) = (s / w - point.at.0, t / w - point.at.1);
         // Depth here of what is seen there, as a share of the depth here.
@@ -138,7 +176,11 @@ impl Neighbour {
         let agrees = (ratio - 1.0).abs() <= agreement.depth
             && s * s + t * t <= agreement.reprojection_px * agreement.reprojection_px
             && normal.dot(point.normal) >= agreement.normal_cosine;
-        agrees.then(|| Match { pixel, inverse_depth: point.inverse_depth / ratio, normal })
+        agrees.then(|| Match {
+            pixel,
+            inverse_depth: point.inverse_depth / ratio,
+            normal,
+        })
     }
 }
 

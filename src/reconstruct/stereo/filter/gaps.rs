@@ -28,8 +28,16 @@ fn fill_line(
         if estimate.depths[first + i * stride] <= 0.0 {
             continue;
         }
-        if let Some(before) = known.filter(|before| (2..=options.gap_pixels + 1).contains(&(i - before))) {
-            fill_run(estimate, seen, (first, stride), [before, i], options.surface_tolerance);
+        if let Some(before) =
+            known.filter(|before| (2..=options.gap_pixels + 1).contains(&(i - before)))
+        {
+            fill_run(
+                estimate,
+                seen,
+                (first, stride),
+                [before, i],
+                options.surface_tolerance,
+            );
         }
         known = Some(i);
     }
@@ -45,7 +53,8 @@ fn fill_run(
     let [start, end] = [before, after].map(|i| first + i * stride);
     let (a, b) = (estimate.depths[start], estimate.depths[end]);
     let steps = (after - before) as f32;
-    let in_front = |i: usize| seen.depths[first + i * stride] < (1.0 - IN_FRONT * tolerance) * a.min(b);
+    let in_front =
+        |i: usize| seen.depths[first + i * stride] < (1.0 - IN_FRONT * tolerance) * a.min(b);
     if (a - b).abs() > tolerance * a || (before + 1..after).any(in_front) {
         return;
     }

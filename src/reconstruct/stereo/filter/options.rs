@@ -14,7 +14,11 @@ pub struct Agreement {
 
 impl Default for Agreement {
     fn default() -> Self {
-        Self { depth: 0.01, reprojection_px: 2.0, normal_cosine: 0.09 }
+        Self {
+            depth: 0.01,
+            reprojection_px: 2.0,
+            normal_cosine: 0.09,
+        }
     }
 }
 
@@ -34,7 +38,12 @@ pub struct SnapOptions {
 
 impl Default for SnapOptions {
     fn default() -> Self {
-        Self { surface_step: 0.05, color_sigma: 20.0, least_fit: 1.0, better: 2.0 }
+        Self {
+            surface_step: 0.05,
+            color_sigma: 20.0,
+            least_fit: 1.0,
+            better: 2.0,
+        }
     }
 }
 
@@ -52,7 +61,11 @@ pub struct CompleteOptions {
 
 impl Default for CompleteOptions {
     fn default() -> Self {
-        Self { before: 0.02, color_difference: 40.0, color_ratio: 1.0 }
+        Self {
+            before: 0.02,
+            color_difference: 40.0,
+            color_ratio: 1.0,
+        }
     }
 }
 

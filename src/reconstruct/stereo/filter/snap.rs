@@ -12,9 +12,15 @@ const REACH: usize = 3;
 /// tips; colour knows better (after Z. Ma et al., *Constant Time Weighted Median Filtering for Stereo Matching and
 /// Beyond*, ICCV 2013). What it says is for other views to confirm.
 #[must_use]
-pub fn snapped(estimate: &DepthEstimate, picture: &Texture, options: &SnapOptions) -> DepthEstimate {
-    let chosen: Vec<Option<usize>> =
-        (0..estimate.depths.len()).into_par_iter().map(|at| better(estimate, picture, at, options)).collect();
+pub fn snapped(
+    estimate: &DepthEstimate,
+    picture: &Texture,
+    options: &SnapOptions,
+) -> DepthEstimate {
+    let chosen: Vec<Option<usize>> = (0..estimate.depths.len())
+        .into_par_iter()
+        .map(|at| better(estimate, picture, at, options))
+        .collect();
     let mut snapped = estimate.clone();
     for (at, from) in chosen.into_iter().enumerate() {
         if let Some(from) = from {
@@ -45,23 +51,35 @@ impl Fit {
 }
 
 /// The pixel whose depth a pixel takes; `None` where its own fits well enough.
-fn better(estimate: &DepthEstimate, picture: &Texture, at: usize, options: &SnapOptions) -> Option<usize> {
+fn better(
+    estimate: &DepthEstimate,
+    picture: &Texture,
+    at: usize,
+    options: &SnapOptions,
+) -> Option<usize> {
     let (width, height) = (estimate.width(), estimate.height());
     let (x, y) = (at % width, at / width);
     let same = |a: f32, b: f32| a.max(b) <= (1.0 + options.surface_step) * a.min(b);
     let own = estimate.depths[at];
     let columns = x.saturating_sub(REACH)..(x + REACH + 1).min(width);
     let rows = y.saturating_sub(REACH)..(y + REACH + 1).min(height);
-    let window = || rows.clone().flat_map(|row| columns.clone().map(move |column| row * width + column));
+    let window = || {
+        rows.clone()
+            .flat_map(|row| columns.clone().map(move |column| row * width + column))
+    };
     let others = || window().filter(|&to| to != at && estimate.depths[to] > 0.0);
     if others().all(|to| same(estimate.depths[to], own)) {
         return None;
     }
     let alike = |to: usize| {
-        (-0.5 * picture.color_difference(at, picture, to) / (options.color_sigma * options.color_sigma)).exp()
+        (-0.5 * picture.color_difference(at, picture, to)
+            / (options.color_sigma * options.color_sigma))
+            .exp()
     };
     let elsewhere = others().filter(|&to| !same(estimate.depths[to], own));
-    let (best, _) = elsewhere.map(|to| (to, alike(to))).reduce(|a, b| if b.1 > a.1 { b } else { a })?;
+    let (best, _) = elsewhere
+        .map(|to| (to, alike(to)))
+        .reduce(|a, b| if b.1 > a.1 { b } else { a })?;
     let (mut here, mut there) = (Fit::default(), Fit::default());
     for to in others() {
         if same(estimate.depths[to], own) {

@@ -10,14 +10,25 @@ pub fn remove_speckles(estimate: &mut DepthEstimate, support: &[u8], least: usiz
             continue;
         }
         grow(estimate, start, tolerance, &mut seen, &mut surface);
-        if surface.iter().map(|&at| usize::from(support[at])).sum::<usize>() < least {
+        if surface
+            .iter()
+            .map(|&at| usize::from(support[at]))
+            .sum::<usize>()
+            < least
+        {
             surface.iter().for_each(|&at| estimate.clear(at));
         }
     }
 }
 
 /// The pixels that are one surface with a pixel.
-fn grow(estimate: &DepthEstimate, start: usize, tolerance: f32, seen: &mut [bool], surface: &mut Vec<usize>) {
+fn grow(
+    estimate: &DepthEstimate,
+    start: usize,
+    tolerance: f32,
+    seen: &mut [bool],
+    surface: &mut Vec<usize>,
+) {
     let (width, height) = (estimate.width(), estimate.height());
     surface.clear();
     surface.push(start);
@@ -26,7 +37,10 @@ fn grow(estimate: &DepthEstimate, start: usize, tolerance: f32, seen: &mut [bool
     while let Some(&at) = surface.get(next) {
         next += 1;
         let (x, y) = (at % width, at / width);
-        let (columns, rows) = (x.saturating_sub(1)..(x + 2).min(width), y.saturating_sub(1)..(y + 2).min(height));
+        let (columns, rows) = (
+            x.saturating_sub(1)..(x + 2).min(width),
+            y.saturating_sub(1)..(y + 2).min(height),
+        );
         for to in rows.flat_map(|row| columns.clone().map(move |column| row * width + column)) {
             let (depth, other) = (estimate.depths[at], estimate.depths[to]);
             if !seen[to] && other > 0.0 && (other - depth).abs() <= tolerance * depth {

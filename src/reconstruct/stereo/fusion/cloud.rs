@@ -62,9 +62,16 @@ impl DenseCloud {
     #[must_use]
     pub fn frame_pixel(&self, contributor: Contributor) -> Option<(u32, u32)> {
         let view = &self.views[contributor.view as usize];
-        let (x, y) = (contributor.pixel % view.raster.width, contributor.pixel / view.raster.width);
+        let (x, y) = (
+            contributor.pixel % view.raster.width,
+            contributor.pixel / view.raster.width,
+        );
         let at_px = glam::DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
-        let at_px = view.camera.project(view.raster.unproject(at_px).extend(1.0))?;
-        view.camera.contains(at_px).then_some((at_px.x as u32, at_px.y as u32))
+        let at_px = view
+            .camera
+            .project(view.raster.unproject(at_px).extend(1.0))?;
+        view.camera
+            .contains(at_px)
+            .then_some((at_px.x as u32, at_px.y as u32))
     }
 }

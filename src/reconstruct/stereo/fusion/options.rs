@@ -15,6 +15,9 @@ pub struct FusionOptions {
 
 impl Default for FusionOptions {
     fn default() -> Self {
-        Self { agreement: Agreement::default(), min_pixels: 3 }
+        Self {
+            agreement: Agreement::default(),
+            min_pixels: 3,
+        }
     }
 }

@@ -35,15 +35,28 @@ pub fn fuse_depths(
     progress: &Progress,
 ) -> Result<(DenseCloud, Option<String>), StereoError> {
     progress.stage("fuse")?;
-    let mut cloud = DenseCloud { offsets: vec![0], ..DenseCloud::default() };
+    let mut cloud = DenseCloud {
+        offsets: vec![0],
+        ..DenseCloud::default()
+    };
     let (mut unreadable, mut is_any) = (Vec::new(), false);
     let mut used: Vec<Vec<bool>> = Vec::new();
-    let places: BTreeMap<usize, usize> = neighbours.keys().enumerate().map(|(at, &frame)| (frame, at)).collect();
+    let places: BTreeMap<usize, usize> = neighbours
+        .keys()
+        .enumerate()
+        .map(|(at, &frame)| (frame, at))
+        .collect();
     for &number in places.keys() {
-        let Some((camera, _)) = frames[number].posed_camera() else { continue };
+        let Some((camera, _)) = frames[number].posed_camera() else {
+            continue;
+        };
         let raster = raster_camera(camera, max_side);
         used.push(vec![false; raster.width as usize * raster.height as usize]);
-        cloud.views.push(FusedView { frame: number, raster, camera: *camera });
+        cloud.views.push(FusedView {
+            frame: number,
+            raster,
+            camera: *camera,
+        });
     }
     for (&number, &place) in &places {
         progress.step(place, places.len())?;
@@ -52,11 +65,14 @@ pub fn fuse_depths(
             continue;
         };
         let Some(estimate) = estimate else { continue };
-        let (Some((camera, pose)), Some(own)) = (frames[number].posed_camera(), picture(&frames[number], max_side))
-        else {
+        let (Some((camera, pose)), Some(own)) = (
+            frames[number].posed_camera(),
+            picture(&frames[number], max_side),
+        ) else {
             continue;
         };
-        let colors = raster_image(&frames[number], camera, store, max_side).map_err(SceneError::from);
+        let colors =
+            raster_image(&frames[number], camera, store, max_side).map_err(SceneError::from);
         let Some(colors) = readable(colors)? else {
             unreadable.push(number);
             continue;
@@ -65,8 +81,12 @@ pub fn fuse_depths(
         let around = connected(neighbours, number);
         let mut others = Vec::new();
         for other in around {
-            let Some(&at) = places.get(&other) else { continue };
-            let Some(estimate) = readable(depths.load(other, Stage::Complete))?.flatten() else { continue };
+            let Some(&at) = places.get(&other) else {
+                continue;
+            };
+            let Some(estimate) = readable(depths.load(other, Stage::Complete))?.flatten() else {
+                continue;
+            };
             if let Some(picture) = picture(&frames[other], max_side) {
                 others.push((at, Neighbour::new(&own, &picture, estimate)));
             }
@@ -88,20 +108,37 @@ pub fn fuse_depths(
         depths.load(first, Stage::Complete)?;
         store.image(&frames[first]).map_err(SceneError::from)?;
     }
-    let names: Vec<&str> = unreadable.iter().map(|&number| frames[number].name.as_str()).collect();
-    Ok((cloud, naming("cannot be read (image or depth) and give no points of their own; check their files", &names)))
+    let names: Vec<&str> = unreadable
+        .iter()
+        .map(|&number| frames[number].name.as_str())
+        .collect();
+    Ok((
+        cloud,
+        naming(
+            "cannot be read (image or depth) and give no points of their own; check their files",
+            &names,
+        ),
+    ))
 }
 
 /// A picture's geometry without its pixels.
 fn picture(frame: &Frame, max_side: u32) -> Option<Picture> {
     let (camera, pose) = frame.posed_camera()?;
-    Some(Picture::new(Tones::default(), raster_camera(camera, max_side), *pose, 32))
+    Some(Picture::new(
+        Tones::default(),
+        raster_camera(camera, max_side),
+        *pose,
+        32,
+    ))
 }
 
 /// The frames that a frame was compared with, and those that were compared with it.
 fn connected(neighbours: &BTreeMap<usize, Vec<usize>>, number: usize) -> Vec<usize> {
     let own = neighbours.get(&number).into_iter().flatten().copied();
-    let others = neighbours.iter().filter(|(_, sources)| sources.contains(&number)).map(|(&frame, _)| frame);
+    let others = neighbours
+        .iter()
+        .filter(|(_, sources)| sources.contains(&number))
+        .map(|(&frame, _)| frame);
     let mut all: Vec<usize> = own.chain(others).collect();
     all.sort_unstable();
     all.dedup();
@@ -143,7 +180,13 @@ impl View<'_> {
             let matched: Vec<Vec<(usize, Match)>> = pixels
                 .clone()
                 .into_par_iter()
-                .map(|at| if used[self.place][at] { Vec::new() } else { self.matches(at) })
+                .map(|at| {
+                    if used[self.place][at] {
+                        Vec::new()
+                    } else {
+                        self.matches(at)
+                    }
+                })
                 .collect();
             for (at, mut matches) in pixels.zip(matched) {
                 if used[self.place][at] || self.estimate.depths[at] <= 0.0 {
@@ -155,7 +198,9 @@ impl View<'_> {
                 }
                 self.add_point(cloud, at, &matches);
                 used[self.place][at] = true;
-                matches.iter().for_each(|&(view, found)| used[view][found.pixel] = true);
+                matches
+                    .iter()
+                    .for_each(|&(view, found)| used[view][found.pixel] = true);
             }
         }
         Ok(())
@@ -167,9 +212,15 @@ impl View<'_> {
             return Vec::new();
         }
         let width = self.estimate.width();
-        let (place, normal) = (((at % width) as f32, (at / width) as f32), self.estimate.normal(at));
+        let (place, normal) = (
+            ((at % width) as f32, (at / width) as f32),
+            self.estimate.normal(at),
+        );
         let found = |(view, neighbour): &(usize, Neighbour)| {
-            Some((*view, neighbour.matched(place, 1.0 / depth, normal, &self.agreement)?))
+            Some((
+                *view,
+                neighbour.matched(place, 1.0 / depth, normal, &self.agreement)?,
+            ))
         };
         self.others.iter().filter_map(found).collect()
     }
@@ -177,14 +228,34 @@ impl View<'_> {
     fn add_point(&self, cloud: &mut DenseCloud, at: usize, matches: &[(usize, Match)]) {
         let width = self.estimate.width();
         let own = 1.0 / self.estimate.depths[at];
-        let inverse_depth = median(matches.iter().map(|(_, found)| found.inverse_depth).chain([own]).collect());
-        let normal = matches.iter().fold(self.estimate.normal(at), |sum, (_, found)| sum + found.normal);
+        let inverse_depth = median(
+            matches
+                .iter()
+                .map(|(_, found)| found.inverse_depth)
+                .chain([own])
+                .collect(),
+        );
+        let normal = matches
+            .iter()
+            .fold(self.estimate.normal(at), |sum, (_, found)| {
+                sum + found.normal
+            });
         let ray = self.raster.ray((at % width) as f32, (at / width) as f32);
-        cloud.positions.push(self.centre + self.world_from_camera * (ray / inverse_depth));
-        cloud.normals.push(self.world_from_camera * normal.normalize_or_zero());
+        cloud
+            .positions
+            .push(self.centre + self.world_from_camera * (ray / inverse_depth));
+        cloud
+            .normals
+            .push(self.world_from_camera * normal.normalize_or_zero());
         cloud.colors.push(self.colors.pixels[at]);
-        cloud.contributors.push(Contributor { view: self.place as u32, pixel: at as u32 });
-        let others = matches.iter().map(|&(view, found)| Contributor { view: view as u32, pixel: found.pixel as u32 });
+        cloud.contributors.push(Contributor {
+            view: self.place as u32,
+            pixel: at as u32,
+        });
+        let others = matches.iter().map(|&(view, found)| Contributor {
+            view: view as u32,
+            pixel: found.pixel as u32,
+        });
         cloud.contributors.extend(others);
         cloud.offsets.push(cloud.contributors.len() as u32);
     }

@@ -110,7 +110,12 @@ pub struct SizesData {
 impl SizesData {
     /// Columns and rows of a finer field and of the coarser one that it is made of.
     pub fn new(fine: [u32; 2], coarse: [u32; 2]) -> Self {
-        Self { fine, coarse, worst: constants::WORST, padding: 0 }
+        Self {
+            fine,
+            coarse,
+            worst: constants::WORST,
+            padding: 0,
+        }
     }
 }
 
@@ -155,7 +160,10 @@ impl SourceData {
     fn new(source: &Source, first: usize) -> Self {
         Self {
             there: columns(&source.transfer),
-            back: source.found.as_ref().map_or([[0.0; 4]; 4], |(_, back)| columns(back)),
+            back: source
+                .found
+                .as_ref()
+                .map_or([[0.0; 4]; 4], |(_, back)| columns(back)),
             size: [source.texture.width as u32, source.texture.height as u32],
             first: first as u32,
             has_found: u32::from(source.found.is_some()),
@@ -166,7 +174,12 @@ impl SourceData {
 impl TurnData {
     /// Scoring of some rows of one colour.
     pub fn scoring(color: u32, rows: Range<u32>) -> Self {
-        Self { color, first_row: rows.start, end_row: rows.end, ..Self::zeroed() }
+        Self {
+            color,
+            first_row: rows.start,
+            end_row: rows.end,
+            ..Self::zeroed()
+        }
     }
 
     /// Some rows of one colour in an iteration.

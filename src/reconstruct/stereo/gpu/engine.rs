@@ -3,7 +3,9 @@ use std::sync::Arc;
 use super::kernels::Kernels;
 use super::passes::CardPasses;
 use crate::stereo::StereoError;
-use crate::stereo::patchmatch::{Found, PatchMatchOptions, Processor, Round, Search, search, search_consistent};
+use crate::stereo::patchmatch::{
+    Found, PatchMatchOptions, Processor, Round, Search, search, search_consistent,
+};
 use ostra_compute::gpu::{Device, GpuError};
 use ostra_core::job::Progress;
 
@@ -35,7 +37,10 @@ impl Engine {
         match self {
             Self::Cpu => "the processor".into(),
             Self::Gpu(kernels) if kernels.device.is_software() => {
-                format!("{}, a graphics card imitated by the processor", kernels.device.name())
+                format!(
+                    "{}, a graphics card imitated by the processor",
+                    kernels.device.name()
+                )
             }
             Self::Gpu(kernels) => format!("the graphics card {}", kernels.device.name()),
         }
@@ -78,8 +83,20 @@ impl Engine {
         progress: &Progress,
     ) -> Result<Found, StereoError> {
         match self {
-            Self::Cpu => Ok(search_consistent(&mut Processor::default(), task, round, options, progress)?),
-            Self::Gpu(kernels) => search_consistent(&mut CardPasses::new(kernels), task, round, options, progress),
+            Self::Cpu => Ok(search_consistent(
+                &mut Processor::default(),
+                task,
+                round,
+                options,
+                progress,
+            )?),
+            Self::Gpu(kernels) => search_consistent(
+                &mut CardPasses::new(kernels),
+                task,
+                round,
+                options,
+                progress,
+            ),
         }
     }
 }

@@ -38,7 +38,8 @@ impl Kernels {
     /// [`GpuError`] where the device does not take them.
     pub fn new(device: Arc<Device>) -> Result<Self, GpuError> {
         let mut bindings = [Binding::Read; 10];
-        (bindings[0], bindings[1], bindings[9]) = (Binding::Uniform, Binding::Uniform, Binding::ReadWrite);
+        (bindings[0], bindings[1], bindings[9]) =
+            (Binding::Uniform, Binding::Uniform, Binding::ReadWrite);
         let patchmatch = device.program("patchmatch", PATCHMATCH, &bindings)?;
         let enlargement = device.program(
             "enlarge",

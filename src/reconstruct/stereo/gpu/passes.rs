@@ -22,7 +22,11 @@ pub struct CardPasses<'a> {
 impl<'a> CardPasses<'a> {
     /// Nothing done yet.
     pub fn new(kernels: &'a Kernels) -> Self {
-        Self { kernels, scoring: Pieces::default(), sweeping: Pieces::default() }
+        Self {
+            kernels,
+            scoring: Pieces::default(),
+            sweeping: Pieces::default(),
+        }
     }
 }
 
@@ -32,24 +36,47 @@ impl Passes for CardPasses<'_> {
 
     fn begin(&mut self, level: &Level<'_>, hypotheses: Field) -> Result<CardField, StereoError> {
         let field = CardField::new(self.kernels, level)?;
-        self.kernels.device.write(&field.values, 0, &packed(&hypotheses))?;
+        self.kernels
+            .device
+            .write(&field.values, 0, &packed(&hypotheses))?;
         Ok(field)
     }
 
     fn finer(&mut self, level: &Level<'_>, coarser: &CardField) -> Result<CardField, StereoError> {
-        let Kernels { device, enlargement, enlarge, .. } = self.kernels;
+        let Kernels {
+            device,
+            enlargement,
+            enlarge,
+            ..
+        } = self.kernels;
         let field = CardField::new(self.kernels, level)?;
         let sizes = device.uniform("sizes", &SizesData::new(field.size, coarser.size))?;
         let bindings = device.bind(enlargement, &[&sizes, &coarser.values, &field.values])?;
-        let submission = device.submit(enlarge, &bindings, field.size.map(|side| side.div_ceil(GROUP)))?;
+        let submission = device.submit(
+            enlarge,
+            &bindings,
+            field.size.map(|side| side.div_ceil(GROUP)),
+        )?;
         device.wait(submission)?;
         Ok(field)
     }
 
-    fn score(&mut self, _: &Level<'_>, field: &mut CardField, progress: &Progress) -> Result<(), StereoError> {
+    fn score(
+        &mut self,
+        _: &Level<'_>,
+        field: &mut CardField,
+        progress: &Progress,
+    ) -> Result<(), StereoError> {
         for color in 0..2 {
             let turn = |rows| TurnData::scoring(color, rows);
-            run(self.kernels, &self.kernels.score, &mut self.scoring, field, turn, progress)?;
+            run(
+                self.kernels,
+                &self.kernels.score,
+                &mut self.scoring,
+                field,
+                turn,
+                progress,
+            )?;
         }
         Ok(())
     }
@@ -63,7 +90,14 @@ impl Passes for CardPasses<'_> {
     ) -> Result<(), StereoError> {
         for color in 0..2 {
             let turn = |rows| TurnData::new(level, turn, color, rows);
-            run(self.kernels, &self.kernels.sweep, &mut self.sweeping, field, turn, progress)?;
+            run(
+                self.kernels,
+                &self.kernels.sweep,
+                &mut self.sweeping,
+                field,
+                turn,
+                progress,
+            )?;
         }
         Ok(())
     }
@@ -74,7 +108,10 @@ impl Passes for CardPasses<'_> {
 
     fn copied(&mut self, field: &CardField) -> Result<Field, StereoError> {
         let [width, height] = field.size.map(|side| side as usize);
-        let values = self.kernels.device.read(&field.values, 2 * width.div_ceil(2) * height)?;
+        let values = self
+            .kernels
+            .device
+            .read(&field.values, 2 * width.div_ceil(2) * height)?;
         Ok(unpacked(&values, field.size))
     }
 }
@@ -90,9 +127,14 @@ fn run(
 ) -> Result<(), StereoError> {
     let [width, height] = [field.size[0].div_ceil(2), field.size[1]];
     let submit = |rows: Range<u32>| {
-        let groups = [width.div_ceil(GROUP), (rows.end - rows.start).div_ceil(GROUP)];
+        let groups = [
+            width.div_ceil(GROUP),
+            (rows.end - rows.start).div_ceil(GROUP),
+        ];
         device.write(&field.turn, 0, &[turn(rows)])?;
         device.submit(kernel, &field.bindings, groups)
     };
-    pieces.run(device, (width, height, GROUP), submit, || Ok(progress.check()?))
+    pieces.run(device, (width, height, GROUP), submit, || {
+        Ok(progress.check()?)
+    })
 }

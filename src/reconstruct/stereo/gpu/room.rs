@@ -32,16 +32,29 @@ impl CardField {
         let data = device.uniform("level", &LevelData::new(level, &firsts))?;
         let turn = device.uniform("turn", &TurnData::scoring(0, 0..0))?;
         let chromas = chromas(device, level, &firsts)?;
-        let buffers = [&data, &turn, &picture, &texels, &guides, &depth, &right, &down, &chromas, &values];
+        let buffers = [
+            &data, &turn, &picture, &texels, &guides, &depth, &right, &down, &chromas, &values,
+        ];
         let bindings = device.bind(&kernels.patchmatch, &buffers)?;
-        Ok(Self { size: [width as u32, height as u32], values, turn, bindings })
+        Ok(Self {
+            size: [width as u32, height as u32],
+            values,
+            turn,
+            bindings,
+        })
     }
 }
 
 /// A field as the device holds it.
 pub fn packed(field: &Field) -> Vec<[f32; 4]> {
-    let pack = |(plane, &cost): (&Plane, &f32)| [plane.inverse_depth, plane.slope[0], plane.slope[1], cost];
-    field.colors.iter().flat_map(|color| color.planes.iter().zip(&color.costs).map(pack)).collect()
+    let pack = |(plane, &cost): (&Plane, &f32)| {
+        [plane.inverse_depth, plane.slope[0], plane.slope[1], cost]
+    };
+    field
+        .colors
+        .iter()
+        .flat_map(|color| color.planes.iter().zip(&color.costs).map(pack))
+        .collect()
 }
 
 /// The way back of [`packed`].
@@ -49,10 +62,20 @@ pub fn unpacked(values: &[[f32; 4]], [width, height]: [u32; 2]) -> Field {
     let (width, height) = (width as usize, height as usize);
     let (red, black) = values.split_at(values.len() / 2);
     let color = |values: &[[f32; 4]]| Color {
-        planes: values.iter().map(|&[inverse_depth, a, b, _]| Plane { inverse_depth, slope: [a, b] }).collect(),
+        planes: values
+            .iter()
+            .map(|&[inverse_depth, a, b, _]| Plane {
+                inverse_depth,
+                slope: [a, b],
+            })
+            .collect(),
         costs: values.iter().map(|value| value[3]).collect(),
     };
-    Field { width, height, colors: [color(red), color(black)] }
+    Field {
+        width,
+        height,
+        colors: [color(red), color(black)],
+    }
 }
 
 /// The pictures of all sources, one after the other, and where each begins.
@@ -72,10 +95,17 @@ fn texels(device: &Device, level: &Level<'_>) -> Result<(Buffer, Vec<usize>), Gp
 fn chromas(device: &Device, level: &Level<'_>, firsts: &[usize]) -> Result<Buffer, GpuError> {
     let own = level.picture.chroma.len();
     let chromas = device.zeros::<u32>("colours", own + firsts[firsts.len() - 1])?;
-    let sources = level.sources.iter().zip(firsts).map(|(source, &first)| (own + first, &source.texture));
+    let sources = level
+        .sources
+        .iter()
+        .zip(firsts)
+        .map(|(source, &first)| (own + first, &source.texture));
     for (first, texture) in [(0, &level.picture)].into_iter().chain(sources) {
-        let packed: Vec<u32> =
-            texture.chroma.iter().map(|&[blue, red]| u32::from_le_bytes([blue, red, 0, 0])).collect();
+        let packed: Vec<u32> = texture
+            .chroma
+            .iter()
+            .map(|&[blue, red]| u32::from_le_bytes([blue, red, 0, 0]))
+            .collect();
         device.write(&chromas, first, &packed)?;
     }
     Ok(chromas)
@@ -90,10 +120,21 @@ fn guides(level: &Level<'_>) -> Vec<[f32; 4]> {
     let guide = |at: usize| {
         let Hint { plane, is_known } = level.hints.get(at).copied().unwrap_or_default();
         let is_allowed = level.allowed.is_none_or(|allowed| allowed[at]);
-        let state = if is_allowed { 1 + u8::from(is_known) } else { 0 };
-        [plane.inverse_depth, plane.slope[0], plane.slope[1], f32::from(state)]
+        let state = if is_allowed {
+            1 + u8::from(is_known)
+        } else {
+            0
+        };
+        [
+            plane.inverse_depth,
+            plane.slope[0],
+            plane.slope[1],
+            f32::from(state),
+        ]
     };
-    (0..level.picture.width * level.picture.height).map(guide).collect()
+    (0..level.picture.width * level.picture.height)
+        .map(guide)
+        .collect()
 }
 
 /// What was found in the sources, each part apart, where the texels lie; nothing where no source has any.
@@ -103,10 +144,16 @@ fn found(device: &Device, level: &Level<'_>, firsts: &[usize]) -> Result<[Buffer
     let room = || device.zeros::<f32>("depths of the sources", count);
     let buffers = [room()?, room()?, room()?];
     for (source, &first) in level.sources.iter().zip(firsts) {
-        let Some((found, _)) = &source.found else { continue };
+        let Some((found, _)) = &source.found else {
+            continue;
+        };
         let parts: [fn(&Plane) -> f32; 3] = [|p| p.inverse_depth, |p| p.slope[0], |p| p.slope[1]];
         for (buffer, part) in buffers.iter().zip(parts) {
-            device.write(buffer, first, &found.planes.iter().map(part).collect::<Vec<f32>>())?;
+            device.write(
+                buffer,
+                first,
+                &found.planes.iter().map(part).collect::<Vec<f32>>(),
+            )?;
         }
     }
     Ok(buffers)

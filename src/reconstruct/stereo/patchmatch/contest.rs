@@ -44,7 +44,12 @@ impl Contest<'_, '_> {
     /// from many places.
     #[inline(always)]
     fn cost_of<S: Simd>(&self, simd: S, plane: Plane, limit: f32) -> f32 {
-        simd.vectorize(Judgement { simd, contest: self, plane, limit })
+        simd.vectorize(Judgement {
+            simd,
+            contest: self,
+            plane,
+            limit,
+        })
     }
 
     #[inline(always)]
@@ -56,7 +61,10 @@ impl Contest<'_, '_> {
         for &source in &self.views.order[..self.views.count] {
             let source = source as usize;
             let at = (plane, self.x, self.y);
-            sum += self.views.weights[source] * self.level.cost(simd, &self.patch, at, &self.level.sources[source]);
+            sum += self.views.weights[source]
+                * self
+                    .level
+                    .cost(simd, &self.patch, at, &self.level.sources[source]);
             if sum >= limit {
                 break;
             }
@@ -71,7 +79,10 @@ impl Contest<'_, '_> {
         let mut dice = dice.beside();
         let [low, high] = self.level.range;
         for _ in 0..turn.draws.max(u32::from(self.cost > 0.5)) {
-            let plane = Plane { inverse_depth: low + (high - low) * dice.unit(), slope: [0.0; 2] };
+            let plane = Plane {
+                inverse_depth: low + (high - low) * dice.unit(),
+                slope: [0.0; 2],
+            };
             self.challenge(simd, plane);
         }
         for _ in 0..turn.draws {
@@ -87,8 +98,12 @@ impl Contest<'_, '_> {
     fn far_off(&self, other: &Color, dx: i32, dy: i32) -> Option<Plane> {
         let (width, height) = (self.level.picture.width, self.level.picture.height);
         let dx = if (dx + dy) % 2 == 0 { dx + 1 } else { dx };
-        let column = usize::try_from(self.x as i32 + dx).ok().filter(|&column| column < width)?;
-        let row = usize::try_from(self.y as i32 + dy).ok().filter(|&row| row < height)?;
+        let column = usize::try_from(self.x as i32 + dx)
+            .ok()
+            .filter(|&column| column < width)?;
+        let row = usize::try_from(self.y as i32 + dy)
+            .ok()
+            .filter(|&row| row < height)?;
         let plane = other.planes[row * width.div_ceil(2) + column / 2];
         Some(plane.moved(-dx as f32, -dy as f32))
     }
@@ -96,11 +111,19 @@ impl Contest<'_, '_> {
     /// Random changes of depth, slope and both, then the vertex of a parabola.
     #[inline(always)]
     pub fn refine<S: Simd>(&mut self, simd: S, mut dice: Dice, turn: Turn) {
-        let Changes { depth, slope, by_depth, by_slope } = turn.changes(self.level);
+        let Changes {
+            depth,
+            slope,
+            by_depth,
+            by_slope,
+        } = turn.changes(self.level);
         self.challenge(simd, self.changed(&mut dice, depth, 0.0));
         self.challenge(simd, self.changed(&mut dice, 0.0, slope));
         self.challenge(simd, self.changed(&mut dice, 0.5 * depth, 0.5 * slope));
-        self.descend(simd, by_depth, |plane, by| Plane { inverse_depth: plane.inverse_depth + by, ..plane });
+        self.descend(simd, by_depth, |plane, by| Plane {
+            inverse_depth: plane.inverse_depth + by,
+            ..plane
+        });
         let across = (turn.visit & 1) as usize;
         self.descend(simd, by_slope, |mut plane, by| {
             plane.slope[across] += by;

@@ -25,8 +25,15 @@ impl Field {
     /// A field of one hypothesis everywhere that costs most.
     pub fn new(width: usize, height: usize) -> Self {
         let count = width.div_ceil(2) * height;
-        let color = Color { planes: vec![Plane::default(); count], costs: vec![super::ncc::WORST; count] };
-        Self { width, height, colors: [color.clone(), color] }
+        let color = Color {
+            planes: vec![Plane::default(); count],
+            costs: vec![super::ncc::WORST; count],
+        };
+        Self {
+            width,
+            height,
+            colors: [color.clone(), color],
+        }
     }
 
     /// Pixels of one colour in a row.

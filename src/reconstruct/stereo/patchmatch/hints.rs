@@ -15,19 +15,34 @@ const SURE: f32 = 0.7;
 /// before was sure of it. `step` is the change of inverse depth that makes another surface.
 pub fn hints(search: &Search<'_>, round: &Round<'_>, step: f32) -> Vec<Hint> {
     let planes = of_sources(search, round.start, round.others, step);
-    let hint = |(plane, &cost): (Plane, &f32)| Hint { plane, is_known: cost < SURE };
-    planes.into_iter().zip(&round.start.costs).map(hint).collect()
+    let hint = |(plane, &cost): (Plane, &f32)| Hint {
+        plane,
+        is_known: cost < SURE,
+    };
+    planes
+        .into_iter()
+        .zip(&round.start.costs)
+        .map(hint)
+        .collect()
 }
 
 /// For each pixel of the reference the cheapest plane of a source that is seen there and is not the pixel's own surface
 /// (view propagation of M. Bleyer, C. Rhemann, C. Rother, *PatchMatch Stereo*, BMVC 2011); inverse depth 0 = none.
-fn of_sources(search: &Search<'_>, start: &Found, others: &[Option<Arc<Found>>], step: f32) -> Vec<Plane> {
+fn of_sources(
+    search: &Search<'_>,
+    start: &Found,
+    others: &[Option<Arc<Found>>],
+    step: f32,
+) -> Vec<Plane> {
     let mut planes = vec![Plane::default(); start.planes.len()];
     let mut costs = vec![MAX_COST; start.planes.len()];
     let raster = search.reference.raster(0);
     for (source, found) in search.sources.iter().zip(others) {
         let Some(found) = found else { continue };
-        let from_source = search.reference.camera_from_world.compose(&source.camera_from_world.inverse());
+        let from_source = search
+            .reference
+            .camera_from_world
+            .compose(&source.camera_from_world.inverse());
         let back = source.transfer(search.reference, 0);
         let there = source.raster(0);
         for (at, (&plane, &cost)) in found.planes.iter().zip(&found.costs).enumerate() {
@@ -56,5 +71,8 @@ fn of_sources(search: &Search<'_>, start: &Found, others: &[Option<Arc<Found>>],
 /// The plane `vector · X = 1` (camera space) at a pixel.
 fn seen_from(vector: Vec3, raster: &Raster, x: f32, y: f32) -> Plane {
     let slope = [vector.x / raster.focal[0], vector.y / raster.focal[1]];
-    Plane { inverse_depth: vector.dot(raster.ray(x, y)), slope }
+    Plane {
+        inverse_depth: vector.dot(raster.ray(x, y)),
+        slope,
+    }
 }

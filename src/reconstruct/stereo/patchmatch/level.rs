@@ -67,7 +67,10 @@ impl Level<'_> {
     /// A pixel's surroundings, made ready to be compared.
     #[inline(always)]
     pub fn patch(&self, x: usize, y: usize) -> Patch {
-        let is_known = self.hints.get(y * self.picture.width + x).is_some_and(|hint| hint.is_known);
+        let is_known = self
+            .hints
+            .get(y * self.picture.width + x)
+            .is_some_and(|hint| hint.is_known);
         Patch::new(self.window, &self.picture, x, y).on(is_known)
     }
 
@@ -75,7 +78,10 @@ impl Level<'_> {
     #[inline(always)]
     pub fn hint_for(&self, patch: &Patch, x: usize, y: usize) -> Option<Plane> {
         let counts = self.pull <= 0.0 || patch.flatness > 0.0;
-        self.hints.get(y * self.picture.width + x).filter(|_| counts).map(|hint| hint.plane)
+        self.hints
+            .get(y * self.picture.width + x)
+            .filter(|_| counts)
+            .map(|hint| hint.plane)
     }
 
     /// Change of inverse depth beyond which hints do not pull more.
@@ -106,16 +112,36 @@ impl Level<'_> {
 
     /// Cost of a hypothesis in one source: `1 − NCC`, and forward-backward error where the source's depth is known.
     #[inline(always)]
-    pub fn cost<S: Simd>(&self, simd: S, patch: &Patch, at: (Plane, f32, f32), source: &Source) -> f32 {
-        let photometric = ncc::cost(simd, self.window, patch, at, &source.transfer, &source.texture);
+    pub fn cost<S: Simd>(
+        &self,
+        simd: S,
+        patch: &Patch,
+        at: (Plane, f32, f32),
+        source: &Source,
+    ) -> f32 {
+        let photometric = ncc::cost(
+            simd,
+            self.window,
+            patch,
+            at,
+            &source.transfer,
+            &source.texture,
+        );
         match &source.found {
-            Some(found) if photometric < ncc::WORST => photometric + self.geometric_cost(at, source, found),
+            Some(found) if photometric < ncc::WORST => {
+                photometric + self.geometric_cost(at, source, found)
+            }
             _ => photometric,
         }
     }
 
     #[inline(always)]
-    fn geometric_cost(&self, at: (Plane, f32, f32), source: &Source, found: &(Arc<Found>, Transfer)) -> f32 {
+    fn geometric_cost(
+        &self,
+        at: (Plane, f32, f32),
+        source: &Source,
+        found: &(Arc<Found>, Transfer),
+    ) -> f32 {
         let error = forward_backward(at, source, found).unwrap_or(f32::INFINITY);
         self.options.geometric_weight * error.min(self.options.max_geometric_px)
     }

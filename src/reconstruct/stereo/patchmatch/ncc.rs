@@ -68,7 +68,11 @@ pub fn cost<S: Simd>(
     if !is_inside {
         return WORST;
     }
-    let mut places = Places { texels: [0; PADDED], share_x: [0.0; PADDED], share_y: [0.0; PADDED] };
+    let mut places = Places {
+        texels: [0; PADDED],
+        share_x: [0.0; PADDED],
+        share_y: [0.0; PADDED],
+    };
     locate(simd, window, homography, texture, &mut places);
     let mut quads = [0u32; PADDED];
     for (quad, &texel) in quads.iter_mut().zip(&places.texels).take(TAPS) {
@@ -96,14 +100,29 @@ fn locate<S: Simd>(
     texture: &Texture,
     places: &mut Places,
 ) {
-    let (x0, y0, z0) = (simd.splat_f32s(at[0]), simd.splat_f32s(at[1]), simd.splat_f32s(at[2]));
-    let (x1, y1, z1) = (simd.splat_f32s(right[0]), simd.splat_f32s(right[1]), simd.splat_f32s(right[2]));
-    let (x2, y2, z2) = (simd.splat_f32s(down[0]), simd.splat_f32s(down[1]), simd.splat_f32s(down[2]));
+    let (x0, y0, z0) = (
+        simd.splat_f32s(at[0]),
+        simd.splat_f32s(at[1]),
+        simd.splat_f32s(at[2]),
+    );
+    let (x1, y1, z1) = (
+        simd.splat_f32s(right[0]),
+        simd.splat_f32s(right[1]),
+        simd.splat_f32s(right[2]),
+    );
+    let (x2, y2, z2) = (
+        simd.splat_f32s(down[0]),
+        simd.splat_f32s(down[1]),
+        simd.splat_f32s(down[2]),
+    );
     let last_x = simd.splat_f32s(texture.last_column());
     let last_y = simd.splat_f32s(texture.last_row());
     let (one, least) = (simd.splat_f32s(1.0), simd.splat_f32s(1e-6));
     let width = texture.width as u32;
-    let (width, uncounted) = (simd.splat_u32s(width), simd.splat_u32s(ROUNDING.to_bits().wrapping_mul(width + 1)));
+    let (width, uncounted) = (
+        simd.splat_u32s(width),
+        simd.splat_u32s(ROUNDING.to_bits().wrapping_mul(width + 1)),
+    );
     let ((dx, _), (dy, _)) = (S::as_simd_f32s(&window.dx), S::as_simd_f32s(&window.dy));
     let (texels, _) = S::as_mut_simd_u32s(&mut places.texels);
     let (share_x, _) = S::as_mut_simd_f32s(&mut places.share_x);
@@ -132,7 +151,10 @@ fn split<S: Simd>(simd: S, at: S::f32s, last: S::f32s) -> (S::u32s, S::f32s) {
     let at = simd.min_f32s(simd.max_f32s(at, simd.splat_f32s(0.0)), last);
     let rounding = simd.splat_f32s(ROUNDING);
     let counted = simd.add_f32s(simd.sub_f32s(at, simd.splat_f32s(0.5)), rounding);
-    (simd.transmute_u32s_f32s(counted), simd.sub_f32s(at, simd.sub_f32s(counted, rounding)))
+    (
+        simd.transmute_u32s_f32s(counted),
+        simd.sub_f32s(at, simd.sub_f32s(counted, rounding)),
+    )
 }
 
 /// [`COUNTING`] and the integers in the lowest 8 bits as floats.
@@ -153,16 +175,32 @@ fn correlate<S: Simd>(
 ) -> f32 {
     let (quads, _) = S::as_simd_u32s(quads);
     let ((share_x, _), (share_y, _)) = (S::as_simd_f32s(share_x), S::as_simd_f32s(share_y));
-    let ((weights, _), (weighted, _)) = (S::as_simd_f32s(&patch.weights), S::as_simd_f32s(&patch.weighted));
+    let ((weights, _), (weighted, _)) = (
+        S::as_simd_f32s(&patch.weights),
+        S::as_simd_f32s(&patch.weighted),
+    );
     let (by_8, by_16, by_24) = (simd.splat_u32s(8), simd.splat_u32s(16), simd.splat_u32s(24));
     let (zero, counting) = (simd.splat_f32s(0.0), simd.splat_f32s(COUNTING));
     let (mut mean, mut square, mut cross) = (zero, zero, zero);
     for k in 0..TAPS.div_ceil(S::F32_LANES) {
-        let (a, b) = (counted(simd, quads[k]), counted(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_8)));
+        let (a, b) = (
+            counted(simd, quads[k]),
+            counted(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_8)),
+        );
         let c = counted(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_16));
         let d = counted(simd, simd.wrapping_dyn_shr_u32s(quads[k], by_24));
-        let above = mul_add(simd, share_x[k], simd.sub_f32s(b, a), simd.sub_f32s(a, counting));
-        let below = mul_add(simd, share_x[k], simd.sub_f32s(d, c), simd.sub_f32s(c, counting));
+        let above = mul_add(
+            simd,
+            share_x[k],
+            simd.sub_f32s(b, a),
+            simd.sub_f32s(a, counting),
+        );
+        let below = mul_add(
+            simd,
+            share_x[k],
+            simd.sub_f32s(d, c),
+            simd.sub_f32s(c, counting),
+        );
         let value = mul_add(simd, share_y[k], simd.sub_f32s(below, above), above);
         let heavy = simd.mul_f32s(weights[k], value);
         mean = simd.add_f32s(mean, heavy);
@@ -174,7 +212,8 @@ fn correlate<S: Simd>(
     let variance = (square - mean * mean).max(0.0);
     let other = ((chroma_off - SAME_CHROMA) * (1.0 / CHROMA_RANGE)).clamp(0.0, 1.0);
     let color = patch.color_weight * other;
-    let unlike = 1.0 + color - cross * (1.0 / ((patch.variance + NOISE) * (variance + NOISE)).sqrt());
+    let unlike =
+        1.0 + color - cross * (1.0 / ((patch.variance + NOISE) * (variance + NOISE)).sqrt());
     let texture = (variance - NOISE).max(0.0);
     let flat = FLAT_COST + color + UNLIKE_COST * (texture * (1.0 / (texture + FLAT_VARIANCE)));
     unlike.min(flat + (1.0 - patch.flatness) * WORST).min(WORST)

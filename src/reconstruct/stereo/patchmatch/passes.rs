@@ -22,13 +22,22 @@ pub trait Passes {
     ///
     /// # Errors
     /// Where there is no room for it.
-    fn finer(&mut self, level: &Level<'_>, coarser: &Self::Field) -> Result<Self::Field, Self::Error>;
+    fn finer(
+        &mut self,
+        level: &Level<'_>,
+        coarser: &Self::Field,
+    ) -> Result<Self::Field, Self::Error>;
 
     /// Gives every hypothesis its cost.
     ///
     /// # Errors
     /// [`Stopped`].
-    fn score(&mut self, level: &Level<'_>, field: &mut Self::Field, progress: &Progress) -> Result<(), Self::Error>;
+    fn score(
+        &mut self,
+        level: &Level<'_>,
+        field: &mut Self::Field,
+        progress: &Progress,
+    ) -> Result<(), Self::Error>;
 
     /// One iteration over the field that was scored last: all red pixels, then all black ones.
     ///
@@ -74,12 +83,23 @@ impl Passes for Processor {
         Ok(finer_field(level, coarser))
     }
 
-    fn score(&mut self, level: &Level<'_>, field: &mut Field, progress: &Progress) -> Result<(), Stopped> {
+    fn score(
+        &mut self,
+        level: &Level<'_>,
+        field: &mut Field,
+        progress: &Progress,
+    ) -> Result<(), Stopped> {
         self.empty = score(level, field, progress)?;
         Ok(())
     }
 
-    fn sweep(&mut self, level: &Level<'_>, field: &mut Field, turn: Turn, progress: &Progress) -> Result<(), Stopped> {
+    fn sweep(
+        &mut self,
+        level: &Level<'_>,
+        field: &mut Field,
+        turn: Turn,
+        progress: &Progress,
+    ) -> Result<(), Stopped> {
         sweep(level, field, &self.empty, turn, progress)
     }
 

@@ -27,19 +27,28 @@ impl Picture {
         let is_constant = tones.is_constant();
         let mut levels = vec![Arc::new(Texture::new(&tones))];
         let mut finest = tones;
-        while finest.width.max(finest.height) / 2 >= coarsest_px.max(32) as usize && finest.width.min(finest.height) > 1
+        while finest.width.max(finest.height) / 2 >= coarsest_px.max(32) as usize
+            && finest.width.min(finest.height) > 1
         {
             finest = finest.halved();
             levels.push(Arc::new(Texture::new(&finest)));
         }
-        Self { camera, camera_from_world, levels, is_constant }
+        Self {
+            camera,
+            camera_from_world,
+            levels,
+            is_constant,
+        }
     }
 
     /// Bytes of its pixels.
     #[must_use]
     pub fn bytes(&self) -> usize {
         let texel = size_of::<u32>() + size_of::<[u8; 2]>();
-        self.levels.iter().map(|level| level.quads.len() * texel).sum()
+        self.levels
+            .iter()
+            .map(|level| level.quads.len() * texel)
+            .sum()
     }
 
     /// Columns and rows of the finest level.
@@ -52,7 +61,10 @@ impl Picture {
     #[must_use]
     pub fn raster(&self, level: usize) -> Raster {
         let (focal, principal) = self.at_level(level);
-        Raster { focal: focal.map(|v| v as f32), principal: principal.map(|v| v as f32) }
+        Raster {
+            focal: focal.map(|v| v as f32),
+            principal: principal.map(|v| v as f32),
+        }
     }
 
     /// Focal lengths and principal point in pixel indices of a level.
@@ -69,18 +81,28 @@ impl Picture {
 
     fn matrix(&self, level: usize) -> DMat3 {
         let ([fx, fy], [cx, cy]) = self.at_level(level);
-        DMat3::from_cols(DVec3::new(fx, 0.0, 0.0), DVec3::new(0.0, fy, 0.0), DVec3::new(cx, cy, 1.0))
+        DMat3::from_cols(
+            DVec3::new(fx, 0.0, 0.0),
+            DVec3::new(0.0, fy, 0.0),
+            DVec3::new(cx, cy, 1.0),
+        )
     }
 
     /// The way from this picture's pixels to another's, both at a level.
     #[must_use]
     pub fn transfer(&self, to: &Self, level: usize) -> Transfer {
-        let to_from_here = to.camera_from_world.compose(&self.camera_from_world.inverse());
+        let to_from_here = to
+            .camera_from_world
+            .compose(&self.camera_from_world.inverse());
         let k = to.matrix(level);
         let matrix = k * DMat3::from_quat(to_from_here.rotation) * self.matrix(level).inverse();
         let column = |v: DVec3| v.as_vec3().to_array();
         Transfer {
-            matrix: [column(matrix.x_axis), column(matrix.y_axis), column(matrix.z_axis)],
+            matrix: [
+                column(matrix.x_axis),
+                column(matrix.y_axis),
+                column(matrix.z_axis),
+            ],
             offset: column(k * to_from_here.translation),
         }
     }

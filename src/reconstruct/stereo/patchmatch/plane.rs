@@ -23,7 +23,11 @@ impl Raster {
     #[inline(always)]
     pub fn ray(&self, x: f32, y: f32) -> Vec3 {
         let [per_x, per_y] = self.focal.map(|focal| 1.0 / focal);
-        Vec3::new((x - self.principal[0]) * per_x, (y - self.principal[1]) * per_y, 1.0)
+        Vec3::new(
+            (x - self.principal[0]) * per_x,
+            (y - self.principal[1]) * per_y,
+            1.0,
+        )
     }
 }
 
@@ -32,7 +36,10 @@ impl Plane {
     #[inline(always)]
     pub fn moved(self, dx: f32, dy: f32) -> Self {
         let [a, b] = self.slope;
-        Self { inverse_depth: self.inverse_depth + a * dx + b * dy, ..self }
+        Self {
+            inverse_depth: self.inverse_depth + a * dx + b * dy,
+            ..self
+        }
     }
 
     /// The plane of a coarse pixel at a fine one, in a picture twice the size.
@@ -40,14 +47,18 @@ impl Plane {
     pub fn enlarged(self, (x, y): (usize, usize), (column, row): (usize, usize)) -> Self {
         let off = |fine: usize, coarse: usize| 0.5 * (fine as f32 - 0.5) - coarse as f32;
         let [a, b] = self.slope;
-        Self { slope: [0.5 * a, 0.5 * b], ..self.moved(off(x, column), off(y, row)) }
+        Self {
+            slope: [0.5 * a, 0.5 * b],
+            ..self.moved(off(x, column), off(y, row))
+        }
     }
 
     /// The vector `m` with `m · X = 1` on the plane (camera space); it points away from the camera.
     #[inline(always)]
     pub fn vector(self, raster: &Raster, x: f32, y: f32) -> Vec3 {
         let [a, b] = self.slope;
-        let at_axis = self.inverse_depth + a * (raster.principal[0] - x) + b * (raster.principal[1] - y);
+        let at_axis =
+            self.inverse_depth + a * (raster.principal[0] - x) + b * (raster.principal[1] - y);
         Vec3::new(a * raster.focal[0], b * raster.focal[1], at_axis)
     }
 
@@ -62,10 +73,19 @@ impl Plane {
         let along = normal.dot(raster.ray(x, y));
         let inverse_depth = 1.0 / depth;
         if along > -0.02 {
-            return Self { inverse_depth, slope: [0.0; 2] };
+            return Self {
+                inverse_depth,
+                slope: [0.0; 2],
+            };
         }
         let scale = inverse_depth / along;
-        Self { inverse_depth, slope: [normal.x * scale / raster.focal[0], normal.y * scale / raster.focal[1]] }
+        Self {
+            inverse_depth,
+            slope: [
+                normal.x * scale / raster.focal[0],
+                normal.y * scale / raster.focal[1],
+            ],
+        }
     }
 
     /// Whether the cosine of the angle between the normal and the viewing ray is at least this.
@@ -73,6 +93,7 @@ impl Plane {
     pub fn is_facing(self, raster: &Raster, (x, y): (f32, f32), least: f32) -> bool {
         let ray = raster.ray(x, y);
         let ray_squared = 1.0 + ray.x * ray.x + ray.y * ray.y;
-        self.inverse_depth >= least * (self.vector(raster, x, y).length_squared() * ray_squared).sqrt()
+        self.inverse_depth
+            >= least * (self.vector(raster, x, y).length_squared() * ray_squared).sqrt()
     }
 }

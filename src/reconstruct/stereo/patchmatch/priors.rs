@@ -26,8 +26,12 @@ const LEAST_LINES: usize = 2;
 /// surface is never continued beyond its border. Empty where there is none at all.
 pub fn priors(level: &Level<'_>, coarser: &Field) -> Vec<Hint> {
     let tolerance = 2.0 * TOLERANCE_PX * level.step;
-    let within = |at: usize| surface_around(coarser, (at % coarser.width, at / coarser.width), tolerance);
-    let coarse: Vec<Plane> = (0..coarser.width * coarser.height).into_par_iter().map(within).collect();
+    let within =
+        |at: usize| surface_around(coarser, (at % coarser.width, at / coarser.width), tolerance);
+    let coarse: Vec<Plane> = (0..coarser.width * coarser.height)
+        .into_par_iter()
+        .map(within)
+        .collect();
     if coarse.iter().all(|plane| plane.inverse_depth <= 0.0) {
         return Vec::new();
     }
@@ -37,21 +41,33 @@ pub fn priors(level: &Level<'_>, coarser: &Field) -> Vec<Hint> {
         let (column, row) = coarse_pixel(pixel, (coarser.width, coarser.height));
         let plane = coarse[row * coarser.width + column];
         let is_known = plane.inverse_depth > 0.0;
-        if is_known { Hint { plane: plane.enlarged(pixel, (column, row)), is_known } } else { Hint::default() }
+        if is_known {
+            Hint {
+                plane: plane.enlarged(pixel, (column, row)),
+                is_known,
+            }
+        } else {
+            Hint::default()
+        }
     };
     (0..width * height).map(hint).collect()
 }
 
 /// The plane of the surface that a pixel lies within; none (inverse depth 0) where it lies within none.
 fn surface_around(field: &Field, pixel: (usize, usize), tolerance: f32) -> Plane {
-    let mut lines: Vec<Line> = LINES.iter().filter_map(|&along| Line::new(field, pixel, along)).collect();
+    let mut lines: Vec<Line> = LINES
+        .iter()
+        .filter_map(|&along| Line::new(field, pixel, along))
+        .collect();
     while lines.len() >= LEAST_LINES {
         let Some(plane) = fitted(&lines) else { break };
         let off: Vec<f32> = lines.iter().map(|line| line.off(plane)).collect();
-        let worst = (0..lines.len()).fold(0, |worst, at| if off[at] > off[worst] { at } else { worst });
+        let worst =
+            (0..lines.len()).fold(0, |worst, at| if off[at] > off[worst] { at } else { worst });
         if off[worst] <= tolerance {
             let (own, cost) = field.at(pixel.0, pixel.1);
-            let is_own = cost < SURE && (own.inverse_depth - plane.inverse_depth).abs() <= tolerance;
+            let is_own =
+                cost < SURE && (own.inverse_depth - plane.inverse_depth).abs() <= tolerance;
             return if is_own { own } else { plane };
         }
         lines.remove(worst);
@@ -73,28 +89,45 @@ struct Seen {
 
 impl Line {
     fn new(field: &Field, pixel: (usize, usize), (dx, dy): (isize, isize)) -> Option<Self> {
-        let (to, fro) = (sure(field, pixel, (dx, dy))?, sure(field, pixel, (-dx, -dy))?);
-        Some(Self { seen: std::array::from_fn(|k| if k < SEEN { to[k] } else { fro[k - SEEN] }) })
+        let (to, fro) = (
+            sure(field, pixel, (dx, dy))?,
+            sure(field, pixel, (-dx, -dy))?,
+        );
+        Some(Self {
+            seen: std::array::from_fn(|k| if k < SEEN { to[k] } else { fro[k - SEEN] }),
+        })
     }
 
     /// How far the pixels lie off a plane at most.
     fn off(&self, plane: Plane) -> f32 {
-        let off = |seen: &Seen| (plane.moved(seen.at.x, seen.at.y).inverse_depth - seen.inverse_depth).abs();
+        let off = |seen: &Seen| {
+            (plane.moved(seen.at.x, seen.at.y).inverse_depth - seen.inverse_depth).abs()
+        };
         self.seen.iter().map(off).fold(0.0, f32::max)
     }
 }
 
 /// The nearest sure pixels in a direction.
 fn sure(field: &Field, (x, y): (usize, usize), (dx, dy): (isize, isize)) -> Option<[Seen; SEEN]> {
-    let mut seen = [Seen { at: Vec2::ZERO, inverse_depth: 0.0 }; SEEN];
+    let mut seen = [Seen {
+        at: Vec2::ZERO,
+        inverse_depth: 0.0,
+    }; SEEN];
     let mut count = 0;
     for steps in NEAREST..=FARTHEST {
-        let column = x.checked_add_signed(dx * steps).filter(|&column| column < field.width)?;
-        let row = y.checked_add_signed(dy * steps).filter(|&row| row < field.height)?;
+        let column = x
+            .checked_add_signed(dx * steps)
+            .filter(|&column| column < field.width)?;
+        let row = y
+            .checked_add_signed(dy * steps)
+            .filter(|&row| row < field.height)?;
         let (plane, cost) = field.at(column, row);
         if cost < SURE {
             let at = Vec2::new((dx * steps) as f32, (dy * steps) as f32);
-            seen[count] = Seen { at, inverse_depth: plane.inverse_depth };
+            seen[count] = Seen {
+                at,
+                inverse_depth: plane.inverse_depth,
+            };
             count += 1;
         }
         if count == SEEN {
@@ -113,5 +146,8 @@ fn fitted(lines: &[Line]) -> Option<Plane> {
         right += row * seen.inverse_depth * weight;
     }
     let solved = matrix.inverse() * right;
-    solved.is_finite().then_some(Plane { inverse_depth: solved.z, slope: [solved.x, solved.y] })
+    solved.is_finite().then_some(Plane {
+        inverse_depth: solved.z,
+        slope: [solved.x, solved.y],
+    })
 }

@@ -17,13 +17,19 @@ impl Dice {
     /// Numbers for one visit of one pixel.
     #[inline(always)]
     pub fn new(seed: u32, visit: u32, pixel: u32) -> Self {
-        Self { key: hash(seed ^ hash(visit ^ hash(pixel))), count: 0 }
+        Self {
+            key: hash(seed ^ hash(visit ^ hash(pixel))),
+            count: 0,
+        }
     }
 
     /// Numbers for something else in the same visit.
     #[inline(always)]
     pub fn beside(self) -> Self {
-        Self { key: hash(self.key), count: self.count }
+        Self {
+            key: hash(self.key),
+            count: self.count,
+        }
     }
 
     /// The next number, even in 0..1.

@@ -32,14 +32,23 @@ impl Regions {
         let half = width.div_ceil(2) as isize;
         let place = |(dx, dy): (i32, i32)| {
             let step = |odd: isize| dy as isize * half + (dx as isize + odd).div_euclid(2);
-            Place { offset: (dx, dy), steps: [step(0), step(1)] }
+            Place {
+                offset: (dx, dy),
+                steps: [step(0), step(1)],
+            }
         };
         let turned = |offsets: &[(i32, i32)], quarter: usize| {
             let turn = |&(x, y): &(i32, i32)| [(x, y), (y, x), (x, -y), (-y, x)][quarter];
             offsets.iter().map(turn).map(place).collect::<Vec<_>>()
         };
-        let regions = std::array::from_fn(|region| turned(if region < 4 { &near } else { &far }, region % 4));
-        Self { regions, width, height, reach: 2 * MOST + 1 }
+        let regions =
+            std::array::from_fn(|region| turned(if region < 4 { &near } else { &far }, region % 4));
+        Self {
+            regions,
+            width,
+            height,
+            reach: 2 * MOST + 1,
+        }
     }
 
     /// The pixel of least cost in each region, as its offset and its place among the pixels of its colour.
@@ -50,9 +59,17 @@ impl Regions {
         let from = y * width.div_ceil(2) + x / 2;
         std::array::from_fn(|region| {
             let (mut best, mut least) = (0, f32::INFINITY);
-            for (number, &Place { offset: (dx, dy), steps }) in self.regions[region].iter().enumerate() {
+            for (
+                number,
+                &Place {
+                    offset: (dx, dy),
+                    steps,
+                },
+            ) in self.regions[region].iter().enumerate()
+            {
                 let (column, row) = (x as i32 + dx, y as i32 + dy);
-                let is_within = || column >= 0 && row >= 0 && column < width as i32 && row < height as i32;
+                let is_within =
+                    || column >= 0 && row >= 0 && column < width as i32 && row < height as i32;
                 if !is_far_in && !is_within() {
                     continue;
                 }
@@ -61,7 +78,10 @@ impl Regions {
                 best = if cost < least { number } else { best };
                 least = least.min(cost);
             }
-            let Place { offset: (dx, dy), steps } = self.regions[region][best];
+            let Place {
+                offset: (dx, dy),
+                steps,
+            } = self.regions[region][best];
             (least < f32::INFINITY).then(|| (dx, dy, from.wrapping_add_signed(steps[x % 2])))
         })
     }

@@ -67,9 +67,15 @@ pub fn search<P: Passes>(
     let mut visit = 0;
     let mut coarser: Option<P::Field> = None;
     for number in (0..search.reference.levels.len()).rev() {
-        let masked = search.allowed.map(|allowed| coarse_mask(allowed, search.reference, number));
+        let masked = search
+            .allowed
+            .map(|allowed| coarse_mask(allowed, search.reference, number));
         let mut level = level(search, number, options, &window, masked.as_deref());
-        let iterations = if coarser.is_none() { options.coarse_iterations } else { options.fine_iterations };
+        let iterations = if coarser.is_none() {
+            options.coarse_iterations
+        } else {
+            options.fine_iterations
+        };
         let first_reach = if coarser.is_none() { 16.0 } else { 2.0 };
         let mut field = match &coarser {
             None => passes.begin(&level, random_field(&level, search.seeds, number))?,
@@ -82,8 +88,22 @@ pub fn search<P: Passes>(
         passes.score(&level, &mut field, progress)?;
         for iteration in 0..iterations {
             let reach = first_reach * 0.5f32.powi(iteration as i32);
-            let draws = if coarser.is_none() { 1 } else { options.restarts };
-            passes.sweep(&level, &mut field, Turn { visit, iteration, reach, draws }, progress)?;
+            let draws = if coarser.is_none() {
+                1
+            } else {
+                options.restarts
+            };
+            passes.sweep(
+                &level,
+                &mut field,
+                Turn {
+                    visit,
+                    iteration,
+                    reach,
+                    draws,
+                },
+                progress,
+            )?;
             visit += 1;
         }
         coarser = Some(field);
@@ -104,7 +124,14 @@ pub fn search_consistent<P: Passes>(
     options: &PatchMatchOptions,
     progress: &Progress,
 ) -> Result<Found, P::Error> {
-    let (window, &Round { start, others, before }) = (Window::default(), round);
+    let (
+        window,
+        &Round {
+            start,
+            others,
+            before,
+        },
+    ) = (Window::default(), round);
     let mut level = level(search, 0, options, &window, search.allowed);
     for ((source, picture), found) in level.sources.iter_mut().zip(search.sources).zip(others) {
         let back = picture.transfer(search.reference, 0);
@@ -120,7 +147,12 @@ pub fn search_consistent<P: Passes>(
     for iteration in 0..options.geometric_iterations {
         let visit = 64 * (before + 1) + iteration;
         let reach = 0.5f32.powi((before + iteration) as i32);
-        let turn = Turn { visit, iteration: iteration + 2, reach, draws: 0 };
+        let turn = Turn {
+            visit,
+            iteration: iteration + 2,
+            reach,
+            draws: 0,
+        };
         passes.sweep(&level, &mut field, turn, progress)?;
     }
     Ok(found(&passes.finish(field)?))
@@ -129,8 +161,18 @@ pub fn search_consistent<P: Passes>(
 fn found(field: &Field) -> Found {
     let (width, height) = (field.width, field.height);
     let all = (0..width * height).map(|at| field.at(at % width, at / width));
-    let searched =
-        all.map(|(plane, cost)| if cost < super::ncc::WORST { (plane, cost) } else { (Plane::default(), cost) });
+    let searched = all.map(|(plane, cost)| {
+        if cost < super::ncc::WORST {
+            (plane, cost)
+        } else {
+            (Plane::default(), cost)
+        }
+    });
     let (planes, costs) = searched.unzip();
-    Found { width, height, planes, costs }
+    Found {
+        width,
+        height,
+        planes,
+        costs,
+    }
 }

@@ -19,7 +19,10 @@ pub fn level<'a>(
     allowed: Option<&'a [bool]>,
 ) -> Level<'a> {
     let reference = search.reference;
-    let comparable = search.sources.iter().filter(|source| source.levels.len() > number);
+    let comparable = search
+        .sources
+        .iter()
+        .filter(|source| source.levels.len() > number);
     let sources: Vec<Source> = comparable
         .take(MAX_SOURCES)
         .map(|source| Source {
@@ -58,7 +61,11 @@ fn pixel_step(sources: &[Source], (x, y): (f32, f32), w: f32) -> f32 {
         let (a, b) = (seen(source, w), seen(source, w + change));
         change / (b[0] - a[0]).hypot(b[1] - a[1]).max(1e-6)
     };
-    let mut steps: Vec<f32> = sources.iter().map(step).filter(|step| step.is_finite()).collect();
+    let mut steps: Vec<f32> = sources
+        .iter()
+        .map(step)
+        .filter(|step| step.is_finite())
+        .collect();
     steps.sort_unstable_by(f32::total_cmp);
     steps.get(steps.len() / 2).copied().unwrap_or(change)
 }
@@ -68,7 +75,12 @@ pub fn coarse_mask(allowed: &[bool], picture: &Picture, number: usize) -> Vec<bo
     let (width, height) = picture.size();
     let level = &picture.levels[number];
     let mut coarse = vec![false; level.width * level.height];
-    for (at, _) in allowed.iter().enumerate().filter(|(_, allowed)| **allowed).take(width * height) {
+    for (at, _) in allowed
+        .iter()
+        .enumerate()
+        .filter(|(_, allowed)| **allowed)
+        .take(width * height)
+    {
         let (x, y) = ((at % width) >> number, (at / width) >> number);
         if x < level.width && y < level.height {
             coarse[y * level.width + x] = true;
@@ -86,14 +98,33 @@ pub fn random_field(level: &Level<'_>, seeds: &[(usize, usize, f32)], number: us
         for x in 0..width {
             let mut dice = Dice::new(level.options.seed, u32::MAX, (y * width + x) as u32);
             let inverse_depth = low + (high - low) * dice.unit();
-            let slope = level.raster.focal.map(|focal| 0.5 * dice.signed() * inverse_depth / focal);
-            field.set(x, y, Plane { inverse_depth, slope }, super::ncc::WORST);
+            let slope = level
+                .raster
+                .focal
+                .map(|focal| 0.5 * dice.signed() * inverse_depth / focal);
+            field.set(
+                x,
+                y,
+                Plane {
+                    inverse_depth,
+                    slope,
+                },
+                super::ncc::WORST,
+            );
         }
     }
     for &(x, y, depth) in seeds {
         let (x, y) = (x >> number, y >> number);
         if x < width && y < height {
-            field.set(x, y, Plane { inverse_depth: 1.0 / depth, slope: [0.0; 2] }, super::ncc::WORST);
+            field.set(
+                x,
+                y,
+                Plane {
+                    inverse_depth: 1.0 / depth,
+                    slope: [0.0; 2],
+                },
+                super::ncc::WORST,
+            );
         }
     }
     field
@@ -112,7 +143,12 @@ pub fn finer_field(level: &Level<'_>, coarser: &Field) -> Field {
         for x in 0..width {
             let (column, row) = coarse_pixel((x, y), (coarser.width, coarser.height));
             let (plane, _) = coarser.at(column, row);
-            field.set(x, y, plane.enlarged((x, y), (column, row)), super::ncc::WORST);
+            field.set(
+                x,
+                y,
+                plane.enlarged((x, y), (column, row)),
+                super::ncc::WORST,
+            );
         }
     }
     field

@@ -21,17 +21,37 @@ pub fn sweep(
     progress: &Progress,
 ) -> Result<(), Stopped> {
     for color in 0..2 {
-        let turn = Turn { visit: 2 * turn.visit + color, ..turn };
+        let turn = Turn {
+            visit: 2 * turn.visit + color,
+            ..turn
+        };
         let (half, [red, black]) = (field.half(), &mut field.colors);
-        let (own, other) = if color == 0 { (red, &*black) } else { (black, &*red) };
+        let (own, other) = if color == 0 {
+            (red, &*black)
+        } else {
+            (black, &*red)
+        };
         let Color { planes, costs } = own;
-        debug_assert_eq!(planes.len(), empty[color as usize].len(), "marks of another field");
+        debug_assert_eq!(
+            planes.len(),
+            empty[color as usize].len(),
+            "marks of another field"
+        );
         let pixels = planes.par_chunks_mut(half).zip(costs.par_chunks_mut(half));
-        let rows = pixels.zip(empty[color as usize].par_chunks(half)).enumerate();
+        let rows = pixels
+            .zip(empty[color as usize].par_chunks(half))
+            .enumerate();
         rows.try_for_each(|(y, ((planes, costs), empty))| {
             progress.check()?;
             let (first, work) = ((y + color as usize) % 2, Work::Visit { other, turn, empty });
-            Arch::new().dispatch(Row { level, work, planes, costs, y, first });
+            Arch::new().dispatch(Row {
+                level,
+                work,
+                planes,
+                costs,
+                y,
+                first,
+            });
             Ok(())
         })?;
     }
@@ -48,13 +68,22 @@ pub type Empty = [Vec<bool>; 2];
 pub fn score(level: &Level<'_>, field: &mut Field, progress: &Progress) -> Result<Empty, Stopped> {
     let half = field.half();
     let mut empty = [0, 1].map(|color| vec![false; field.colors[color].costs.len()]);
-    for (color, (Color { planes, costs }, empty)) in field.colors.iter_mut().zip(&mut empty).enumerate() {
+    for (color, (Color { planes, costs }, empty)) in
+        field.colors.iter_mut().zip(&mut empty).enumerate()
+    {
         let pixels = planes.par_chunks_mut(half).zip(costs.par_chunks_mut(half));
         let rows = pixels.zip(empty.par_chunks_mut(half)).enumerate();
         rows.try_for_each(|(y, ((planes, costs), empty))| {
             progress.check()?;
             let (first, work) = ((y + color) % 2, Work::Score { empty });
-            Arch::new().dispatch(Row { level, work, planes, costs, y, first });
+            Arch::new().dispatch(Row {
+                level,
+                work,
+                planes,
+                costs,
+                y,
+                first,
+            });
             Ok(())
         })?;
     }
@@ -76,7 +105,11 @@ enum Work<'a> {
     /// Its hypotheses get their costs, and pixels with nothing to be compared a mark.
     Score { empty: &'a mut [bool] },
     /// Better hypotheses are looked for where there is no mark.
-    Visit { other: &'a Color, turn: Turn, empty: &'a [bool] },
+    Visit {
+        other: &'a Color,
+        turn: Turn,
+        empty: &'a [bool],
+    },
 }
 
 impl WithSimd for Row<'_, '_> {
@@ -95,7 +128,10 @@ impl Row<'_, '_> {
         let pixels = self.planes.iter_mut().zip(self.costs).enumerate();
         for (i, (plane, cost)) in pixels {
             let x = 2 * i + self.first;
-            let allowed = self.level.allowed.is_none_or(|allowed| allowed[self.y * width + x.min(width - 1)]);
+            let allowed = self
+                .level
+                .allowed
+                .is_none_or(|allowed| allowed[self.y * width + x.min(width - 1)]);
             if x >= width || !allowed {
                 continue;
             }

@@ -19,15 +19,32 @@ impl Tones {
             .flat_map(|y| (0..width).map(move |x| (2 * x, 2 * y)))
             .map(|(x, y)| y * self.width + x)
             .collect();
-        let luma = firsts.iter().map(|&at| quarter(|off| self.luma[at + off], self.width)).collect();
-        let mixed = |&at: &usize| std::array::from_fn(|k| quarter(|off| self.chroma[at + off][k], self.width));
-        let chroma = if self.chroma.is_empty() { Vec::new() } else { firsts.iter().map(mixed).collect() };
-        Self { width, height, luma, chroma }
+        let luma = firsts
+            .iter()
+            .map(|&at| quarter(|off| self.luma[at + off], self.width))
+            .collect();
+        let mixed = |&at: &usize| {
+            std::array::from_fn(|k| quarter(|off| self.chroma[at + off][k], self.width))
+        };
+        let chroma = if self.chroma.is_empty() {
+            Vec::new()
+        } else {
+            firsts.iter().map(mixed).collect()
+        };
+        Self {
+            width,
+            height,
+            luma,
+            chroma,
+        }
     }
 
     /// Whether no two pixels differ by more than rounding.
     pub fn is_constant(&self) -> bool {
-        let (low, high) = self.luma.iter().fold((f32::MAX, f32::MIN), |(l, h), &v| (l.min(v), h.max(v)));
+        let (low, high) = self
+            .luma
+            .iter()
+            .fold((f32::MAX, f32::MIN), |(l, h), &v| (l.min(v), h.max(v)));
         self.luma.is_empty() || high - low < 2.0
     }
 }
@@ -40,7 +57,10 @@ pub const ROUNDING: f32 = 12_582_912.0;
 #[inline(always)]
 fn split(at: f32) -> (usize, f32) {
     let counted = at - 0.5 + ROUNDING;
-    (counted.to_bits().wrapping_sub(ROUNDING.to_bits()) as usize, at - (counted - ROUNDING))
+    (
+        counted.to_bits().wrapping_sub(ROUNDING.to_bits()) as usize,
+        at - (counted - ROUNDING),
+    )
 }
 
 /// The mean of a pixel and those to the right of it and below.
@@ -65,20 +85,34 @@ impl Texture {
     /// The texture of a picture, rounded to 8 bits.
     pub fn new(tones: &Tones) -> Self {
         let (width, height) = (tones.width, tones.height);
-        let bytes: Vec<u8> = tones.luma.iter().map(|&value| (value + 0.5) as u8).collect();
+        let bytes: Vec<u8> = tones
+            .luma
+            .iter()
+            .map(|&value| (value + 0.5) as u8)
+            .collect();
         let mut quads = Vec::with_capacity(bytes.len());
         for y in 0..height {
             let rows = [y * width, (y + 1).min(height - 1) * width];
             for x in 0..width {
                 let next = (x + 1).min(width - 1);
-                let quad = [bytes[rows[0] + x], bytes[rows[0] + next], bytes[rows[1] + x], bytes[rows[1] + next]];
+                let quad = [
+                    bytes[rows[0] + x],
+                    bytes[rows[0] + next],
+                    bytes[rows[1] + x],
+                    bytes[rows[1] + next],
+                ];
                 quads.push(u32::from_le_bytes(quad));
             }
         }
         let biased = |chroma: &[f32; 2]| chroma.map(|value| (value + 128.5) as u8);
         let mut chroma: Vec<[u8; 2]> = tones.chroma.iter().map(biased).collect();
         chroma.resize(quads.len(), [128; 2]);
-        Self { width, height, quads, chroma }
+        Self {
+            width,
+            height,
+            quads,
+            chroma,
+        }
     }
 
     /// The number of the last column.
@@ -114,9 +148,17 @@ impl Texture {
     pub fn chroma_at(&self, u: f32, v: f32) -> [f32; 2] {
         let ((left, share_x), (top, share_y)) = (split(u), split(v));
         let (left, top) = (left.min(self.width - 1), top.min(self.height - 1));
-        let (right, bottom) = ((left + 1).min(self.width - 1), (top + 1).min(self.height - 1));
+        let (right, bottom) = (
+            (left + 1).min(self.width - 1),
+            (top + 1).min(self.height - 1),
+        );
         let corner = |x: usize, y: usize| self.chroma[y * self.width + x].map(f32::from);
-        let (a, b, c, d) = (corner(left, top), corner(right, top), corner(left, bottom), corner(right, bottom));
+        let (a, b, c, d) = (
+            corner(left, top),
+            corner(right, top),
+            corner(left, bottom),
+            corner(right, bottom),
+        );
         std::array::from_fn(|k| {
             let above = share_x * (b[k] - a[k]) + a[k];
             let below = share_x * (d[k] - c[k]) + c[k];

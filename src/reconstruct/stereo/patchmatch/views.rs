@@ -63,12 +63,18 @@ fn nearest_two(costs: &[[f32; MAX_SOURCES]], sources: usize) -> [f32; MAX_SOURCE
     let mut weights = [0.0; MAX_SOURCES];
     let mut least = [f32::INFINITY; MAX_SOURCES];
     for source in 0..sources {
-        least[source] = costs.iter().fold(f32::INFINITY, |least, costs| least.min(costs[source]));
+        least[source] = costs
+            .iter()
+            .fold(f32::INFINITY, |least, costs| least.min(costs[source]));
     }
     for _ in 0..2.min(sources) {
         let mut best = 0;
         for source in 1..sources {
-            best = if least[source] < least[best] { source } else { best };
+            best = if least[source] < least[best] {
+                source
+            } else {
+                best
+            };
         }
         (weights[best], least[best]) = (1.0, f32::INFINITY);
     }
@@ -83,7 +89,11 @@ fn ranked(mut weights: [f32; MAX_SOURCES], sources: usize, best_views: usize) ->
     for _ in 0..best_views.min(sources) {
         let mut best = 0;
         for source in 1..sources {
-            best = if left[source] > left[best] { source } else { best };
+            best = if left[source] > left[best] {
+                source
+            } else {
+                best
+            };
         }
         if left[best] <= 0.0 {
             break;
@@ -96,5 +106,9 @@ fn ranked(mut weights: [f32; MAX_SOURCES], sources: usize, best_views: usize) ->
     for (weight, left) in weights.iter_mut().zip(left) {
         *weight = if left > 0.0 { 0.0 } else { *weight * scale };
     }
-    ViewWeights { weights, order, count }
+    ViewWeights {
+        weights,
+        order,
+        count,
+    }
 }

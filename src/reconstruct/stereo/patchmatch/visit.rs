@@ -30,7 +30,12 @@ impl Turn {
     pub fn changes(self, level: &Level<'_>) -> Changes {
         let near = level.step * self.reach.min(1.0);
         let depth = self.reach * level.step;
-        Changes { depth, slope: 0.25 * self.reach.min(2.0), by_depth: 0.25 * near, by_slope: 0.1 * near }
+        Changes {
+            depth,
+            slope: 0.25 * self.reach.min(2.0),
+            by_depth: 0.25 * near,
+            by_slope: 0.1 * near,
+        }
     }
 }
 
@@ -70,16 +75,38 @@ pub fn visit<S: Simd>(
         }
     }
     let sources = level.sources.len();
-    let views = choose_views(&costs[..count], &times[..count], sources, turn.good(), level.options.best_views);
-    let mut contest = Contest { level, patch, x: u, y: v, views, plane: own, cost: f32::INFINITY };
+    let views = choose_views(
+        &costs[..count],
+        &times[..count],
+        sources,
+        turn.good(),
+        level.options.best_views,
+    );
+    let mut contest = Contest {
+        level,
+        patch,
+        x: u,
+        y: v,
+        views,
+        plane: own,
+        cost: f32::INFINITY,
+    };
     for (costs, &plane) in costs[..count].iter().zip(&planes) {
         let pulled = level.pulled(&contest.patch, (plane, u, v));
-        let cost = views.weights.iter().zip(costs).fold(pulled, |sum, (weight, cost)| sum + weight * cost);
+        let cost = views
+            .weights
+            .iter()
+            .zip(costs)
+            .fold(pulled, |sum, (weight, cost)| sum + weight * cost);
         if cost < contest.cost {
             (contest.plane, contest.cost) = (plane, cost);
         }
     }
-    let dice = Dice::new(level.options.seed, turn.visit, (y * level.picture.width + x) as u32);
+    let dice = Dice::new(
+        level.options.seed,
+        turn.visit,
+        (y * level.picture.width + x) as u32,
+    );
     contest.restart(simd, other, dice, turn);
     contest.refine(simd, dice, turn);
     (contest.plane, contest.cost)
@@ -87,7 +114,12 @@ pub fn visit<S: Simd>(
 
 /// Cost of a pixel's own hypothesis over the two sources that like it most; `None` where there is nothing to be compared.
 #[inline(always)]
-pub fn own_cost<S: Simd>(simd: S, level: &Level<'_>, own: Plane, (x, y): (usize, usize)) -> Option<f32> {
+pub fn own_cost<S: Simd>(
+    simd: S,
+    level: &Level<'_>,
+    own: Plane,
+    (x, y): (usize, usize),
+) -> Option<f32> {
     let patch = level.patch(x, y);
     if patch.is_empty(level.options.min_variance) {
         return None;
@@ -99,7 +131,11 @@ pub fn own_cost<S: Simd>(simd: S, level: &Level<'_>, own: Plane, (x, y): (usize,
             least = [least[0].min(cost), least[0].max(cost)];
         }
     }
-    let seen = if level.sources.len() > 1 { 0.5 * (least[0] + least[1]) } else { least[0] };
+    let seen = if level.sources.len() > 1 {
+        0.5 * (least[0] + least[1])
+    } else {
+        least[0]
+    };
     Some((seen + level.pulled(&patch, (own, x as f32, y as f32))).min(super::ncc::WORST))
 }
 

@@ -60,9 +60,17 @@ impl Default for Window {
         let dx = std::array::from_fn(|tap| (place(tap) % SIDE) as f32 - REACH as f32);
         let dy = std::array::from_fn(|tap| (place(tap) / SIDE) as f32 - REACH as f32);
         let spread = 2.0 * (REACH * REACH) as f32;
-        let near = std::array::from_fn(|tap| (-(dx[tap] * dx[tap] + dy[tap] * dy[tap]) / spread).exp());
-        let alike = |sigma: f32| std::array::from_fn(|off| (-0.5 * (off as f32 / sigma).powi(2)).exp());
-        Self { dx, dy, near, alike: alike(GREY_SIGMA), alike_chroma: alike(CHROMA_SIGMA) }
+        let near =
+            std::array::from_fn(|tap| (-(dx[tap] * dx[tap] + dy[tap] * dy[tap]) / spread).exp());
+        let alike =
+            |sigma: f32| std::array::from_fn(|off| (-0.5 * (off as f32 / sigma).powi(2)).exp());
+        Self {
+            dx,
+            dy,
+            near,
+            alike: alike(GREY_SIGMA),
+            alike_chroma: alike(CHROMA_SIGMA),
+        }
     }
 }
 
@@ -81,23 +89,35 @@ impl Patch {
         let around = |at: usize, size: usize| -> [usize; SIDE] {
             std::array::from_fn(|k| (at + k).saturating_sub(REACH).min(size - 1))
         };
-        let (columns, rows) = (around(x, picture.width), around(y, picture.height).map(|row| row * picture.width));
+        let (columns, rows) = (
+            around(x, picture.width),
+            around(y, picture.height).map(|row| row * picture.width),
+        );
         for tap in 0..TAPS {
             let place = place(tap);
             let at = rows[place / SIDE] + columns[place % SIDE];
             let (grey, chroma) = (picture.quads[at] as u8, picture.chroma[at]);
-            let [blue, red] = [0, 1].map(|k| window.alike_chroma[usize::from(chroma[k].abs_diff(own[k]))]);
+            let [blue, red] =
+                [0, 1].map(|k| window.alike_chroma[usize::from(chroma[k].abs_diff(own[k]))]);
             values[tap] = f32::from(grey);
-            weights[tap] = window.near[tap] * window.alike[usize::from(grey.abs_diff(centre))] * (blue * red);
+            weights[tap] =
+                window.near[tap] * window.alike[usize::from(grey.abs_diff(centre))] * (blue * red);
         }
-        Self { chroma: own.map(f32::from), ..Self::weigh(&values, weights) }
+        Self {
+            chroma: own.map(f32::from),
+            ..Self::weigh(&values, weights)
+        }
     }
 
     /// The same on a surface that is known from around where `is_known`: missing texture is then no reason for doubt.
     #[inline(always)]
     pub fn on(self, is_known: bool) -> Self {
         let share = FLAT_VARIANCE * (1.0 / ((self.variance - NOISE).max(0.0) + FLAT_VARIANCE));
-        let flatness = if is_known && self.variance < FLAT_BELOW { share * share } else { 0.0 };
+        let flatness = if is_known && self.variance < FLAT_BELOW {
+            share * share
+        } else {
+            0.0
+        };
         Self { flatness, ..self }
     }
 
@@ -125,6 +145,13 @@ impl Patch {
             variance += weighted[tap] * off;
         }
         let color_weight = COLOR_WEIGHT * COLOR_VARIANCE * (1.0 / (variance + COLOR_VARIANCE));
-        Self { weights, weighted, variance, chroma: [0.0; 2], color_weight, flatness: 0.0 }
+        Self {
+            weights,
+            weighted,
+            variance,
+            chroma: [0.0; 2],
+            color_weight,
+            flatness: 0.0,
+        }
     }
 }

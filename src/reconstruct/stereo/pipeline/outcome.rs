@@ -30,13 +30,23 @@ pub enum ViewOutcome {
 impl std::fmt::Display for ViewOutcome {
     fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Done { pixels, sources } => write!(out, "{pixels} pixels with depth from {} views", sources.len()),
-            Self::NoCamera => write!(out, "it has no camera; reconstruct cameras first or give them"),
+            Self::Done { pixels, sources } => write!(
+                out,
+                "{pixels} pixels with depth from {} views",
+                sources.len()
+            ),
+            Self::NoCamera => write!(
+                out,
+                "it has no camera; reconstruct cameras first or give them"
+            ),
             Self::NothingShared { points } => write!(
                 out,
                 "it shares too little with the other views ({points} points seen); take pictures in between"
             ),
-            Self::Constant => write!(out, "all its pixels are alike; leave it out or take it again"),
+            Self::Constant => write!(
+                out,
+                "all its pixels are alike; leave it out or take it again"
+            ),
             Self::Unreadable { why } => write!(out, "{why}"),
         }
     }

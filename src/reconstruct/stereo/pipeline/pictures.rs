@@ -24,7 +24,15 @@ impl<'a> Pictures<'a> {
         (max_side, coarsest_px): (u32, u32),
         budget_bytes: usize,
     ) -> Self {
-        Self { frames, store, max_side, coarsest_px, budget_bytes, kept: BTreeMap::new(), clock: 0 }
+        Self {
+            frames,
+            store,
+            max_side,
+            coarsest_px,
+            budget_bytes,
+            kept: BTreeMap::new(),
+            clock: 0,
+        }
     }
 
     /// The picture of a frame with a posed camera.
@@ -38,8 +46,11 @@ impl<'a> Pictures<'a> {
             return Ok(Arc::clone(picture));
         }
         let frame = &self.frames[number];
-        let (lens, pose) = frame.posed_camera().ok_or_else(|| format!("frame '{}' has no camera", frame.name))?;
-        let image = raster_image(frame, lens, self.store, self.max_side).map_err(|error| error.to_string())?;
+        let (lens, pose) = frame
+            .posed_camera()
+            .ok_or_else(|| format!("frame '{}' has no camera", frame.name))?;
+        let image = raster_image(frame, lens, self.store, self.max_side)
+            .map_err(|error| error.to_string())?;
         let camera = raster_camera(lens, self.max_side);
         let picture = Arc::new(Picture::new(tones(&image), camera, *pose, self.coarsest_px));
         self.make_room(picture.bytes());
@@ -54,10 +65,16 @@ impl<'a> Pictures<'a> {
 
     fn make_room(&mut self, bytes: usize) {
         let held = |kept: &BTreeMap<usize, (u64, Arc<Picture>)>| {
-            kept.values().map(|(_, picture)| picture.bytes()).sum::<usize>()
+            kept.values()
+                .map(|(_, picture)| picture.bytes())
+                .sum::<usize>()
         };
         while !self.kept.is_empty() && held(&self.kept) + bytes > self.budget_bytes {
-            let oldest = self.kept.iter().min_by_key(|(_, (used, _))| *used).map(|(&number, _)| number);
+            let oldest = self
+                .kept
+                .iter()
+                .min_by_key(|(_, (used, _))| *used)
+                .map(|(&number, _)| number);
             self.kept.remove(&oldest.unwrap_or_default());
         }
     }

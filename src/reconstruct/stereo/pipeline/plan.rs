@@ -47,7 +47,10 @@ pub fn plan(
     let mut usable = Vec::new();
     for (done, &number) in request.views.iter().enumerate() {
         progress.step(done, request.views.len())?;
-        let outcome = match request.frames[number].posed_camera().map(|_| pictures.get(number)) {
+        let outcome = match request.frames[number]
+            .posed_camera()
+            .map(|_| pictures.get(number))
+        {
             None => ViewOutcome::NoCamera,
             Some(Err(why)) => ViewOutcome::Unreadable { why },
             Some(Ok(picture)) if picture.is_constant => ViewOutcome::Constant,
@@ -62,19 +65,39 @@ pub fn plan(
     for (&number, around) in usable.iter().zip(around) {
         let frame = &request.frames[number];
         let points = seen_points(frame, number, request.sparse);
-        match depth_range(&points).filter(|_| !around.is_empty()).zip(frame.posed_camera()) {
+        match depth_range(&points)
+            .filter(|_| !around.is_empty())
+            .zip(frame.posed_camera())
+        {
             Some((depth_range, (lens, _))) => {
                 let raster = raster_camera(lens, pictures.max_side());
                 let seeds = points.iter().filter_map(|x_in_camera| {
-                    let at_px = raster.project(*x_in_camera).filter(|&at_px| raster.contains(at_px))?;
+                    let at_px = raster
+                        .project(*x_in_camera)
+                        .filter(|&at_px| raster.contains(at_px))?;
                     Some((at_px.x as usize, at_px.y as usize, x_in_camera.z as f32))
                 });
                 let around: Vec<usize> = around.iter().map(|source| source.frame).collect();
-                let sources = around.iter().take(options.sources.clamp(1, MAX_SOURCES)).copied().collect();
-                planned.views.push(PlannedView { frame: number, sources, around, depth_range, seeds: seeds.collect() });
+                let sources = around
+                    .iter()
+                    .take(options.sources.clamp(1, MAX_SOURCES))
+                    .copied()
+                    .collect();
+                planned.views.push(PlannedView {
+                    frame: number,
+                    sources,
+                    around,
+                    depth_range,
+                    seeds: seeds.collect(),
+                });
             }
             None => {
-                planned.outcomes.insert(number, ViewOutcome::NothingShared { points: points.len() });
+                planned.outcomes.insert(
+                    number,
+                    ViewOutcome::NothingShared {
+                        points: points.len(),
+                    },
+                );
             }
         }
     }

@@ -76,16 +76,31 @@ pub fn estimate_depths(
     progress: &Progress,
 ) -> Result<BTreeMap<usize, ViewOutcome>, StereoError> {
     let coarsest = (options.max_side, options.patchmatch.coarsest_px);
-    let mut pictures = Pictures::new(request.frames, store, coarsest, options.picture_budget_bytes);
+    let mut pictures = Pictures::new(
+        request.frames,
+        store,
+        coarsest,
+        options.picture_budget_bytes,
+    );
     progress.stage("choose views")?;
-    let Planned { views, mut outcomes } = plan(request, &mut pictures, &options.select, progress)?;
+    let Planned {
+        views,
+        mut outcomes,
+    } = plan(request, &mut pictures, &options.select, progress)?;
     let work = Work::new((request, views), depths, options, progress)?;
     let mut make = |name: &str, stage: Stage| {
         progress.stage(name)?;
         work.make(stage, &mut pictures)
     };
     for round in 0..=options.rounds {
-        make(if round == 0 { "depth" } else { "consistent depth" }, Stage::Round(round))?;
+        make(
+            if round == 0 {
+                "depth"
+            } else {
+                "consistent depth"
+            },
+            Stage::Round(round),
+        )?;
         if round > 0 {
             depths.forget(Stage::Round(round - 1))?;
         }

@@ -45,18 +45,27 @@ pub struct MemoryDepths {
 
 impl DepthStore for MemoryDepths {
     fn load(&self, frame: usize, stage: Stage) -> Result<Option<Arc<DepthEstimate>>, SceneError> {
-        let estimates = self.estimates.lock().unwrap_or_else(PoisonError::into_inner);
+        let estimates = self
+            .estimates
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         Ok(estimates.get(&(stage, frame)).map(Arc::clone))
     }
 
     fn save(&self, frame: usize, stage: Stage, estimate: DepthEstimate) -> Result<(), SceneError> {
-        let mut estimates = self.estimates.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut estimates = self
+            .estimates
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         estimates.insert((stage, frame), Arc::new(estimate));
         Ok(())
     }
 
     fn forget(&self, stage: Stage) -> Result<(), SceneError> {
-        let mut estimates = self.estimates.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut estimates = self
+            .estimates
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         estimates.retain(|&(kept, _), _| kept != stage);
         Ok(())
     }

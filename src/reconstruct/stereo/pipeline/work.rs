@@ -40,12 +40,27 @@ struct Prepared<'a> {
 
 impl<'a> Prepared<'a> {
     /// Reads what a stage of a view looks at.
-    fn new(view: &'a PlannedView, stage: Stage, pictures: &mut Pictures<'_>) -> Result<Self, SceneError> {
+    fn new(
+        view: &'a PlannedView,
+        stage: Stage,
+        pictures: &mut Pictures<'_>,
+    ) -> Result<Self, SceneError> {
         let mut get = |number: usize| pictures.get(number).map_err(SceneError::Request);
         let picture = get(view.frame)?;
-        let beside = if stage == Stage::Complete { &view.around } else { &view.sources };
-        let beside = beside.iter().map(|&number| Ok((number, get(number)?))).collect::<Result<_, SceneError>>()?;
-        Ok(Self { view, picture, beside })
+        let beside = if stage == Stage::Complete {
+            &view.around
+        } else {
+            &view.sources
+        };
+        let beside = beside
+            .iter()
+            .map(|&number| Ok((number, get(number)?)))
+            .collect::<Result<_, SceneError>>()?;
+        Ok(Self {
+            view,
+            picture,
+            beside,
+        })
     }
 }
 
@@ -61,12 +76,24 @@ impl<'a> Work<'a> {
         progress: &'a Progress,
     ) -> Result<Self, StereoError> {
         progress.stage("look for what is kept")?;
-        let work = Self { request, depths, options, progress, views, reached: Vec::new() };
+        let work = Self {
+            request,
+            depths,
+            options,
+            progress,
+            views,
+            reached: Vec::new(),
+        };
         let reached = |(done, view): (usize, &PlannedView)| {
             work.report(done)?;
             Ok(work.reached(view.frame)?)
         };
-        let reached = work.views.iter().enumerate().map(reached).collect::<Result<_, StereoError>>()?;
+        let reached = work
+            .views
+            .iter()
+            .enumerate()
+            .map(reached)
+            .collect::<Result<_, StereoError>>()?;
         Ok(Self { reached, ..work })
     }
 
@@ -77,7 +104,10 @@ impl<'a> Work<'a> {
     /// The first that the store of depths or the engine said, [`StereoError::Stopped`].
     pub fn make(&self, stage: Stage, pictures: &mut Pictures<'_>) -> Result<(), StereoError> {
         let pairs = self.views.iter().zip(&self.reached);
-        let open: Vec<_> = pairs.filter(|&(_, &reached)| reached < Some(stage)).map(|(view, _)| view).collect();
+        let open: Vec<_> = pairs
+            .filter(|&(_, &reached)| reached < Some(stage))
+            .map(|(view, _)| view)
+            .collect();
         let (at_once, mut done) = (self.at_once(), self.views.len() - open.len());
         let mut open = open.into_iter();
         std::thread::scope(|scope| {
@@ -96,9 +126,12 @@ impl<'a> Work<'a> {
                         Err(error) => outcome = Err(error.into()),
                     }
                 }
-                let Some((frame, oldest)) = working.pop_front() else { return outcome };
+                let Some((frame, oldest)) = working.pop_front() else {
+                    return outcome;
+                };
                 let estimate = oldest.join().unwrap_or_else(|panic| resume_unwind(panic));
-                let kept = estimate.and_then(|estimate| Ok(self.depths.save(frame, stage, estimate)?));
+                let kept =
+                    estimate.and_then(|estimate| Ok(self.depths.save(frame, stage, estimate)?));
                 done += usize::from(kept.is_ok());
                 outcome = outcome.and(kept).and(self.report(done));
             }
@@ -114,8 +147,19 @@ impl<'a> Work<'a> {
         let mut outcomes = Vec::new();
         for view in &self.views {
             self.report(outcomes.len())?;
-            let pixels = self.own(view, Stage::Complete)?.depths.iter().filter(|&&depth| depth > 0.0).count();
-            outcomes.push((view.frame, ViewOutcome::Done { pixels, sources: view.sources.clone() }));
+            let pixels = self
+                .own(view, Stage::Complete)?
+                .depths
+                .iter()
+                .filter(|&&depth| depth > 0.0)
+                .count();
+            outcomes.push((
+                view.frame,
+                ViewOutcome::Done {
+                    pixels,
+                    sources: view.sources.clone(),
+                },
+            ));
         }
         Ok(outcomes)
     }
@@ -157,7 +201,9 @@ impl<'a> Work<'a> {
     /// A stage and those after it.
     fn since(&self, stage: Stage) -> impl DoubleEndedIterator<Item = Stage> {
         let rounds = (0..=self.options.rounds).map(Stage::Round);
-        rounds.chain([Stage::Filtered, Stage::Complete]).filter(move |&other| other >= stage)
+        rounds
+            .chain([Stage::Filtered, Stage::Complete])
+            .filter(move |&other| other >= stage)
     }
 
     /// A view's depth at a stage, from what was made before.
@@ -172,10 +218,17 @@ impl<'a> Work<'a> {
     /// A view's depth after a round.
     fn searched(
         &self,
-        Prepared { view, picture, beside }: &Prepared<'_>,
+        Prepared {
+            view,
+            picture,
+            beside,
+        }: &Prepared<'_>,
         round: u32,
     ) -> Result<DepthEstimate, StereoError> {
-        let sources: Vec<Arc<Picture>> = beside.iter().map(|(_, picture)| Arc::clone(picture)).collect();
+        let sources: Vec<Arc<Picture>> = beside
+            .iter()
+            .map(|(_, picture)| Arc::clone(picture))
+            .collect();
         let allowed = (self.request.mask)(view.frame, &picture.camera);
         let task = Search {
             reference: picture,
@@ -190,11 +243,19 @@ impl<'a> Work<'a> {
             Some(before) => {
                 let start = self.own(view, Stage::Round(before))?.found(picture);
                 let of_source = |(number, picture): &(usize, Arc<Picture>)| {
-                    Ok(self.kept(*number, Stage::Round(before))?.map(|estimate| Arc::new(estimate.found(picture))))
+                    Ok(self
+                        .kept(*number, Stage::Round(before))?
+                        .map(|estimate| Arc::new(estimate.found(picture))))
                 };
-                let others: Vec<Option<Arc<Found>>> =
-                    beside.par_iter().map(of_source).collect::<Result<_, StereoError>>()?;
-                let round = Round { start: &start, others: &others, before };
+                let others: Vec<Option<Arc<Found>>> = beside
+                    .par_iter()
+                    .map(of_source)
+                    .collect::<Result<_, StereoError>>()?;
+                let round = Round {
+                    start: &start,
+                    others: &others,
+                    before,
+                };
                 engine.search_consistent(&task, &round, options, self.progress)?
             }
         };
@@ -204,8 +265,16 @@ impl<'a> Work<'a> {
     /// What of a view's depth its sources agree with.
     fn filtered(&self, prepared: &Prepared<'_>) -> Result<DepthEstimate, StereoError> {
         let (Prepared { view, picture, .. }, last) = (prepared, Stage::Round(self.options.rounds));
-        let own = snapped(&*self.own(view, last)?, &picture.levels[0], &self.options.filter.snap);
-        Ok(filter(&own, &self.neighbours(prepared, last)?, &self.options.filter))
+        let own = snapped(
+            &*self.own(view, last)?,
+            &picture.levels[0],
+            &self.options.filter.snap,
+        );
+        Ok(filter(
+            &own,
+            &self.neighbours(prepared, last)?,
+            &self.options.filter,
+        ))
     }
 
     /// A view's depth, and what those around it see.
@@ -214,23 +283,37 @@ impl<'a> Work<'a> {
         let own = self.own(view, Stage::Filtered)?;
         let neighbours = self.neighbours(prepared, Stage::Filtered)?;
         let allowed = (self.request.mask)(view.frame, &picture.camera);
-        Ok(completed(&own, picture, allowed.as_deref(), &neighbours, &self.options.filter))
+        Ok(completed(
+            &own,
+            picture,
+            allowed.as_deref(),
+            &neighbours,
+            &self.options.filter,
+        ))
     }
 
     /// The depths of the views beside a view at a stage.
     fn neighbours(&self, view: &Prepared<'_>, stage: Stage) -> Result<Vec<Neighbour>, StereoError> {
-        let kept: Vec<_> =
-            view.beside.par_iter().map(|&(number, _)| self.kept(number, stage)).collect::<Result<_, _>>()?;
+        let kept: Vec<_> = view
+            .beside
+            .par_iter()
+            .map(|&(number, _)| self.kept(number, stage))
+            .collect::<Result<_, _>>()?;
         let pairs = view.beside.iter().zip(kept);
-        let known =
-            pairs.filter_map(|((_, picture), estimate)| Some(Neighbour::new(&view.picture, picture, estimate?)));
+        let known = pairs.filter_map(|((_, picture), estimate)| {
+            Some(Neighbour::new(&view.picture, picture, estimate?))
+        });
         Ok(known.collect())
     }
 
     /// A view's own depth at a stage, which was made before.
     fn own(&self, view: &PlannedView, stage: Stage) -> Result<Arc<DepthEstimate>, StereoError> {
         let name = &self.request.frames[view.frame].name;
-        let gone = || SceneError::Request(format!("{name}: the depth made for it is gone; reconstruct again"));
+        let gone = || {
+            SceneError::Request(format!(
+                "{name}: the depth made for it is gone; reconstruct again"
+            ))
+        };
         Ok(self.kept(view.frame, stage)?.ok_or_else(gone)?)
     }
 
@@ -257,7 +340,10 @@ mod tests {
 
     #[test]
     fn large_views_are_worked_on_one_by_one() {
-        assert_eq!([640 * 480, 1600 * 1067, 3200 * 2400].map(|pixels| at_once(pixels, 4)), [4, 2, 1]);
+        assert_eq!(
+            [640 * 480, 1600 * 1067, 3200 * 2400].map(|pixels| at_once(pixels, 4)),
+            [4, 2, 1]
+        );
         assert_eq!(at_once(640 * 480, 2), 2);
     }
 }

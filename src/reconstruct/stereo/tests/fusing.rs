@@ -4,7 +4,8 @@ use glam::{DVec2, DVec3, Vec3};
 
 use super::wall::{SIZE, camera, frame, grey, pose, seen};
 use crate::stereo::{
-    DenseCloud, DepthEstimate, DepthStore, FusionOptions, MemoryDepths, Stage, StereoError, fuse_depths,
+    DenseCloud, DepthEstimate, DepthStore, FusionOptions, MemoryDepths, Stage, StereoError,
+    fuse_depths,
 };
 use ostra_core::job::Progress;
 use ostra_frames::FrameStore;
@@ -14,7 +15,10 @@ fn exact(index: usize) -> DepthEstimate {
     let mut estimate = DepthEstimate::empty(camera());
     let normal = (pose(index).rotation * DVec3::new(0.4, -0.3, -1.0).normalize()).as_vec3();
     for at in 0..estimate.depths.len() {
-        let at_px = DVec2::new((at % SIZE.0 as usize) as f64 + 0.5, (at / SIZE.0 as usize) as f64 + 0.5);
+        let at_px = DVec2::new(
+            (at % SIZE.0 as usize) as f64 + 0.5,
+            (at / SIZE.0 as usize) as f64 + 0.5,
+        );
         estimate.depths[at] = seen(&pose(index), at_px).1 as f32;
         estimate.normals[at] = (127.0 * normal).round().to_array().map(|value| value as i8);
         estimate.confidence[at] = 255;
@@ -32,7 +36,9 @@ fn fused_without(
     change: impl Fn(usize, &mut DepthEstimate),
 ) -> Result<(DenseCloud, Option<String>), StereoError> {
     let folder = tempfile::tempdir().unwrap();
-    let frames: Vec<_> = (0..2).map(|index| frame(folder.path(), index, &grey(&pose(index)))).collect();
+    let frames: Vec<_> = (0..2)
+        .map(|index| frame(folder.path(), index, &grey(&pose(index))))
+        .collect();
     for &index in damaged {
         std::fs::write(frames[index].picture.path(), "").unwrap();
     }
@@ -44,7 +50,14 @@ fn fused_without(
     }
     let neighbours = BTreeMap::from([(0, vec![1]), (1, vec![0])]);
     let store = FrameStore::new(1 << 20);
-    fuse_depths(&frames, &neighbours, (&store, 160), &depths, &FusionOptions::default(), &Progress::default())
+    fuse_depths(
+        &frames,
+        &neighbours,
+        (&store, 160),
+        &depths,
+        &FusionOptions::default(),
+        &Progress::default(),
+    )
 }
 
 fn off_the_wall(position: &Vec3) -> f32 {
@@ -55,12 +68,25 @@ fn off_the_wall(position: &Vec3) -> f32 {
 fn two_views_of_a_wall_make_one_wall() {
     let cloud = fused(|_, _| ());
     assert!(cloud.len() > 10_000, "{}", cloud.len());
-    assert!(cloud.positions.iter().all(|position| off_the_wall(position) < 3e-3));
+    assert!(
+        cloud
+            .positions
+            .iter()
+            .all(|position| off_the_wall(position) < 3e-3)
+    );
     assert!((0..cloud.len()).all(|point| cloud.contributors(point).len() == 2));
-    let mut pixels: Vec<(u32, u32)> = cloud.contributors.iter().map(|c| (c.view, c.pixel)).collect();
+    let mut pixels: Vec<(u32, u32)> = cloud
+        .contributors
+        .iter()
+        .map(|c| (c.view, c.pixel))
+        .collect();
     pixels.sort_unstable();
     pixels.dedup();
-    assert_eq!(pixels.len(), cloud.contributors.len(), "a pixel was used twice");
+    assert_eq!(
+        pixels.len(),
+        cloud.contributors.len(),
+        "a pixel was used twice"
+    );
 }
 
 #[test]
@@ -76,7 +102,12 @@ fn depths_that_disagree_make_no_point() {
 #[test]
 fn a_view_that_cannot_be_read_makes_no_points_of_its_own_and_is_named() {
     let (cloud, warning) = fused_without(&[0], |_, _| ()).unwrap();
-    assert!(warning.as_ref().is_some_and(|line| line.contains("1 frames") && line.contains("0.png")), "{warning:?}");
+    assert!(
+        warning
+            .as_ref()
+            .is_some_and(|line| line.contains("1 frames") && line.contains("0.png")),
+        "{warning:?}"
+    );
     assert!(cloud.len() > 5000, "{}", cloud.len());
     assert!((0..cloud.len()).all(|point| cloud.contributors(point)[0].view == 1));
     let error = fused_without(&[0, 1], |_, _| ()).unwrap_err().to_string();

@@ -8,13 +8,30 @@ use ostra_frames::FrameStore;
 #[test]
 fn sparse_points_do_not_depend_on_threads() {
     let folder = tempfile::tempdir().unwrap();
-    let frames: Vec<_> = (0..4).map(|index| frame(folder.path(), index, &grey(&pose(index)))).collect();
-    let (store, extractor, matcher) = (FrameStore::new(1 << 20), Sift::default(), NearestMatcher::for_bytes());
+    let frames: Vec<_> = (0..4)
+        .map(|index| frame(folder.path(), index, &grey(&pose(index))))
+        .collect();
+    let (store, extractor, matcher) = (
+        FrameStore::new(1 << 20),
+        Sift::default(),
+        NearestMatcher::for_bytes(),
+    );
     let with = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
         let (options, progress) = (SparseOptions::default(), Progress::default());
         pool.install(|| {
-            sparse_from_cameras(&frames, &[0, 1, 2, 3], &store, (&extractor, &matcher), &options, &progress).unwrap()
+            sparse_from_cameras(
+                &frames,
+                &[0, 1, 2, 3],
+                &store,
+                (&extractor, &matcher),
+                &options,
+                &progress,
+            )
+            .unwrap()
         })
     };
     let (one, three) = (with(1), with(3));

@@ -3,8 +3,8 @@ use std::time::Duration;
 
 use super::wall::{frame, grey, pose, sparse};
 use crate::stereo::{
-    DepthEstimate, DepthStore, Engine, MemoryDepths, RasterMask, Stage, StereoError, StereoOptions, StereoRequest,
-    estimate_depths,
+    DepthEstimate, DepthStore, Engine, MemoryDepths, RasterMask, Stage, StereoError, StereoOptions,
+    StereoRequest, estimate_depths,
 };
 use ostra_cloud::SceneError;
 use ostra_core::job::Progress;
@@ -24,12 +24,19 @@ struct Noted {
 
 impl Noted {
     fn stopping_after(stop_after: usize) -> Self {
-        Self { stop_after, ..Self::default() }
+        Self {
+            stop_after,
+            ..Self::default()
+        }
     }
 
     /// With what was kept so far.
     fn going_on(self) -> Self {
-        Self { depths: self.depths, damaged: self.damaged, ..Self::default() }
+        Self {
+            depths: self.depths,
+            damaged: self.damaged,
+            ..Self::default()
+        }
     }
 
     fn made(&self) -> Vec<(usize, Stage)> {
@@ -37,16 +44,20 @@ impl Noted {
     }
 
     fn complete(&self) -> Vec<Arc<DepthEstimate>> {
-        (0..3).map(|frame| self.load(frame, Stage::Complete).unwrap().unwrap()).collect()
+        (0..3)
+            .map(|frame| self.load(frame, Stage::Complete).unwrap().unwrap())
+            .collect()
     }
 }
 
 impl DepthStore for Noted {
     fn load(&self, frame: usize, stage: Stage) -> Result<Option<Arc<DepthEstimate>>, SceneError> {
         match (*self.damaged.lock().unwrap() == Some((frame, stage)), stage) {
-            (true, Stage::Complete) => {
-                Err(FrameError::Invalid { path: "depth".into(), what: "is damaged".into() }.into())
+            (true, Stage::Complete) => Err(FrameError::Invalid {
+                path: "depth".into(),
+                what: "is damaged".into(),
             }
+            .into()),
             (true, _) => Ok(None),
             (false, _) => self.depths.load(frame, stage),
         }
@@ -58,7 +69,10 @@ impl DepthStore for Noted {
         if made.len() == self.stop_after {
             self.progress.stop();
         }
-        self.damaged.lock().unwrap().take_if(|damaged| *damaged == (frame, stage));
+        self.damaged
+            .lock()
+            .unwrap()
+            .take_if(|damaged| *damaged == (frame, stage));
         self.depths.save(frame, stage, estimate)
     }
 
@@ -76,8 +90,13 @@ struct Wall {
 impl Wall {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let frames = (0..3).map(|index| frame(folder.path(), index, &grey(&pose(index)))).collect();
-        Self { _folder: folder, frames }
+        let frames = (0..3)
+            .map(|index| frame(folder.path(), index, &grey(&pose(index))))
+            .collect();
+        Self {
+            _folder: folder,
+            frames,
+        }
     }
 
     /// Runs stereo with so many views at once, as where rayon has so many threads.
@@ -85,13 +104,38 @@ impl Wall {
         self.run_with(at_once, noted, &|_, _| None)
     }
 
-    fn run_with(&self, at_once: usize, noted: &Noted, mask: RasterMask<'_>) -> Result<(), StereoError> {
+    fn run_with(
+        &self,
+        at_once: usize,
+        noted: &Noted,
+        mask: RasterMask<'_>,
+    ) -> Result<(), StereoError> {
         let sparse = sparse(&[0, 1, 2]);
-        let request =
-            StereoRequest { frames: &self.frames, views: &[0, 1, 2], sparse: &sparse, mask, engine: &Engine::Cpu };
-        let options = StereoOptions { max_side: 80, rounds: 2, ..StereoOptions::default() };
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(at_once).build().unwrap();
-        let run = || estimate_depths(&request, &FrameStore::new(1 << 20), noted, &options, &noted.progress);
+        let request = StereoRequest {
+            frames: &self.frames,
+            views: &[0, 1, 2],
+            sparse: &sparse,
+            mask,
+            engine: &Engine::Cpu,
+        };
+        let options = StereoOptions {
+            max_side: 80,
+            rounds: 2,
+            ..StereoOptions::default()
+        };
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(at_once)
+            .build()
+            .unwrap();
+        let run = || {
+            estimate_depths(
+                &request,
+                &FrameStore::new(1 << 20),
+                noted,
+                &options,
+                &noted.progress,
+            )
+        };
         pool.install(run).map(|_| ())
     }
 }
@@ -104,24 +148,44 @@ fn a_run_goes_on_where_the_one_before_was_stopped() {
     let whole = Noted::default();
     wall.run(1, &whole).unwrap();
     let all = whole.made();
-    assert_eq!(all.len(), 15, "three views, three rounds, the filter and what others see");
-    let searches = all.iter().filter(|(_, stage)| matches!(stage, Stage::Round(_))).count();
+    assert_eq!(
+        all.len(),
+        15,
+        "three views, three rounds, the filter and what others see"
+    );
+    let searches = all
+        .iter()
+        .filter(|(_, stage)| matches!(stage, Stage::Round(_)))
+        .count();
     for (first_at_once, then_at_once) in [(1, 1), (3, 3), (3, 1), (1, 3)] {
         for stop_after in 1..=all.len() {
             let first = Noted::stopping_after(stop_after);
             let outcome = wall.run(first_at_once, &first);
-            assert!(matches!(outcome, Err(StereoError::Stopped(_) | StereoError::Scene(SceneError::Stopped(_)))));
+            assert!(matches!(
+                outcome,
+                Err(StereoError::Stopped(_) | StereoError::Scene(SceneError::Stopped(_)))
+            ));
             let kept = first.made();
             // A search that is under way may stop or end; what comes after the searches ends.
             let most = stop_after.next_multiple_of(first_at_once);
-            let least = if stop_after > searches { most } else { stop_after };
-            assert!((least..=most).contains(&kept.len()), "{kept:?} after {stop_after}");
+            let least = if stop_after > searches {
+                most
+            } else {
+                stop_after
+            };
+            assert!(
+                (least..=most).contains(&kept.len()),
+                "{kept:?} after {stop_after}"
+            );
             let second = first.going_on();
             wall.run(then_at_once, &second).unwrap();
             let mut both = [kept, second.made()].concat();
             both.sort_by_key(|&(frame, stage)| (stage, frame));
             assert_eq!(both, all, "after {stop_after}");
-            assert!(second.complete() == whole.complete(), "after a stop at {stop_after}");
+            assert!(
+                second.complete() == whole.complete(),
+                "after a stop at {stop_after}"
+            );
         }
     }
 }
@@ -132,7 +196,13 @@ fn what_is_damaged_is_made_again() {
     let wall = Wall::new();
     let whole = Noted::default();
     wall.run(1, &whole).unwrap();
-    let all = [Stage::Round(0), Stage::Round(1), Stage::Round(2), Stage::Filtered, Stage::Complete];
+    let all = [
+        Stage::Round(0),
+        Stage::Round(1),
+        Stage::Round(2),
+        Stage::Filtered,
+        Stage::Complete,
+    ];
     for (stop_after, frame, damaged, again) in [
         (3, 2, Stage::Round(0), &all[..]),
         (4, 0, Stage::Round(0), &all[2..]),
@@ -147,14 +217,31 @@ fn what_is_damaged_is_made_again() {
         let second = first.going_on();
         *second.damaged.lock().unwrap() = Some((frame, damaged));
         wall.run(1, &second).unwrap();
-        let is_left = |of: &(usize, Stage)| if of.0 == frame { again.contains(&of.1) } else { !kept.contains(of) };
+        let is_left = |of: &(usize, Stage)| {
+            if of.0 == frame {
+                again.contains(&of.1)
+            } else {
+                !kept.contains(of)
+            }
+        };
         let left: Vec<_> = whole.made().into_iter().filter(is_left).collect();
         assert_eq!(second.made(), left, "{damaged:?} after {stop_after}");
-        let is_near = |(once, twice): (&f32, &f32)| *twice > 0.0 && (once / twice - 1.0).abs() < 0.01;
+        let is_near =
+            |(once, twice): (&f32, &f32)| *twice > 0.0 && (once / twice - 1.0).abs() < 0.01;
         for (once, twice) in whole.complete().iter().zip(&second.complete()) {
-            let known = once.depths.iter().zip(&twice.depths).filter(|(once, _)| **once > 0.0);
-            let (near, known) = (known.clone().filter(|&pair| is_near(pair)).count(), known.count());
-            assert!(known > 2000 && near * 20 > known * 19, "{near} of {known} after {stop_after}");
+            let known = once
+                .depths
+                .iter()
+                .zip(&twice.depths)
+                .filter(|(once, _)| **once > 0.0);
+            let (near, known) = (
+                known.clone().filter(|&pair| is_near(pair)).count(),
+                known.count(),
+            );
+            assert!(
+                known > 2000 && near * 20 > known * 19,
+                "{near} of {known} after {stop_after}"
+            );
         }
     }
 }
@@ -174,8 +261,9 @@ fn as_many_views_are_worked_on_at_once_as_there_are_threads() {
             drop(seen);
             came.notify_all();
             let moment = Duration::from_millis(100);
-            let (mut inside, _) =
-                came.wait_timeout_while(inside, moment, |_| *most.lock().unwrap() <= at_once).unwrap();
+            let (mut inside, _) = came
+                .wait_timeout_while(inside, moment, |_| *most.lock().unwrap() <= at_once)
+                .unwrap();
             *inside -= 1;
             None
         };

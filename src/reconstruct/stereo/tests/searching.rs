@@ -8,8 +8,16 @@ use ostra_core::job::Progress;
 fn found(allowed: Option<&[bool]>) -> Found {
     let sources = [picture(1), picture(2)];
     let reference = picture(0);
-    let task = Search { reference: &reference, sources: &sources, depth_range: [1.5, 6.0], seeds: &[], allowed };
-    Engine::Cpu.search(&task, &PatchMatchOptions::default(), &Progress::default()).unwrap()
+    let task = Search {
+        reference: &reference,
+        sources: &sources,
+        depth_range: [1.5, 6.0],
+        seeds: &[],
+        allowed,
+    };
+    Engine::Cpu
+        .search(&task, &PatchMatchOptions::default(), &Progress::default())
+        .unwrap()
 }
 
 /// Median error of depth as a share of it, away from the borders.
@@ -20,7 +28,11 @@ fn median_error(found: &Found) -> f64 {
         (BORDER..width - BORDER).contains(&x) && (BORDER..height - BORDER).contains(&y)
     };
     let error = |at: usize| {
-        let truth = seen(&pose(0), glam::DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5)).1;
+        let truth = seen(
+            &pose(0),
+            glam::DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5),
+        )
+        .1;
         (1.0 / f64::from(found.planes[at].inverse_depth) / truth - 1.0).abs()
     };
     let mut errors: Vec<f64> = (0..width * height).filter(inside).map(error).collect();
@@ -41,25 +53,52 @@ fn a_consistent_round_keeps_the_wall() {
         let raster = picture(index).raster(0);
         let plane = |at: usize| {
             let (x, y) = (at % SIZE.0 as usize, at / SIZE.0 as usize);
-            let depth = seen(&pose(index), glam::DVec2::new(x as f64 + 0.5, y as f64 + 0.5)).1;
+            let depth = seen(
+                &pose(index),
+                glam::DVec2::new(x as f64 + 0.5, y as f64 + 0.5),
+            )
+            .1;
             Plane::from_normal(depth as f32, glam::Vec3::NEG_Z, &raster, x as f32, y as f32)
         };
         let planes: Vec<Plane> = (0..(SIZE.0 * SIZE.1) as usize).map(plane).collect();
         let costs = vec![0.0; planes.len()];
-        Some(Arc::new(Found { width: SIZE.0 as usize, height: SIZE.1 as usize, planes, costs }))
+        Some(Arc::new(Found {
+            width: SIZE.0 as usize,
+            height: SIZE.1 as usize,
+            planes,
+            costs,
+        }))
     };
     let (reference, sources) = (picture(0), [picture(1), picture(2)]);
-    let task = Search { reference: &reference, sources: &sources, depth_range: [1.5, 6.0], seeds: &[], allowed: None };
+    let task = Search {
+        reference: &reference,
+        sources: &sources,
+        depth_range: [1.5, 6.0],
+        seeds: &[],
+        allowed: None,
+    };
     let options = PatchMatchOptions::default();
-    let round = Round { start: &first, others: &[planes(1), planes(2)], before: 0 };
-    let again = Engine::Cpu.search_consistent(&task, &round, &options, &Progress::default()).unwrap();
+    let round = Round {
+        start: &first,
+        others: &[planes(1), planes(2)],
+        before: 0,
+    };
+    let again = Engine::Cpu
+        .search_consistent(&task, &round, &options, &Progress::default())
+        .unwrap();
     let error = median_error(&again);
     assert!(error < 1e-3, "{error}");
 }
 
 #[test]
 fn the_same_for_any_number_of_threads() {
-    let with = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| found(None));
+    let with = |threads| {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap()
+            .install(|| found(None))
+    };
     assert_eq!(with(1), with(3));
 }
 
@@ -69,7 +108,12 @@ fn pixels_outside_the_mask_are_not_searched() {
     let masked = found(Some(&allowed));
     let known = |at: usize| masked.planes[at].inverse_depth > 0.0;
     assert!((0..allowed.len()).all(|at| allowed[at] || !known(at)));
-    assert!((0..allowed.len()).filter(|&at| allowed[at] && known(at)).count() > 80 * 120 * 9 / 10);
+    assert!(
+        (0..allowed.len())
+            .filter(|&at| allowed[at] && known(at))
+            .count()
+            > 80 * 120 * 9 / 10
+    );
 }
 
 #[test]
@@ -77,7 +121,16 @@ fn a_stop_is_noticed() {
     let progress = Progress::default();
     progress.stop();
     let reference = picture(0);
-    let task =
-        Search { reference: &reference, sources: &[picture(1)], depth_range: [1.5, 6.0], seeds: &[], allowed: None };
-    assert!(Engine::Cpu.search(&task, &PatchMatchOptions::default(), &progress).is_err());
+    let task = Search {
+        reference: &reference,
+        sources: &[picture(1)],
+        depth_range: [1.5, 6.0],
+        seeds: &[],
+        allowed: None,
+    };
+    assert!(
+        Engine::Cpu
+            .search(&task, &PatchMatchOptions::default(), &progress)
+            .is_err()
+    );
 }

@@ -11,7 +11,11 @@ fn strip(told: usize) -> DepthEstimate {
     estimate.normals.fill([0, 0, -127]);
     estimate.confidence.fill(255);
     for at in 0..estimate.depths.len() {
-        estimate.depths[at] = if (70..74 + told).contains(&(at % WIDTH)) { 1.0 } else { 2.0 };
+        estimate.depths[at] = if (70..74 + told).contains(&(at % WIDTH)) {
+            1.0
+        } else {
+            2.0
+        };
     }
     estimate
 }
@@ -19,14 +23,32 @@ fn strip(told: usize) -> DepthEstimate {
 /// Green before red, of one grey.
 fn picture(apart: f32) -> Texture {
     let count = WIDTH * SIZE.1 as usize;
-    let chroma = |at: usize| if (70..74).contains(&(at % WIDTH)) { [-apart, -apart] } else { [0.0, apart] };
+    let chroma = |at: usize| {
+        if (70..74).contains(&(at % WIDTH)) {
+            [-apart, -apart]
+        } else {
+            [0.0, apart]
+        }
+    };
     let chroma = (0..count).map(chroma).collect();
-    Texture::new(&Tones { width: WIDTH, height: SIZE.1 as usize, luma: vec![120.0; count], chroma })
+    Texture::new(&Tones {
+        width: WIDTH,
+        height: SIZE.1 as usize,
+        luma: vec![120.0; count],
+        chroma,
+    })
 }
 
 #[test]
 fn a_border_moves_to_where_the_colour_changes() {
     let (told, options) = (strip(2), SnapOptions::default());
-    assert_eq!(snapped(&told, &picture(60.0), &options).depths, strip(0).depths);
-    assert_eq!(snapped(&told, &picture(0.0), &options).depths, told.depths, "where no colour tells, nothing moves");
+    assert_eq!(
+        snapped(&told, &picture(60.0), &options).depths,
+        strip(0).depths
+    );
+    assert_eq!(
+        snapped(&told, &picture(0.0), &options).depths,
+        told.depths,
+        "where no colour tells, nothing moves"
+    );
 }

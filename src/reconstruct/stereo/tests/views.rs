@@ -1,14 +1,16 @@
 use super::wall::{camera, frame, grey, pose, sparse};
 use crate::stereo::patchmatch::Tones;
 use crate::stereo::{
-    DepthStore, Engine, MemoryDepths, SelectOptions, Stage, StereoOptions, StereoRequest, ViewOutcome, estimate_depths,
-    select_sources,
+    DepthStore, Engine, MemoryDepths, SelectOptions, Stage, StereoOptions, StereoRequest,
+    ViewOutcome, estimate_depths, select_sources,
 };
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore};
 
 fn frames(folder: &std::path::Path, count: usize) -> Vec<Frame> {
-    (0..count).map(|index| frame(folder, index, &grey(&pose(index)))).collect()
+    (0..count)
+        .map(|index| frame(folder, index, &grey(&pose(index))))
+        .collect()
 }
 
 #[test]
@@ -17,7 +19,12 @@ fn sources_share_points_under_a_good_angle() {
     let mut frames = frames(folder.path(), 4);
     // The third stands where the first does: no angle.
     frames[2].camera = frames[0].camera;
-    let sources = select_sources(&frames, &[0, 1, 2, 3], &sparse(&[0, 1, 2, 3]), &SelectOptions::default());
+    let sources = select_sources(
+        &frames,
+        &[0, 1, 2, 3],
+        &sparse(&[0, 1, 2, 3]),
+        &SelectOptions::default(),
+    );
     let of_first: Vec<usize> = sources[0].iter().map(|source| source.frame).collect();
     // 7° and 13° to the side: the narrower is nearer to the best angle.
     assert_eq!(of_first, [1, 3]);
@@ -31,20 +38,41 @@ fn what_cannot_be_compared_is_told_and_the_rest_done() {
     let folder = tempfile::tempdir().unwrap();
     let mut frames = frames(folder.path(), 4);
     let (width, height) = (camera().width as usize, camera().height as usize);
-    let flat = Tones { width, height, luma: vec![90.0; width * height], chroma: Vec::new() };
+    let flat = Tones {
+        width,
+        height,
+        luma: vec![90.0; width * height],
+        chroma: Vec::new(),
+    };
     frames.push(frame(folder.path(), 4, &flat));
     frames.push(frame(folder.path(), 5, &flat));
-    frames.push(Frame { camera: None, ..frames[0].clone() });
+    frames.push(Frame {
+        camera: None,
+        ..frames[0].clone()
+    });
     std::fs::remove_file(folder.path().join("5.png")).unwrap();
     let sparse = sparse(&[0, 1, 2]);
     let views = [0, 1, 2, 3, 4, 5, 6];
-    let request =
-        StereoRequest { frames: &frames, views: &views, sparse: &sparse, mask: &|_, _| None, engine: &Engine::Cpu };
+    let request = StereoRequest {
+        frames: &frames,
+        views: &views,
+        sparse: &sparse,
+        mask: &|_, _| None,
+        engine: &Engine::Cpu,
+    };
     let (store, depths) = (FrameStore::new(1 << 20), MemoryDepths::default());
-    let options = StereoOptions { max_side: 160, ..StereoOptions::default() };
-    let outcomes = estimate_depths(&request, &store, &depths, &options, &Progress::default()).unwrap();
+    let options = StereoOptions {
+        max_side: 160,
+        ..StereoOptions::default()
+    };
+    let outcomes =
+        estimate_depths(&request, &store, &depths, &options, &Progress::default()).unwrap();
     for view in 0..3 {
-        assert!(matches!(outcomes[&view], ViewOutcome::Done { pixels, .. } if pixels > 5000), "{:?}", outcomes[&view]);
+        assert!(
+            matches!(outcomes[&view], ViewOutcome::Done { pixels, .. } if pixels > 5000),
+            "{:?}",
+            outcomes[&view]
+        );
         assert!(depths.load(view, Stage::Complete).unwrap().is_some());
     }
     assert_eq!(outcomes[&3], ViewOutcome::NothingShared { points: 0 });

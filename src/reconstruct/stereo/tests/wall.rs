@@ -21,7 +21,10 @@ pub fn camera() -> Camera {
 /// A camera to the side of the first, turned a little.
 pub fn pose(index: usize) -> Pose {
     let side = [0.0, 0.35, -0.35, 0.7][index];
-    Pose { rotation: DQuat::from_rotation_y(0.1 * side), translation: DVec3::new(-side, 0.05 * side, 0.0) }
+    Pose {
+        rotation: DQuat::from_rotation_y(0.1 * side),
+        translation: DVec3::new(-side, 0.05 * side, 0.0),
+    }
 }
 
 /// Depth of the wall `z = 3 + 0.4 x − 0.3 y` (world space) along a ray from a centre.
@@ -45,7 +48,10 @@ pub fn seen_by(camera: &Camera, pose: &Pose, at_px: DVec2) -> (DVec3, f64) {
 /// The wall's grey, 0–255.
 pub fn paint(x: DVec3) -> f32 {
     let wave = |kx: f64, ky: f64, phase: f64| (kx * x.x + ky * x.y + phase).sin();
-    let sum = wave(17.0, 5.0, 0.3) + wave(-7.0, 19.0, 1.1) + wave(29.0, -23.0, 2.0) + wave(11.0, 31.0, 0.7);
+    let sum = wave(17.0, 5.0, 0.3)
+        + wave(-7.0, 19.0, 1.1)
+        + wave(29.0, -23.0, 2.0)
+        + wave(11.0, 31.0, 0.7);
     (127.5 + 30.0 * sum) as f32
 }
 
@@ -57,8 +63,15 @@ pub fn grey(pose: &Pose) -> Tones {
 pub fn painted(camera: &Camera, pose: &Pose, paint: impl Fn(usize, DVec3) -> f32) -> Tones {
     let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
     let at = |i: usize| DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-    let luma = (0..width * height).map(|i| paint(i, seen_by(camera, pose, at(i)).0)).collect();
-    Tones { width, height, luma, chroma: Vec::new() }
+    let luma = (0..width * height)
+        .map(|i| paint(i, seen_by(camera, pose, at(i)).0))
+        .collect();
+    Tones {
+        width,
+        height,
+        luma,
+        chroma: Vec::new(),
+    }
 }
 
 pub fn picture(index: usize) -> Arc<Picture> {
@@ -68,10 +81,24 @@ pub fn picture(index: usize) -> Arc<Picture> {
 /// A frame whose picture is written into a folder.
 pub fn frame(folder: &Path, index: usize, grey: &Tones) -> Frame {
     let name = format!("{index}.png");
-    let bytes: Vec<u8> = grey.luma.iter().flat_map(|&value| [(value + 0.5) as u8; 3]).collect();
-    image::save_buffer(folder.join(&name), &bytes, SIZE.0, SIZE.1, image::ColorType::Rgb8).unwrap();
+    let bytes: Vec<u8> = grey
+        .luma
+        .iter()
+        .flat_map(|&value| [(value + 0.5) as u8; 3])
+        .collect();
+    image::save_buffer(
+        folder.join(&name),
+        &bytes,
+        SIZE.0,
+        SIZE.1,
+        image::ColorType::Rgb8,
+    )
+    .unwrap();
     Frame {
-        picture: PictureSource::File { path: folder.join(&name), orientation: Default::default() },
+        picture: PictureSource::File {
+            path: folder.join(&name),
+            orientation: Default::default(),
+        },
         name,
         width: SIZE.0,
         height: SIZE.1,
@@ -84,12 +111,26 @@ pub fn frame(folder: &Path, index: usize, grey: &Tones) -> Frame {
 pub fn sparse(frames: &[usize]) -> SparsePoints {
     let mut sparse = SparsePoints::default();
     for i in 0..80u32 {
-        let at_px = DVec2::new(f64::from(i % 10) * 11.0 + 25.0, f64::from(i / 10) * 11.0 + 20.0);
+        let at_px = DVec2::new(
+            f64::from(i % 10) * 11.0 + 25.0,
+            f64::from(i / 10) * 11.0 + 20.0,
+        );
         let (position, _) = seen(&pose(0), at_px);
-        sparse.points.push(SparsePoint { position, color: [0; 3], error_px: None });
+        sparse.points.push(SparsePoint {
+            position,
+            color: [0; 3],
+            error_px: None,
+        });
         for &frame in frames {
             let at_px = camera().project(pose(frame).transform(position)).unwrap();
-            sparse.keypoints.entry(frame).or_default().push(SparseKeypoint { at_px, point: Some(i) });
+            sparse
+                .keypoints
+                .entry(frame)
+                .or_default()
+                .push(SparseKeypoint {
+                    at_px,
+                    point: Some(i),
+                });
         }
     }
     sparse

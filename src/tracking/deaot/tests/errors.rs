@@ -7,7 +7,14 @@ use ostra_compute::nn::{Network, NnError};
 #[test]
 fn networks_in_another_order_are_refused() {
     let Some(runtime) = runtime() else { return };
-    let load = |part: &str| Network::load(&runtime, &tiny().join(format!("deaot-tiny-{part}.onnx")), None).unwrap();
+    let load = |part: &str| {
+        Network::load(
+            &runtime,
+            &tiny().join(format!("deaot-tiny-{part}.onnx")),
+            None,
+        )
+        .unwrap()
+    };
     let networks = ["encoder", "propagate", "remember", "identify"].map(load);
     let error = Deaot::new(networks).unwrap_err();
     assert!(matches!(error, NnError::Mismatch { .. }), "{error}");

@@ -14,10 +14,20 @@ const HEIGHT: u32 = 60;
 pub(super) fn picture(at: u32) -> Image {
     let pixel = |x: u32, y: u32| {
         let is_in = (20 + 3 * at..45 + 3 * at).contains(&x) && (15..40).contains(&y);
-        if is_in { [230, 210, 60] } else { [x as u8, 2 * y as u8, (x + y) as u8] }
+        if is_in {
+            [230, 210, 60]
+        } else {
+            [x as u8, 2 * y as u8, (x + y) as u8]
+        }
     };
-    let pixels = (0..WIDTH * HEIGHT).map(|at| pixel(at % WIDTH, at / WIDTH)).collect();
-    Image { width: WIDTH, height: HEIGHT, pixels }
+    let pixels = (0..WIDTH * HEIGHT)
+        .map(|at| pixel(at % WIDTH, at / WIDTH))
+        .collect();
+    Image {
+        width: WIDTH,
+        height: HEIGHT,
+        pixels,
+    }
 }
 
 /// Columns from `first` to `last` (left out) of every label.
@@ -38,31 +48,48 @@ fn difference(a: &Propagated, b: &Propagated) -> f32 {
 
 #[test]
 fn labels_come_ascending_whichever_was_told_first() {
-    let Some(deaot) = tiny_networks(DeaotOptions::default()) else { return };
+    let Some(deaot) = tiny_networks(DeaotOptions::default()) else {
+        return;
+    };
     let progress = Progress::default();
     let walk = |first: u16, second: u16| {
         let mut walk = deaot.walk(&progress);
-        walk.remember(&picture(0), &mask(&[(first, 20, 45)])).unwrap();
+        walk.remember(&picture(0), &mask(&[(first, 20, 45)]))
+            .unwrap();
         walk.propagate(&picture(1)).unwrap();
-        walk.remember(&picture(1), &mask(&[(second, 70, 100)])).unwrap();
+        walk.remember(&picture(1), &mask(&[(second, 70, 100)]))
+            .unwrap();
         walk.propagate(&picture(2)).unwrap()
     };
     let (ascending, descending) = (walk(4, 9), walk(9, 4));
     assert_eq!(ascending.labels, [LabelId(4), LabelId(9)]);
     assert_eq!(descending.labels, ascending.labels);
     let plane = (WIDTH * HEIGHT) as usize;
-    let planes =
-        |of: &Propagated| -> Vec<Vec<f32>> { of.probabilities.chunks_exact(plane).map(<[f32]>::to_vec).collect() };
+    let planes = |of: &Propagated| -> Vec<Vec<f32>> {
+        of.probabilities
+            .chunks_exact(plane)
+            .map(<[f32]>::to_vec)
+            .collect()
+    };
     let [nothing, first, second] = planes(&ascending).try_into().unwrap();
-    assert_eq!(planes(&descending), [nothing.clone(), second.clone(), first.clone()]);
+    assert_eq!(
+        planes(&descending),
+        [nothing.clone(), second.clone(), first.clone()]
+    );
     assert_ne!(first, second);
-    let sums = nothing.iter().zip(&first).zip(&second).map(|((a, b), c)| a + b + c);
+    let sums = nothing
+        .iter()
+        .zip(&first)
+        .zip(&second)
+        .map(|((a, b), c)| a + b + c);
     assert!(sums.into_iter().all(|sum| (sum - 1.0).abs() < 1e-5));
 }
 
 #[test]
 fn mask_told_before_or_after_the_picture_is_answered_is_the_same() {
-    let Some(deaot) = tiny_networks(DeaotOptions::default()) else { return };
+    let Some(deaot) = tiny_networks(DeaotOptions::default()) else {
+        return;
+    };
     let progress = Progress::default();
     let told = mask(&[(2, 60, 90)]);
     let walk = |is_answered: bool| {
@@ -74,28 +101,46 @@ fn mask_told_before_or_after_the_picture_is_answered_is_the_same() {
             walk.propagate(&picture(5)).unwrap();
         }
         walk.remember(&picture(5), &told).unwrap();
-        (6..8).map(|at| walk.propagate(&picture(at)).unwrap()).next_back().unwrap()
+        (6..8)
+            .map(|at| walk.propagate(&picture(at)).unwrap())
+            .next_back()
+            .unwrap()
     };
     assert_eq!(walk(true), walk(false));
 }
 
 #[test]
 fn correction_counts_and_an_empty_mask_does_not() {
-    let Some(deaot) = tiny_networks(DeaotOptions::default()) else { return };
+    let Some(deaot) = tiny_networks(DeaotOptions::default()) else {
+        return;
+    };
     let progress = Progress::default();
     let walk = |told: Option<LabelMask>| {
         let mut walk = deaot.walk(&progress);
-        walk.remember(&picture(0), &mask(&[(1, 20, 45), (2, 60, 80)])).unwrap();
+        walk.remember(&picture(0), &mask(&[(1, 20, 45), (2, 60, 80)]))
+            .unwrap();
         walk.propagate(&picture(1)).unwrap();
-        told.into_iter().for_each(|told| walk.remember(&picture(1), &told).unwrap());
+        told.into_iter()
+            .for_each(|told| walk.remember(&picture(1), &told).unwrap());
         walk.propagate(&picture(2)).unwrap()
     };
     let plain = walk(None);
-    assert_eq!(walk(Some(mask(&[]))), plain, "labels that are not shown stay");
+    assert_eq!(
+        walk(Some(mask(&[]))),
+        plain,
+        "labels that are not shown stay"
+    );
     let corrected = walk(Some(mask(&[(1, 80, 105), (2, 0, 20)])));
-    assert!(difference(&plain, &corrected) > 0.01, "{}", difference(&plain, &corrected));
+    assert!(
+        difference(&plain, &corrected) > 0.01,
+        "{}",
+        difference(&plain, &corrected)
+    );
     let of_one = walk(Some(mask(&[(1, 80, 105)])));
-    assert!(difference(&of_one, &corrected) > 0.01, "what is not told of the other is as it was seen");
+    assert!(
+        difference(&of_one, &corrected) > 0.01,
+        "what is not told of the other is as it was seen"
+    );
 }
 
 #[test]
@@ -105,11 +150,17 @@ fn bound_of_the_memory_changes_nothing_until_it_is_reached() {
     }
     let progress = Progress::default();
     let walk = |most_remembered: usize| -> Vec<Propagated> {
-        let options = DeaotOptions { remembered_every: 1, most_remembered, ..DeaotOptions::default() };
+        let options = DeaotOptions {
+            remembered_every: 1,
+            most_remembered,
+            ..DeaotOptions::default()
+        };
         let deaot = tiny_networks(options).unwrap();
         let mut walk = deaot.walk(&progress);
         walk.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
-        (1..7).map(|at| walk.propagate(&picture(at)).unwrap()).collect()
+        (1..7)
+            .map(|at| walk.propagate(&picture(at)).unwrap())
+            .collect()
     };
     let (bounded, free) = (walk(4), walk(100));
     assert_eq!(bounded[..4], free[..4]);
@@ -118,39 +169,66 @@ fn bound_of_the_memory_changes_nothing_until_it_is_reached() {
 
 #[test]
 fn each_picture_is_answered_at_its_own_size() {
-    let options = DeaotOptions { longest_side: 97, ..DeaotOptions::default() };
-    let Some(deaot) = tiny_networks(options) else { return };
+    let options = DeaotOptions {
+        longest_side: 97,
+        ..DeaotOptions::default()
+    };
+    let Some(deaot) = tiny_networks(options) else {
+        return;
+    };
     let progress = Progress::default();
     let mut walk = deaot.walk(&progress);
     walk.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
-    let turned = Image { width: HEIGHT, height: WIDTH, pixels: picture(1).pixels };
+    let turned = Image {
+        width: HEIGHT,
+        height: WIDTH,
+        pixels: picture(1).pixels,
+    };
     let found = walk.propagate(&turned).unwrap();
-    assert_eq!((found.width, found.height), (HEIGHT as usize, WIDTH as usize));
+    assert_eq!(
+        (found.width, found.height),
+        (HEIGHT as usize, WIDTH as usize)
+    );
     assert_eq!(found.probabilities.len(), 2 * turned.pixels.len());
     assert_eq!(walk.propagate(&picture(2)).unwrap().width, WIDTH as usize);
 }
 
 #[test]
 fn what_does_not_fit_is_refused() {
-    let Some(deaot) = tiny_networks(DeaotOptions::default()) else { return };
+    let Some(deaot) = tiny_networks(DeaotOptions::default()) else {
+        return;
+    };
     let progress = Progress::default();
     let mut walk = deaot.walk(&progress);
     let error = walk.propagate(&picture(0)).unwrap_err();
     assert!(error.to_string().contains("no mask to carry"), "{error}");
     walk.remember(&picture(0), &mask(&[])).unwrap();
-    assert!(walk.propagate(&picture(1)).is_err(), "an empty mask gives nothing to carry");
-    let error = walk.remember(&picture(0), &LabelMask::empty(WIDTH, 3)).unwrap_err();
+    assert!(
+        walk.propagate(&picture(1)).is_err(),
+        "an empty mask gives nothing to carry"
+    );
+    let error = walk
+        .remember(&picture(0), &LabelMask::empty(WIDTH, 3))
+        .unwrap_err();
     assert!(error.to_string().contains("110×3"), "{error}");
-    let cut = Image { pixels: Vec::new(), ..picture(0) };
+    let cut = Image {
+        pixels: Vec::new(),
+        ..picture(0)
+    };
     assert!(walk.remember(&cut, &mask(&[(1, 0, 9)])).is_err());
 }
 
 #[test]
 fn a_stopped_walk_ends() {
-    let Some(deaot) = tiny_networks(DeaotOptions::default()) else { return };
+    let Some(deaot) = tiny_networks(DeaotOptions::default()) else {
+        return;
+    };
     let progress = Progress::default();
     let mut walk = deaot.walk(&progress);
     walk.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
     progress.stop();
-    assert!(matches!(walk.propagate(&picture(1)), Err(MaskError::Stopped(_))));
+    assert!(matches!(
+        walk.propagate(&picture(1)),
+        Err(MaskError::Stopped(_))
+    ));
 }

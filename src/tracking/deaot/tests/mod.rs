@@ -20,7 +20,11 @@ fn tiny() -> PathBuf {
 /// What runs networks; `None`, after a printed line, where it is missing, which `CI` does not allow.
 fn runtime() -> Option<Runtime> {
     let found = Runtime::find();
-    assert!(found.is_ok() || std::env::var_os("CI").is_none(), "{}", found.unwrap_err());
+    assert!(
+        found.is_ok() || std::env::var_os("CI").is_none(),
+        "{}",
+        found.unwrap_err()
+    );
     found.inspect_err(|error| println!("skipped: {error}")).ok()
 }
 
@@ -32,7 +36,8 @@ fn networks(folder: &Path, files: &[String; 4]) -> Option<Deaot> {
 }
 
 fn tiny_networks(options: DeaotOptions) -> Option<Deaot> {
-    let files = ["encoder", "remember", "propagate", "identify"].map(|part| format!("deaot-tiny-{part}.onnx"));
+    let files = ["encoder", "remember", "propagate", "identify"]
+        .map(|part| format!("deaot-tiny-{part}.onnx"));
     let mut deaot = networks(&tiny(), &files)?;
     deaot.options = options;
     Some(deaot)
@@ -44,8 +49,18 @@ fn winner(of: &Propagated) -> LabelMask {
     let labels = [&[LabelId::NONE], of.labels.as_slice()].concat();
     let value = |number: usize, at: usize| of.probabilities[number * pixels + at];
     let best = |at: usize| {
-        (1..labels.len()).fold(0, |best, number| if value(number, at) > value(best, at) { number } else { best })
+        (1..labels.len()).fold(0, |best, number| {
+            if value(number, at) > value(best, at) {
+                number
+            } else {
+                best
+            }
+        })
     };
     let ids = (0..pixels).map(|at| labels[best(at)]).collect();
-    LabelMask { width: of.width as u32, height: of.height as u32, ids }
+    LabelMask {
+        width: of.width as u32,
+        height: of.height as u32,
+        ids,
+    }
 }

@@ -71,22 +71,43 @@ struct Difference {
 
 impl Folder {
     fn open(path: &Path) -> Self {
-        let reference = serde_json::from_slice(&std::fs::read(path.join("reference.json")).unwrap()).unwrap();
+        let reference =
+            serde_json::from_slice(&std::fs::read(path.join("reference.json")).unwrap()).unwrap();
         let bytes = std::fs::read(path.join("reference.bin")).unwrap();
-        let values = bytes.chunks_exact(4).map(|word| f32::from_le_bytes(word.try_into().unwrap())).collect();
-        Self { path: path.to_owned(), reference, values }
+        let values = bytes
+            .chunks_exact(4)
+            .map(|word| f32::from_le_bytes(word.try_into().unwrap()))
+            .collect();
+        Self {
+            path: path.to_owned(),
+            reference,
+            values,
+        }
     }
 
     fn picture(&self, at: usize) -> Image {
-        let picture = image::open(self.path.join(format!("frame-{at}.png"))).unwrap().to_rgb8();
+        let picture = image::open(self.path.join(format!("frame-{at}.png")))
+            .unwrap()
+            .to_rgb8();
         let pixels = picture.pixels().map(|pixel| pixel.0).collect();
-        Image { width: picture.width(), height: picture.height(), pixels }
+        Image {
+            width: picture.width(),
+            height: picture.height(),
+            pixels,
+        }
     }
 
     fn mask(&self, name: &str) -> LabelMask {
         let mask = image::open(self.path.join(name)).unwrap().to_luma8();
-        let ids = mask.pixels().map(|pixel| LabelId(pixel.0[0].into())).collect();
-        LabelMask { width: mask.width(), height: mask.height(), ids }
+        let ids = mask
+            .pixels()
+            .map(|pixel| LabelId(pixel.0[0].into()))
+            .collect();
+        LabelMask {
+            width: mask.width(),
+            height: mask.height(),
+            ids,
+        }
     }
 
     fn tensor(&self, place: &Place) -> &[f32] {
@@ -113,14 +134,22 @@ impl Folder {
         difference
     }
 
-    fn compare_logits(&self, case: &Case, expected: &FrameReference, walk: &Walk<'_>, difference: &mut Difference) {
+    fn compare_logits(
+        &self,
+        case: &Case,
+        expected: &FrameReference,
+        walk: &Walk<'_>,
+        difference: &mut Difference,
+    ) {
         let found = walk.last_logits();
         assert!(expected.groups.is_empty() || expected.groups.len() == found.len());
         for (place, found) in expected.groups.iter().zip(&found) {
             let [_, rows, columns] = place.shape;
             assert_eq!(found.shape(), [1, OBJECTS + 1, rows, columns]);
             let pairs = self.tensor(place).iter().zip(found.as_floats());
-            let largest = pairs.map(|(&a, &b)| f64::from(a - b).abs()).fold(0.0, f64::max);
+            let largest = pairs
+                .map(|(&a, &b)| f64::from(a - b).abs())
+                .fold(0.0, f64::max);
             difference.logits = difference.logits.max(largest / case.deviation);
         }
     }
@@ -128,7 +157,12 @@ impl Folder {
 
 fn compare_masks(expected: &LabelMask, found: &LabelMask, difference: &mut Difference) {
     let count = expected.ids.len() as f64;
-    let others = expected.ids.iter().zip(&found.ids).filter(|(a, b)| a != b).count();
+    let others = expected
+        .ids
+        .iter()
+        .zip(&found.ids)
+        .filter(|(a, b)| a != b)
+        .count();
     difference.labels = difference.labels.max(others as f64 / count);
     let last = expected.ids.iter().max().map_or(0, |label| label.0);
     for label in 1..=last {
@@ -146,11 +180,22 @@ fn folder() -> Folder {
 #[test]
 fn every_logit_and_mask_is_that_of_the_reference() {
     let folder = folder();
-    let Some(deaot) = networks(&folder.path, &folder.reference.networks) else { return };
+    let Some(deaot) = networks(&folder.path, &folder.reference.networks) else {
+        return;
+    };
     for case in &folder.reference.cases {
         let found = folder.walk(&deaot, case, |image| image);
-        println!("{}: {found:?}, deviation {:.2}, {} pictures", case.name, case.deviation, case.frames.len());
-        assert!(found.logits < TOLERANCE && 1.0 - found.labels >= ALIKE, "{}: {found:?}", case.name);
+        println!(
+            "{}: {found:?}, deviation {:.2}, {} pictures",
+            case.name,
+            case.deviation,
+            case.frames.len()
+        );
+        assert!(
+            found.logits < TOLERANCE && 1.0 - found.labels >= ALIKE,
+            "{}: {found:?}",
+            case.name
+        );
         let (least, most) = found.covers.unwrap();
         let is_fair = case.name != "three" || least >= 0.02 && most <= 0.6;
         assert!(is_fair, "an empty or full mask proves nothing");
@@ -160,24 +205,42 @@ fn every_logit_and_mask_is_that_of_the_reference() {
 #[test]
 fn blue_for_red_half_a_pixel_and_no_memory_are_noticed() {
     let folder = Folder::open(&tiny());
-    let Some(mut deaot) = networks(&folder.path, &folder.reference.networks) else { return };
+    let Some(mut deaot) = networks(&folder.path, &folder.reference.networks) else {
+        return;
+    };
     let case = &folder.reference.cases[0];
     let swapped = folder.walk(&deaot, case, |mut image| {
         image.pixels.iter_mut().for_each(|pixel| pixel.reverse());
         image
     });
-    assert!(swapped.logits > 10.0 * TOLERANCE, "blue for red: {swapped:?}");
+    assert!(
+        swapped.logits > 10.0 * TOLERANCE,
+        "blue for red: {swapped:?}"
+    );
     let shifted = folder.walk(&deaot, case, |mut image| {
         for row in image.pixels.chunks_exact_mut(image.width as usize) {
             for x in 1..row.len() {
-                row[x - 1] = std::array::from_fn(|channel| row[x - 1][channel].midpoint(row[x][channel]));
+                row[x - 1] =
+                    std::array::from_fn(|channel| row[x - 1][channel].midpoint(row[x][channel]));
             }
         }
         image
     });
-    assert!(shifted.logits > 10.0 * TOLERANCE, "half a pixel to the left: {shifted:?}");
-    deaot.options = DeaotOptions { remembered_every: usize::MAX, ..deaot.options };
+    assert!(
+        shifted.logits > 10.0 * TOLERANCE,
+        "half a pixel to the left: {shifted:?}"
+    );
+    deaot.options = DeaotOptions {
+        remembered_every: usize::MAX,
+        ..deaot.options
+    };
     let forgotten = folder.walk(&deaot, case, |image| image);
-    println!("faults: {:.2}, {:.2}, {:.2}", swapped.logits, shifted.logits, forgotten.logits);
-    assert!(forgotten.logits > 10.0 * TOLERANCE, "only the first picture remembered for long: {forgotten:?}");
+    println!(
+        "faults: {:.2}, {:.2}, {:.2}",
+        swapped.logits, shifted.logits, forgotten.logits
+    );
+    assert!(
+        forgotten.logits > 10.0 * TOLERANCE,
+        "only the first picture remembered for long: {forgotten:?}"
+    );
 }

@@ -17,17 +17,32 @@ fn frames(folder: &Path, last: u32) -> Vec<Frame> {
     let one = |at: u32| {
         let (path, picture) = (folder.join(format!("{at}.png")), picture(at));
         let pixels = picture.pixels.as_flattened().to_vec();
-        image::RgbImage::from_raw(picture.width, picture.height, pixels).unwrap().save(&path).unwrap();
-        let source = PictureSource::File { path, orientation: Orientation::default() };
+        image::RgbImage::from_raw(picture.width, picture.height, pixels)
+            .unwrap()
+            .save(&path)
+            .unwrap();
+        let source = PictureSource::File {
+            path,
+            orientation: Orientation::default(),
+        };
         let (width, height) = (picture.width, picture.height);
-        Frame { name: at.to_string(), width, height, picture: source, depth: None, camera: None }
+        Frame {
+            name: at.to_string(),
+            width,
+            height,
+            picture: source,
+            depth: None,
+            camera: None,
+        }
     };
     (0..=last).map(one).collect()
 }
 
 #[test]
 fn masks_go_both_ways_from_an_anchor() {
-    let Some(deaot) = tiny_networks(DeaotOptions::default()) else { return };
+    let Some(deaot) = tiny_networks(DeaotOptions::default()) else {
+        return;
+    };
     let (folder, progress) = (tempfile::tempdir().unwrap(), Progress::default());
     let anchor = mask(&[(1, 26, 51), (2, 70, 100)]);
     let request = TrackRequest {
@@ -40,7 +55,13 @@ fn masks_go_both_ways_from_an_anchor() {
         labels: None,
     };
     let mut found: BTreeMap<usize, LabelMask> = BTreeMap::new();
-    let warnings = deaot.track(&request, &mut |given| drop(found.insert(given.frame, given.mask)), &progress).unwrap();
+    let warnings = deaot
+        .track(
+            &request,
+            &mut |given| drop(found.insert(given.frame, given.mask)),
+            &progress,
+        )
+        .unwrap();
     assert!(warnings.is_empty(), "{warnings:?}");
     let mut expected = BTreeMap::new();
     for way in [[3, 4], [1, 0]] {

@@ -11,7 +11,9 @@ fn told(request: &TrackRequest) -> (BTreeMap<usize, TrackedFrame>, Vec<String>) 
     let mut take = |frame: TrackedFrame| {
         tracked.insert(frame.frame, frame);
     };
-    let warnings = FlowTracker::default().track(request, &mut take, &Progress::default()).unwrap();
+    let warnings = FlowTracker::default()
+        .track(request, &mut take, &Progress::default())
+        .unwrap();
     (tracked, warnings)
 }
 
@@ -28,14 +30,19 @@ fn damage(film: &Film, gone: usize, cut: &[usize]) {
 #[test]
 fn backward_goes_to_earlier_frames_alone_in_falling_order() {
     let film = Film::new(40, &two_disks(), 0..0);
-    let request = TrackRequest { direction: Direction::Backward, ..film.request(&[37]) };
+    let request = TrackRequest {
+        direction: Direction::Backward,
+        ..film.request(&[37])
+    };
     let mut order = Vec::new();
     let mut tracked = BTreeMap::new();
     let mut take = |frame: TrackedFrame| {
         order.push(frame.frame);
         tracked.insert(frame.frame, frame);
     };
-    FlowTracker::default().track(&request, &mut take, &Progress::default()).unwrap();
+    FlowTracker::default()
+        .track(&request, &mut take, &Progress::default())
+        .unwrap();
     assert_eq!(order, (0..37).rev().collect::<Vec<_>>());
     for (frame, label) in [(0, LEFT), (20, LEFT), (0, RIGHT), (20, RIGHT)] {
         let iou = film.iou(&tracked, frame, label);
@@ -49,11 +56,18 @@ fn a_frame_that_cannot_be_read_is_stepped_over_and_named() {
         let film = Film::new(20, &two_disks(), 0..0);
         damage(&film, 6, &[7, 12]);
         let (tracked, warnings) = told(&film.request(&[anchor]));
-        let expected: Vec<usize> = (0..20).filter(|frame| ![anchor, 6, 7, 12].contains(frame)).collect();
+        let expected: Vec<usize> = (0..20)
+            .filter(|frame| ![anchor, 6, 7, 12].contains(frame))
+            .collect();
         assert_eq!(tracked.keys().copied().collect::<Vec<_>>(), expected);
         assert!(film.iou(&tracked, last, LEFT) > 0.85 && film.iou(&tracked, last, RIGHT) > 0.85);
-        let [warning] = warnings.as_slice() else { panic!("{warnings:?}") };
-        assert!(warning.starts_with("3 frames cannot be read") && warning.contains("006.png, 007.png, 012.png"));
+        let [warning] = warnings.as_slice() else {
+            panic!("{warnings:?}")
+        };
+        assert!(
+            warning.starts_with("3 frames cannot be read")
+                && warning.contains("006.png, 007.png, 012.png")
+        );
     }
 }
 
@@ -64,12 +78,20 @@ fn frames_between_anchors_that_cannot_be_read_are_stepped_over_from_both_sides()
         damage(&film, gone, &[]);
     }
     let (tracked, warnings) = told(&film.request(&[0, 19]));
-    let readable: Vec<usize> = (1..19).filter(|frame| ![1, 7, 12, 18].contains(frame)).collect();
+    let readable: Vec<usize> = (1..19)
+        .filter(|frame| ![1, 7, 12, 18].contains(frame))
+        .collect();
     assert_eq!(tracked.keys().copied().collect::<Vec<_>>(), readable);
     for frame in [2, 8, 17] {
-        assert!(film.iou(&tracked, frame, LEFT) > 0.9, "frame {frame}: {}", film.iou(&tracked, frame, LEFT));
+        assert!(
+            film.iou(&tracked, frame, LEFT) > 0.9,
+            "frame {frame}: {}",
+            film.iou(&tracked, frame, LEFT)
+        );
     }
-    let [warning] = warnings.as_slice() else { panic!("{warnings:?}") };
+    let [warning] = warnings.as_slice() else {
+        panic!("{warnings:?}")
+    };
     assert!(warning.starts_with("4 frames cannot be read"), "{warning}");
 }
 
@@ -77,9 +99,17 @@ fn frames_between_anchors_that_cannot_be_read_are_stepped_over_from_both_sides()
 fn a_frame_behind_the_range_is_not_needed() {
     let film = Film::new(12, &two_disks(), 0..0);
     damage(&film, 7, &[]);
-    let request = TrackRequest { from: 3, to: 6, direction: Direction::Forward, ..film.request(&[1, 10]) };
+    let request = TrackRequest {
+        from: 3,
+        to: 6,
+        direction: Direction::Forward,
+        ..film.request(&[1, 10])
+    };
     let (tracked, warnings) = told(&request);
-    assert_eq!((tracked.keys().copied().collect::<Vec<_>>(), warnings), (vec![3, 4, 5, 6], vec![]));
+    assert_eq!(
+        (tracked.keys().copied().collect::<Vec<_>>(), warnings),
+        (vec![3, 4, 5, 6], vec![])
+    );
 }
 
 #[test]
@@ -87,10 +117,18 @@ fn an_anchor_that_cannot_be_read_leaves_its_side_to_the_other() {
     let film = Film::new(12, &two_disks(), 0..0);
     damage(&film, 0, &[]);
     let (tracked, warnings) = told(&film.request(&[0, 11]));
-    assert_eq!(tracked.keys().copied().collect::<Vec<_>>(), (1..11).collect::<Vec<_>>());
-    assert!(film.iou(&tracked, 1, LEFT) > 0.85 && warnings[0].contains("000.png"), "{warnings:?}");
+    assert_eq!(
+        tracked.keys().copied().collect::<Vec<_>>(),
+        (1..11).collect::<Vec<_>>()
+    );
+    assert!(
+        film.iou(&tracked, 1, LEFT) > 0.85 && warnings[0].contains("000.png"),
+        "{warnings:?}"
+    );
     let alone = film.request(&[0]);
-    let refused = FlowTracker::default().track(&alone, &mut |_| {}, &Progress::default()).unwrap_err();
+    let refused = FlowTracker::default()
+        .track(&alone, &mut |_| {}, &Progress::default())
+        .unwrap_err();
     assert!(refused.to_string().contains("000.png"), "{refused}");
 }
 
@@ -101,7 +139,11 @@ fn masks_between_anchors_lie_between() {
     // The second anchor shows the object larger than the first.
     let grown = film.truth[20].region(LEFT).dilated(3.0);
     let mask = Arc::make_mut(request.anchors.get_mut(&20).unwrap());
-    mask.ids.iter_mut().zip(&grown.inside).filter(|(_, inside)| **inside).for_each(|(id, _)| *id = LEFT);
+    mask.ids
+        .iter_mut()
+        .zip(&grown.inside)
+        .filter(|(_, inside)| **inside)
+        .for_each(|(id, _)| *id = LEFT);
     let (tracked, _) = told(&request);
     let area = |frame: usize| tracked[&frame].mask.region(LEFT).area();
     let ends = (film.truth[0].region(LEFT).area(), grown.area());
@@ -111,17 +153,34 @@ fn masks_between_anchors_lie_between() {
             "frame {frame}: {} of {ends:?}",
             area(frame)
         );
-        assert!(film.iou(&tracked, frame, RIGHT) > 0.85, "the other object stays in frame {frame}");
+        assert!(
+            film.iou(&tracked, frame, RIGHT) > 0.85,
+            "the other object stays in frame {frame}"
+        );
     }
     let mean = |frames: Range<usize>| frames.clone().map(area).sum::<usize>() / frames.len();
-    assert!(mean(1..8) < mean(7..14) && mean(7..14) < mean(13..20), "it grows towards the larger one");
+    assert!(
+        mean(1..8) < mean(7..14) && mean(7..14) < mean(13..20),
+        "it grows towards the larger one"
+    );
 }
 
 /// A disk as a walk shows it.
 fn walked(x: f32, y: f32, radius: f32, sure: f32) -> WalkedFrame {
-    let inside = |at: usize| Vec2::new((at % 40) as f32, (at / 40) as f32).distance(Vec2::new(x, y)) < radius;
-    let ids = (0..40 * 30).map(|at| if inside(at) { LEFT } else { LabelId::NONE }).collect();
-    WalkedFrame { mask: LabelMask { width: 40, height: 30, ids }, confidence: BTreeMap::from([(LEFT, sure)]) }
+    let inside = |at: usize| {
+        Vec2::new((at % 40) as f32, (at / 40) as f32).distance(Vec2::new(x, y)) < radius
+    };
+    let ids = (0..40 * 30)
+        .map(|at| if inside(at) { LEFT } else { LabelId::NONE })
+        .collect();
+    WalkedFrame {
+        mask: LabelMask {
+            width: 40,
+            height: 30,
+            ids,
+        },
+        confidence: BTreeMap::from([(LEFT, sure)]),
+    }
 }
 
 /// The mean of two outlines that lie apart would be no object at all.

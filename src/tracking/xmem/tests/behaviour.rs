@@ -21,19 +21,29 @@ fn files() -> [String; 3] {
 fn small() -> Option<XMem> {
     let mut xmem = networks(&tiny(), &files())?;
     xmem.options.short_side = None;
-    (xmem.options.remember_every, xmem.options.most_frames, xmem.options.least_frames) = (2, 4, 2);
+    (
+        xmem.options.remember_every,
+        xmem.options.most_frames,
+        xmem.options.least_frames,
+    ) = (2, 4, 2);
     (xmem.options.prototypes, xmem.options.most_prototypes) = (8, 30);
     Some(xmem)
 }
 
 /// Waves that move.
 fn picture(at: u32) -> Image {
-    let wave = |x: u32, y: u32, by: u32| (127.0 + 120.0 * ((x * by + 3 * y + 2 * at) as f32 / 9.0).sin()) as u8;
+    let wave = |x: u32, y: u32, by: u32| {
+        (127.0 + 120.0 * ((x * by + 3 * y + 2 * at) as f32 / 9.0).sin()) as u8
+    };
     let pixel = |place: u32| {
         let (x, y) = (place % SIDE, place / SIDE);
         [wave(x, y, 1), wave(x, y, 4), (4 * (place % 61)) as u8]
     };
-    Image { width: SIDE, height: SIDE, pixels: (0..SIDE * SIDE).map(pixel).collect() }
+    Image {
+        width: SIDE,
+        height: SIDE,
+        pixels: (0..SIDE * SIDE).map(pixel).collect(),
+    }
 }
 
 /// Boxes of 12 × 12 pixels, as many as there are labels.
@@ -65,7 +75,9 @@ fn dozen_labels_are_followed_in_any_order() {
     let area = (SIDE * SIDE) as usize;
     let map = |of: &[f32], at: usize| of[at * area..][..area].to_vec();
     for label in 1..=12 {
-        let pairs = map(&forth.probabilities, label).into_iter().zip(map(&back.probabilities, 13 - label));
+        let pairs = map(&forth.probabilities, label)
+            .into_iter()
+            .zip(map(&back.probabilities, 13 - label));
         let apart = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(apart < 1e-3, "label {label}: {apart}");
     }
@@ -85,7 +97,11 @@ fn memory_does_not_grow_and_later_labels_have_their_own() {
     for at in 1..100 {
         if at == 9 {
             let mut later = boxes(1..=3);
-            later.ids.iter_mut().filter(|id| id.0 < 3).for_each(|id| *id = LabelId::NONE);
+            later
+                .ids
+                .iter_mut()
+                .filter(|id| id.0 < 3)
+                .for_each(|id| *id = LabelId::NONE);
             walk.remember(&picture(at), &later).unwrap();
             assert_eq!(walk.sizes()[1], (cells, 0));
             continue;
@@ -93,11 +109,18 @@ fn memory_does_not_grow_and_later_labels_have_their_own() {
         let answer = walk.propagate(&picture(at)).unwrap();
         assert_eq!(answer.labels.len(), if at < 9 { 2 } else { 3 });
         for (working, long_term) in walk.sizes() {
-            assert!(working < 4 * cells && long_term <= 30, "frame {at}: {working} {long_term}");
+            assert!(
+                working < 4 * cells && long_term <= 30,
+                "frame {at}: {working} {long_term}"
+            );
         }
     }
     assert_eq!(walk.sizes().len(), 2);
-    assert!(walk.sizes().iter().all(|(_, long_term)| *long_term > 8), "both were consolidated: {:?}", walk.sizes());
+    assert!(
+        walk.sizes().iter().all(|(_, long_term)| *long_term > 8),
+        "both were consolidated: {:?}",
+        walk.sizes()
+    );
 }
 
 #[test]
@@ -107,9 +130,22 @@ fn film_is_tracked_and_stopped() {
     let frame = |at: u32| {
         let (path, image) = (folder.path().join(format!("{at}.png")), picture(at));
         let bytes = image.pixels.into_flattened();
-        image::RgbImage::from_raw(SIDE, SIDE, bytes).unwrap().save(&path).unwrap();
-        let picture = PictureSource::File { path, orientation: Orientation::default() };
-        Frame { name: at.to_string(), width: SIDE, height: SIDE, picture, depth: None, camera: None }
+        image::RgbImage::from_raw(SIDE, SIDE, bytes)
+            .unwrap()
+            .save(&path)
+            .unwrap();
+        let picture = PictureSource::File {
+            path,
+            orientation: Orientation::default(),
+        };
+        Frame {
+            name: at.to_string(),
+            width: SIDE,
+            height: SIDE,
+            picture,
+            depth: None,
+            camera: None,
+        }
     };
     let request = TrackRequest {
         frames: Arc::new((0..6).map(frame).collect()),
@@ -121,21 +157,45 @@ fn film_is_tracked_and_stopped() {
         labels: None,
     };
     let mut given = Vec::new();
-    let warnings = xmem.track(&request, &mut |frame| given.push(frame), &Progress::default()).unwrap();
+    let warnings = xmem
+        .track(
+            &request,
+            &mut |frame| given.push(frame),
+            &Progress::default(),
+        )
+        .unwrap();
     assert!(warnings.is_empty());
-    assert_eq!(given.iter().map(|frame| frame.frame).collect::<Vec<_>>(), [3, 4, 5, 1, 0]);
+    assert_eq!(
+        given.iter().map(|frame| frame.frame).collect::<Vec<_>>(),
+        [3, 4, 5, 1, 0]
+    );
     let progress = Progress::default();
     let mut walk = xmem.walk(&progress);
     walk.remember(&picture(2), &request.anchors[&2]).unwrap();
     let answer = walk.propagate(&picture(3)).unwrap();
     let area = (SIDE * SIDE) as usize;
     for (at, id) in given[0].mask.ids.iter().enumerate() {
-        let place = answer.labels.iter().position(|label| label == id).map_or(0, |place| 1 + place);
-        let most = answer.probabilities[at..].iter().step_by(area).copied().fold(0.0, f32::max);
-        assert_eq!(answer.probabilities[place * area + at].to_bits(), most.to_bits(), "the same for any run");
+        let place = answer
+            .labels
+            .iter()
+            .position(|label| label == id)
+            .map_or(0, |place| 1 + place);
+        let most = answer.probabilities[at..]
+            .iter()
+            .step_by(area)
+            .copied()
+            .fold(0.0, f32::max);
+        assert_eq!(
+            answer.probabilities[place * area + at].to_bits(),
+            most.to_bits(),
+            "the same for any run"
+        );
     }
     progress.stop();
-    assert!(matches!(walk.propagate(&picture(4)), Err(MaskError::Stopped(_))));
+    assert!(matches!(
+        walk.propagate(&picture(4)),
+        Err(MaskError::Stopped(_))
+    ));
 }
 
 #[test]
@@ -143,13 +203,24 @@ fn networks_that_do_not_belong_together_are_refused() {
     let Some(_) = small() else { return };
     let runtime = ostra_compute::nn::Runtime::find().unwrap();
     let [key, value, decoder] = files();
-    for (order, told) in [([&value, &key, &decoder], "image"), ([&key, &decoder, &value], "others")] {
-        let load = |file: &String| ostra_compute::nn::Network::load(&runtime, &tiny().join(file), None).unwrap();
+    for (order, told) in [
+        ([&value, &key, &decoder], "image"),
+        ([&key, &decoder, &value], "others"),
+    ] {
+        let load = |file: &String| {
+            ostra_compute::nn::Network::load(&runtime, &tiny().join(file), None).unwrap()
+        };
         let error = XMem::new(order.map(load)).unwrap_err();
         let text = error.to_string();
-        assert!(matches!(error, NnError::Mismatch { .. }) && !text.contains('\n'), "{text}");
+        assert!(
+            matches!(error, NnError::Mismatch { .. }) && !text.contains('\n'),
+            "{text}"
+        );
         assert!(text.contains(told), "{text}");
     }
     let text = XMem::load(&tiny()).unwrap_err().to_string();
-    assert!(text.contains("is not installed") && text.contains("ostra models add xmem"), "{text}");
+    assert!(
+        text.contains("is not installed") && text.contains("ostra models add xmem"),
+        "{text}"
+    );
 }

@@ -17,8 +17,14 @@ fn tiny() -> PathBuf {
 /// allow.
 fn networks(folder: &Path, files: &[String; 3]) -> Option<XMem> {
     let found = Runtime::find();
-    assert!(found.is_ok() || std::env::var_os("CI").is_none(), "{}", found.unwrap_err());
-    let runtime = found.inspect_err(|error| println!("skipped: {error}")).ok()?;
+    assert!(
+        found.is_ok() || std::env::var_os("CI").is_none(),
+        "{}",
+        found.unwrap_err()
+    );
+    let runtime = found
+        .inspect_err(|error| println!("skipped: {error}"))
+        .ok()?;
     let load = |file: &String| Network::load(&runtime, &folder.join(file), None).unwrap();
     Some(XMem::new(files.each_ref().map(load)).unwrap())
 }

@@ -88,10 +88,18 @@ struct Differences {
 
 impl Folder {
     fn open(path: &Path) -> Self {
-        let reference = serde_json::from_slice(&std::fs::read(path.join("reference.json")).unwrap()).unwrap();
+        let reference =
+            serde_json::from_slice(&std::fs::read(path.join("reference.json")).unwrap()).unwrap();
         let bytes = std::fs::read(path.join("reference.bin")).unwrap();
-        let values = bytes.chunks_exact(4).map(|word| f32::from_le_bytes(word.try_into().unwrap())).collect();
-        Self { path: path.to_owned(), reference, values }
+        let values = bytes
+            .chunks_exact(4)
+            .map(|word| f32::from_le_bytes(word.try_into().unwrap()))
+            .collect();
+        Self {
+            path: path.to_owned(),
+            reference,
+            values,
+        }
     }
 
     /// With the limits of a case.
@@ -111,18 +119,35 @@ impl Folder {
 
     fn pictures(&self) -> Vec<Image> {
         let (width, height) = (self.reference.width, self.reference.height);
-        let strip = image::open(self.path.join(&self.reference.pictures)).unwrap().to_rgb8();
+        let strip = image::open(self.path.join(&self.reference.pictures))
+            .unwrap()
+            .to_rgb8();
         let pixels: Vec<[u8; 3]> = strip.pixels().map(|pixel| pixel.0).collect();
         let pictures = pixels.chunks_exact((width * height) as usize);
-        pictures.map(|pixels| Image { width, height, pixels: pixels.to_vec() }).collect()
+        pictures
+            .map(|pixels| Image {
+                width,
+                height,
+                pixels: pixels.to_vec(),
+            })
+            .collect()
     }
 
     fn masks(&self, name: &str) -> Vec<LabelMask> {
         let (width, height) = (self.reference.width, self.reference.height);
         let strip = image::open(self.path.join(name)).unwrap().to_luma8();
-        let ids: Vec<LabelId> = strip.pixels().map(|pixel| LabelId(u16::from(pixel.0[0]))).collect();
+        let ids: Vec<LabelId> = strip
+            .pixels()
+            .map(|pixel| LabelId(u16::from(pixel.0[0])))
+            .collect();
         let masks = ids.chunks_exact((width * height) as usize);
-        masks.map(|ids| LabelMask { width, height, ids: ids.to_vec() }).collect()
+        masks
+            .map(|ids| LabelMask {
+                width,
+                height,
+                ids: ids.to_vec(),
+            })
+            .collect()
     }
 
     fn tensor(&self, place: &Place) -> &[f32] {
@@ -134,7 +159,12 @@ impl Folder {
         let progress = Progress::default();
         let mut walk = xmem.walk(&progress);
         let (given, expected) = (self.masks(&case.given_masks), self.masks(&case.masks));
-        let mut found = Differences { probability: 0.0, equal: 1.0, covers: (1.0, 0.0), sizes: Vec::new() };
+        let mut found = Differences {
+            probability: 0.0,
+            equal: 1.0,
+            covers: (1.0, 0.0),
+            sizes: Vec::new(),
+        };
         for (at, picture) in pictures.iter().enumerate() {
             if let Some(told) = case.given.iter().position(|&frame| frame == at) {
                 walk.remember(picture, &given[told]).unwrap();
@@ -148,7 +178,10 @@ impl Folder {
                 assert_eq!(answer.probabilities.len(), expected.len());
                 let pairs = expected.iter().zip(&answer.probabilities);
                 let largest = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-                print!(", probabilities differ by {largest:.1e}, their deviation is {:.3}", deviation(expected));
+                print!(
+                    ", probabilities differ by {largest:.1e}, their deviation is {:.3}",
+                    deviation(expected)
+                );
                 found.probability = found.probability.max(largest);
             }
             println!();
@@ -165,7 +198,11 @@ impl Differences {
         let equal = found.iter().zip(expected).filter(|(a, b)| a == b).count() as f64 / total;
         self.equal = self.equal.min(equal);
         for label in 1..=count {
-            let share = expected.iter().filter(|id| usize::from(id.0) == label).count() as f64 / total;
+            let share = expected
+                .iter()
+                .filter(|id| usize::from(id.0) == label)
+                .count() as f64
+                / total;
             self.covers = (self.covers.0.min(share), self.covers.1.max(share));
         }
         equal
@@ -181,21 +218,37 @@ fn labels(answer: &Propagated) -> Vec<LabelId> {
     let best = |at: usize| {
         let maps = 0..=answer.labels.len();
         let probability = |map: usize| answer.probabilities[map * area + at];
-        maps.max_by(|&a, &b| probability(a).total_cmp(&probability(b)).then(b.cmp(&a))).unwrap()
+        maps.max_by(|&a, &b| probability(a).total_cmp(&probability(b)).then(b.cmp(&a)))
+            .unwrap()
     };
-    (0..area).map(|at| best(at).checked_sub(1).map_or(LabelId::NONE, |label| answer.labels[label])).collect()
+    (0..area)
+        .map(|at| {
+            best(at)
+                .checked_sub(1)
+                .map_or(LabelId::NONE, |label| answer.labels[label])
+        })
+        .collect()
 }
 
 fn deviation(values: &[f32]) -> f64 {
     let count = values.len() as f64;
     let mean = values.iter().map(|&value| f64::from(value)).sum::<f64>() / count;
-    (values.iter().map(|&value| (f64::from(value) - mean).powi(2)).sum::<f64>() / count).sqrt()
+    (values
+        .iter()
+        .map(|&value| (f64::from(value) - mean).powi(2))
+        .sum::<f64>()
+        / count)
+        .sqrt()
 }
 
 /// Largest difference of two tensors in standard deviations of the first.
 fn difference(expected: &[f32], found: &[f32]) -> f64 {
     assert_eq!(expected.len(), found.len());
-    let largest = expected.iter().zip(found).map(|(&a, &b)| f64::from(a - b).abs()).fold(0.0, f64::max);
+    let largest = expected
+        .iter()
+        .zip(found)
+        .map(|(&a, &b)| f64::from(a - b).abs())
+        .fold(0.0, f64::max);
     largest / deviation(expected)
 }
 
@@ -207,13 +260,18 @@ fn folder() -> Folder {
 /// The largest difference of what the key encoder makes of a picture.
 fn encoded(folder: &Folder, xmem: &XMem, picture: &Image) -> f64 {
     let fit = Fit::new(picture.width, picture.height, xmem.options.short_side);
-    let seen = xmem.networks.see(picture, fit, &Progress::default()).unwrap();
+    let seen = xmem
+        .networks
+        .see(picture, fit, &Progress::default())
+        .unwrap();
     let mut largest = 0.0f64;
     for (name, place) in &folder.reference.tensors {
         let expected = folder.tensor(place);
         let cells = seen.cells.len();
         let planes = |rows: &[f32], width: usize| -> Vec<f32> {
-            (0..rows.len()).map(|at| rows[at % cells * width + at / cells]).collect()
+            (0..rows.len())
+                .map(|at| rows[at % cells * width + at / cells])
+                .collect()
         };
         let found = match name.as_str() {
             "key" => planes(&seen.cells.keys, seen.cells.widths.key),
@@ -222,7 +280,10 @@ fn encoded(folder: &Folder, xmem: &XMem, picture: &Image) -> f64 {
             name => seen.feature(name).as_floats().to_vec(),
         };
         let apart = difference(expected, &found);
-        println!("{name}: {apart:.1e} of its deviation {:.3}", deviation(expected));
+        println!(
+            "{name}: {apart:.1e} of its deviation {:.3}",
+            deviation(expected)
+        );
         largest = largest.max(apart);
     }
     largest
@@ -233,15 +294,23 @@ fn three_objects_are_followed_as_by_the_official_code() {
     let folder = folder();
     let pictures = folder.pictures();
     for case in &folder.reference.cases {
-        let Some(xmem) = folder.networks(case) else { return };
+        let Some(xmem) = folder.networks(case) else {
+            return;
+        };
         assert!(encoded(&folder, &xmem, &pictures[0]) < OF_TENSOR);
         let found = folder.follow(&xmem, case, &pictures);
         println!("{}: {found:?}", case.name);
         assert!(found.is_same(), "{}: {found:?}", case.name);
-        assert!(found.covers.0 >= 0.02 && found.covers.1 <= 0.6, "an empty or full mask proves nothing");
+        assert!(
+            found.covers.0 >= 0.02 && found.covers.1 <= 0.6,
+            "an empty or full mask proves nothing"
+        );
         if case.name == "consolidated" {
             let (_, long_term) = found.sizes[0];
-            assert_eq!(long_term, case.limits.max_long_term_elements, "memory is full, so some was forgotten");
+            assert_eq!(
+                long_term, case.limits.max_long_term_elements,
+                "memory is full, so some was forgotten"
+            );
         }
     }
 }
@@ -250,10 +319,15 @@ fn three_objects_are_followed_as_by_the_official_code() {
 fn faults_are_noticed() {
     let folder = Folder::open(&tiny());
     let case = &folder.reference.cases[0];
-    let Some(mut xmem) = folder.networks(case) else { return };
+    let Some(mut xmem) = folder.networks(case) else {
+        return;
+    };
     let right = folder.pictures();
     let changed = |change: &dyn Fn(&Image, usize) -> [u8; 3]| -> Vec<Image> {
-        let image = |of: &Image| Image { pixels: (0..of.pixels.len()).map(|at| change(of, at)).collect(), ..*of };
+        let image = |of: &Image| Image {
+            pixels: (0..of.pixels.len()).map(|at| change(of, at)).collect(),
+            ..*of
+        };
         right.iter().map(image).collect()
     };
     let swapped = changed(&|image, at| {
@@ -261,19 +335,49 @@ fn faults_are_noticed() {
         [b, g, r]
     });
     assert!(encoded(&folder, &xmem, &swapped[0]) > 10.0 * OF_TENSOR);
-    assert!(!folder.follow(&xmem, case, &swapped).is_same(), "blue for red");
+    assert!(
+        !folder.follow(&xmem, case, &swapped).is_same(),
+        "blue for red"
+    );
     let shifted = changed(&|image, at| {
         let next = image.pixels[(at + 1).min(image.pixels.len() - 1)];
         std::array::from_fn(|channel| image.pixels[at][channel].midpoint(next[channel]))
     });
     assert!(encoded(&folder, &xmem, &shifted[0]) > 10.0 * OF_TENSOR);
-    assert!(!folder.follow(&xmem, case, &shifted).is_same(), "half a pixel to the left");
+    assert!(
+        !folder.follow(&xmem, case, &shifted).is_same(),
+        "half a pixel to the left"
+    );
     let options = xmem.options;
     let faults = [
-        ("nothing but the first frame is remembered", XMemOptions { remember_every: 1000, ..options }),
-        ("nothing is consolidated", XMemOptions { most_frames: 1000, ..options }),
-        ("nothing is kept for long", XMemOptions { most_prototypes: 0, ..options }),
-        ("matches are too few", XMemOptions { matches: 5, ..options }),
+        (
+            "nothing but the first frame is remembered",
+            XMemOptions {
+                remember_every: 1000,
+                ..options
+            },
+        ),
+        (
+            "nothing is consolidated",
+            XMemOptions {
+                most_frames: 1000,
+                ..options
+            },
+        ),
+        (
+            "nothing is kept for long",
+            XMemOptions {
+                most_prototypes: 0,
+                ..options
+            },
+        ),
+        (
+            "matches are too few",
+            XMemOptions {
+                matches: 5,
+                ..options
+            },
+        ),
     ];
     for (fault, options) in faults {
         xmem.options = options;

@@ -8,6 +8,16 @@ pub const SIZE: u32 = 100;
 
 /// A mask with the label at the columns and rows that are inside.
 pub fn mask(is_inside: impl Fn(u32, u32) -> bool) -> LabelMask {
-    let id = |at: u32| if is_inside(at % SIZE, at / SIZE) { LABEL } else { LabelId::NONE };
-    LabelMask { width: SIZE, height: SIZE, ids: (0..SIZE * SIZE).map(id).collect() }
+    let id = |at: u32| {
+        if is_inside(at % SIZE, at / SIZE) {
+            LABEL
+        } else {
+            LabelId::NONE
+        }
+    };
+    LabelMask {
+        width: SIZE,
+        height: SIZE,
+        ids: (0..SIZE * SIZE).map(id).collect(),
+    }
 }

@@ -11,10 +11,24 @@ use ostra_frames::Image;
 
 #[test]
 fn what_cannot_be_looked_for_is_told_in_one_line() {
-    let Some(dino) = network(&tiny(), "grounding-tiny.onnx") else { return };
-    let small = Image { width: 2, height: 2, pixels: vec![[0; 3]; 4] };
-    let narrow = Image { width: 2, height: 4000, pixels: vec![[0; 3]; 8000] };
-    let empty = Image { width: 0, height: 0, pixels: Vec::new() };
+    let Some(dino) = network(&tiny(), "grounding-tiny.onnx") else {
+        return;
+    };
+    let small = Image {
+        width: 2,
+        height: 2,
+        pixels: vec![[0; 3]; 4],
+    };
+    let narrow = Image {
+        width: 2,
+        height: 4000,
+        pixels: vec![[0; 3]; 8000],
+    };
+    let empty = Image {
+        width: 0,
+        height: 0,
+        pixels: Vec::new(),
+    };
     let many = vec!["cat"; 200];
     let asked: [(&Image, &[&str], &str); 5] = [
         (&small, &[], "no word"),
@@ -25,8 +39,14 @@ fn what_cannot_be_looked_for_is_told_in_one_line() {
     ];
     for (image, words, told) in asked {
         let words = phrases(words);
-        let request = GroundRequest { phrases: &words, threshold: None };
-        let text = dino.ground(image, &request, &Progress::default()).unwrap_err().to_string();
+        let request = GroundRequest {
+            phrases: &words,
+            threshold: None,
+        };
+        let text = dino
+            .ground(image, &request, &Progress::default())
+            .unwrap_err()
+            .to_string();
         assert!(text.contains(told) && !text.contains('\n'), "{text}");
     }
     assert_eq!((dino.name(), dino.vocabulary()), ("grounding-dino", None));
@@ -42,14 +62,19 @@ fn other_networks_and_vocabularies_are_refused() {
         GroundingDino::new(network, words).unwrap_err().to_string()
     };
     let text = refused(&other, &words);
-    assert!(text.contains("sam-tiny-encoder.onnx: expected the inputs image, input_ids"), "{text}");
+    assert!(
+        text.contains("sam-tiny-encoder.onnx: expected the inputs image, input_ids"),
+        "{text}"
+    );
     let text = refused(&tiny().join("grounding-tiny.onnx"), "cat\ndog\n");
     assert!(text.contains("the vocabulary has no '[CLS]'"), "{text}");
 }
 
 #[test]
 fn a_stopped_run_gives_no_answer() {
-    let Some(dino) = network(&tiny(), "grounding-tiny.onnx") else { return };
+    let Some(dino) = network(&tiny(), "grounding-tiny.onnx") else {
+        return;
+    };
     let (image, stopped) = (picture(&tiny().join("frame-0.png")), Progress::default());
     stopped.stop();
     let found = dino.look(&image, &phrases(&["cat"]), &stopped);
@@ -58,21 +83,45 @@ fn a_stopped_run_gives_no_answer() {
 
 #[test]
 fn another_threshold_costs_no_run() {
-    let Some(dino) = network(&tiny(), "grounding-tiny.onnx") else { return };
+    let Some(dino) = network(&tiny(), "grounding-tiny.onnx") else {
+        return;
+    };
     let image = picture(&tiny().join("frame-1.png"));
-    let look = |image: &Image, words: &[&str]| dino.look(image, &phrases(words), &Progress::default()).unwrap();
+    let look = |image: &Image, words: &[&str]| {
+        dino.look(image, &phrases(words), &Progress::default())
+            .unwrap()
+    };
     let first = look(&image, &["leaf"]);
-    assert!(Arc::ptr_eq(&first, &look(&image, &["leaf"])), "the same picture and phrase");
+    assert!(
+        Arc::ptr_eq(&first, &look(&image, &["leaf"])),
+        "the same picture and phrase"
+    );
     let mut other = image.clone();
     other.pixels.iter_mut().for_each(|pixel| pixel.reverse());
     let second = look(&other, &["leaf"]);
     assert!(second.boxes != first.boxes, "another picture");
-    assert!(look(&other, &["cat"]).caption != second.caption, "another phrase");
+    assert!(
+        look(&other, &["cat"]).caption != second.caption,
+        "another phrase"
+    );
     let all = first.above(0.0);
     assert!(all.len() > 1 && all.windows(2).all(|pair| pair[0].score >= pair[1].score));
     let words = phrases(&["leaf"]);
-    let request = GroundRequest { phrases: &words, threshold: Some(all[0].score) };
-    assert!(dino.ground(&image, &request, &Progress::default()).unwrap().is_empty());
-    let request = GroundRequest { phrases: &words, threshold: Some(all[1].score) };
-    assert_eq!(dino.ground(&image, &request, &Progress::default()).unwrap(), all[..1]);
+    let request = GroundRequest {
+        phrases: &words,
+        threshold: Some(all[0].score),
+    };
+    assert!(
+        dino.ground(&image, &request, &Progress::default())
+            .unwrap()
+            .is_empty()
+    );
+    let request = GroundRequest {
+        phrases: &words,
+        threshold: Some(all[1].score),
+    };
+    assert_eq!(
+        dino.ground(&image, &request, &Progress::default()).unwrap(),
+        all[..1]
+    );
 }

@@ -17,7 +17,11 @@ fn tiny() -> PathBuf {
 /// What runs networks; `None`, after a printed line, where it is missing, which `CI` does not allow.
 fn runtime() -> Option<Runtime> {
     let found = Runtime::find();
-    assert!(found.is_ok() || std::env::var_os("CI").is_none(), "{}", found.unwrap_err());
+    assert!(
+        found.is_ok() || std::env::var_os("CI").is_none(),
+        "{}",
+        found.unwrap_err()
+    );
     found.inspect_err(|error| println!("skipped: {error}")).ok()
 }
 
@@ -31,7 +35,11 @@ fn network(folder: &Path, name: &str) -> Option<GroundingDino> {
 fn picture(path: &Path) -> Image {
     let picture = image::open(path).unwrap().to_rgb8();
     let pixels = picture.pixels().map(|pixel| pixel.0).collect();
-    Image { width: picture.width(), height: picture.height(), pixels }
+    Image {
+        width: picture.width(),
+        height: picture.height(),
+        pixels,
+    }
 }
 
 fn phrases(words: &[&str]) -> Vec<String> {

@@ -50,10 +50,18 @@ struct Folder {
 
 impl Folder {
     fn open(path: &Path) -> Self {
-        let reference = serde_json::from_slice(&std::fs::read(path.join("reference.json")).unwrap()).unwrap();
+        let reference =
+            serde_json::from_slice(&std::fs::read(path.join("reference.json")).unwrap()).unwrap();
         let bytes = std::fs::read(path.join("reference.bin")).unwrap();
-        let values = bytes.chunks_exact(4).map(|word| f32::from_le_bytes(word.try_into().unwrap())).collect();
-        Self { path: path.to_owned(), reference, values }
+        let values = bytes
+            .chunks_exact(4)
+            .map(|word| f32::from_le_bytes(word.try_into().unwrap()))
+            .collect();
+        Self {
+            path: path.to_owned(),
+            reference,
+            values,
+        }
     }
 
     fn tensor(&self, place: &Place) -> &[f32] {
@@ -65,10 +73,17 @@ impl Folder {
 fn by_rows(expected: &[f32], found: &[f32], width: usize, beside: usize) -> Vec<f64> {
     assert_eq!(expected.len(), found.len());
     let found: Vec<&[f32]> = found.chunks_exact(width).collect();
-    let apart = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max);
+    let apart = |a: &[f32], b: &[f32]| {
+        a.iter()
+            .zip(b)
+            .map(|(a, b)| f64::from((a - b).abs()))
+            .fold(0.0, f64::max)
+    };
     let row = |(at, expected): (usize, &[f32])| {
         let near = &found[at.saturating_sub(beside)..found.len().min(at + beside + 1)];
-        near.iter().map(|found| apart(expected, found)).fold(f64::INFINITY, f64::min)
+        near.iter()
+            .map(|found| apart(expected, found))
+            .fold(f64::INFINITY, f64::min)
     };
     let mut rows: Vec<f64> = expected.chunks_exact(width).enumerate().map(row).collect();
     rows.sort_by(f64::total_cmp);
@@ -77,7 +92,12 @@ fn by_rows(expected: &[f32], found: &[f32], width: usize, beside: usize) -> Vec<
 
 fn deviation(values: &[f32]) -> f64 {
     let mean = values.iter().map(|&value| f64::from(value)).sum::<f64>() / values.len() as f64;
-    (values.iter().map(|&value| (f64::from(value) - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
+    (values
+        .iter()
+        .map(|&value| (f64::from(value) - mean).powi(2))
+        .sum::<f64>()
+        / values.len() as f64)
+        .sqrt()
 }
 
 /// Differences of an answer, query by query.
@@ -88,15 +108,31 @@ struct Difference {
     logits: Vec<f64>,
 }
 
-fn compare(folder: &Folder, case: &Case, dino: &GroundingDino, image: &Image, beside: usize) -> Difference {
-    let answer = dino.look(image, &case.phrases, &Progress::default()).unwrap();
+fn compare(
+    folder: &Folder,
+    case: &Case,
+    dino: &GroundingDino,
+    image: &Image,
+    beside: usize,
+) -> Difference {
+    let answer = dino
+        .look(image, &case.phrases, &Progress::default())
+        .unwrap();
     let (logits, tokens) = (folder.tensor(&case.logits), answer.caption.ids.len());
-    let scores = |logits: &[f32]| logits.iter().map(|logit| 1.0 / (1.0 + (-logit).exp())).collect::<Vec<_>>();
+    let scores = |logits: &[f32]| {
+        logits
+            .iter()
+            .map(|logit| 1.0 / (1.0 + (-logit).exp()))
+            .collect::<Vec<_>>()
+    };
     let spread = deviation(logits);
     Difference {
         boxes: by_rows(folder.tensor(&case.boxes), &answer.boxes, 4, beside),
         scores: by_rows(&scores(logits), &scores(&answer.logits), tokens, beside),
-        logits: by_rows(logits, &answer.logits, tokens, beside).iter().map(|one| one / spread).collect(),
+        logits: by_rows(logits, &answer.logits, tokens, beside)
+            .iter()
+            .map(|one| one / spread)
+            .collect(),
     }
 }
 
@@ -106,13 +142,17 @@ fn every_box_and_score_is_that_of_the_reference() {
     let named = std::env::var_os("OSTRA_PARITY_GROUNDING").map(PathBuf::from);
     let beside = if named.is_some() { SWAPPED } else { 0 };
     let folder = Folder::open(&named.unwrap_or_else(tiny));
-    let Some(dino) = network(&folder.path, &folder.reference.network) else { return };
+    let Some(dino) = network(&folder.path, &folder.reference.network) else {
+        return;
+    };
     for of in &folder.reference.frames {
         let image = picture(&folder.path.join(&of.picture));
         for case in &of.cases {
             let found = compare(&folder, case, &dino, &image, beside);
-            let [boxes, scores, logits] = [&found.boxes, &found.scores, &found.logits].map(|rows| rows[rows.len() - 1]);
-            let [of_boxes, of_logits] = [&case.boxes, &case.logits].map(|place| deviation(folder.tensor(place)));
+            let [boxes, scores, logits] =
+                [&found.boxes, &found.scores, &found.logits].map(|rows| rows[rows.len() - 1]);
+            let [of_boxes, of_logits] =
+                [&case.boxes, &case.logits].map(|place| deviation(folder.tensor(place)));
             println!(
                 "{} {:?}: {} boxes {boxes:.1e}, scores {scores:.1e}, logits {logits:.1e} deviations; deviation of boxes \
                  {of_boxes:.2}, of logits {of_logits:.2}",
@@ -120,8 +160,15 @@ fn every_box_and_score_is_that_of_the_reference() {
                 case.phrases,
                 found.boxes.len()
             );
-            assert!(boxes < TOLERANCE && scores < TOLERANCE && logits < TOLERANCE, "{}", of.picture);
-            assert!(of_boxes > 0.1 && of_logits > 0.05, "tensors that are all alike prove nothing");
+            assert!(
+                boxes < TOLERANCE && scores < TOLERANCE && logits < TOLERANCE,
+                "{}",
+                of.picture
+            );
+            assert!(
+                of_boxes > 0.1 && of_logits > 0.05,
+                "tensors that are all alike prove nothing"
+            );
         }
     }
 }
@@ -129,12 +176,21 @@ fn every_box_and_score_is_that_of_the_reference() {
 #[test]
 fn blue_for_red_and_half_a_pixel_are_noticed() {
     let folder = Folder::open(&tiny());
-    let Some(dino) = network(&folder.path, &folder.reference.network) else { return };
+    let Some(dino) = network(&folder.path, &folder.reference.network) else {
+        return;
+    };
     let of = &folder.reference.frames[0];
     let right = picture(&folder.path.join(&of.picture));
-    let swapped = Image { pixels: right.pixels.iter().map(|&[r, g, b]| [b, g, r]).collect(), ..right.clone() };
+    let swapped = Image {
+        pixels: right.pixels.iter().map(|&[r, g, b]| [b, g, r]).collect(),
+        ..right.clone()
+    };
     let mut shifted = right.clone();
-    for (row, from) in shifted.pixels.chunks_exact_mut(300).zip(right.pixels.chunks_exact(300)) {
+    for (row, from) in shifted
+        .pixels
+        .chunks_exact_mut(300)
+        .zip(right.pixels.chunks_exact(300))
+    {
         for x in 0..299 {
             row[x] = std::array::from_fn(|channel| from[x][channel].midpoint(from[x + 1][channel]));
         }
@@ -143,6 +199,9 @@ fn blue_for_red_and_half_a_pixel_are_noticed() {
         let found = compare(&folder, &of.cases[0], &dino, &image, 0);
         let [boxes, scores] = [&found.boxes, &found.scores].map(|rows| rows[rows.len() / 2]);
         println!("{fault}: median of boxes {boxes:.1e}, of scores {scores:.1e}");
-        assert!(boxes > TOLERANCE && scores > TOLERANCE, "{fault}: {boxes} {scores}");
+        assert!(
+            boxes > TOLERANCE && scores > TOLERANCE,
+            "{fault}: {boxes} {scores}"
+        );
     }
 }

@@ -8,7 +8,11 @@ use ostra_core::job::Progress;
 use ostra_frames::Image;
 
 fn grey() -> Image {
-    Image { width: 40, height: 30, pixels: vec![[90; 3]; 1200] }
+    Image {
+        width: 40,
+        height: 30,
+        pixels: vec![[90; 3]; 1200],
+    }
 }
 
 #[test]
@@ -23,7 +27,10 @@ fn networks_that_do_not_belong_together_are_refused() {
     ];
     for (first, second, told) in cases {
         let text = Sam::new(load(first), load(second)).unwrap_err().to_string();
-        assert!(text.contains(told) && text.contains("another network") && !text.contains('\n'), "{text}");
+        assert!(
+            text.contains(told) && text.contains("another network") && !text.contains('\n'),
+            "{text}"
+        );
     }
     let broken = tempfile::tempdir().unwrap();
     let whole = std::fs::read(tiny().join(encoder)).unwrap();
@@ -31,44 +38,112 @@ fn networks_that_do_not_belong_together_are_refused() {
         std::fs::write(broken.path().join(name), &whole[..whole.len() / 2]).unwrap();
     }
     let error = Sam::load(broken.path(), "sam-vit-b").unwrap_err();
-    assert!(matches!(error, NnError::NotANetwork { .. }) && !error.to_string().contains('\n'), "{error}");
-    std::fs::copy(tiny().join(encoder), broken.path().join("sam-vit-b-encoder.onnx")).unwrap();
-    let text = Sam::load(broken.path(), "sam-vit-b").unwrap_err().to_string();
-    assert!(text.contains("[1, 3, 1024, 1024]") && text.contains("[1, 3, 256, 256]"), "{text}");
+    assert!(
+        matches!(error, NnError::NotANetwork { .. }) && !error.to_string().contains('\n'),
+        "{error}"
+    );
+    std::fs::copy(
+        tiny().join(encoder),
+        broken.path().join("sam-vit-b-encoder.onnx"),
+    )
+    .unwrap();
+    let text = Sam::load(broken.path(), "sam-vit-b")
+        .unwrap_err()
+        .to_string();
+    assert!(
+        text.contains("[1, 3, 1024, 1024]") && text.contains("[1, 3, 256, 256]"),
+        "{text}"
+    );
     let text = Sam::load(&tiny(), "sam-vit-b").unwrap_err().to_string();
-    assert!(text.contains("is not installed") && text.contains("ostra models add sam-vit-b"), "{text}");
+    assert!(
+        text.contains("is not installed") && text.contains("ostra models add sam-vit-b"),
+        "{text}"
+    );
 }
 
 #[test]
 fn kept_embedding_is_the_same_again() {
-    let Some(sam) = networks(&tiny(), "sam-tiny-encoder.onnx", "sam-tiny-decoder.onnx") else { return };
-    let part = Part { x: 8, y: 4, width: 20, height: 25 };
+    let Some(sam) = networks(&tiny(), "sam-tiny-encoder.onnx", "sam-tiny-decoder.onnx") else {
+        return;
+    };
+    let part = Part {
+        x: 8,
+        y: 4,
+        width: 20,
+        height: 25,
+    };
     let embedding = sam.embed(&grey(), part, &Progress::default()).unwrap();
     let bytes = embedding.to_bytes();
     assert_eq!(Embedding::from_bytes(&bytes).unwrap(), embedding);
     assert_eq!(sam.frame(&embedding).unwrap().part(), part);
-    for broken in [&bytes[..bytes.len() - 4], &bytes[..bytes.len() - 1], &bytes[..20], &[0; 64]] {
-        assert!(matches!(Embedding::from_bytes(broken), Err(MaskError::Network(_))));
+    for broken in [
+        &bytes[..bytes.len() - 4],
+        &bytes[..bytes.len() - 1],
+        &bytes[..20],
+        &[0; 64],
+    ] {
+        assert!(matches!(
+            Embedding::from_bytes(broken),
+            Err(MaskError::Network(_))
+        ));
     }
     let Some(flat) = flat() else { return };
     let text = flat.frame(&embedding).unwrap_err().to_string();
-    assert!(text.contains("32×16×16") && text.contains("make it anew"), "{text}");
+    assert!(
+        text.contains("32×16×16") && text.contains("make it anew"),
+        "{text}"
+    );
 }
 
 #[test]
 fn parts_and_prompts_outside_the_picture_are_refused() {
     let Some(sam) = flat() else { return };
     let image = std::sync::Arc::new(grey());
-    for part in [Part { x: 30, y: 0, width: 11, height: 5 }, Part { x: 0, y: 0, width: 0, height: 5 }] {
-        assert!(matches!(sam.embed(&image, part, &Progress::default()), Err(MaskError::Request(_))));
+    for part in [
+        Part {
+            x: 30,
+            y: 0,
+            width: 11,
+            height: 5,
+        },
+        Part {
+            x: 0,
+            y: 0,
+            width: 0,
+            height: 5,
+        },
+    ] {
+        assert!(matches!(
+            sam.embed(&image, part, &Progress::default()),
+            Err(MaskError::Request(_))
+        ));
     }
     let frame = sam.prepare(&image, None, &Progress::default()).unwrap();
-    let outside = Click { at_px: glam::DVec2::new(40.0, 3.0), include: true };
-    for prompt in [Prompt::default(), Prompt { clicks: vec![outside], ..Prompt::default() }] {
-        let request = SegmentRequest { prompt: &prompt, previous: None, taken: None };
-        assert!(matches!(frame.segment(&request, &Progress::default()), Err(MaskError::Request(_))));
+    let outside = Click {
+        at_px: glam::DVec2::new(40.0, 3.0),
+        include: true,
+    };
+    for prompt in [
+        Prompt::default(),
+        Prompt {
+            clicks: vec![outside],
+            ..Prompt::default()
+        },
+    ] {
+        let request = SegmentRequest {
+            prompt: &prompt,
+            previous: None,
+            taken: None,
+        };
+        assert!(matches!(
+            frame.segment(&request, &Progress::default()),
+            Err(MaskError::Request(_))
+        ));
     }
     let stopped = Progress::default();
     stopped.stop();
-    assert!(matches!(sam.prepare(&image, None, &stopped), Err(MaskError::Stopped(_))));
+    assert!(matches!(
+        sam.prepare(&image, None, &stopped),
+        Err(MaskError::Stopped(_))
+    ));
 }

@@ -30,14 +30,20 @@ fn flat_efficient() -> Option<Sam> {
 }
 
 fn of_flat_colours(folder: &str) -> Option<Sam> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/parity").join(folder);
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../tests/parity")
+        .join(folder);
     networks(&folder, "encoder.onnx", "decoder.onnx")
 }
 
 /// What runs networks; `None`, after a printed line, where it is missing, which `CI` does not allow.
 fn runtime() -> Option<Runtime> {
     let found = Runtime::find();
-    assert!(found.is_ok() || std::env::var_os("CI").is_none(), "{}", found.unwrap_err());
+    assert!(
+        found.is_ok() || std::env::var_os("CI").is_none(),
+        "{}",
+        found.unwrap_err()
+    );
     found.inspect_err(|error| println!("skipped: {error}")).ok()
 }
 

@@ -59,10 +59,18 @@ struct Folder {
 
 impl Folder {
     fn open(path: &Path) -> Self {
-        let reference = serde_json::from_slice(&std::fs::read(path.join("reference.json")).unwrap()).unwrap();
+        let reference =
+            serde_json::from_slice(&std::fs::read(path.join("reference.json")).unwrap()).unwrap();
         let bytes = std::fs::read(path.join("reference.bin")).unwrap();
-        let values = bytes.chunks_exact(4).map(|word| f32::from_le_bytes(word.try_into().unwrap())).collect();
-        Self { path: path.to_owned(), reference, values }
+        let values = bytes
+            .chunks_exact(4)
+            .map(|word| f32::from_le_bytes(word.try_into().unwrap()))
+            .collect();
+        Self {
+            path: path.to_owned(),
+            reference,
+            values,
+        }
     }
 
     fn networks(&self) -> Option<Sam> {
@@ -72,7 +80,11 @@ impl Folder {
     fn picture(&self, name: &str) -> Image {
         let picture = image::open(self.path.join(name)).unwrap().to_rgb8();
         let pixels = picture.pixels().map(|pixel| pixel.0).collect();
-        Image { width: picture.width(), height: picture.height(), pixels }
+        Image {
+            width: picture.width(),
+            height: picture.height(),
+            pixels,
+        }
     }
 
     fn tensor(&self, place: &Place) -> &[f32] {
@@ -85,8 +97,16 @@ fn difference(expected: &[f32], found: &[f32]) -> f64 {
     assert_eq!(expected.len(), found.len());
     let count = expected.len() as f64;
     let mean = expected.iter().map(|&value| f64::from(value)).sum::<f64>() / count;
-    let variance = expected.iter().map(|&value| (f64::from(value) - mean).powi(2)).sum::<f64>() / count;
-    let largest = expected.iter().zip(found).map(|(&a, &b)| f64::from(a - b).abs()).fold(0.0, f64::max);
+    let variance = expected
+        .iter()
+        .map(|&value| (f64::from(value) - mean).powi(2))
+        .sum::<f64>()
+        / count;
+    let largest = expected
+        .iter()
+        .zip(found)
+        .map(|(&a, &b)| f64::from(a - b).abs())
+        .fold(0.0, f64::max);
     largest / variance.sqrt()
 }
 
@@ -105,14 +125,30 @@ fn answers(frame: &SamFrame, cases: &[Case], shift_px: f64) -> Vec<Arc<Answer>> 
         };
         let within = case.boxes.first().map(part);
         let before = case.after.map(|at| Arc::clone(&given[at]));
-        given.push(frame.ask(&clicks, within.as_ref(), before.as_ref()).unwrap());
+        given.push(
+            frame
+                .ask(&clicks, within.as_ref(), before.as_ref())
+                .unwrap(),
+        );
     }
     given
 }
 
 /// Largest difference of the embedding, and of anything that a frame's cases give.
-fn compare(folder: &Folder, of: &FrameReference, sam: &Sam, image: &Image, shift_px: f64) -> (f64, f64) {
-    let embedding = sam.embed(image, Part::whole(image.width, image.height), &Progress::default()).unwrap();
+fn compare(
+    folder: &Folder,
+    of: &FrameReference,
+    sam: &Sam,
+    image: &Image,
+    shift_px: f64,
+) -> (f64, f64) {
+    let embedding = sam
+        .embed(
+            image,
+            Part::whole(image.width, image.height),
+            &Progress::default(),
+        )
+        .unwrap();
     let frame = sam.frame(&embedding).unwrap();
     let embedded = difference(folder.tensor(&of.embedding), &embedding.values);
     let mut answered = 0.0f64;
@@ -131,7 +167,10 @@ fn folders() -> [Folder; 2] {
     let named = |variable: &str, committed: fn() -> PathBuf| {
         Folder::open(&std::env::var_os(variable).map_or_else(committed, PathBuf::from))
     };
-    [named("OSTRA_PARITY_SAM", tiny), named("OSTRA_PARITY_EFFICIENT_SAM", tiny_efficient)]
+    [
+        named("OSTRA_PARITY_SAM", tiny),
+        named("OSTRA_PARITY_EFFICIENT_SAM", tiny_efficient),
+    ]
 }
 
 #[test]
@@ -139,12 +178,21 @@ fn every_tensor_is_that_of_the_reference() {
     for folder in folders() {
         let Some(sam) = folder.networks() else { return };
         for of in &folder.reference.frames {
-            let (embedded, answered) = compare(&folder, of, &sam, &folder.picture(&of.picture), 0.0);
+            let (embedded, answered) =
+                compare(&folder, of, &sam, &folder.picture(&of.picture), 0.0);
             let covers: Vec<f64> = of.cases.iter().map(|case| case.covers).collect();
             let what = format!("{}, {}", folder.reference.encoder, of.picture);
-            println!("{what}: embedding {embedded:.1e}, answers {answered:.1e}; masks cover {covers:.2?}");
-            assert!(embedded < TOLERANCE && answered < TOLERANCE, "{what}: {embedded} {answered}");
-            assert!(covers.iter().all(|share| (0.02..=0.6).contains(share)), "an empty or full mask proves nothing");
+            println!(
+                "{what}: embedding {embedded:.1e}, answers {answered:.1e}; masks cover {covers:.2?}"
+            );
+            assert!(
+                embedded < TOLERANCE && answered < TOLERANCE,
+                "{what}: {embedded} {answered}"
+            );
+            assert!(
+                covers.iter().all(|share| (0.02..=0.6).contains(share)),
+                "an empty or full mask proves nothing"
+            );
         }
     }
 }
@@ -156,18 +204,32 @@ fn blue_for_red_and_half_a_pixel_are_noticed() {
         let Some(sam) = folder.networks() else { return };
         let of = &folder.reference.frames[0];
         let right = folder.picture(&of.picture);
-        let swapped = Image { pixels: right.pixels.iter().map(|&[r, g, b]| [b, g, r]).collect(), ..right.clone() };
+        let swapped = Image {
+            pixels: right.pixels.iter().map(|&[r, g, b]| [b, g, r]).collect(),
+            ..right.clone()
+        };
         let (embedded, _) = compare(&folder, of, &sam, &swapped, 0.0);
         assert!(embedded > 10.0 * TOLERANCE, "blue for red: {embedded}");
         let mut shifted = right.clone();
-        for (row, from) in shifted.pixels.chunks_exact_mut(300).zip(right.pixels.chunks_exact(300)) {
+        for (row, from) in shifted
+            .pixels
+            .chunks_exact_mut(300)
+            .zip(right.pixels.chunks_exact(300))
+        {
             for x in 0..299 {
-                row[x] = std::array::from_fn(|channel| from[x][channel].midpoint(from[x + 1][channel]));
+                row[x] =
+                    std::array::from_fn(|channel| from[x][channel].midpoint(from[x + 1][channel]));
             }
         }
         let (embedded, _) = compare(&folder, of, &sam, &shifted, 0.0);
-        assert!(embedded > 10.0 * TOLERANCE, "the picture half a pixel to the left: {embedded}");
+        assert!(
+            embedded > 10.0 * TOLERANCE,
+            "the picture half a pixel to the left: {embedded}"
+        );
         let (_, answered) = compare(&folder, of, &sam, &right, 0.5);
-        assert!(answered > 10.0 * TOLERANCE, "clicks half a pixel to the right: {answered}");
+        assert!(
+            answered > 10.0 * TOLERANCE,
+            "clicks half a pixel to the right: {answered}"
+        );
     }
 }

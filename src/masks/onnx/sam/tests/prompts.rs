@@ -27,13 +27,23 @@ fn picture() -> Image {
             [120; 3]
         }
     };
-    let pixels = (0..WIDTH * HEIGHT).map(|at| colour(at % WIDTH, at / WIDTH)).collect();
-    Image { width: WIDTH, height: HEIGHT, pixels }
+    let pixels = (0..WIDTH * HEIGHT)
+        .map(|at| colour(at % WIDTH, at / WIDTH))
+        .collect();
+    Image {
+        width: WIDTH,
+        height: HEIGHT,
+        pixels,
+    }
 }
 
 fn thing([x0, y0, x1, y1]: [u32; 4]) -> Region {
     let is_in = |at: u32| (x0..x1).contains(&(at % WIDTH)) && (y0..y1).contains(&(at / WIDTH));
-    Region { width: WIDTH, height: HEIGHT, inside: (0..WIDTH * HEIGHT).map(is_in).collect() }
+    Region {
+        width: WIDTH,
+        height: HEIGHT,
+        inside: (0..WIDTH * HEIGHT).map(is_in).collect(),
+    }
 }
 
 fn both() -> Region {
@@ -43,24 +53,49 @@ fn both() -> Region {
 }
 
 fn click(x: f64, y: f64, include: bool) -> Click {
-    Click { at_px: DVec2::new(x, y), include }
+    Click {
+        at_px: DVec2::new(x, y),
+        include,
+    }
 }
 
 fn around([x0, y0, x1, y1]: [u32; 4]) -> PxBox {
-    PxBox { min_px: DVec2::new(x0.into(), y0.into()), max_px: DVec2::new(x1.into(), y1.into()) }
+    PxBox {
+        min_px: DVec2::new(x0.into(), y0.into()),
+        max_px: DVec2::new(x1.into(), y1.into()),
+    }
 }
 
 fn frame(sam: &Sam, part: Part) -> SamFrame {
-    sam.frame(&sam.embed(&picture(), part, &Progress::default()).unwrap()).unwrap()
+    sam.frame(&sam.embed(&picture(), part, &Progress::default()).unwrap())
+        .unwrap()
 }
 
 fn whole() -> Option<SamFrame> {
     flat().map(|sam| frame(&sam, Part::whole(WIDTH, HEIGHT)))
 }
 
-fn answer(frame: &SamFrame, clicks: &[Click], boxes: &[PxBox], previous: Option<&Region>) -> Region {
-    let prompt = Prompt { clicks: clicks.to_vec(), boxes: boxes.to_vec(), ..Prompt::default() };
-    frame.segment(&SegmentRequest { prompt: &prompt, previous, taken: None }, &Progress::default()).unwrap()
+fn answer(
+    frame: &SamFrame,
+    clicks: &[Click],
+    boxes: &[PxBox],
+    previous: Option<&Region>,
+) -> Region {
+    let prompt = Prompt {
+        clicks: clicks.to_vec(),
+        boxes: boxes.to_vec(),
+        ..Prompt::default()
+    };
+    frame
+        .segment(
+            &SegmentRequest {
+                prompt: &prompt,
+                previous,
+                taken: None,
+            },
+            &Progress::default(),
+        )
+        .unwrap()
 }
 
 /// The masks' edges are those of cells of four pixels.
@@ -68,14 +103,23 @@ fn alike(a: &Region, b: &Region) -> bool {
     a.iou(b) > 0.9
 }
 
-const IN_RED: Click = Click { at_px: DVec2::new(50.5, 60.5), include: true };
-const IN_GREEN: Click = Click { at_px: DVec2::new(180.5, 80.5), include: true };
+const IN_RED: Click = Click {
+    at_px: DVec2::new(50.5, 60.5),
+    include: true,
+};
+const IN_GREEN: Click = Click {
+    at_px: DVec2::new(180.5, 80.5),
+    include: true,
+};
 
 #[test]
 fn one_click_finds_one_thing() {
     let Some(frame) = whole() else { return };
     assert!(alike(&answer(&frame, &[IN_RED], &[], None), &thing(RED)));
-    assert!(alike(&answer(&frame, &[], &[around(GREEN)], None), &thing(GREEN)));
+    assert!(alike(
+        &answer(&frame, &[], &[around(GREEN)], None),
+        &thing(GREEN)
+    ));
 }
 
 #[test]
@@ -85,8 +129,16 @@ fn things_of_one_label_are_asked_for_one_at_a_time() {
     assert!(alike(&found, &both()), "together they would find neither");
     let found = answer(&frame, &[], &[around(RED), around(GREEN)], None);
     assert!(alike(&found, &both()));
-    let found = answer(&frame, &[IN_GREEN, click(170.5, 60.5, true)], &[around(RED)], None);
-    assert!(alike(&found, &both()), "clicks outside a box are not of its thing");
+    let found = answer(
+        &frame,
+        &[IN_GREEN, click(170.5, 60.5, true)],
+        &[around(RED)],
+        None,
+    );
+    assert!(
+        alike(&found, &both()),
+        "clicks outside a box are not of its thing"
+    );
 }
 
 #[test]
@@ -95,7 +147,11 @@ fn clicks_that_exclude_other_labels_do_not_disturb() {
     let rivals = [click(180.5, 80.5, false), click(10.5, 10.5, false)];
     let found = answer(&frame, &[rivals[0], rivals[1], IN_RED], &[], None);
     assert!(alike(&found, &thing(RED)));
-    assert_eq!(answer(&frame, &rivals, &[], None).area(), 0, "nothing is asked for");
+    assert_eq!(
+        answer(&frame, &rivals, &[], None).area(),
+        0,
+        "nothing is asked for"
+    );
 }
 
 #[test]
@@ -109,9 +165,16 @@ fn excluded_thing_goes_away_and_the_other_stays() {
 #[test]
 fn box_is_asked_for_its_middle() {
     let Some(frame) = whole() else { return };
-    let all = PxBox { min_px: DVec2::ZERO, max_px: DVec2::new(256.0, 192.0) };
+    let all = PxBox {
+        min_px: DVec2::ZERO,
+        max_px: DVec2::new(256.0, 192.0),
+    };
     let ground = answer(&frame, &[], &[all], None);
-    assert!(alike(&ground, &both().inverted()), "{}", ground.iou(&both().inverted()));
+    assert!(
+        alike(&ground, &both().inverted()),
+        "{}",
+        ground.iou(&both().inverted())
+    );
 }
 
 #[test]
@@ -125,61 +188,159 @@ fn mask_from_elsewhere_is_refined_where_it_is_clicked() {
     let mut expected = thing(GREEN);
     expected.unite(&half);
     assert!(alike(&found, &expected), "{}", found.iou(&expected));
-    assert!(found.at(32, 32) && found.at(55, 95), "what was not clicked stays to the pixel");
+    assert!(
+        found.at(32, 32) && found.at(55, 95),
+        "what was not clicked stays to the pixel"
+    );
     let found = answer(&frame, &[click(70.5, 60.5, true)], &[], Some(&half));
     assert!(alike(&found, &thing(RED)), "{}", found.iou(&thing(RED)));
-    assert_eq!(answer(&frame, &[click(40.5, 40.5, true)], &[], Some(&half)), half, "that is inside already");
+    assert_eq!(
+        answer(&frame, &[click(40.5, 40.5, true)], &[], Some(&half)),
+        half,
+        "that is inside already"
+    );
 }
 
 #[test]
 fn answers_do_not_depend_on_what_was_asked_before() {
     let Some(frame) = whole() else { return };
-    let clicks = [IN_RED, IN_GREEN, click(120.5, 170.5, false), click(60.5, 40.5, true)];
-    let steps: Vec<Region> = (1..=clicks.len()).map(|count| answer(&frame, &clicks[..count], &[], None)).collect();
+    let clicks = [
+        IN_RED,
+        IN_GREEN,
+        click(120.5, 170.5, false),
+        click(60.5, 40.5, true),
+    ];
+    let steps: Vec<Region> = (1..=clicks.len())
+        .map(|count| answer(&frame, &clicks[..count], &[], None))
+        .collect();
     for (count, step) in (1..).zip(&steps) {
-        assert_eq!(answer(&whole().unwrap(), &clicks[..count], &[], None), *step, "a fresh frame");
+        assert_eq!(
+            answer(&whole().unwrap(), &clicks[..count], &[], None),
+            *step,
+            "a fresh frame"
+        );
         let previous = (count > 1).then(|| &steps[count - 2]);
-        assert_eq!(answer(&frame, &clicks[..count], &[], previous), *step, "as a refinement");
+        assert_eq!(
+            answer(&frame, &clicks[..count], &[], previous),
+            *step,
+            "as a refinement"
+        );
     }
 }
 
 #[test]
 fn clicked_pixels_obey_and_those_of_others_are_left() {
     let Some(frame) = whole() else { return };
-    let prompt = Prompt { clicks: vec![IN_RED, click(40.5, 40.5, false)], ..Prompt::default() };
+    let prompt = Prompt {
+        clicks: vec![IN_RED, click(40.5, 40.5, false)],
+        ..Prompt::default()
+    };
     let taken = thing([60, 32, 80, 96]);
     let found = frame
-        .segment(&SegmentRequest { prompt: &prompt, previous: None, taken: Some(&taken) }, &Progress::default())
+        .segment(
+            &SegmentRequest {
+                prompt: &prompt,
+                previous: None,
+                taken: Some(&taken),
+            },
+            &Progress::default(),
+        )
         .unwrap();
-    assert!(found.at(50, 60) && !found.at(40, 40), "both lie on one colour");
+    assert!(
+        found.at(50, 60) && !found.at(40, 40),
+        "both lie on one colour"
+    );
     assert!(!found.at(70, 60));
 }
 
 #[test]
 fn close_up_shows_its_part_only() {
     let Some(sam) = flat() else { return };
-    let prompt = Prompt { clicks: vec![IN_RED], boxes: vec![around(RED)], ..Prompt::default() };
+    let prompt = Prompt {
+        clicks: vec![IN_RED],
+        boxes: vec![around(RED)],
+        ..Prompt::default()
+    };
     let part = Part::around(&prompt, WIDTH, HEIGHT, sam.side()).unwrap();
-    assert_eq!(part, Part { x: 0, y: 0, width: 128, height: 128 });
-    let part = Part { x: 16, y: 16, ..part };
+    assert_eq!(
+        part,
+        Part {
+            x: 0,
+            y: 0,
+            width: 128,
+            height: 128
+        }
+    );
+    let part = Part {
+        x: 16,
+        y: 16,
+        ..part
+    };
     let close = frame(&sam, part);
     let found = answer(&close, &[IN_RED], &[], None);
-    assert!(found.iou(&thing(RED)) > 0.96, "twice as fine: {}", found.iou(&thing(RED)));
-    let prompt = Prompt { clicks: vec![IN_GREEN], ..Prompt::default() };
+    assert!(
+        found.iou(&thing(RED)) > 0.96,
+        "twice as fine: {}",
+        found.iou(&thing(RED))
+    );
+    let prompt = Prompt {
+        clicks: vec![IN_GREEN],
+        ..Prompt::default()
+    };
     let error = close
-        .segment(&SegmentRequest { prompt: &prompt, previous: None, taken: None }, &Progress::default())
+        .segment(
+            &SegmentRequest {
+                prompt: &prompt,
+                previous: None,
+                taken: None,
+            },
+            &Progress::default(),
+        )
         .unwrap_err();
-    assert!(error.to_string().contains("128×128 pixels from 16, 16"), "{error}");
-    let box_beyond = answer(&close, &[], &[PxBox { min_px: DVec2::ZERO, max_px: DVec2::new(100.0, 112.0) }], None);
-    assert!(alike(&box_beyond, &thing(RED)), "of a box only what is seen is told: {}", box_beyond.iou(&thing(RED)));
+    assert!(
+        error.to_string().contains("128×128 pixels from 16, 16"),
+        "{error}"
+    );
+    let box_beyond = answer(
+        &close,
+        &[],
+        &[PxBox {
+            min_px: DVec2::ZERO,
+            max_px: DVec2::new(100.0, 112.0),
+        }],
+        None,
+    );
+    assert!(
+        alike(&box_beyond, &thing(RED)),
+        "of a box only what is seen is told: {}",
+        box_beyond.iou(&thing(RED))
+    );
     // A painted strip that begins outside: what the click refines inside leaves the rest alone.
     let strip = thing([0, 60, 80, 70]);
     let refined = answer(&close, &[click(50.5, 40.5, true)], &[], Some(&strip));
     let mut expected = thing(RED);
     expected.unite(&thing([0, 60, 32, 70]));
-    assert!(refined.at(2, 62) && alike(&refined, &expected), "{}", refined.iou(&expected));
-    let far = PxBox { min_px: DVec2::ZERO, max_px: DVec2::new(250.0, 20.0) };
-    assert_eq!(Part::around(&Prompt { boxes: vec![far], ..Prompt::default() }, WIDTH, HEIGHT, 256), None);
+    assert!(
+        refined.at(2, 62) && alike(&refined, &expected),
+        "{}",
+        refined.iou(&expected)
+    );
+    let far = PxBox {
+        min_px: DVec2::ZERO,
+        max_px: DVec2::new(250.0, 20.0),
+    };
+    assert_eq!(
+        Part::around(
+            &Prompt {
+                boxes: vec![far],
+                ..Prompt::default()
+            },
+            WIDTH,
+            HEIGHT,
+            256
+        ),
+        None
+    );
     assert_eq!(Part::around(&Prompt::default(), WIDTH, HEIGHT, 256), None);
 }
 
@@ -188,39 +349,91 @@ fn close_ups_are_looked_at_once_for_all_that_lies_in_them() {
     let Some(sam) = flat() else { return };
     let close = CloseUps::new(Arc::new(sam), Arc::new(picture()));
     let answer = |clicks: &[Click], previous: Option<&Region>| {
-        let prompt = Prompt { clicks: clicks.to_vec(), ..Prompt::default() };
-        let request = SegmentRequest { prompt: &prompt, previous, taken: None };
+        let prompt = Prompt {
+            clicks: clicks.to_vec(),
+            ..Prompt::default()
+        };
+        let request = SegmentRequest {
+            prompt: &prompt,
+            previous,
+            taken: None,
+        };
         close.segment(&request, &Progress::default())
     };
     let red = answer(&[IN_RED], None).unwrap();
     let close_by = |region: &Region| region.inside.iter().filter(|&&inside| inside).count();
-    assert!(close_by(&red) > 0 && thing(RED).inside.iter().zip(&red.inside).all(|(thing, found)| *thing || !found));
+    assert!(
+        close_by(&red) > 0
+            && thing(RED)
+                .inside
+                .iter()
+                .zip(&red.inside)
+                .all(|(thing, found)| *thing || !found)
+    );
     let stopped = Progress::default();
     stopped.stop();
-    let prompt = |clicks: Vec<Click>| Prompt { clicks, ..Prompt::default() };
-    let asked = |prompt: &Prompt| {
-        close.segment(&SegmentRequest { prompt, previous: None, taken: None }, &stopped).map(|region| close_by(&region))
+    let prompt = |clicks: Vec<Click>| Prompt {
+        clicks,
+        ..Prompt::default()
     };
-    assert_eq!(asked(&prompt(vec![IN_RED])).unwrap(), close_by(&red), "it is known: nothing is left to stop");
-    assert!(asked(&prompt(vec![IN_GREEN])).is_err(), "a place that was not looked at yet can be stopped");
+    let asked = |prompt: &Prompt| {
+        close
+            .segment(
+                &SegmentRequest {
+                    prompt,
+                    previous: None,
+                    taken: None,
+                },
+                &stopped,
+            )
+            .map(|region| close_by(&region))
+    };
+    assert_eq!(
+        asked(&prompt(vec![IN_RED])).unwrap(),
+        close_by(&red),
+        "it is known: nothing is left to stop"
+    );
+    assert!(
+        asked(&prompt(vec![IN_GREEN])).is_err(),
+        "a place that was not looked at yet can be stopped"
+    );
     // What is excluded far away is not looked at, and stays outside of what was painted there.
     let painted = thing(GREEN);
-    let far = Click { include: false, ..IN_GREEN };
+    let far = Click {
+        include: false,
+        ..IN_GREEN
+    };
     let both = answer(&[far, IN_RED], Some(&painted)).unwrap();
     assert!(!both.at(far.at_px.x as u32, far.at_px.y as u32));
     let newest = answer(&[IN_RED, far], Some(&painted)).unwrap();
-    assert!(!newest.at(far.at_px.x as u32, far.at_px.y as u32), "the newest click is looked at, wherever it is");
+    assert!(
+        !newest.at(far.at_px.x as u32, far.at_px.y as u32),
+        "the newest click is looked at, wherever it is"
+    );
 }
 
 #[test]
 fn everything_is_found_once() {
     let Some(frame) = whole() else { return };
-    let options = EverythingOptions { points_per_side: 8, ..EverythingOptions::default() };
+    let options = EverythingOptions {
+        points_per_side: 8,
+        ..EverythingOptions::default()
+    };
     let found = frame.everything(&options, &Progress::default()).unwrap();
-    let (all, least) = (found.len(), found.iter().map(|one| one.stability).fold(1.0, f32::min));
-    assert_eq!(all, 3, "two things and the ground; what is only possible does not count");
+    let (all, least) = (
+        found.len(),
+        found.iter().map(|one| one.stability).fold(1.0, f32::min),
+    );
+    assert_eq!(
+        all, 3,
+        "two things and the ground; what is only possible does not count"
+    );
     assert!(found.iter().any(|one| alike(&one.region, &thing(RED))));
-    assert!(found.iter().any(|one| alike(&one.region, &thing(GREEN)) && one.extent.iou(&around(GREEN)) > 0.9));
+    assert!(
+        found
+            .iter()
+            .any(|one| alike(&one.region, &thing(GREEN)) && one.extent.iou(&around(GREEN)) > 0.9)
+    );
     assert!(least >= 0.95 && found.iter().all(|one| one.score > 0.88));
     let stopped = Progress::default();
     stopped.stop();
@@ -243,20 +456,34 @@ fn exclude_click_chooses_where_the_network_knows_none() {
 fn excluded_thing_is_taken_away_where_the_network_knows_none() {
     let Some(sam) = flat_efficient() else { return };
     let frame = frame(&sam, Part::whole(WIDTH, HEIGHT));
-    let around_both = [PxBox { min_px: DVec2::new(16.0, 16.0), max_px: DVec2::new(240.0, 160.0) }];
+    let around_both = [PxBox {
+        min_px: DVec2::new(16.0, 16.0),
+        max_px: DVec2::new(240.0, 160.0),
+    }];
     let found = answer(&frame, &[], &around_both, None);
     assert!(alike(&found, &both()), "{}", found.iou(&both()));
     let found = answer(&frame, &[click(50.5, 60.5, false)], &around_both, None);
     assert!(alike(&found, &thing(GREEN)), "{}", found.iou(&thing(GREEN)));
     let kept = answer(&frame, &[click(180.5, 80.5, false)], &around_both, None);
-    assert!(kept.iou(&both()) > 0.9 && !kept.at(180, 80), "the green one is most of it: only the pixel goes");
+    assert!(
+        kept.iou(&both()) > 0.9 && !kept.at(180, 80),
+        "the green one is most of it: only the pixel goes"
+    );
 }
 
 /// A part fills the square whatever its shape, and positions go with it.
 #[test]
 fn close_up_fills_the_square_of_a_network_that_squeezes() {
     let Some(sam) = flat_efficient() else { return };
-    let frame = frame(&sam, Part { x: 16, y: 16, width: 96, height: 128 });
+    let frame = frame(
+        &sam,
+        Part {
+            x: 16,
+            y: 16,
+            width: 96,
+            height: 128,
+        },
+    );
     let found = answer(&frame, &[IN_RED, click(100.5, 120.5, false)], &[], None);
     assert!(alike(&found, &thing(RED)), "{}", found.iou(&thing(RED)));
 }

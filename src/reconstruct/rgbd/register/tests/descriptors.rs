@@ -11,20 +11,28 @@ fn descriptors_stay_under_a_rigid_motion_and_tell_places_apart() {
     let cloud = source.thinned(VOXEL);
     let here = describe(&cloud, VOXEL, &Progress::default()).unwrap();
     let there = describe(&moved(&cloud, &pose), VOXEL, &Progress::default()).unwrap();
-    let distance = |a: &[f32; 33], b: &[f32; 33]| -> f32 { a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum() };
+    let distance =
+        |a: &[f32; 33], b: &[f32; 33]| -> f32 { a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum() };
     let pairs: Vec<_> = here.iter().flatten().zip(there.iter().flatten()).collect();
     assert!(pairs.len() > 1000 && here.iter().flatten().count() == there.iter().flatten().count());
     // Rounding puts single angles into the next bin.
     let same = pairs.iter().filter(|(a, b)| distance(a, b) < 8.0).count();
     assert!(same * 100 > pairs.len() * 98, "{same} of {}", pairs.len());
-    let others: f32 = pairs.windows(2).map(|two| distance(two[0].0, two[1].0)).sum();
+    let others: f32 = pairs
+        .windows(2)
+        .map(|two| distance(two[0].0, two[1].0))
+        .sum();
     assert!(others / pairs.len() as f32 > 60.0);
 }
 
 #[test]
 fn each_angle_of_a_histogram_adds_up() {
     let cloud = Room::new(1).scan(0.0, 1.0, 200.0).thinned(VOXEL);
-    for descriptor in describe(&cloud, VOXEL, &Progress::default()).unwrap().iter().flatten() {
+    for descriptor in describe(&cloud, VOXEL, &Progress::default())
+        .unwrap()
+        .iter()
+        .flatten()
+    {
         for group in descriptor.chunks(11) {
             assert!((group.iter().sum::<f32>() - 200.0).abs() < 0.1, "{group:?}");
         }
@@ -43,7 +51,10 @@ fn points_without_normal_or_neighbours_have_none() {
 #[test]
 fn what_cannot_be_described_is_refused_and_a_stop_is_noticed() {
     let progress = Progress::default();
-    let lopsided = OrientedCloud { positions: vec![Vec3::ONE], ..OrientedCloud::default() };
+    let lopsided = OrientedCloud {
+        positions: vec![Vec3::ONE],
+        ..OrientedCloud::default()
+    };
     assert!(DescribedCloud::new(&lopsided, VOXEL, &progress).is_err());
     assert!(DescribedCloud::new(&OrientedCloud::default(), 0.0, &progress).is_err());
     assert!(DescribedCloud::new(&OrientedCloud::default(), VOXEL, &progress).is_ok());

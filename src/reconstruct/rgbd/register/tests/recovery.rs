@@ -1,6 +1,7 @@
 use super::room::{Room, VOXEL, error};
 use crate::rgbd::register::{
-    DescribedCloud, GlobalAlignment, GlobalOptions, GlobalRegistration, OrientedCloud, register_globally,
+    DescribedCloud, GlobalAlignment, GlobalOptions, GlobalRegistration, OrientedCloud,
+    register_globally,
 };
 use ostra_core::job::Progress;
 
@@ -10,7 +11,11 @@ fn described(cloud: &OrientedCloud) -> DescribedCloud {
     DescribedCloud::new(cloud, VOXEL, &Progress::default()).unwrap()
 }
 
-fn register(source: &DescribedCloud, target: &DescribedCloud, options: GlobalOptions) -> Option<GlobalAlignment> {
+fn register(
+    source: &DescribedCloud,
+    target: &DescribedCloud,
+    options: GlobalOptions,
+) -> Option<GlobalAlignment> {
     register_globally(source, target, &options, &Progress::default()).unwrap()
 }
 
@@ -20,10 +25,25 @@ fn both_methods_recover_any_pose() {
         let (source, target, truth) = Room::pair(seed, 250.0);
         let [source, target] = [described(&source), described(&target)];
         for method in METHODS {
-            let found = register(&source, &target, GlobalOptions { method, seed, ..GlobalOptions::default() }).unwrap();
+            let found = register(
+                &source,
+                &target,
+                GlobalOptions {
+                    method,
+                    seed,
+                    ..GlobalOptions::default()
+                },
+            )
+            .unwrap();
             let (turn, shift) = error(&found.target_from_source, &truth);
-            assert!(turn < 5.0 && shift < 2.0 * f64::from(VOXEL), "{seed} {method:?}: {turn}° {shift} m {found:?}");
-            assert!(found.agreeing > 60 && found.agreeing <= found.matches, "{seed} {method:?}: {found:?}");
+            assert!(
+                turn < 5.0 && shift < 2.0 * f64::from(VOXEL),
+                "{seed} {method:?}: {turn}° {shift} m {found:?}"
+            );
+            assert!(
+                found.agreeing > 60 && found.agreeing <= found.matches,
+                "{seed} {method:?}: {found:?}"
+            );
         }
     }
 }
@@ -31,9 +51,18 @@ fn both_methods_recover_any_pose() {
 #[test]
 fn different_rooms_are_refused() {
     for seed in 0..6 {
-        let [source, target] = [seed, seed + 100].map(|seed| described(&Room::new(seed).scan(0.0, 0.7, 250.0)));
+        let [source, target] =
+            [seed, seed + 100].map(|seed| described(&Room::new(seed).scan(0.0, 0.7, 250.0)));
         for method in METHODS {
-            let found = register(&source, &target, GlobalOptions { method, seed, ..GlobalOptions::default() });
+            let found = register(
+                &source,
+                &target,
+                GlobalOptions {
+                    method,
+                    seed,
+                    ..GlobalOptions::default()
+                },
+            );
             assert_eq!(found, None, "{seed} {method:?}");
         }
     }
@@ -43,10 +72,22 @@ fn different_rooms_are_refused() {
 fn the_same_seed_gives_the_same_bytes_for_any_number_of_threads() {
     let (source, target, _) = Room::pair(5, 250.0);
     for method in METHODS {
-        let options = GlobalOptions { method, seed: 9, ..GlobalOptions::default() };
+        let options = GlobalOptions {
+            method,
+            seed: 9,
+            ..GlobalOptions::default()
+        };
         let run = || register(&described(&source), &described(&target), options);
-        let alone = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(run);
-        let many = rayon::ThreadPoolBuilder::new().num_threads(5).build().unwrap().install(run);
+        let alone = rayon::ThreadPoolBuilder::new()
+            .num_threads(1)
+            .build()
+            .unwrap()
+            .install(run);
+        let many = rayon::ThreadPoolBuilder::new()
+            .num_threads(5)
+            .build()
+            .unwrap()
+            .install(run);
         assert_eq!(alone, many);
         assert!(alone.is_some());
     }
@@ -57,16 +98,35 @@ fn empty_and_unlike_clouds() {
     let (source, target, _) = Room::pair(1, 100.0);
     let nothing = described(&OrientedCloud::default());
     for method in METHODS {
-        let options = GlobalOptions { method, ..GlobalOptions::default() };
+        let options = GlobalOptions {
+            method,
+            ..GlobalOptions::default()
+        };
         assert_eq!(register(&nothing, &described(&target), options), None);
         assert_eq!(register(&described(&source), &nothing, options), None);
     }
     let coarse = DescribedCloud::new(&source, 2.0 * VOXEL, &Progress::default()).unwrap();
-    let run = |options: &GlobalOptions| register_globally(&coarse, &described(&target), options, &Progress::default());
+    let run = |options: &GlobalOptions| {
+        register_globally(&coarse, &described(&target), options, &Progress::default())
+    };
     assert!(run(&GlobalOptions::default()).is_err());
-    assert!(run(&GlobalOptions { min_share: 1.5, ..GlobalOptions::default() }).is_err());
+    assert!(
+        run(&GlobalOptions {
+            min_share: 1.5,
+            ..GlobalOptions::default()
+        })
+        .is_err()
+    );
     let stopped = Progress::default();
     stopped.stop();
     let described = [&source, &target].map(described);
-    assert!(register_globally(&described[0], &described[1], &GlobalOptions::default(), &stopped).is_err());
+    assert!(
+        register_globally(
+            &described[0],
+            &described[1],
+            &GlobalOptions::default(),
+            &stopped
+        )
+        .is_err()
+    );
 }

@@ -32,12 +32,23 @@ impl Room {
         for _ in 0..14 {
             let mut length = |least: f32, most: f32| random.random_range(least..most);
             let turn = glam::Quat::from_rotation_z(length(0.0, 1.5));
-            let corner = Vec3::new(length(0.2, 3.6), length(0.2, 2.4), length(-0.2, 0.9).max(0.0));
-            let [along, across] = [turn * Vec3::X * length(0.2, 0.9), turn * Vec3::Y * length(0.2, 0.7)];
+            let corner = Vec3::new(
+                length(0.2, 3.6),
+                length(0.2, 2.4),
+                length(-0.2, 0.9).max(0.0),
+            );
+            let [along, across] = [
+                turn * Vec3::X * length(0.2, 0.9),
+                turn * Vec3::Y * length(0.2, 0.7),
+            ];
             let up = Vec3::Z * length(0.15, 0.8);
             let far = corner + along + across + up;
             patches.extend([Patch([corner, up, along]), Patch([corner, across, up])]);
-            patches.extend([Patch([far, -along, -up]), Patch([far, -up, -across]), Patch([far, -along, -across])]);
+            patches.extend([
+                Patch([far, -along, -up]),
+                Patch([far, -up, -across]),
+                Patch([far, -along, -across]),
+            ]);
         }
         for patch in &mut patches {
             // Normals face up or into the room.
@@ -62,7 +73,11 @@ impl Room {
                 if place.x / 4.2 < from || place.x / 4.2 > to {
                     continue;
                 }
-                let mut error = || (0..3).map(|_| self.random.random_range(-1.0..1.0f32)).sum::<f32>();
+                let mut error = || {
+                    (0..3)
+                        .map(|_| self.random.random_range(-1.0..1.0f32))
+                        .sum::<f32>()
+                };
                 let tilt = Vec3::new(error(), error(), error()) * 0.05;
                 cloud.positions.push(place + normal * error() * NOISE);
                 cloud.normals.push((normal + tilt).normalize());
@@ -82,18 +97,30 @@ impl Room {
 }
 
 fn brightness(place: Vec3) -> f32 {
-    0.5 + 0.2 * (place * Vec3::new(9.0, 5.0, 7.0)).element_sum().sin() + 0.2 * (place.x * 4.0 - place.y * 8.0).sin()
+    0.5 + 0.2 * (place * Vec3::new(9.0, 5.0, 7.0)).element_sum().sin()
+        + 0.2 * (place.x * 4.0 - place.y * 8.0).sin()
 }
 
 pub fn random_pose(random: &mut Pcg64Mcg) -> Pose {
     let mut vector = || DVec3::from_array(std::array::from_fn(|_| random.random_range(-1.0..1.0)));
-    Pose { rotation: DQuat::from_scaled_axis(vector() * 3.0), translation: 2.0 * vector() }
+    Pose {
+        rotation: DQuat::from_scaled_axis(vector() * 3.0),
+        translation: 2.0 * vector(),
+    }
 }
 
 pub fn moved(cloud: &OrientedCloud, pose: &Pose) -> OrientedCloud {
     OrientedCloud {
-        positions: cloud.positions.iter().map(|x| pose.transform(x.as_dvec3()).as_vec3()).collect(),
-        normals: cloud.normals.iter().map(|n| (pose.rotation * n.as_dvec3()).as_vec3()).collect(),
+        positions: cloud
+            .positions
+            .iter()
+            .map(|x| pose.transform(x.as_dvec3()).as_vec3())
+            .collect(),
+        normals: cloud
+            .normals
+            .iter()
+            .map(|n| (pose.rotation * n.as_dvec3()).as_vec3())
+            .collect(),
         intensities: cloud.intensities.clone(),
     }
 }
@@ -102,5 +129,8 @@ pub fn moved(cloud: &OrientedCloud, pose: &Pose) -> OrientedCloud {
 pub fn error(found: &Pose, truth: &Pose) -> (f64, f64) {
     let middle = truth.inverse().transform(DVec3::new(2.1, 1.5, 0.9));
     let turn = found.rotation.dot(truth.rotation).abs().min(1.0);
-    ((2.0 * turn.acos()).to_degrees(), found.transform(middle).distance(truth.transform(middle)))
+    (
+        (2.0 * turn.acos()).to_degrees(),
+        found.transform(middle).distance(truth.transform(middle)),
+    )
 }

@@ -11,6 +11,9 @@ fn a_voxel_holds_the_means_in_the_order_of_the_voxels() {
     };
     let thin = cloud.thinned(1.0);
     assert_eq!(thin.positions, [Vec3::X * 0.5, Vec3::X * 2.5]);
-    assert_eq!(thin.normals, [Vec3::new(0.5, 0.5, 0.0).normalize(), Vec3::ZERO]);
+    assert_eq!(
+        thin.normals,
+        [Vec3::new(0.5, 0.5, 0.0).normalize(), Vec3::ZERO]
+    );
     assert_eq!(thin.intensities, [0.5, 0.5]);
 }

@@ -14,8 +14,15 @@ use ostra_compute::nn::Runtime;
 fn networks() -> Option<PathBuf> {
     let folder = given("OSTRA_MODELS", "../../../shared/models")?;
     let found = Runtime::find();
-    assert!(found.is_ok() || std::env::var_os("CI").is_none(), "{}", found.unwrap_err());
-    found.inspect_err(|error| println!("skipped: {error}")).ok().map(|_| folder)
+    assert!(
+        found.is_ok() || std::env::var_os("CI").is_none(),
+        "{}",
+        found.unwrap_err()
+    );
+    found
+        .inspect_err(|error| println!("skipped: {error}"))
+        .ok()
+        .map(|_| folder)
 }
 
 /// A folder that a variable names; `None`, after a printed line, where it is missing.
@@ -23,7 +30,11 @@ fn given(variable: &str, default: &str) -> Option<PathBuf> {
     let named = std::env::var_os(variable).map(PathBuf::from);
     let folder = named.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join(default));
     let is_there = folder.is_dir();
-    assert!(is_there || std::env::var_os("CI").is_none(), "{} is missing", folder.display());
+    assert!(
+        is_there || std::env::var_os("CI").is_none(),
+        "{} is missing",
+        folder.display()
+    );
     if !is_there {
         println!("skipped: {} is missing (set {variable})", folder.display());
     }

@@ -11,7 +11,11 @@ fn logits(columns: usize, rows: usize, peak: DVec2) -> Vec<f32> {
         for (cell, value) in plane.iter_mut().enumerate() {
             let corner = DVec2::new((cell % columns * 8) as f64, (cell / columns * 8) as f64);
             let at = corner + DVec2::new((channel % 8) as f64 + 0.5, (channel / 8) as f64 + 0.5);
-            *value = if channel == 64 { 0.0 } else { (2.0 - at.distance_squared(peak) / 2.0) as f32 };
+            *value = if channel == 64 {
+                0.0
+            } else {
+                (2.0 - at.distance_squared(peak) / 2.0) as f32
+            };
         }
     }
     logits
@@ -23,7 +27,11 @@ fn a_bell_is_found_once_and_between_pixels() {
     let heat = Heat::from_logits(&logits(3, 4, peak), 3, 4);
     let peaks = heat.peaks(24, 32, 0.05);
     assert_eq!(peaks, [(12, 19)]);
-    assert!(heat.refined(12, 19).distance(peak) < 0.02, "{}", heat.refined(12, 19));
+    assert!(
+        heat.refined(12, 19).distance(peak) < 0.02,
+        "{}",
+        heat.refined(12, 19)
+    );
     assert_eq!(heat.peaks(12, 32, 0.05), [], "outside of what is shown");
 }
 
@@ -36,8 +44,14 @@ fn of_equal_neighbours_the_first_is_the_peak() {
 #[test]
 fn values_between_cells_follow_a_slope() {
     let (columns, rows) = (4, 3);
-    let plane = |weight: f32| (0..12).map(move |cell| weight * (cell % 4) as f32 + (cell / 4) as f32);
-    let sampled = Sampled::new(&plane(1.0).chain(plane(-2.0)).collect::<Vec<_>>(), 2, columns, rows);
+    let plane =
+        |weight: f32| (0..12).map(move |cell| weight * (cell % 4) as f32 + (cell / 4) as f32);
+    let sampled = Sampled::new(
+        &plane(1.0).chain(plane(-2.0)).collect::<Vec<_>>(),
+        2,
+        columns,
+        rows,
+    );
     let mut read = [0.0; 2];
     sampled.read(DVec2::new(18.0, 9.0), &mut read);
     assert_eq!(read, [1.75 + 0.625, -3.5 + 0.625]);
@@ -50,11 +64,24 @@ fn values_between_cells_follow_a_slope() {
 fn a_picture_is_shrunk_and_its_edges_repeated() {
     let slope: Vec<f32> = (0..100 * 50).map(|at| (at % 100) as f32 / 100.0).collect();
     let kept = Prepared::new(&slope, (100, 50), 100, 32);
-    assert_eq!((kept.width, kept.height, kept.shown_width, kept.shown_height), (128, 64, 100, 50));
-    assert_eq!((kept.grey[49 * 128 + 7], kept.grey[63 * 128 + 127]), (0.07, 0.99));
+    assert_eq!(
+        (kept.width, kept.height, kept.shown_width, kept.shown_height),
+        (128, 64, 100, 50)
+    );
+    assert_eq!(
+        (kept.grey[49 * 128 + 7], kept.grey[63 * 128 + 127]),
+        (0.07, 0.99)
+    );
     assert_eq!(kept.original_from_here, DVec2::ONE);
     let half = Prepared::new(&slope, (100, 50), 50, 32);
-    assert_eq!((half.width, half.height, half.shown_width, half.shown_height), (64, 32, 50, 25));
+    assert_eq!(
+        (half.width, half.height, half.shown_width, half.shown_height),
+        (64, 32, 50, 25)
+    );
     assert_eq!(half.original_from_here, DVec2::splat(2.0));
-    assert!((half.grey[20] - 0.405).abs() < 1e-3, "columns 40 and 41: {}", half.grey[20]);
+    assert!(
+        (half.grey[20] - 0.405).abs() < 1e-3,
+        "columns 40 and 41: {}",
+        half.grey[20]
+    );
 }

@@ -52,25 +52,52 @@ impl Folder {
     /// `None`, after a printed line, without ONNX Runtime.
     fn open(path: &Path) -> Option<Self> {
         let runtime = Runtime::find();
-        assert!(runtime.is_ok() || std::env::var_os("CI").is_none(), "{}", runtime.unwrap_err());
-        let runtime = runtime.inspect_err(|error| println!("skipped: {error}")).ok()?;
+        assert!(
+            runtime.is_ok() || std::env::var_os("CI").is_none(),
+            "{}",
+            runtime.unwrap_err()
+        );
+        let runtime = runtime
+            .inspect_err(|error| println!("skipped: {error}"))
+            .ok()?;
         let reference: Reference =
             serde_json::from_slice(&std::fs::read(path.join("reference.json")).unwrap()).unwrap();
         let bytes = std::fs::read(path.join("reference.bin")).unwrap();
-        let values = bytes.chunks_exact(4).map(|word| f32::from_le_bytes(word.try_into().unwrap())).collect();
+        let values = bytes
+            .chunks_exact(4)
+            .map(|word| f32::from_le_bytes(word.try_into().unwrap()))
+            .collect();
         let load = |file: &str| Network::load(&runtime, &path.join(file), None).unwrap();
         let most = reference.frames[0].scores.shape[0];
-        let points = SuperPointOptions { most, ..SuperPointOptions::default() };
+        let points = SuperPointOptions {
+            most,
+            ..SuperPointOptions::default()
+        };
         let points = SuperPoint::of_network(load(&reference.points), points).unwrap();
-        let glue = SuperGlueOptions { first_look: most, ..SuperGlueOptions::default() };
+        let glue = SuperGlueOptions {
+            first_look: most,
+            ..SuperGlueOptions::default()
+        };
         let glue = SuperGlue::of_network(load(&reference.glue), glue);
-        Some(Self { path: path.to_owned(), reference, values, points, glue })
+        Some(Self {
+            path: path.to_owned(),
+            reference,
+            values,
+            points,
+            glue,
+        })
     }
 
     fn picture(&self, at: usize) -> Image {
-        let picture = image::open(self.path.join(&self.reference.frames[at].picture)).unwrap().to_rgb8();
+        let picture = image::open(self.path.join(&self.reference.frames[at].picture))
+            .unwrap()
+            .to_rgb8();
         let pixels = picture.pixels().map(|pixel| pixel.0).collect();
-        Image { width: picture.width(), height: picture.height(), pixels }
+        Image {
+            width: picture.width(),
+            height: picture.height(),
+            pixels,
+        }
     }
 
     fn tensor(&self, place: &Place) -> &[f32] {
@@ -78,26 +105,48 @@ impl Folder {
     }
 
     fn found(&self, image: &Image) -> Features {
-        self.points.extract(&image.luma(), image.width as usize, image.height as usize, None).unwrap()
+        self.points
+            .extract(
+                &image.luma(),
+                image.width as usize,
+                image.height as usize,
+                None,
+            )
+            .unwrap()
     }
 
     /// The share of the reference's keypoints that are found, and the largest difference of scores and descriptors.
     fn compare(&self, at: usize, found: &Features) -> (f64, f64) {
         let of = &self.reference.frames[at];
         let expected = self.tensor(&of.keypoints).chunks_exact(2);
-        let Descriptors::Floats { dim, values } = &found.descriptors else { panic!("floats") };
+        let Descriptors::Floats { dim, values } = &found.descriptors else {
+            panic!("floats")
+        };
         let place = |at: &[f32]| DVec2::new(f64::from(at[0]), f64::from(at[1])).round() + 0.5;
         let index = |at: &[f32]| found.keypoints.iter().position(|&found| found == place(at));
         let indices: Vec<Option<usize>> = expected.map(index).collect();
         let count = indices.len() as f64;
-        let both: Vec<(usize, usize)> =
-            indices.iter().enumerate().filter_map(|(at, index)| index.map(|index| (at, index))).collect();
-        let gathered = |values: &[f32], dim: usize, indices: &mut dyn Iterator<Item = usize>| -> Vec<f32> {
-            indices.flat_map(|index| values[index * dim..(index + 1) * dim].to_vec()).collect()
-        };
+        let both: Vec<(usize, usize)> = indices
+            .iter()
+            .enumerate()
+            .filter_map(|(at, index)| index.map(|index| (at, index)))
+            .collect();
+        let gathered =
+            |values: &[f32], dim: usize, indices: &mut dyn Iterator<Item = usize>| -> Vec<f32> {
+                indices
+                    .flat_map(|index| values[index * dim..(index + 1) * dim].to_vec())
+                    .collect()
+            };
         let mut largest = 0.0f64;
-        for (expected, values, dim) in [(&of.scores, &found.scores, 1), (&of.descriptors, values, *dim)] {
-            let expected = gathered(self.tensor(expected), dim, &mut both.iter().map(|&(at, _)| at));
+        for (expected, values, dim) in [
+            (&of.scores, &found.scores, 1),
+            (&of.descriptors, values, *dim),
+        ] {
+            let expected = gathered(
+                self.tensor(expected),
+                dim,
+                &mut both.iter().map(|&(at, _)| at),
+            );
             let found = gathered(values, dim, &mut both.iter().map(|&(_, index)| index));
             largest = largest.max(difference(&expected, &found));
         }
@@ -111,7 +160,11 @@ impl Folder {
         Features {
             width: image.width,
             height: image.height,
-            keypoints: self.tensor(&of.keypoints).chunks_exact(2).map(place).collect(),
+            keypoints: self
+                .tensor(&of.keypoints)
+                .chunks_exact(2)
+                .map(place)
+                .collect(),
             scales_px: Vec::new(),
             scores: self.tensor(&of.scores).to_vec(),
             descriptors: Descriptors::Floats {
@@ -123,7 +176,9 @@ impl Folder {
 
     fn matches(&self) -> Vec<(u32, u32)> {
         let matches = self.reference.matches.iter().zip(0u32..);
-        matches.filter_map(|(&other, at)| u32::try_from(other).ok().map(|other| (at, other))).collect()
+        matches
+            .filter_map(|(&other, at)| u32::try_from(other).ok().map(|other| (at, other)))
+            .collect()
     }
 }
 
@@ -132,8 +187,16 @@ fn difference(expected: &[f32], found: &[f32]) -> f64 {
     assert_eq!(expected.len(), found.len());
     let count = expected.len() as f64;
     let mean = expected.iter().map(|&value| f64::from(value)).sum::<f64>() / count;
-    let variance = expected.iter().map(|&value| (f64::from(value) - mean).powi(2)).sum::<f64>() / count;
-    let largest = expected.iter().zip(found).map(|(&a, &b)| f64::from(a - b).abs()).fold(0.0, f64::max);
+    let variance = expected
+        .iter()
+        .map(|&value| (f64::from(value) - mean).powi(2))
+        .sum::<f64>()
+        / count;
+    let largest = expected
+        .iter()
+        .zip(found)
+        .map(|(&a, &b)| f64::from(a - b).abs())
+        .fold(0.0, f64::max);
     largest / variance.sqrt()
 }
 
@@ -154,7 +217,10 @@ fn keypoints_and_descriptors_are_those_of_the_reference() {
         let (share, largest) = folder.compare(at, &found);
         println!("picture {at}: {share:.4} of the keypoints, scores and descriptors {largest:.1e}");
         // Of keypoints that are equally strong to the last bits another one may be the last.
-        assert!(share >= 0.995 && largest < TOLERANCE, "picture {at}: {share} {largest}");
+        assert!(
+            share >= 0.995 && largest < TOLERANCE,
+            "picture {at}: {share} {largest}"
+        );
     }
 }
 
@@ -163,51 +229,109 @@ fn keypoints_have_the_partners_that_the_reference_gives_them() {
     let Some(folder) = folder() else { return };
     let both = [folder.expected(0), folder.expected(1)];
     let [first, second] = &both;
-    let agreement = folder.glue.agreement([first, second], usize::MAX).unwrap().unwrap().0;
-    let largest = difference(folder.tensor(&folder.reference.agreement), agreement.as_floats());
+    let agreement = folder
+        .glue
+        .agreement([first, second], usize::MAX)
+        .unwrap()
+        .unwrap()
+        .0;
+    let largest = difference(
+        folder.tensor(&folder.reference.agreement),
+        agreement.as_floats(),
+    );
     println!("agreement {largest:.1e}");
     assert!(largest < TOLERANCE, "{largest}");
-    let (expected, found) = (folder.matches(), folder.glue.matches(first, second).unwrap());
+    let (expected, found) = (
+        folder.matches(),
+        folder.glue.matches(first, second).unwrap(),
+    );
     println!("{} partners", expected.len());
-    assert!(expected.len() >= 9 && found == expected, "{found:?} {expected:?}");
+    assert!(
+        expected.len() >= 9 && found == expected,
+        "{found:?} {expected:?}"
+    );
     let nobody = first.select(&[]);
     assert_eq!(folder.glue.matches(&nobody, second).unwrap(), []);
 }
 
 #[test]
 fn blue_for_red_and_half_a_pixel_are_noticed() {
-    let Some(folder) = Folder::open(&tiny()) else { return };
+    let Some(folder) = Folder::open(&tiny()) else {
+        return;
+    };
     let right = folder.picture(0);
-    let swapped = Image { pixels: right.pixels.iter().map(|&[r, g, b]| [b, g, r]).collect(), ..right.clone() };
+    let swapped = Image {
+        pixels: right.pixels.iter().map(|&[r, g, b]| [b, g, r]).collect(),
+        ..right.clone()
+    };
     let (share, largest) = folder.compare(0, &folder.found(&swapped));
-    assert!(share < 0.9 || largest > 10.0 * TOLERANCE, "blue for red: {share} {largest}");
+    assert!(
+        share < 0.9 || largest > 10.0 * TOLERANCE,
+        "blue for red: {share} {largest}"
+    );
     let mut moved = folder.expected(1);
     moved.keypoints.iter_mut().for_each(|at| at.x += 0.5);
-    let agreement = folder.glue.agreement([&folder.expected(0), &moved], usize::MAX).unwrap().unwrap().0;
-    let largest = difference(folder.tensor(&folder.reference.agreement), agreement.as_floats());
-    assert!(largest > 10.0 * TOLERANCE, "keypoints half a pixel to the right: {largest}");
+    let agreement = folder
+        .glue
+        .agreement([&folder.expected(0), &moved], usize::MAX)
+        .unwrap()
+        .unwrap()
+        .0;
+    let largest = difference(
+        folder.tensor(&folder.reference.agreement),
+        agreement.as_floats(),
+    );
+    assert!(
+        largest > 10.0 * TOLERANCE,
+        "keypoints half a pixel to the right: {largest}"
+    );
 }
 
 #[test]
 fn a_picture_of_any_size_has_keypoints_within_it() {
-    let Some(folder) = Folder::open(&tiny()) else { return };
+    let Some(folder) = Folder::open(&tiny()) else {
+        return;
+    };
     let image = folder.picture(0);
     let (width, height) = (91usize, 77usize);
     let luma = image.luma();
-    let part: Vec<f32> =
-        luma.chunks_exact(image.width as usize).take(height).flat_map(|row| &row[..width]).copied().collect();
+    let part: Vec<f32> = luma
+        .chunks_exact(image.width as usize)
+        .take(height)
+        .flat_map(|row| &row[..width])
+        .copied()
+        .collect();
     let allowed: Vec<bool> = (0..part.len()).map(|at| at % width < 60).collect();
-    let found = folder.points.extract(&part, width, height, Some(&allowed)).unwrap();
+    let found = folder
+        .points
+        .extract(&part, width, height, Some(&allowed))
+        .unwrap();
     assert!(found.keypoints.len() > 20, "{}", found.keypoints.len());
-    assert!(found.keypoints.iter().all(|at| at.x < 60.0 && at.x > 4.0 && at.y > 4.0 && at.y < 73.0));
+    assert!(
+        found
+            .keypoints
+            .iter()
+            .all(|at| at.x < 60.0 && at.x > 4.0 && at.y > 4.0 && at.y < 73.0)
+    );
     assert!(found.scores.is_sorted_by(|a, b| a >= b));
 }
 
 #[test]
 fn descriptors_of_another_kind_are_refused() {
-    let Some(folder) = Folder::open(&tiny()) else { return };
-    let bytes = Descriptors::Bytes { dim: 128, values: vec![0; 128 * folder.expected(0).keypoints.len()] };
-    let other = Features { descriptors: bytes, ..folder.expected(0) };
+    let Some(folder) = Folder::open(&tiny()) else {
+        return;
+    };
+    let bytes = Descriptors::Bytes {
+        dim: 128,
+        values: vec![0; 128 * folder.expected(0).keypoints.len()],
+    };
+    let other = Features {
+        descriptors: bytes,
+        ..folder.expected(0)
+    };
     let error = folder.glue.matches(&other, &other).unwrap_err();
-    assert!(matches!(&error, FeatureError::Kinds(what) if what.contains("SuperPoint")), "{error}");
+    assert!(
+        matches!(&error, FeatureError::Kinds(what) if what.contains("SuperPoint")),
+        "{error}"
+    );
 }

@@ -7,15 +7,30 @@ fn keypoints_go_to_who_agrees_and_the_rest_to_nobody() {
     let agreement = [9.0, 0.0, 1.0, 8.0, 0.5, 0.2];
     let transport = Transport::new(&agreement, 2, 4.0, 100);
     assert_eq!(transport.mutual(0.2), [(0, 0), (1, 1)]);
-    assert_eq!(Transport::new(&agreement, 2, 12.0, 100).mutual(0.2), [], "nobody agrees better");
+    assert_eq!(
+        Transport::new(&agreement, 2, 12.0, 100).mutual(0.2),
+        [],
+        "nobody agrees better"
+    );
     let much = agreement.map(|value| 100.0 * value);
-    assert_eq!(Transport::new(&much, 2, 400.0, 100).mutual(0.2), [(0, 0), (1, 1)], "nothing overflows");
+    assert_eq!(
+        Transport::new(&much, 2, 400.0, 100).mutual(0.2),
+        [(0, 0), (1, 1)],
+        "nothing overflows"
+    );
 }
 
 #[test]
 fn a_column_has_one_partner() {
     let transport = Transport::new(&[6.0, 0.0, 5.0, 0.0], 2, 1.0, 100);
-    assert_eq!(transport.mutual(0.0).iter().filter(|pair| pair.1 == 0).count(), 1);
+    assert_eq!(
+        transport
+            .mutual(0.0)
+            .iter()
+            .filter(|pair| pair.1 == 0)
+            .count(),
+        1
+    );
 }
 
 #[test]

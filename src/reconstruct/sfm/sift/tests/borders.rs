@@ -18,13 +18,25 @@ fn barred(width: usize, height: usize) -> Vec<f32> {
 #[test]
 fn no_feature_sees_a_black_bar() {
     let (width, height) = (320, 200);
-    let features = extract_sift(&barred(width, height), width, height, None, &SiftOptions::default());
+    let features = extract_sift(
+        &barred(width, height),
+        width,
+        height,
+        None,
+        &SiftOptions::default(),
+    );
     assert!(features.keypoints.len() > 50);
     for keypoint in &features.keypoints {
         let reach = SUPPORT * keypoint.scale_px;
-        assert!(keypoint.at_px.x - reach >= BAR as f32 && keypoint.at_px.x + reach <= (width - BAR) as f32);
+        assert!(
+            keypoint.at_px.x - reach >= BAR as f32
+                && keypoint.at_px.x + reach <= (width - BAR) as f32
+        );
     }
-    let near_top = features.keypoints.iter().any(|keypoint| keypoint.at_px.y < SUPPORT * keypoint.scale_px);
+    let near_top = features
+        .keypoints
+        .iter()
+        .any(|keypoint| keypoint.at_px.y < SUPPORT * keypoint.scale_px);
     assert!(near_top, "a side without a bar must lose nothing");
 }
 
@@ -35,7 +47,9 @@ fn bars_are_found_on_every_side() {
     let content = Content::of(&grey, width, height);
     assert_eq!(content.columns, (40.0, 280.0));
     assert_eq!(content.rows, (f32::NEG_INFINITY, f32::INFINITY));
-    let lying: Vec<f32> = (0..width * height).map(|k| grey[k % height * width + k / height]).collect();
+    let lying: Vec<f32> = (0..width * height)
+        .map(|k| grey[k % height * width + k / height])
+        .collect();
     assert_eq!(Content::of(&lying, height, width).rows, (40.0, 280.0));
 }
 
@@ -47,7 +61,19 @@ fn a_dark_background_is_no_bar() {
         grey[y * width + 30..y * width + 80].fill(0.7);
     }
     let everywhere = (f32::NEG_INFINITY, f32::INFINITY);
-    assert_eq!(Content::of(&grey, width, height), Content { columns: everywhere, rows: everywhere });
+    assert_eq!(
+        Content::of(&grey, width, height),
+        Content {
+            columns: everywhere,
+            rows: everywhere
+        }
+    );
     let black = vec![0.0; width * height];
-    assert_eq!(Content::of(&black, width, height), Content { columns: everywhere, rows: everywhere });
+    assert_eq!(
+        Content::of(&black, width, height),
+        Content {
+            columns: everywhere,
+            rows: everywhere
+        }
+    );
 }

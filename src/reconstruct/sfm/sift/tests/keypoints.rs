@@ -4,23 +4,54 @@ use glam::Vec2;
 
 fn nearest(keypoints: &[SiftKeypoint], at_px: Vec2) -> SiftKeypoint {
     let apart = |keypoint: &&SiftKeypoint| keypoint.at_px.distance(at_px);
-    *keypoints.iter().min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap()
+    *keypoints
+        .iter()
+        .min_by(|a, b| apart(a).total_cmp(&apart(b)))
+        .unwrap()
 }
 
-fn assert_blob_found(width: usize, height: usize, at_px: Vec2, sigma_px: f32, options: &SiftOptions) {
-    let grey = painted(&[Blob { at_px, sigma_px, contrast: 0.5 }], width, height);
-    let found = nearest(&extract_sift(&grey, width, height, None, options).keypoints, at_px);
+fn assert_blob_found(
+    width: usize,
+    height: usize,
+    at_px: Vec2,
+    sigma_px: f32,
+    options: &SiftOptions,
+) {
+    let grey = painted(
+        &[Blob {
+            at_px,
+            sigma_px,
+            contrast: 0.5,
+        }],
+        width,
+        height,
+    );
+    let found = nearest(
+        &extract_sift(&grey, width, height, None, options).keypoints,
+        at_px,
+    );
     let error = found.at_px - at_px;
-    assert!(error.length() < 0.02, "sigma {sigma_px} at {at_px}: off by {error}");
+    assert!(
+        error.length() < 0.02,
+        "sigma {sigma_px} at {at_px}: off by {error}"
+    );
     // A difference of Gaussians is told by the finer of the two.
     let scale_px = sigma_px * (-0.5 / options.scales as f32).exp2();
-    assert!((found.scale_px / scale_px - 1.0).abs() < 0.03, "sigma {sigma_px}: scale {}", found.scale_px);
+    assert!(
+        (found.scale_px / scale_px - 1.0).abs() < 0.03,
+        "sigma {sigma_px}: scale {}",
+        found.scale_px
+    );
 }
 
 #[test]
 fn a_blob_is_found_where_it_is_in_every_octave() {
     for sigma_px in [1.3, 2.6, 5.2, 10.4] {
-        for at_px in [Vec2::new(101.37, 77.81), Vec2::new(98.0, 80.5), Vec2::new(110.92, 92.13)] {
+        for at_px in [
+            Vec2::new(101.37, 77.81),
+            Vec2::new(98.0, 80.5),
+            Vec2::new(110.92, 92.13),
+        ] {
             assert_blob_found(210, 170, at_px, sigma_px, &SiftOptions::default());
         }
     }
@@ -35,21 +66,45 @@ fn a_blob_is_found_where_few_rows_are_held_at_a_time() {
 
 #[test]
 fn a_shrunk_picture_tells_positions_in_its_own_pixels() {
-    let options = SiftOptions { max_side: 150, ..SiftOptions::default() };
+    let options = SiftOptions {
+        max_side: 150,
+        ..SiftOptions::default()
+    };
     let at_px = Vec2::new(141.4, 122.7);
-    let grey = painted(&[Blob { at_px, sigma_px: 9.0, contrast: 0.5 }], 300, 240);
-    let found = nearest(&extract_sift(&grey, 300, 240, None, &options).keypoints, at_px);
+    let grey = painted(
+        &[Blob {
+            at_px,
+            sigma_px: 9.0,
+            contrast: 0.5,
+        }],
+        300,
+        240,
+    );
+    let found = nearest(
+        &extract_sift(&grey, 300, 240, None, &options).keypoints,
+        at_px,
+    );
     assert!(found.at_px.distance(at_px) < 0.04, "{}", found.at_px);
-    assert!((found.scale_px / 9.0 - 1.0).abs() < 0.2, "{}", found.scale_px);
+    assert!(
+        (found.scale_px / 9.0 - 1.0).abs() < 0.2,
+        "{}",
+        found.scale_px
+    );
 }
 
 #[test]
 fn an_octave_is_left_out_where_asked() {
     let grey = painted(&strewn(200, 240, 200), 240, 200);
     let least_scale = |first_octave| {
-        let options = SiftOptions { first_octave, ..SiftOptions::default() };
+        let options = SiftOptions {
+            first_octave,
+            ..SiftOptions::default()
+        };
         let keypoints = extract_sift(&grey, 240, 200, None, &options).keypoints;
-        keypoints.iter().map(|keypoint| keypoint.scale_px).fold(f32::INFINITY, f32::min)
+        keypoints
+            .iter()
+            .map(|keypoint| keypoint.scale_px)
+            .fold(f32::INFINITY, f32::min)
     };
     assert!(least_scale(-1) < 1.6);
     assert!((1.6..3.2).contains(&least_scale(0)));
@@ -61,9 +116,15 @@ fn features_lie_only_where_the_mask_allows() {
     let grey = painted(&strewn(200, 240, 200), 240, 200);
     let mask: Vec<bool> = (0..240 * 200).map(|pixel| pixel % 240 >= 120).collect();
     let options = SiftOptions::default();
-    let (all, some) =
-        (extract_sift(&grey, 240, 200, None, &options), extract_sift(&grey, 240, 200, Some(&mask), &options));
-    let right: Vec<_> = all.keypoints.into_iter().filter(|keypoint| keypoint.at_px.x >= 120.0).collect();
+    let (all, some) = (
+        extract_sift(&grey, 240, 200, None, &options),
+        extract_sift(&grey, 240, 200, Some(&mask), &options),
+    );
+    let right: Vec<_> = all
+        .keypoints
+        .into_iter()
+        .filter(|keypoint| keypoint.at_px.x >= 120.0)
+        .collect();
     assert!(right.len() > 20);
     assert_eq!(some.keypoints, right);
 }
@@ -71,8 +132,18 @@ fn features_lie_only_where_the_mask_allows() {
 #[test]
 fn the_strongest_features_stay() {
     let grey = painted(&strewn(300, 240, 200), 240, 200);
-    let with =
-        |max_features| extract_sift(&grey, 240, 200, None, &SiftOptions { max_features, ..SiftOptions::default() });
+    let with = |max_features| {
+        extract_sift(
+            &grey,
+            240,
+            200,
+            None,
+            &SiftOptions {
+                max_features,
+                ..SiftOptions::default()
+            },
+        )
+    };
     let (all, few) = (with(10_000), with(50));
     assert!(all.keypoints.len() > 100);
     assert_eq!(few.keypoints, all.keypoints[..50]);
@@ -84,9 +155,21 @@ fn the_strongest_features_stay() {
 fn the_number_of_threads_changes_nothing() {
     let grey = painted(&strewn(300, 240, 400), 240, 400);
     let with = |threads| {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
         pool.install(|| {
-            extract_sift(&grey, 240, 400, None, &SiftOptions { max_features: 90, ..SiftOptions::default() })
+            extract_sift(
+                &grey,
+                240,
+                400,
+                None,
+                &SiftOptions {
+                    max_features: 90,
+                    ..SiftOptions::default()
+                },
+            )
         })
     };
     assert_eq!(with(1), with(3));
@@ -96,15 +179,26 @@ fn the_number_of_threads_changes_nothing() {
 fn nothing_is_found_in_nothing() {
     let options = SiftOptions::default();
     for (width, height) in [(0, 0), (1, 900), (15, 15), (16, 16), (64, 40)] {
-        assert!(extract_sift(&vec![0.5; width * height], width, height, None, &options).keypoints.is_empty());
+        assert!(
+            extract_sift(&vec![0.5; width * height], width, height, None, &options)
+                .keypoints
+                .is_empty()
+        );
     }
-    assert!(extract_sift(&[0.5; 100], 64, 40, None, &options).keypoints.is_empty());
+    assert!(
+        extract_sift(&[0.5; 100], 64, 40, None, &options)
+            .keypoints
+            .is_empty()
+    );
 }
 
 #[test]
 fn any_number_of_scales_finds_the_blob() {
     for scales in [1, 2, 5, 8] {
-        let options = SiftOptions { scales, ..SiftOptions::default() };
+        let options = SiftOptions {
+            scales,
+            ..SiftOptions::default()
+        };
         assert_blob_found(210, 170, Vec2::new(101.37, 77.81), 2.6, &options);
     }
 }

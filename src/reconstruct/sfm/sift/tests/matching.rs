@@ -18,9 +18,18 @@ fn moved(at_px: Vec2, centre: Vec2, angle: f32, scale: f32) -> Vec2 {
 
 /// Index of the feature with the nearest descriptor, where it is clearly nearer than the second.
 fn best(of: &[u8; 128], among: &SiftFeatures) -> Option<usize> {
-    let apart =
-        |other: &[u8; 128]| of.iter().zip(other).map(|(&a, &b)| (f32::from(a) - f32::from(b)).powi(2)).sum::<f32>();
-    let mut order: Vec<(f32, usize)> = among.descriptors.iter().enumerate().map(|(k, d)| (apart(d), k)).collect();
+    let apart = |other: &[u8; 128]| {
+        of.iter()
+            .zip(other)
+            .map(|(&a, &b)| (f32::from(a) - f32::from(b)).powi(2))
+            .sum::<f32>()
+    };
+    let mut order: Vec<(f32, usize)> = among
+        .descriptors
+        .iter()
+        .enumerate()
+        .map(|(k, d)| (apart(d), k))
+        .collect();
     order.sort_by(|a, b| a.0.total_cmp(&b.0));
     (order[0].0 < 0.64 * order[1].0).then_some(order[0].1)
 }
@@ -39,17 +48,31 @@ fn features_are_found_again_in_a_turned_and_magnified_picture() {
             if keypoint.at_px.distance(centre) > 120.0 || keypoint.scale_px > 8.0 {
                 continue;
             }
-            let Some(k) = best(descriptor, &second) else { continue };
+            let Some(k) = best(descriptor, &second) else {
+                continue;
+            };
             let other = second.keypoints[k];
-            let off = other.at_px.distance(moved(keypoint.at_px, centre, angle, scale));
-            let turn = Vec2::from_angle(other.angle - keypoint.angle).angle_to(Vec2::from_angle(angle)).abs();
+            let off = other
+                .at_px
+                .distance(moved(keypoint.at_px, centre, angle, scale));
+            let turn = Vec2::from_angle(other.angle - keypoint.angle)
+                .angle_to(Vec2::from_angle(angle))
+                .abs();
             matches += 1;
-            right += usize::from(off < 1.0 && (0.8..1.25).contains(&(other.scale_px / keypoint.scale_px / scale)));
+            right += usize::from(
+                off < 1.0 && (0.8..1.25).contains(&(other.scale_px / keypoint.scale_px / scale)),
+            );
             upright += usize::from(turn < 0.1);
         }
         assert!(matches > 150, "{angle} {scale}: {matches} matches");
-        assert!(right as f32 > 0.97 * matches as f32, "{angle} {scale}: {right} of {matches}");
-        assert!(upright as f32 > 0.95 * matches as f32, "{angle} {scale}: {upright} of {matches} turned rightly");
+        assert!(
+            right as f32 > 0.97 * matches as f32,
+            "{angle} {scale}: {right} of {matches}"
+        );
+        assert!(
+            upright as f32 > 0.95 * matches as f32,
+            "{angle} {scale}: {upright} of {matches} turned rightly"
+        );
     }
 }
 
@@ -57,12 +80,22 @@ fn features_are_found_again_in_a_turned_and_magnified_picture() {
 fn a_descriptor_does_not_see_brightness_and_contrast() {
     let grey = painted(&strewn(200, 200, 200), 200, 200);
     let dimmed: Vec<f32> = grey.iter().map(|value| 0.1 + 0.5 * value).collect();
-    let options = |peak_threshold| SiftOptions { peak_threshold, ..SiftOptions::default() };
-    let (first, second) =
-        (extract_sift(&grey, 200, 200, None, &options(0.02)), extract_sift(&dimmed, 200, 200, None, &options(0.01)));
+    let options = |peak_threshold| SiftOptions {
+        peak_threshold,
+        ..SiftOptions::default()
+    };
+    let (first, second) = (
+        extract_sift(&grey, 200, 200, None, &options(0.02)),
+        extract_sift(&dimmed, 200, 200, None, &options(0.01)),
+    );
     assert_eq!(first.keypoints.len(), second.keypoints.len());
     let same = first.descriptors.iter().filter(|&descriptor| {
-        let near = |other: &[u8; 128]| descriptor.iter().zip(other).all(|(a, b)| a.abs_diff(*b) <= 4);
+        let near = |other: &[u8; 128]| {
+            descriptor
+                .iter()
+                .zip(other)
+                .all(|(a, b)| a.abs_diff(*b) <= 4)
+        };
         second.descriptors.iter().any(near)
     });
     assert!(same.count() * 100 >= 98 * first.descriptors.len());
@@ -70,10 +103,20 @@ fn a_descriptor_does_not_see_brightness_and_contrast() {
 
 #[test]
 fn descriptors_are_square_roots_of_shares() {
-    let features = extract_sift(&painted(&strewn(200, 200, 200), 200, 200), 200, 200, None, &SiftOptions::default());
+    let features = extract_sift(
+        &painted(&strewn(200, 200, 200), 200, 200),
+        200,
+        200,
+        None,
+        &SiftOptions::default(),
+    );
     assert!(!features.descriptors.is_empty());
     for descriptor in features.descriptors {
-        let length = descriptor.iter().map(|&value| f32::from(value).powi(2)).sum::<f32>().sqrt();
+        let length = descriptor
+            .iter()
+            .map(|&value| f32::from(value).powi(2))
+            .sum::<f32>()
+            .sqrt();
         assert!((length - 512.0).abs() < 8.0, "{length}");
     }
 }

@@ -20,7 +20,10 @@ struct Blob {
 fn strewn(count: usize, width: usize, height: usize) -> Vec<Blob> {
     let mut random = Pcg64Mcg::seed_from_u64(7);
     let blob = |_| Blob {
-        at_px: Vec2::new(random.random_range(0.0..width as f32), random.random_range(0.0..height as f32)),
+        at_px: Vec2::new(
+            random.random_range(0.0..width as f32),
+            random.random_range(0.0..height as f32),
+        ),
         sigma_px: random.random_range(0.3_f32..2.3).exp(),
         contrast: random.random_range(-0.4..0.4),
     };
@@ -31,8 +34,14 @@ fn painted(blobs: &[Blob], width: usize, height: usize) -> Vec<f32> {
     let mut grey = vec![0.4; width * height];
     for blob in blobs {
         let reach = 4.5 * blob.sigma_px;
-        let span = |at: f32, size: usize| ((at - reach).max(0.0) as usize, ((at + reach).max(0.0) as usize).min(size));
-        let ((left, right), (top, bottom)) = (span(blob.at_px.x, width), span(blob.at_px.y, height));
+        let span = |at: f32, size: usize| {
+            (
+                (at - reach).max(0.0) as usize,
+                ((at + reach).max(0.0) as usize).min(size),
+            )
+        };
+        let ((left, right), (top, bottom)) =
+            (span(blob.at_px.x, width), span(blob.at_px.y, height));
         for y in top..bottom {
             for x in left..right {
                 let apart = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) - blob.at_px;

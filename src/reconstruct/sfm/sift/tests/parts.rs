@@ -6,7 +6,9 @@ use std::f32::consts::TAU;
 
 /// A plane that rises along x and y, as a picture of odd size.
 fn ramp(width: usize, height: usize) -> Rows {
-    let grey: Vec<f32> = (0..width * height).map(|k| 0.01 * (k % width) as f32 + 0.002 * (k / width) as f32).collect();
+    let grey: Vec<f32> = (0..width * height)
+        .map(|k| 0.01 * (k % width) as f32 + 0.002 * (k / width) as f32)
+        .collect();
     Rows::from_grey(&grey, width, height)
 }
 
@@ -29,10 +31,16 @@ fn doubled_and_halved_samples_keep_their_place() {
     assert_eq!((halved.width, halved.height), (101, 31));
     let plane = |x: f32, y: f32| 0.01 * x + 0.002 * y;
     for (y, x) in [(60, 80), (61, 80), (60, 81), (61, 255), (61, 256)] {
-        assert!((doubled.row(y)[x] - plane(0.5 * x as f32, 0.5 * y as f32)).abs() < 1e-5, "{x} {y}");
+        assert!(
+            (doubled.row(y)[x] - plane(0.5 * x as f32, 0.5 * y as f32)).abs() < 1e-5,
+            "{x} {y}"
+        );
     }
     for (y, x) in [(15, 40), (14, 50)] {
-        assert!((halved.row(y)[x] - plane(2.0 * x as f32, 2.0 * y as f32)).abs() < 1e-5, "{x} {y}");
+        assert!(
+            (halved.row(y)[x] - plane(2.0 * x as f32, 2.0 * y as f32)).abs() < 1e-5,
+            "{x} {y}"
+        );
     }
 }
 

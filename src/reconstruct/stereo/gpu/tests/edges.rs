@@ -10,7 +10,12 @@ fn assert_same_search(card: &Engine, pictures: &[Arc<Picture>], what: &str) {
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
     let task = task(pictures, None);
     let gpu = card.search(&task, &options, &progress).unwrap();
-    assert_equal(card, &Engine::Cpu.search(&task, &options, &progress).unwrap(), &gpu, what);
+    assert_equal(
+        card,
+        &Engine::Cpu.search(&task, &options, &progress).unwrap(),
+        &gpu,
+        what,
+    );
 }
 
 #[test]
@@ -30,8 +35,16 @@ fn one_source_is_enough() {
 fn sources_of_other_sizes_are_compared_where_they_reach() {
     let Some(card) = card() else { return };
     let size = (170, 130);
-    assert_same_search(&card, &[picture(0, size), picture(1, (83, 61)), picture(2, size)], "a smaller source");
-    assert_same_search(&card, &[picture(0, size), picture(1, (83, 61)), picture(2, (70, 50))], "smaller sources");
+    assert_same_search(
+        &card,
+        &[picture(0, size), picture(1, (83, 61)), picture(2, size)],
+        "a smaller source",
+    );
+    assert_same_search(
+        &card,
+        &[picture(0, size), picture(1, (83, 61)), picture(2, (70, 50))],
+        "smaller sources",
+    );
 }
 
 #[test]
@@ -39,6 +52,13 @@ fn a_stop_is_noticed() {
     let Some(card) = card() else { return };
     let (progress, pictures) = (Progress::default(), pictures(2, (72, 55)));
     progress.stop();
-    let stopped = card.search(&task(&pictures, None), &PatchMatchOptions::default(), &progress);
-    assert!(matches!(stopped, Err(StereoError::Stopped(_))), "{stopped:?}");
+    let stopped = card.search(
+        &task(&pictures, None),
+        &PatchMatchOptions::default(),
+        &progress,
+    );
+    assert!(
+        matches!(stopped, Err(StereoError::Stopped(_))),
+        "{stopped:?}"
+    );
 }

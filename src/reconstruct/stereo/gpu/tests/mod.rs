@@ -34,12 +34,34 @@ fn least_equal(card: &Engine) -> usize {
 
 fn assert_equal(card: &Engine, cpu: &Found, gpu: &Found, what: &str) {
     assert_eq!((cpu.width, cpu.height), (gpu.width, gpu.height), "{what}");
-    let pairs = cpu.planes.iter().zip(&gpu.planes).filter(|(cpu, _)| cpu.inverse_depth > 0.0);
+    let pairs = cpu
+        .planes
+        .iter()
+        .zip(&gpu.planes)
+        .filter(|(cpu, _)| cpu.inverse_depth > 0.0);
     let is_near = |cpu: f32, gpu: f32| gpu > 0.0 && (cpu / gpu - 1.0).abs() < 1e-3;
-    let near = pairs.clone().filter(|(cpu, gpu)| is_near(cpu.inverse_depth, gpu.inverse_depth)).count();
-    let (same, all) = (pairs.clone().filter(|(cpu, gpu)| cpu == gpu).count(), pairs.count());
+    let near = pairs
+        .clone()
+        .filter(|(cpu, gpu)| is_near(cpu.inverse_depth, gpu.inverse_depth))
+        .count();
+    let (same, all) = (
+        pairs.clone().filter(|(cpu, gpu)| cpu == gpu).count(),
+        pairs.count(),
+    );
     println!("{what}: of {all} pixels {near} within 0.1 %, {same} to the bit");
-    assert!(all > 200 && near * 100 >= all * least_equal(card), "{what}: {near} of {all}");
-    let (in_cpu, in_gpu) = (all, gpu.planes.iter().filter(|plane| plane.inverse_depth > 0.0).count());
-    assert!(in_cpu.abs_diff(in_gpu) * 100 <= all * 2, "{what}: {in_cpu} and {in_gpu} pixels have depth");
+    assert!(
+        all > 200 && near * 100 >= all * least_equal(card),
+        "{what}: {near} of {all}"
+    );
+    let (in_cpu, in_gpu) = (
+        all,
+        gpu.planes
+            .iter()
+            .filter(|plane| plane.inverse_depth > 0.0)
+            .count(),
+    );
+    assert!(
+        in_cpu.abs_diff(in_gpu) * 100 <= all * 2,
+        "{what}: {in_cpu} and {in_gpu} pixels have depth"
+    );
 }

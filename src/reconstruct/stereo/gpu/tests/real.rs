@@ -14,10 +14,15 @@ const SIDE: u32 = 260;
 /// The folder of a real set; `None`, after a printed line, where it is missing, which `CI` does not allow.
 fn fountain() -> Option<PathBuf> {
     let named = std::env::var_os("OSTRA_DATA").map(PathBuf::from);
-    let data = named.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"));
+    let data =
+        named.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"));
     let set = data.join("strecha_fountain_P11");
     let is_there = set.is_dir();
-    assert!(is_there || std::env::var_os("CI").is_none(), "{} is missing", set.display());
+    assert!(
+        is_there || std::env::var_os("CI").is_none(),
+        "{} is missing",
+        set.display()
+    );
     if !is_there {
         println!("skipped: {} is missing (set OSTRA_DATA)", set.display());
     }
@@ -26,14 +31,25 @@ fn fountain() -> Option<PathBuf> {
 
 /// Three neighbouring views.
 fn pictures(set: &Path) -> Vec<Arc<Picture>> {
-    let request = OpenRequest { sources: vec![FrameFolder::from(set.join("images"))], ..OpenRequest::default() };
+    let request = OpenRequest {
+        sources: vec![FrameFolder::from(set.join("images"))],
+        ..OpenRequest::default()
+    };
     let mut frames = open(&request, &Progress::default()).unwrap().frames;
-    GivenCameras::read(&set.join("sparse")).unwrap().match_to(&mut frames).unwrap();
+    GivenCameras::read(&set.join("sparse"))
+        .unwrap()
+        .match_to(&mut frames)
+        .unwrap();
     let store = FrameStore::new(16 << 20);
     let picture = |frame: &ostra_frames::Frame| {
         let (lens, pose) = frame.posed_camera().unwrap();
         let image = raster_image(frame, lens, &store, SIDE).unwrap();
-        Arc::new(Picture::new(tones(&image), raster_camera(lens, SIDE), *pose, 120))
+        Arc::new(Picture::new(
+            tones(&image),
+            raster_camera(lens, SIDE),
+            *pose,
+            120,
+        ))
     };
     frames[3..6].iter().map(picture).collect()
 }
@@ -41,25 +57,51 @@ fn pictures(set: &Path) -> Vec<Arc<Picture>> {
 /// The first picture searched against the others.
 fn task(pictures: &[Arc<Picture>]) -> Search<'_> {
     let (reference, sources) = (&pictures[0], &pictures[1..]);
-    Search { reference, sources, depth_range: [4.0, 16.0], seeds: &[], allowed: None }
+    Search {
+        reference,
+        sources,
+        depth_range: [4.0, 16.0],
+        seeds: &[],
+        allowed: None,
+    }
 }
 
 #[test]
 fn real_pictures_come_to_the_same() {
-    let (Some(card), Some(set)) = (card(), fountain()) else { return };
+    let (Some(card), Some(set)) = (card(), fountain()) else {
+        return;
+    };
     let pictures = pictures(&set);
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
     let mut founds: Vec<Arc<Found>> = Vec::new();
     for index in 0..3 {
         let mut order = pictures.clone();
         order.swap(0, index);
-        founds.push(Engine::Cpu.search(&task(&order), &options, &progress).unwrap().into());
+        founds.push(
+            Engine::Cpu
+                .search(&task(&order), &options, &progress)
+                .unwrap()
+                .into(),
+        );
     }
     let task = task(&pictures);
-    assert_equal(&card, &founds[0], &card.search(&task, &options, &progress).unwrap(), "fountain");
+    assert_equal(
+        &card,
+        &founds[0],
+        &card.search(&task, &options, &progress).unwrap(),
+        "fountain",
+    );
     let others: Vec<_> = founds[1..].iter().cloned().map(Some).collect();
-    let round = Round { start: &founds[0], others: &others, before: 0 };
-    let cpu = Engine::Cpu.search_consistent(&task, &round, &options, &progress).unwrap();
-    let gpu = card.search_consistent(&task, &round, &options, &progress).unwrap();
+    let round = Round {
+        start: &founds[0],
+        others: &others,
+        before: 0,
+    };
+    let cpu = Engine::Cpu
+        .search_consistent(&task, &round, &options, &progress)
+        .unwrap();
+    let gpu = card
+        .search_consistent(&task, &round, &options, &progress)
+        .unwrap();
     assert_equal(&card, &cpu, &gpu, "fountain, consistent");
 }

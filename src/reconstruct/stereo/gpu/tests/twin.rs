@@ -15,25 +15,39 @@ fn a_search_finds_what_the_processor_finds() {
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
     let task = task(&pictures, None);
     let gpu = card.search(&task, &options, &progress).unwrap();
-    assert_equal(&card, &Engine::Cpu.search(&task, &options, &progress).unwrap(), &gpu, "search");
+    assert_equal(
+        &card,
+        &Engine::Cpu.search(&task, &options, &progress).unwrap(),
+        &gpu,
+        "search",
+    );
 }
 
 #[test]
 fn searches_at_once_find_what_they_find_alone() {
     let Some(card) = card() else { return };
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
-    let tasks = [(4, SIZE), (3, SIZE), (3, (64, 90)), (4, SIZE)].map(|(count, size)| pictures(count, size));
+    let tasks =
+        [(4, SIZE), (3, SIZE), (3, (64, 90)), (4, SIZE)].map(|(count, size)| pictures(count, size));
     let search = |pictures: &Vec<Arc<Picture>>| {
         let task = task(pictures, None);
         let first = card.search(&task, &options, &progress).unwrap();
         let others = vec![Some(Arc::new(first.clone())); pictures.len() - 1];
-        let round = Round { start: &first, others: &others, before: 0 };
-        let again = card.search_consistent(&task, &round, &options, &progress).unwrap();
+        let round = Round {
+            start: &first,
+            others: &others,
+            before: 0,
+        };
+        let again = card
+            .search_consistent(&task, &round, &options, &progress)
+            .unwrap();
         (first, again)
     };
     let alone = tasks.each_ref().map(search);
     let at_once = std::thread::scope(|scope| {
-        let threads = tasks.each_ref().map(|pictures| scope.spawn(|| search(pictures)));
+        let threads = tasks
+            .each_ref()
+            .map(|pictures| scope.spawn(|| search(pictures)));
         threads.map(|thread| thread.join().unwrap())
     });
     assert!(alone == at_once);
@@ -43,13 +57,30 @@ fn searches_at_once_find_what_they_find_alone() {
 fn a_masked_search_finds_what_the_processor_finds() {
     let Some(card) = card() else { return };
     let pictures = pictures(3, SIZE);
-    let (options, progress) = (PatchMatchOptions { seed: 7, ..PatchMatchOptions::default() }, Progress::default());
-    let allowed: Vec<bool> =
-        (0..SIZE.0 * SIZE.1).map(|at| (at % SIZE.0 / 20).is_multiple_of(2) && at / SIZE.0 > 15).collect();
+    let (options, progress) = (
+        PatchMatchOptions {
+            seed: 7,
+            ..PatchMatchOptions::default()
+        },
+        Progress::default(),
+    );
+    let allowed: Vec<bool> = (0..SIZE.0 * SIZE.1)
+        .map(|at| (at % SIZE.0 / 20).is_multiple_of(2) && at / SIZE.0 > 15)
+        .collect();
     let task = task(&pictures, Some(&allowed));
     let gpu = card.search(&task, &options, &progress).unwrap();
-    assert_equal(&card, &Engine::Cpu.search(&task, &options, &progress).unwrap(), &gpu, "masked");
-    assert!(gpu.planes.iter().zip(&allowed).all(|(plane, &allowed)| allowed || plane.inverse_depth == 0.0));
+    assert_equal(
+        &card,
+        &Engine::Cpu.search(&task, &options, &progress).unwrap(),
+        &gpu,
+        "masked",
+    );
+    assert!(
+        gpu.planes
+            .iter()
+            .zip(&allowed)
+            .all(|(plane, &allowed)| allowed || plane.inverse_depth == 0.0)
+    );
 }
 
 #[test]
@@ -58,17 +89,37 @@ fn consistent_rounds_find_what_the_processor_finds() {
     let pictures = pictures(4, SIZE);
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
     let first = found(&pictures);
-    let known: Vec<Option<Arc<Found>>> = first[1..].iter().map(|found| Some(Arc::clone(found))).collect();
+    let known: Vec<Option<Arc<Found>>> = first[1..]
+        .iter()
+        .map(|found| Some(Arc::clone(found)))
+        .collect();
     let partly = vec![None, known[1].clone(), None];
     let allowed: Vec<bool> = (0..SIZE.0 * SIZE.1).map(|at| at % SIZE.0 > 60).collect();
-    let cases = [("all known", &known, None), ("some known", &partly, None), ("masked", &known, Some(&allowed[..]))];
+    let cases = [
+        ("all known", &known, None),
+        ("some known", &partly, None),
+        ("masked", &known, Some(&allowed[..])),
+    ];
     for (what, others, allowed) in cases {
         let task = task(&pictures, allowed);
         for before in 0..2 {
-            let round = Round { start: &first[0], others, before };
-            let gpu = card.search_consistent(&task, &round, &options, &progress).unwrap();
-            let cpu = Engine::Cpu.search_consistent(&task, &round, &options, &progress).unwrap();
-            assert_equal(&card, &cpu, &gpu, &format!("consistent round {before}, {what}"));
+            let round = Round {
+                start: &first[0],
+                others,
+                before,
+            };
+            let gpu = card
+                .search_consistent(&task, &round, &options, &progress)
+                .unwrap();
+            let cpu = Engine::Cpu
+                .search_consistent(&task, &round, &options, &progress)
+                .unwrap();
+            assert_equal(
+                &card,
+                &cpu,
+                &gpu,
+                &format!("consistent round {before}, {what}"),
+            );
         }
     }
 }
@@ -77,18 +128,38 @@ fn consistent_rounds_find_what_the_processor_finds() {
 #[test]
 fn flat_parts_find_what_the_processor_finds() {
     let Some(card) = card() else { return };
-    let pictures: Vec<_> =
-        (0..3).map(|index| partly_flat(index, SIZE, |x| (x.x - 0.75).abs() < 0.2 && x.y.abs() < 0.4)).collect();
+    let pictures: Vec<_> = (0..3)
+        .map(|index| partly_flat(index, SIZE, |x| (x.x - 0.75).abs() < 0.2 && x.y.abs() < 0.4))
+        .collect();
     let (progress, options) = (Progress::default(), PatchMatchOptions::default());
     let task = task(&pictures, None);
     let cpu = Engine::Cpu.search(&task, &options, &progress).unwrap();
-    assert_equal(&card, &cpu, &card.search(&task, &options, &progress).unwrap(), "flat");
-    let without = PatchMatchOptions { prior_weight: 0.0, ..options.clone() };
+    assert_equal(
+        &card,
+        &cpu,
+        &card.search(&task, &options, &progress).unwrap(),
+        "flat",
+    );
+    let without = PatchMatchOptions {
+        prior_weight: 0.0,
+        ..options.clone()
+    };
     let alone = Engine::Cpu.search(&task, &without, &progress).unwrap();
     assert!(cpu.planes != alone.planes, "it pulls somewhere");
-    let known: Vec<Option<Arc<Found>>> = found(&pictures)[1..].iter().map(|found| Some(Arc::clone(found))).collect();
-    let round = Round { start: &cpu, others: &known, before: 0 };
-    let again = Engine::Cpu.search_consistent(&task, &round, &options, &progress).unwrap();
-    let gpu = card.search_consistent(&task, &round, &options, &progress).unwrap();
+    let known: Vec<Option<Arc<Found>>> = found(&pictures)[1..]
+        .iter()
+        .map(|found| Some(Arc::clone(found)))
+        .collect();
+    let round = Round {
+        start: &cpu,
+        others: &known,
+        before: 0,
+    };
+    let again = Engine::Cpu
+        .search_consistent(&task, &round, &options, &progress)
+        .unwrap();
+    let gpu = card
+        .search_consistent(&task, &round, &options, &progress)
+        .unwrap();
     assert_equal(&card, &again, &gpu, "flat, consistent");
 }
