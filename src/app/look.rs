@@ -2,19 +2,20 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::Layers;
 use ostra_cloud::doubt::FrameDoubt;
 use ostra_cloud::fuse::Votes;
 use ostra_cloud::measure::{LengthUnit, TraitRow};
 use ostra_cloud::select::Selection;
 use ostra_cloud::{LabelledCloud, LabelledMesh};
 use ostra_compute::nn::Row;
+use ostra_frames::{Frame, FrameStore};
 use ostra_masks::{LabelTree, Region, RunMask};
 use ostra_project::{Estimate, Project};
-use ostra_session::JobView;
 use ostra_session::{
-    Angles, Engine, EngineKind, Grounding, Pictures, ProposedInstances, SparseModel, Suggestion,
+    Angles, Drawings, Engine, EngineKind, Grounding, JobView, Pictures, ProposedInstances,
+    SparseModel, Suggestion,
 };
+use ostra_view::{Layer, LayerPicture, draw_layer};
 
 /// What panels look at: a snapshot of the open session, borrowed for one picture of the window.
 #[derive(Clone, Copy)]
@@ -130,4 +131,32 @@ impl Look<'_> {
             .iter()
             .filter(move |engine| engine.kind == kind)
     }
+}
+
+/// The project's labels, or those of the PLY that is inspected.
+pub(super) fn labels_of<'a>(look: &Look<'a>) -> &'a LabelTree {
+    match look.cloud {
+        Some(cloud) if look.root.is_none() => &cloud.tree,
+        _ => &look.project.labels,
+    }
+}
+
+/// Depth and the like, drawn as pictures on a worker thread, by frame number.
+pub type Layers = Drawings<(usize, Layer), Drawn>;
+
+/// The picture, `None` where the frame has no such layer, or why it cannot be read.
+pub type Drawn = Result<Option<LayerPicture>, String>;
+
+/// Draws layers of `frames` from what `store` loads.
+#[must_use]
+pub fn layers_of(
+    frames: Arc<Vec<Frame>>,
+    store: Arc<FrameStore>,
+    notify: impl Fn() + Send + Sync + 'static,
+) -> Layers {
+    let draw = move |&(number, layer): &(usize, Layer)| match frames.get(number) {
+        Some(frame) => draw_layer(layer, frame, &store).map_err(|error| error.to_string()),
+        None => Ok(None),
+    };
+    Layers::new(draw, notify)
 }

@@ -100,7 +100,7 @@ pub(super) fn is_possible(action: Action, look: &Look<'_>, view: &ViewState) -> 
 }
 
 /// Whether Segment Anything can be used.
-pub(super) fn is_sam_installed(look: &Look<'_>) -> bool {
+fn is_sam_installed(look: &Look<'_>) -> bool {
     look.engines_of(EngineKind::Segmenter)
         .any(|engine| engine.name == "sam" && engine.installed)
 }

@@ -2,10 +2,11 @@ use egui::{Context, ThemePreference, ViewportCommand};
 
 use super::canvas::{clear_label, click_at};
 use super::dialogs::RelocateForm;
+use super::dialogs::{PathWish, typed_path};
 use super::menu::is_possible;
 use super::panels::{Asked, Ruler, add_label, listed, next_worst, pairs_in};
 use super::ranges::{is_range_change, next_doubtful, range_request, set_range, split_at};
-use super::view_state::{IntoWish, PathWish, SceneWish, typed_path};
+use super::view_state::{IntoWish, SceneWish};
 use super::{Action, Dialog, Look, Panes, Severity, ViewState};
 use ostra_masks::Direction;
 use ostra_project::{FuseRequest, ReconstructRequest};
@@ -65,7 +66,7 @@ pub(super) fn perform(
         Action::RangeFrom | Action::RangeTo | Action::DropRange => set_range(action, view),
         Action::CopyMask => view.copied = view.label.map(|label| (label, view.frame)),
         _ if is_range_change(action) => {
-            out.extend(range_request(action, look, view).map(Command::Range))
+            out.extend(range_request(action, look, view).map(Command::Range));
         }
         Action::FillHoles => tidy(view, view.prefs.tidy_px, 0, out),
         Action::RemoveIslands => tidy(view, 0, view.prefs.tidy_px, out),
@@ -216,7 +217,7 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
         }
         Action::LookFrom(side) => view.scene_wish = Some(SceneWish::LookFrom(side)),
         Action::ToggleOrthographic => {
-            view.prefs.scene.orthographic = !view.prefs.scene.orthographic
+            view.prefs.scene.orthographic = !view.prefs.scene.orthographic;
         }
         Action::ToggleTurntable => view.scene.turning = !view.scene.turning,
         _ => {}

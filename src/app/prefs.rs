@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use super::{Panes, ScenePrefs, Shortcuts};
+use super::{ScenePrefs, Shortcuts};
 use ostra_compute::nn::Provider;
 use ostra_view::OverlayStyle;
 
@@ -64,4 +64,16 @@ impl Default for Prefs {
             doubt_below: 0.5,
         }
     }
+}
+
+/// Which panes the middle of the window shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum Panes {
+    /// Picture and 3-D side by side; the picture alone while there is no cloud and no camera.
+    #[default]
+    Both,
+    /// The picture alone.
+    Picture,
+    /// The 3-D view alone.
+    Scene,
 }

@@ -178,7 +178,7 @@ impl Shell {
                     suggestions_ui(ui, look, view, out, wishes);
                 });
                 section(ui, "Reconstruct", true, |ui| {
-                    reconstruct_ui(ui, look, view, wishes)
+                    reconstruct_ui(ui, look, view, wishes);
                 });
                 section(ui, "Fuse", true, |ui| fuse_ui(ui, look, view, wishes));
                 section(ui, "Results", false, |ui| results_ui(ui, look));
@@ -228,7 +228,7 @@ impl Shell {
                 .frame(frame)
                 .show(ui, |ui| {
                     self.scene
-                        .ui(ui, look, &mut self.view, &mut self.textures, wishes)
+                        .ui(ui, look, &mut self.view, &mut self.textures, wishes);
                 });
         }
         picture_pane_ui(ui, look, &mut self.view, &mut self.textures, out, wishes);
@@ -244,7 +244,7 @@ impl Shell {
         let view = &mut self.view;
         match view.dialog {
             Some(dialog @ (Dialog::NewProject | Dialog::AddFrames)) => {
-                new_project_ui(ui, view, dialog, out)
+                new_project_ui(ui, view, dialog, out);
             }
             Some(Dialog::Relocate) => relocate_ui(ui, view, out),
             Some(Dialog::Export) => export_ui(ui, look, view, out),

@@ -70,3 +70,25 @@ pub(super) fn field<R>(
     ui.end_row();
     result
 }
+
+/// A number with thin gaps between thousands.
+pub(super) fn grouped(number: usize) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            text.push(' ');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn thousands_are_apart() {
+        assert_eq!(super::grouped(5_000_123), "5 000 123");
+        assert_eq!(super::grouped(12), "12");
+    }
+}

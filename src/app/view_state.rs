@@ -1,18 +1,14 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
-use serde::{Deserialize, Serialize};
-
 use super::canvas::{Draft, Tool, ZoomState};
 use super::dialogs::{
-    ExportForm, ModelsForm, NewProjectForm, PathPicker, PictureForm, PictureWish, RelocateForm,
-    SheetState,
+    ExportForm, ModelsForm, NewProjectForm, PathPicker, PathWish, PictureForm, PictureWish,
+    RelocateForm, SheetState,
 };
-use super::panels::{
-    Asked, LabelEditing, MatchView, MeasureView, PointCounts, Ruler, SceneSelect, Words,
-};
-use super::presence::Presence;
-use super::rest::Rest;
+use super::panel_state::{LabelEditing, MatchView, PointCounts, Presence, Words};
+use super::panels::{Asked, MeasureView, Ruler, SceneSelect};
+use super::pointer::Rest;
 use super::{Look, Notices, Prefs, SceneLook};
 use ostra_masks::{Direction, LabelId, MaskFormat};
 use ostra_project::{FuseRequest, ReconstructRequest};
@@ -206,33 +202,6 @@ pub struct IntoWish {
     pub piece: Option<(usize, glam::DVec2)>,
 }
 
-/// What a path is asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PathWish {
-    /// A project folder to open.
-    OpenProject,
-    /// A PLY to look at.
-    InspectPly,
-    /// A folder of masks to read.
-    ImportMasks,
-    /// A recipe to write.
-    SaveRecipe,
-    /// A table of traits to write.
-    SaveTraits,
-}
-
-/// Which panes the middle of the window shows.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub enum Panes {
-    /// Picture and 3-D side by side; the picture alone while there is no cloud and no camera.
-    #[default]
-    Both,
-    /// The picture alone.
-    Picture,
-    /// The 3-D view alone.
-    Scene,
-}
-
 impl ViewState {
     /// The state at the start, with the taste of last time.
     #[must_use]
@@ -370,21 +339,5 @@ impl ViewState {
             self.draft.drop_half_made();
             self.reveal_frame = true;
         }
-    }
-}
-
-/// The text of a path as typed: blanks around it are dropped, `~/` is the home folder.
-#[must_use]
-pub(super) fn typed_path(text: &str) -> Option<PathBuf> {
-    let text = text.trim();
-    if text.is_empty() {
-        return None;
-    }
-    match text
-        .strip_prefix("~/")
-        .and_then(|rest| Some(dirs::home_dir()?.join(rest)))
-    {
-        Some(path) => Some(path),
-        None => Some(PathBuf::from(text)),
     }
 }

@@ -288,7 +288,7 @@ impl Window {
         }
         let (waker, store) = (ctx.clone(), Arc::clone(self.session.store()));
         self.layers = Some(layers_of(Arc::clone(frames), store, move || {
-            waker.request_repaint()
+            waker.request_repaint();
         }));
         let same = frames.len() == self.pictured.len()
             && frames
@@ -299,7 +299,7 @@ impl Window {
             let waker = ctx.clone();
             let store = Arc::clone(self.session.store());
             self.pictures = Some(Pictures::of(Arc::clone(frames), store, move || {
-                waker.request_repaint()
+                waker.request_repaint();
             }));
         }
         self.pictured = Arc::clone(frames);

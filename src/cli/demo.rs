@@ -1,16 +1,59 @@
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
+use clap::{Args, ValueEnum};
 
-use super::args::{DemoArgs, MethodName, SceneName};
 use super::drive::ProgressLines;
 use super::print::say;
+use super::values;
 use ostra_eval::demo::{DemoMethod, DemoOptions, finish, run_demo};
 use ostra_eval::synthetic::{SceneKind, SceneOptions, SensorNoise};
 use ostra_session::Session;
 use ostra_view::{
     Appearance, Coloring, Model, Portrait, SceneStyle, ViewError, default_view, write_png,
 };
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum SceneName {
+    Tiller,
+    Bricks,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum MethodName {
+    Given,
+    Mvs,
+    Rgbd,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct DemoArgs {
+    /// Folder for everything the demo makes.
+    #[arg(default_value = "OUT")]
+    pub out: PathBuf,
+    /// Do not open the window on the result.
+    #[arg(long)]
+    pub headless: bool,
+    /// Which scene.
+    #[arg(long, default_value = "tiller")]
+    pub scene: SceneName,
+    /// Where cameras and depths come from.
+    #[arg(long, default_value = "given")]
+    pub method: MethodName,
+    /// Number of views.
+    #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(2..=1000))]
+    pub frames: u32,
+    /// Size of the views.
+    #[arg(long, default_value = "480x640", value_name = "WxH", value_parser = values::size)]
+    pub size: (u32, u32),
+    /// Another seed makes another plant.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Colour and depth as an RGB-D sensor would see them, not exact.
+    #[arg(long)]
+    pub noise: bool,
+}
 
 pub(super) fn demo(args: &DemoArgs) -> Result<()> {
     let method = match args.method {

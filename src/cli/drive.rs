@@ -13,9 +13,9 @@ use ostra_cloud::doubt::FrameDoubt;
 use ostra_cloud::fuse::Votes;
 use ostra_cloud::{LabelledCloud, LabelledMesh};
 use ostra_frames::{FilmOptions, Image};
+use ostra_masks::LabelId;
 use ostra_project::Project;
-use ostra_session::{Command, FoundThing, Session, Suggestion};
-use ostra_session::{Event, JobView};
+use ostra_session::{Command, Event, FoundThing, JobView, Session, Suggestion};
 
 const NO_SURFACE: &str = "the project has no surface; make one with 'ostra fuse'";
 
@@ -233,4 +233,17 @@ impl ProgressLines {
             self.shown = Some((text, Instant::now()));
         }
     }
+}
+
+/// The label of this name.
+pub(super) fn label_id(project: &Project, name: &str) -> Result<LabelId> {
+    let known = &project.labels;
+    let label = known.by_name(name).with_context(|| {
+        let names: Vec<&str> = known.iter().map(|label| label.name.as_str()).collect();
+        format!(
+            "there is no label '{name}' (there is: {}); make it with 'ostra label'",
+            names.join(", ")
+        )
+    })?;
+    Ok(label.id)
 }

@@ -3,8 +3,7 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use clap::Args;
 
-use super::drive::Driver;
-use super::project::label_id;
+use super::drive::{Driver, label_id};
 use super::values;
 use ostra_cloud::measure::{GroundChoice, LengthUnit};
 use ostra_frames::cameras::ModelEncoding;

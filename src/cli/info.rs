@@ -1,14 +1,23 @@
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use clap::Args;
 use serde_json::{Value, json};
 
-use super::args::InfoArgs;
 use super::drive::Driver;
 use super::print::{say, say_json, warn};
 use ostra_frames::{Frame, missing_sources};
 use ostra_project::{MaskOrigin, Project, ResultKind};
+
+#[derive(Debug, Args)]
+pub(super) struct InfoArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// Print one JSON object.
+    #[arg(long)]
+    pub json: bool,
+}
 
 pub(super) fn info(args: &InfoArgs) -> Result<()> {
     let driver = Driver::view(&args.project)?;

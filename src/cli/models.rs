@@ -1,12 +1,36 @@
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use clap::Subcommand;
 
-use super::args::ModelsVerb;
 use super::print::{printable, say, say_aside};
 use super::stop;
 use ostra_compute::nn::{Added, CheckedFile, Fetched, Proof, Row};
 use ostra_session::{add_model, check_model, install_model, list_models};
+
+#[derive(Debug, Subcommand)]
+pub(super) enum ModelsVerb {
+    /// What is known and what is installed.
+    List,
+    /// Get a network.
+    Install {
+        /// Its name in the catalogue.
+        name: String,
+    },
+    /// Take a network from files.
+    Add {
+        /// Its name in the catalogue.
+        name: String,
+        /// Its files.
+        #[arg(required = true)]
+        files: Vec<PathBuf>,
+    },
+    /// Load a network and check its inputs and outputs.
+    Check {
+        /// Its name in the catalogue.
+        name: String,
+    },
+}
 
 pub(super) fn models(verb: &ModelsVerb) -> Result<()> {
     match verb {
@@ -26,7 +50,7 @@ fn say_added(files: &[Added]) {
             "{}: {}\n",
             added.path.display(),
             told(&added.proof)
-        ))
+        ));
     });
 }
 

@@ -1,21 +1,141 @@
-use anyhow::{Context, Result};
+use std::path::PathBuf;
 
-use super::args::{
-    AdoptArgs, FuseArgs, LabelArgs, Method, ReconstructArgs, RelocateArgs, ScaleArgs, TrackArgs,
-    Way,
-};
-use super::drive::Driver;
-use ostra_masks::{Direction, LabelId};
-use ostra_project::{
-    FuseRequest, Project, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest,
-};
-use ostra_session::{AdoptRequest, Command, TrackSettings};
+use anyhow::Result;
+use clap::{Args, ValueEnum};
+use glam::DVec2;
 
-/// Gives pieces without a label to what they hang on; the session tells how many.
-pub(super) fn adopt(args: &AdoptArgs) -> Result<()> {
-    Driver::open(&args.project)?.act_and_save([Command::Adopt(AdoptRequest {
-        radius: args.radius,
-    })])
+use super::drive::{Driver, label_id};
+use super::values;
+use ostra_cloud::measure::LengthUnit;
+use ostra_masks::Direction;
+use ostra_project::{ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest};
+use ostra_session::{Command, TrackSettings};
+
+#[derive(Debug, Args)]
+pub(super) struct RelocateArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// Folder or video that is gone, as 'ostra info' names it.
+    pub from: PathBuf,
+    /// Where it is now; images must have the sizes that the frames had.
+    pub to: PathBuf,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct LabelArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// The label's name.
+    pub name: String,
+    /// Name of the label above it.
+    #[arg(long, value_name = "NAME")]
+    pub parent: Option<String>,
+    /// Its colour.
+    #[arg(long, value_name = "#rrggbb", value_parser = values::color)]
+    pub color: Option<[u8; 3]>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Way {
+    Both,
+    Forward,
+    Backward,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct TrackArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// auto, xmem, deaot, geometry or flow.
+    #[arg(long, default_value = "auto", value_name = "NAME")]
+    pub tracker: String,
+    /// First frame.
+    #[arg(long, value_name = "K")]
+    pub from: Option<usize>,
+    /// Last frame (included).
+    #[arg(long, value_name = "K")]
+    pub to: Option<usize>,
+    /// Which way masks go from an anchor.
+    #[arg(long, default_value = "both")]
+    pub direction: Way,
+    /// Frames between the anchors next to anchor K, both excluded.
+    #[arg(long, value_name = "K", conflicts_with_all = ["from", "to"])]
+    pub around: Option<usize>,
+    /// Only these labels; every pixel of another label stays as it is.
+    #[arg(long, value_name = "NAME")]
+    pub label: Vec<String>,
+    /// Write these labels over others too.
+    #[arg(long, requires = "label")]
+    pub replace: bool,
+    /// Hold the masks against the anchors' masks carried through geometry.
+    #[arg(long)]
+    pub constrain: bool,
+    /// End at the first frame on which a label is less sure than this.
+    #[arg(long, value_name = "C", value_parser = values::share)]
+    pub pause_below: Option<f32>,
+    /// Shorter side of the pictures that xmem and deaot see; more shows thinner things and takes longer (deaot never
+    /// enlarges).
+    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(64..=4096))]
+    pub short_side: Option<u32>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Method {
+    Auto,
+    Sfm,
+    Mvs,
+    Rgbd,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct ReconstructArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// sfm: only cameras.
+    #[arg(long, default_value = "auto")]
+    pub method: Method,
+    /// Reconstruct from every n-th frame.
+    #[arg(long, default_value = "1", value_name = "N", value_parser = values::from_one)]
+    pub every: usize,
+    /// Where kernels run.
+    #[arg(long, default_value = "auto", value_parser = ["auto", "cpu", "gpu"])]
+    pub device: String,
+    /// Longer sides are worked on at this size.
+    #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(64..=8192))]
+    pub max_side: Option<u32>,
+    /// Only where masks have a label.
+    #[arg(long)]
+    pub only_labelled: bool,
+    /// Feature detector.
+    #[arg(long, default_value = "auto", value_parser = ["auto", "sift", "xfeat", "superpoint"])]
+    pub features: String,
+    /// Feature matcher.
+    #[arg(long, default_value = "auto", value_parser = ["auto", "nearest", "lighterglue", "superglue"])]
+    pub matcher: String,
+    /// Match these two frames besides those that are chosen.
+    #[arg(long, value_name = "K,K", value_parser = values::frame_pair)]
+    pub pair: Vec<[usize; 2]>,
+    /// How pieces of an RGB-D recording that nothing else ties together are joined.
+    #[arg(long, default_value = "auto", value_parser = ["auto", "fgr", "ransac"])]
+    pub registration: String,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct ScaleArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// The known length. Everything that the project has made is scaled with it, in one step that can be undone.
+    #[arg(long, value_name = "L", value_parser = values::positive)]
+    pub length: f64,
+    /// What the length is given in: m, cm or mm.
+    #[arg(long, default_value = "m", value_parser = values::metric_unit)]
+    pub unit: LengthUnit,
+    /// Where a frame sees the one end: frame, x, y; for two frames or more.
+    #[arg(long, value_name = "K,X,Y", value_parser = values::sighting, required = true)]
+    pub from: Vec<(usize, DVec2)>,
+    /// Where a frame sees the other end.
+    #[arg(long, value_name = "K,X,Y", value_parser = values::sighting, required = true)]
+    pub to: Vec<(usize, DVec2)>,
 }
 
 /// Points frames to where their files were moved.
@@ -65,19 +185,6 @@ pub(super) fn track(args: TrackArgs) -> Result<()> {
     driver.act_and_save([Command::Track(settings)])
 }
 
-/// The label of this name.
-pub(super) fn label_id(project: &Project, name: &str) -> Result<LabelId> {
-    let known = &project.labels;
-    let label = known.by_name(name).with_context(|| {
-        let names: Vec<&str> = known.iter().map(|label| label.name.as_str()).collect();
-        format!(
-            "there is no label '{name}' (there is: {}); make it with 'ostra label'",
-            names.join(", ")
-        )
-    })?;
-    Ok(label.id)
-}
-
 pub(super) fn reconstruct(args: ReconstructArgs) -> Result<()> {
     let method = match args.method {
         Method::Auto => ReconstructMethod::Auto,
@@ -105,14 +212,4 @@ pub(super) fn scale(args: ScaleArgs) -> Result<()> {
         ends,
         length: args.unit.metres(args.length),
     })])
-}
-
-pub(super) fn fuse(args: FuseArgs) -> Result<()> {
-    let request = FuseRequest {
-        voxel: args.voxel,
-        min_confidence: args.min_confidence,
-        drop_unlabelled: args.drop_unlabelled,
-        onto: args.onto,
-    };
-    Driver::open(&args.project)?.act_and_save([Command::Fuse(request)])
 }

@@ -4,8 +4,7 @@ use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
 use glam::DVec2;
 
-use super::drive::Driver;
-use super::project::label_id;
+use super::drive::{Driver, label_id};
 use super::values;
 use ostra_masks::LabelId;
 use ostra_project::Project;

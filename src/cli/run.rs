@@ -8,8 +8,7 @@ use super::args::{Cli, Verb};
 use super::drive::Driver;
 use super::print::{finish, one_line, say, say_aside};
 use super::{
-    demo, doubt, eval, export, info, instances, masks, memory, models, project, range, shot,
-    sources, stop,
+    cloud, demo, eval, export, info, masks, memory, models, project, range, shot, sources, stop,
 };
 use ostra_compute::nn::Provider;
 use ostra_session::{Command, Recipe};
@@ -68,10 +67,10 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
         Verb::Suggest { project, frame } => suggest(&project, frame),
         Verb::Reconstruct(args) => project::reconstruct(args),
         Verb::Scale(args) => project::scale(args),
-        Verb::Fuse(args) => project::fuse(args),
-        Verb::Doubt(args) => doubt::doubt(&args),
-        Verb::Adopt(args) => project::adopt(&args),
-        Verb::Instances(args) => instances::instances(&args),
+        Verb::Fuse(args) => cloud::fuse(args),
+        Verb::Doubt(args) => cloud::doubt(&args),
+        Verb::Adopt(args) => cloud::adopt(&args),
+        Verb::Instances(args) => cloud::instances(&args),
         Verb::Export(args) => export::export(args),
         Verb::Shot(args) => shot::shot(&args),
         Verb::Info(args) => info::info(&args),

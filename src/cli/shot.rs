@@ -1,16 +1,71 @@
 use std::f32::consts::TAU;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
+use clap::{Args, ValueEnum};
 
-use super::args::{ShotArgs, ShotColor, ShotModel};
 use super::drive::Driver;
+use super::values;
 use ostra_cloud::{LabelledMesh, voxel_faces, voxelize};
 use ostra_frames::FilmOptions;
 use ostra_project::export_targets::ExportTargets;
 use ostra_view::{
     Appearance, Axes, Coloring, Model, Portrait, SceneStyle, ViewError, default_view, write_png,
 };
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum ShotColor {
+    Rgb,
+    Labels,
+    Confidence,
+    Conflict,
+    Views,
+    Normals,
+    Height,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum ShotModel {
+    Cloud,
+    Mesh,
+    Voxels,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct ShotArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    /// PNG to write.
+    pub out: PathBuf,
+    /// What colours show.
+    #[arg(long, default_value = "rgb")]
+    pub color: ShotColor,
+    /// What is drawn.
+    #[arg(long, default_value = "cloud")]
+    pub model: ShotModel,
+    /// Read deeper labels as their ancestor at this depth (1 = top).
+    #[arg(long, value_name = "N", value_parser = values::from_one)]
+    pub level: Option<usize>,
+    /// Size of picture and film.
+    #[arg(long, default_value = "1280x960", value_name = "WxH", value_parser = values::size)]
+    pub size: (u32, u32),
+    /// Leave the picture's background transparent.
+    #[arg(long)]
+    pub transparent: bool,
+    /// Write a film too that goes once around (ffmpeg makes it).
+    #[arg(long, value_name = "FILE.mp4")]
+    pub turntable: Option<PathBuf>,
+    /// How long the film lasts.
+    #[arg(long, default_value = "8", value_name = "S", requires = "turntable", value_parser = values::seconds)]
+    pub seconds: f64,
+    /// Pictures a second of the film.
+    #[arg(long, default_value_t = 25, requires = "turntable", value_parser = clap::value_parser!(u32).range(1..=120))]
+    pub fps: u32,
+    /// Replace earlier exports that were changed since; sources and files that OSTRA did not write are never replaced.
+    #[arg(long)]
+    pub overwrite: bool,
+}
 
 pub(super) fn shot(args: &ShotArgs) -> Result<()> {
     let mut driver = Driver::view(&args.project)?;

@@ -1,13 +1,64 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
-use clap::ArgMatches;
 use clap::parser::ValueSource;
+use clap::{ArgMatches, Args};
 
-use super::args::SourceArgs;
-use ostra_frames::cameras::DepthCameraSource;
+use super::values;
+use ostra_frames::cameras::{DepthCameraSource, IntrinsicsSource};
 use ostra_frames::{FrameFolder, OpenRequest};
 use ostra_session::NewProject;
+
+#[derive(Debug, Args)]
+pub(super) struct SourceArgs {
+    /// Folder of pictures (with subfolders), picture or film; may be given more than once.
+    #[arg(long, required = true, num_args = 1.., value_name = "PATH")]
+    pub frames: Vec<PathBuf>,
+    /// Folder of depth images (16-bit PNG or TIFF, or float TIFF) for the frames given just before.
+    #[arg(long, num_args = 1.., value_name = "PATH")]
+    pub depth: Vec<PathBuf>,
+    /// Metres per step of the stored depth; float depths are in metres unless this is given.
+    #[arg(long, default_value = "0.001", value_name = "METRES_PER_STEP", value_parser = values::positive)]
+    pub depth_unit: f64,
+    /// Intrinsics of the camera that measured the depths, where they do not lie on the pictures pixel for pixel.
+    #[arg(long, value_name = "FX,FY,CX,CY|FILE", value_parser = values::intrinsics)]
+    pub depth_intrinsics: Option<IntrinsicsSource>,
+    /// 4 × 4 matrix, row by row, in metres, that takes points of the depth camera to the pictures'; without it both stand in
+    /// one place.
+    #[arg(long, value_name = "FILE", requires = "depth_intrinsics")]
+    pub depth_pose: Option<PathBuf>,
+    /// Cameras: COLMAP model, transforms.json, trajectory, pose files …
+    #[arg(long, value_name = "PATH")]
+    pub cameras: Option<PathBuf>,
+    /// For every frame, in pixels, centre of the top-left pixel at 0.5.
+    #[arg(long, value_name = "FX,FY,CX,CY|FILE", value_parser = values::intrinsics)]
+    pub intrinsics: Option<IntrinsicsSource>,
+    /// Take every n-th source frame.
+    #[arg(long, default_value = "1", value_name = "N", value_parser = values::from_one)]
+    pub every: usize,
+    /// First source frame taken.
+    #[arg(long, value_name = "K")]
+    pub from: Option<usize>,
+    /// Last source frame taken (included).
+    #[arg(long, value_name = "K")]
+    pub to: Option<usize>,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct NewArgs {
+    /// Folder to make.
+    pub project: PathBuf,
+    #[command(flatten)]
+    pub sources: SourceArgs,
+}
+
+#[derive(Debug, Args)]
+pub(super) struct AddArgs {
+    /// The project's folder.
+    pub project: PathBuf,
+    #[command(flatten)]
+    pub sources: SourceArgs,
+}
 
 /// What `new` and `add` open. `matches` are those of the verb: they know in which order `--frames` and `--depth` came.
 pub(super) fn new_project(

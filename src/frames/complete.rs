@@ -3,8 +3,6 @@ use std::io::{BufRead, BufReader, ErrorKind, Read, Seek, SeekFrom};
 
 use image::ImageFormat;
 
-use super::header::{next_marker, read_bytes};
-
 /// The chunk that closes a PNG.
 const PNG_END: [u8; 12] = [0, 0, 0, 0, b'I', b'E', b'N', b'D', 0xae, 0x42, 0x60, 0x82];
 
@@ -143,6 +141,25 @@ fn has_png_end(reader: &mut BufReader<File>) -> std::io::Result<bool> {
         reader.seek_relative(rest as i64)?;
     }
     Err(too_many_chunks())
+}
+
+/// The code of the next marker of a JPEG.
+pub(super) fn next_marker(reader: &mut impl Read) -> std::io::Result<u8> {
+    let [mut byte] = read_bytes(reader)?;
+    while byte != 0xff {
+        [byte] = read_bytes(reader)?; // some cameras leave bytes between segments
+    }
+    while byte == 0xff {
+        [byte] = read_bytes(reader)?;
+    }
+    Ok(byte)
+}
+
+/// The next `N` bytes.
+pub(super) fn read_bytes<const N: usize>(reader: &mut impl Read) -> std::io::Result<[u8; N]> {
+    let mut bytes = [0; N];
+    reader.read_exact(&mut bytes)?;
+    Ok(bytes)
 }
 
 #[cfg(test)]

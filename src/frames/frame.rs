@@ -1,3 +1,5 @@
+//! A frame: where its picture and depth come from, how the picture is turned, its camera.
+
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -41,6 +43,7 @@ pub enum PictureSource {
 impl PictureSource {
     /// The picture file or the film.
     #[must_use]
+    #[inline]
     pub fn path(&self) -> &Path {
         match self {
             Self::File { path, .. } | Self::Film { path, .. } => path,
@@ -93,6 +96,7 @@ pub enum DepthSource {
 impl DepthSource {
     /// The sensor's picture; `None` for depth that was made.
     #[must_use]
+    #[inline]
     pub fn sensor_path(&self) -> Option<&Path> {
         match self {
             Self::Sensor { path, .. } => Some(path),
@@ -123,6 +127,7 @@ pub struct FrameCamera {
 impl FrameCamera {
     /// A camera that is given.
     #[must_use]
+    #[inline]
     pub fn given(intrinsics: Camera, camera_from_world: Option<Pose>) -> Self {
         Self {
             intrinsics,
@@ -208,6 +213,7 @@ impl TryFrom<StoredFrame> for Frame {
 impl Frame {
     /// Intrinsics and `camera_from_world`, where both are known.
     #[must_use]
+    #[inline]
     pub fn posed_camera(&self) -> Option<(&Camera, &Pose)> {
         let camera = self.camera.as_ref()?;
         Some((&camera.intrinsics, camera.camera_from_world.as_ref()?))
@@ -215,13 +221,132 @@ impl Frame {
 
     /// Whether it has depth and a camera that is posed, so that its pixels have places in the scene.
     #[must_use]
+    #[inline]
     pub fn has_posed_depth(&self) -> bool {
         self.depth.is_some() && self.posed_camera().is_some()
     }
 
     /// Whether a sensor measured its depth.
     #[must_use]
+    #[inline]
     pub fn has_sensor_depth(&self) -> bool {
         matches!(self.depth, Some(DepthSource::Sensor { .. }))
+    }
+}
+
+/// Where the shown pixel (x, y) lies in the stored rows: `base + x · step_x + y · step_y`.
+struct Steps {
+    base: usize,
+    step_x: isize,
+    step_y: isize,
+}
+
+/// Side of the blocks in which a picture is turned, so that both sides of the copy stay in the processor's cache.
+const BLOCK: usize = 32;
+
+impl Orientation {
+    /// Whether width and height of the shown picture are those of the stored one exchanged.
+    #[must_use]
+    #[inline]
+    pub fn swaps_sides(self) -> bool {
+        matches!(self.0, 5..=8)
+    }
+
+    /// Width and height as shown, from those stored.
+    #[must_use]
+    #[inline]
+    pub fn shown_size(self, width: u32, height: u32) -> (u32, u32) {
+        if self.swaps_sides() {
+            (height, width)
+        } else {
+            (width, height)
+        }
+    }
+
+    fn steps(self, width: usize, height: usize) -> Steps {
+        let (w, last_column, last_row) = (width.cast_signed(), width - 1, width * (height - 1));
+        let (base, step_x, step_y) = match self.0 {
+            2 => (last_column, -1, w),
+            3 => (last_row + last_column, -1, -w),
+            4 => (last_row, 1, -w),
+            5 => (0, w, 1),
+            6 => (last_row, -w, 1),
+            7 => (last_row + last_column, -w, -1),
+            8 => (last_column, w, -1),
+            _ => (0, 1, w),
+        };
+        Steps {
+            base,
+            step_x,
+            step_y,
+        }
+    }
+}
+
+/// Turns `width · height` stored pixels upright; the result has the shown size.
+pub(super) fn turn<T: Copy + Default>(
+    stored: Vec<T>,
+    width: u32,
+    height: u32,
+    orientation: Orientation,
+) -> Vec<T> {
+    if stored.is_empty() || !matches!(orientation.0, 2..=8) {
+        return stored;
+    }
+    let steps = orientation.steps(width as usize, height as usize);
+    let (columns, rows) = orientation.shown_size(width, height);
+    let (columns, rows) = (columns as usize, rows as usize);
+    let mut shown = vec![T::default(); stored.len()];
+    for top in (0..rows).step_by(BLOCK) {
+        for left in (0..columns).step_by(BLOCK) {
+            for y in top..rows.min(top + BLOCK) {
+                let from = steps.base.cast_signed() + y.cast_signed() * steps.step_y;
+                for x in left..columns.min(left + BLOCK) {
+                    shown[y * columns + x] =
+                        stored[(from + x.cast_signed() * steps.step_x).cast_unsigned()];
+                }
+            }
+        }
+    }
+    shown
+}
+
+#[cfg(test)]
+mod tests {
+    use image::metadata::Orientation as Exif;
+
+    use super::*;
+
+    #[test]
+    fn every_orientation_turns_as_exif_says() {
+        let (width, height) = (67, 41);
+        let stored: Vec<u16> = (0..width * height).collect();
+        let buffer = image::ImageBuffer::<image::Luma<u16>, _>::from_raw(
+            width.into(),
+            height.into(),
+            stored.clone(),
+        )
+        .unwrap();
+        for value in 1..=8 {
+            let mut expected = image::DynamicImage::ImageLuma16(buffer.clone());
+            expected.apply_orientation(Exif::from_exif(value).unwrap());
+            let orientation = Orientation(value);
+            let shown = turn(stored.clone(), width.into(), height.into(), orientation);
+            assert_eq!(
+                orientation.shown_size(width.into(), height.into()),
+                (expected.width(), expected.height()),
+                "orientation {value}"
+            );
+            assert_eq!(
+                shown,
+                expected.into_luma16().into_raw(),
+                "orientation {value}"
+            );
+        }
+    }
+
+    #[test]
+    fn an_empty_picture_stays_empty() {
+        assert!(turn(Vec::<u8>::new(), 0, 0, Orientation(6)).is_empty());
     }
 }

@@ -1,11 +1,13 @@
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
+use std::io::{BufRead, BufReader, Seek, SeekFrom};
 use std::path::Path;
 
 use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
+use tiff::decoder::Decoder;
+use tiff::tags::{SampleFormat, Tag};
 
-use super::complete::is_complete;
-use super::tiff_samples::{depth_samples, variant_of};
+use super::complete::{is_complete, next_marker, read_bytes};
+use super::tiff_samples::{sample_format, variant_of};
 use super::{FrameError, Orientation};
 use ostra_core::disk;
 use ostra_geometry::Camera;
@@ -356,25 +358,38 @@ fn exif_orientation(segment: &[u8]) -> Option<Orientation> {
     image::metadata::Orientation::from_exif_chunk(exif).map(|o| Orientation(o.to_exif()))
 }
 
-/// The code of the next marker of a JPEG.
-pub(super) fn next_marker(reader: &mut impl Read) -> std::io::Result<u8> {
-    let [mut byte] = read_bytes(reader)?;
-    while byte != 0xff {
-        [byte] = read_bytes(reader)?; // some cameras leave bytes between segments
-    }
-    while byte == 0xff {
-        [byte] = read_bytes(reader)?;
-    }
-    Ok(byte)
-}
-
-/// The next `N` bytes.
-pub(super) fn read_bytes<const N: usize>(reader: &mut impl Read) -> std::io::Result<[u8; N]> {
-    let mut bytes = [0; N];
-    reader.read_exact(&mut bytes)?;
-    Ok(bytes)
-}
-
 fn invalid(what: &str) -> std::io::Error {
     std::io::Error::new(std::io::ErrorKind::InvalidData, what)
+}
+
+/// The header of a TIFF of one channel of depths; `None` for every other TIFF.
+fn depth_samples(reader: &mut BufReader<File>) -> Option<Header> {
+    reader.rewind().ok()?;
+    let mut decoder = Decoder::new(&mut *reader).ok()?;
+    let tiff::ColorType::Gray(bits) = decoder.colortype().ok()? else {
+        return None;
+    };
+    let format = sample_format(&mut decoder);
+    let content = match (format, bits) {
+        (SampleFormat::IEEEFP, 16 | 32 | 64) => Content::FloatDepth,
+        (SampleFormat::Uint, 16) => Content::Grey16,
+        (SampleFormat::Uint, 32) | (SampleFormat::Int, 16 | 32) => Content::IntegerDepth,
+        _ => return None,
+    };
+    let (width, height) = decoder.dimensions().ok()?;
+    let orientation = decoder
+        .find_tag_unsigned::<u8>(Tag::Orientation)
+        .ok()
+        .flatten();
+    let orientation = Orientation(
+        orientation
+            .filter(|value| (1..=8).contains(value))
+            .unwrap_or(1),
+    );
+    Some(Header {
+        width,
+        height,
+        orientation,
+        content,
+    })
 }

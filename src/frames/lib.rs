@@ -1,6 +1,5 @@
 //! Pictures in order: frames, images, depth maps; opening folders, films and RGB-D recordings; a bounded cache.
 
-mod background;
 mod cache;
 pub mod cameras;
 mod complete;
@@ -9,20 +8,16 @@ mod depth_camera;
 mod error;
 mod exif;
 mod film;
-mod float_colors;
 mod frame;
 mod frame_set;
 mod header;
 mod image;
 mod loader;
 mod made_depth;
-mod named;
 mod open;
 mod relocate;
 mod store;
-mod thumbnail;
 mod tiff_samples;
-mod turn;
 
 pub use depth_camera::DepthCamera;
 pub use error::FrameError;

@@ -1,47 +1,12 @@
 use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 
+use tiff::TiffResult;
 use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::{SampleFormat, Tag};
-use tiff::{ColorType, TiffResult};
-
-use super::Orientation;
-use super::header::{Content, Header};
 
 /// Bytes besides the pixels that a decoder may allocate: strips and tiles, tables of their places.
 const WORKING_BYTES: usize = 64 << 20;
-
-/// The header of a TIFF of one channel of depths; `None` for every other TIFF.
-pub(super) fn depth_samples(reader: &mut BufReader<File>) -> Option<Header> {
-    reader.rewind().ok()?;
-    let mut decoder = Decoder::new(&mut *reader).ok()?;
-    let ColorType::Gray(bits) = decoder.colortype().ok()? else {
-        return None;
-    };
-    let format = sample_format(&mut decoder);
-    let content = match (format, bits) {
-        (SampleFormat::IEEEFP, 16 | 32 | 64) => Content::FloatDepth,
-        (SampleFormat::Uint, 16) => Content::Grey16,
-        (SampleFormat::Uint, 32) | (SampleFormat::Int, 16 | 32) => Content::IntegerDepth,
-        _ => return None,
-    };
-    let (width, height) = decoder.dimensions().ok()?;
-    let orientation = decoder
-        .find_tag_unsigned::<u8>(Tag::Orientation)
-        .ok()
-        .flatten();
-    let orientation = Orientation(
-        orientation
-            .filter(|value| (1..=8).contains(value))
-            .unwrap_or(1),
-    );
-    Some(Header {
-        width,
-        height,
-        orientation,
-        content,
-    })
-}
 
 /// What kind of TIFF a file is, for a message; `None` where it is not known.
 pub(super) fn variant_of(reader: &mut BufReader<File>) -> Option<String> {
@@ -134,7 +99,7 @@ fn below<T: Copy + Into<f64> + PartialEq>(values: Vec<T>, unknown: T) -> Vec<f64
         .collect()
 }
 
-fn sample_format(decoder: &mut Decoder<impl Read + Seek>) -> SampleFormat {
+pub(super) fn sample_format(decoder: &mut Decoder<impl Read + Seek>) -> SampleFormat {
     let formats = decoder
         .find_tag_unsigned_vec::<u16>(Tag::SampleFormat)
         .ok()

@@ -79,6 +79,7 @@ impl Camera {
 
     /// A pinhole camera without distortion.
     #[must_use]
+    #[inline]
     pub fn pinhole(width: u32, height: u32, fx: f64, fy: f64, cx: f64, cy: f64) -> Self {
         Self {
             width,
@@ -92,6 +93,7 @@ impl Camera {
     /// Pixel position of a point in camera space; `None` behind the camera, for NaN, and where the lens model folds back
     /// (points far outside the picture). The position may lie outside the picture.
     #[must_use]
+    #[inline]
     pub fn project(&self, x_in_camera: DVec3) -> Option<DVec2> {
         if x_in_camera.z.is_nan() || x_in_camera.z <= 0.0 {
             return None;
@@ -107,6 +109,7 @@ impl Camera {
     /// The point on the plane z = 1 of camera space that is seen at `at_px`. A point at `depth` along the optical
     /// axis is `depth · (x, y, 1)`. NaN where the lens covers no such point (a fisheye at 90° from its axis).
     #[must_use]
+    #[inline]
     pub fn unproject(&self, at_px: DVec2) -> DVec2 {
         let distorted = (at_px - self.principal_px) / self.focal_px;
         match self.distortion.terms() {
@@ -117,6 +120,7 @@ impl Camera {
 
     /// [`Self::unproject`] at the centre of every pixel of `row`, for dense loops over rows in parallel; as many as
     /// `rays` holds, from column 0.
+    #[inline]
     pub fn unproject_row(&self, row: u32, rays: &mut [Vec2]) {
         let y = f64::from(row) + 0.5;
         for (column, ray) in rays.iter_mut().enumerate() {
@@ -126,6 +130,7 @@ impl Camera {
 
     /// Whether a position lies in the picture.
     #[must_use]
+    #[inline]
     pub fn contains(&self, at_px: DVec2) -> bool {
         at_px.x >= 0.0
             && at_px.y >= 0.0

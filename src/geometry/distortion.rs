@@ -125,6 +125,7 @@ const MAX_STEPS: usize = 40;
 
 impl LensTerms {
     /// Distorted position of a point on the plane z = 1; `None` beyond the radius where the model folds back.
+    #[inline]
     pub fn distort(&self, at_plane: DVec2) -> Option<DVec2> {
         let q = if self.fisheye {
             draw_in(at_plane)
@@ -135,6 +136,7 @@ impl LensTerms {
     }
 
     /// The point on the plane z = 1 that is distorted to `target`; NaN where the lens covers none.
+    #[inline]
     pub fn undistort(&self, target: DVec2) -> DVec2 {
         let q = self
             .solve(target)

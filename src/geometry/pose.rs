@@ -56,6 +56,7 @@ impl Pose {
 
     /// `source_from_target`.
     #[must_use]
+    #[inline]
     pub fn inverse(&self) -> Self {
         let rotation = self.rotation.conjugate();
         Self {
@@ -66,6 +67,7 @@ impl Pose {
 
     /// `self · other`: first `other`, then `self`.
     #[must_use]
+    #[inline]
     pub fn compose(&self, other: &Self) -> Self {
         Self {
             rotation: (self.rotation * other.rotation).normalize(),
@@ -75,12 +77,14 @@ impl Pose {
 
     /// Moves a point from the source space to the target space.
     #[must_use]
+    #[inline]
     pub fn transform(&self, x_in_source: DVec3) -> DVec3 {
         self.rotation * x_in_source + self.translation
     }
 
     /// The camera centre in world space when `self` is `camera_from_world`.
     #[must_use]
+    #[inline]
     pub fn centre(&self) -> DVec3 {
         -(self.rotation.conjugate() * self.translation)
     }
@@ -88,6 +92,7 @@ impl Pose {
     /// This `camera_from_world` for a world whose coordinates are relative to `origin`. The negative origin is the way
     /// back.
     #[must_use]
+    #[inline]
     pub fn relative_to(&self, origin: DVec3) -> Self {
         Self {
             rotation: self.rotation,
@@ -97,6 +102,7 @@ impl Pose {
 
     /// The 4×4 matrix of the transform.
     #[must_use]
+    #[inline]
     pub fn matrix(&self) -> DMat4 {
         DMat4::from_rotation_translation(self.rotation, self.translation)
     }

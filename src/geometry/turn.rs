@@ -21,6 +21,7 @@ impl Turn {
     ///
     /// # Errors
     /// [`GeometryError::Mirrored`] for 2, 4, 5 and 7, and for what is no orientation: no pose mirrors a picture.
+    #[inline]
     pub fn from_exif(orientation: u8) -> Result<Self, GeometryError> {
         match orientation {
             1 => Ok(Self::None),
@@ -33,6 +34,7 @@ impl Turn {
 
     /// The turn back.
     #[must_use]
+    #[inline]
     pub fn inverse(self) -> Self {
         match self {
             Self::Clockwise => Self::Anticlockwise,
@@ -43,6 +45,7 @@ impl Turn {
 
     /// Where a position in a picture of `width` × `height` pixels lies after the turn.
     #[must_use]
+    #[inline]
     pub fn turn_px(self, at_px: DVec2, width: u32, height: u32) -> DVec2 {
         let (w, h) = (f64::from(width), f64::from(height));
         match self {
@@ -65,6 +68,7 @@ impl Turn {
 
     /// `turned_camera_from_camera`.
     #[must_use]
+    #[inline]
     pub fn pose(self) -> Pose {
         let h = std::f64::consts::FRAC_1_SQRT_2;
         let rotation = match self {
@@ -112,6 +116,7 @@ impl Camera {
 impl Pose {
     /// `camera_from_world` of the camera after its picture was turned.
     #[must_use]
+    #[inline]
     pub fn turned(&self, turn: Turn) -> Self {
         if turn == Turn::None {
             *self

@@ -44,6 +44,7 @@ pub(crate) fn lab_of(image: &Image) -> Vec<[f32; 3]> {
 }
 
 /// One sRGB pixel in CIE Lab.
+#[inline]
 pub fn lab_of_pixel(pixel: [u8; 3]) -> [f32; 3] {
     let curve = &*CURVE;
     let bend = |value: f32| {
@@ -59,6 +60,7 @@ pub fn lab_of_pixel(pixel: [u8; 3]) -> [f32; 3] {
 }
 
 /// Squared Euclidean distance of two Lab colours (ΔE 1976, squared).
+#[inline]
 pub fn squared_difference(a: [f32; 3], b: [f32; 3]) -> f32 {
     let d = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     d[0] * d[0] + d[1] * d[1] + d[2] * d[2]

@@ -14,6 +14,7 @@ pub struct LabelMask {
 impl LabelMask {
     /// A mask with no label anywhere.
     #[must_use]
+    #[inline]
     pub fn empty(width: u32, height: u32) -> Self {
         Self {
             width,
@@ -24,12 +25,14 @@ impl LabelMask {
 
     /// The id in column `x`, row `y`.
     #[must_use]
+    #[inline]
     pub fn at(&self, x: u32, y: u32) -> LabelId {
         self.ids[y as usize * self.width as usize + x as usize]
     }
 
     /// The pixels of one label.
     #[must_use]
+    #[inline]
     pub fn region(&self, id: LabelId) -> Region {
         Region {
             width: self.width,
@@ -40,6 +43,7 @@ impl LabelMask {
 
     /// The pixels of a label and of all labels below it in the tree.
     #[must_use]
+    #[inline]
     pub fn region_with_parts(&self, id: LabelId, tree: &LabelTree) -> Region {
         let mut wanted = tree.descendants(id);
         wanted.push(id);
@@ -58,6 +62,7 @@ impl LabelMask {
 
     /// Every label as read at `level` (1 = top): its ancestor there, itself where it is not deeper.
     #[must_use]
+    #[inline]
     pub fn at_level(&self, tree: &LabelTree, level: usize) -> Self {
         super::RunMask::encode(self).at_level(tree, level).decode()
     }

@@ -37,9 +37,9 @@ pub fn outlines(region: &Region) -> Vec<Outline> {
         let outline = &mut outlines[parts.labels[start] as usize - 1];
         // A part's first pixel in row order lies on its outer border.
         if outline.outer.is_empty() {
-            outline.outer = ring
+            outline.outer = ring;
         } else {
-            outline.holes.push(ring)
+            outline.holes.push(ring);
         }
     }
     outlines

@@ -14,6 +14,7 @@ pub struct Region {
 impl Region {
     /// A region without pixels.
     #[must_use]
+    #[inline]
     pub fn empty(width: u32, height: u32) -> Self {
         Self {
             width,
@@ -24,44 +25,52 @@ impl Region {
 
     /// Whether column `x`, row `y` is inside.
     #[must_use]
+    #[inline]
     pub fn at(&self, x: u32, y: u32) -> bool {
         self.inside[y as usize * self.width as usize + x as usize]
     }
 
     /// Number of pixels inside.
     #[must_use]
+    #[inline]
     pub fn area(&self) -> usize {
         self.inside.iter().filter(|&&inside| inside).count()
     }
 
     /// Whether no pixel is inside.
     #[must_use]
+    #[inline]
     pub fn is_empty(&self) -> bool {
         !self.inside.contains(&true)
     }
 
     /// Adds the pixels of `other`, a region of the same frame.
+    #[inline]
     pub fn unite(&mut self, other: &Self) {
         self.combine(other, |a, b| a | b);
     }
 
     /// Keeps only pixels that `other`, a region of the same frame, has too.
+    #[inline]
     pub fn intersect(&mut self, other: &Self) {
         self.combine(other, |a, b| a & b);
     }
 
     /// Takes away the pixels of `other`, a region of the same frame.
+    #[inline]
     pub fn subtract(&mut self, other: &Self) {
         self.combine(other, |a, b| a & !b);
     }
 
     /// Keeps the pixels that only one of the two has; `other` is a region of the same frame.
+    #[inline]
     pub fn differ(&mut self, other: &Self) {
         self.combine(other, |a, b| a ^ b);
     }
 
     /// The pixels outside.
     #[must_use]
+    #[inline]
     pub fn inverted(&self) -> Self {
         Self {
             width: self.width,

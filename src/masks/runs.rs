@@ -83,6 +83,7 @@ impl RunMask {
 
     /// A mask with no label anywhere.
     #[must_use]
+    #[inline]
     pub fn empty(width: u32, height: u32) -> Self {
         let pixels = width.saturating_mul(height);
         Self {
@@ -98,6 +99,7 @@ impl RunMask {
 
     /// Run-length encodes a mask.
     #[must_use]
+    #[inline]
     pub fn encode(mask: &LabelMask) -> Self {
         let runs = mask
             .ids
@@ -113,6 +115,7 @@ impl RunMask {
 
     /// The mask as pixels.
     #[must_use]
+    #[inline]
     pub fn decode(&self) -> LabelMask {
         let mut ids = Vec::with_capacity(self.width as usize * self.height as usize);
         for &(id, length) in &self.runs {
@@ -127,6 +130,7 @@ impl RunMask {
 
     /// The pixels of one label.
     #[must_use]
+    #[inline]
     pub fn region(&self, id: LabelId) -> Region {
         let mut inside = Vec::with_capacity(self.width as usize * self.height as usize);
         for &(at, length) in &self.runs {
@@ -141,6 +145,7 @@ impl RunMask {
 
     /// Area and bounding box of every label in the mask, read off the runs; [`LabelId::NONE`] is left out.
     #[must_use]
+    #[inline]
     pub fn extents(&self) -> BTreeMap<LabelId, Extent> {
         let mut extents: BTreeMap<LabelId, Extent> = BTreeMap::new();
         let mut start = 0u32;
@@ -159,6 +164,7 @@ impl RunMask {
 
     /// Puts `map(id)` in the place of every id, [`LabelId::NONE`] included.
     #[must_use]
+    #[inline]
     pub fn map_ids(&self, mut map: impl FnMut(LabelId) -> LabelId) -> Self {
         let runs = merged(self.runs.iter().map(|&(id, length)| (map(id), length)));
         Self {
@@ -170,6 +176,7 @@ impl RunMask {
 
     /// Every label as read at `level` (1 = top): its ancestor there, itself where it is not deeper.
     #[must_use]
+    #[inline]
     pub fn at_level(&self, tree: &LabelTree, level: usize) -> Self {
         let mut known: BTreeMap<LabelId, LabelId> = BTreeMap::new();
         self.map_ids(|id| *known.entry(id).or_insert_with(|| tree.at_level(id, level)))

@@ -141,7 +141,7 @@ impl State {
         match (wish, result) {
             (Wish::Full(frame), Ok(image)) => self.pictures.put(frame, image, PICTURES_KEPT),
             (Wish::Thumbnail(frame), Ok(image)) => {
-                self.thumbnails.put(frame, image, THUMBNAILS_KEPT)
+                self.thumbnails.put(frame, image, THUMBNAILS_KEPT);
             }
             (Wish::Full(frame) | Wish::Thumbnail(frame), Err(text)) => {
                 self.failures.insert(frame, text);

@@ -23,7 +23,7 @@ impl Session {
 
     /// Adds a command that was carried out to the recipe. The one in the project's folder is a convenience: where it
     /// cannot be read or written there is a warning.
-    pub(super) fn record(&mut self, command: Option<Command>) {
+    pub fn record(&mut self, command: Option<Command>) {
         let Some(command) =
             command.filter(|command| !matches!(command, Command::Stop | Command::Model(_)))
         else {

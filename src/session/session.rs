@@ -400,7 +400,7 @@ impl Session {
         };
         match (job.kind, event) {
             (Kind::Background, Event::Failed { error, .. }) => {
-                self.events.push(Event::Warning(error))
+                self.events.push(Event::Warning(error));
             }
             (Kind::Background, _) => {}
             (_, event) => self.events.push(event),

@@ -1,11 +1,11 @@
 use std::sync::Arc;
 
-use super::arranging::{Arranged, Arranging, Arrival};
+use super::arrangement::{Arranged, Arranging, Arrival};
 use super::paint::Paint;
 use super::pipelines::Pipelines;
 use super::point_blocks::PointBlocks;
 use super::surface_chunks::SurfaceChunks;
-use super::{Appearance, Scene3d};
+use super::{Appearance, Line, PicturePlane, SceneStyle, ViewCamera};
 use ostra_cloud::{LabelledCloud, LabelledMesh};
 
 /// What the 3-D view shows.
@@ -286,4 +286,17 @@ impl Content {
             Kind::Surface(chunks) => chunks.draw(pass, pipelines, batch),
         }
     }
+}
+
+/// All that decides what the 3-D view shows; a change of anything starts the picture anew.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene3d {
+    /// Where it is seen from; its size is the texture's size.
+    pub camera: ViewCamera,
+    /// How it is drawn.
+    pub style: SceneStyle,
+    /// Line segments, e.g. [`super::frustum_lines`]; never clipped.
+    pub lines: Vec<Line>,
+    /// Pictures that stand in it; never clipped.
+    pub planes: Vec<PicturePlane>,
 }

@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use crate::coloring::ramp;
+use super::style::ramp;
 use ostra_frames::{DepthMap, Frame, FrameError, FrameStore, Image, MadeDepth};
 
 /// What is shown of a frame.

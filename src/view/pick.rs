@@ -1,6 +1,12 @@
+//! Picking of points and frustums, and of points on a thread of its own.
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::arrangement::beside_jobs;
 use super::paint::Paint;
 use super::{Appearance, Clip, ViewCamera};
 use ostra_cloud::LabelledCloud;
@@ -64,6 +70,47 @@ pub fn pick_frustum(
         .filter_map(|(number, frame)| Some((number, distance(frame)?)))
         .min_by(|a, b| a.1.total_cmp(&b.1))
         .map(|(number, _)| number)
+}
+
+/// The point seen at a pixel of a view, looked for in the background: large clouds take longer than a picture of the window.
+pub struct Picking {
+    found: Receiver<Option<usize>>,
+}
+
+impl Picking {
+    /// Begins to look for what [`pick_point`] gives; `wake` is called when it is known.
+    pub fn begin(
+        cloud: Arc<LabelledCloud>,
+        camera: ViewCamera,
+        (at_px, radius_px): (Vec2, f32),
+        (appearance, clip): (Appearance, Clip),
+        wake: impl FnOnce() + Send + 'static,
+    ) -> Self {
+        let (sender, found) = channel();
+        beside_jobs(move || {
+            // An error says that nobody waits any more.
+            let _ = sender.send(pick_point(
+                &cloud,
+                &camera,
+                at_px,
+                radius_px,
+                &appearance,
+                &clip,
+            ));
+            wake();
+        });
+        Self { found }
+    }
+
+    /// The number of the point, or that there is none, once that is known.
+    #[must_use]
+    pub fn next(&self) -> Option<Option<usize>> {
+        match self.found.try_recv() {
+            Ok(found) => Some(found),
+            Err(TryRecvError::Empty) => None,
+            Err(TryRecvError::Disconnected) => Some(None),
+        }
+    }
 }
 
 #[cfg(test)]

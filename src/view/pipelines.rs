@@ -1,13 +1,10 @@
+//! The shaders of points, lines and surfaces, and the vertices and uniforms that they read.
+
+use bytemuck::{Pod, Zeroable};
 use wgpu::util::DeviceExt;
 
-use super::growths::Growths;
-use super::lines::Line;
-use super::planes::Planes;
-use super::points::{EyeUniform, PointInstance};
-use super::surface_chunks::SurfaceVertex;
-
-pub(super) const COLOR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-pub(super) const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+use super::frame_shapes::{Line, Planes};
+use super::target::compiled;
 
 /// The compiled shaders with the uniform that they share.
 pub(super) struct Pipelines {
@@ -121,55 +118,128 @@ fn pipeline(
     )
 }
 
-/// The functions `vertex` and `fragment` of a shader, drawing vertices as they lie in memory; with `has_depth` what is drawn
-/// hides what lies behind it.
-pub(super) fn compiled(
-    device: &wgpu::Device,
-    groups: &[&wgpu::BindGroupLayout],
-    shader: wgpu::ShaderModuleDescriptor<'_>,
-    (buffers, topology): (
-        &[Option<wgpu::VertexBufferLayout<'_>>],
-        wgpu::PrimitiveTopology,
-    ),
-    has_depth: bool,
-) -> wgpu::RenderPipeline {
-    let label = shader.label;
-    let module = device.create_shader_module(shader);
-    let groups: Vec<Option<&wgpu::BindGroupLayout>> =
-        groups.iter().map(|&group| Some(group)).collect();
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label,
-        bind_group_layouts: &groups,
-        immediate_size: 0,
-    });
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label,
-        layout: Some(&layout),
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("vertex"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers,
-        },
-        primitive: wgpu::PrimitiveState {
-            topology,
-            ..Default::default()
-        },
-        depth_stencil: has_depth.then(|| wgpu::DepthStencilState {
-            format: DEPTH_FORMAT,
-            depth_write_enabled: Some(true),
-            depth_compare: Some(wgpu::CompareFunction::Greater),
-            stencil: wgpu::StencilState::default(),
-            bias: wgpu::DepthBiasState::default(),
-        }),
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("fragment"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(COLOR_FORMAT.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
+/// Levels of growth, from 1 to 32 times the radius.
+const LEVELS: u32 = 41;
+/// Levels between a radius and its double.
+const PER_DOUBLE: f32 = 8.0;
+
+/// How much larger discs are drawn where only a part of the points is, so that surfaces stay closed. One level is chosen
+/// per draw call.
+pub(super) struct Growths {
+    pub layout: wgpu::BindGroupLayout,
+    levels: wgpu::BindGroup,
+    step: u32,
+}
+
+impl Growths {
+    pub fn new(device: &wgpu::Device) -> Self {
+        let step = device.limits().min_uniform_buffer_offset_alignment.max(16);
+        let mut contents = vec![0.0_f32; (LEVELS * step) as usize / size_of::<f32>()];
+        for (level, growth) in contents
+            .chunks_mut(step as usize / size_of::<f32>())
+            .enumerate()
+        {
+            growth[0] = (level as f32 / PER_DOUBLE).exp2();
+        }
+        let buffer = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some("growth of discs"),
+            contents: bytemuck::cast_slice(&contents),
+            usage: wgpu::BufferUsages::UNIFORM,
+        });
+        let size = wgpu::BufferSize::new(16);
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("growth of discs"),
+            entries: &[wgpu::BindGroupLayoutEntry {
+                binding: 0,
+                visibility: wgpu::ShaderStages::VERTEX,
+                ty: wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Uniform,
+                    has_dynamic_offset: true,
+                    min_binding_size: size,
+                },
+                count: None,
+            }],
+        });
+        let binding = wgpu::BufferBinding {
+            buffer: &buffer,
+            offset: 0,
+            size,
+        };
+        let levels = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("growth of discs"),
+            layout: &layout,
+            entries: &[wgpu::BindGroupEntry {
+                binding: 0,
+                resource: wgpu::BindingResource::Buffer(binding),
+            }],
+        });
+        Self {
+            layout,
+            levels,
+            step,
+        }
+    }
+
+    /// Binds to group 1 what `drawn` (above 0) points of `all` need: on a surface, the root of how many fewer they are.
+    pub fn bind(&self, pass: &mut wgpu::RenderPass<'_>, drawn: usize, all: usize) {
+        pass.set_bind_group(1, &self.levels, &[level(drawn, all) * self.step]);
+    }
+}
+
+fn level(drawn: usize, all: usize) -> u32 {
+    let growth = (all as f32 / drawn.max(1) as f32).sqrt();
+    ((growth.log2() * PER_DOUBLE).round() as u32).min(LEVELS - 1)
+}
+
+/// One vertex on the GPU.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct SurfaceVertex {
+    pub position: [f32; 3],
+    pub color: [u8; 4],
+    /// As shares of 32767; the fourth is unused.
+    pub normal: [i16; 4],
+}
+
+/// What all shaders know of the camera.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct EyeUniform {
+    pub clip_from_world: [[f32; 4]; 4],
+    /// Takes the inside of the clip box to the cube from -1 to 1.
+    pub cube_from_world: [[f32; 4]; 4],
+    /// Width and height in pixels, pixels per world unit at clip w = 1, one unused.
+    pub view: [f32; 4],
+    /// Smallest and largest disc radius in pixels, two unused.
+    pub disc: [f32; 4],
+    /// Where the camera is, and the light on a surface that is seen along itself.
+    pub place: [f32; 4],
+}
+
+/// One point on the GPU; opacity 0 = not drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct PointInstance {
+    pub position: [f32; 3],
+    pub color: [u8; 4],
+    /// Of its disc where all points are drawn, in world units.
+    pub radius: f32,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_points_have_their_true_size_and_a_quarter_twice_it() {
+        assert_eq!(
+            [
+                level(10, 10),
+                level(25, 100),
+                level(1, 16),
+                level(1, 1_000_000)
+            ],
+            [0, 8, 16, LEVELS - 1]
+        );
+    }
 }

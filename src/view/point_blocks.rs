@@ -1,12 +1,13 @@
+//! Points on the GPU, in blocks: which are in view, how many points each shows, and their upload.
+
 use std::sync::Arc;
 
+use glam::Vec4;
+
 use super::arrangement::Arrangement;
-use super::frustum::Frustum;
 use super::paint::Paint;
-use super::pipelines::Pipelines;
-use super::points::PointInstance;
-use super::shares::shares;
-use super::{SceneStyle, ViewCamera};
+use super::pipelines::{Pipelines, PointInstance};
+use super::{Bounds, SceneStyle, ViewCamera};
 use ostra_cloud::LabelledCloud;
 
 /// Points handed to the GPU in one call, packed in about 10 ms. One thread packs: the pool of the program's jobs may be
@@ -219,5 +220,153 @@ impl PointBlocks {
     /// Whether the picture is drawn and shows every point of the blocks that are seen.
     pub fn is_whole(&self) -> bool {
         self.parts.iter().all(|part| part.drawn == part.all)
+    }
+}
+
+/// The part of space of which a picture shows anything: what lies in the camera's frustum and in the clip box.
+pub(super) struct Frustum {
+    /// Inside is where all of `normal · x + offset` are at least 0.
+    planes: [Vec4; 12],
+}
+
+impl Frustum {
+    /// Wider than the picture by the largest disc, since discs at its border reach into it.
+    pub fn new(camera: &ViewCamera, style: &SceneStyle) -> Self {
+        let clip = camera.clip_from_world();
+        let [x, y, z, w] = [0, 1, 2, 3].map(|row| clip.row(row));
+        let beyond = |size: u32| 1.0 + 2.0 * (style.most_px() + 1.0) / size.max(1) as f32;
+        let (wide, high) = (w * beyond(camera.width), w * beyond(camera.height));
+        let cube = style.clip.cube_from_world;
+        let [u, v, t, one] = [0, 1, 2, 3].map(|row| cube.row(row));
+        let sides = [wide + x, wide - x, high + y, high - y, w - z, z];
+        let walls = [one + u, one - u, one + v, one - v, one + t, one - t];
+        Self {
+            planes: std::array::from_fn(|at| if at < 6 { sides[at] } else { walls[at - 6] }),
+        }
+    }
+
+    /// Whether anything in a box might be seen. Never wrong when it says no.
+    pub fn reaches(&self, bounds: &Bounds) -> bool {
+        let (centre, half) = (bounds.centre(), (bounds.max - bounds.min) / 2.0);
+        self.planes.iter().all(|plane| {
+            let normal = plane.truncate();
+            let reach = normal.abs().dot(half);
+            let rounding = 1e-5 * (normal.abs().dot(centre.abs()) + reach + plane.w.abs());
+            normal.dot(centre) + plane.w + reach >= -rounding
+        })
+    }
+}
+
+/// Divides `budget` in proportion to weights (above 0) among takers, none of whom takes more than `most`; what some
+/// cannot take goes to the others. Everyone gets 1 at least.
+pub(super) fn shares(takers: &[(usize, f32)], budget: usize) -> Vec<usize> {
+    let mut by_need: Vec<usize> = (0..takers.len()).collect();
+    let need = |&taker: &usize| takers[taker].0 as f32 / takers[taker].1;
+    by_need.sort_by(|a, b| need(a).total_cmp(&need(b)));
+    let mut shares = vec![0; takers.len()];
+    let (mut left, mut weights) = (
+        budget as f64,
+        takers.iter().map(|taker| f64::from(taker.1)).sum::<f64>(),
+    );
+    for taker in by_need {
+        let (most, weight) = (takers[taker].0, f64::from(takers[taker].1));
+        let fair = left * weight / weights.max(weight);
+        shares[taker] = most.min((fair as usize).max(1));
+        left = (left - shares[taker] as f64).max(0.0);
+        weights -= weight;
+    }
+    shares
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::{Axes, Clip, Orbit};
+
+    fn orbit() -> Orbit {
+        Orbit::framing(
+            &Bounds {
+                min: Vec3::NEG_ONE,
+                max: Vec3::ONE,
+            },
+            Vec3::new(0.3, 0.2, 1.0),
+            Vec3::NEG_Y,
+        )
+    }
+
+    fn around(x: Vec3, half: f32) -> Bounds {
+        Bounds {
+            min: x - half,
+            max: x + half,
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_box_with_a_point_that_is_drawn_is_reached(
+            at in prop::array::uniform3(-4.0_f32..4.0),
+            off in prop::array::uniform3(-1.0_f32..1.0),
+            (half, closer, orthographic, clipped) in (0.0_f32..2.0, 0.02_f32..2.0, any::<bool>(), any::<bool>()),
+        ) {
+            let mut orbit = Orbit { orthographic, ..orbit() };
+            orbit.distance *= closer;
+            let camera = orbit.camera(320, 200);
+            let sides = around(Vec3::new(0.2, -0.1, 0.3), 0.8);
+            let axes = Axes::new(Vec3::new(0.2, -1.0, 0.1), Vec3::Z);
+            let clip = if clipped { Clip::inside(&axes, &sides) } else { Clip::default() };
+            let style = SceneStyle { clip, ..SceneStyle::default() };
+            let x = Vec3::from_array(at);
+            let is_drawn = clip.contains(x) && camera.project(x).is_some_and(|(px, _)| {
+                let most = style.most_px();
+                px.x > -most && px.y > -most && px.x < 320.0 + most && px.y < 200.0 + most
+            });
+            let bounds = around(x + Vec3::from_array(off) * half, half);
+            prop_assert!(!is_drawn || Frustum::new(&camera, &style).reaches(&bounds));
+        }
+    }
+
+    #[test]
+    fn boxes_beside_behind_and_outside_the_clip_box_are_not_reached() {
+        let camera = orbit().camera(320, 200);
+        let style = SceneStyle::default();
+        let (inside, behind) = (
+            around(Vec3::ZERO, 0.1),
+            camera.unproject(glam::Vec2::new(160.0, 100.0), -2.0),
+        );
+        let beside = camera.unproject(glam::Vec2::new(-200.0, 100.0), 3.0);
+        let frustum = Frustum::new(&camera, &style);
+        assert!(frustum.reaches(&inside) && frustum.reaches(&around(beside, 50.0)));
+        assert!(!frustum.reaches(&around(behind, 0.1)) && !frustum.reaches(&around(beside, 0.1)));
+        let axes = Axes::new(Vec3::NEG_Y, Vec3::Z);
+        let clip = Clip::inside(
+            &axes,
+            &axes
+                .bounds([Vec3::splat(0.5), Vec3::ONE].into_iter())
+                .unwrap(),
+        );
+        let clipped = Frustum::new(&camera, &SceneStyle { clip, ..style });
+        assert!(!clipped.reaches(&inside) && clipped.reaches(&around(Vec3::splat(0.7), 0.1)));
+    }
+
+    #[test]
+    fn what_some_cannot_take_goes_to_the_others_by_weight() {
+        assert_eq!(
+            shares(&[(100, 1.0), (10, 5.0), (100, 2.0)], 100),
+            [30, 10, 60]
+        );
+        assert_eq!(
+            shares(&[(100, 1.0), (10, 5.0)], 1000),
+            [100, 10],
+            "no more than there is"
+        );
+        assert_eq!(
+            shares(&[(100, 1e-9), (100, 1.0)], 50),
+            [1, 49],
+            "no one is left out"
+        );
+        assert!(shares(&[], 50).is_empty());
     }
 }

@@ -2,29 +2,14 @@ use std::time::{Duration, Instant};
 
 use wgpu::util::DeviceExt;
 
-use super::content::{Content, Model};
-use super::eye_dome::EyeDome;
+use super::ViewCamera;
+use super::content::{Content, Model, Scene3d};
 use super::mesh_raster::AMBIENT;
-use super::pipelines::Pipelines;
-use super::points::EyeUniform;
-use super::target::Target;
-use super::{Line, PicturePlane, SceneStyle, ViewCamera};
+use super::pipelines::{EyeUniform, Pipelines};
+use super::target::{EyeDome, Target};
 
 /// What one call of [`SceneView::draw`] may cost before the batch shrinks.
 const FRAME_BUDGET: Duration = Duration::from_millis(40);
-
-/// All that decides what the 3-D view shows; a change of anything starts the picture anew.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Scene3d {
-    /// Where it is seen from; its size is the texture's size.
-    pub camera: ViewCamera,
-    /// How it is drawn.
-    pub style: SceneStyle,
-    /// Line segments, e.g. [`super::frustum_lines`]; never clipped.
-    pub lines: Vec<Line>,
-    /// Pictures that stand in it; never clipped.
-    pub planes: Vec<PicturePlane>,
-}
 
 /// Draws a cloud or a surface of any size into a texture of its own, a bounded batch of points or triangles per call. While
 /// the camera moves, the first call shows a part that is spread over all that is seen; when it rests, more calls fill the

@@ -1,12 +1,14 @@
+//! Pictures drawn on the CPU, and their PNG files.
+
 use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 use image::ImageEncoder;
 use image::codecs::png::PngEncoder;
 use rayon::prelude::*;
 
-use super::{Axes, Bounds, Orbit, ViewError};
+use super::{Axes, Bounds, Orbit};
 use ostra_cloud::LabelledCloud;
 use ostra_core::disk::AtomicFile;
 use ostra_frames::{Frame, Image};
@@ -135,4 +137,20 @@ pub fn write_png(path: &Path, shot: &Shot, transparent: bool) -> Result<(), View
     out.flush().map_err(|error| fail(error.to_string()))?;
     drop(out);
     file.commit().map_err(|error| fail(error.to_string()))
+}
+
+/// What can go wrong while drawing; each says what the user can do.
+#[derive(Debug, thiserror::Error)]
+pub enum ViewError {
+    /// The picture cannot be written.
+    #[error("{}: the picture cannot be written ({what}); check the folder and its permissions", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the encoder or the system said.
+        what: String,
+    },
+    /// There is nothing to draw.
+    #[error("the cloud has no points to draw; run 'fuse' first or lower --min-confidence")]
+    Empty,
 }

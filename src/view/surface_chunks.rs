@@ -1,29 +1,18 @@
 use std::ops::Range;
 
-use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use wgpu::util::DeviceExt;
 
+use super::arrangement::SpreadOrder;
 use super::paint::Paint;
-use super::pipelines::Pipelines;
-use super::points::SpreadOrder;
+use super::pipelines::{Pipelines, SurfaceVertex};
 use ostra_cloud::LabelledMesh;
 
 /// Triangles with vertices and indices of their own on the GPU.
 const CHUNK: usize = 4096;
 /// Chunks packed in one call, side by side.
 const AT_ONCE: usize = 64;
-
-/// One vertex on the GPU.
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub(super) struct SurfaceVertex {
-    pub position: [f32; 3],
-    pub color: [u8; 4],
-    /// As shares of 32767; the fourth is unused.
-    pub normal: [i16; 4],
-}
 
 /// A surface in chunks of triangles, which are uploaded and drawn in an order that is spread over the whole.
 pub(super) struct SurfaceChunks {

@@ -29,7 +29,7 @@ fn open_all(folder: &Path, depth: Option<&Path>) {
             assert_eq!(
                 image.pixels.len(),
                 image.width as usize * image.height as usize
-            )
+            );
         });
         let _ = store.depth(frame);
         let _ = store.thumbnail(frame, 16);

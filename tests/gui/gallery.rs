@@ -24,7 +24,7 @@ type Scene = (&'static str, fn() -> Desk, fn(&mut Desk));
 const SCENES: [Scene; 14] = [
     ("shelf", shelf, |_| ()),
     ("shelf_labels", shelf, |desk| {
-        desk.shell.view.coloring = Coloring::Label
+        desk.shell.view.coloring = Coloring::Label;
     }),
     ("shelf_alone", shelf, |desk| {
         desk.inspected = Some("/data/reference_labelled_cloud.ply".into());
@@ -33,30 +33,30 @@ const SCENES: [Scene; 14] = [
         desk.shell.view.coloring = Coloring::Label;
     }),
     ("welcome", Desk::empty, |desk| {
-        desk.recent = vec!["/home/me/rice-ostra".into(), "/home/me/shelf".into()]
+        desk.recent = vec!["/home/me/rice-ostra".into(), "/home/me/shelf".into()];
     }),
     ("both", Desk::sample, |_| ()),
     ("picture", Desk::sample, |desk| {
-        desk.shell.view.prefs.panes = Panes::Picture
+        desk.shell.view.prefs.panes = Panes::Picture;
     }),
     ("scene", Desk::sample, |desk| {
         desk.shell.view.prefs.panes = Panes::Scene;
         desk.shell.view.coloring = Coloring::Label;
     }),
     ("new_project", Desk::sample, |desk| {
-        desk.shell.view.dialog = Some(Dialog::NewProject)
+        desk.shell.view.dialog = Some(Dialog::NewProject);
     }),
     ("export", Desk::sample, |desk| {
-        desk.shell.view.dialog = Some(Dialog::Export)
+        desk.shell.view.dialog = Some(Dialog::Export);
     }),
     ("networks", Desk::sample, |desk| {
-        desk.shell.view.dialog = Some(Dialog::Models)
+        desk.shell.view.dialog = Some(Dialog::Models);
     }),
     ("shortcuts", Desk::sample, |desk| {
-        desk.shell.view.dialog = Some(Dialog::Shortcuts)
+        desk.shell.view.dialog = Some(Dialog::Shortcuts);
     }),
     ("palette", Desk::sample, |desk| {
-        desk.shell.view.dialog = Some(Dialog::Palette)
+        desk.shell.view.dialog = Some(Dialog::Palette);
     }),
     ("notices", Desk::sample, |desk| {
         let notices = &mut desk.shell.view.notices;

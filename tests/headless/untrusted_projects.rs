@@ -920,7 +920,7 @@ fn sources_of_an_older_project_are_found_next_to_it_but_no_others_are_taken() {
     (0..4).for_each(|k| {
         image::RgbImage::new(32, 32)
             .save(other.join(format!("color/{k}.png")))
-            .unwrap()
+            .unwrap();
     });
     fs::rename(set.join("project"), other.join("project")).unwrap();
     fs::rename(&set, elsewhere.path().join("renamed")).unwrap();
@@ -960,7 +960,7 @@ fn relocate_points_frames_to_the_same_files_elsewhere() {
     (0..4).for_each(|k| {
         image::RgbImage::new(32, 32)
             .save(format!("{}/{k}.png", to("small")))
-            .unwrap()
+            .unwrap();
     });
     let error = refused(&["relocate", &project, &recording.path("color"), &to("small")]);
     assert!(

@@ -6,7 +6,7 @@ use super::map::CanvasMap;
 use super::prompts::{
     box_of, chosen_label, click_at, fill_polygon, hold_border, paint, pull_border, trace_thin,
 };
-use crate::trail::trail;
+use crate::pointer::trail;
 use crate::{Look, ViewState};
 use ostra_session::Command;
 

@@ -2,7 +2,6 @@
 //! structures.
 
 mod draft;
-mod hover;
 mod input;
 mod map;
 mod paint;

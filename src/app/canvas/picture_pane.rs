@@ -1,14 +1,16 @@
-use egui::{Role, Sense, Ui, WidgetInfo};
+use egui::{Color32, FontId, Pos2, Rect, Response, Role, Sense, Stroke, Ui, Vec2, WidgetInfo};
 
-use super::hover::follow_pointer;
+use super::draft::Tool;
 use super::input::canvas_input;
 use super::map::CanvasMap;
-use super::{paint, toolbar::toolbar_ui};
-use crate::layers::legend;
+use super::paint;
+use super::toolbar::toolbar_ui;
+use crate::pointer::Rest;
 use crate::textures::Textures;
 use crate::{Action, Look, ViewState};
-use ostra_session::Command;
-use ostra_view::{Layer, OverlayStyle};
+use ostra_masks::Click;
+use ostra_session::{Command, PromptRequest};
+use ostra_view::{Layer, OverlayStyle, ramp};
 
 /// The picture of the shown frame with its tool bar.
 pub(crate) fn picture_pane_ui(
@@ -173,4 +175,115 @@ fn say(ui: &Ui, map: &CanvasMap, text: String, color: egui::Color32) {
         (map.pane.width() - 40.0).max(50.0),
     );
     painter.galley(map.pane.center() - galley.size() / 2.0, galley, color);
+}
+
+/// Wishes to see what an include click would give where the pointer rests.
+fn follow_pointer(
+    ui: &Ui,
+    response: &Response,
+    map: &CanvasMap,
+    look: &Look<'_>,
+    view: &mut ViewState,
+) {
+    view.hover_wish = None;
+    let Some(at) = response.hover_pos().filter(|_| may_preview(ui, look, view)) else {
+        view.rest = None;
+        return;
+    };
+    if let Some(at) = Rest::follow(&mut view.rest, ui, at) {
+        view.hover_wish = wish_at(at, map, look, view);
+    }
+}
+
+/// Whether a preview helps now: with the click tool, while nothing is drawn, sent or running.
+fn may_preview(ui: &Ui, look: &Look<'_>, view: &ViewState) -> bool {
+    let busy = !look.jobs.is_empty()
+        || view.draft.is_sending()
+        || ui.input(|input| input.pointer.any_down());
+    view.prefs.hover_preview
+        && view.masks_shown
+        && view.tool == Tool::Click
+        && view.dialog.is_none()
+        && !busy
+}
+
+fn wish_at(at: Pos2, map: &CanvasMap, look: &Look<'_>, view: &ViewState) -> Option<PromptRequest> {
+    let at_px = map.inside(map.to_px(at))?;
+    let label = view
+        .label
+        .filter(|&label| look.project.labels.get(label).is_some())?;
+    let mut prompt = view.draft.prompt(look.project, view.frame, label);
+    prompt.clicks.push(Click {
+        at_px,
+        include: true,
+    });
+    Some(PromptRequest {
+        frame: view.frame,
+        label,
+        prompt,
+        segmenter: view.segmenter.clone(),
+    })
+}
+
+/// What the colours of the ramp stand for, in the picture's lower left corner, under a title.
+fn legend(ui: &Ui, map: &CanvasMap, title: &str, range: [f32; 2]) {
+    const SIZE: Vec2 = Vec2::new(14.0, 120.0);
+    const TITLE: f32 = 20.0;
+    let painter = ui.painter_at(map.pane);
+    let corner = map.pane.left_bottom() + Vec2::new(14.0, -14.0);
+    let bar = Rect::from_min_size(corner - Vec2::new(0.0, SIZE.y), SIZE);
+    let title = painter.layout_no_wrap(title.into(), FontId::proportional(12.0), Color32::WHITE);
+    let back = bar
+        .expand2(Vec2::new(8.0, 10.0))
+        .with_min_y(bar.min.y - TITLE - 10.0);
+    let back = back.with_max_x(bar.max.x + 62.0).union(Rect::from_min_size(
+        back.min,
+        title.size() + Vec2::splat(16.0),
+    ));
+    painter.rect_filled(back, 4.0, Color32::from_black_alpha(170));
+    painter.galley(
+        bar.left_top() - Vec2::new(0.0, TITLE),
+        title,
+        Color32::WHITE,
+    );
+    for step in 0..SIZE.y as usize {
+        let [r, g, b] = ramp(step as f32 / SIZE.y);
+        let y = bar.max.y - step as f32 - 0.5;
+        painter.hline(
+            bar.x_range(),
+            y,
+            Stroke::new(1.0, Color32::from_rgb(r, g, b)),
+        );
+    }
+    for share in [0.0, 0.5, 1.0] {
+        let value = range[0] + share * (range[1] - range[0]);
+        let galley =
+            painter.layout_no_wrap(short(value), FontId::proportional(12.0), Color32::WHITE);
+        let at = Pos2::new(
+            bar.max.x + 6.0,
+            bar.max.y - share * SIZE.y - galley.size().y / 2.0,
+        );
+        painter.galley(at, galley, Color32::WHITE);
+    }
+}
+
+/// Three significant digits.
+fn short(value: f32) -> String {
+    let digits = if value == 0.0 {
+        0
+    } else {
+        2 - value.abs().log10().floor() as i32
+    };
+    format!("{value:.*}", digits.clamp(0, 9) as usize)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::short;
+
+    #[test]
+    fn numbers_have_three_digits() {
+        let texts = [0.0, 0.51234, 5.1234, 51.234, 512.34, 5123.4].map(short);
+        assert_eq!(texts, ["0", "0.512", "5.12", "51.2", "512", "5123"]);
+    }
 }

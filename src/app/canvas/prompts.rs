@@ -17,7 +17,7 @@ pub(crate) fn click_at(
     out: &mut Vec<Command>,
 ) {
     add(look, view, out, |prompt| {
-        prompt.clicks.push(Click { at_px, include })
+        prompt.clicks.push(Click { at_px, include });
     });
 }
 
@@ -33,7 +33,7 @@ pub(super) fn box_of(
         prompt.boxes.push(PxBox {
             min_px: a.min(b),
             max_px: a.max(b),
-        })
+        });
     });
 }
 

@@ -1,10 +1,10 @@
-use egui::{Checkbox, Slider, Ui};
+use egui::{Checkbox, ComboBox, Slider, Ui};
 
 use super::draft::Tool;
-use crate::layers::layer_ui;
 use crate::menu::is_possible;
 use crate::tips::{action_button, together};
 use crate::{Action, Look, ViewState};
+use ostra_view::Layer;
 
 /// Tools, zoom and the look of the masks, in rows above the picture.
 pub(super) fn toolbar_ui(
@@ -112,4 +112,21 @@ fn mask_look_ui(ui: &mut Ui, view: &mut ViewState) {
         Checkbox::new(&mut view.prefs.outlines, "Outlines"),
     )
     .on_hover_text(tip);
+}
+
+/// The choice of what is shown of a frame.
+fn layer_ui(ui: &mut Ui, view: &mut ViewState) {
+    let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::NextLayer);
+    let choice = ComboBox::from_id_salt("layer")
+        .selected_text(view.layer.text())
+        .width(92.0)
+        .show_ui(ui, |ui| {
+            for layer in Layer::ALL {
+                ui.selectable_value(&mut view.layer, layer, layer.text());
+            }
+        });
+    choice
+        .response
+        .on_hover_text(tip)
+        .accessible_name("Shown layer");
 }

@@ -2,21 +2,13 @@ use std::path::PathBuf;
 
 use egui::{Button, ComboBox, ProgressBar, ScrollArea, Ui};
 
-use super::picker::{Pick, PickTarget, path_field_ui};
+use super::forms::ModelsForm;
+use super::picker::{Pick, PickTarget, path_field_ui, typed_path};
 use crate::panels::progress_text;
 use crate::tips::modal;
-use crate::view_state::typed_path;
 use crate::{Look, ViewState};
 use ostra_compute::nn::{Provider, Row};
-use ostra_session::JobView;
-use ostra_session::{Command, ModelRequest, ModelTask};
-
-/// The network that files are being named for.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct ModelsForm {
-    adding: Option<String>,
-    pub(super) path: String,
-}
+use ostra_session::{Command, JobView, ModelRequest, ModelTask};
 
 /// All networks that are known: what they are for, whether they are there, and how to get them.
 pub(crate) fn models_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
@@ -129,7 +121,7 @@ fn buttons_ui(ui: &mut Ui, view: &mut ViewState, row: &Row, out: &mut Vec<Comman
         out.push(Command::Model(ModelRequest {
             name: name.clone(),
             task,
-        }))
+        }));
     };
     let add = ui
         .button("Add…")

@@ -1,150 +1,10 @@
-use std::path::PathBuf;
-
 use egui::{DragValue, Grid, TextEdit, Ui};
 
+use super::forms::{NewProjectForm, SourceForm};
 use super::picker::{PathPicker, Pick, PickTarget, path_field_ui};
-use super::sources::{SourceForm, sources_ui};
-use crate::tips::{field, modal, section_heading};
-use crate::view_state::typed_path;
+use crate::tips::{field, icon_button, modal, section_heading};
 use crate::{Dialog, ViewState};
-use ostra_frames::OpenRequest;
-use ostra_frames::cameras::{DepthCameraSource, IntrinsicsSource};
-use ostra_session::{Command, NewProject};
-
-/// The dialog for a new project (and for more frames) as typed so far.
-#[derive(Debug, Clone, PartialEq)]
-pub struct NewProjectForm {
-    sources: Vec<SourceForm>,
-    /// Folder of the new project; beside the frames when empty.
-    pub(super) root: String,
-    /// Cameras in one of the formats known.
-    pub(super) cameras: String,
-    intrinsics: String,
-    depth_unit: f64,
-    depth_intrinsics: String,
-    /// Where the depth camera stands.
-    pub(super) depth_pose: String,
-    every: usize,
-    from: Option<usize>,
-    to: Option<usize>,
-}
-
-impl Default for NewProjectForm {
-    fn default() -> Self {
-        Self {
-            sources: vec![SourceForm::default()],
-            root: String::new(),
-            cameras: String::new(),
-            intrinsics: String::new(),
-            depth_unit: 0.001,
-            depth_intrinsics: String::new(),
-            depth_pose: String::new(),
-            every: 1,
-            from: None,
-            to: None,
-        }
-    }
-}
-
-impl NewProjectForm {
-    /// A form with one source filled in.
-    #[must_use]
-    pub fn with_frames(frames: String) -> Self {
-        let mut form = Self::default();
-        form.set_frames(0, frames);
-        form
-    }
-
-    pub(super) fn set_frames(&mut self, index: usize, text: String) {
-        if let Some(source) = self.sources.get_mut(index) {
-            source.frames = text;
-        }
-    }
-
-    pub(super) fn set_depth(&mut self, index: usize, text: String) {
-        if let Some(source) = self.sources.get_mut(index) {
-            source.depth = text;
-        }
-    }
-
-    /// The folder beside the frames that is taken when none is typed.
-    fn suggested_root(&self) -> Option<PathBuf> {
-        let frames = typed_path(&self.sources.first()?.frames)?;
-        let name = frames.file_stem()?.to_string_lossy().into_owned();
-        Some(frames.with_file_name(format!("{name}-ostra")))
-    }
-
-    /// The request, or what is still missing.
-    ///
-    /// # Errors
-    /// One sentence to show under the form.
-    pub fn request(&self, needs_root: bool) -> Result<NewProject, String> {
-        let sources: Vec<_> = self.sources.iter().filter_map(SourceForm::source).collect();
-        if sources.is_empty() {
-            return Err("Choose a folder of pictures or a film".into());
-        }
-        let root = typed_path(&self.root).or_else(|| self.suggested_root());
-        let root = if needs_root {
-            root.ok_or("Choose a folder for the project")?
-        } else {
-            PathBuf::new()
-        };
-        if let (Some(from), Some(to)) = (self.from, self.to)
-            && from > to
-        {
-            return Err("The first frame lies behind the last".into());
-        }
-        Ok(NewProject {
-            root,
-            open: OpenRequest {
-                sources,
-                depth_unit: self.depth_unit,
-                // Floats are metres unless another unit than that of most integers is chosen.
-                float_depth_unit: if self.depth_unit == 0.001 {
-                    1.0
-                } else {
-                    self.depth_unit
-                },
-                depth_camera: self.depth_camera()?,
-                every: self.every,
-                from: self.from,
-                to: self.to,
-            },
-            cameras: typed_path(&self.cameras),
-            intrinsics: intrinsics(&self.intrinsics)?,
-        })
-    }
-
-    fn tells_of_depth(&self) -> bool {
-        self.sources
-            .iter()
-            .any(|source| !source.depth.trim().is_empty())
-            || self.has_depth_camera()
-    }
-
-    fn has_depth_camera(&self) -> bool {
-        !self.depth_intrinsics.trim().is_empty() || !self.depth_pose.trim().is_empty()
-    }
-
-    fn depth_camera(&self) -> Result<Option<DepthCameraSource>, String> {
-        let pose = typed_path(&self.depth_pose);
-        let given =
-            intrinsics(&self.depth_intrinsics).map_err(|what| format!("Depth camera: {what}"))?;
-        if given.is_none() && pose.is_some() {
-            return Err("Give the depth camera's intrinsics with its pose".into());
-        }
-        Ok(given.map(|intrinsics| DepthCameraSource { intrinsics, pose }))
-    }
-}
-
-fn intrinsics(text: &str) -> Result<Option<IntrinsicsSource>, String> {
-    let text = text.trim();
-    let source = (!text.is_empty()).then(|| text.parse()).transpose()?;
-    Ok(source.map(|source| match source {
-        IntrinsicsSource::File(path) => IntrinsicsSource::File(typed_path(text).unwrap_or(path)),
-        values => values,
-    }))
-}
+use ostra_session::Command;
 
 /// The dialog for a new project, or for more frames in the open one.
 pub(crate) fn new_project_ui(
@@ -350,54 +210,57 @@ fn end_ui(ui: &mut Ui, view: &mut ViewState, new: bool, out: &mut Vec<Command>) 
     });
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_project_folder_beside_the_frames_is_suggested() {
-        let form = NewProjectForm::with_frames("/photos/rice".into());
-        assert_eq!(
-            form.request(true).unwrap().root,
-            PathBuf::from("/photos/rice-ostra")
-        );
-        assert!(NewProjectForm::default().request(true).is_err());
-    }
-
-    #[test]
-    fn intrinsics_are_four_numbers_or_a_file_or_nothing() {
-        let mut form = NewProjectForm::with_frames("/a".into());
-        form.intrinsics = "500, 500, 320.5, 240".into();
-        assert_eq!(
-            form.request(true).unwrap().intrinsics,
-            Some(IntrinsicsSource::Values([500.0, 500.0, 320.5, 240.0]))
-        );
-        form.intrinsics = "/recording/intrinsic.json".into();
-        let file = Some(IntrinsicsSource::File("/recording/intrinsic.json".into()));
-        assert_eq!(form.request(true).unwrap().intrinsics, file);
-        form.intrinsics = "500, x".into();
-        assert!(form.request(true).unwrap_err().contains("four numbers"));
-    }
-
-    #[test]
-    fn a_depth_camera_has_intrinsics_and_may_have_a_pose() {
-        let mut form = NewProjectForm::with_frames("/a".into());
-        assert_eq!(form.request(true).unwrap().open.depth_camera, None);
-        form.depth_intrinsics = "580, 580, 320, 240".into();
-        let intrinsics = IntrinsicsSource::Values([580.0, 580.0, 320.0, 240.0]);
-        let camera = |pose| {
-            Some(DepthCameraSource {
-                intrinsics: intrinsics.clone(),
-                pose,
-            })
+/// The rows of all sources, each with its depth folder.
+fn sources_ui(ui: &mut Ui, picker: &mut PathPicker, sources: &mut Vec<SourceForm>) {
+    let mut removed = None;
+    let several = sources.len() > 1;
+    for (index, source) in sources.iter_mut().enumerate() {
+        let number = if several {
+            format!(" {}", index + 1)
+        } else {
+            String::new()
         };
-        assert_eq!(form.request(true).unwrap().open.depth_camera, camera(None));
-        form.depth_pose = "/depth.txt".into();
-        assert_eq!(
-            form.request(true).unwrap().open.depth_camera,
-            camera(Some("/depth.txt".into()))
-        );
-        form.depth_intrinsics.clear();
-        assert!(form.request(true).unwrap_err().contains("intrinsics"));
+        ui.label(format!("Frames{number}"))
+            .on_hover_text("A folder of pictures, one picture, or a film");
+        ui.horizontal(|ui| {
+            let name = format!("Frames folder or film{number}");
+            let ends = (
+                "folder of pictures, or a film",
+                (Pick::Folder, PickTarget::Frames(index)),
+            );
+            path_field_ui(ui, picker, (&name, ends.0), &mut source.frames, ends.1);
+            if several
+                && icon_button(
+                    ui,
+                    "×",
+                    &format!("Remove source{number}"),
+                    "Takes this source out",
+                )
+                .clicked()
+            {
+                removed = Some(index);
+            }
+        });
+        ui.end_row();
+        ui.label(format!("Depth{number}"))
+            .on_hover_text("Folder of 16-bit depth pictures that belong to these frames");
+        ui.horizontal(|ui| {
+            let name = format!("Depth folder{number}");
+            let target = (Pick::Folder, PickTarget::Depth(index));
+            path_field_ui(ui, picker, (&name, "none"), &mut source.depth, target);
+        });
+        ui.end_row();
     }
+    if let Some(index) = removed {
+        sources.remove(index);
+    }
+    ui.label("");
+    if ui
+        .small_button("+ More frames")
+        .on_hover_text("Adds another folder or film to the same project")
+        .clicked()
+    {
+        sources.push(SourceForm::default());
+    }
+    ui.end_row();
 }

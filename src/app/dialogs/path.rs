@@ -1,12 +1,11 @@
 use std::path::PathBuf;
 
-use egui::{Key, Ui};
+use egui::{Context, Grid, Key, Ui};
 
-use super::mask_format::{mask_format_name, mask_format_ui};
-use super::picker::{Pick, PickTarget, path_field_ui};
+use super::export_form::{mask_format_name, mask_format_ui};
+use super::picker::{PathWish, Pick, PickTarget, path_field_ui, typed_path};
 use crate::ViewState;
-use crate::tips::modal;
-use crate::view_state::{PathWish, typed_path};
+use crate::tips::{field, modal};
 use ostra_project::ExportRequest;
 use ostra_session::{Command, MeasureWish};
 
@@ -130,5 +129,86 @@ fn texts(wish: PathWish) -> Texts {
         hint,
         verb,
         pick,
+    }
+}
+
+/// The dialog for frames whose files were moved.
+pub(crate) fn relocate_ui(ui: &Ui, view: &mut ViewState, out: &mut Vec<Command>) {
+    let response = modal(ui, "relocate", 560.0, |ui| {
+        ui.heading("Frames were moved");
+        ui.add_space(8.0);
+        Grid::new("relocate")
+            .num_columns(2)
+            .spacing([8.0, 6.0])
+            .show(ui, |ui| {
+                let form = &mut view.relocate;
+                let places = [
+                    (
+                        "Was",
+                        "The folder (or film) that is gone",
+                        &mut form.from,
+                        PickTarget::MovedFrom,
+                    ),
+                    (
+                        "Is now",
+                        "Where the same files lie below now",
+                        &mut form.to,
+                        PickTarget::MovedTo,
+                    ),
+                ];
+                for (name, tip, text, target) in places {
+                    field(ui, name, tip, |ui| {
+                        path_field_ui(
+                            ui,
+                            &mut view.picker,
+                            (name, "folder or film"),
+                            text,
+                            (Pick::Folder, target),
+                        );
+                    });
+                }
+            });
+        ui.add_space(12.0);
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Min), |ui| {
+            let command = view.relocate.command();
+            let button = ui.add_enabled(command.is_some(), egui::Button::new("Look there"));
+            let button = button.on_hover_text("Points all frames that lay there to the new place");
+            if button.on_disabled_hover_text("Name both places").clicked() {
+                out.extend(command);
+                view.dialog = None;
+            }
+            if ui
+                .button("Cancel")
+                .on_hover_text("Closes the dialog (Esc)")
+                .clicked()
+            {
+                view.dialog = None;
+            }
+        });
+    });
+    if response.should_close() {
+        view.dialog = None;
+    }
+}
+
+/// Puts a chosen path where it was asked for.
+pub(crate) fn take_picked(ctx: &Context, view: &mut ViewState) {
+    let Some((target, path)) = view.picker.poll(ctx) else {
+        return;
+    };
+    let text = path.display().to_string();
+    match target {
+        PickTarget::Frames(index) => view.new_project.set_frames(index, text),
+        PickTarget::Depth(index) => view.new_project.set_depth(index, text),
+        PickTarget::Cameras => view.new_project.cameras = text,
+        PickTarget::DepthPose => view.new_project.depth_pose = text,
+        PickTarget::Root => view.new_project.root = text,
+        PickTarget::ExportInto => view.export.into = text,
+        PickTarget::Onto => view.onto_text = text,
+        PickTarget::MovedFrom => view.relocate.from = text,
+        PickTarget::MovedTo => view.relocate.to = text,
+        PickTarget::Network => view.models.path = text,
+        PickTarget::Picture => view.picture.path = text,
+        PickTarget::Path(_) => view.path_text = text,
     }
 }

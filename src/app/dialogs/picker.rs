@@ -6,9 +6,6 @@ use std::task::{Poll, Wake, Waker};
 
 use egui::{Context, TextEdit, Ui};
 
-use crate::ViewState;
-use crate::view_state::PathWish;
-
 /// The system's file chooser, asked without waiting: the window goes on, and the path is taken when it comes. Where the
 /// system has none, paths are typed.
 #[derive(Default)]
@@ -80,7 +77,7 @@ impl PathPicker {
     }
 
     /// The path chosen, once; the window is painted anew when the answer comes.
-    fn poll(&mut self, ctx: &Context) -> Option<(PickTarget, PathBuf)> {
+    pub(super) fn poll(&mut self, ctx: &Context) -> Option<(PickTarget, PathBuf)> {
         let (target, answer) = self.asked.as_mut()?;
         let target = *target;
         let waker = Waker::from(Arc::new(Repaint(ctx.clone())));
@@ -103,28 +100,6 @@ struct Repaint(Context);
 impl Wake for Repaint {
     fn wake(self: Arc<Self>) {
         self.0.request_repaint();
-    }
-}
-
-/// Puts a chosen path where it was asked for.
-pub(crate) fn take_picked(ctx: &Context, view: &mut ViewState) {
-    let Some((target, path)) = view.picker.poll(ctx) else {
-        return;
-    };
-    let text = path.display().to_string();
-    match target {
-        PickTarget::Frames(index) => view.new_project.set_frames(index, text),
-        PickTarget::Depth(index) => view.new_project.set_depth(index, text),
-        PickTarget::Cameras => view.new_project.cameras = text,
-        PickTarget::DepthPose => view.new_project.depth_pose = text,
-        PickTarget::Root => view.new_project.root = text,
-        PickTarget::ExportInto => view.export.into = text,
-        PickTarget::Onto => view.onto_text = text,
-        PickTarget::MovedFrom => view.relocate.from = text,
-        PickTarget::MovedTo => view.relocate.to = text,
-        PickTarget::Network => view.models.path = text,
-        PickTarget::Picture => view.picture.path = text,
-        PickTarget::Path(_) => view.path_text = text,
     }
 }
 
@@ -157,4 +132,35 @@ pub(crate) fn path_field_ui(
         picker.ask(pick, target);
     }
     edit
+}
+
+/// What a path is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PathWish {
+    /// A project folder to open.
+    OpenProject,
+    /// A PLY to look at.
+    InspectPly,
+    /// A folder of masks to read.
+    ImportMasks,
+    /// A recipe to write.
+    SaveRecipe,
+    /// A table of traits to write.
+    SaveTraits,
+}
+
+/// The text of a path as typed: blanks around it are dropped, `~/` is the home folder.
+#[must_use]
+pub(crate) fn typed_path(text: &str) -> Option<PathBuf> {
+    let text = text.trim();
+    if text.is_empty() {
+        return None;
+    }
+    match text
+        .strip_prefix("~/")
+        .and_then(|rest| Some(dirs::home_dir()?.join(rest)))
+    {
+        Some(path) => Some(path),
+        None => Some(PathBuf::from(text)),
+    }
 }

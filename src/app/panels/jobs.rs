@@ -1,8 +1,99 @@
-use egui::{ProgressBar, Ui};
+use egui::{ProgressBar, RichText, Ui};
 
-use crate::tips::action_button;
+use crate::canvas::id_at;
+use crate::tips::{action_button, grouped};
 use crate::{Action, Look, ViewState};
+use ostra_masks::LabelId;
 use ostra_session::JobView;
+
+/// One line at the bottom: what is open, what is under the pointer, what is running.
+pub(crate) fn status_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
+    ui.horizontal(|ui| {
+        if let Some(frame) = look.project.frames.get(view.frame) {
+            ui.label(format!(
+                "Frame {} of {}",
+                view.frame,
+                look.project.frames.len().saturating_sub(1)
+            ));
+            ui.weak(&frame.name);
+            ui.separator();
+            pointer_ui(ui, look, view);
+        }
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            work_ui(ui, look);
+            if let Some(cloud) = look.cloud {
+                ui.weak(format!("{} points", grouped(cloud.len())));
+            }
+            if let Some(job) = look.slow_jobs().last() {
+                let button = action_button(ui, &view.prefs.shortcuts, Action::Stop, "Stop", true);
+                if button.accessible_name("Stop running work").clicked() {
+                    wishes.push(Action::Stop);
+                }
+                ui.weak(format!("{}: {}", job.title, progress_text(job)));
+                ui.spinner();
+            } else if !view.note.is_empty() {
+                ui.add(egui::Label::new(RichText::new(&view.note)).truncate());
+            }
+        });
+    });
+}
+
+/// How much was done by hand, and how good the masks probably are.
+fn work_ui(ui: &mut Ui, look: &Look<'_>) {
+    let Some(estimate) = look.estimate else {
+        return;
+    };
+    let (count, percent) = (look.interactions, estimate.accuracy * 100.0);
+    let noun = if count == 1 {
+        "interaction"
+    } else {
+        "interactions"
+    };
+    let tip = format!(
+        "Clicks, boxes, strokes and corrections since the project was opened, those undone too; \
+         the estimate is the mean of the tracker's own confidence over labels on {} frames with masks (an anchor counts as right)",
+        estimate.frames
+    );
+    ui.label(format!("{count} {noun}, about {percent:.0} % right"))
+        .on_hover_text(tip);
+    ui.separator();
+}
+
+fn pointer_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState) {
+    let Some(at) = view.pointer_px else {
+        ui.weak("Left click includes, right click excludes, drag makes a box");
+        return;
+    };
+    ui.label(
+        RichText::new(format!("x {:>5.0}  y {:>5.0}", at.x.floor(), at.y.floor())).monospace(),
+    );
+    let id = look
+        .project
+        .masks
+        .get(&view.frame)
+        .map_or(LabelId::NONE, |mask| id_at(&mask.runs, at));
+    if let Some(label) = look.project.labels.get(id) {
+        let path: Vec<_> = look
+            .project
+            .labels
+            .path(id)
+            .iter()
+            .filter_map(|id| look.project.labels.get(*id))
+            .collect();
+        let [r, g, b] = label.color;
+        let (rect, _) = ui.allocate_exact_size(egui::vec2(10.0, 10.0), egui::Sense::hover());
+        ui.painter()
+            .rect_filled(rect, 2.0, egui::Color32::from_rgb(r, g, b));
+        ui.label(
+            path.iter()
+                .map(|label| label.name.as_str())
+                .collect::<Vec<_>>()
+                .join(" › "),
+        );
+    } else {
+        ui.weak("no label");
+    }
+}
 
 /// What is running, how far it is, and the button that stops it.
 pub(crate) fn jobs_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Action>) {

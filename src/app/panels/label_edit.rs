@@ -1,27 +1,9 @@
-use egui::{Key, TextEdit, Ui};
+use egui::{CursorIcon, Key, Response, TextEdit, Ui};
 
-use super::labels::listed;
 use crate::{Look, ViewState};
 use ostra_cloud::instances::InstanceOptions;
 use ostra_masks::{Label, LabelId, LabelTree};
 use ostra_session::{Command, InstancesRequest};
-
-/// What is being typed in the label list.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct LabelEditing {
-    renaming: Option<(LabelId, String)>,
-    focus: bool,
-    new_name: String,
-    parent: Option<LabelId>,
-}
-
-impl LabelEditing {
-    /// Begins to rename a label.
-    pub fn rename(&mut self, label: LabelId, name: &str) {
-        self.renaming = Some((label, name.into()));
-        self.focus = true;
-    }
-}
 
 /// The row for a new label below the list.
 pub(super) fn new_label_ui(
@@ -203,4 +185,103 @@ fn chosen_ui(
             }
         });
     chosen
+}
+
+/// A label's row can be dragged onto another one, whose part it becomes; never onto itself or what is below it.
+pub(super) fn drag_ui(
+    ui: &Ui,
+    look: &Look<'_>,
+    out: &mut Vec<Command>,
+    row: &Response,
+    label: &Label,
+) {
+    row.dnd_set_drag_payload(label.id);
+    let Some(dragged) = row.dnd_hover_payload::<LabelId>() else {
+        return;
+    };
+    if *dragged == label.id {
+        return;
+    }
+    let tree = &look.project.labels;
+    if !can_be_below(tree, *dragged, label.id) {
+        ui.ctx().set_cursor_icon(CursorIcon::NotAllowed);
+        return;
+    }
+    let stroke = egui::Stroke::new(1.5, ui.visuals().selection.stroke.color);
+    ui.painter()
+        .rect_stroke(row.rect, 3.0, stroke, egui::StrokeKind::Inside);
+    if row.dnd_release_payload::<LabelId>().is_some() {
+        out.extend(moved(tree, *dragged, Some(label.id)));
+    }
+}
+
+/// While a label is dragged that is a part of another: where it becomes a label of the top level.
+pub(super) fn top_level_ui(ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>) {
+    let tree = &look.project.labels;
+    let dragged = egui::DragAndDrop::payload::<LabelId>(ui.ctx());
+    let is_part = |id: &LabelId| tree.get(*id).is_some_and(|label| label.parent.is_some());
+    if !dragged.is_some_and(|id| is_part(&id)) {
+        return;
+    }
+    let place = ui.add(egui::Button::new("Drop here for the top level").wrap());
+    if let Some(dragged) = place.dnd_release_payload::<LabelId>() {
+        out.extend(moved(tree, *dragged, None));
+    }
+}
+
+fn can_be_below(tree: &LabelTree, id: LabelId, parent: LabelId) -> bool {
+    !tree.path(parent).contains(&id)
+}
+
+/// The command that moves a label; `None` where it is there already.
+fn moved(tree: &LabelTree, id: LabelId, parent: Option<LabelId>) -> Option<Command> {
+    let label = tree.get(id).filter(|label| label.parent != parent)?;
+    Some(Command::EditLabel(Label {
+        parent,
+        ..label.clone()
+    }))
+}
+
+/// All labels with their depth (0 = top), each followed by those below it: the order of the list and of the keys 1–9.
+pub(crate) fn listed(tree: &LabelTree) -> Vec<(Label, usize)> {
+    let mut rows = Vec::new();
+    push_children(tree, None, 0, &mut rows);
+    rows
+}
+
+fn push_children(
+    tree: &LabelTree,
+    parent: Option<LabelId>,
+    depth: usize,
+    rows: &mut Vec<(Label, usize)>,
+) {
+    for label in tree.iter().filter(|label| label.parent == parent) {
+        rows.push((label.clone(), depth));
+        push_children(tree, Some(label.id), depth + 1, rows);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn list_puts_children_below_their_parents() {
+        let mut tree = LabelTree::default();
+        for (id, parent) in [(1, None), (2, None), (3, Some(1)), (4, Some(3))] {
+            let parent = parent.map(LabelId);
+            tree.set(Label {
+                id: LabelId(id),
+                name: format!("l{id}"),
+                color: [0; 3],
+                parent,
+            })
+            .unwrap();
+        }
+        let rows: Vec<_> = listed(&tree)
+            .into_iter()
+            .map(|(label, depth)| (label.id.0, depth))
+            .collect();
+        assert_eq!(rows, [(1, 0), (3, 1), (4, 2), (2, 0)]);
+    }
 }

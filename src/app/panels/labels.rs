@@ -1,11 +1,9 @@
 use egui::{Color32, Response, RichText, Role, Sense, Ui, WidgetInfo};
 
-use super::fuse::grouped;
-use super::label_drag::{drag_ui, top_level_ui};
-use super::label_edit::{label_menu_ui, new_label_ui, rename_ui};
-use crate::tips::{icon_button, section_heading};
+use super::label_edit::{drag_ui, label_menu_ui, listed, new_label_ui, rename_ui, top_level_ui};
+use crate::tips::{grouped, icon_button, section_heading};
 use crate::{Look, ViewState};
-use ostra_masks::{Label, LabelId, LabelTree};
+use ostra_masks::{Label, LabelId};
 use ostra_session::Command;
 
 /// The tree of labels: choose, show and hide, rename, recolour, move, add and remove.
@@ -18,7 +16,7 @@ pub(crate) fn labels_ui(
     ui.horizontal(|ui| {
         section_heading(ui, "Labels");
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            show_all_ui(ui, look, view)
+            show_all_ui(ui, look, view);
         });
     });
     let rows = listed(&look.project.labels);
@@ -36,13 +34,6 @@ pub(crate) fn labels_ui(
     new_label_ui(ui, look, view, out);
 }
 
-/// All labels with their depth (0 = top), each followed by those below it: the order of the list and of the keys 1–9.
-pub(crate) fn listed(tree: &LabelTree) -> Vec<(Label, usize)> {
-    let mut rows = Vec::new();
-    push_children(tree, None, 0, &mut rows);
-    rows
-}
-
 /// Makes a label with a free name, chosen at once and ready to be renamed.
 pub(crate) fn add_label(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     let tree = &look.project.labels;
@@ -58,18 +49,6 @@ pub(crate) fn add_label(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Com
     });
     view.label = Some(id);
     view.labels.rename(id, &name);
-}
-
-fn push_children(
-    tree: &LabelTree,
-    parent: Option<LabelId>,
-    depth: usize,
-    rows: &mut Vec<(Label, usize)>,
-) {
-    for label in tree.iter().filter(|label| label.parent == parent) {
-        rows.push((label.clone(), depth));
-        push_children(tree, Some(label.id), depth + 1, rows);
-    }
 }
 
 fn show_all_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
@@ -242,7 +221,7 @@ fn rounded(points: usize) -> String {
     }
 }
 
-pub(super) fn eye_ui(ui: &mut Ui, view: &mut ViewState, label: &Label) {
+fn eye_ui(ui: &mut Ui, view: &mut ViewState, label: &Label) {
     let shown = !view.hidden.contains(&label.id);
     let name = format!("{} {}", if shown { "Hide" } else { "Show" }, label.name);
     let response = icon_button(
@@ -286,27 +265,36 @@ fn eye_icon(ui: &Ui, response: &Response, open: bool) {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn list_puts_children_below_their_parents() {
-        let mut tree = LabelTree::default();
-        for (id, parent) in [(1, None), (2, None), (3, Some(1)), (4, Some(3))] {
-            let parent = parent.map(LabelId);
-            tree.set(Label {
-                id: LabelId(id),
-                name: format!("l{id}"),
-                color: [0; 3],
-                parent,
-            })
-            .unwrap();
-        }
-        let rows: Vec<_> = listed(&tree)
-            .into_iter()
-            .map(|(label, depth)| (label.id.0, depth))
-            .collect();
-        assert_eq!(rows, [(1, 0), (3, 1), (4, 2), (2, 0)]);
+/// The labels of a cloud that is inspected alone: how many points each has, shown or not.
+pub(crate) fn cloud_labels_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+    section_heading(ui, "Labels");
+    let Some(cloud) = look.cloud else { return };
+    let counts = view.point_counts.of(cloud).clone();
+    let rows = listed(&cloud.tree);
+    if rows.is_empty() {
+        ui.weak("The file names no labels");
     }
+    egui::ScrollArea::vertical()
+        .auto_shrink([false, false])
+        .show(ui, |ui| {
+            for (label, depth) in &rows {
+                ui.horizontal(|ui| {
+                    ui.add_space(*depth as f32 * 14.0);
+                    let (rect, _) =
+                        ui.allocate_exact_size(egui::vec2(12.0, 12.0), egui::Sense::hover());
+                    let [r, g, b] = label.color;
+                    ui.painter()
+                        .rect_filled(rect, 3.0, egui::Color32::from_rgb(r, g, b));
+                    ui.add(egui::Label::new(&label.name).truncate());
+                    ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+                        eye_ui(ui, view, label);
+                        let points = counts.get(&label.id).copied().unwrap_or(0);
+                        ui.label(RichText::new(grouped(points)).weak().size(11.0))
+                            .on_hover_text("Points with this label");
+                    });
+                });
+            }
+            let unlabelled = counts.get(&LabelId::NONE).copied().unwrap_or(0);
+            ui.weak(format!("{} points without a label", grouped(unlabelled)));
+        });
 }

@@ -3,24 +3,23 @@ use std::sync::Arc;
 use egui::{PointerButton, Rect, Response, Role, Sense, Ui, WidgetInfo};
 use glam::{Vec2, Vec3};
 
-use super::asked::{Asked, asked_ui};
-use super::asked_place::AskedPlace;
-use super::chosen::chosen_ui;
-use super::scene_bar::{labels_of, scene_bar_ui};
-use super::scene_blend::blend;
-use super::scene_canvas::SceneCanvas;
-use super::scene_hover::SceneHover;
-use super::scene_marks::marks;
-use super::scene_picks::{Purpose, ScenePicks};
-use super::scene_select::choose_by_hand;
+use super::asked::{AskedPlace, asked_ui};
+use super::scene_bar::scene_bar_ui;
+use super::scene_content::{
+    Framed, SceneCanvas, bounds, every_nth, framing, model, picture_planes,
+};
+use super::scene_overlay::{blend, marks};
+use super::scene_picks::{Purpose, SceneHover, ScenePicks};
+use super::scene_select::{choose_by_hand, chosen_ui};
+use super::scene_tools::Asked;
+use crate::look::labels_of;
 use crate::textures::Textures;
 use crate::view_state::SceneWish;
-use crate::{Action, Look, Shown, ViewState};
-use ostra_cloud::LabelledCloud;
+use crate::{Action, Look, ViewState};
 use ostra_frames::Frame;
 use ostra_view::{
-    Appearance, Axes, Bounds, Clip, Model, Orbit, PicturePlane, Portrait, Scene3d, SceneStyle,
-    ViewCamera, default_view, frustum_lines, link_lines, pick_frustum,
+    Appearance, Axes, Bounds, Clip, Orbit, Portrait, Scene3d, SceneStyle, ViewCamera,
+    frustum_lines, link_lines, pick_frustum,
 };
 
 /// The 3-D view: where it is seen from, and the texture it is drawn into.
@@ -39,20 +38,6 @@ pub struct ScenePane {
 
 /// Radians a second that the turntable turns.
 const TURNING: f32 = 0.5;
-
-/// Most pictures that stand in the scene.
-const PLANES: usize = 200;
-
-/// What the view was last framed for.
-#[derive(Default)]
-struct Framed {
-    cloud: Option<Arc<LabelledCloud>>,
-    centre: Vec3,
-    radius: f32,
-    axes: Option<Axes>,
-    /// Where it lies along the axes.
-    extent: Option<Bounds>,
-}
 
 /// What of the scene is drawn and picked.
 struct Seen {
@@ -389,10 +374,10 @@ impl ScenePane {
                     );
                 }
                 (Purpose::Measure, _) if view.ruler.in_hand => {
-                    place.into_iter().for_each(|at| view.ruler.click(at))
+                    place.into_iter().for_each(|at| view.ruler.click(at));
                 }
                 (Purpose::Recentre, Some(orbit)) => {
-                    place.into_iter().for_each(|at| orbit.recentre(at))
+                    place.into_iter().for_each(|at| orbit.recentre(at));
                 }
                 (Purpose::Zoom(at), _) => {
                     let here = self.zoom_anchor.filter(|&(of, ..)| of == at);
@@ -491,112 +476,6 @@ impl ScenePane {
             (&camera, orbit.distance),
             canvas.range(),
         );
-    }
-}
-
-/// The pictures at the ends of the frusta, of evenly chosen frames where there are many; not that which would hide all.
-fn picture_planes(look: &Look<'_>, view: &ViewState, size: f32) -> Vec<PicturePlane> {
-    let Some(pictures) = look.pictures else {
-        return Vec::new();
-    };
-    let frames = look
-        .project
-        .frames
-        .iter()
-        .enumerate()
-        .filter(|(_, frame)| frame.posed_camera().is_some());
-    let step = frames.clone().count().div_ceil(PLANES).max(1);
-    let chosen = frames
-        .step_by(step)
-        .filter(|(number, _)| view.scene.through != Some(*number));
-    chosen
-        .filter_map(|(number, frame)| {
-            PicturePlane::of_frame(frame, size, pictures.thumbnail(number)?)
-        })
-        .collect()
-}
-
-/// What is drawn: points until the triangles wanted are there, and while depth is made.
-fn model(look: &Look<'_>, view: &ViewState) -> Option<Model> {
-    match (view.shown, look.surface.filter(|_| look.growing.is_none())) {
-        (Shown::Mesh | Shown::Voxels, Some(surface)) => Some(Model::Surface(Arc::clone(surface))),
-        (Shown::Wireframe, Some(surface)) => Some(Model::Wireframe(Arc::clone(surface))),
-        _ => look.points().cloned().map(Model::Cloud),
-    }
-}
-
-fn bounds(look: &Look<'_>) -> Option<Bounds> {
-    match look.points() {
-        Some(cloud) if look.cloud.is_none() => Bounds::of(near_the_cameras(look, cloud)),
-        Some(cloud) => Bounds::of(every_nth(cloud).map(|index| cloud.positions[index])),
-        None => {
-            let poses = look.project.frames.iter().filter_map(Frame::posed_camera);
-            Bounds::of(poses.map(|(_, pose)| pose.centre().as_vec3()))
-        }
-    }
-}
-
-/// The cameras, and the half of the sparse points that lies nearest to their middle: some always lie far away.
-fn near_the_cameras<'a>(
-    look: &'a Look<'_>,
-    cloud: &'a LabelledCloud,
-) -> impl Iterator<Item = Vec3> + 'a {
-    let centres = || {
-        look.project
-            .frames
-            .iter()
-            .filter_map(Frame::posed_camera)
-            .map(|(_, pose)| pose.centre().as_vec3())
-    };
-    let middle = centres().sum::<Vec3>() / centres().count().max(1) as f32;
-    let mut points: Vec<Vec3> = every_nth(cloud)
-        .map(|index| cloud.positions[index])
-        .collect();
-    points.sort_by(|a, b| {
-        a.distance_squared(middle)
-            .total_cmp(&b.distance_squared(middle))
-    });
-    points.truncate(points.len() / 2 + 1);
-    points.into_iter().chain(centres())
-}
-
-fn framing(look: &Look<'_>, aspect: f32) -> Option<Orbit> {
-    match look.points() {
-        Some(cloud) if look.cloud.is_some() => {
-            default_view(&thinned(cloud), &look.project.frames, aspect)
-        }
-        _ => cameras_view(look),
-    }
-}
-
-/// All cameras from behind, a little from above and from the side, upright as they stood.
-fn cameras_view(look: &Look<'_>) -> Option<Orbit> {
-    let poses = look.project.frames.iter().filter_map(Frame::posed_camera);
-    let rotations = poses.map(|(_, pose)| pose.rotation.as_quat().conjugate());
-    let forward = rotations
-        .map(|world_from_camera| world_from_camera * Vec3::Z)
-        .sum::<Vec3>();
-    let Axes { up, .. } = Axes::of_cameras(&look.project.frames);
-    let forward = forward.try_normalize().unwrap_or(Vec3::Z);
-    Some(Orbit::framing(
-        &bounds(look)?,
-        forward + 0.5 * forward.cross(up) - 0.4 * up,
-        up,
-    ))
-}
-
-/// Indices of an evenly spread part of the points, enough to know where the cloud lies.
-fn every_nth(cloud: &LabelledCloud) -> impl Iterator<Item = usize> {
-    (0..cloud.len()).step_by((cloud.len() / 100_000).max(1))
-}
-
-fn thinned(cloud: &LabelledCloud) -> LabelledCloud {
-    LabelledCloud {
-        positions: every_nth(cloud)
-            .map(|index| cloud.positions[index])
-            .collect(),
-        labels: every_nth(cloud).map(|index| cloud.labels[index]).collect(),
-        ..LabelledCloud::default()
     }
 }
 

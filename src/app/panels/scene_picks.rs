@@ -1,10 +1,15 @@
-use std::collections::VecDeque;
-use std::sync::Arc;
+use std::collections::{BTreeSet, VecDeque};
+use std::sync::{Arc, Weak};
 
-use egui::{Pos2, Ui};
+use egui::{Pos2, Response, Ui};
 use glam::{Vec2, Vec3};
 
+use super::asked::label_ui;
+use crate::look::labels_of;
+use crate::pointer::Rest;
+use crate::{Look, ViewState};
 use ostra_cloud::LabelledCloud;
+use ostra_masks::LabelId;
 use ostra_view::{Appearance, Clip, Picking, ViewCamera};
 
 /// What a point is looked for.
@@ -69,7 +74,7 @@ impl ScenePicks {
         }
         let (waker, seen) = (ui.ctx().clone(), (appearance.clone(), *clip));
         let picking = Picking::begin(Arc::clone(cloud), *camera, near, seen, move || {
-            waker.request_repaint()
+            waker.request_repaint();
         });
         let pick = Pick {
             purpose,
@@ -102,4 +107,121 @@ impl ScenePicks {
             point,
         })
     }
+}
+
+/// How far a point may lie from the pointer, in points of the screen.
+const NEAR: f32 = 6.0;
+
+/// The point of the cloud that the pointer rests on, told at the pointer.
+#[derive(Default)]
+pub(super) struct SceneHover {
+    rest: Option<Rest>,
+    looking: Option<(Place, Picking)>,
+    found: Option<(Place, Option<usize>)>,
+}
+
+/// A pixel of a view of a cloud, and what decides which points are seen there.
+struct Place {
+    at: Pos2,
+    camera: ViewCamera,
+    clip: Clip,
+    hidden: BTreeSet<LabelId>,
+    isolated: Option<LabelId>,
+    doubtful_below: Option<f32>,
+    cloud: Weak<LabelledCloud>,
+}
+
+impl Place {
+    fn is(&self, other: &Self) -> bool {
+        (self.at, self.camera, self.clip) == (other.at, other.camera, other.clip)
+            && (&self.hidden, self.isolated, self.doubtful_below)
+                == (&other.hidden, other.isolated, other.doubtful_below)
+            && self.cloud.ptr_eq(&other.cloud)
+    }
+}
+
+impl SceneHover {
+    /// Follows the pointer over the view, and tells the label of the point that it rests on.
+    pub fn ui(
+        &mut self,
+        ui: &Ui,
+        response: &Response,
+        look: &Look<'_>,
+        view: &ViewState,
+        (camera, clip, appearance): (&ViewCamera, &Clip, &Appearance),
+    ) {
+        let (Some(at), Some(cloud)) = (
+            response.hover_pos(),
+            look.cloud.filter(|_| may_tell(ui, look, view)),
+        ) else {
+            *self = Self::default();
+            return;
+        };
+        self.take_found();
+        let Some(at) = Rest::follow(&mut self.rest, ui, at) else {
+            return;
+        };
+        let (hidden, isolated, doubtful_below) = (
+            appearance.hidden.clone(),
+            appearance.isolated,
+            appearance.doubtful_below,
+        );
+        let cloud_then = Arc::downgrade(cloud);
+        let place = Place {
+            at,
+            camera: *camera,
+            clip: *clip,
+            hidden,
+            isolated,
+            doubtful_below,
+            cloud: cloud_then,
+        };
+        match &self.found {
+            Some((of, point)) if of.is(&place) => point
+                .iter()
+                .for_each(|&point| tell(response, look, cloud, point)),
+            _ if self.looking.is_none() => {
+                let at = (at - response.rect.min) * ui.pixels_per_point();
+                let near = (Vec2::new(at.x, at.y), NEAR * ui.pixels_per_point());
+                let (waker, seen) = (ui.ctx().clone(), (appearance.clone(), *clip));
+                let picking = Picking::begin(Arc::clone(cloud), *camera, near, seen, move || {
+                    waker.request_repaint();
+                });
+                self.looking = Some((place, picking));
+            }
+            _ => {}
+        }
+    }
+
+    fn take_found(&mut self) {
+        let found = self
+            .looking
+            .as_ref()
+            .and_then(|(_, picking)| picking.next());
+        if let (Some(point), Some((place, _))) = (found, self.looking.take_if(|_| found.is_some()))
+        {
+            self.found = Some((place, point));
+        }
+    }
+}
+
+/// Whether the pointer is there to look: nothing is pressed or in hand, and the points shown are the cloud's.
+fn may_tell(ui: &Ui, look: &Look<'_>, view: &ViewState) -> bool {
+    let in_hand = view.scene_select.in_hand
+        || view.ruler.in_hand
+        || ui.input(|input| input.pointer.any_down());
+    let is_still = !view.scene.turning && view.dialog.is_none();
+    look.growing.is_none() && look.proposed.is_none() && is_still && !in_hand
+}
+
+fn tell(response: &Response, look: &Look<'_>, cloud: &LabelledCloud, point: usize) {
+    response.clone().on_hover_ui_at_pointer(|ui| {
+        label_ui(ui, labels_of(look), cloud.labels[point]);
+        let share = format!("{:.0} % of the votes", 100.0 * cloud.confidence[point]);
+        ui.weak(if look.votes.is_some() {
+            format!("{share}; click for who voted what")
+        } else {
+            share
+        });
+    });
 }

@@ -1,96 +1,237 @@
-use egui::{PointerButton, Pos2, Rect, Response, Ui};
-use glam::DVec2;
+use egui::{
+    Color32, DragValue, Mesh, PointerButton, Pos2, Rect, Response, Shape, Slider, Stroke, Ui, Vec2,
+};
+use glam::{DVec2, Vec3};
 
-use crate::trail::trail;
-use crate::{Look, ViewState};
-use ostra_cloud::select::{Likeness, SeenRegion, SelectStep};
+use super::scene_tools::{SceneSelect, SelectShape};
+use crate::pointer::trail;
+use crate::tips::action_button;
+use crate::{Action, Look, ViewState};
+use ostra_cloud::select::{SeenRegion, SelectStep, Selection};
 use ostra_masks::LabelId;
-use ostra_session::{CloudChange, CloudCorrection, Command};
+use ostra_project::ResultKind;
 use ostra_view::{Clip, ViewCamera};
 
-/// What the pointer draws to choose points.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum SelectShape {
-    /// A closed line.
-    #[default]
-    Lasso,
-    /// A box from corner to corner.
-    Box,
-    /// A stroke.
-    Brush,
-}
+const COLOR: Color32 = Color32::from_rgb(255, 80, 205);
+/// Chosen points that are marked at most: an even sample of them.
+const MARKED: usize = 20_000;
 
-/// Points of the cloud that are being chosen in the 3-D view, and what shall become of them.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SceneSelect {
-    /// Whether drags in the 3-D view choose points.
-    pub in_hand: bool,
-    /// What a drag draws.
-    pub shape: SelectShape,
-    /// Radius of the brush in points of the screen.
-    pub brush: f32,
-    /// What points must have in common with the chosen ones to be added to them.
-    pub likeness: Likeness,
-    /// The piece that would be kept, counted from 1.
-    pub piece: usize,
-    /// Frames that a correction changes become anchors.
-    pub as_anchors: bool,
-    /// How the points are chosen.
-    pub steps: Vec<SelectStep>,
-    /// What is being drawn, on the screen.
-    pub(super) drawn: Vec<Pos2>,
-}
+const SHAPES: [(SelectShape, &str, &str); 3] = [
+    (SelectShape::Lasso, "Lasso", "Drag around points"),
+    (SelectShape::Box, "Box", "Drag from corner to corner"),
+    (SelectShape::Brush, "Brush", "Drag over points"),
+];
 
-impl Default for SceneSelect {
-    fn default() -> Self {
-        Self {
-            in_hand: false,
-            shape: SelectShape::Lasso,
-            brush: 14.0,
-            likeness: Likeness::default(),
-            piece: 1,
-            as_anchors: false,
-            steps: Vec::new(),
-            drawn: Vec::new(),
-        }
+/// What is drawn and chosen, over the 3-D view, and the panel that says what becomes of it.
+pub(super) fn chosen_ui(
+    ui: &Ui,
+    rect: Rect,
+    camera: &ViewCamera,
+    look: &Look<'_>,
+    view: &mut ViewState,
+    wishes: &mut Vec<Action>,
+) {
+    let chosen = look
+        .chosen
+        .filter(|_| !view.scene_select.steps.is_empty())
+        .and_then(Result::ok);
+    if let (Some(chosen), Some(cloud)) = (chosen, look.cloud) {
+        mark(ui, rect, camera, &cloud.positions, chosen);
     }
+    draw_outline(ui, rect, &view.scene_select);
+    if !view.scene_select.in_hand {
+        return;
+    }
+    let window = egui::Window::new("Select points")
+        .title_bar(false)
+        .resizable(false)
+        .default_width(240.0);
+    let window = window
+        .pivot(egui::Align2::LEFT_BOTTOM)
+        .default_pos(rect.left_bottom() + Vec2::new(8.0, -8.0));
+    window.constrain_to(rect).show(ui.ctx(), |ui| {
+        shape_ui(ui, &mut view.scene_select);
+        ui.horizontal_wrapped(|ui| count_ui(ui, look, &mut view.scene_select));
+        ui.add_enabled_ui(has_chosen(look, view), |ui| steps_ui(ui, look, view));
+        ui.separator();
+        correct_ui(ui, look, view, wishes);
+    });
 }
 
-impl SceneSelect {
-    /// Takes back the latest of: what is being drawn, what is chosen, the tool. Says whether there was any.
-    pub fn cancel(&mut self) -> bool {
-        let was_any = self.in_hand || !self.steps.is_empty();
-        if !self.drawn.is_empty() {
-            self.drawn.clear();
-        } else if !self.steps.is_empty() {
-            self.steps.clear();
-        } else {
-            self.in_hand = false;
-        }
-        was_any
-    }
-
-    /// The wish to change the chosen points, which are chosen no more; `None` without any.
-    pub fn correct(&mut self, change: CloudChange) -> Option<Command> {
-        let select = std::mem::take(&mut self.steps);
-        let correction = CloudCorrection {
-            select,
-            change,
-            as_anchors: self.as_anchors,
+/// Marks chosen points, those behind others too.
+fn mark(ui: &Ui, rect: Rect, camera: &ViewCamera, positions: &[Vec3], chosen: &Selection) {
+    let scale = ui.pixels_per_point();
+    let mut mesh = Mesh::default();
+    for &point in chosen
+        .points
+        .iter()
+        .step_by(chosen.points.len().div_ceil(MARKED).max(1))
+    {
+        let Some((at, _)) = positions
+            .get(point as usize)
+            .and_then(|&x| camera.project(x))
+        else {
+            continue;
         };
-        (!correction.select.is_empty()).then_some(Command::CorrectCloud(correction))
-    }
-
-    /// The corners of what is drawn, or the points of its stroke.
-    pub(super) fn outline(&self) -> Vec<Pos2> {
-        match (self.shape, self.drawn.first(), self.drawn.last()) {
-            (SelectShape::Box, Some(&from), Some(&to)) => {
-                let [a, b] = [Pos2::new(to.x, from.y), Pos2::new(from.x, to.y)];
-                vec![from, a, to, b]
-            }
-            _ => self.drawn.clone(),
+        let at = rect.min + Vec2::new(at.x, at.y) / scale;
+        if rect.contains(at) {
+            mesh.add_colored_rect(Rect::from_center_size(at, Vec2::splat(2.0)), COLOR);
         }
     }
+    ui.painter().with_clip_rect(rect).add(Shape::mesh(mesh));
+}
+
+fn draw_outline(ui: &Ui, rect: Rect, select: &SceneSelect) {
+    let (painter, stroke) = (ui.painter().with_clip_rect(rect), Stroke::new(1.5, COLOR));
+    let outline = select.outline();
+    if select.shape == SelectShape::Brush {
+        if let Some(at) = ui
+            .input(|input| input.pointer.hover_pos())
+            .filter(|at| select.in_hand && rect.contains(*at))
+        {
+            painter.circle_stroke(at, select.brush, stroke);
+        }
+        let wide = Stroke::new(2.0 * select.brush, COLOR.gamma_multiply(0.3));
+        painter.add(Shape::line(outline, wide));
+    } else if outline.len() > 1 {
+        painter.extend(Shape::dashed_line(&closed(outline), stroke, 6.0, 4.0));
+    }
+}
+
+fn closed(mut outline: Vec<Pos2>) -> Vec<Pos2> {
+    outline.extend(outline.first().copied());
+    outline
+}
+
+fn shape_ui(ui: &mut Ui, select: &mut SceneSelect) {
+    ui.horizontal(|ui| {
+        for (shape, text, tip) in SHAPES {
+            let tip = format!("{tip}; Shift adds, Ctrl takes out. The right button turns the view");
+            ui.selectable_value(&mut select.shape, shape, text)
+                .on_hover_text(tip);
+        }
+    });
+    if select.shape == SelectShape::Brush {
+        let slider = Slider::new(&mut select.brush, 2.0..=100.0).show_value(false);
+        ui.add(slider)
+            .on_hover_text("Radius of the brush")
+            .accessible_name("Selection brush size");
+    }
+}
+
+/// Whether there is a cloud, be it that it is still to be loaded.
+fn has_cloud(look: &Look<'_>) -> bool {
+    look.cloud.is_some() || look.project.results.contains_key(&ResultKind::Cloud)
+}
+
+/// How many points are chosen, and the way back.
+fn count_ui(ui: &mut Ui, look: &Look<'_>, select: &mut SceneSelect) {
+    let text = match look.chosen.filter(|_| !select.steps.is_empty()) {
+        None if !has_cloud(look) => "There is no cloud to choose from; fuse first".to_owned(),
+        None if select.steps.is_empty() => "Draw over points that are seen".to_owned(),
+        None => "Looking for the points…".to_owned(),
+        Some(Err(why)) => why.to_owned(),
+        Some(Ok(chosen)) => match (chosen.points.len(), chosen.pieces) {
+            (0, _) => "No point is seen there".to_owned(),
+            (1, _) => "1 point".to_owned(),
+            (points, 1) => format!("{points} points in one piece"),
+            (points, pieces) => format!("{points} points in {pieces} pieces"),
+        },
+    };
+    ui.label(text);
+    let back = ui.add_enabled(!select.steps.is_empty(), egui::Button::new("Take back"));
+    if back
+        .on_hover_text("Takes back the last change of the choice")
+        .clicked()
+    {
+        select.steps.pop();
+    }
+}
+
+/// What changes the choice.
+fn steps_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+    let (select, label) = (&mut view.scene_select, view.label);
+    ui.horizontal(|ui| {
+        if ui
+            .button("Grow")
+            .on_hover_text("Adds the points around that are alike")
+            .clicked()
+        {
+            select.steps.push(SelectStep::Grow(select.likeness));
+        }
+        let angle = DragValue::new(&mut select.likeness.normal_deg)
+            .range(0.0..=180.0)
+            .suffix("°")
+            .max_decimals(0);
+        ui.name_inputs("Angle of normals", |ui| ui.add(angle))
+            .on_hover_text("How far the surface may turn from point to point");
+        let color = DragValue::new(&mut select.likeness.color)
+            .range(0.0..=100.0)
+            .prefix("ΔE ")
+            .max_decimals(0);
+        ui.name_inputs("Difference of colour", |ui| ui.add(color))
+            .on_hover_text("How far colours may be from where the growth began");
+    });
+    let pieces = look
+        .chosen
+        .and_then(Result::ok)
+        .map_or(1, |chosen| chosen.pieces.max(1));
+    ui.horizontal(|ui| {
+        let keep = ui.add_enabled(pieces > 1, egui::Button::new("Keep piece"));
+        if keep
+            .on_hover_text("Splits the points into what hangs together and keeps one piece")
+            .clicked()
+        {
+            select
+                .steps
+                .push(SelectStep::Piece(select.piece.clamp(1, pieces) - 1));
+            select.piece = 1;
+        }
+        let piece = DragValue::new(&mut select.piece)
+            .range(1..=pieces)
+            .speed(0.05);
+        ui.name_inputs("Piece", |ui| ui.add(piece))
+            .on_hover_text("1 is the largest");
+        ui.weak(format!("of {pieces}"));
+    });
+    let name = label
+        .and_then(|label| look.project.labels.get(label))
+        .map_or("label", |label| label.name.as_str());
+    let only = ui.add_enabled(label.is_some(), egui::Button::new(format!("Only {name}")));
+    if only
+        .on_hover_text("Keeps only points of the chosen label")
+        .clicked()
+    {
+        select.steps.extend(label.map(SelectStep::Only));
+    }
+}
+
+/// What becomes of the points.
+fn correct_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+    ui.checkbox(&mut view.scene_select.as_anchors, "As anchors")
+        .on_hover_text("Frames whose masks change become anchors, which no tracker overwrites");
+    let any = has_chosen(look, view);
+    let label = view.label.and_then(|label| look.project.labels.get(label));
+    let text = label.map_or("Assign".to_owned(), |label| {
+        format!("Assign to {}", label.name)
+    });
+    let shortcuts = &view.prefs.shortcuts;
+    ui.horizontal(|ui| {
+        if action_button(
+            ui,
+            shortcuts,
+            Action::AssignChosen,
+            &text,
+            any && label.is_some(),
+        )
+        .clicked()
+        {
+            wishes.push(Action::AssignChosen);
+        }
+        if action_button(ui, shortcuts, Action::ClearChosen, "Clear", any).clicked() {
+            wishes.push(Action::ClearChosen);
+        }
+    });
 }
 
 /// Who moves the pointer no farther than this, in points of the screen, clicks and draws nothing.

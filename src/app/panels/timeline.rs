@@ -3,7 +3,7 @@ use std::ops::Range;
 use egui::{Color32, Pos2, Rect, Response, Role, ScrollArea, Sense, Stroke, Ui, Vec2, WidgetInfo};
 
 use super::heat::{Columns, heat, mark};
-use super::labels::listed;
+use super::label_edit::listed;
 use crate::menu::is_possible;
 use crate::tips::action_button;
 use crate::{Action, Look, ViewState};

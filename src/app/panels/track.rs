@@ -1,14 +1,13 @@
 use egui::{Checkbox, DragValue, Ui};
 
 use super::jobs::{progress_text, run_button_ui};
-use super::segmenter::engine_choice_ui;
 use crate::menu::is_possible;
 use crate::tips::{action_button, field};
 use crate::{Action, Look, ViewState};
 use ostra_frames::Frame;
 use ostra_masks::Direction;
 use ostra_project::MaskOrigin;
-use ostra_session::EngineKind;
+use ostra_session::{Engine, EngineKind};
 
 /// Settings and button for carrying masks through the sequence.
 pub(crate) fn track_ui(
@@ -171,4 +170,56 @@ fn short_side_ui(ui: &mut Ui, short_side: &mut Option<u32>) {
         let drag = DragValue::new(side).range(64..=4096).speed(2).suffix(" px");
         ui.add(drag).accessible_name("Shorter side seen");
     }
+}
+
+/// Chooses what turns clicks into masks, and says what is installed.
+pub(crate) fn segmenter_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+    egui::Grid::new("segmenter").num_columns(2).show(ui, |ui| {
+        field(ui, "Segmenter", "Turns clicks and boxes into masks", |ui| {
+            engine_choice_ui(
+                ui,
+                "segmenter",
+                look.engines_of(EngineKind::Segmenter),
+                &mut view.segmenter,
+            );
+        });
+    });
+}
+
+/// A list of engines: those not installed are shown, with what they need, but cannot be chosen.
+pub(super) fn engine_choice_ui<'a>(
+    ui: &mut Ui,
+    salt: &str,
+    engines: impl Iterator<Item = &'a Engine>,
+    chosen: &mut String,
+) {
+    let text = if chosen == "auto" {
+        "Automatic"
+    } else {
+        chosen.as_str()
+    }
+    .to_owned();
+    egui::ComboBox::from_id_salt(salt)
+        .selected_text(text)
+        .width(150.0)
+        .show_ui(ui, |ui| {
+            for engine in engines {
+                if engine_row_ui(ui, engine, chosen == engine.name) {
+                    engine.name.clone_into(chosen);
+                }
+            }
+        });
+}
+
+fn engine_row_ui(ui: &mut Ui, engine: &Engine, selected: bool) -> bool {
+    let text = match (engine.name, engine.installed) {
+        ("auto", _) => "Automatic".into(),
+        (name, true) => name.to_owned(),
+        (name, false) => format!("{name} (not installed)"),
+    };
+    let tip = format!("Needs {}", engine.needs);
+    let row = ui.add_enabled(engine.installed, egui::Button::selectable(selected, text));
+    row.on_hover_text(&tip)
+        .on_disabled_hover_text(tip)
+        .clicked()
 }

@@ -40,7 +40,7 @@ pub(crate) fn welcome_ui(
         buttons_ui(ui, view, wishes);
         ui.add_space(22.0);
         ui.with_layout(egui::Layout::top_down(egui::Align::Min), |ui| {
-            recent_ui(ui, look, out)
+            recent_ui(ui, look, out);
         });
     });
 }

@@ -1,5 +1,4 @@
-use super::blind::close_blind;
-use super::seeing::Pixel;
+use super::{Pixel, close_blind};
 use ostra_masks::{LabelId, LabelMask};
 
 /// A picture drawn with letters: `c` chosen, `o` other, a blank blind; digits are the labels of the mask.

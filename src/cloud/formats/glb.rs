@@ -4,7 +4,7 @@ use std::path::Path;
 use glam::Vec3;
 use serde_json::{Value, json};
 
-use super::names::{color_of, path_name};
+use super::labels::{color_of, path_name};
 use crate::ply::{Coloring, label_name};
 use crate::whole_file::{unplaced, write_whole};
 use crate::{LabelledMesh, SceneError};
@@ -171,7 +171,7 @@ fn fill(columns: &mut [Vec<u8>; 6], part: &LabelledMesh, coloring: Coloring) {
     let floats = |out: &mut Vec<u8>, values: &[f32]| {
         values
             .iter()
-            .for_each(|value| out.extend(value.to_le_bytes()))
+            .for_each(|value| out.extend(value.to_le_bytes()));
     };
     for (position, normal) in vertices.positions.iter().zip(&vertices.normals) {
         floats(positions, &position.to_array());

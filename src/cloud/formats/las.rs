@@ -1,11 +1,14 @@
+//! LAS and LAZ, written through a writer that reports faults at the end.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
 use las::point::{Classification, Format};
 use las::{Builder, Color, Point, Transform, Vector, Version, Vlr, Writer};
 
-use super::classes::classes;
-use super::patient::Patient;
+use super::labels::classes;
 use crate::ply::Coloring;
 use crate::whole_file::{unplaced, write_whole};
 use crate::{LabelledCloud, SceneError};
@@ -191,5 +194,75 @@ fn refused(error: las::Error) -> SceneError {
         other => SceneError::Request(format!(
             "the cloud cannot be written as LAS ({other}); use PLY"
         )),
+    }
+}
+
+/// A file whose faults are told at the end, by [`Patient::finish`]: the writer of the `las` crate panics when it is dropped
+/// and cannot write its end. After the first fault nothing more is written.
+struct Patient {
+    out: BufWriter<File>,
+    fault: Option<io::Error>,
+}
+
+impl Patient {
+    fn new(out: File) -> Self {
+        Self {
+            out: BufWriter::with_capacity(1 << 18, out),
+            fault: None,
+        }
+    }
+
+    /// # Errors
+    /// The first fault.
+    fn finish(mut self) -> io::Result<()> {
+        self.fault.take().map_or(Ok(()), Err)?;
+        self.out.flush()
+    }
+
+    /// What `act` gives, or the default from the first fault on.
+    fn unless_faulty<T: Default>(
+        &mut self,
+        act: impl FnOnce(&mut BufWriter<File>) -> io::Result<T>,
+    ) -> T {
+        if self.fault.is_some() {
+            return T::default();
+        }
+        act(&mut self.out).unwrap_or_else(|fault| {
+            self.fault = Some(fault);
+            T::default()
+        })
+    }
+}
+
+impl Write for Patient {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.unless_faulty(|out| out.write_all(bytes));
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.unless_faulty(BufWriter::flush);
+        Ok(())
+    }
+}
+
+impl Seek for Patient {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        Ok(self.unless_faulty(|out| out.seek(to)))
+    }
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_is_told_at_the_end() {
+        let Ok(full) = File::options().write(true).open("/dev/full") else {
+            return;
+        };
+        let mut patient = Patient::new(full);
+        patient.write_all(&vec![7; 1 << 20]).unwrap();
+        assert!(patient.finish().is_err());
     }
 }

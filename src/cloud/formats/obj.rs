@@ -3,7 +3,7 @@ use std::fmt::Write as _;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use super::names::{color_of, safe_names};
+use super::labels::{color_of, safe_names};
 use crate::ply::{Coloring, comments_of, file_part, origin_comment};
 use crate::whole_file::{unplaced, write_whole};
 use crate::{LabelledMesh, SceneError};

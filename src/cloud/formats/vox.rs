@@ -1,11 +1,12 @@
+//! MagicaVoxel files, and the whole-number places of voxels.
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::path::Path;
 
-use glam::IVec3;
+use glam::{DVec3, IVec3};
 
-use super::names::{color_of, path_name};
-use super::places::Places;
+use super::labels::{color_of, path_name};
 use crate::whole_file::{unplaced, write_whole};
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
@@ -181,4 +182,33 @@ fn dictionary(pairs: &[(&str, &str)]) -> Vec<u8> {
         .iter()
         .for_each(|(key, value)| bytes.extend([text(key), text(value)].concat()));
     bytes
+}
+
+/// Where voxels lie in their grid.
+pub(super) struct Places {
+    /// The corner of the voxel at (0, 0, 0) that is lowest along each axis, world units.
+    pub(super) origin: DVec3,
+    /// Each voxel's place along x, y and z, from 0.
+    pub(super) indices: Vec<IVec3>,
+}
+
+impl Places {
+    /// Of voxels of edge `voxel` (world units), each a point at its middle; the grid's corners are multiples of the edge.
+    pub(super) fn of(voxels: &LabelledCloud, voxel: f64) -> Result<Self, SceneError> {
+        if voxels.is_empty() {
+            return Err(SceneError::Request("there are no voxels to write".into()));
+        }
+        let place = |at: &glam::Vec3| (at.as_dvec3() / voxel).floor().as_ivec3();
+        let mut indices: Vec<IVec3> = voxels.positions.iter().map(place).collect();
+        let least = indices
+            .iter()
+            .copied()
+            .reduce(IVec3::min)
+            .unwrap_or_default();
+        indices.iter_mut().for_each(|index| *index -= least);
+        Ok(Self {
+            origin: least.as_dvec3() * voxel,
+            indices,
+        })
+    }
 }

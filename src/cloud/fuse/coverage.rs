@@ -2,11 +2,9 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 
-use super::grid::{AXIS_SHIFTS, Cell, cell_key};
-use super::run::nearest_corner;
-use super::source::Views;
-use super::view::View;
-use super::voxel_size::{pixel_footprint, two_digits};
+use super::views::{Views, nearest_corner, pixel_footprint, two_digits};
+use super::visibility::View;
+use super::voxel_map::{AXIS_SHIFTS, Cell, cell_key};
 use crate::SceneError;
 use ostra_core::job::Progress;
 use ostra_masks::LabelId;
@@ -119,9 +117,9 @@ impl Coverage {
         while high / low > 1.001 {
             let middle = (low * high).sqrt();
             if self.cells(middle) > cells {
-                low = middle
+                low = middle;
             } else {
-                high = middle
+                high = middle;
             }
         }
         high

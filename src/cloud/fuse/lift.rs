@@ -1,8 +1,7 @@
 use glam::{DVec3, Mat3, Vec3};
 
-use super::grid::{Cell, Sample, cell_key};
-use super::view::View;
-use super::voxel_map::shard_of;
+use super::visibility::View;
+use super::voxel_map::{Cell, Sample, cell_key, shard_of};
 use ostra_frames::{DepthMap, Image};
 use ostra_geometry::Camera;
 

@@ -1,13 +1,9 @@
 use serde::{Deserialize, Serialize};
 
-use super::relabel::labelled;
-use super::report::{FuseReport, naming};
-use super::run::{Fused, finish};
-use super::seen::SeenPoints;
-use super::source::Views;
-use super::tolerance::measured_tolerance;
-use super::visible::Tolerance;
-use super::vote::{VoteOptions, vote};
+use super::fused::{FuseReport, Fused, finish, labelled, naming};
+use super::views::Views;
+use super::visibility::{Tolerance, measured_tolerance};
+use super::vote::{SeenPoints, VoteOptions, vote};
 use crate::points::spacing;
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;

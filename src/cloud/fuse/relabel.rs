@@ -2,14 +2,11 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::ballots::{Ballots, Histograms};
-use super::majority::Majority;
+use super::fused::{FuseReport, Fused, finish, labelled};
+use super::majority::{Ballots, Histograms};
 use super::pairs::{CHUNK, Pair, PairReader, PairWriter};
-use super::report::FuseReport;
-use super::run::{Fused, finish};
-use super::source::{Views, check_size};
+use super::views::{Views, check_size};
 use super::votes::{FramePairs, Votes, joined};
-use crate::labelled_cloud::name_unknown_labels;
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::{LabelMask, LabelTree};
@@ -130,19 +127,6 @@ fn recounted(
         }
     }
     Ok(votes)
-}
-
-/// The cloud with the labels and confidences that the votes give under `tree`.
-pub(super) fn labelled(cloud: LabelledCloud, votes: &Votes, tree: &LabelTree) -> LabelledCloud {
-    let verdicts = votes.decide(&Majority::new(tree));
-    let mut tree = tree.clone();
-    name_unknown_labels(&mut tree, votes.ids());
-    LabelledCloud {
-        labels: verdicts.iter().map(|verdict| verdict.label).collect(),
-        confidence: verdicts.iter().map(|verdict| verdict.confidence).collect(),
-        tree,
-        ..cloud
-    }
 }
 
 /// A chunk's votes, and its pairs for each changed frame.

@@ -1,20 +1,34 @@
+//! The vote: every point in every frame that sees it.
+
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::ballots::{Ballots, Histograms};
+use super::majority::{Ballots, Histograms};
 use super::pairs::{CHUNK, Pair, PairWriter};
-use super::seen::{SeenPoint, SeenPoints};
-use super::source::{Views, check_size};
-use super::splat::splat_depth;
-use super::view::View;
-use super::visible::{Tolerance, seen_at};
+use super::views::{Views, check_size};
+use super::visibility::{Tolerance, View, seen_at, splat_depth};
 use super::votes::{FramePairs, Votes, joined};
 use crate::SceneError;
 use ostra_core::job::Progress;
 use ostra_frames::DepthMap;
 use ostra_masks::LabelMask;
+
+/// A pixel that is known to see a point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SeenPoint {
+    /// The point's index.
+    pub point: u32,
+    /// Column of the frame's picture.
+    pub x: u32,
+    /// Row of the frame's picture.
+    pub y: u32,
+}
+
+/// By frame number, the points that the frame is known to see, by rising index, each once.
+pub type SeenPoints = BTreeMap<usize, Vec<SeenPoint>>;
 
 /// Change of depth from a pixel to the next, in pixel footprints, that still counts as one surface.
 const SLANT_PX: f64 = 1.5;

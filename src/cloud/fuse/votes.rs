@@ -2,8 +2,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::ballots::Histograms;
-use super::majority::{Majority, Verdict};
+use super::majority::{Histograms, Majority, Verdict};
 use super::pairs::{CHUNK, Pair, PairReader, PairWriter};
 use ostra_masks::LabelId;
 

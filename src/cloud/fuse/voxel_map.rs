@@ -1,3 +1,5 @@
+//! The voxels of the grid and their keys, in sharded hash maps.
+
 #![expect(
     clippy::disallowed_types,
     reason = "look-ups alone; their order reaches no result"
@@ -6,7 +8,93 @@
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
-use super::grid::{AXIS_SHIFTS, Voxel};
+use glam::{DVec3, Vec3};
+
+/// Steps into which a voxel's edge is cut for summing positions.
+pub(super) const FRACTION: f32 = 4096.0;
+
+/// Steps of a normal's component.
+const NORMAL_STEPS: f32 = 1024.0;
+
+/// Voxels from the origin in each direction that the grid reaches.
+const REACH: i32 = 1 << 20;
+
+/// Where the indices along x, y and z begin in a key.
+pub(super) const AXIS_SHIFTS: [u32; 3] = [42, 21, 0];
+
+/// A place in the grid: voxel, and where in it in 1 / 4096 of its edge.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cell {
+    pub(super) index: [i32; 3],
+    pub(super) fraction: [u16; 3],
+}
+
+/// One pixel lifted to 3-D.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sample {
+    pub(super) key: u64,
+    pub(super) fraction: [u16; 3],
+    pub(super) normal: [i16; 3],
+    pub(super) color: [u8; 3],
+}
+
+/// Sums over the samples of one voxel.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Voxel {
+    pub(super) fraction: [i32; 3],
+    pub(super) color: [u32; 3],
+    pub(super) normal: [i32; 3],
+    pub(super) samples: u32,
+    pub(super) views: u32,
+    pub(super) last_frame: u32,
+}
+
+impl Cell {
+    /// The cell that holds a point in grid units; `None` beyond the grid.
+    pub(super) fn holding(in_grid: Vec3) -> Option<Self> {
+        if !in_grid.abs().cmplt(Vec3::splat(REACH as f32 - 1.0)).all() {
+            return None;
+        }
+        // Rounding down by hand: without the processor's own instruction `floor` is a call for every number.
+        let index = in_grid.to_array().map(|at| {
+            let whole = at as i32;
+            whole - i32::from(whole as f32 > at)
+        });
+        let fraction = (in_grid - glam::IVec3::from_array(index).as_vec3()) * FRACTION;
+        Some(Self {
+            index,
+            fraction: fraction.to_array().map(|f| f as u16),
+        })
+    }
+}
+
+impl Sample {
+    pub(super) fn new(key: u64, fraction: [u16; 3], color: [u8; 3], normal: Vec3) -> Self {
+        Self {
+            key,
+            fraction,
+            color,
+            normal: (normal * NORMAL_STEPS).to_array().map(|n| n as i16),
+        }
+    }
+}
+
+/// A voxel's index in one number, 21 bits a direction.
+pub(super) fn cell_key(index: [i32; 3]) -> u64 {
+    index
+        .iter()
+        .fold(0, |key, &i| key << 21 | (i + REACH) as u64)
+}
+
+impl Voxel {
+    pub(super) fn mean_normal(&self) -> Vec3 {
+        Vec3::from_array(self.normal.map(|n| n as f32)).normalize_or_zero()
+    }
+}
+
+pub(super) fn cell_index(key: u64) -> DVec3 {
+    DVec3::from_array(AXIS_SHIFTS.map(|shift| f64::from((key >> shift & 0x1F_FFFF) as i32 - REACH)))
+}
 
 /// Parts of the grid that are filled side by side.
 pub(super) const SHARDS: usize = 32;
@@ -65,7 +153,6 @@ mod tests {
     use std::collections::BTreeSet;
     use std::hash::BuildHasher;
 
-    use super::super::grid::cell_key;
     use super::*;
 
     #[test]

@@ -1,14 +1,73 @@
+//! Instances by density clustering, and masks split by them.
+
 use std::cmp::{Ordering, Reverse};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
-use glam::Vec3;
+use glam::{DVec3, IVec3, Vec3};
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+use serde::{Deserialize, Serialize};
 
-use super::cells::Cells;
-use super::options::InstanceOptions;
 use crate::SceneError;
+use crate::fuse::Votes;
 use crate::points::spacing;
 use ostra_core::job::Progress;
+use ostra_masks::{LabelId, LabelMask, Region};
+
+/// When points of a label are one instance.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct InstanceOptions {
+    /// Points at most this many spacings (median distances to the nearest neighbour) apart are neighbours, 1.5–20.
+    pub radius: f64,
+    /// A point links others only if it has so many neighbours, 1–100: stray points of noise between two things have few.
+    pub min_neighbours: usize,
+    /// Groups of fewer points are no instance, 1–1 000 000.
+    pub min_points: usize,
+}
+
+impl Default for InstanceOptions {
+    fn default() -> Self {
+        Self {
+            radius: 3.0,
+            min_neighbours: 5,
+            min_points: 50,
+        }
+    }
+}
+
+impl InstanceOptions {
+    /// Whether every number is in its range.
+    ///
+    /// # Errors
+    /// [`SceneError::Request`] naming the first that is not.
+    pub fn check(&self) -> Result<(), SceneError> {
+        let ranges = [
+            ("radius in spacings", self.radius, 1.5, 20.0),
+            (
+                "smallest number of neighbours",
+                self.min_neighbours as f64,
+                1.0,
+                100.0,
+            ),
+            (
+                "smallest instance in points",
+                self.min_points as f64,
+                1.0,
+                1e6,
+            ),
+        ];
+        match ranges
+            .into_iter()
+            .find(|(_, value, low, high)| !(low..=high).contains(&value))
+        {
+            Some((what, value, low, high)) => Err(SceneError::Request(format!(
+                "the {what} is {value}; choose {low} to {high}"
+            ))),
+            None => Ok(()),
+        }
+    }
+}
 
 /// Points between two looks at the progress.
 const CHUNK: usize = 16_384;
@@ -193,4 +252,94 @@ impl Sets {
         let (a, b) = (self.root(a), self.root(b));
         self.parents[a.max(b) as usize] = a.min(b);
     }
+}
+
+/// Points in cubic cells as wide as the radius within which neighbours are looked for.
+pub(super) struct Cells<'a> {
+    points: &'a [Vec3],
+    radius: f64,
+    cells: FxHashMap<IVec3, Vec<u32>>,
+}
+
+impl<'a> Cells<'a> {
+    /// Points that are not finite are nobody's neighbours.
+    pub(super) fn new(points: &'a [Vec3], radius: f64) -> Self {
+        let mut cells: FxHashMap<IVec3, Vec<u32>> = FxHashMap::default();
+        for (k, x) in points.iter().enumerate().filter(|(_, x)| x.is_finite()) {
+            cells.entry(cell_of(*x, radius)).or_default().push(k as u32);
+        }
+        Self {
+            points,
+            radius,
+            cells,
+        }
+    }
+
+    /// The other points at most the radius away from the `of`-th.
+    pub(super) fn neighbours(&self, of: usize) -> impl Iterator<Item = usize> + '_ {
+        let x = self.points[of];
+        let centre = cell_of(x, self.radius);
+        let squared = self.radius * self.radius;
+        (0..27)
+            .map(move |k| centre + IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1))
+            .filter_map(|cell| self.cells.get(&cell))
+            .flatten()
+            .map(|&k| k as usize)
+            .filter(move |&k| k != of && f64::from(self.points[k].distance_squared(x)) <= squared)
+    }
+}
+
+fn cell_of(x: Vec3, side: f64) -> IVec3 {
+    let cell: DVec3 = (x.as_dvec3() / side).floor();
+    cell.as_ivec3()
+}
+
+/// A frame's mask with the pixels of `inside` given to what the points chose that the frame sees there: a pixel takes
+/// the choice of the nearest pixel that sees a point, on a way through pixels of `inside`. `choice` runs along the
+/// points of `votes`, `None` chooses nothing. `None` where no pixel changes.
+#[must_use]
+pub fn split_mask(
+    votes: &Votes,
+    choice: &[Option<LabelId>],
+    (frame, mask): (usize, &LabelMask),
+    mut inside: Region,
+) -> Option<LabelMask> {
+    let mut split = mask.clone();
+    let mut open = VecDeque::new();
+    for (point, x, y) in votes.sightings(frame) {
+        let Some(chosen) = choice[point].filter(|_| x < mask.width && y < mask.height) else {
+            continue;
+        };
+        let at = y as usize * mask.width as usize + x as usize;
+        if std::mem::take(&mut inside.inside[at]) {
+            split.ids[at] = chosen;
+            open.push_back(at);
+        }
+    }
+    if open.is_empty() {
+        return None;
+    }
+    while let Some(at) = open.pop_front() {
+        for next in beside(at, mask.width as usize, mask.ids.len())
+            .into_iter()
+            .flatten()
+        {
+            if std::mem::take(&mut inside.inside[next]) {
+                split.ids[next] = split.ids[at];
+                open.push_back(next);
+            }
+        }
+    }
+    Some(split)
+}
+
+/// The pixels that share a side with one.
+fn beside(at: usize, width: usize, count: usize) -> [Option<usize>; 4] {
+    let column = at % width;
+    [
+        at.checked_sub(width),
+        (column > 0).then(|| at - 1),
+        (column + 1 < width).then_some(at + 1),
+        (at + width < count).then_some(at + width),
+    ]
 }

@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::cells::Cells;
+use super::cluster::Cells;
 use crate::points::spacing;
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;

@@ -1,10 +1,14 @@
-use glam::DVec3;
+//! Sizes, surface area and volume of a piece.
+
+use glam::{DVec2, DVec3, IVec3};
 use nalgebra::{Matrix3, SymmetricEigen};
+use rayon::prelude::*;
 
 use super::hull::hull_volume;
-use super::table::Trait;
-use super::unit::Dimension::{Area, Length, Volume};
-use super::voxel_volume::voxel_volume;
+use super::point_sets::Grid;
+use super::trait_table::Dimension::{Area, Length, Volume};
+use super::trait_table::Trait;
+use ostra_core::job::{Progress, Stopped};
 
 /// Area, volumes, and sizes along the axes of the world and of the points; `spacing`: of the points.
 pub(super) fn extent_traits(points: &[DVec3], area: f64, spacing: f64) -> Vec<Trait> {
@@ -98,4 +102,232 @@ fn scattered(points: &[DVec3]) -> (DVec3, Matrix3<f64>) {
         scatter += d * d.transpose();
     }
     (mean, scatter)
+}
+
+/// A cell reaches at most this far from its point, in spacings: far enough that cells meet inside a surface.
+const CELL_REACH: f64 = 1.6;
+/// At the border a cell ends this far beyond its point, in spacings: half of what is missing to the true border.
+const BORDER: f64 = 0.30;
+/// Neighbours that shape a cell, in spacings.
+const NEIGHBOURHOOD: f64 = 3.2;
+
+/// Each point's share of the area of the surface that the points lie on, once for a thin sheet: its Voronoi cell in its
+/// tangent plane, cut off at the surface's border. `spacing` is the median distance to the nearest neighbour; 0 gives 0.
+pub(super) fn surface_areas(
+    points: &[DVec3],
+    spacing: f64,
+    progress: &Progress,
+) -> Result<Vec<f64>, Stopped> {
+    if spacing <= 0.0 {
+        return Ok(vec![0.0; points.len()]);
+    }
+    let grid = Grid::new(points, NEIGHBOURHOOD * spacing);
+    points
+        .par_iter()
+        .map(|&x| {
+            progress
+                .check()
+                .map(|()| cell_area(points, &grid, x, spacing))
+        })
+        .collect()
+}
+
+fn cell_area(points: &[DVec3], grid: &Grid<'_>, x: DVec3, spacing: f64) -> f64 {
+    let offsets: Vec<DVec3> = grid
+        .within(x, NEIGHBOURHOOD * spacing)
+        .map(|k| points[k] - x)
+        .filter(|o| *o != DVec3::ZERO)
+        .collect();
+    if offsets.len() < 3 {
+        return 0.0;
+    }
+    let (u, v) = tangent_plane(&offsets);
+    let mut flat: Vec<DVec2> = offsets
+        .iter()
+        .map(|o| DVec2::new(o.dot(u), o.dot(v)))
+        .collect();
+    flat.sort_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+    let reach = CELL_REACH * spacing;
+    let mut cell: Vec<DVec2> = (0..12)
+        .map(|k| reach * DVec2::from_angle(std::f64::consts::TAU * f64::from(k) / 12.0))
+        .collect();
+    let widest = |cell: &[DVec2]| {
+        cell.iter()
+            .map(|corner| corner.length())
+            .fold(0.0, f64::max)
+    };
+    for &neighbour in flat
+        .iter()
+        .filter(|n| n.length_squared() > 1e-6 * spacing * spacing)
+    {
+        if 0.5 * neighbour.length() > widest(&cell) {
+            break;
+        }
+        clip(&mut cell, neighbour.normalize(), 0.5 * neighbour.length());
+    }
+    if widest(&cell) > 0.95 * reach {
+        let inward = flat.iter().sum::<DVec2>();
+        clip(&mut cell, -inward.normalize_or_zero(), BORDER * spacing);
+    }
+    let twice: f64 = (0..cell.len())
+        .map(|k| cell[k].perp_dot(cell[(k + 1) % cell.len()]))
+        .sum();
+    0.5 * twice
+}
+
+/// Two orthonormal directions in the plane that fits a point (at the origin) and its neighbours.
+fn tangent_plane(offsets: &[DVec3]) -> (DVec3, DVec3) {
+    let mean = offsets.iter().sum::<DVec3>() / (offsets.len() + 1) as f64;
+    let mut scatter = Matrix3::<f64>::zeros();
+    for offset in offsets.iter().copied().chain([DVec3::ZERO]) {
+        let d = nalgebra::Vector3::from((offset - mean).to_array());
+        scatter += d * d.transpose();
+    }
+    let eigen = SymmetricEigen::new(scatter);
+    let least = eigen.eigenvalues.imin();
+    let normal = eigen.eigenvectors.column(least);
+    DVec3::new(normal[0], normal[1], normal[2])
+        .normalize_or(DVec3::Z)
+        .any_orthonormal_pair()
+}
+
+/// Keeps the part of a convex polygon where `direction · x ≤ limit` (Sutherland, Hodgman, "Reentrant polygon
+/// clipping", Communications of the ACM 1974).
+fn clip(polygon: &mut Vec<DVec2>, direction: DVec2, limit: f64) {
+    let height = |x: DVec2| direction.dot(x) - limit;
+    if polygon.iter().all(|&x| height(x) <= 0.0) {
+        return;
+    }
+    let mut kept = Vec::with_capacity(polygon.len() + 1);
+    for k in 0..polygon.len() {
+        let (a, b) = (polygon[k], polygon[(k + 1) % polygon.len()]);
+        let (ha, hb) = (height(a), height(b));
+        if ha <= 0.0 {
+            kept.push(a);
+        }
+        if (ha <= 0.0) != (hb <= 0.0) {
+            kept.push(a.lerp(b, ha / (ha - hb)));
+        }
+    }
+    *polygon = kept;
+}
+
+/// Edge of a voxel in spacings: large enough that a surface has no holes.
+const EDGE: f64 = 3.0;
+/// More voxels than this are made larger.
+const MOST_VOXELS: f64 = 3e7;
+
+/// Volume of a body by the voxels of its surface: those that it encloses count whole, those that hold points half.
+/// `spacing` is that of the points; 0 gives 0.
+fn voxel_volume(points: &[DVec3], spacing: f64) -> f64 {
+    if spacing <= 0.0 || points.is_empty() {
+        return 0.0;
+    }
+    let low = points.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let size = points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max) - low;
+    // With a layer of empty voxels around.
+    let counts = |edge: f64| (size / edge).floor() + 3.0;
+    let mut edge = EDGE * spacing;
+    while counts(edge).element_product() > MOST_VOXELS {
+        edge *= 1.2;
+    }
+    let mut voxels = Voxels::new(counts(edge).as_ivec3());
+    for &x in points {
+        voxels.occupy(((x - low) / edge).floor().as_ivec3() + IVec3::ONE);
+    }
+    voxels.flood();
+    let count = |state| {
+        voxels
+            .states
+            .iter()
+            .filter(|&&other| other == state)
+            .count() as f64
+    };
+    (count(State::Enclosed) + 0.5 * count(State::Occupied)) * edge.powi(3)
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+enum State {
+    /// What the flood has not reached.
+    Enclosed,
+    Occupied,
+    Outside,
+}
+
+struct Voxels {
+    counts: IVec3,
+    states: Vec<State>,
+}
+
+impl Voxels {
+    fn new(counts: IVec3) -> Self {
+        Self {
+            counts,
+            states: vec![State::Enclosed; counts.as_usizevec3().element_product()],
+        }
+    }
+
+    fn index(&self, at: IVec3) -> usize {
+        let (at, counts) = (at.as_usizevec3(), self.counts.as_usizevec3());
+        (at.z * counts.y + at.y) * counts.x + at.x
+    }
+
+    fn occupy(&mut self, at: IVec3) {
+        let index = self.index(at.min(self.counts - 1));
+        self.states[index] = State::Occupied;
+    }
+
+    /// Marks what can be reached from the outermost layer through the voxels' faces.
+    fn flood(&mut self) {
+        let mut open = vec![IVec3::ZERO];
+        while let Some(at) = open.pop() {
+            let index = self.index(at);
+            if self.states[index] != State::Enclosed {
+                continue;
+            }
+            self.states[index] = State::Outside;
+            let beside = [IVec3::X, IVec3::Y, IVec3::Z]
+                .into_iter()
+                .flat_map(|step| [at - step, at + step]);
+            open.extend(
+                beside.filter(|at| at.cmpge(IVec3::ZERO).all() && at.cmplt(self.counts).all()),
+            );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_closed_body_is_filled_and_an_open_one_is_not() {
+        let count = 20_000;
+        let sphere: Vec<DVec3> = (0..count)
+            .map(|k| {
+                let z = 1.0 - 2.0 * (f64::from(k) + 0.5) / f64::from(count);
+                let (sin, cos) = (2.399_963 * f64::from(k)).sin_cos();
+                (1.0 - z * z).sqrt() * DVec3::new(cos, sin, 0.0) + z * DVec3::Z + 5.0
+            })
+            .collect();
+        let spacing = (4.0 * std::f64::consts::PI / f64::from(count)).sqrt();
+        let exact = 4.0 / 3.0 * std::f64::consts::PI;
+        let closed = voxel_volume(&sphere, spacing);
+        assert!((closed / exact - 1.0).abs() < 0.03, "{closed}");
+        let bowl: Vec<DVec3> = sphere.into_iter().filter(|x| x.z < 5.5).collect();
+        assert!(voxel_volume(&bowl, spacing) < 0.3 * exact);
+    }
+
+    #[test]
+    fn far_points_take_no_endless_memory() {
+        let points = [
+            DVec3::ZERO,
+            DVec3::X * 1e-6,
+            DVec3::new(1e6, 1e6, 1e6),
+            DVec3::NEG_X * 1e9,
+        ];
+        assert!(voxel_volume(&points, 1e-6).is_finite());
+        assert_eq!(voxel_volume(&points, 0.0), 0.0);
+    }
 }

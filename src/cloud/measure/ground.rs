@@ -4,9 +4,9 @@ use rand::RngExt;
 use rand_pcg::Pcg32;
 use serde::{Deserialize, Serialize};
 
-use super::grid::core_extent;
-use super::table::Trait;
-use super::unit::Dimension::Length;
+use super::point_sets::core_extent;
+use super::trait_table::Dimension::Length;
+use super::trait_table::Trait;
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::LabelId;

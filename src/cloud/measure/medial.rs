@@ -3,7 +3,7 @@ use std::collections::BinaryHeap;
 
 use glam::DVec3;
 
-use super::grid::{Grid, components};
+use super::point_sets::{Grid, components};
 use ostra_core::job::{Progress, Stopped};
 
 /// The middle line of a long body: a polyline from end to end.

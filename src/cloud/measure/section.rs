@@ -1,7 +1,7 @@
 use glam::{DVec2, DVec3};
 
-use super::grid::Grid;
 use super::medial::MedialCurve;
+use super::point_sets::Grid;
 
 /// What a cross-section of a body looks like.
 #[derive(Debug, Clone, Copy, PartialEq)]

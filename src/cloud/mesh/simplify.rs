@@ -1,9 +1,13 @@
+//! Fewer triangles: the cheapest edge collapses first.
+
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use glam::DVec3;
+
 use super::LabelledMesh;
-use super::collapse::Collapsing;
-use super::weld::Welded;
+use super::quadric::{Edges, Freedom, Quadric};
+use super::welded::{Fans, Welded};
 use crate::SceneError;
 use ostra_core::job::Progress;
 
@@ -85,4 +89,219 @@ fn collapse_cheapest(
         }
     }
     Ok(())
+}
+
+/// Marks a triangle that is gone.
+const GONE: [u32; 3] = [u32::MAX; 3];
+
+/// A mesh whose edges are drawn together to points one after the other.
+struct Collapsing {
+    mesh: Welded,
+    fans: Fans,
+    freedom: Vec<Freedom>,
+    quadrics: Vec<Quadric>,
+    left: usize,
+}
+
+impl Collapsing {
+    fn new(mesh: Welded) -> Self {
+        let Edges { freedom, quadrics } = Edges::of(&mesh);
+        let fans = Fans::of(mesh.positions.len(), &mesh.triangles);
+        let left = mesh.triangles.len();
+        Self {
+            mesh,
+            fans,
+            freedom,
+            quadrics,
+            left,
+        }
+    }
+
+    /// Every edge that is left once, the lower vertex first, in rising order.
+    fn edges(&self) -> Vec<[u32; 2]> {
+        let there = self
+            .mesh
+            .triangles
+            .iter()
+            .filter(|triangle| **triangle != GONE);
+        let sides = there.flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+        let mut edges: Vec<[u32; 2]> = sides.map(|[a, b]| [a.min(b), a.max(b)]).collect();
+        edges.sort_unstable();
+        edges.dedup();
+        edges
+    }
+
+    /// Number of vertices that the mesh had.
+    fn vertices(&self) -> usize {
+        self.mesh.positions.len()
+    }
+
+    /// Number of triangles that are left.
+    fn left(&self) -> usize {
+        self.left
+    }
+
+    /// What is left.
+    fn finish(mut self) -> Welded {
+        let there = |triangle: &[u32; 3]| *triangle != GONE;
+        let mut kept = self.mesh.triangles.iter().map(there);
+        self.mesh.labels.retain(|_| kept.next().unwrap_or(false));
+        self.mesh.triangles.retain(there);
+        self.mesh
+    }
+
+    /// The vertices that share an edge with this one, in rising order.
+    fn neighbours(&self, vertex: u32) -> Vec<u32> {
+        let corners = self
+            .fans
+            .triangles(vertex)
+            .flat_map(|triangle| self.mesh.triangles[triangle]);
+        let mut found: Vec<u32> = corners.filter(|&other| other != vertex).collect();
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+
+    /// Where the edge's point would come to lie and how dear it would be (weighed area times squared distance); `None`
+    /// where the ends must not come together.
+    fn plan(&self, [a, b]: [u32; 2]) -> Option<(f64, DVec3)> {
+        /// Share of an edge's length by which its point may be off at the same cost as a flat one: short edges go first.
+        const SHORT_FIRST: f64 = 1e-4;
+        let [free_a, free_b] = [a, b].map(|vertex| self.freedom[vertex as usize]);
+        let both_fixed = free_a.min(free_b) == Freedom::Fixed;
+        let both_on_borders = free_a.min(free_b) >= Freedom::Border;
+        if both_fixed || (both_on_borders && !self.is_border(a, b)) {
+            return None;
+        }
+        let [from, to] = [a, b].map(|vertex| self.mesh.positions[vertex as usize]);
+        let quadric = self.quadrics[a as usize] + self.quadrics[b as usize];
+        let point = match free_a.cmp(&free_b) {
+            std::cmp::Ordering::Greater => from,
+            std::cmp::Ordering::Less => to,
+            std::cmp::Ordering::Equal => best_point(&quadric, from, to),
+        };
+        Some((
+            quadric.at(point) + SHORT_FIRST * from.distance_squared(to).powi(2),
+            point,
+        ))
+    }
+
+    /// Draws `b` and `a` together to `point` (as planned); whether that could be done without a fold, a hole or the loss
+    /// of a label's last triangle.
+    fn collapse(&mut self, [a, b]: [u32; 2], point: DVec3) -> bool {
+        if !self.keeps_shape(a, b) || self.flips(a, b, point) || self.flips(b, a, point) {
+            return false;
+        }
+        let [from, to] = [a, b].map(|vertex| self.mesh.positions[vertex as usize]);
+        let share =
+            ((point - from).dot(to - from) / from.distance_squared(to)).clamp(0.0, 1.0) as f32;
+        let [a_at, b_at] = [a, b].map(|vertex| vertex as usize);
+        self.mesh.looks[a_at] = self.mesh.looks[a_at].lerp(self.mesh.looks[b_at], share);
+        self.mesh.positions[a_at] = point;
+        let other = self.quadrics[b_at];
+        self.quadrics[a_at] += other;
+        self.freedom[a_at] = self.freedom[a_at].max(self.freedom[b_at]);
+        self.drop_between(a, b);
+        for corner in self
+            .fans
+            .corners(b)
+            .map(|corner| corner as usize)
+            .collect::<Vec<_>>()
+        {
+            self.mesh.triangles[corner / 3][corner % 3] = a;
+        }
+        self.fans.join(a, b);
+        true
+    }
+
+    fn drop_between(&mut self, a: u32, b: u32) {
+        for triangle in self.between(a, b).collect::<Vec<_>>() {
+            let corners = std::mem::replace(&mut self.mesh.triangles[triangle], GONE);
+            corners.iter().for_each(|&vertex| {
+                self.fans
+                    .retain(vertex, |corner| corner as usize / 3 != triangle);
+            });
+            self.left -= 1;
+        }
+    }
+
+    /// The triangles that have both vertices.
+    fn between(&self, a: u32, b: u32) -> impl Iterator<Item = usize> {
+        self.fans
+            .triangles(a)
+            .filter(move |&triangle| self.mesh.triangles[triangle].contains(&b))
+    }
+
+    /// Whether the edge has not the same label on both sides.
+    fn is_border(&self, a: u32, b: u32) -> bool {
+        let mut labels = self
+            .between(a, b)
+            .map(|triangle| self.mesh.labels[triangle]);
+        let first = labels.next();
+        labels.next() != first || labels.next().is_some()
+    }
+
+    /// The link condition (Dey, Edelsbrunner, Guha & Nekhayev, "Topology preserving edge contraction", 1999), and that
+    /// neither a border closes on itself nor a vertex is left with two triangles.
+    fn keeps_shape(&self, a: u32, b: u32) -> bool {
+        let around = self.neighbours(b);
+        let common = self
+            .neighbours(a)
+            .into_iter()
+            .filter(|vertex| around.binary_search(vertex).is_ok())
+            .count();
+        let shared = self.between(a, b).count();
+        let stays = |triangle: usize| {
+            let opposite = self.mesh.triangles[triangle]
+                .into_iter()
+                .find(|&vertex| vertex != a && vertex != b);
+            opposite.is_some_and(|opposite| {
+                let triangles = self.fans.triangles(opposite).count();
+                let closed = self.neighbours(opposite).len() == triangles;
+                let closes = self.is_border(a, opposite) && self.is_border(b, opposite);
+                let folds = closed && triangles <= 3;
+                !closes && !folds
+            })
+        };
+        (1..=2).contains(&shared) && common == shared && self.between(a, b).all(stays)
+    }
+
+    /// Whether a triangle at `moved`, but not at `other`, would turn too far when `moved` came to `point`.
+    fn flips(&self, moved: u32, other: u32, point: DVec3) -> bool {
+        /// Cosine of the largest turn.
+        const LARGEST_TURN: f64 = 0.2;
+        self.fans.triangles(moved).any(|triangle| {
+            let corners = self.mesh.triangles[triangle];
+            if corners.contains(&other) {
+                return false;
+            }
+            let before = corners.map(|vertex| self.mesh.positions[vertex as usize]);
+            let after = [0, 1, 2].map(|at| {
+                if corners[at] == moved {
+                    point
+                } else {
+                    before[at]
+                }
+            });
+            let [before, after] = [before, after].map(|[a, b, c]| (b - a).cross(c - a));
+            before.dot(after) <= LARGEST_TURN * before.length() * after.length()
+                && before != DVec3::ZERO
+        })
+    }
+}
+
+/// The lowest point of a quadric near an edge; where it is not fixed or far off, the best of the edge's ends and middle.
+fn best_point(quadric: &Quadric, from: DVec3, to: DVec3) -> DVec3 {
+    let middle = from.midpoint(to);
+    let near = |point: &DVec3| point.distance_squared(middle) <= from.distance_squared(to);
+    let on_edge = || {
+        [middle, from, to]
+            .into_iter()
+            .min_by(|a, b| quadric.at(*a).total_cmp(&quadric.at(*b)))
+    };
+    quadric
+        .lowest()
+        .filter(near)
+        .or_else(on_edge)
+        .unwrap_or(middle)
 }

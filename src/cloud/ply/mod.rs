@@ -5,10 +5,9 @@
 //! NAME` (PARENT 0 = none) and `comment color ID RRGGBB` for each label, in ASCII: other characters of names are
 //! escaped as `\\u{HEX}`; a mesh's faces as the list `vertex_indices`. Files with a ushort `label` are still read.
 
-mod ascii;
-mod faces;
+mod comments;
+mod elements;
 mod header;
-mod names;
 mod read;
 mod split;
 #[cfg(test)]
@@ -16,7 +15,7 @@ mod tests;
 mod vertex;
 mod write;
 
-pub(super) use names::{comments_of, origin_comment};
+pub(super) use comments::{comments_of, origin_comment};
 pub use read::{PlyCloud, read_mesh, read_ply};
 pub use split::{LabelPart, label_paths, save_per_label, split_by_label, twin_path};
 pub(super) use split::{file_part, label_name};

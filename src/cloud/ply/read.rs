@@ -3,12 +3,11 @@ use std::path::Path;
 
 use glam::{DVec3, Vec3};
 use ply_rs::parser::Parser;
-use ply_rs::ply::{ElementDef, Encoding};
+use ply_rs::ply::Encoding;
 
-use super::ascii;
-use super::faces::read_faces;
+use super::comments::{origin_from_comments, tree_from_comments};
+use super::elements::{self, Fault, read_faces, skip};
 use super::header::{Layout, StoredColors, first_line};
-use super::names::{origin_from_comments, tree_from_comments};
 use super::vertex::{Slot, Vertex};
 use crate::labelled_cloud::name_unknown_labels;
 use crate::{LabelledCloud, LabelledMesh, SceneError};
@@ -103,19 +102,6 @@ fn read_or<T>(path: &Path, read: impl FnOnce() -> Result<T, Fault>) -> Result<T,
     })
 }
 
-/// Why reading ended early.
-#[derive(Debug)]
-pub(super) enum Fault {
-    Content(String),
-    Stopped(ostra_core::job::Stopped),
-}
-
-impl From<String> for Fault {
-    fn from(what: String) -> Self {
-        Self::Content(what)
-    }
-}
-
 /// Reads a PLY file of `bytes` bytes from its beginning.
 pub(super) fn read_from(
     reader: &mut impl BufRead,
@@ -167,7 +153,7 @@ fn read_vertex(
 ) -> Result<Vertex, String> {
     let parser = Parser::<Vertex>::new();
     let read = match layout.encoding {
-        Encoding::Ascii => return ascii::read_vertex(reader, layout, line),
+        Encoding::Ascii => return elements::read_vertex(reader, layout, line),
         Encoding::BinaryBigEndian => parser.read_big_endian_element(reader, &layout.vertex),
         Encoding::BinaryLittleEndian => parser.read_little_endian_element(reader, &layout.vertex),
     };
@@ -175,43 +161,6 @@ fn read_vertex(
         ErrorKind::UnexpectedEof => "the file ends early".into(),
         _ => first_line(&error.to_string()).to_string(),
     })
-}
-
-/// Reads over an element that is not wanted.
-pub(super) fn skip(
-    reader: &mut impl BufRead,
-    layout: &Layout,
-    element: &ElementDef,
-    progress: &Progress,
-) -> Result<(), Fault> {
-    if element.properties.is_empty() && layout.encoding != Encoding::Ascii {
-        return Ok(());
-    }
-    let parser = Parser::<Vertex>::new();
-    for index in 0..element.count {
-        if index % STRIDE == 0 {
-            progress.check().map_err(Fault::Stopped)?;
-        }
-        let read = match layout.encoding {
-            Encoding::Ascii => ascii::skip_lines(reader, 1),
-            Encoding::BinaryBigEndian => parser
-                .read_big_endian_element(reader, element)
-                .map(drop)
-                .map_err(|error| error.to_string()),
-            Encoding::BinaryLittleEndian => parser
-                .read_little_endian_element(reader, element)
-                .map(drop)
-                .map_err(|error| error.to_string()),
-        };
-        read.map_err(|what| {
-            format!(
-                "element '{}' cannot be read ({}); the file is damaged or cut off",
-                element.name,
-                first_line(&what)
-            )
-        })?;
-    }
-    Ok(())
 }
 
 /// Gathers vertices into a cloud.

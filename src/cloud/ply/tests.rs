@@ -3,7 +3,8 @@ use std::path::Path;
 use glam::Vec3;
 use proptest::prelude::*;
 
-use super::read::{Fault, PlyCloud, read_from};
+use super::elements::Fault;
+use super::read::{PlyCloud, read_from};
 use super::*;
 use crate::{LabelledCloud, LabelledMesh, SceneError, UNLABELLED_COLOR};
 use ostra_core::job::Progress;
@@ -284,7 +285,7 @@ fn many_labels_of_one_name_in_one_chain_are_kept_apart() {
     let comments: Vec<String> = (1..=65_535)
         .map(|id| format!("label {id} {} a", id - 1))
         .collect();
-    let tree = super::names::tree_from_comments(&comments);
+    let tree = super::comments::tree_from_comments(&comments);
     assert_eq!(tree.iter().count(), 65_535);
     assert_eq!(
         [1, 2, 3].map(|id| tree.get(LabelId(id)).unwrap().name.as_str()),

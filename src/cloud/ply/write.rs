@@ -11,7 +11,7 @@ use ply_rs::ply::{
 use ply_rs::writer::Writer;
 use rayon::prelude::*;
 
-use super::names::{comments_of, origin_comment};
+use super::comments::{comments_of, origin_comment};
 use crate::whole_file::{unplaced, write_whole};
 use crate::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_core::job::Progress;

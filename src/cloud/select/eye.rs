@@ -1,9 +1,13 @@
+//! An eye, and the points that it sees.
+
 use glam::{DMat3, DVec2, DVec3, Vec3};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::SceneError;
 use ostra_frames::Frame;
 use ostra_geometry::{Camera, Pose};
+use ostra_masks::Region;
 
 /// Where a cloud is seen from.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -54,13 +58,174 @@ impl Eye {
 
 impl Sight {
     /// Pixel position and depth of a point, also beyond the picture; `None` behind the camera.
-    pub(super) fn project(&self, x_in_world: Vec3) -> Option<(DVec2, f64)> {
+    fn project(&self, x_in_world: Vec3) -> Option<(DVec2, f64)> {
         let x_in_camera = self.rotation * x_in_world.as_dvec3() + self.translation;
         Some((self.camera.project(x_in_camera)?, x_in_camera.z))
     }
 
     /// What a pixel covers at a depth, world units.
-    pub(super) fn footprint(&self, depth: f64) -> f64 {
+    fn footprint(&self, depth: f64) -> f64 {
         depth / self.camera.focal_px.max_element()
+    }
+}
+
+/// Radius of a point's disc, in spacings of the cloud: neighbours on a surface overlap.
+const DISC: f64 = 0.75;
+/// Smallest radius of a disc in pixels.
+const SMALLEST_PX: f64 = 0.8;
+/// Largest radius of a disc in pixels: a point right before the eye would cover the whole picture.
+const LARGEST_PX: f64 = 24.0;
+/// How far behind the front a point may lie to count as seen, in spacings of the cloud or in pixels' footprints, whichever
+/// is larger: so much does a slanted or rough surface change within a disc.
+const TOLERANCE: f64 = 4.0;
+/// Rows of the picture that one task draws.
+const BAND_ROWS: usize = 32;
+
+/// A point drawn as a disc that faces the eye.
+struct Disc {
+    point: u32,
+    x: f64,
+    y: f64,
+    radius: f64,
+    depth: f64,
+}
+
+/// The part of a picture that is drawn: the box around a region, columns and rows with the last one excluded.
+struct Part {
+    left: usize,
+    top: usize,
+    width: usize,
+    height: usize,
+}
+
+/// The points that are seen in a region of the picture: their middles fall into it and lie at the front of all that is drawn
+/// as discs there (a depth buffer, Catmull, A Subdivision Algorithm for Computer Display of Curved Surfaces, 1974).
+/// Points for which `is_drawn` says no are neither seen nor hide others.
+pub(super) fn seen_in(
+    points: &[Vec3],
+    spacing: f64,
+    sight: &Sight,
+    region: &Region,
+    is_drawn: impl Fn(usize) -> bool + Sync,
+) -> Vec<u32> {
+    let Some(part) = Part::around(region) else {
+        return Vec::new();
+    };
+    let discs = discs(points, spacing, sight, &part, is_drawn);
+    let front = part.drawn(&discs);
+    let is_seen = |disc: &&Disc| {
+        let Some(at) = part.pixel(disc) else {
+            return false;
+        };
+        let (x, y) = (at % part.width + part.left, at / part.width + part.top);
+        let tolerance = TOLERANCE * spacing.max(sight.footprint(disc.depth));
+        region.at(x as u32, y as u32) && disc.depth <= f64::from(front[at]) + tolerance
+    };
+    discs
+        .par_iter()
+        .filter(is_seen)
+        .map(|disc| disc.point)
+        .collect()
+}
+
+fn discs(
+    points: &[Vec3],
+    spacing: f64,
+    sight: &Sight,
+    part: &Part,
+    is_drawn: impl Fn(usize) -> bool + Sync,
+) -> Vec<Disc> {
+    let disc = |(point, &position): (usize, &Vec3)| {
+        let (at_px, depth) = sight.project(position)?;
+        let radius = (DISC * spacing / sight.footprint(depth)).clamp(SMALLEST_PX, LARGEST_PX);
+        let (x, y) = (at_px.x - part.left as f64, at_px.y - part.top as f64);
+        let touches = x > -radius
+            && y > -radius
+            && x < part.width as f64 + radius
+            && y < part.height as f64 + radius;
+        (touches && is_drawn(point)).then_some(Disc {
+            point: point as u32,
+            x,
+            y,
+            radius,
+            depth,
+        })
+    };
+    points.par_iter().enumerate().filter_map(disc).collect()
+}
+
+impl Part {
+    /// `None` for a region without pixels.
+    fn around(region: &Region) -> Option<Self> {
+        let width = region.width as usize;
+        let rows = region.inside.chunks_exact(width.max(1));
+        let filled = rows
+            .enumerate()
+            .filter(|(_, row)| row.contains(&true))
+            .map(|(y, _)| y);
+        let (top, bottom) = filled.fold((usize::MAX, 0), |(top, _), y| (top.min(y), y));
+        let inside = || {
+            region
+                .inside
+                .iter()
+                .enumerate()
+                .filter(|(_, inside)| **inside)
+                .map(|(at, _)| at % width)
+        };
+        let (left, right) = (inside().min()?, inside().max()?);
+        Some(Self {
+            left,
+            top,
+            width: right - left + 1,
+            height: bottom - top + 1,
+        })
+    }
+
+    /// The pixel of the part that holds a disc's middle.
+    fn pixel(&self, disc: &Disc) -> Option<usize> {
+        let inside = disc.x >= 0.0
+            && disc.y >= 0.0
+            && disc.x < self.width as f64
+            && disc.y < self.height as f64;
+        inside.then_some(disc.y as usize * self.width + disc.x as usize)
+    }
+
+    /// The least depth of all discs, pixel by pixel; infinite where there is none.
+    fn drawn(&self, discs: &[Disc]) -> Vec<f32> {
+        let mut front = vec![f32::INFINITY; self.width * self.height];
+        front
+            .par_chunks_mut(BAND_ROWS * self.width)
+            .enumerate()
+            .for_each(|(band, rows)| {
+                let top = band * BAND_ROWS;
+                let bottom = (top + rows.len() / self.width) as f64;
+                for disc in discs.iter().filter(|disc| {
+                    disc.y + disc.radius > top as f64 && disc.y - disc.radius < bottom
+                }) {
+                    disc.draw(rows, self.width, top);
+                }
+            });
+        front
+    }
+}
+
+impl Disc {
+    /// Draws the pixels whose middles lie within the disc, and always the one that holds its own.
+    fn draw(&self, rows: &mut [f32], width: usize, top: usize) {
+        let (x, y) = (self.x, self.y - top as f64);
+        let span = |at: f64, size: usize| {
+            let last = ((at + self.radius).floor() as usize + 1).min(size);
+            ((at - self.radius).max(0.0) as usize).min(last)..last
+        };
+        for row in span(y, rows.len() / width) {
+            for column in span(x, width) {
+                let (dx, dy) = (column as f64 + 0.5 - x, row as f64 + 0.5 - y);
+                let is_own = dx.abs() <= 0.5 && dy.abs() <= 0.5;
+                if is_own || dx * dx + dy * dy <= self.radius * self.radius {
+                    let there = &mut rows[row * width + column];
+                    *there = there.min(self.depth as f32);
+                }
+            }
+        }
     }
 }

@@ -2,14 +2,10 @@
 
 mod eye;
 mod grow;
-mod pieces;
 mod selector;
-mod step;
 #[cfg(test)]
 mod tests;
-mod visible;
 
 pub use eye::Eye;
 pub use grow::Likeness;
-pub use selector::{Selection, Selector};
-pub use step::{SeenRegion, SelectStep};
+pub use selector::{SeenRegion, SelectStep, Selection, Selector};

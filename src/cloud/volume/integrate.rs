@@ -3,8 +3,8 @@ use rayon::prelude::*;
 use wide::{f32x8, i32x8};
 
 use super::block::{Block, EDGE, ROWS, Said, lanes_in};
-use super::blocks::Volume;
 use super::measured::{Measured, Pixel};
+use super::sparse_volume::Volume;
 use ostra_core::job::{Progress, Stopped};
 
 /// Numbers in a vector.

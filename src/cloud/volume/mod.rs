@@ -5,17 +5,13 @@
 //! are voted on as the points of a cloud are ([`crate::fuse`]), so a corrected mask needs no new geometry.
 
 mod block;
-mod blocks;
-mod cases;
 mod extract;
 mod integrate;
 mod measured;
-mod options;
-mod pieces;
-mod run;
-mod signs;
+mod sparse_volume;
+mod surface;
 #[cfg(test)]
 mod tests;
 
-pub use options::VolumeOptions;
-pub use run::{Surface, reconstruct_surface};
+pub use sparse_volume::VolumeOptions;
+pub use surface::{Surface, reconstruct_surface};

@@ -2,8 +2,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::bits::Bits;
-use super::free::carve;
-use super::walls::Walls;
+use super::carve::{Walls, carve};
 use crate::fuse::Views;
 use crate::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_core::job::Progress;

@@ -35,6 +35,7 @@ impl Progress {
     /// A handle for a part of this work: a stop of the whole stops the part, a stop of the part leaves the whole going;
     /// what the part reports is not the whole's.
     #[must_use]
+    #[inline]
     pub fn part(&self) -> Self {
         let wholes = self
             .wholes
@@ -52,6 +53,7 @@ impl Progress {
     ///
     /// # Errors
     /// [`Stopped`] when a stop was asked for.
+    #[inline]
     pub fn stage(&self, name: &str) -> Result<(), Stopped> {
         let mut report = self.lock();
         report.stage.clear();
@@ -65,6 +67,7 @@ impl Progress {
     ///
     /// # Errors
     /// [`Stopped`] when a stop was asked for.
+    #[inline]
     pub fn step(&self, done: usize, total: usize) -> Result<(), Stopped> {
         let mut report = self.lock();
         (report.done, report.total) = (done, total);
@@ -76,6 +79,7 @@ impl Progress {
     ///
     /// # Errors
     /// [`Stopped`] when a stop was asked for.
+    #[inline]
     pub fn check(&self) -> Result<(), Stopped> {
         let is_stopped = |shared: &Arc<Shared>| shared.stop.load(Ordering::Relaxed);
         if is_stopped(&self.shared) || self.wholes.iter().any(is_stopped) {
@@ -86,12 +90,14 @@ impl Progress {
     }
 
     /// Asks the work to stop at its next step.
+    #[inline]
     pub fn stop(&self) {
         self.shared.stop.store(true, Ordering::Relaxed);
     }
 
     /// How far the work is.
     #[must_use]
+    #[inline]
     pub fn report(&self) -> ProgressReport {
         self.lock().clone()
     }

@@ -1,19 +1,14 @@
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::frusta::inside_frusta;
-use super::in_depth::{differences_by_features, differences_by_guess};
-use super::labels::{LabelScore, score_labels};
-use super::pairing::pair_labels;
-use super::sightings::FeatureViews;
-use super::surface::{SurfaceScore, score_surface};
+use super::in_depth::{FeatureViews, differences_by_features, differences_by_guess};
+use super::labels::{LabelScore, pair_labels, score_labels};
 use ostra_cloud::points::Neighbours;
 use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_frames::FrameCamera;
 use ostra_geometry::Similarity;
-use ostra_masks::LabelId;
 
 /// How a cloud is scored against a true one.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -193,5 +188,79 @@ fn median(values: impl Iterator<Item = f32>) -> f64 {
     f64::from(*median)
 }
 
-/// A matched label; `None` = no result point is near enough.
-pub(super) type Taken = Option<LabelId>;
+/// How well two surfaces cover each other at one distance.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SurfaceScore {
+    /// The distance, in cloud units.
+    pub within: f64,
+    /// Share of the truth points that have a result point within the distance.
+    pub completeness: f64,
+    /// Share of the result points that have a truth point within the distance.
+    pub accuracy: f64,
+    /// Harmonic mean of both.
+    pub f_score: f64,
+    /// Of the result points that a camera sees within a pixel of its picture of a truth point that it sees, the share
+    /// that is within the distance of it in depth; `None` where there are none.
+    pub in_depth: Option<f64>,
+}
+
+/// Scores the surface from the distances of truth points to the result and of result points to the truth, and from the
+/// differences in depth where cameras see both.
+fn score_surface(
+    within: f64,
+    to_result: &[(usize, f32)],
+    to_truth: &[(usize, f32)],
+    depth_differences: &[f32],
+) -> SurfaceScore {
+    let share = |distances: &[(usize, f32)]| {
+        let near = distances
+            .iter()
+            .filter(|&&(_, distance)| f64::from(distance) <= within)
+            .count();
+        near as f64 / distances.len().max(1) as f64
+    };
+    let (completeness, accuracy) = (share(to_result), share(to_truth));
+    let sum = completeness + accuracy;
+    let f_score = if sum > 0.0 {
+        2.0 * completeness * accuracy / sum
+    } else {
+        0.0
+    };
+    let near = depth_differences
+        .iter()
+        .filter(|&&difference| f64::from(difference) <= within)
+        .count();
+    let in_depth =
+        (!depth_differences.is_empty()).then(|| near as f64 / depth_differences.len() as f64);
+    SurfaceScore {
+        within,
+        completeness,
+        accuracy,
+        f_score,
+        in_depth,
+    }
+}
+
+/// For each point, how many cameras have it inside their picture (whether or not something hides it).
+#[must_use]
+pub fn inside_frusta(points: &[Vec3], cameras: &[FrameCamera]) -> Vec<u32> {
+    let count = |point: &Vec3| {
+        cameras
+            .iter()
+            .filter(|camera| sees(camera, point.as_dvec3()))
+            .count() as u32
+    };
+    points.par_iter().map(count).collect()
+}
+
+fn sees(camera: &FrameCamera, x_in_world: DVec3) -> bool {
+    let Some(pose) = &camera.camera_from_world else {
+        return false;
+    };
+    let (width, height) = (
+        f64::from(camera.intrinsics.width),
+        f64::from(camera.intrinsics.height),
+    );
+    let at = camera.intrinsics.project(pose.transform(x_in_world));
+    at.is_some_and(|px| px.x >= 0.0 && px.y >= 0.0 && px.x < width && px.y < height)
+}

@@ -1,11 +1,13 @@
-use glam::{DVec2, Vec3};
+use std::collections::BTreeMap;
+
+use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::picture::{Dot, Picture};
-use super::sightings::FeatureViews;
 use ostra_cloud::SceneError;
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::FrameCamera;
+use ostra_frames::cameras::SparsePoints;
+use ostra_geometry::Camera;
 
 /// Points this near to a truth point in a camera's own picture, in its pixels, are compared with it: farther aside, a
 /// slanted surface alone makes a difference.
@@ -92,6 +94,224 @@ fn difference(dot: &Dot, truth: &Picture) -> Option<f32> {
         .filter(|other| aside(other) <= NEAR_PX * truth.own_px);
     let nearest = near.min_by(|a, b| aside(a).total_cmp(&aside(b)))?;
     Some((dot.depth - nearest.depth).abs())
+}
+
+/// Pictures and what they have in common: what tells which points each camera sees.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct FeatureViews {
+    /// Cameras of the pictures, in the truth's space.
+    pub cameras: Vec<FrameCamera>,
+    /// Points of features with the keypoints that show them, by the camera's place in `cameras`.
+    pub features: SparsePoints,
+}
+
+/// A truth point is a feature's point where it lies this near to it, in pixels of the reduced pictures, in all pictures
+/// that show the feature.
+const SAME_PX: f64 = 1.0;
+/// So many pictures must show the feature, and from directions so far apart (radians): what lies two hundredths of the
+/// depth farther behind is then a pixel or so aside in some of them.
+const LEAST_PICTURES: usize = 3;
+const LEAST_ANGLE: f64 = 0.0873;
+
+impl FeatureViews {
+    /// The truth points that each camera shows to be seen, ascending: those at the point of a feature that enough
+    /// pictures have in common, in these pictures. What lies hidden has no such feature, and nothing is taken from the
+    /// result.
+    pub(super) fn seen_truth(
+        &self,
+        truth: &[Vec3],
+        progress: &Progress,
+    ) -> Result<Vec<Vec<u32>>, Stopped> {
+        let tracks = self.tracks();
+        let mut shown: Vec<Vec<u32>> = vec![Vec::new(); self.cameras.len()];
+        for (feature, track) in tracks
+            .iter()
+            .enumerate()
+            .filter(|(feature, track)| self.tells(*feature, track))
+        {
+            track
+                .iter()
+                .for_each(|&camera| shown[camera].push(feature as u32));
+        }
+        let meetings = |(shown, camera): (&Vec<u32>, &FrameCamera)| {
+            progress.check()?;
+            Ok(self.meetings(truth, shown, camera))
+        };
+        let by_camera: Vec<Vec<(u32, u32)>> = shown
+            .par_iter()
+            .zip(&self.cameras)
+            .map(meetings)
+            .collect::<Result<_, Stopped>>()?;
+        let mut pictures: BTreeMap<(u32, u32), usize> = BTreeMap::new();
+        by_camera
+            .iter()
+            .flatten()
+            .for_each(|&pair| *pictures.entry(pair).or_default() += 1);
+        let seen = |pairs: Vec<(u32, u32)>| {
+            let same = pairs
+                .iter()
+                .filter(|pair| pictures[pair] == tracks[pair.0 as usize].len());
+            let mut seen: Vec<u32> = same.map(|&(_, truth)| truth).collect();
+            seen.sort_unstable();
+            seen.dedup();
+            seen
+        };
+        Ok(by_camera.into_iter().map(seen).collect())
+    }
+
+    /// By feature the cameras that show it.
+    fn tracks(&self) -> Vec<Vec<usize>> {
+        let cameras = |track: Vec<(usize, u32)>| {
+            let mut cameras: Vec<usize> = track.into_iter().map(|(camera, _)| camera).collect();
+            cameras.retain(|&camera| camera < self.cameras.len());
+            cameras.dedup();
+            cameras
+        };
+        self.features.tracks().into_iter().map(cameras).collect()
+    }
+
+    /// Whether enough pictures show a feature, from directions far enough apart.
+    fn tells(&self, feature: usize, track: &[usize]) -> bool {
+        let position = self.features.points[feature].position;
+        let poses = track
+            .iter()
+            .filter_map(|&camera| self.cameras[camera].camera_from_world);
+        let rays: Vec<DVec3> = poses
+            .map(|pose| (pose.centre() - position).normalize_or_zero())
+            .collect();
+        let far = |a: &DVec3| rays.iter().any(|b| a.angle_between(*b) >= LEAST_ANGLE);
+        rays.len() >= LEAST_PICTURES && rays.iter().any(far)
+    }
+
+    /// The (feature, truth point) pairs that lie near each other in a picture, each once.
+    fn meetings(&self, truth: &[Vec3], shown: &[u32], camera: &FrameCamera) -> Vec<(u32, u32)> {
+        let positions: Vec<Vec3> = shown
+            .iter()
+            .map(|&feature| self.features.points[feature as usize].position.as_vec3())
+            .collect();
+        let truth = Picture::new(truth, camera);
+        let near = |feature: Dot| {
+            let near = truth
+                .around(feature.at_px, 1)
+                .filter(move |dot| dot.at_px.distance(feature.at_px) <= SAME_PX);
+            near.map(move |dot| (shown[feature.index as usize], dot.index))
+        };
+        let mut pairs: Vec<(u32, u32)> = Picture::new(&positions, camera)
+            .dots
+            .iter()
+            .copied()
+            .flat_map(near)
+            .collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        pairs
+    }
+}
+
+/// The longer side in pixels that pictures are reduced to, if they are not smaller: points lie close enough there to hide
+/// each other.
+const SIDE_PX: f64 = 640.0;
+/// A point is hidden by another that is nearer by more than this share of the depth.
+const BEHIND: f32 = 0.02;
+
+/// A point as a camera sees it.
+#[derive(Clone, Copy)]
+pub(super) struct Dot {
+    pub at_px: DVec2,
+    /// Along the optical axis, in cloud units.
+    pub depth: f32,
+    /// Place in the cloud.
+    pub index: u32,
+}
+
+/// The points that lie inside a camera's picture, by pixel.
+pub(super) struct Picture {
+    width: usize,
+    height: usize,
+    /// First dot of each pixel, then the number of all.
+    starts: Vec<u32>,
+    pub dots: Vec<Dot>,
+    /// A pixel of the camera's own picture, in pixels of this one; at most 1.
+    pub own_px: f64,
+}
+
+impl Picture {
+    /// Empty without a pose.
+    pub fn new(points: &[Vec3], camera: &FrameCamera) -> Self {
+        let own_px =
+            (SIDE_PX / f64::from(camera.intrinsics.width.max(camera.intrinsics.height))).min(1.0);
+        let small = shrunk(&camera.intrinsics, own_px);
+        let see = |(index, point): (usize, &Vec3)| {
+            let x_in_camera = camera.camera_from_world?.transform(point.as_dvec3());
+            let at_px = small
+                .project(x_in_camera)
+                .filter(|&at_px| small.contains(at_px))?;
+            Some(Dot {
+                at_px,
+                depth: x_in_camera.z as f32,
+                index: index as u32,
+            })
+        };
+        let dots = points.iter().enumerate().filter_map(see).collect();
+        Self::of(small.width as usize, small.height as usize, own_px, dots)
+    }
+
+    fn of(width: usize, height: usize, own_px: f64, mut dots: Vec<Dot>) -> Self {
+        let pixel = |dot: &Dot| dot.at_px.y as usize * width + dot.at_px.x as usize;
+        dots.sort_by_key(pixel);
+        let starts = (0..=width * height)
+            .map(|at| dots.partition_point(|dot| pixel(dot) < at) as u32)
+            .collect();
+        Self {
+            width,
+            height,
+            starts,
+            dots,
+            own_px,
+        }
+    }
+
+    /// The dots in the pixels at most `reach` aside.
+    pub fn around(&self, at_px: DVec2, reach: usize) -> impl Iterator<Item = &Dot> {
+        let (x, y) = (at_px.x as usize, at_px.y as usize);
+        let columns = x.saturating_sub(reach)..(x + reach + 1).min(self.width);
+        (y.saturating_sub(reach)..(y + reach + 1).min(self.height)).flat_map(move |row| {
+            let first = self.starts[row * self.width + columns.start] as usize;
+            let last = self.starts[row * self.width + columns.end] as usize;
+            &self.dots[first..last]
+        })
+    }
+
+    /// Without the dots that others of it, in the pixels at most `reach` aside, hide.
+    pub fn front(&self, reach: usize) -> Self {
+        self.before(self, reach)
+    }
+
+    /// Without the dots that those of another, in the pixels at most `reach` aside, hide.
+    pub fn before(&self, other: &Self, reach: usize) -> Self {
+        self.only(|dot| {
+            !other
+                .around(dot.at_px, reach)
+                .any(|nearer| dot.depth > nearer.depth * (1.0 + BEHIND))
+        })
+    }
+
+    /// The dots for which that holds.
+    pub fn only(&self, holds: impl Fn(&Dot) -> bool) -> Self {
+        let dots = self.dots.iter().filter(|dot| holds(dot)).copied().collect();
+        Self::of(self.width, self.height, self.own_px, dots)
+    }
+}
+
+fn shrunk(camera: &Camera, ratio: f64) -> Camera {
+    let side = |length: u32| ((f64::from(length) * ratio).ceil() as u32).max(1);
+    Camera {
+        width: side(camera.width),
+        height: side(camera.height),
+        focal_px: camera.focal_px * ratio,
+        principal_px: camera.principal_px * ratio,
+        ..*camera
+    }
 }
 
 #[cfg(test)]

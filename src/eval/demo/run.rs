@@ -5,10 +5,8 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use glam::DVec3;
 
-use super::levels::{score_levels, tell_apart};
-use super::report::{CloudReport, DemoReport, LevelsReport, MaskReport};
-use super::studio::{Studio, Watch};
-use super::user::SimulatedUser;
+use super::report::{CloudReport, DemoReport, LevelsReport, MaskReport, score_levels, tell_apart};
+use super::user::{SimulatedUser, Studio, Watch};
 use super::workspace;
 use crate::cloud_score::{CloudScoreOptions, score_cloud};
 use crate::synthetic::{Scene, SceneOptions, TruthOptions, View};
@@ -71,6 +69,10 @@ const WITHIN_M: f64 = 0.003;
 ///
 /// # Errors
 /// When `out` cannot be written or holds something else, or a stage fails or is stopped.
+#[expect(
+    clippy::too_many_lines,
+    reason = "the stages of the job, one after the other"
+)]
 pub fn run_demo(
     session: &mut Session,
     options: &DemoOptions,

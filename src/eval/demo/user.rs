@@ -1,11 +1,12 @@
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, anyhow};
 use glam::DVec2;
 
-use super::studio::Studio;
+use ostra_core::job::Stopped;
 use ostra_masks::{Click, LabelClick, LabelId, LabelMask, LabelTree, Prompt, next_label_click};
-use ostra_session::{Command, PromptRequest, TrackSettings};
+use ostra_session::{Command, Event, JobView, PromptRequest, Session, TrackSettings};
 
 /// Clicks that the simulated user may give per class over the whole sequence; for each thing of a class that is clicked as one.
 pub const MAX_CLICKS: usize = 8;
@@ -312,4 +313,39 @@ fn mask_of(studio: &Studio<'_, '_>, frame: usize) -> Result<LabelMask> {
     let frame_size = &project.frames[frame];
     let mask = project.masks.get(&frame).map(|mask| mask.runs.decode());
     Ok(mask.unwrap_or_else(|| LabelMask::empty(frame_size.width, frame_size.height)))
+}
+
+/// Sees the running jobs about twenty times a second; `Break` stops the demo.
+pub type Watch<'w> = dyn FnMut(&[JobView]) -> ControlFlow<()> + 'w;
+
+/// A session at which commands are carried out one after another.
+pub(super) struct Studio<'s, 'w> {
+    pub session: &'s mut Session,
+    watch: &'s mut Watch<'w>,
+    /// What the session warned of.
+    pub warnings: Vec<String>,
+}
+
+impl<'s, 'w> Studio<'s, 'w> {
+    pub(super) fn new(session: &'s mut Session, watch: &'s mut Watch<'w>) -> Self {
+        Self {
+            session,
+            watch,
+            warnings: Vec::new(),
+        }
+    }
+
+    /// Carries a command out to its end.
+    pub(super) fn act(&mut self, command: Command) -> Result<()> {
+        self.session.act(command)?;
+        for event in self.session.settle(&mut *self.watch) {
+            match event {
+                Event::Failed { error, .. } => return Err(anyhow!(error)),
+                Event::Stopped { .. } => return Err(Stopped.into()),
+                Event::Warning(text) => self.warnings.push(text),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
 }

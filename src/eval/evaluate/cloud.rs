@@ -1,14 +1,18 @@
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use glam::DVec3;
 
-use super::seen::feature_views;
-use crate::cloud_score::{CloudScore, CloudScoreOptions, score_cloud};
+use super::frames::{PIXEL_BYTES, read_frames, readable_frames};
+use crate::cloud_score::{CloudScore, CloudScoreOptions, FeatureViews, score_cloud};
 use ostra_cloud::ply::{PlyCloud, read_ply};
 use ostra_core::job::Progress;
-use ostra_frames::FrameCamera;
 use ostra_frames::cameras::GivenCameras;
+use ostra_frames::{Frame, FrameCamera, FrameStore};
+use ostra_project::make_relative;
+use ostra_reconstruct::sfm::Sift;
+use ostra_reconstruct::sfm::matching::NearestMatcher;
+use ostra_reconstruct::stereo::{SparseOptions, sparse_from_cameras};
 
 /// How two cloud files are compared.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -93,4 +97,96 @@ fn frusta(path: &Path, origin: DVec3) -> Result<Vec<FrameCamera>> {
         Ok(FrameCamera::given(intrinsics, pose))
     });
     cameras.collect()
+}
+
+/// Relative to `origin`, pictures (a folder, a film, or a project) with their cameras, matched by name, and what they have in common;
+/// pictures without a camera and those that cannot be read are left out. Gives with it what the user should know.
+///
+/// # Errors
+/// When no picture or the cameras cannot be read, or no picture has a camera.
+fn feature_views(
+    pictures: &Path,
+    cameras: &Path,
+    origin: DVec3,
+    progress: &Progress,
+) -> Result<(FeatureViews, Vec<String>)> {
+    let (mut frames, mut warnings) = read_frames(pictures, progress)?;
+    // A project's own poses are in its own space.
+    frames
+        .iter_mut()
+        .flat_map(|frame| &mut frame.camera)
+        .for_each(|camera| camera.camera_from_world = None);
+    warnings.extend(GivenCameras::read(cameras)?.match_to(&mut frames)?);
+    make_relative(&mut frames, origin);
+    let posed = |frame: &Frame| {
+        frame
+            .camera
+            .filter(|camera| camera.camera_from_world.is_some())
+    };
+    frames.retain(|frame| posed(frame).is_some());
+    ensure!(
+        !frames.is_empty(),
+        "{}: no picture has a camera in {}",
+        pictures.display(),
+        cameras.display()
+    );
+    let store = FrameStore::new(PIXEL_BYTES);
+    // Features are made of what can be read; here nothing may be missing without a word.
+    let (frames, unreadable) =
+        readable_frames(frames, |frame| store.image(frame).map(drop), progress)?;
+    warnings.extend(unreadable);
+    let views: Vec<usize> = (0..frames.len()).collect();
+    let engines = (&Sift::default() as _, &NearestMatcher::for_bytes() as _);
+    let features = sparse_from_cameras(
+        &frames,
+        &views,
+        &store,
+        engines,
+        &SparseOptions::default(),
+        progress,
+    )?;
+    Ok((
+        FeatureViews {
+            cameras: frames.iter().filter_map(posed).collect(),
+            features,
+        },
+        warnings,
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_that_cannot_be_read_are_left_out_and_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let [pictures, cameras] = ["pictures", "cameras"].map(|name| folder.path().join(name));
+        for folder in [&pictures, &cameras] {
+            std::fs::create_dir(folder).unwrap();
+        }
+        let mut images = String::new();
+        for k in 0..3_u32 {
+            let color =
+                |x: u32, y: u32| image::Rgb([(x * 3) as u8, (y * 4) as u8, (x * y % 251) as u8]);
+            image::RgbImage::from_fn(64, 48, color)
+                .save(pictures.join(format!("{k}.png")))
+                .unwrap();
+            images += &format!(
+                "{} 1 0 0 0 {} 0 0 1 {k}.png\n\n",
+                k + 1,
+                -0.02 * f64::from(k)
+            );
+        }
+        std::fs::write(cameras.join("cameras.txt"), "1 PINHOLE 64 48 60 60 32 24\n").unwrap();
+        std::fs::write(cameras.join("images.txt"), images).unwrap();
+        std::fs::write(cameras.join("points3D.txt"), "").unwrap();
+        std::fs::write(pictures.join("1.png"), "").unwrap();
+        let (views, warnings) =
+            feature_views(&pictures, &cameras, DVec3::ZERO, &Progress::default()).unwrap();
+        assert_eq!(views.cameras.len(), 2);
+        let is_named =
+            |line: &String| line.contains("1 frames cannot be read") && line.contains("1.png");
+        assert!(warnings.iter().any(is_named), "{warnings:?}");
+    }
 }

@@ -5,6 +5,7 @@ use anyhow::Result;
 use ostra_cloud::fuse::naming;
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameError, FrameFolder, OpenRequest, open};
+use ostra_masks::{MaskScore, ScoreOptions, score_masks};
 use ostra_project::store::Folder;
 
 /// Bytes of decoded pictures kept.
@@ -61,4 +62,12 @@ pub(super) fn readable_frames(
             &names,
         ),
     ))
+}
+
+/// Scores a folder of mask files against a folder of true ones.
+///
+/// # Errors
+/// As [`score_masks`].
+pub fn evaluate_masks(truth: &Path, result: &Path, options: &ScoreOptions) -> Result<MaskScore> {
+    Ok(score_masks(truth, result, options, &Progress::default())?)
 }

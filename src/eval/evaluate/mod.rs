@@ -4,15 +4,13 @@ mod cameras;
 mod cloud;
 mod frames;
 mod interact;
-mod masks;
-mod seen;
 
 pub use crate::cloud_score::{CloudScore, cloud_table};
 pub use cameras::{CameraScore, score_cameras};
 pub use cloud::{CloudEvaluation, TruthViews, evaluate_cloud};
+pub use frames::evaluate_masks;
 pub use interact::{
     FrameByFrame, Goal, InteractOptions, InteractReport, InteractRequest, Sequence,
     evaluate_interaction, interact,
 };
-pub use masks::evaluate_masks;
 pub use ostra_masks::{MaskScore, ScoreOptions};

@@ -1,10 +1,9 @@
 use std::f64::consts::{PI, TAU};
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
-use super::curve::{Curve, smoothstep};
-use super::dice::Dice;
-use super::mesh::Mesh;
+use super::mesh::{Curve, Mesh, smoothstep};
+use super::noise::Dice;
 
 /// A culm's shape: a straight taper with swollen nodes. Every diameter lies within 4–6 mm.
 #[derive(Debug, Clone)]
@@ -110,5 +109,115 @@ impl Sheath {
             let x = station.x + radius * (angle.cos() * station.side + angle.sin() * station.up);
             (x, DVec2::new(turn * radius, at_m - self.from_m).as_vec2())
         })
+    }
+}
+
+/// What varies from blade to blade.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BladePlan {
+    pub(super) length_m: f64,
+    /// Widest place, metres.
+    pub(super) width_m: f64,
+    /// Angle between culm and blade at the collar, radians.
+    pub(super) insertion: f64,
+    /// Elevation of the tip's direction, radians; negative = hanging.
+    pub(super) tip_elevation: f64,
+    /// Turn of the blade about its midrib towards the tip, radians.
+    pub(super) twist: f64,
+}
+
+impl BladePlan {
+    pub(super) fn draw(length_m: f64, dice: &mut Dice) -> Self {
+        Self {
+            length_m,
+            width_m: dice.range(0.0095, 0.0145),
+            insertion: dice.range(18.0, 38.0).to_radians(),
+            tip_elevation: dice.range(-75.0, -15.0).to_radians(),
+            twist: dice.range(0.5, 1.3) * if dice.below(2) == 0 { 1.0 } else { -1.0 },
+        }
+    }
+}
+
+/// A leaf blade: a sheet along its midrib, wrapped about the culm at the collar and folded lightly beyond.
+pub(super) struct Blade {
+    plan: BladePlan,
+    midrib: Curve,
+    collar_radius_m: f64,
+}
+
+impl Blade {
+    /// Grows a blade out of the upper end of its sheath.
+    pub(super) fn grow(plan: BladePlan, sheath: &Sheath, culm: &Culm) -> Self {
+        let collar = culm.curve.at(sheath.to_m);
+        let outward = sheath.angle.cos() * collar.side + sheath.angle.sin() * collar.up;
+        let radius = sheath.radius(culm, sheath.to_m);
+        let from = plan.insertion.cos() * collar.tangent + plan.insertion.sin() * outward;
+        let level = outward.reject_from(DVec3::Z).normalize_or(DVec3::X);
+        let to = plan.tip_elevation.cos() * level + plan.tip_elevation.sin() * DVec3::Z;
+        let side = collar.tangent.cross(outward);
+        let midrib = Curve::turning(
+            collar.x + radius * outward,
+            from,
+            to,
+            1.35,
+            plan.length_m,
+            side,
+        );
+        Self {
+            plan,
+            midrib,
+            collar_radius_m: radius,
+        }
+    }
+
+    /// Full width at a share of the length, metres.
+    fn width(&self, share: f64) -> f64 {
+        let base = 0.72 + 0.28 * smoothstep(0.0, 0.3, share);
+        let taper = 1.0 - ((share - 0.45).max(0.0) / 0.55).powf(2.2);
+        self.plan.width_m * base * taper
+    }
+
+    pub(super) fn mesh(&self) -> Mesh {
+        let (rows, columns) = ((self.plan.length_m / 0.0025).ceil() as usize, 10);
+        Mesh::patch((rows, columns), false, |r, c| {
+            let share = r as f64 / rows as f64;
+            let station = self.midrib.at(share * self.plan.length_m);
+            let across = (c as f64 / columns as f64 - 0.5) * self.width(share);
+            let offset = self.cross_section(across, station.at_m);
+            let (sin, cos) = (self.plan.twist * share * share).sin_cos();
+            let side = cos * station.side + sin * station.up;
+            let up = cos * station.up - sin * station.side;
+            (
+                station.x + offset.x * side + offset.y * up,
+                DVec2::new(across, station.at_m).as_vec2(),
+            )
+        })
+    }
+
+    /// Position across the blade of the texture position `across`: a circular arc, tight at the collar and open
+    /// beyond, so that widths along it stay true.
+    fn cross_section(&self, across: f64, at_m: f64) -> DVec2 {
+        let open = 1.0 / 0.016;
+        let tight = 1.0 / self.collar_radius_m;
+        let bend = tight + (open - tight) * smoothstep(0.0, 0.02, at_m);
+        DVec2::new(
+            (bend * across).sin() / bend,
+            (1.0 - (bend * across).cos()) / bend,
+        )
+    }
+
+    /// Mean of the width over the length, metres.
+    pub(super) fn mean_width_m(&self) -> f64 {
+        (0..400)
+            .map(|k| self.width((f64::from(k) + 0.5) / 400.0))
+            .sum::<f64>()
+            / 400.0
+    }
+
+    /// Angle in degrees between the culm's axis at the collar and the midrib's first `reach_m`.
+    pub(super) fn insertion_deg(&self, axis: DVec3, reach_m: f64) -> f64 {
+        (self.midrib.at(reach_m).x - self.midrib.at(0.0).x)
+            .angle_between(axis)
+            .to_degrees()
     }
 }

@@ -1,12 +1,11 @@
 use glam::{DQuat, DVec3};
 
-use super::curve::{Curve, Station};
-use super::dice::Dice;
-use super::mesh::Mesh;
+use super::mesh::{Curve, Mesh, Station};
+use super::noise::Dice;
 
 /// Grains are spheroids of 7 × 3 mm.
-pub(super) const GRAIN_LENGTH_M: f64 = 0.007;
-pub(super) const GRAIN_WIDTH_M: f64 = 0.003;
+const GRAIN_LENGTH_M: f64 = 0.007;
+const GRAIN_WIDTH_M: f64 = 0.003;
 /// Grains lie at least 1 mm apart.
 const GAP_M: f64 = 0.001;
 const BRANCHES: usize = 14;

@@ -1,15 +1,13 @@
 use glam::{DVec3, Vec2, Vec3};
 
-use super::bitmap::Bitmap;
-use super::dice::Dice;
-use super::material::Material;
+use super::material::{Bitmap, Material};
 use super::mesh::Mesh;
-use super::noise::{fractal_noise, lattice};
-use super::part::Assembly;
+use super::model::Assembly;
+use super::noise::{Dice, fractal_noise, lattice};
 use ostra_masks::LabelId;
 
 /// Distance of the wall from the specimen's axis, metres.
-pub(super) const WALL_DISTANCE_M: f64 = 0.8;
+const WALL_DISTANCE_M: f64 = 0.8;
 const WALL_TOP_M: f64 = 0.95;
 const PANELS: usize = 5;
 

@@ -34,7 +34,7 @@ pub(super) struct Raster<'a> {
 }
 
 /// Rows of pixels in a band.
-pub(super) const BAND_ROWS: u32 = 8;
+const BAND_ROWS: u32 = 8;
 
 /// What is nearest at the samples of a band, row by row; `samples` × `samples` of them in each pixel.
 pub(super) struct Hits {

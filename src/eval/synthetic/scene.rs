@@ -1,14 +1,12 @@
 use glam::DVec3;
 
 use super::bricks::build_bricks;
-use super::light::Light;
 use super::model::Model;
 use super::options::{SceneKind, SceneOptions};
-use super::render::render;
-use super::sensor::spoil;
+use super::render::{Light, render};
 use super::tiller::build_tiller;
 use super::truth::{TruthOptions, exact_cloud};
-use super::view::{RenderedView, View, arc_of_views};
+use super::view::{RenderedView, View, arc_of_views, spoil};
 use ostra_cloud::measure::TraitRow;
 use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;

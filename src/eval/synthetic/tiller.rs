@@ -1,20 +1,18 @@
-use glam::DVec3;
+use glam::{DVec3, Vec2};
 
-use super::blade::{Blade, BladePlan};
-use super::culm::{Culm, Sheath};
-use super::curve::Curve;
-use super::dice::Dice;
+use super::culm::{Blade, BladePlan, Culm, Sheath};
 use super::material::Material;
-use super::mesh::Mesh;
+use super::mesh::{Curve, Mesh};
+use super::model::Assembly;
+use super::noise::{Dice, fractal_noise};
 use super::panicle::Panicle;
-use super::part::Assembly;
 use super::posters::add_surroundings;
-use super::pot::{POT_HEIGHT_M, add_pot};
-use super::tiller_traits::{add_leaf_traits, add_panicle_traits, add_stem_traits};
+use ostra_cloud::measure::Dimension::{Angle, Area, Count, Length, Volume};
+use ostra_cloud::measure::hull_volume;
 use ostra_masks::LabelId;
 
 /// Height of the plant above the soil, metres.
-pub(super) const PLANT_HEIGHT_M: f64 = 0.6;
+const PLANT_HEIGHT_M: f64 = 0.6;
 /// Leaves on each culm; eight in all.
 const LEAVES: [usize; 3] = [3, 3, 2];
 
@@ -79,13 +77,13 @@ fn add_panicle(assembly: &mut Assembly, id: LabelId, panicle: &Panicle, textures
 }
 
 /// A culm with its leaves.
-pub(super) struct Shoot {
+struct Shoot {
     pub(super) culm: Culm,
     pub(super) leaves: Vec<Leaf>,
 }
 
 /// A blade and the sheath that it grows from.
-pub(super) struct Leaf {
+struct Leaf {
     pub(super) plan: BladePlan,
     pub(super) sheath: Sheath,
     pub(super) blade: Blade,
@@ -208,4 +206,144 @@ impl Leaf {
             blade: Blade::grow(plan, &sheath, culm),
         }
     }
+}
+
+/// Insertion angles are taken over the first 30 mm of the blade.
+const INSERTION_REACH_M: f64 = 0.03;
+
+fn add_stem_traits(assembly: &mut Assembly, id: LabelId, culm: &Culm) {
+    let length = culm.curve.length_m();
+    assembly.record(
+        id,
+        "length",
+        (length, Length),
+        "length of the culm's axis from the soil to its upper end",
+    );
+    assembly.record(
+        id,
+        "diameter",
+        (culm.median_diameter_m(), Length),
+        "median diameter along the culm's axis",
+    );
+}
+
+/// `ids` and `areas_m2` are those of blade and sheath.
+fn add_leaf_traits(
+    assembly: &mut Assembly,
+    (id, ids): (LabelId, [LabelId; 2]),
+    (shoot, leaf): (&Shoot, &Leaf),
+    areas_m2: [f64; 2],
+) {
+    let [length, sheath_length] = [leaf.plan.length_m, leaf.sheath.length_m()];
+    let whole = length + sheath_length;
+    assembly.record(
+        id,
+        "length",
+        (whole, Length),
+        "length along sheath and midrib from node to tip",
+    );
+    let whole = areas_m2[0] + areas_m2[1];
+    assembly.record(
+        id,
+        "area",
+        (whole, Area),
+        "one-sided area of blade and sheath, the sheath's overlap counted once",
+    );
+    let [blade, sheath] = ids;
+    let width = leaf.blade.mean_width_m();
+    assembly.record(
+        blade,
+        "length",
+        (length, Length),
+        "length along the midrib from collar to tip",
+    );
+    assembly.record(
+        blade,
+        "area",
+        (areas_m2[0], Area),
+        "one-sided area of the blade",
+    );
+    assembly.record(
+        blade,
+        "width",
+        (width, Length),
+        "width across the midrib, mean over the length",
+    );
+    assembly.record(
+        blade,
+        "width_max",
+        (leaf.plan.width_m, Length),
+        "width across the midrib at the widest place",
+    );
+    let axis = shoot.culm.curve.at(leaf.sheath.to_m).tangent;
+    let insertion = leaf.blade.insertion_deg(axis, INSERTION_REACH_M);
+    let definition =
+        "angle between the culm's axis at the collar and the chord of the midrib's first 30 mm";
+    assembly.record(blade, "insertion_angle", (insertion, Angle), definition);
+    let definition = "length along the culm from node to collar, on the blade's side";
+    assembly.record(sheath, "length", (sheath_length, Length), definition);
+    assembly.record(
+        sheath,
+        "area",
+        (areas_m2[1], Area),
+        "one-sided area of the sheath, its overlap counted once",
+    );
+}
+
+/// `surface`: everything of the panicle.
+fn add_panicle_traits(
+    assembly: &mut Assembly,
+    id: LabelId,
+    grains: (LabelId, usize),
+    surface: &Mesh,
+) {
+    let volume = hull_volume(&surface.positions);
+    let definition = "volume of the convex hull of rachis, branches and grains";
+    assembly.record_whole(id, "hull_volume", (volume, Volume), definition);
+    assembly.record_whole(
+        grains.0,
+        "instances",
+        (grains.1 as f64, Count),
+        "number of grains",
+    );
+}
+
+/// Height of the pot below the soil's surface, metres.
+const POT_HEIGHT_M: f64 = 0.10;
+
+/// A clay pot about the vertical axis, filled with soil up to z = 0.
+fn add_pot(assembly: &mut Assembly, dice: &mut Dice) {
+    let wide = dice.range(0.058, 0.064);
+    let profile = [
+        (0.0, -POT_HEIGHT_M),
+        (0.72 * wide, -POT_HEIGHT_M),
+        (0.93 * wide, -0.022),
+        (wide + 0.003, -0.021),
+        (wide + 0.004, 0.004),
+        (wide + 0.002, 0.006),
+        (wide - 0.002, 0.006),
+        (wide - 0.003, 0.004),
+        (wide - 0.004, -0.006),
+    ];
+    let pot = Mesh::lathe(DVec3::ZERO, &profile, 64);
+    assembly.add(LabelId::NONE, Material::Clay, dice.texture_seed(), pot);
+    let seed = dice.texture_seed();
+    assembly.add(
+        LabelId::NONE,
+        Material::Soil,
+        seed,
+        soil(wide - 0.0035, seed),
+    );
+}
+
+/// Soil that rises up to 1.5 mm in crumbs.
+fn soil(radius_m: f64, seed: u32) -> Mesh {
+    let (rows, columns) = (30, 72);
+    Mesh::patch((rows, columns), true, |r, c| {
+        let angle = std::f64::consts::TAU * c as f64 / columns as f64;
+        let radius = radius_m * (1.0 - r as f64 / rows as f64);
+        let at = Vec2::new((radius * angle.cos()) as f32, (radius * angle.sin()) as f32);
+        let height = 0.0008 * (1.0 + f64::from(fractal_noise(at * 160.0, 3, seed)));
+        (at.as_dvec2().extend(height), at)
+    })
 }

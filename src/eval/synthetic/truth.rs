@@ -1,11 +1,14 @@
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec3, IVec3, Vec2, Vec3};
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
-use super::bitmap::encoded;
-use super::light::Light;
+use super::material::encoded;
+use super::mesh::face_normal;
 use super::model::Model;
-use super::sampling::{Spot, cover};
+use super::noise::Dice;
+use super::raster::{Raster, band_rows};
+use super::render::Light;
 use super::view::View;
-use super::visibility::visible_spots;
 use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::LabelTree;
@@ -129,4 +132,177 @@ fn count_sightings(
         }
     }
     Ok(seen)
+}
+
+/// A point on a surface of a model.
+#[derive(Debug, Clone, Copy)]
+struct Spot {
+    pub(super) triangle: u32,
+    /// Shares of the triangle's corners, sum 1.
+    pub(super) shares: [f64; 3],
+    pub(super) x: DVec3,
+}
+
+/// Candidates thrown for each point kept; the surface is then full but for a few gaps.
+const THROWS: usize = 8;
+/// Least distance of points as a share of their spacing; gives about one point per squared spacing.
+const LEAST: f64 = 0.8;
+
+/// Covers each part with points at random that keep a distance from one another (dart throwing; Cook, "Stochastic
+/// sampling in computer graphics", ACM Transactions on Graphics 1986), about one per `spacing(part)²` square metres.
+/// Parts whose spacing is `None` are left out.
+fn cover(model: &Model, seed: u64, spacing: impl Fn(usize) -> Option<f64> + Sync) -> Vec<Spot> {
+    let mut triangles_of = vec![Vec::new(); model.looks.len()];
+    for (triangle, &look) in model.look_of.iter().enumerate() {
+        triangles_of[usize::from(look)].push(triangle as u32);
+    }
+    let covered: Vec<Vec<Spot>> = triangles_of
+        .par_iter()
+        .enumerate()
+        .filter_map(|(part, triangles)| Some((part, triangles, spacing(part)?)))
+        .map(|(part, triangles, spacing)| {
+            cover_part(model, triangles, spacing, &mut Dice::new(seed, part as u64))
+        })
+        .collect();
+    covered.concat()
+}
+
+fn cover_part(model: &Model, triangles: &[u32], spacing: f64, dice: &mut Dice) -> Vec<Spot> {
+    let mut kept: Vec<Spot> = Vec::new();
+    let mut grid: FxHashMap<IVec3, Vec<u32>> = FxHashMap::default();
+    let least = LEAST * spacing;
+    for _ in 0..THROWS {
+        let mut owed = dice.range(0.0, 1.0);
+        for &triangle in triangles {
+            owed += 0.5
+                * face_normal(&model.positions, model.triangles[triangle as usize]).length()
+                / spacing.powi(2);
+            while owed >= 1.0 {
+                owed -= 1.0;
+                let spot = throw(model, triangle, dice);
+                let cell = (spot.x / least).floor().as_ivec3();
+                let near = |k: i32| cell + IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
+                let crowded =
+                    |&k: &u32| kept[k as usize].x.distance_squared(spot.x) < least * least;
+                if (0..27)
+                    .filter_map(|k| grid.get(&near(k)))
+                    .flatten()
+                    .any(crowded)
+                {
+                    continue;
+                }
+                grid.entry(cell).or_default().push(kept.len() as u32);
+                kept.push(spot);
+            }
+        }
+    }
+    kept
+}
+
+fn throw(model: &Model, triangle: u32, dice: &mut Dice) -> Spot {
+    let (mut a, mut b) = (dice.range(0.0, 1.0), dice.range(0.0, 1.0));
+    if a + b > 1.0 {
+        (a, b) = (1.0 - a, 1.0 - b);
+    }
+    let shares = [1.0 - a - b, a, b];
+    let corners = model.triangles[triangle as usize].map(|v| model.positions[v as usize]);
+    let x = corners
+        .iter()
+        .zip(shares)
+        .map(|(&corner, share)| share * corner)
+        .sum();
+    Spot {
+        triangle,
+        shares,
+        x,
+    }
+}
+
+/// A surface hides what lies more than this behind it, metres: rounding, not size.
+const BEHIND_M: f64 = 2e-5;
+
+/// Numbers of the spots that a view sees, ascending. Every spot has its own ray, so that the answer is exact and does
+/// not depend on the picture's resolution.
+fn visible_spots(model: &Model, spots: &[Spot], view: &View) -> Vec<usize> {
+    let raster = Raster::new(model, &view.camera, &view.camera_from_world);
+    let pixels = Pixels::new(spots, view);
+    let bands = (0..raster.band_count())
+        .into_par_iter()
+        .map(|band| seen_in_band(&raster, &pixels, view, band));
+    let mut seen: Vec<usize> = bands.collect::<Vec<_>>().concat();
+    seen.sort_unstable();
+    seen
+}
+
+fn seen_in_band(raster: &Raster<'_>, pixels: &Pixels, view: &View, band: usize) -> Vec<usize> {
+    let (width, rows) = (view.camera.width, band_rows(&view.camera, band));
+    let first = pixels.range(0, rows.start).start;
+    let last = pixels.range(width - 1, rows.end - 1).end;
+    let mut hidden = vec![false; last - first];
+    for facet in raster.facets(band) {
+        let (columns, rows) = facet.pixels(0..width, rows.clone());
+        for row in rows {
+            for column in columns.clone() {
+                for place in pixels.range(column, row) {
+                    let x = pixels.x_in_camera[place];
+                    let nearer = facet
+                        .depth(x / x.z)
+                        .is_some_and(|depth| depth < x.z - BEHIND_M);
+                    hidden[place - first] |= nearer;
+                }
+            }
+        }
+    }
+    (first..last)
+        .filter(|place| !hidden[place - first])
+        .map(|place| pixels.spots[place])
+        .collect()
+}
+
+/// Spots sorted by the pixel that they fall into.
+struct Pixels {
+    width: u32,
+    /// Per pixel, where its spots start in the lists below; one more at the end.
+    starts: Vec<usize>,
+    spots: Vec<usize>,
+    x_in_camera: Vec<DVec3>,
+}
+
+impl Pixels {
+    fn new(spots: &[Spot], view: &View) -> Self {
+        let (width, height) = (view.camera.width, view.camera.height);
+        let place = |(k, spot): (usize, &Spot)| {
+            let x_in_camera = view.camera_from_world.transform(spot.x);
+            let px = view.camera.project(x_in_camera)?;
+            let inside =
+                px.min_element() >= 0.0 && px.x < f64::from(width) && px.y < f64::from(height);
+            inside.then(|| {
+                (
+                    px.y as usize * width as usize + px.x as usize,
+                    k,
+                    x_in_camera,
+                )
+            })
+        };
+        let mut placed: Vec<_> = spots.par_iter().enumerate().filter_map(place).collect();
+        placed.sort_unstable_by_key(|&(pixel, k, _)| (pixel, k));
+        let mut starts = vec![0; width as usize * height as usize + 1];
+        placed
+            .iter()
+            .for_each(|&(pixel, ..)| starts[pixel + 1] += 1);
+        (1..starts.len()).for_each(|k| starts[k] += starts[k - 1]);
+        let (spots, x_in_camera) = placed.into_iter().map(|(_, k, x)| (k, x)).unzip();
+        Self {
+            width,
+            starts,
+            spots,
+            x_in_camera,
+        }
+    }
+
+    /// Places in the lists of the spots in a pixel.
+    fn range(&self, column: u32, row: u32) -> std::ops::Range<usize> {
+        let pixel = row as usize * self.width as usize + column as usize;
+        self.starts[pixel]..self.starts[pixel + 1]
+    }
 }

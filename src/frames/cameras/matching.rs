@@ -1,9 +1,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::attach::shown_camera;
+use super::given::shown_camera;
 use super::lines::invalid;
 use super::{CameraKey, GivenCameras};
-use crate::named::first_of;
+use crate::error::first_of;
 use crate::{Frame, FrameError, PictureSource};
 
 /// Seconds by which a camera's time may differ from its frame's, as in the TUM benchmark's own tools.

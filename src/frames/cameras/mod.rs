@@ -3,15 +3,10 @@
 //! Cameras refer to pictures as stored; they are turned with the picture when attached to a frame, and back when
 //! written.
 
-mod attach;
 mod colmap_binary;
-mod colmap_keypoints;
 mod colmap_model;
-mod colmap_model_out;
-mod colmap_points;
 mod colmap_text;
 mod colmap_write;
-mod depth_camera_source;
 mod detect;
 mod dtu;
 mod given;
@@ -25,14 +20,12 @@ mod trajectory_log;
 mod transforms;
 mod tum;
 
-pub use attach::attach_intrinsics;
-pub use colmap_keypoints::read_sparse_model;
-pub use colmap_points::read_sparse_points;
 pub use colmap_write::{ModelEncoding, with_text_names, write_colmap_model};
-pub use depth_camera_source::{DepthCameraSource, GivenDepthCamera};
-pub use given::{CameraKey, Focal, GivenCamera, GivenCameras, GivenIntrinsics};
-pub use intrinsics_source::IntrinsicsSource;
-pub use sparse::{SparseKeypoint, SparsePoint, SparsePoints};
+pub use given::{CameraKey, Focal, GivenCamera, GivenCameras, GivenIntrinsics, attach_intrinsics};
+pub use intrinsics_source::{DepthCameraSource, GivenDepthCamera, IntrinsicsSource};
+pub use sparse::{
+    SparseKeypoint, SparsePoint, SparsePoints, read_sparse_model, read_sparse_points,
+};
 
 #[cfg(test)]
 mod tests;

@@ -1,10 +1,11 @@
+//! A running ffmpeg that decodes a film: its pictures, and what its log says of them.
+
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{ChildStdout, Stdio};
-use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
+use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::{Builder, JoinHandle};
 
-use super::log::{FrameInfo, read_log};
 use super::programs::{Programs, command, input, not_started};
 use crate::header::MAX_PIXELS;
 use crate::{FrameError, Image};
@@ -188,6 +189,125 @@ fn read_ppm(reader: &mut impl BufRead) -> std::io::Result<Image> {
     })
 }
 
+/// What ffmpeg's filter `showinfo` reports about one decoded frame, in the order of output.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct FrameInfo {
+    /// Presentation time in seconds, on the clock of the file; `None` where the frame has none.
+    pub pts_s: Option<f64>,
+    /// Whether decoding may begin at this frame: the decoder calls it a key frame, and all of it is intra coded. Frames
+    /// where an intra refresh begins are called key frames too, but are not whole.
+    pub is_intra_key: bool,
+    /// Checksum of the decoded pixels, where it was asked for.
+    pub checksum: Option<u32>,
+    /// The latest error that ffmpeg reported before this frame, if it reported one since the previous frame.
+    pub error: Option<String>,
+}
+
+/// Parses ffmpeg's log (`-v level+repeat+info`, with `showinfo` in the filter graph) line by line.
+#[derive(Debug, Default)]
+pub(super) struct LogParser {
+    time_base_s: f64,
+    /// Errors since the latest frame: the first one.
+    error: Option<String>,
+}
+
+impl LogParser {
+    /// The frame that a line reports, if it reports one.
+    pub fn parse(&mut self, line: &str) -> Option<FrameInfo> {
+        let (source, level, info) = parts(line)?;
+        if matches!(level, "error" | "fatal" | "panic") {
+            self.take_error(source, info);
+            return None;
+        }
+        if level != "info" || !source.starts_with("[Parsed_showinfo_") {
+            return None;
+        }
+        if let Some((_, base)) = info.split_once("config in time_base: ") {
+            let fraction = base
+                .split(',')
+                .next()
+                .and_then(|base| base.trim().split_once('/'));
+            let parts =
+                fraction.and_then(|(n, d)| Some((n.parse::<f64>().ok()?, d.parse::<f64>().ok()?)));
+            self.time_base_s = parts.filter(|(_, d)| *d > 0.0).map_or(0.0, |(n, d)| n / d);
+            return None;
+        }
+        if !info.starts_with("n:") {
+            return None;
+        }
+        let pts = value(info, "pts:").and_then(|pts| pts.parse::<i64>().ok());
+        Some(FrameInfo {
+            pts_s: pts
+                .filter(|_| self.time_base_s > 0.0)
+                .map(|pts| pts as f64 * self.time_base_s),
+            is_intra_key: value(info, "iskey:") == Some("1") && value(info, "type:") == Some("I"),
+            checksum: value(info, "checksum:").and_then(|sum| u32::from_str_radix(sum, 16).ok()),
+            error: self.error.take(),
+        })
+    }
+
+    fn take_error(&mut self, source: &str, message: &str) {
+        // What ffmpeg reports about its own output is not about the video.
+        if !source.contains("[image2pipe") && !source.contains("[null @") {
+            self.error.get_or_insert_with(|| message.trim().to_owned());
+        }
+    }
+
+    /// The error that was reported after the last frame.
+    pub fn last_error(self) -> Option<String> {
+        self.error
+    }
+}
+
+/// Source, level and message of a line: `[source @ 0x5] [level] message`, with any number of sources. The message may hold
+/// text of the video itself, such as its title, so a level counts only where nothing but sources stands before it.
+fn parts(line: &str) -> Option<(&str, &str, &str)> {
+    let mut at = 0;
+    while line[at..].starts_with('[') {
+        let end = at + line[at..].find("] ")?;
+        let (word, after) = (&line[at + 1..end], end + 2);
+        if matches!(
+            word,
+            "panic" | "fatal" | "error" | "warning" | "info" | "verbose" | "debug" | "trace"
+        ) {
+            return Some((&line[..at], word, &line[after..]));
+        }
+        at = after;
+    }
+    None
+}
+
+/// The word after `key`, which begins a word itself.
+fn value<'a>(line: &'a str, key: &str) -> Option<&'a str> {
+    let at = line
+        .match_indices(key)
+        .map(|(at, _)| at)
+        .find(|&at| at == 0 || line.as_bytes()[at - 1] == b' ')?;
+    line[at + key.len()..].split_whitespace().next()
+}
+
+/// Sends what the log reports to `sender`; returns the error after the last frame. Reads to the end in any case, so that
+/// ffmpeg is not held up.
+pub(super) fn read_log(stderr: impl Read, sender: &Sender<FrameInfo>) -> Option<String> {
+    let mut parser = LogParser::default();
+    let mut reader = BufReader::new(stderr);
+    let (mut line, mut is_start) = (Vec::new(), true);
+    while reader
+        .by_ref()
+        .take(1 << 16)
+        .read_until(b'\n', &mut line)
+        .is_ok_and(|read| read > 0)
+    {
+        // The rest of an overlong line may look like a line of its own.
+        if is_start && let Some(info) = parser.parse(&String::from_utf8_lossy(&line)) {
+            let _ = sender.send(info); // fails once the decoder is dropped
+        }
+        is_start = line.ends_with(b"\n");
+        line.clear();
+    }
+    parser.last_error()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -209,5 +329,72 @@ mod tests {
         assert!(read_ppm(&mut reader).is_err());
         assert!(read_ppm(&mut b"P6\n99999999 99999999\n255\n".as_slice()).is_err());
         assert!(read_ppm(&mut b"P5\n1 1\n255\n0".as_slice()).is_err());
+    }
+
+    const FRAME: &str = "[Parsed_showinfo_0 @ 0x5] [info] n:   3 pts:   1024 pts_time:0.08    pos:       44 fmt:gbrp sar:0/1 \
+                         s:160x120 i:P iskey:1 type:I checksum:18809BF5 plane_checksum:[A7DA239A]";
+
+    #[test]
+    fn frames_are_reported_with_exact_times_and_the_error_before_them() {
+        let mut parser = LogParser::default();
+        assert_eq!(
+            parser.parse(
+                "[Parsed_showinfo_0 @ 0x5] [info] config in time_base: 1/12800, frame_rate: 25/1"
+            ),
+            None
+        );
+        assert_eq!(
+            parser.parse("[h264 @ 0x6] [error] concealing 12 DC errors"),
+            None
+        );
+        assert_eq!(
+            parser.parse("[error] Error while decoding stream #0:0"),
+            None
+        );
+        let frame = parser.parse(FRAME).unwrap();
+        assert_eq!(frame.pts_s, Some(1024.0 / 12800.0));
+        assert!(frame.is_intra_key && frame.checksum == Some(0x1880_9BF5));
+        assert_eq!(frame.error.as_deref(), Some("concealing 12 DC errors"));
+        let next = parser
+            .parse(&FRAME.replace("1024", "NOPTS").replace("type:I", "type:P"))
+            .unwrap();
+        assert!(next.pts_s.is_none() && !next.is_intra_key && next.error.is_none());
+        assert_eq!(
+            parser.parse("[Parsed_showinfo_0 @ 0x5] [info]   side data - User Data"),
+            None
+        );
+    }
+
+    #[test]
+    fn text_in_the_video_is_neither_a_frame_nor_an_error() {
+        let mut parser = LogParser::default();
+        for title in [FRAME, "a [error] b", "x] [error] b", "[error] b"] {
+            assert_eq!(
+                parser.parse(&format!("[info]     title           : {title}")),
+                None,
+                "{title}"
+            );
+            assert_eq!(
+                parser.parse(&format!("    title           : {title}")),
+                None,
+                "{title}"
+            );
+        }
+        assert_eq!(
+            parser.parse(&FRAME.replacen("[Parsed_showinfo_0", "[a_showinfo_0", 1)),
+            None
+        );
+        assert!(parser.parse(FRAME).unwrap().error.is_none());
+        assert_eq!(
+            parser.parse("[vist#0:0/h264 @ 0x5] [dec:h264 @ 0x6] [error] no frame"),
+            None
+        );
+        assert_eq!(parser.last_error().as_deref(), Some("no frame"));
+        let (sender, frames) = std::sync::mpsc::channel();
+        let overlong = format!(
+            "[info] {}{FRAME}\n",
+            " ".repeat((1 << 16) - "[info] ".len())
+        );
+        assert!(read_log(overlong.as_bytes(), &sender).is_none() && frames.try_recv().is_err());
     }
 }

@@ -235,7 +235,7 @@ impl Drop for Lease<'_> {
         if let Some(at) = state.slots.iter().position(|slot| slot.id == self.id) {
             match self.decoder.take() {
                 Some(decoder) => {
-                    (state.slots[at].decoder, state.slots[at].used) = (Some(decoder), now)
+                    (state.slots[at].decoder, state.slots[at].used) = (Some(decoder), now);
                 }
                 None => drop(state.slots.swap_remove(at)),
             }

@@ -4,7 +4,6 @@
 mod decoder;
 mod encoder;
 mod films;
-mod log;
 mod probe;
 mod programs;
 mod search;

@@ -3,10 +3,8 @@ use std::path::Path;
 use std::process::{ChildStderr, Stdio};
 use std::sync::mpsc::channel;
 
-use super::decoder::{Decoder, Start, decoding};
-use super::log::read_log;
+use super::decoder::{Decoder, Start, decoding, read_log};
 use super::programs::{Programs, command, explained, input, not_started};
-use super::search::SAME_TIME_S;
 use crate::FrameError;
 use ostra_core::job::Progress;
 use ostra_core::programs::ChildProcess;
@@ -264,7 +262,7 @@ impl Packets {
             starts_with_key: None,
         };
         let errors = ffprobe(programs, path, "packet=pts_time,flags", progress, |line| {
-            packets.take(line)
+            packets.take(line);
         })?;
         Ok((packets, errors))
     }
@@ -400,6 +398,9 @@ fn no_film(path: &Path, why: &str) -> FrameError {
         what,
     }
 }
+
+/// Two times are the same when they differ by less: they are whole steps of the same clock, rounded to microseconds.
+pub(super) const SAME_TIME_S: f64 = 5e-6;
 
 #[cfg(test)]
 mod tests {

@@ -2,7 +2,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::decoder::{Decoded, Decoder, Start};
-use super::probe::Stream;
+use super::probe::{SAME_TIME_S, Stream};
 use super::programs::Programs;
 use crate::{FrameError, Image};
 
@@ -14,9 +14,6 @@ pub(super) struct Target {
     /// Its time in seconds from the start of the file.
     pub time_s: f64,
 }
-
-/// Two times are the same when they differ by less: they are whole steps of the same clock, rounded to microseconds.
-pub(super) const SAME_TIME_S: f64 = 5e-6;
 
 /// How long before the frame asked for to seek to, one after the other, where a seek lands too late: behind leading
 /// frames that cannot be decoded without the frames before the key frame.

@@ -4,11 +4,11 @@ use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::source::{Item, Origin};
+use super::listing::{Item, Origin};
 use crate::cameras::GivenDepthCamera;
 use crate::decode::{float_white, not_depth, opaque_pixels};
+use crate::error::{NAMED, first_of};
 use crate::header::{Content, Header, check_complete, read_header};
-use crate::named::{NAMED, first_of};
 use crate::{DepthSource, Frame, FrameError, Orientation, PictureSource};
 use ostra_core::job::Progress;
 use ostra_geometry::{GeometryError, Turn};

@@ -1,10 +1,12 @@
+//! Pictures in folders, in natural order, and the items made of them.
+
+use std::cmp::Ordering;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use super::natural::natural_order;
-use crate::FrameError;
+use crate::error::first_of;
 use crate::header::FORMATS;
-use crate::named::first_of;
+use crate::{FrameError, PictureSource};
 use ostra_core::disk;
 
 /// The endings of image files, in lower case.
@@ -221,6 +223,111 @@ impl Walk {
     }
 }
 
+/// Natural order of names: runs of digits compare as numbers (`2` before `10`), the rest by character, folder by
+/// folder along `/`. Names that differ in nothing but leading zeros follow in byte order, so that only equal names
+/// compare equal.
+pub fn natural_order(a: &str, b: &str) -> Ordering {
+    let parts = a
+        .split('/')
+        .zip(b.split('/'))
+        .map(|(a, b)| compare_parts(a, b));
+    let depth = || a.split('/').count().cmp(&b.split('/').count());
+    parts
+        .fold(Ordering::Equal, Ordering::then)
+        .then_with(depth)
+        .then_with(|| a.cmp(b))
+}
+
+fn compare_parts(a: &str, b: &str) -> Ordering {
+    let (mut a, mut b) = (a, b);
+    while let (Some(first_a), Some(first_b)) = (a.chars().next(), b.chars().next()) {
+        let order = if first_a.is_ascii_digit() && first_b.is_ascii_digit() {
+            compare_numbers(take_digits(&mut a), take_digits(&mut b))
+        } else {
+            (a, b) = (&a[first_a.len_utf8()..], &b[first_b.len_utf8()..]);
+            first_a.cmp(&first_b)
+        };
+        if order.is_ne() {
+            return order;
+        }
+    }
+    a.len().cmp(&b.len())
+}
+
+fn take_digits<'a>(text: &mut &'a str) -> &'a str {
+    let end = text
+        .find(|c: char| !c.is_ascii_digit())
+        .unwrap_or(text.len());
+    let (digits, rest) = text.split_at(end);
+    *text = rest;
+    digits
+}
+
+/// Compares numbers of any length without parsing them.
+fn compare_numbers(a: &str, b: &str) -> Ordering {
+    let (a, b) = (a.trim_start_matches('0'), b.trim_start_matches('0'));
+    a.len().cmp(&b.len()).then_with(|| a.cmp(b))
+}
+
+/// Where a picture comes from, before its header is read.
+#[derive(Debug, Clone)]
+pub(super) enum Origin {
+    /// A picture file.
+    File(PathBuf),
+    /// A picture of a film, with its size as shown.
+    Film(PictureSource, (u32, u32)),
+}
+
+/// A picture without depth so far.
+pub(super) fn without_depth(picture: Listed) -> Item {
+    Item {
+        name: picture.name,
+        origin: Origin::File(picture.path),
+        depth: None,
+    }
+}
+
+/// One picture before its header is read.
+#[derive(Debug)]
+pub(super) struct Item {
+    /// Below the source; empty when the source is this one picture.
+    pub name: String,
+    /// Where the picture comes from.
+    pub origin: Origin,
+    /// The depth file that belongs to it.
+    pub depth: Option<PathBuf>,
+}
+
+impl Item {
+    /// Name and file, as pairing wants them.
+    pub fn listed(&self) -> Listed {
+        let path = match &self.origin {
+            Origin::File(path) => path.clone(),
+            Origin::Film(source, _) => source.path().into(),
+        };
+        Listed {
+            name: self.name.clone(),
+            path,
+        }
+    }
+
+    /// What tells this picture from all others: its file, and which one of the film.
+    pub fn identity(&self) -> (PathBuf, u64) {
+        match &self.origin {
+            Origin::File(path) => (path.clone(), 0),
+            Origin::Film(source, _) => source.identity(),
+        }
+    }
+
+    /// The picture file and the depth file, where there are both.
+    pub fn files_with_depth(&self) -> Option<(&Path, &Path)> {
+        match (&self.origin, &self.depth) {
+            (Origin::File(picture), Some(depth)) => Some((picture, depth)),
+            _ => None,
+        }
+    }
+}
+
 #[cfg(all(test, unix))]
 mod tests {
     use std::ffi::OsStr;
@@ -248,5 +355,62 @@ mod tests {
             warnings.len() == 1 && warnings[0].contains("2 images or folders are left out"),
             "{warnings:?}"
         );
+    }
+}
+
+#[cfg(test)]
+mod natural_tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn numbers_count_and_folders_stay_together() {
+        let mut names = [
+            "10.png",
+            "9.png",
+            "a/2.png",
+            "a-b/1.png",
+            "a/10.png",
+            "img_2b.png",
+            "img_02a.png",
+            "B.png",
+        ];
+        names.sort_by(|a, b| natural_order(a, b));
+        assert_eq!(
+            names,
+            [
+                "9.png",
+                "10.png",
+                "B.png",
+                "a/2.png",
+                "a/10.png",
+                "a-b/1.png",
+                "img_02a.png",
+                "img_2b.png"
+            ]
+        );
+    }
+
+    #[test]
+    fn numbers_longer_than_any_integer() {
+        let (a, b) = (
+            format!("1{}.png", "0".repeat(40)),
+            format!("2{}.png", "0".repeat(39)),
+        );
+        assert_eq!(natural_order(&b, &a), Ordering::Less);
+        assert_eq!(natural_order("007", "7"), Ordering::Less);
+        assert_eq!(natural_order("7", "7"), Ordering::Equal);
+    }
+
+    proptest! {
+        #[test]
+        fn it_is_a_total_order(a in "[a0-1/é]{0,6}", b in "[a0-1/é]{0,6}", c in "[a0-1/é]{0,6}") {
+            prop_assert_eq!(natural_order(&a, &b), natural_order(&b, &a).reverse());
+            prop_assert_eq!(natural_order(&a, &b).is_eq(), a == b);
+            if natural_order(&a, &b).is_le() && natural_order(&b, &c).is_le() {
+                prop_assert!(natural_order(&a, &c).is_le());
+            }
+        }
     }
 }

@@ -238,9 +238,9 @@ impl Lens {
         for _ in 0..50 {
             let middle = 0.5 * (below + above);
             if grows(middle) {
-                below = middle
+                below = middle;
             } else {
-                above = middle
+                above = middle;
             }
         }
         squared(below)

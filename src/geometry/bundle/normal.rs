@@ -53,7 +53,7 @@ impl Normal {
                     state,
                     damping,
                     out,
-                })
+                });
             };
             pieces.par_iter().zip(wave.par_iter_mut()).for_each(fill);
             let rows = self

@@ -65,7 +65,7 @@ pub(super) fn edge_map(
     suppress_surround(&mut right, &mut down, width, height);
     if let Some((depth, _)) = depth {
         let add = |(step, &depth): (&mut Step, &f32)| {
-            step.strength = 1.0 - (1.0 - step.strength) * (1.0 - depth)
+            step.strength = 1.0 - (1.0 - step.strength) * (1.0 - depth);
         };
         right.par_iter_mut().zip(&depth.right).for_each(add);
         down.par_iter_mut().zip(&depth.down).for_each(add);

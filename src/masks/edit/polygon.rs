@@ -13,7 +13,7 @@ use crate::{MaskError, Region};
 pub fn fill_polygons(width: u32, height: u32, rings: &[Vec<DVec2>]) -> Result<Region, MaskError> {
     let mut region = Region::empty(width, height);
     polygon_spans(width, height, rings, |pixels| {
-        region.inside[pixels].fill(true)
+        region.inside[pixels].fill(true);
     })?;
     Ok(region)
 }

@@ -161,7 +161,7 @@ impl Pull {
         let mut ring = self.gives_way.clone();
         ring.push(self.to_px);
         winding_spans(self.width, self.height, &ring, |pixels, turns| {
-            emit(pixels, turns > 0)
+            emit(pixels, turns > 0);
         })
     }
 }
@@ -185,7 +185,7 @@ pub fn pull(
     let empty = Region::empty(mask.width, mask.height);
     let (mut comes, mut goes) = (empty.clone(), empty);
     pull.spans(|pixels, inside| {
-        if inside { &mut comes } else { &mut goes }.inside[pixels].fill(true)
+        if inside { &mut comes } else { &mut goes }.inside[pixels].fill(true);
     })?;
     Ok(assign(mask, &comes, label, rule, tree)? + erase(mask, &goes, Some(label))?)
 }

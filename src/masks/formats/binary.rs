@@ -7,7 +7,8 @@ use super::files::{FoundFile, in_parallel, invalid, list_files, unless_stopped, 
 use super::frame_names::NameIndex;
 use super::labels_json::{listed_labels, write_labels_json};
 use super::layers::{contested_warning, stacked};
-use super::png_values::{HowRead, PngValues, Stored, encode_png, reconcile_cut_outs};
+use super::png_decode::Stored;
+use super::png_values::{HowRead, PngValues, encode_png, reconcile_cut_outs};
 use super::skipped::Skipped;
 use crate::{LabelId, LabelTree, MaskError, RunMask};
 use ostra_core::disk;

@@ -13,7 +13,8 @@ use super::grey_kinds::{
     meaning_of_white, white_as_one,
 };
 use super::labels_json::{Listed, ids_of_colors, listed_labels, write_labels_json};
-use super::png_values::{HowRead, PngValues, Stored, encode_png, reconcile_cut_outs};
+use super::png_decode::Stored;
+use super::png_values::{HowRead, PngValues, encode_png, reconcile_cut_outs};
 use super::skipped::Skipped;
 use crate::{LabelId, LabelMask, LabelTree, MaskError, RunMask};
 use ostra_core::job::Progress;

@@ -252,7 +252,7 @@ fn read_lines(file: &FoundFile) -> Result<FileLines, MaskError> {
     {
         let mut skip = |what| {
             read.skipped
-                .add(what, format!("'{}', line {number}", file.stem))
+                .add(what, format!("'{}', line {number}", file.stem));
         };
         let mut words = text.split_whitespace();
         let Some(class) = words.next().and_then(class_number) else {

@@ -116,7 +116,7 @@ pub(super) fn filled(
             edge(at - 1, right_px[at - 1]),
         ];
         polygon_spans(width, height, &[quad], |pixels| {
-            region.inside[pixels].fill(true)
+            region.inside[pixels].fill(true);
         })?;
     }
     Ok(region)

@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use glam::{DVec2, DVec3};
 
 use super::extract::{PictureFeatures, of_picture};
-use super::pipeline::SfmRequest;
+use super::request::SfmRequest;
 use super::{IntrinsicsSource, KeypointId, MapProblem, Outcome, SfmError, SparseModel};
 use ostra_frames::{Frame, FrameCamera, FrameStore};
 use ostra_geometry::{

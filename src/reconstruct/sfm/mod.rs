@@ -2,7 +2,6 @@
 
 mod account;
 mod cache;
-mod correspondences;
 mod error;
 mod extract;
 mod features;
@@ -10,24 +9,20 @@ mod groups;
 mod locate;
 mod mapper;
 pub mod matching;
-mod model;
 pub mod onnx;
 mod pairs;
 mod pipeline;
 mod problem;
-mod result;
+mod request;
 pub mod retrieval;
 mod scale;
 mod second_chance;
 pub mod sift;
-mod sift_extractor;
 mod tilted;
 mod undistort;
-mod verify;
 
 pub use account::Outcome;
 pub use cache::{CachedExtractor, CachedMatcher, FeatureCache};
-pub use correspondences::Correspondences;
 pub use error::SfmError;
 pub use extract::{AllowedPixels, PictureFeatures};
 pub use features::{
@@ -35,14 +30,13 @@ pub use features::{
 };
 pub use groups::CameraGroups;
 pub use mapper::{Mapped, MapperOptions, Refusal, Start, map};
-
-pub use model::{ModelPoint, SparseModel};
-pub use pairs::{PairOptions, choose_pairs};
-pub use pipeline::{SfmRequest, structure_from_motion};
-pub use problem::{IntrinsicsSource, KeypointId, MapCamera, MapImage, MapProblem, VerifiedPair};
-pub use result::SfmResult;
+pub use pairs::{PairOptions, TriedPair, choose_pairs, match_pairs};
+pub use pipeline::structure_from_motion;
+pub use problem::{
+    Correspondences, IntrinsicsSource, KeypointId, MapCamera, MapImage, MapProblem, ModelPoint,
+    SparseModel, VerifiedPair,
+};
+pub use request::{SfmRequest, SfmResult};
 pub use scale::{MetricScale, metric_scale};
-pub use sift::SiftOptions;
-pub use sift_extractor::Sift;
+pub use sift::{Sift, SiftOptions};
 pub use undistort::{for_each_source, undistort_image, undistort_mask, undistorted_camera};
-pub use verify::{TriedPair, match_pairs};

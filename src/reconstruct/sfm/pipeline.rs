@@ -1,39 +1,16 @@
 use std::collections::BTreeMap;
 
 use super::account::{Outcome, outcomes, why_no_start};
-use super::extract::{AllowedPixels, PictureFeatures, extract};
+use super::extract::{PictureFeatures, extract};
 use super::locate::{Located, Locator};
-use super::result::{error_px, frame_cameras, sparse_points};
+use super::request::{SfmRequest, error_px, frame_cameras, sparse_points};
 use super::second_chance::{Attempt, second_chance};
 use super::{
-    CameraGroups, FeatureExtractor, FeatureMatcher, Features, KeypointId, MapImage, MapProblem,
-    Mapped, MapperOptions, PairOptions, SfmError, SfmResult, SparseModel, TriedPair, choose_pairs,
-    map, match_pairs, metric_scale,
+    CameraGroups, Features, KeypointId, MapImage, MapProblem, Mapped, SfmError, SfmResult,
+    SparseModel, TriedPair, choose_pairs, map, match_pairs, metric_scale,
 };
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore, PictureSource};
-
-/// What structure from motion is to do.
-pub struct SfmRequest<'a> {
-    /// All frames of the project.
-    pub frames: &'a [Frame],
-    /// Numbers of those that make the map, ascending.
-    pub mapped: &'a [usize],
-    /// Numbers of those that are then placed in it, ascending.
-    pub located: &'a [usize],
-    /// Whether poses that frames have stay as they are; else all are found anew.
-    pub keep_poses: bool,
-    /// Where features may lie.
-    pub allowed: AllowedPixels<'a>,
-    /// Finds features.
-    pub extractor: &'a dyn FeatureExtractor,
-    /// Matches them.
-    pub matcher: &'a dyn FeatureMatcher,
-    /// Which pairs are matched, by place among the mapped frames.
-    pub pairs: PairOptions,
-    /// How the map is grown.
-    pub mapper: MapperOptions,
-}
 
 /// Cameras and sparse points from pictures: features, matches, incremental mapping; then the frames between are placed
 /// in the map, and the scale is taken from depth where there is any and no pose was given. Stopped while it maps or
@@ -111,7 +88,7 @@ pub fn structure_from_motion(
     match finish(&locator, store, &mut result, progress) {
         // What is kept has its scale all the same: nothing could give it later.
         Err(SfmError::Stopped(_)) => {
-            scale_to_metres(request, store, &mut result, &Progress::default())?
+            scale_to_metres(request, store, &mut result, &Progress::default())?;
         }
         finished => finished?,
     }

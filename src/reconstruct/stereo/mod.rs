@@ -7,23 +7,18 @@ mod gpu;
 mod maps;
 pub mod patchmatch;
 mod pipeline;
-mod range;
 mod raster;
 mod select;
 mod sparse;
 #[cfg(test)]
 mod tests;
-mod tracks;
 
 pub use error::StereoError;
 pub use filter::FilterOptions;
 pub use fusion::{Contributor, DenseCloud, FusedView, FusionOptions, fuse_depths};
 pub use gpu::Engine;
-pub use maps::DepthEstimate;
-pub use pipeline::{
-    DepthStore, MemoryDepths, RasterMask, Stage, StereoOptions, StereoRequest, ViewOutcome,
-    estimate_depths,
-};
+pub use maps::{DepthEstimate, DepthStore, MemoryDepths, Stage};
+pub use pipeline::{RasterMask, StereoOptions, StereoRequest, ViewOutcome, estimate_depths};
 pub use raster::{raster_camera, raster_image};
 pub use select::{SelectOptions, SourceView, select_sources};
 pub use sparse::{SparseOptions, sparse_from_cameras};

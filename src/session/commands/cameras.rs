@@ -1,47 +1,35 @@
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::{Result, ensure};
 
-use super::reconstruct::{given, is_posed};
+pub use super::found_cameras::{Cameras, Poses, calibrated, edits, record, unplaced};
+use super::reconstruct::is_posed;
 use crate::Event;
 use crate::Session;
 use crate::engines::{extractor, identity, matcher, registration};
 use crate::growing::Placed;
 use crate::jobs::Link;
 use ostra_core::job::{Progress, Stopped};
-use ostra_frames::cameras::{ModelEncoding, SparsePoints, write_colmap_model};
-use ostra_frames::{DepthSource, Frame, FrameCamera, FrameStore};
+use ostra_frames::cameras::{ModelEncoding, write_colmap_model};
+use ostra_frames::{DepthSource, Frame, FrameStore};
 use ostra_masks::LabelId;
 use ostra_project::store::{
     feature_cache_path, save_links, save_outcomes, sparse_path, sync_folder,
 };
-use ostra_project::{Coordinates, Edit, Project, ReconstructRequest, ResultKind, ResultRecord};
+use ostra_project::{Coordinates, Edit, Project, ReconstructRequest, ResultRecord};
 use ostra_reconstruct::rgbd::{
-    Calibration, FrameLink, RgbdOptions, RgbdRequest, RgbdResult, calibrate, register_rgbd,
+    Calibration, RgbdOptions, RgbdRequest, RgbdResult, calibrate, register_rgbd,
 };
 use ostra_reconstruct::sfm::{
     CachedExtractor, CachedMatcher, FeatureCache, FeatureExtractor, FeatureMatcher, MapperOptions,
-    Outcome, PairOptions, SfmRequest, SfmResult, Start, structure_from_motion,
+    PairOptions, SfmRequest, SfmResult, structure_from_motion,
 };
-
-/// What becomes of poses that frames have.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Poses {
-    /// All are found anew.
-    Anew,
-    /// They stay, and the other frames are placed beside them.
-    Kept,
-}
-
-/// Warnings about frames left out that are told one by one.
-const TOLD: usize = 20;
 
 /// What finds cameras.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Finder {
+pub enum Finder {
     /// Structure from motion.
     Sfm(Poses),
     /// Registration by depth and pictures; all poses are found anew.
@@ -49,7 +37,7 @@ pub(super) enum Finder {
 }
 
 /// What finding cameras works on.
-pub(super) struct CameraWork {
+pub struct CameraWork {
     pub project: Arc<Project>,
     pub root: PathBuf,
     pub store: Arc<FrameStore>,
@@ -68,95 +56,6 @@ pub(super) struct FoundCameras {
     warnings: Vec<String>,
     /// Whether it was stopped and is a part of what it could be.
     pub stopped: bool,
-}
-
-/// Cameras, whatever found them.
-struct Cameras {
-    engine: &'static str,
-    /// What was done and what came of it, in words.
-    settings: String,
-    /// By frame number.
-    cameras: BTreeMap<usize, FrameCamera>,
-    sparse: SparsePoints,
-    outcomes: BTreeMap<usize, Outcome>,
-    /// What ties frames together, where depth does.
-    links: Vec<FrameLink>,
-    /// Cameras of pictures that were found not to lie on their depths.
-    calibrations: Vec<Calibration>,
-    /// Whether they stand in the coordinates of poses that were kept.
-    is_anchored: bool,
-    /// Whether lengths are metres, where they are not anchored.
-    is_metric: bool,
-    /// What the user should know.
-    warnings: Vec<String>,
-    stopped: bool,
-}
-
-impl From<SfmResult> for Cameras {
-    fn from(result: SfmResult) -> Self {
-        let (engine, settings) = ("sfm", settings(&result));
-        let (is_anchored, is_metric) = (result.start == Start::Given, result.scale.is_some());
-        let SfmResult {
-            cameras,
-            sparse,
-            outcomes,
-            warnings,
-            stopped,
-            ..
-        } = result;
-        let (links, calibrations) = Default::default();
-        Self {
-            engine,
-            settings,
-            cameras,
-            sparse,
-            outcomes,
-            links,
-            calibrations,
-            is_anchored,
-            is_metric,
-            warnings,
-            stopped,
-        }
-    }
-}
-
-impl From<(RgbdResult, Vec<Calibration>)> for Cameras {
-    fn from((result, calibrations): (RgbdResult, Vec<Calibration>)) -> Self {
-        let RgbdResult {
-            cameras,
-            outcomes,
-            links,
-            stopped,
-        } = result;
-        let held = links.iter().filter(|link| link.holds).count();
-        let contradicted = links.len() - held;
-        let begun = if stopped { "stopped with " } else { "" };
-        let mut settings = format!(
-            "{begun}{} of {} frames by depth, {held} links",
-            cameras.len(),
-            outcomes.len()
-        );
-        if contradicted > 0 {
-            settings += &format!(", {contradicted} contradicted by the others");
-        }
-        calibrations
-            .iter()
-            .for_each(|calibration| settings += &format!("; {calibration}"));
-        Self {
-            engine: "rgbd",
-            settings,
-            cameras,
-            sparse: SparsePoints::default(),
-            outcomes,
-            links,
-            calibrations,
-            is_anchored: false,
-            is_metric: true,
-            warnings: Vec::new(),
-            stopped,
-        }
-    }
 }
 
 impl CameraWork {
@@ -383,140 +282,6 @@ impl FoundCameras {
         session.warn_all(self.warnings);
         Ok(())
     }
-}
-
-fn edits(project: &Project, result: &Cameras, poses: Poses, record: ResultRecord) -> Vec<Edit> {
-    let calibrated = calibrated(&project.frames, &result.calibrations);
-    let frames = calibrated.iter().enumerate();
-    let mut edits: Vec<Edit> = frames
-        .clone()
-        .map(|(frame, known)| Edit::SetCamera {
-            frame,
-            camera: camera(known, result.cameras.get(&frame), poses),
-        })
-        .collect();
-    let numbers = result
-        .calibrations
-        .iter()
-        .flat_map(|calibration| &calibration.frames);
-    edits.extend(numbers.map(|&frame| Edit::SetDepth {
-        frame,
-        depth: calibrated[frame].depth.clone(),
-    }));
-    if matches!(poses, Poses::Anew) {
-        edits.push(Edit::SetOrigin {
-            origin: glam::DVec3::ZERO,
-        });
-    }
-    edits.push(Edit::SetResult {
-        kind: ResultKind::Cameras,
-        record: Some(record),
-    });
-    let measured = frames
-        .clone()
-        .filter(|(_, frame)| frame.has_sensor_depth())
-        .count();
-    let made = frames.filter(|(_, frame)| frame.depth.is_some()).count() > measured;
-    if measured > 0 && !made {
-        edits.push(given(ResultKind::Depths, measured, ""));
-    }
-    edits
-}
-
-fn calibrated(frames: &[Frame], calibrations: &[Calibration]) -> Vec<Frame> {
-    let mut frames = frames.to_vec();
-    calibrations
-        .iter()
-        .for_each(|calibration| calibration.apply(&mut frames));
-    frames
-}
-
-/// The camera that a frame has after it: where none was found, a pose found anew leaves only given intrinsics.
-fn camera(known: &Frame, found: Option<&FrameCamera>, poses: Poses) -> Option<FrameCamera> {
-    match (found, poses) {
-        (Some(found), _) => Some(*found),
-        (None, Poses::Kept) => known.camera,
-        (None, Poses::Anew) => known
-            .camera
-            .filter(|camera| !camera.estimated)
-            .map(|camera| FrameCamera {
-                camera_from_world: None,
-                ..camera
-            }),
-    }
-}
-
-fn record(result: &Cameras, took: Duration) -> ResultRecord {
-    ResultRecord {
-        engine: result.engine.into(),
-        frames: result.cameras.len(),
-        seconds: took.as_secs_f64(),
-        stale: false,
-        settings: result.settings.clone(),
-        ..ResultRecord::default()
-    }
-}
-
-fn settings(result: &SfmResult) -> String {
-    let [features, matcher] = result.methods;
-    let of = result.outcomes.len();
-    let mut text = format!(
-        "{}{} of {of} frames by {features} + {matcher}, {} points",
-        if result.stopped { "stopped with " } else { "" },
-        result.cameras.len(),
-        result.sparse.points.len()
-    );
-    let mut errors: Vec<f64> = result
-        .sparse
-        .points
-        .iter()
-        .filter_map(|point| point.error_px)
-        .collect();
-    errors.sort_unstable_by(f64::total_cmp);
-    if let Some(median) = errors.get(errors.len() / 2) {
-        text += &format!(", median error {median:.2} px");
-    }
-    if result.models.len() > 1 {
-        let others: Vec<String> = result.models[1..].iter().map(ToString::to_string).collect();
-        text += &format!(
-            ", left out another model of {} frames",
-            others.join(" and one of ")
-        );
-    }
-    match &result.scale {
-        Some(scale) => {
-            text + &format!(
-                ", scale from {} depths ± {:.1} %",
-                scale.samples,
-                100.0 * scale.spread
-            )
-        }
-        None => text,
-    }
-}
-
-/// One line per frame without a camera, up to a number.
-fn unplaced(frames: &[Frame], result: &Cameras) -> Vec<String> {
-    let out = result
-        .outcomes
-        .iter()
-        .filter(|(_, outcome)| !outcome.is_placed());
-    let name = |frame: usize| frames[frame].name.as_str();
-    left_out(
-        out.map(|(&frame, why)| format!("{} has no camera: {}", name(frame), why.text(name)))
-            .collect(),
-        "camera",
-    )
-}
-
-/// The first lines about frames left out, and how many more there are.
-pub(super) fn left_out(mut lines: Vec<String>, lacking: &str) -> Vec<String> {
-    let more = lines.len().saturating_sub(TOLD);
-    lines.truncate(TOLD);
-    if more > 0 {
-        lines.push(format!("{more} more frames have no {lacking}"));
-    }
-    lines
 }
 
 /// Points, keypoints and what became of each frame, under the version's number.

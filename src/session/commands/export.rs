@@ -2,45 +2,25 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, bail};
 
+use super::export_checks::{
+    check, check_targets, first_renamed, mask_format, outdated, output_files, output_folders,
+};
+pub use super::export_sources::Sources;
 use crate::Session;
-use crate::cloud::read_votes_on;
 use crate::{Kind, Landing};
 use ostra_cloud::LabelledCloud;
-use ostra_cloud::formats::{CloudFormat, MeshFormat, VoxelFormat, origin_path, save_origin};
-use ostra_cloud::fuse::Votes;
+use ostra_cloud::formats::{CloudFormat, save_origin};
 use ostra_cloud::measure::LengthUnit;
-use ostra_cloud::ply::{label_paths, read_ply, twin_path};
+use ostra_cloud::ply::read_ply;
 use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_frames::cameras::{ModelEncoding, SparsePoints, with_text_names, write_colmap_model};
-use ostra_frames::{Frame, FrameStore};
-use ostra_masks::{Label, LabelId, LabelTree, MaskFormat};
+use ostra_masks::{Label, LabelId, LabelTree};
 use ostra_project::export_targets::ExportTargets;
 use ostra_project::store::{cloud_path, read_sparse, version_in_force, votes_path};
-use ostra_project::{ExportRequest, Project, ResultKind};
-
-/// What an export reads: snapshots.
-pub(super) struct Sources {
-    pub(super) project: Arc<Project>,
-    pub(super) store: Arc<FrameStore>,
-    /// The labelled cloud in memory, or where it lies.
-    cloud: Option<Arc<LabelledCloud>>,
-    cloud_votes: Option<Arc<Votes>>,
-    cloud_file: Option<PathBuf>,
-    /// The project's folder; `None` for a PLY that is inspected.
-    root: Option<PathBuf>,
-    /// Where the surface lies that was made with the cloud, and the edge of its voxels.
-    pub(super) surface: Option<(PathBuf, f64)>,
-    votes_file: Option<PathBuf>,
-    /// Of lengths in the cloud and its surface.
-    unit: LengthUnit,
-    /// What the cloud was made of has changed since.
-    is_stale: bool,
-    /// The labels of the cloud in memory are those of the masks now.
-    follows: bool,
-}
+use ostra_project::{ExportRequest, ResultKind};
 
 impl Session {
     pub(crate) fn export(&mut self, request: &ExportRequest) -> Result<JobId> {
@@ -98,90 +78,6 @@ impl Session {
             unit,
         })
     }
-}
-
-fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
-    let ExportRequest {
-        cloud,
-        mesh,
-        voxels,
-        cameras,
-        undistorted,
-        masks,
-        depths,
-        traits,
-        ..
-    } = request;
-    let anything = [
-        cloud,
-        mesh,
-        voxels,
-        cameras,
-        undistorted,
-        masks,
-        depths,
-        traits,
-    ]
-    .into_iter()
-    .any(Option::is_some);
-    ensure!(
-        anything,
-        "nothing to export was named; choose a cloud, mesh, voxels, cameras, masks, depths or traits"
-    );
-    let has_cloud = sources.cloud.is_some() || sources.cloud_file.is_some();
-    let of_cloud = [cloud, mesh, voxels, traits]
-        .into_iter()
-        .any(Option::is_some);
-    ensure!(
-        has_cloud || !of_cloud,
-        "the project has no cloud yet; fuse first"
-    );
-    cloud.as_deref().map(CloudFormat::of).transpose()?;
-    mesh.as_deref().map(MeshFormat::of).transpose()?;
-    voxels.as_deref().map(VoxelFormat::of).transpose()?;
-    ensure!(
-        (mesh.is_none() && voxels.is_none()) || sources.surface.is_some(),
-        "this cloud has no surface; fuse the project's depths (not onto a given cloud)"
-    );
-    let frames = &sources.project.frames;
-    ensure!(
-        (cameras.is_none() && undistorted.is_none())
-            || frames.iter().any(|frame| frame.posed_camera().is_some()),
-        "no frame has a camera with a pose; give cameras or reconstruct first"
-    );
-    ensure!(
-        depths.is_none() || frames.iter().any(|frame| frame.depth.is_some()),
-        "no frame has depth; give depth pictures first"
-    );
-    mask_format(request)?;
-    check_unit(request, sources)?;
-    ensure!(
-        request.level != Some(0),
-        "levels count from 1, the top level"
-    );
-    Ok(())
-}
-
-/// Refuses metric lengths of a cloud whose scale is not known. Of a PLY that is inspected alone the user knows the unit.
-fn check_unit(request: &ExportRequest, sources: &Sources) -> Result<()> {
-    let is_known = sources.unit != LengthUnit::World || sources.root.is_none();
-    let Some(unit) = request
-        .unit
-        .filter(|&unit| unit != LengthUnit::World && !is_known)
-    else {
-        return Ok(());
-    };
-    let scaled = sources.project.coordinates().unit != LengthUnit::World;
-    let what = match scaled {
-        true => "the cloud is older than the scale of the cameras; fuse again",
-        false => {
-            "set it by a known length ('ostra scale', or the ruler of the 3-D view), or leave the unit out"
-        }
-    };
-    bail!(
-        "traits cannot be given in {}, the scale of the cloud is not known: {what}",
-        unit.sign()
-    )
 }
 
 /// Writes what was asked for; returns what the user should know.
@@ -294,125 +190,6 @@ fn write_targets(
     Ok(warnings)
 }
 
-fn first_renamed<'a>(before: &'a [Frame], after: &'a [Frame]) -> Option<(&'a str, &'a str)> {
-    before
-        .iter()
-        .zip(after)
-        .map(|(before, after)| (&*before.name, &*after.name))
-        .find(|(before, after)| before != after)
-}
-
-fn output_folders(request: &ExportRequest) -> impl Iterator<Item = &Path> {
-    [
-        &request.cameras,
-        &request.undistorted,
-        &request.masks,
-        &request.depths,
-    ]
-    .into_iter()
-    .flatten()
-    .map(PathBuf::as_path)
-}
-
-/// All files that an export may write besides those in folders; with `per_label` one for each label of `tree`.
-fn output_files(request: &ExportRequest, tree: &LabelTree) -> Vec<PathBuf> {
-    let mut files = Vec::new();
-    for path in [&request.cloud, &request.mesh, &request.voxels]
-        .into_iter()
-        .flatten()
-    {
-        files.push(origin_path(path));
-        let mut of_path = vec![path.clone()];
-        if request.twin {
-            of_path.push(twin_path(path));
-        }
-        if request.per_label {
-            of_path.extend(label_paths(path, &every_label(tree)).into_values());
-        }
-        let materials: Vec<PathBuf> = of_path
-            .iter()
-            .filter_map(|file| MeshFormat::materials_path(file))
-            .collect();
-        files.extend(of_path.into_iter().chain(materials));
-    }
-    files.extend(request.cloud.as_deref().map(CloudFormat::classes_path));
-    files.extend(request.traits.clone());
-    files
-}
-
-/// A cloud with a point of each label and one without.
-fn every_label(tree: &LabelTree) -> LabelledCloud {
-    let labels: Vec<LabelId> = std::iter::once(LabelId::NONE)
-        .chain(tree.iter().map(|label| label.id))
-        .collect();
-    let places = LabelledCloud::from_positions(vec![glam::Vec3::ZERO; labels.len()]);
-    LabelledCloud {
-        labels,
-        tree: tree.clone(),
-        ..places
-    }
-}
-
-/// Refuses places that an export must not write to, before anything is written.
-fn check_targets(request: &ExportRequest, targets: &ExportTargets) -> Result<()> {
-    let without_labels = ExportRequest {
-        per_label: false,
-        ..request.clone()
-    };
-    let files = output_files(&without_labels, &LabelTree::default());
-    targets.check_files(files.iter().map(PathBuf::as_path))?;
-    let folders: Vec<&Path> = output_folders(request).collect();
-    for (at, folder) in folders.iter().enumerate() {
-        targets.check_folder(folder)?;
-        if let Some(other) = folders[..at]
-            .iter()
-            .find(|other| folder.starts_with(other) || other.starts_with(folder))
-        {
-            bail!(
-                "{} and {} would share a folder; give each kind of result a folder of its own",
-                other.display(),
-                folder.display()
-            );
-        }
-    }
-    Ok(())
-}
-
-/// A warning where the points or triangles were made of something that has changed since.
-fn outdated(request: &ExportRequest, sources: &Sources) -> Option<String> {
-    if !sources.is_stale {
-        return None;
-    }
-    let of_points = [&request.cloud, &request.voxels, &request.traits]
-        .into_iter()
-        .any(Option::is_some);
-    let mut told = Vec::new();
-    if of_points && sources.follows {
-        told.push("the cloud has the labels of now but the points that were fused");
-    } else if of_points {
-        told.push("the cloud is written as it was fused");
-    }
-    if request.mesh.is_some() {
-        told.push("the mesh is written as it was fused");
-    }
-    let text = || {
-        format!(
-            "{}, and something that it was made from has changed since; fuse again",
-            told.join(", ")
-        )
-    };
-    (!told.is_empty()).then(text)
-}
-
-fn mask_format(request: &ExportRequest) -> Result<MaskFormat> {
-    Ok(request
-        .mask_format
-        .as_deref()
-        .map(str::parse)
-        .transpose()?
-        .unwrap_or_default())
-}
-
 /// The cloud, under the label names of today.
 fn load_cloud(sources: &Sources, progress: &Progress) -> Result<LabelledCloud> {
     let mut cloud = match (&sources.cloud, &sources.cloud_file) {
@@ -428,34 +205,6 @@ fn load_cloud(sources: &Sources, progress: &Progress) -> Result<LabelledCloud> {
         cloud.tree = sources.tree_of_today(&cloud.tree);
     }
     Ok(cloud)
-}
-
-impl Sources {
-    /// The project's labels; those taken out since a result was made keep their former names in it.
-    pub(super) fn tree_of_today(&self, former: &LabelTree) -> LabelTree {
-        let mut tree = self.project.labels.clone();
-        for label in former
-            .iter()
-            .filter(|label| self.project.labels.get(label.id).is_none())
-        {
-            let _ = tree.set(Label {
-                parent: None,
-                ..label.clone()
-            });
-        }
-        tree
-    }
-
-    /// How the cloud of so many points was voted on; `None` for a PLY that is inspected.
-    pub(super) fn votes(&self, points: usize) -> Result<Option<Arc<Votes>>> {
-        let of = |path: &Path| read_votes_on(path, points, &self.project.frames);
-        let read = || self.votes_file.as_deref().map(of).transpose();
-        if self.cloud_votes.is_some() {
-            Ok(self.cloud_votes.clone())
-        } else {
-            Ok(read()?.map(Arc::new))
-        }
-    }
 }
 
 fn write_cloud(

@@ -2,7 +2,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 
-use super::export::Sources;
+pub use super::export_sources::Sources;
 use ostra_cloud::formats::{MeshFormat, VoxelFormat, save_origin};
 use ostra_cloud::fuse::ProjectViews;
 use ostra_cloud::ply::{Coloring, label_paths, read_mesh, save_per_label, twin_path};

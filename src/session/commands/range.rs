@@ -24,19 +24,19 @@ impl Session {
             RangeChange::Split { .. } => return self.in_a_job(request, title, labels).map(Some),
             RangeChange::Delete => delete(&project, request, &labels),
             RangeChange::Restore => mark(&project, &labels, |marks| {
-                marks.absent.remove(request.from, request.to)
+                marks.absent.remove(request.from, request.to);
             }),
             RangeChange::Lock => mark(&project, &labels, |marks| {
-                marks.locked.insert(request.from, request.to)
+                marks.locked.insert(request.from, request.to);
             }),
             RangeChange::Unlock => mark(&project, &labels, |marks| {
-                marks.locked.remove(request.from, request.to)
+                marks.locked.remove(request.from, request.to);
             }),
             RangeChange::Hide => mark(&project, &labels, |marks| {
-                marks.hidden.insert(request.from, request.to)
+                marks.hidden.insert(request.from, request.to);
             }),
             RangeChange::Show => mark(&project, &labels, |marks| {
-                marks.hidden.remove(request.from, request.to)
+                marks.hidden.remove(request.from, request.to);
             }),
             RangeChange::Merge { into } => merge(&project, request, &labels, into),
             RangeChange::Copy { frame } => copy(&project, request, &labels, frame)?,
@@ -195,7 +195,7 @@ fn delete(project: &Project, request: &RangeRequest, labels: &BTreeSet<LabelId>)
             }
         };
         changed(project, frame, mask, mask.runs.map_ids(gone), |sure| {
-            sure.retain(|id, _| !labels.contains(id))
+            sure.retain(|id, _| !labels.contains(id));
         })
     }));
     edits.extend(labels.iter().filter_map(|&label| {

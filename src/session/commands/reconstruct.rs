@@ -2,7 +2,8 @@ use std::sync::Arc;
 
 use anyhow::{Result, ensure};
 
-use super::cameras::{CameraWork, Finder, Poses};
+pub use super::cameras::{CameraWork, Finder};
+use super::found_cameras::Poses;
 use super::stereo::{StereoWork, make_depths};
 use crate::Session;
 use crate::{Kind, Landing};

@@ -267,7 +267,7 @@ impl Scaling {
 impl ScaledResults {
     /// The edits that put everything in force on a project which still has the frames and files of before. Nothing becomes
     /// stale by them: what fitted before fits as before.
-    pub(super) fn edits(&self, scaling: &Scaling, now: &Project) -> Vec<Edit> {
+    pub fn edits(&self, scaling: &Scaling, now: &Project) -> Vec<Edit> {
         let numbered = || self.frames.iter().enumerate();
         let origin = now.origin * scaling.factor;
         let mut edits: Vec<Edit> = if origin == now.origin {

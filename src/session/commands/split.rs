@@ -138,7 +138,7 @@ fn piece_edits(
     }
     let sure = mask.confidence.get(&cut.label).copied();
     let edit = changed(project, frame, mask, RunMask::encode(&pixels), |all| {
-        all.extend(sure.map(|sure| (cut.into, sure)))
+        all.extend(sure.map(|sure| (cut.into, sure)));
     });
     edit.into_iter()
         .chain(moved_clicks(project, cut, frame, part))

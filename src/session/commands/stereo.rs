@@ -6,7 +6,7 @@ use std::time::Instant;
 use anyhow::{Result, ensure};
 use sha2::{Digest, Sha256};
 
-use super::cameras::left_out;
+use super::found_cameras::left_out;
 use crate::Session;
 use crate::engines::{identity, matcher};
 use crate::growing::Shown;

@@ -94,7 +94,7 @@ impl Sources<'_> {
             match reconstruct_surface(&views, &options, progress) {
                 // A size that nobody asked for may be larger: few frames were looked at to choose it.
                 Err(SceneError::TooLarge { .. }) if self.request.voxel.is_none() => {
-                    options.voxel *= COARSER
+                    options.voxel *= COARSER;
                 }
                 Err(error @ (SceneError::TooLarge { .. } | SceneError::Request(_))) => {
                     return Ok(Made::Nothing(Some(format!("no surface was made: {error}"))));

@@ -129,7 +129,7 @@ fn write_frame(
 ///
 /// # Errors
 /// The first of them, where no other frame was exported.
-pub(super) fn left_out(
+pub fn left_out(
     folder: &Path,
     what: &str,
     unreadable: Vec<Option<FrameError>>,

@@ -2,9 +2,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::DVec2;
 
-use super::parting::VoxelClick;
-use super::surfaces::Surfaces;
-use super::voxel_set::VoxelSet;
+use super::surfaces::{Surfaces, VoxelClick, VoxelSet};
 use crate::carry::{CarryOptions, Completion, PixelBox, Tolerance, Viewpoint, belonging, passing};
 use ostra_cloud::SceneError;
 use ostra_core::job::Progress;

@@ -1,14 +1,11 @@
 //! What hangs together in space: the surfaces that several frames see, parted in many ways, and the segmenter
 //! `geometry` that takes a thing by what most of those ways agree on.
 
-mod border;
 mod frame;
-mod parting;
 mod segmenter;
 mod supervoxels;
 mod surfaces;
 mod tree;
-mod voxel_set;
 mod voxels;
 
 pub use segmenter::GeometrySegmenter;

@@ -3,8 +3,7 @@ use std::collections::BinaryHeap;
 
 use rustc_hash::FxHashMap;
 
-use super::border::Judgement;
-use super::supervoxels::Supervoxels;
+use super::supervoxels::{Judgement, Supervoxels};
 
 /// What a thing is joined to over a clear border must have this share of its size to be another thing.
 const LEAST_SHARE: f32 = 0.5;
@@ -182,7 +181,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::bodies::border::Border;
+    use crate::bodies::supervoxels::Border;
 
     #[test]
     fn a_thing_ends_where_something_else_would_join_it() {

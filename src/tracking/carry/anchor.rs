@@ -1,10 +1,15 @@
-use std::collections::BTreeSet;
-use std::sync::Arc;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::options::CarryOptions;
-use super::viewpoint::Viewpoint;
+use glam::Vec3;
+
+use super::bleed::Bleeding;
+use super::draw::Completion;
+use super::options::{CarryOptions, Tolerance};
+use super::viewpoint::{Passage, Stand, Viewpoint, Views};
+use ostra_core::job::Progress;
 use ostra_frames::DepthMap;
-use ostra_masks::{LabelId, LabelMask};
+use ostra_masks::{LabelId, LabelMask, MaskError};
 
 /// A frame whose mask is held fixed, ready to be asked.
 #[derive(Debug)]
@@ -140,6 +145,169 @@ fn facing(view: &Viewpoint, at: usize) -> f32 {
     let across = focal.x * slope(depth[at - 1], depth[at + 1]);
     let down = focal.y * slope(depth[at - width], depth[at + width]);
     (1.0 + across * across + down * down).sqrt().recip()
+}
+
+/// An anchor as the request gives it, before its depth is loaded.
+#[derive(Debug)]
+pub struct GivenAnchor<'a> {
+    pub frame: usize,
+    pub stand: Stand,
+    /// Labels of its mask, in order.
+    pub labels: Vec<LabelId>,
+    pub mask: &'a Arc<LabelMask>,
+}
+
+/// Bytes of anchors kept ready, about.
+const BUDGET_BYTES: usize = 192 << 20;
+
+type Slot = Arc<Mutex<Option<Arc<Anchor>>>>;
+
+/// Anchors that were made ready, the latest kept. Each is made by one thread while others wait for it.
+#[derive(Debug)]
+pub struct ReadyAnchors<'a> {
+    views: &'a Views<'a>,
+    options: &'a CarryOptions,
+    slots: Mutex<(BTreeMap<usize, Slot>, VecDeque<usize>)>,
+}
+
+impl<'a> ReadyAnchors<'a> {
+    pub fn new(views: &'a Views<'a>, options: &'a CarryOptions) -> Self {
+        Self {
+            views,
+            options,
+            slots: Mutex::default(),
+        }
+    }
+
+    /// The anchor, made ready now if it is not; `None` where its depth cannot be read.
+    pub fn get(
+        &self,
+        given: &GivenAnchor<'_>,
+        progress: &Progress,
+    ) -> Result<Option<Arc<Anchor>>, MaskError> {
+        let slot = self.slot(given.frame, given.mask.ids.len());
+        let mut slot = lock(&slot);
+        if let Some(anchor) = &*slot {
+            return Ok(Some(anchor.clone()));
+        }
+        let anchor = self.make(given, progress)?.map(Arc::new);
+        slot.clone_from(&anchor);
+        Ok(anchor)
+    }
+
+    /// The place of an anchor; the oldest are given up for a new one.
+    fn slot(&self, frame: usize, pixels: usize) -> Slot {
+        let mut slots = lock(&self.slots);
+        let (of_frame, order) = &mut *slots;
+        if let Some(slot) = of_frame.get(&frame) {
+            return slot.clone();
+        }
+        let most = BUDGET_BYTES / (2 * size_of::<f32>() * pixels.max(1));
+        while order.len() >= most.max(4) {
+            order
+                .pop_front()
+                .and_then(|oldest| of_frame.remove(&oldest));
+        }
+        order.push_back(frame);
+        of_frame.entry(frame).or_default().clone()
+    }
+
+    /// Fills the holes in the anchor's depth from other frames that can be read, and where what lies behind its labels
+    /// shines through.
+    fn make(
+        &self,
+        given: &GivenAnchor<'_>,
+        progress: &Progress,
+    ) -> Result<Option<Anchor>, MaskError> {
+        let Some(seen) = self.views.load(given.frame)? else {
+            return Ok(None);
+        };
+        let tolerance = Tolerance::most(&seen, self.options);
+        let bleeding = Bleeding::find(&seen, given.mask, tolerance);
+        let own = Viewpoint {
+            depth: Arc::new(bleeding.stanched(&seen.depth)),
+            ..seen
+        };
+        let mut completion = Completion::new(&own, tolerance);
+        let others = self
+            .views
+            .stands()
+            .filter(|&(frame, _)| frame != given.frame);
+        for filler in fillers_for(&own, others, self.options.fillers) {
+            if let Some(filler) = self.views.load(filler)? {
+                completion.add(&filler, progress)?;
+            }
+        }
+        let mut filled = completion.finish();
+        bleeding.check(&mut filled);
+        Ok(Some(Anchor::new(
+            own,
+            filled,
+            given.mask.clone(),
+            self.options,
+        )))
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Points of a frame looked for in another one, along each side.
+const GRID: usize = 16;
+
+/// The anchors to ask about a target, as places in `anchors`: for every label the `most` that see most of the target,
+/// from the nearest and from the most similar direction.
+pub fn anchors_for(target: &Viewpoint, anchors: &[(Stand, &[LabelId])], most: usize) -> Vec<usize> {
+    let points = target.grid(GRID);
+    let overlap: Vec<f32> = anchors
+        .iter()
+        .map(|(stand, _)| overlap(&target.stand, &points, stand))
+        .collect();
+    let mut of_label: BTreeMap<LabelId, Vec<usize>> = BTreeMap::new();
+    for place in (0..anchors.len()).filter(|&place| overlap[place] > 0.0) {
+        for &label in anchors[place].1 {
+            of_label.entry(label).or_default().push(place);
+        }
+    }
+    let mut chosen: Vec<usize> = Vec::new();
+    for mut places in of_label.into_values() {
+        places.sort_by(|&a, &b| overlap[b].total_cmp(&overlap[a]).then(a.cmp(&b)));
+        chosen.extend(places.iter().take(most));
+    }
+    chosen.sort_unstable();
+    chosen.dedup();
+    chosen
+}
+
+/// Of all frames up to `most` that see the same surfaces as `view`, from the most similar direction to the most
+/// different: a hole is often seen well from far aside.
+pub fn fillers_for(
+    view: &Viewpoint,
+    frames: impl Iterator<Item = (usize, Stand)>,
+    most: usize,
+) -> Vec<usize> {
+    let points = view.grid(GRID);
+    let mut seen: Vec<(f32, usize)> = frames
+        .map(|(frame, stand)| (overlap(&view.stand, &points, &stand), frame))
+        .filter(|&(o, _)| o > 0.3)
+        .collect();
+    seen.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let count = most.min(seen.len());
+    (0..count).map(|i| seen[i * seen.len() / count].1).collect()
+}
+
+/// Share of a frame's points that lie in another one's picture, weighted by how alike the directions of view are and by
+/// nearness.
+fn overlap(from: &Stand, points: &[Vec3], to: &Stand) -> f32 {
+    let passage = Passage::new(from, to);
+    let weight = |&point: &Vec3| {
+        let moved = passage.transform(point);
+        passage.pixel(moved)?;
+        let alike = passage.turn(point).normalize().dot(moved.normalize());
+        Some(alike.max(0.0) * (point.z / moved.z).min(1.0))
+    };
+    points.iter().filter_map(weight).sum::<f32>() / points.len().max(1) as f32
 }
 
 #[cfg(test)]

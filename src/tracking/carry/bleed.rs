@@ -1,6 +1,5 @@
-use super::pixel_box::PixelBox;
-use super::tolerance::Tolerance;
-use super::viewpoint::Viewpoint;
+use super::options::Tolerance;
+use super::viewpoint::{PixelBox, Viewpoint};
 use ostra_frames::DepthMap;
 use ostra_masks::{LabelId, LabelMask};
 

@@ -2,41 +2,24 @@
 
 mod anchor;
 mod bleed;
-mod choose;
-mod complete;
 mod decide;
 mod draw;
-mod lookup;
 mod options;
-mod pixel_box;
-mod ready;
-mod refine;
-mod run;
-mod sightings;
-mod smooth;
-mod testimony;
-mod tolerance;
 mod tracker;
 mod viewpoint;
-mod views;
 mod vote;
 mod witnesses;
 
-pub(super) use choose::fillers_for;
-pub(super) use complete::Completion;
+pub(super) use anchor::fillers_for;
+pub(super) use decide::{belonging, passing};
+pub(super) use draw::Completion;
 pub use options::CarryOptions;
-pub(super) use pixel_box::PixelBox;
-pub(super) use refine::{belonging, passing};
-pub(super) use testimony::Testimony;
-pub(super) use tolerance::Tolerance;
+pub(super) use options::Tolerance;
 pub use tracker::GeometryTracker;
+pub(super) use viewpoint::{PixelBox, Viewpoint, Views};
 #[cfg(test)]
-pub(super) use viewpoint::Stand;
-pub(super) use viewpoint::Viewpoint;
-pub(super) use views::Views;
-#[cfg(test)]
-pub(super) use views::rays_of;
-pub(super) use witnesses::Witnesses;
+pub(super) use viewpoint::{Stand, rays_of};
+pub(super) use witnesses::{Testimony, Witnesses};
 
 #[cfg(test)]
 mod tests;

@@ -1,8 +1,13 @@
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
 use super::options::CarryOptions;
-use super::run::Run;
-use super::views::Views;
+use super::viewpoint::Views;
+use super::witnesses::Witnesses;
+use ostra_cloud::fuse::naming;
 use ostra_core::job::Progress;
-use ostra_masks::{MaskError, TrackRequest, TrackedFrame, Tracker};
+use ostra_masks::{MaskError, TrackRequest, TrackedFrame, Tracker, WalkedFrame};
 
 /// Carries masks between the frames of a static scene that have depth and cameras: what an anchor's mask says of a
 /// surface, it says of it in every frame that sees it, whatever lies between them. The next step that the authors of the
@@ -30,4 +35,133 @@ impl Tracker for GeometryTracker {
         let missed = run.carry_all(emit)?;
         Ok(run.warnings(&missed))
     }
+}
+
+/// One run of the tracker over a request.
+pub struct Run<'a> {
+    request: &'a TrackRequest,
+    views: &'a Views<'a>,
+    progress: &'a Progress,
+    witnesses: Witnesses<'a>,
+    /// Frames to carry to.
+    targets: Vec<usize>,
+    /// Anchors and frames without depth or camera.
+    left_out: Vec<usize>,
+    done: AtomicUsize,
+}
+
+impl<'a> Run<'a> {
+    /// Checks the request.
+    pub fn new(
+        options: &'a CarryOptions,
+        request: &'a TrackRequest,
+        views: &'a Views<'a>,
+        progress: &'a Progress,
+    ) -> Result<Self, MaskError> {
+        request.check()?;
+        let mut witnesses = Witnesses::new(options, request, views);
+        check_anchors(&witnesses)?;
+        let others =
+            (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame));
+        let (targets, without): (Vec<usize>, Vec<usize>) = others
+            .filter(|&frame| witnesses.reach(frame))
+            .partition(|&frame| witnesses.can_tell_of(frame));
+        let mut left_out = std::mem::take(&mut witnesses.left_out);
+        left_out.extend(without);
+        if targets.is_empty() {
+            return Err(MaskError::Request(format!(
+                "no frame from {} to {} besides the anchors has depth and a camera that masks could be carried to",
+                request.from, request.to
+            )));
+        }
+        let done = AtomicUsize::new(0);
+        Ok(Self {
+            request,
+            views,
+            progress,
+            witnesses,
+            targets,
+            left_out,
+            done,
+        })
+    }
+
+    /// Carries to all targets, handing them on in order; what was finished is handed on even if a later one fails. Gives the
+    /// targets that nothing could be carried to: they, or all anchors that could tell of them, cannot be read.
+    ///
+    /// # Errors
+    /// What reading says where nothing could be carried to any target; [`MaskError::Stopped`].
+    pub fn carry_all(&self, emit: &mut dyn FnMut(TrackedFrame)) -> Result<Vec<usize>, MaskError> {
+        let mut missed = Vec::new();
+        for chunk in self.targets.chunks(4 * rayon::current_num_threads()) {
+            let answers: Vec<Result<Option<TrackedFrame>, MaskError>> = chunk
+                .par_iter()
+                .map(|&frame| self.carry_to(frame))
+                .collect();
+            let mut failed = None;
+            for (&frame, answer) in chunk.iter().zip(answers) {
+                match answer {
+                    Ok(Some(tracked)) => emit(tracked),
+                    Ok(None) => missed.push(frame),
+                    Err(error) => failed = failed.or(Some(error)),
+                }
+            }
+            failed.map_or(Ok(()), Err)?;
+        }
+        match (missed.len() == self.targets.len())
+            .then(|| self.views.failure())
+            .flatten()
+        {
+            Some(error) => Err(error),
+            None => Ok(missed),
+        }
+    }
+
+    /// Lines that name the frames which were left out, those that cannot be read, and the `missed` ones that could be read.
+    pub fn warnings(&self, missed: &[usize]) -> Vec<String> {
+        let name = |&frame: &usize| self.request.frames[frame].name.as_str();
+        let left_out: Vec<&str> = self.left_out.iter().map(name).collect();
+        let silent: Vec<&str> = missed
+            .iter()
+            .filter(|&&frame| !self.views.is_unread(frame))
+            .map(name)
+            .collect();
+        let lines = [
+            naming("were left out for want of depth or a camera", &left_out),
+            self.views.warning(),
+            naming(
+                "got no mask, as no frame that shows the same and has a mask can be read",
+                &silent,
+            ),
+        ];
+        lines.into_iter().flatten().collect()
+    }
+
+    /// `None` where the frame, or all anchors that could tell of it, cannot be read.
+    fn carry_to(&self, frame: usize) -> Result<Option<TrackedFrame>, MaskError> {
+        let carried = match self.witnesses.tell_of(frame, self.progress)? {
+            Some(votes) => self.witnesses.carry_to(frame, &votes, self.progress)?,
+            None => None,
+        };
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        self.progress.step(done, self.targets.len())?;
+        let tracked = |WalkedFrame { mask, confidence }| TrackedFrame {
+            frame,
+            mask,
+            confidence,
+            preliminary: false,
+        };
+        Ok(carried.map(tracked))
+    }
+}
+
+fn check_anchors(witnesses: &Witnesses<'_>) -> Result<(), MaskError> {
+    if witnesses.are_mute() {
+        return Err(MaskError::Request(
+            "the geometry tracker needs depth and a camera on a frame with a mask; \
+             give them (--depth, --cameras) or choose another tracker"
+                .into(),
+        ));
+    }
+    Ok(())
 }

@@ -1,14 +1,8 @@
-use super::anchor::labels_of;
-use super::choose::anchors_for;
+use super::anchor::{GivenAnchor, ReadyAnchors, anchors_for, labels_of};
 use super::decide::decide;
-use super::lookup::ask;
-use super::options::CarryOptions;
-use super::ready::{GivenAnchor, ReadyAnchors};
-use super::testimony::Testimony;
-use super::tolerance::Tolerance;
-use super::viewpoint::Stand;
-use super::views::Views;
-use super::vote::Votes;
+use super::options::{CarryOptions, Tolerance};
+use super::viewpoint::{Stand, Viewpoint, Views};
+use super::vote::{Votes, ask};
 use ostra_core::job::Progress;
 use ostra_masks::{Direction, LabelId, MaskError, TrackRequest, WalkedFrame};
 
@@ -141,5 +135,47 @@ fn reaches(direction: Direction, anchor: usize, frame: usize) -> bool {
         Direction::Both => true,
         Direction::Forward => anchor < frame,
         Direction::Backward => anchor > frame,
+    }
+}
+
+/// What anchors say of a frame.
+#[derive(Debug)]
+pub(crate) struct Testimony {
+    /// The frame.
+    pub target: Viewpoint,
+    /// Its depths, with what anchors show in its holes.
+    pub depths: Vec<f32>,
+    pub votes: Votes,
+}
+
+impl Testimony {
+    /// The label of a pixel (0 = nothing) by the anchors that have a surface where the frame has one: it wins at least
+    /// `share` of their weights, which sum to at least `weight`. `None` where no label does, and where the frame has no
+    /// depth. Nothing being there counts where the anchors would know of the label `held` that the pixel has so far.
+    pub fn verdict(&self, pixel: usize, held: LabelId, share: f32, weight: f32) -> Option<LabelId> {
+        if self.target.depth.depths[pixel] <= 0.0 {
+            return None;
+        }
+        let is_sure = |label: LabelId, shown: LabelId| {
+            let [own, all] = self.votes.at(pixel, label, shown);
+            all >= weight && own >= share * all
+        };
+        let seen = self
+            .votes
+            .of_anchors
+            .iter()
+            .filter_map(|(_, sightings)| Some(sightings.at(pixel)?.0));
+        let named = seen
+            .filter(|&label| label != LabelId::NONE)
+            .find(|&label| is_sure(label, label));
+        named.or_else(|| is_sure(held, LabelId::NONE).then_some(LabelId::NONE))
+    }
+
+    /// Whether an anchor sees through the place of a pixel's surface, and none has it where the frame does: something came
+    /// there.
+    pub fn is_new(&self, pixel: usize) -> bool {
+        let sightings = || self.votes.of_anchors.iter().map(|(_, sightings)| sightings);
+        sightings().any(|seen| seen.is_through(pixel))
+            && sightings().all(|seen| seen.at(pixel).is_none())
     }
 }

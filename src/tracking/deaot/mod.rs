@@ -3,16 +3,10 @@
 //!
 //! Yang, Yang: "Decoupling Features in Hierarchical Propagation for Video Object Segmentation", NeurIPS 2022.
 
-mod answer;
-mod group;
-mod memory;
 mod network;
-mod options;
 mod picture;
 #[cfg(test)]
 mod tests;
 mod tracker;
-mod walk;
 
-pub use options::DeaotOptions;
-pub use tracker::Deaot;
+pub use tracker::{Deaot, DeaotOptions};

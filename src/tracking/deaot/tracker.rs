@@ -1,13 +1,37 @@
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::network::Networks;
-use super::options::DeaotOptions;
-use super::walk::Walk;
-use crate::propagate::{Propagator, track};
-use ostra_compute::nn::{Network, NnError, load};
+use super::network::{Features, LongMemory, Memory, Networks, OBJECTS, Running, Seen, told};
+use super::picture::{fed, nearest, probabilities, shown_size, winners};
+use crate::propagate::{Propagated, Propagator, track};
+use ostra_compute::nn::{Network, NnError, Tensor, load};
 use ostra_core::job::Progress;
-use ostra_masks::{MaskError, TrackRequest, TrackedFrame, Tracker};
+use ostra_frames::Image;
+use ostra_masks::{LabelId, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker};
+
+/// Settings of a walk of [`Deaot`] through pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DeaotOptions {
+    /// Longest side of what the network sees, px; larger pictures are shrunk to it. Time grows with its fourth power.
+    pub longest_side: u32,
+    /// Every how many pictures one more is remembered for long, at least 1.
+    pub remembered_every: usize,
+    /// Pictures remembered for long at most, at least 1: those whose mask was given, and the latest others. The official
+    /// code sets no bound; up to `remembered_every · most_remembered` pictures nothing differs from it.
+    pub most_remembered: usize,
+}
+
+impl Default for DeaotOptions {
+    /// As the official evaluation runs R50-DeAOT-L, with its memory bounded.
+    fn default() -> Self {
+        Self {
+            longest_side: 1040,
+            remembered_every: 5,
+            most_remembered: 16,
+        }
+    }
+}
 
 /// DeAOT: carries masks of any number of labels through films, ten at once. Clones share the networks.
 #[derive(Debug, Clone)]
@@ -58,5 +82,354 @@ impl Tracker for Deaot {
         track(request, emit, progress, &|| -> Box<dyn Propagator + '_> {
             Box::new(self.walk(progress))
         })
+    }
+}
+
+/// A walk through pictures: labels are numbered as they appear, every ten are a group of their own, and the groups'
+/// answers are brought together.
+#[derive(Debug)]
+pub(super) struct Walk<'a> {
+    networks: Running<'a>,
+    options: DeaotOptions,
+    /// Columns and rows that the network sees, as of the first picture: what is remembered lies on one grid of cells.
+    shown: Option<(usize, usize)>,
+    /// The label of every number, from 1.
+    labels: Vec<LabelId>,
+    groups: Vec<Group>,
+    /// The picture that was propagated to last; remembered only when the walk goes on, for its mask may be told.
+    last: Option<Last>,
+}
+
+/// A picture that was propagated to.
+#[derive(Debug)]
+struct Last {
+    image: Image,
+    features: Features,
+    seen: Vec<Seen>,
+    /// The number of every pixel.
+    numbers: Vec<usize>,
+}
+
+impl<'a> Walk<'a> {
+    pub fn new(networks: Running<'a>, options: DeaotOptions) -> Self {
+        Self {
+            networks,
+            options,
+            shown: None,
+            labels: Vec::new(),
+            groups: Vec::new(),
+            last: None,
+        }
+    }
+
+    /// Logits of every group for the picture that was propagated to last.
+    #[cfg(test)]
+    pub fn last_logits(&self) -> Vec<&ostra_compute::nn::Tensor> {
+        self.last
+            .iter()
+            .flat_map(|last| &last.seen)
+            .map(|seen| &seen.logits)
+            .collect()
+    }
+
+    fn shown(&mut self, image: &Image) -> (usize, usize) {
+        let longest = self.options.longest_side;
+        *self
+            .shown
+            .get_or_insert_with(|| shown_size(image.width, image.height, longest))
+    }
+
+    fn features(&mut self, image: &Image) -> Result<Features, MaskError> {
+        check(image)?;
+        let shown = self.shown(image);
+        self.networks.encode(&fed(image, shown).map_err(told)?)
+    }
+
+    /// Finds the objects in the next picture, with the probabilities of nothing and of every number.
+    fn look(&mut self, image: &Image) -> Result<(Last, Vec<f32>), MaskError> {
+        self.keep_last()?;
+        let features = self.features(image)?;
+        let networks = self.networks;
+        let seen = self
+            .groups
+            .iter_mut()
+            .map(|group| group.propagate(networks, &features));
+        let seen = seen.collect::<Result<Vec<_>, _>>()?;
+        let logits: Vec<_> = seen.iter().map(|seen| &seen.logits).collect();
+        let size = (image.width as usize, image.height as usize);
+        let probabilities = probabilities(&logits, self.labels.len(), size);
+        let numbers = winners(&probabilities, size.0 * size.1);
+        Ok((
+            Last {
+                image: image.clone(),
+                features,
+                seen,
+                numbers,
+            },
+            probabilities,
+        ))
+    }
+
+    /// Remembers the last picture as it was answered.
+    fn keep_last(&mut self) -> Result<(), MaskError> {
+        let Some(last) = self.last.take() else {
+            return Ok(());
+        };
+        let shown = self.shown(&last.image);
+        let numbers = nearest(
+            &last.numbers,
+            (last.image.width as usize, last.image.height as usize),
+            shown,
+        );
+        for (group, seen) in self.groups.iter_mut().zip(last.seen) {
+            group.keep(self.networks, seen, (&numbers, shown), &self.options)?;
+        }
+        Ok(())
+    }
+
+    /// The picture's features and the number of every pixel where `mask` tells nothing: labels that it shows lie nowhere
+    /// else, the others where they are seen.
+    fn around(
+        &mut self,
+        image: &Image,
+        told: &BTreeSet<LabelId>,
+    ) -> Result<(Features, Vec<usize>), MaskError> {
+        let last = match self.last.take() {
+            Some(last) if last.image == *image => last,
+            other => {
+                self.last = other;
+                if self.labels.iter().all(|label| told.contains(label)) {
+                    self.keep_last()?;
+                    return Ok((self.features(image)?, vec![0; image.pixels.len()]));
+                }
+                self.look(image)?.0
+            }
+        };
+        let is_told: Vec<bool> = self
+            .labels
+            .iter()
+            .map(|label| told.contains(label))
+            .collect();
+        let numbers = last.numbers.into_iter();
+        let others = numbers.map(|number| {
+            if number > 0 && is_told[number - 1] {
+                0
+            } else {
+                number
+            }
+        });
+        Ok((last.features, others.collect()))
+    }
+
+    /// The number of a label, a new one where it has none.
+    fn number(&mut self, label: LabelId) -> usize {
+        let known = self.labels.iter().position(|known| *known == label);
+        known.unwrap_or_else(|| {
+            self.labels.push(label);
+            self.labels.len() - 1
+        }) + 1
+    }
+
+    /// Labels ascending, and which number each has.
+    fn order(&self) -> Vec<(LabelId, usize)> {
+        let mut order: Vec<(LabelId, usize)> = self.labels.iter().copied().zip(1..).collect();
+        order.sort_unstable();
+        order
+    }
+}
+
+impl Propagator for Walk<'_> {
+    fn remember(&mut self, image: &Image, mask: &LabelMask) -> Result<(), MaskError> {
+        check(image)?;
+        if (mask.width, mask.height) != (image.width, image.height)
+            || mask.ids.len() != image.pixels.len()
+        {
+            let (a, b) = (
+                format!("{}×{}", mask.width, mask.height),
+                format!("{}×{}", image.width, image.height),
+            );
+            return Err(MaskError::Request(format!(
+                "the mask is {a}, its picture {b}; make the mask anew"
+            )));
+        }
+        let mut told: BTreeSet<LabelId> = mask.ids.iter().copied().collect();
+        told.remove(&LabelId::NONE);
+        if told.is_empty() {
+            return Ok(());
+        }
+        let (features, mut numbers) = self.around(image, &told)?;
+        let of_label: Vec<(LabelId, usize)> = told
+            .into_iter()
+            .map(|label| (label, self.number(label)))
+            .collect();
+        for (number, label) in numbers.iter_mut().zip(&mask.ids) {
+            if let Ok(at) = of_label.binary_search_by_key(label, |&(label, _)| label) {
+                *number = of_label[at].1;
+            }
+        }
+        let shown = self.shown(image);
+        let numbers = nearest(
+            &numbers,
+            (image.width as usize, image.height as usize),
+            shown,
+        );
+        let picture = (&features, numbers.as_slice(), shown);
+        for group in &mut self.groups {
+            group.remember(self.networks, picture)?;
+        }
+        for at in self.groups.len()..self.labels.len().div_ceil(OBJECTS) {
+            self.groups
+                .push(Group::new(self.networks, at, picture, &self.options)?);
+        }
+        Ok(())
+    }
+
+    fn propagate(&mut self, image: &Image) -> Result<Propagated, MaskError> {
+        if self.groups.is_empty() {
+            return Err(MaskError::Request(
+                "there is no mask to carry; prompt or import one first".into(),
+            ));
+        }
+        let (last, by_number) = self.look(image)?;
+        let order = self.order();
+        let propagated = Propagated {
+            labels: order.iter().map(|&(label, _)| label).collect(),
+            width: image.width as usize,
+            height: image.height as usize,
+            probabilities: in_order(by_number, &order, image.pixels.len()),
+        };
+        self.last = Some(last);
+        Ok(propagated)
+    }
+}
+
+/// Planes of numbers as planes of labels.
+fn in_order(by_number: Vec<f32>, order: &[(LabelId, usize)], pixels: usize) -> Vec<f32> {
+    if order.is_sorted_by_key(|&(_, number)| number) {
+        return by_number;
+    }
+    let numbers = std::iter::once(0).chain(order.iter().map(|&(_, number)| number));
+    numbers
+        .flat_map(|number| &by_number[number * pixels..][..pixels])
+        .copied()
+        .collect()
+}
+
+fn check(image: &Image) -> Result<(), MaskError> {
+    let Image {
+        width,
+        height,
+        ref pixels,
+    } = *image;
+    if pixels.len() == width as usize * height as usize && width > 0 && height > 0 {
+        return Ok(());
+    }
+    Err(MaskError::Request(format!(
+        "the picture of {width}×{height} has {} pixels; load it anew",
+        pixels.len()
+    )))
+}
+
+/// What is remembered of up to ten objects that are told apart in one run.
+#[derive(Debug)]
+pub(super) struct Group {
+    /// Number of its first object; 0 is nothing.
+    first: usize,
+    long: LongMemory,
+    short: Memory,
+    /// Pictures since one was remembered for long.
+    since: usize,
+}
+
+impl Group {
+    /// Of group `at`, from 0, and a picture in which its objects are given; `numbers` row by row at the network's size
+    /// of `shown` (columns, rows).
+    pub fn new(
+        networks: Running<'_>,
+        at: usize,
+        picture: (&Features, &[usize], (usize, usize)),
+        options: &DeaotOptions,
+    ) -> Result<Self, MaskError> {
+        let first = at * OBJECTS + 1;
+        let (features, numbers, shown) = picture;
+        let short = networks.remember(features, &one_hot(numbers, first, shown)?)?;
+        Ok(Self {
+            first,
+            long: LongMemory::new(&short, options.most_remembered),
+            short,
+            since: 0,
+        })
+    }
+
+    /// A further picture in which the objects are given.
+    pub fn remember(
+        &mut self,
+        networks: Running<'_>,
+        (features, numbers, shown): (&Features, &[usize], (usize, usize)),
+    ) -> Result<(), MaskError> {
+        self.short = networks.remember(features, &one_hot(numbers, self.first, shown)?)?;
+        self.long.push(&self.short, true).map_err(told)?;
+        self.since = 0;
+        Ok(())
+    }
+
+    /// The objects in the next picture.
+    pub fn propagate(
+        &mut self,
+        networks: Running<'_>,
+        features: &Features,
+    ) -> Result<Seen, MaskError> {
+        self.since += 1;
+        networks.propagate(features, &self.long.memory, &self.short)
+    }
+
+    /// Keeps of that picture what the next one needs, now that its mask is known.
+    pub fn keep(
+        &mut self,
+        networks: Running<'_>,
+        seen: Seen,
+        (numbers, shown): (&[usize], (usize, usize)),
+        options: &DeaotOptions,
+    ) -> Result<(), MaskError> {
+        self.short = networks.identify(seen, &one_hot(numbers, self.first, shown)?)?;
+        if self.since >= options.remembered_every {
+            self.long.push(&self.short, false).map_err(told)?;
+            self.since = 0;
+        }
+        Ok(())
+    }
+}
+
+/// `[1, 11, rows, columns]`: one where a channel's object is; what is not of this group is nothing.
+fn one_hot(
+    numbers: &[usize],
+    first: usize,
+    (columns, rows): (usize, usize),
+) -> Result<Tensor, MaskError> {
+    let mut planes = vec![0.0; (OBJECTS + 1) * numbers.len()];
+    for (at, &number) in numbers.iter().enumerate() {
+        let channel = (number + 1)
+            .checked_sub(first)
+            .filter(|channel| *channel <= OBJECTS)
+            .unwrap_or(0);
+        planes[channel * numbers.len() + at] = 1.0;
+    }
+    Tensor::floats(&[1, OBJECTS + 1, rows, columns], planes).map_err(told)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn objects_of_other_groups_are_nothing() {
+        let mask = one_hot(&[0, 1, 10, 11, 12, 20, 21], 11, (7, 1)).unwrap();
+        let channel = |at: usize| {
+            (0..=OBJECTS)
+                .filter(|channel| mask.as_floats()[channel * 7 + at] > 0.0)
+                .collect::<Vec<_>>()
+        };
+        let channels: Vec<Vec<usize>> = (0..7).map(channel).collect();
+        assert_eq!(channels, [[0], [0], [0], [1], [2], [10], [0]]);
     }
 }

@@ -3,10 +3,10 @@ use std::sync::Arc;
 use glam::Vec2;
 
 use super::dis::Finest;
+use super::motion::Change;
 use super::options::FlowOptions;
 use super::picture::{Picture, enlarged_mask, reduced_mask, working_size};
 use super::plane::Plane;
-use super::walk::Change;
 use ostra_frames::Image;
 use ostra_masks::unexplained::{Apartness, Unexplained, explained, parts};
 use ostra_masks::{LabelId, LabelMask, Region};

@@ -1,16 +1,14 @@
 use glam::{Affine2, Vec2};
 
 use super::memory::Recalled;
-use super::object::{Object, Prediction};
+use super::motion::Change;
+use super::object::{Evidence, Object, Prediction, SHAPE};
 use super::options::FlowOptions;
-use super::plane::Plane;
+use super::plane::{Plane, median};
 use super::votes::{Source, Vote, Way, votes};
-use super::walk::{Beyond, Change};
 use ostra_masks::cut::Window;
-use ostra_masks::{Region, squared_distance_to};
+use ostra_masks::{LabelMask, Region, squared_distance_to};
 
-/// The expected shape is where the expectation is above this.
-pub(super) const SHAPE: f32 = 0.4;
 /// Odds of a pixel out of the object's reach.
 const NEVER: f32 = -6.0;
 /// Largest odds from the flow and from motion.
@@ -24,15 +22,6 @@ const FLOW_REACH: usize = 3;
 const OBJECT_REACH: usize = 4;
 /// Share of pixels whose motion is neither's.
 const STRAY: f32 = 0.05;
-
-/// What speaks for and against each pixel of a window being an object's.
-pub(super) struct Evidence {
-    pub window: Window,
-    /// Natural logarithm of the odds, row by row.
-    pub odds: Vec<f32>,
-    /// What of them, not weighed yet, the motion says.
-    pub motion: Vec<f32>,
-}
 
 /// What is seen of the next frame and around it.
 pub(super) struct Sight<'a> {
@@ -255,12 +244,11 @@ fn motion_odds<'a>(
     }
 }
 
-/// The middle value; 0 of none.
-pub(super) fn median(values: impl Iterator<Item = f32>) -> f32 {
-    let mut values: Vec<f32> = values.collect();
-    let middle = values.len() / 2;
-    if values.is_empty() {
-        return 0.0;
-    }
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+/// The frame after the next with its mask, which it has from the anchor beyond it or is that anchor's.
+pub(super) struct Beyond<'a> {
+    /// From the next frame to it.
+    pub change: &'a Change,
+    pub mask: LabelMask,
+    /// How much its mask counts beside the last frame's, 0–1.
+    pub share: f32,
 }

@@ -2,9 +2,9 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use super::dis::Finest;
+use super::motion::Change;
 use super::picture::Picture;
 use super::plane::Flow;
-use super::walk::Change;
 
 /// How pixels move between frames, of the latest steps of a walk: who comes back from the other side needs them again, the last
 /// one first.

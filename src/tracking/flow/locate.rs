@@ -21,7 +21,7 @@ const RATE: f32 = 0.08;
 
 /// What an object looks like, in cells around its centre, and which of them are its own.
 #[derive(Clone)]
-pub(super) struct Template {
+struct Template {
     radius: usize,
     features: Vec<[f32; FEATURES]>,
     weights: Vec<f32>,

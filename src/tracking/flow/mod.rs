@@ -6,23 +6,17 @@
 
 mod apart;
 mod cells;
-mod clean;
 mod colors;
 mod dis;
 mod evidence;
 mod flows;
-mod gap;
 mod locate;
 mod memory;
 mod motion;
 mod object;
 mod options;
-mod patches;
 mod picture;
-mod pictures;
 mod plane;
-mod pyramid;
-mod sampling;
 #[cfg(test)]
 mod tests;
 mod tracker;

@@ -1,17 +1,14 @@
 use glam::{Affine2, Vec2};
 
 use super::cells::Cells;
-use super::clean::keep_expected;
 use super::colors::ColorModel;
-use super::evidence::{Evidence, SHAPE, median};
 use super::locate::Looks;
-use super::motion::{Step, similarity};
+use super::motion::{Change, Step, similarity};
 use super::options::FlowOptions;
 use super::picture::Picture;
-use super::plane::Plane;
-use super::walk::Change;
-use ostra_masks::cut::Borders;
-use ostra_masks::{LabelId, Region, squared_distance_to};
+use super::plane::{Plane, median};
+use ostra_masks::cut::{Borders, Window};
+use ostra_masks::{Connectivity, LabelId, Region, components, squared_distance_to};
 
 /// Pixels whose motion is looked at to find the object's.
 const MOST_STEPS: usize = 800;
@@ -442,3 +439,41 @@ fn colors_of(picture: &Picture, region: &Region) -> ColorModel {
         .collect();
     ColorModel::new(&picture.bins, &region.inside, &around)
 }
+
+/// A piece of a mask stays only if at least this share of it lies where the object is expected.
+const EXPECTED: f32 = 0.1;
+/// Pieces of fewer pixels go.
+const LEAST: usize = 8;
+
+/// Takes away pieces that lie elsewhere than the object, whose expected shape is where `expected` is above `level`, and
+/// specks, unless the whole object is one.
+fn keep_expected(mask: &mut Region, expected: &Plane, level: f32) {
+    let found = components(mask, Connectivity::Eight);
+    let mut common = vec![0usize; found.areas.len()];
+    for (&label, &expected) in found.labels.iter().zip(&expected.values) {
+        if label > 0 && expected > level {
+            common[label as usize - 1] += 1;
+        }
+    }
+    let least = LEAST.min(found.areas.iter().copied().max().unwrap_or(0));
+    let keep = |piece: usize| {
+        let area = found.areas[piece];
+        area >= least && common[piece] as f32 > EXPECTED * area as f32
+    };
+    let kept: Vec<bool> = (0..found.areas.len()).map(keep).collect();
+    for (inside, &label) in mask.inside.iter_mut().zip(&found.labels) {
+        *inside = label > 0 && kept[label as usize - 1];
+    }
+}
+
+/// What speaks for and against each pixel of a window being an object's.
+pub(super) struct Evidence {
+    pub window: Window,
+    /// Natural logarithm of the odds, row by row.
+    pub odds: Vec<f32>,
+    /// What of them, not weighed yet, the motion says.
+    pub motion: Vec<f32>,
+}
+
+/// The expected shape is where the expectation is above this.
+pub(super) const SHAPE: f32 = 0.4;

@@ -49,7 +49,7 @@ impl Plane {
         rows.for_each(|(y, row)| {
             row.iter_mut()
                 .enumerate()
-                .for_each(|(x, out)| *out = value(x, y))
+                .for_each(|(x, out)| *out = value(x, y));
         });
         plane
     }
@@ -145,4 +145,102 @@ pub(super) fn corners(at: Vec2, width: usize, height: usize) -> ([usize; 4], [f3
         corner,
         [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v],
     )
+}
+
+/// Pixels added around a level, so that a patch partly outside reads the nearest border pixels.
+pub(super) const PAD: usize = 16;
+
+/// A grey picture, 0–255, with its border repeated around it.
+pub(super) struct Level {
+    pub width: usize,
+    pub height: usize,
+    /// Pixels from one row to the next of `padded`.
+    pub stride: usize,
+    pub padded: Vec<f32>,
+}
+
+/// A grey picture at full, half, quarter … size.
+pub(super) struct Pyramid {
+    pub levels: Vec<Level>,
+}
+
+impl Pyramid {
+    /// Down to the last level whose shorter side is at least `least_side`; the first is always there.
+    pub fn new(grey: Plane, least_side: usize) -> Self {
+        let mut planes = vec![grey];
+        while let Some(last) = planes.last()
+            && last.width.min(last.height) / 2 >= least_side
+        {
+            planes.push(halved(last));
+        }
+        Self {
+            levels: planes.iter().map(Level::new).collect(),
+        }
+    }
+}
+
+impl Level {
+    /// The grey levels without the border around them, row by row.
+    pub fn pixels(&self) -> impl Iterator<Item = f32> {
+        let row = |y: usize| &self.padded[(y + PAD) * self.stride + PAD..][..self.width];
+        (0..self.height).flat_map(move |y| row(y).iter().copied())
+    }
+
+    fn new(plane: &Plane) -> Self {
+        let (width, height) = (plane.width, plane.height);
+        let stride = width + 2 * PAD;
+        let mut padded = Vec::with_capacity(stride * (height + 2 * PAD));
+        for y in 0..height + 2 * PAD {
+            let row = y.saturating_sub(PAD).min(height - 1) * width;
+            let row = &plane.values[row..row + width];
+            padded.extend(std::iter::repeat_n(row[0], PAD));
+            padded.extend_from_slice(row);
+            padded.extend(std::iter::repeat_n(row[width - 1], PAD));
+        }
+        Self {
+            width,
+            height,
+            stride,
+            padded,
+        }
+    }
+
+    /// Place in `padded` of a pixel up to `PAD` outside the picture.
+    pub fn place(&self, x: isize, y: isize) -> usize {
+        ((y + PAD as isize) * self.stride as isize + x + PAD as isize) as usize
+    }
+
+    pub fn at(&self, x: isize, y: isize) -> f32 {
+        self.padded[self.place(x, y)]
+    }
+}
+
+fn halved(plane: &Plane) -> Plane {
+    let (width, height) = (plane.width / 2, plane.height / 2);
+    Plane::from_fn(width, height, |x, y| {
+        let at = 2 * y * plane.width + 2 * x;
+        let v = &plane.values;
+        (v[at] + v[at + 1] + v[at + plane.width] + v[at + plane.width + 1]) / 4.0
+    })
+}
+
+/// The grey level of the second picture where a pixel of the first lies after its displacement.
+pub(super) fn interpolated(level: &Level, x: usize, y: usize, displacement: Vec2) -> f32 {
+    let x = (x as f32 + displacement.x).clamp(-1.0, level.width as f32);
+    let y = (y as f32 + displacement.y).clamp(-1.0, level.height as f32);
+    let (left, top) = (x.floor(), y.floor());
+    let (u, v) = (x - left, y - top);
+    let at = level.place(left as isize, top as isize);
+    let row = |at: usize| level.padded[at] * (1.0 - u) + level.padded[at + 1] * u;
+    row(at) * (1.0 - v) + row(at + level.stride) * v
+}
+
+/// The middle value; 0 of none.
+pub(super) fn median(values: impl Iterator<Item = f32>) -> f32 {
+    let mut values: Vec<f32> = values.collect();
+    let middle = values.len() / 2;
+    if values.is_empty() {
+        return 0.0;
+    }
+    *values.select_nth_unstable_by(middle, f32::total_cmp).1
 }

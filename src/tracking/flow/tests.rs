@@ -10,9 +10,9 @@ use rand_pcg::Pcg32;
 
 use super::FlowTracker;
 use super::dis::{Finest, flow_between};
-use super::pictures::Pictures;
 use super::plane::Plane;
-use super::pyramid::Pyramid;
+use crate::flow::picture::Pictures;
+use crate::flow::plane::Pyramid;
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore, Orientation, PictureSource};
 use ostra_masks::{Direction, LabelId, LabelMask, TrackRequest, TrackedFrame, Tracker};

@@ -1,8 +1,6 @@
 use glam::Vec2;
 
-use super::dis::interpolated;
-use super::plane::Flow;
-use super::pyramid::Level;
+use super::plane::{Flow, Level, interpolated};
 
 /// Weight of evenness, of equal grey levels and of equal slopes.
 const EVEN: f32 = 20.0;

@@ -2,13 +2,10 @@
 //! forwards and backwards from anchors and merges both ways.
 
 mod answer;
-mod course;
-mod merge;
 mod pictures;
-mod seam;
 #[cfg(test)]
 mod tests;
 mod track;
 
-pub(crate) use seam::{Propagated, Propagator};
+pub(crate) use answer::{Propagated, Propagator};
 pub(crate) use track::track;

@@ -4,8 +4,8 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::course::labels;
 use super::{Propagated, Propagator, track};
+use crate::propagate::answer::labels;
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore, Image, Orientation, PictureSource};
 use ostra_masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest, TrackedFrame};

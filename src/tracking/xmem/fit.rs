@@ -5,7 +5,7 @@ use ostra_masks::onnx::resized_planes;
 use ostra_masks::{LabelId, LabelMask};
 
 /// Pixels along each side of a cell.
-pub(super) const CELL: usize = 16;
+const CELL: usize = 16;
 /// Mean and deviation of red, green and blue that the networks were trained with.
 const MEAN: [f32; 3] = [123.675, 116.28, 103.53];
 const DEVIATION: [f32; 3] = [58.395, 57.12, 57.375];

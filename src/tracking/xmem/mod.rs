@@ -5,19 +5,14 @@
 //! Numbers are those of the official code, with one exception: labels that come later have keys of their own. There
 //! they share those of the first frame, which consolidation then pairs with other pictures' values.
 
-mod aggregate;
 mod elements;
 mod fit;
 mod group;
-mod matches;
 mod networks;
-mod options;
-mod prototypes;
 mod similarity;
 #[cfg(test)]
 mod tests;
 mod tracker;
-mod walk;
 
-pub use options::XMemOptions;
+pub use group::XMemOptions;
 pub use tracker::XMem;

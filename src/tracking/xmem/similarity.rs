@@ -1,4 +1,8 @@
+use std::cmp::Ordering;
+
 use nalgebra::{DMatrix, DMatrixView};
+
+use super::elements::Elements;
 
 /// Keys of memory, made ready to be compared with those of pictures.
 pub(super) struct Lookup {
@@ -78,9 +82,106 @@ impl Lookup {
     }
 }
 
+/// An element of memory and how much a query takes of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Match {
+    pub element: usize,
+    pub share: f32,
+}
+
+/// The `count` elements that are most alike, with shares that sum to 1 (softmax over them); of equals the first.
+pub(super) fn best(similar: &[f32], count: usize) -> Vec<Match> {
+    let mut kept: Vec<Match> = Vec::with_capacity(2 * count);
+    let mut least = f32::NEG_INFINITY;
+    for (element, &share) in similar.iter().enumerate() {
+        if kept.len() < count || share > least {
+            kept.push(Match { element, share });
+            if kept.len() == 2 * count {
+                least = cut(&mut kept, count);
+            }
+        }
+    }
+    if kept.len() > count {
+        cut(&mut kept, count);
+    }
+    kept.sort_unstable_by_key(|one| one.element);
+    let most = kept
+        .iter()
+        .map(|one| one.share)
+        .fold(f32::NEG_INFINITY, f32::max);
+    kept.iter_mut()
+        .for_each(|one| one.share = (one.share - most).exp());
+    let sum: f32 = kept.iter().map(|one| one.share).sum();
+    kept.iter_mut().for_each(|one| one.share /= sum);
+    kept
+}
+
+/// Leaves the most alike; gives the least of what is left.
+fn cut(kept: &mut Vec<Match>, count: usize) -> f32 {
+    kept.select_nth_unstable_by(count - 1, more_alike);
+    kept.truncate(count);
+    kept[count - 1].share
+}
+
+fn more_alike(a: &Match, b: &Match) -> Ordering {
+    b.share.total_cmp(&a.share).then(a.element.cmp(&b.element))
+}
+
+/// The most used of candidates for long-term memory, each with the value and shrinkage that all candidates which look
+/// like it have on average.
+pub(super) fn prototypes(candidates: &Elements, count: usize) -> Elements {
+    let chosen = most_used(&candidates.usages(), count);
+    let widths = candidates.widths;
+    let of = |part: fn(&Elements, usize) -> &[f32]| -> Vec<f32> {
+        chosen
+            .iter()
+            .flat_map(|&element| part(candidates, element))
+            .copied()
+            .collect()
+    };
+    let (keys, selections) = (of(Elements::key), of(Elements::selection));
+    let lookup = Lookup::new(widths.key, &[(&candidates.keys, &candidates.shrinkages)]);
+    let mut shares = lookup.similarities(&keys, &selections);
+    for mut column in shares.column_iter_mut() {
+        let most = column.max();
+        column.apply(|value| *value = (*value - most).exp());
+        column /= column.sum();
+    }
+    let mut made = Elements::new(widths, candidates.values.len());
+    made.keys = keys;
+    made.shrinkages = mean(&candidates.shrinkages, 1, &shares);
+    made.values = candidates
+        .values
+        .iter()
+        .map(|values| mean(values, widths.value, &shares))
+        .collect();
+    made
+}
+
+/// By column of `shares` the mean of rows `[elements][width]`.
+fn mean(rows: &[f32], width: usize, shares: &DMatrix<f32>) -> Vec<f32> {
+    let mut out = DMatrix::zeros(width, shares.ncols());
+    out.gemm(
+        1.0,
+        &DMatrixView::from_slice(rows, width, shares.nrows()),
+        shares,
+        0.0,
+    );
+    out.data.into()
+}
+
+/// The `count` most used, the most used first; of equals the first.
+fn most_used(usages: &[f32], count: usize) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..usages.len()).collect();
+    order.sort_by(|&a, &b| usages[b].total_cmp(&usages[a]));
+    order.truncate(count);
+    order
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::xmem::elements::Widths;
 
     #[test]
     fn product_of_matrices_is_the_weighted_distance() {
@@ -116,5 +217,72 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn most_alike_are_found_among_many() {
+        let similar: Vec<f32> = (0..1000)
+            .map(|at| -(((at * 389) % 1000) as f32) / 100.0)
+            .collect();
+        let found = best(&similar, 7);
+        let mut order: Vec<usize> = (0..1000).collect();
+        order.sort_by(|&a, &b| similar[b].total_cmp(&similar[a]));
+        let mut expected = order[..7].to_vec();
+        expected.sort_unstable();
+        assert_eq!(
+            found.iter().map(|one| one.element).collect::<Vec<_>>(),
+            expected
+        );
+        assert!((found.iter().map(|one| one.share).sum::<f32>() - 1.0).abs() < 1e-6);
+        let sum: f32 = order[..7].iter().map(|&at| similar[at].exp()).sum();
+        for one in found {
+            assert!((one.share - similar[one.element].exp() / sum).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn few_equals_and_remote_elements_are_no_trouble() {
+        assert_eq!(
+            best(&[-1.0], 30),
+            [Match {
+                element: 0,
+                share: 1.0
+            }]
+        );
+        let equal: Vec<usize> = best(&[0.5; 50], 3).iter().map(|one| one.element).collect();
+        assert_eq!(equal, [0, 1, 2]);
+        // exp(−500) is 0: without taking away the greatest, shares would be 0 / 0.
+        assert_eq!(
+            best(&[-500.0, -500.0], 2)
+                .iter()
+                .map(|one| one.share)
+                .collect::<Vec<_>>(),
+            [0.5, 0.5]
+        );
+    }
+
+    #[test]
+    fn prototype_has_the_mean_of_what_looks_like_it() {
+        // Two that look alike, and one far from them.
+        let mut candidates = Elements::new(Widths { key: 1, value: 2 }, 1);
+        let mut all = candidates.clone();
+        (all.keys, all.shrinkages, all.selections) =
+            (vec![0.0, 0.0, 9.0], vec![1.0, 3.0, 2.0], vec![1.0; 3]);
+        all.values = vec![vec![1.0, 0.0, 3.0, 4.0, 50.0, 60.0]];
+        candidates.add(&all);
+        candidates.live();
+        candidates.use_of(1, 0.6);
+        candidates.use_of(2, 0.5);
+        let made = prototypes(&candidates, 2);
+        assert_eq!(made.keys, [0.0, 9.0], "the most used first");
+        let expected = [2.0, 2.0, 50.0, 60.0];
+        assert!(
+            made.values[0]
+                .iter()
+                .zip(expected)
+                .all(|(value, expected)| (value - expected).abs() < 1e-4)
+        );
+        assert!((made.shrinkages[0] - 2.0).abs() < 1e-4 && made.selections.is_empty());
+        assert_eq!(prototypes(&candidates, 9).len(), 3);
     }
 }

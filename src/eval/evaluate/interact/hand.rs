@@ -4,8 +4,115 @@ use glam::DVec2;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use super::InteractOptions;
 use ostra_masks::{Click, LabelClick, LabelMask};
+
+/// How the robot user works.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InteractOptions {
+    /// IoU of a label on a frame at which it is good: it is clicked on no longer as long as others are worse; 0–1.
+    pub good_iou: f64,
+    /// Most clicks for a label in one visit of a frame; ≥ 1.
+    pub visit_clicks: usize,
+    /// Clicks in a row that hardly better a label (its IoU by less than 0.01) after which it is let be; ≥ 1.
+    pub patience: usize,
+    /// Mean IoU over the sequence at which the work is done; 0–1.
+    pub enough_iou: f64,
+    /// How far clicks fall from where they are meant, in pixels: standard deviation along each axis; ≥ 0.
+    pub jitter_px: f64,
+    /// Another seed makes clicks fall elsewhere.
+    pub seed: u64,
+    /// The finest that a hand does, in pixels: how far a border lies off between two corners, and the shortest pull; above 0.
+    pub outline_px: f64,
+    /// What corners and pulls must add to the IoU of their label on their frame until it is good, for each of them; above 0.
+    pub price: f64,
+    /// What they must add beyond: what is drawn is carried on, so that a better outline is worth some; no less than [`Self::price`].
+    /// Where all that pays is done and more is asked, half of it is enough, and half of that, as long as that is no less than
+    /// [`Self::least_price`].
+    pub price_beyond: f64,
+    /// Above 0.
+    pub least_price: f64,
+}
+
+impl Default for InteractOptions {
+    fn default() -> Self {
+        Self {
+            good_iou: 0.9,
+            visit_clicks: 20,
+            patience: 3,
+            enough_iou: 0.95,
+            jitter_px: 0.0,
+            seed: 1,
+            outline_px: 1.0,
+            price: 0.0008,
+            price_beyond: 0.004,
+            least_price: 0.0005,
+        }
+    }
+}
+
+/// How far the border of what is drawn may lie off between two corners, in pixels: a hand is no finer than it must be.
+const OFF_PX: [f64; 4] = [8.0, 5.0, 3.0, 2.0];
+
+/// What a user draws for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Aim {
+    /// IoU at which a label is good; 0–1.
+    pub good_iou: f64,
+    /// What corners and pulls must add to the IoU of a label until it is good, for each of them; above 0.
+    pub price: f64,
+    /// What they must add to that of a label that is good; no less than [`Self::price`].
+    pub price_beyond: f64,
+    /// How far a border lies off between two corners where a hand draws as finely as it can, and its shortest pull, in pixels;
+    /// above 0.
+    pub finest_px: f64,
+}
+
+impl Aim {
+    /// What pays at first.
+    #[must_use]
+    pub fn of(options: &InteractOptions) -> Self {
+        let InteractOptions {
+            good_iou,
+            price,
+            price_beyond,
+            outline_px: finest_px,
+            ..
+        } = *options;
+        Self {
+            good_iou,
+            price,
+            price_beyond,
+            finest_px,
+        }
+    }
+
+    /// What pays where all that paid so far is done and more is asked: half is enough beyond what is good, and no more is asked
+    /// before. `None` where that is less than `least_price`.
+    #[must_use]
+    pub fn lowered(self, least_price: f64) -> Option<Self> {
+        let half = self.price_beyond / 2.0;
+        (half >= least_price).then(|| Self {
+            price: self.price.min(half),
+            price_beyond: half,
+            ..self
+        })
+    }
+
+    /// How many clicks an IoU is worth, less those that it took.
+    pub(super) fn value(&self, iou: f64, corners: usize) -> f64 {
+        let beyond = (iou - self.good_iou).max(0.0);
+        (iou - beyond) / self.price + beyond / self.price_beyond - corners as f64
+    }
+
+    /// How far the border of what is drawn lies off between two corners, in pixels, the coarsest first.
+    pub(super) fn off_px(&self) -> impl Iterator<Item = f64> + use<> {
+        let finest_px = self.finest_px;
+        OFF_PX
+            .into_iter()
+            .filter(move |&off_px| off_px > finest_px)
+            .chain([finest_px])
+    }
+}
 
 /// How often a displaced click that fell outside the error is drawn anew.
 const DRAWS: usize = 16;

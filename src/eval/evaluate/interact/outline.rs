@@ -3,7 +3,7 @@ use std::ops::Range;
 use anyhow::Result;
 use glam::DVec2;
 
-use super::aim::Aim;
+use super::hand::Aim;
 use ostra_masks::{
     LabelId, LabelMask, LabelTree, Outline, PaintRule, Region, assign, erase, fill_polygons,
     outlines, polygon_spans, pull,

@@ -3,9 +3,9 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use super::aim::Aim;
 use super::user::{Clicks, RobotUser};
 use super::{FrameByFrame, InteractOptions, Sequence, interact};
+use crate::evaluate::interact::hand::Aim;
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::{DepthMap, FrameFolder, FrameStore, Image, OpenRequest, open};
 use ostra_masks::{

@@ -3,20 +3,17 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
-use super::aim::Aim;
-use super::choose::IousByLabel;
-use super::draw::drawn;
-use super::hand::Hand;
+use super::hand::{Aim, Hand};
+use super::mended::drawn;
 use super::outline::Drawn;
 use super::{InteractOptions, Sequence};
 use ostra_core::job::Progress;
 use ostra_masks::{Click, LabelId, LabelMask, RunMask, Segmenter, Tracker, next_label_click};
 use ostra_project::{Edit, MaskOrigin, Project};
-use ostra_session::PreparedFrames;
 use ostra_session::commands::{
     LabelChoice, anchor, answer, carried, corrects, mask_of, track_request, with_answer,
 };
-use ostra_session::{PromptRequest, TrackSettings};
+use ostra_session::{PreparedFrames, PromptRequest, TrackSettings};
 
 /// An IoU that grows by less was hardly bettered.
 const LEAST_GAIN: f64 = 0.01;
@@ -396,3 +393,6 @@ fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
         });
     if count == 0 { 1.0 } else { sum / count as f64 }
 }
+
+/// IoU of a label on each frame on which truth or result shows it, by label.
+pub type IousByLabel = BTreeMap<LabelId, BTreeMap<usize, f64>>;

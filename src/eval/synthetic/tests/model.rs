@@ -1,9 +1,9 @@
 use glam::{DVec3, Vec3};
 
 use super::super::bricks::build_bricks;
-use super::super::part::{Assembly, Part};
 use super::super::tiller::build_tiller;
 use super::*;
+use crate::synthetic::model::{Assembly, Part};
 
 fn parts<'a>(assembly: &'a Assembly, ending: &str) -> Vec<&'a Part> {
     let named = |part: &&Part| {

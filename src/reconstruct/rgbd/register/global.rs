@@ -1,12 +1,53 @@
-use super::described::DescribedCloud;
-use super::fast::fast;
+//! The pose between two clouds without a guess: Fast Global Registration, or RANSAC.
+
+use glam::DVec3;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use serde::{Deserialize, Serialize};
+
+use super::fpfh::DescribedCloud;
 use super::matching;
-use super::options::{GlobalOptions, GlobalRegistration};
-use super::pairs::Pairs;
-use super::sampled::sampled;
+use super::pairs::{Pairs, align};
 use ostra_cloud::SceneError;
 use ostra_core::job::Progress;
 use ostra_geometry::Pose;
+use ostra_geometry::ransac::{Estimator, RansacOptions, consensus};
+
+/// How a pose is found without a guess.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GlobalRegistration {
+    /// Fast Global Registration: one robust fit to all matches.
+    #[default]
+    Fgr,
+    /// RANSAC: the best of many fits to three matches each.
+    Ransac,
+}
+
+/// How two clouds are laid onto each other without a guess.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct GlobalOptions {
+    /// What finds the pose.
+    pub method: GlobalRegistration,
+    /// Matches that must agree on a pose, 3 or more; with fewer there is none.
+    pub min_agreeing: usize,
+    /// Share of all matches that must agree, 0–1; chance brings about 0.01 to 0.03 of them together.
+    pub min_share: f64,
+    /// Seed of the draws.
+    pub seed: u64,
+}
+
+impl Default for GlobalOptions {
+    fn default() -> Self {
+        Self {
+            method: GlobalRegistration::default(),
+            min_agreeing: 20,
+            min_share: 0.03,
+            seed: 0,
+        }
+    }
+}
 
 /// How near the points of a pair must come to agree with a pose, in voxels.
 const AGREEING: f64 = 1.5;
@@ -90,4 +131,127 @@ fn settled(pairs: &Pairs, mut pose: Pose) -> Pose {
         (pose, cost) = (refined, its_cost);
     }
     pose
+}
+
+/// How alike the edges of a tuple must be in both clouds.
+const TUPLE_RATIO: f64 = 0.95;
+/// Tuples tried for each pair; ten times the paper's, so that clouds which share a quarter still yield some.
+const TRIALS: usize = 1000;
+/// Tuples used at most.
+const MAX_TUPLES: usize = 1000;
+const ITERATIONS: usize = 64;
+/// What the width of the kernel is divided by, every `STEPS` iterations.
+const DIVISION: f64 = 1.4;
+const STEPS: usize = 4;
+
+/// Fast Global Registration (Q.-Y. Zhou, J. Park, V. Koltun, *Fast Global Registration*, ECCV 2016): the pose of least
+/// Geman–McClure cost over the matched points of tuples of three whose edges have the same lengths in both clouds; the
+/// kernel, as wide as the clouds at first, narrows in steps down to `distance`. The pose of each step is solved in
+/// closed form, so turns of any size are found.
+fn fast(pairs: &Pairs, distance: f64, seed: u64) -> Option<Pose> {
+    let chosen = tuples(pairs, seed);
+    let diameter = [0, 1]
+        .map(|end| 2.0 * reach(&chosen, end))
+        .into_iter()
+        .fold(0.0, f64::max);
+    let mut width = diameter * diameter;
+    let mut pose = align(chosen.iter().map(|&[source, target]| (source, target, 1.0)))?;
+    for iteration in 1..=ITERATIONS {
+        let weighted = chosen.iter().map(|&[source, target]| {
+            let share = width / (width + pose.transform(source).distance_squared(target));
+            (source, target, share * share)
+        });
+        pose = align(weighted)?;
+        if iteration % STEPS == 0 {
+            width = (width / DIVISION).max(distance * distance);
+        }
+    }
+    Some(pose)
+}
+
+/// Matched points of random tuples that fit together.
+fn tuples(pairs: &Pairs, seed: u64) -> Vec<[DVec3; 2]> {
+    let (count, mut random) = (pairs.points.len(), Pcg64Mcg::seed_from_u64(seed));
+    let mut chosen = Vec::new();
+    if count < 3 {
+        return chosen;
+    }
+    for _ in 0..TRIALS * count {
+        let [a, b, c] = std::array::from_fn(|_| random.random_range(0..count));
+        if [[a, b], [b, c], [c, a]]
+            .iter()
+            .all(|&[one, other]| pairs.fit_together(one, other, TUPLE_RATIO))
+        {
+            chosen.extend([a, b, c].map(|pair| pairs.points[pair]));
+            if chosen.len() >= 3 * MAX_TUPLES {
+                break;
+            }
+        }
+    }
+    chosen
+}
+
+/// The largest distance of a point to the middle of all.
+fn reach(points: &[[DVec3; 2]], end: usize) -> f64 {
+    let middle = points.iter().map(|pair| pair[end]).sum::<DVec3>() / points.len().max(1) as f64;
+    points
+        .iter()
+        .map(|pair| pair[end].distance(middle))
+        .fold(0.0, f64::max)
+}
+
+/// How alike the edges of a sample must be in both clouds.
+const EDGE_RATIO: f64 = 0.9;
+const MAX_ITERATIONS: usize = 1_000_000;
+const CONFIDENCE: f64 = 0.999;
+
+/// The pose that most matched points agree on, over random samples of three whose edges have the same lengths in both
+/// clouds (M. A. Fischler, R. C. Bolles, *Random sample consensus*, CACM 1981; the check of edges: A. G. Buch et al.,
+/// *Pose estimation using local structure-specific shape and appearance context*, ICRA 2013).
+pub fn sampled(pairs: &Pairs, min_agreeing: usize, seed: u64) -> Option<Pose> {
+    let options = RansacOptions {
+        confidence: CONFIDENCE,
+        max_iterations: MAX_ITERATIONS,
+        max_vain: MAX_ITERATIONS,
+        min_inliers: min_agreeing,
+        seed,
+    };
+    consensus(pairs, &options).map(|found| found.model)
+}
+
+impl Estimator for Pairs {
+    type Model = Pose;
+    const SAMPLE: usize = 3;
+
+    fn count(&self) -> usize {
+        self.points.len()
+    }
+
+    fn fit(&self, sample: &[usize], found: &mut Vec<Pose>) {
+        let &[a, b, c] = sample else { return };
+        if ![[a, b], [b, c], [c, a]]
+            .iter()
+            .all(|&[one, other]| self.fit_together(one, other, EDGE_RATIO))
+        {
+            return;
+        }
+        let pose = align(
+            sample
+                .iter()
+                .map(|&pair| (self.points[pair][0], self.points[pair][1], 1.0)),
+        );
+        found.extend(pose.filter(|pose| sample.iter().all(|&pair| self.same_normal(pose, pair))));
+    }
+
+    fn cost(&self, pose: &Pose, enough: f64) -> f64 {
+        Self::cost(self, pose, enough)
+    }
+
+    fn inliers(&self, pose: &Pose) -> Vec<u32> {
+        self.within(pose)
+    }
+
+    fn refine(&self, pose: &Pose) -> Option<Pose> {
+        self.refined(pose)
+    }
 }

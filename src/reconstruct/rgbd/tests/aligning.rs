@@ -1,8 +1,8 @@
 use glam::{DQuat, DVec3};
 
 use super::room::{camera, hand_at, seen};
-use crate::rgbd::agreement::Agreement;
 use crate::rgbd::align::align;
+use crate::rgbd::link::Agreement;
 use crate::rgbd::pyramid::{LEVELS, Pyramid};
 use crate::rgbd::view::View;
 use ostra_frames::{DepthMap, Image};

@@ -6,15 +6,11 @@ use std::time::{Duration, Instant, SystemTime};
 
 use rustc_hash::FxHashMap;
 
-use super::format::{decode_features, decode_pairs, encode_features, encode_pairs, hex};
+use super::format::{
+    Key, Matches, decode_features, decode_pairs, encode_features, encode_pairs, hex,
+};
 use crate::sfm::Features;
 use ostra_core::disk;
-
-/// Names one thing that is kept: a digest of all that it was made of.
-pub(super) type Key = [u8; 32];
-
-/// Matches of two pictures.
-pub(super) type Matches = Vec<(u32, u32)>;
 
 /// Bytes kept on the disk: features of some 1,500 pictures with 8,192 each, with their matches.
 const BUDGET_BYTES: u64 = 2 << 30;

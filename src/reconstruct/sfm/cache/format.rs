@@ -1,8 +1,13 @@
 use glam::DVec2;
 use sha2::{Digest, Sha256};
 
-use super::files::{Key, Matches};
 use crate::sfm::{Descriptors, Features};
+
+/// Matches of two pictures.
+pub(super) type Matches = Vec<(u32, u32)>;
+
+/// Names one thing that is kept: a digest of all that it was made of.
+pub(super) type Key = [u8; 32];
 
 /// First bytes of a file: what it holds, and the version of its layout.
 const FEATURES: &[u8; 8] = b"OSTRAFT1";
@@ -51,7 +56,7 @@ pub(super) fn encode_features(features: &Features) -> Vec<u8> {
     match &features.descriptors {
         Descriptors::Bytes { values, .. } => bytes.extend(values),
         Descriptors::Floats { values, .. } => {
-            bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()))
+            bytes.extend(values.iter().flat_map(|value| value.to_le_bytes()));
         }
     }
     sealed(bytes)

@@ -2,8 +2,7 @@ use glam::DVec2;
 use sha2::{Digest, Sha256};
 
 use super::FeatureCache;
-use super::files::{Key, Matches};
-use super::format::encode_features;
+use super::format::{Key, Matches, encode_features};
 use crate::sfm::{FeatureError, FeatureExtractor, FeatureMatcher, Features, PairMatches};
 
 /// Raised when the same input gives other features or matches than before.
@@ -36,7 +35,7 @@ impl FeatureExtractor for CachedExtractor<'_> {
         digest.update(bytemuck::cast_slice::<f32, u8>(grey));
         let bits = allowed.unwrap_or_default().chunks(4096);
         bits.for_each(|bits| {
-            digest.update(bits.iter().map(|&bit| u8::from(bit)).collect::<Vec<u8>>())
+            digest.update(bits.iter().map(|&bit| u8::from(bit)).collect::<Vec<u8>>());
         });
         let key: Key = digest.finalize().into();
         if let Some(known) = self

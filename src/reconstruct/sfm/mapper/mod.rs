@@ -3,16 +3,13 @@
 mod adjust;
 mod first_pair;
 mod grow;
-mod next_image;
-mod options;
 mod register;
-mod run;
 mod state;
 #[cfg(test)]
 mod tests;
 mod triangulate;
 
 pub use first_pair::Start;
-pub use options::MapperOptions;
+pub use grow::{Mapped, map};
 pub use register::Refusal;
-pub use run::{Mapped, map};
+pub use state::MapperOptions;

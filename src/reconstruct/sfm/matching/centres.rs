@@ -1,7 +1,85 @@
+//! Centres of descriptors: their inner products many at once, nearest centres, k-means.
+
 use pulp::{Arch, Simd, WithSimd};
 
-use super::lanes::{LANES, ROWS, tile};
-use super::value::Value;
+/// Length of SIFT's descriptors in bytes.
+const BYTE_LENGTH: f32 = 512.0;
+/// Partial sums of a dot product of floats, in an order that every processor keeps.
+const PARTS: usize = 16;
+
+/// One value of a descriptor.
+pub(crate) trait Value: Copy + Send + Sync {
+    /// As a value of a vector of length 1.
+    fn unit(self) -> f32;
+
+    /// Dot product of two descriptors as vectors of length 1.
+    fn dot(a: &[Self], b: &[Self]) -> f32;
+}
+
+impl Value for u8 {
+    #[inline(always)]
+    fn unit(self) -> f32 {
+        f32::from(self) / BYTE_LENGTH
+    }
+
+    #[inline(always)]
+    fn dot(a: &[Self], b: &[Self]) -> f32 {
+        let sum: i32 = a
+            .iter()
+            .zip(b)
+            .map(|(&a, &b)| i32::from(a) * i32::from(b))
+            .sum();
+        sum as f32 / (BYTE_LENGTH * BYTE_LENGTH)
+    }
+}
+
+impl Value for f32 {
+    #[inline(always)]
+    fn unit(self) -> f32 {
+        self
+    }
+
+    #[inline(always)]
+    fn dot(a: &[Self], b: &[Self]) -> f32 {
+        let mut sums = [0.0; PARTS];
+        let (a, a_rest) = a.as_chunks::<PARTS>();
+        let (b, b_rest) = b.as_chunks::<PARTS>();
+        for (a, b) in a.iter().zip(b) {
+            for lane in 0..PARTS {
+                sums[lane] += a[lane] * b[lane];
+            }
+        }
+        sums.iter().sum::<f32>() + a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f32>()
+    }
+}
+
+/// Columns that are worked on together.
+pub(crate) const LANES: usize = 16;
+/// Rows that are worked on together: with [`LANES`] columns their sums fill twelve of AVX2's sixteen registers.
+pub(crate) const ROWS: usize = 6;
+
+/// Dot products of some rows with the columns of a panel. `FUSED` where the processor multiplies and adds in one
+/// instruction; without one, `mul_add` would be a slow function call.
+#[inline(always)]
+pub(crate) fn tile<const FUSED: bool>(
+    rows: [&[f32]; ROWS],
+    panel: &[[f32; LANES]],
+) -> [[f32; LANES]; ROWS] {
+    let rows = rows.map(|row| &row[..panel.len()]);
+    let mut sums = [[0.0; LANES]; ROWS];
+    for (k, column) in panel.iter().enumerate() {
+        for (sum, row) in sums.iter_mut().zip(rows) {
+            for (sum, value) in sum.iter_mut().zip(column) {
+                *sum = if FUSED {
+                    row[k].mul_add(*value, *sum)
+                } else {
+                    row[k] * value + *sum
+                };
+            }
+        }
+    }
+    sums
+}
 
 /// Instead of a centre's number where there are fewer centres than are asked for.
 pub(crate) const NO_CENTRE: u32 = u32::MAX;

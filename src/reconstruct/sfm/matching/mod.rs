@@ -2,13 +2,9 @@
 
 mod cells;
 mod centres;
-mod lanes;
 mod nearest;
-mod record;
 #[cfg(test)]
 mod tests;
-mod value;
 
-pub(super) use centres::{k_means, nearest_centres};
+pub(super) use centres::{Value, k_means, nearest_centres};
 pub use nearest::NearestMatcher;
-pub(super) use value::Value;

@@ -1,8 +1,7 @@
 use pulp::Arch;
 
-use super::cells::{Cells, Comparison};
-use super::record::Rule;
-use super::value::Value;
+use super::cells::{Cells, Comparison, Rule};
+use super::centres::Value;
 use crate::sfm::{Descriptors, FeatureError, FeatureMatcher, Features, PairMatches};
 
 /// Pairs descriptors of which each is the other's nearest. In pictures with many descriptors only those are compared

@@ -1,7 +1,7 @@
+//! Maps that networks give: heat with its local maxima, and descriptors sampled between cells.
+
 use glam::DVec2;
 use rayon::prelude::*;
-
-use super::suppress::suppressed;
 
 /// How likely each pixel is a keypoint, 0..1.
 #[derive(Debug, Clone, PartialEq)]
@@ -135,4 +135,149 @@ fn softmax(mut values: [f32; CHANNELS]) -> [f32; CHANNELS] {
         .for_each(|value| *value = (*value - largest).exp());
     let sum: f32 = values.iter().sum();
     values.map(|value| value / sum)
+}
+
+/// Rounds in which values return that only a suppressed one had suppressed.
+const ROUNDS: usize = 2;
+
+/// Which values of a picture, row by row, are the largest within `radius` pixels, and of those that only such pixels exceed
+/// that are themselves near a larger one, again the largest: an approximation of suppression in order of the values, as the
+/// authors of SuperPoint use it. Equal neighbours both stay.
+pub fn suppressed(values: &[f32], width: usize, radius: usize) -> Vec<bool> {
+    let mut kept: Vec<bool> = is_largest(values, &largest_around(values, width, radius));
+    for _ in 0..ROUNDS {
+        let near: Vec<f32> = kept
+            .par_iter()
+            .map(|&kept| f32::from(u8::from(kept)))
+            .collect();
+        let near = largest_around(&near, width, radius);
+        let left: Vec<f32> = values
+            .par_iter()
+            .zip(&near)
+            .map(|(&value, &near)| if near > 0.0 { 0.0 } else { value })
+            .collect();
+        let again = is_largest(&left, &largest_around(&left, width, radius));
+        kept.par_iter_mut()
+            .zip(again)
+            .zip(&near)
+            .for_each(|((kept, again), &near)| *kept |= again && near == 0.0);
+    }
+    kept
+}
+
+fn is_largest(values: &[f32], largest: &[f32]) -> Vec<bool> {
+    values
+        .par_iter()
+        .zip(largest)
+        .map(|(value, largest)| value == largest)
+        .collect()
+}
+
+/// The largest value within `radius` pixels along both axes.
+fn largest_around(values: &[f32], width: usize, radius: usize) -> Vec<f32> {
+    let height = values.len() / width;
+    let mut along = vec![0.0; values.len()];
+    along
+        .par_chunks_exact_mut(width)
+        .zip(values.par_chunks_exact(width))
+        .for_each(|(into, row)| {
+            for (x, into) in into.iter_mut().enumerate() {
+                let near = &row[x.saturating_sub(radius)..(x + radius + 1).min(width)];
+                *into = near.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+            }
+        });
+    let mut around = vec![f32::NEG_INFINITY; values.len()];
+    around
+        .par_chunks_exact_mut(width)
+        .enumerate()
+        .for_each(|(y, into)| {
+            for row in along[y.saturating_sub(radius) * width..(y + radius + 1).min(height) * width]
+                .chunks_exact(width)
+            {
+                into.iter_mut()
+                    .zip(row)
+                    .for_each(|(into, &value)| *into = into.max(value));
+            }
+        });
+    around
+}
+
+/// A coarse grid of rows of values, one per cell, read between the cells.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sampled {
+    columns: usize,
+    rows: usize,
+    dim: usize,
+    /// Cell by cell, `dim` values each.
+    values: Vec<f32>,
+}
+
+impl Sampled {
+    /// From a network's output, `[dim, rows, columns]`.
+    #[must_use]
+    pub fn new(planes: &[f32], dim: usize, columns: usize, rows: usize) -> Self {
+        let cells = columns * rows;
+        let mut values = vec![0.0; dim * cells];
+        for (channel, plane) in planes.chunks_exact(cells).enumerate() {
+            values[channel..]
+                .iter_mut()
+                .step_by(dim)
+                .zip(plane)
+                .for_each(|(value, &given)| *value = given);
+        }
+        Self {
+            columns,
+            rows,
+            dim,
+            values,
+        }
+    }
+
+    /// With each cell's values scaled to length 1.
+    #[must_use]
+    pub fn normalised(mut self) -> Self {
+        self.values.chunks_exact_mut(self.dim).for_each(normalise);
+        self
+    }
+
+    /// Adds the values at a position in pixels (eight per cell) to `into`, bilinearly between the centres of the cells.
+    pub fn read(&self, at: DVec2, into: &mut [f32]) {
+        self.read_cells(at / CELL as f64 - 0.5, into);
+    }
+
+    /// As [`Self::read`], at a position in cells: the centre of the top-left cell at (0, 0).
+    pub fn read_cells(&self, at: DVec2, into: &mut [f32]) {
+        let (column, along_x) = between(at.x, self.columns);
+        let (row, along_y) = between(at.y, self.rows);
+        let (next_column, next_row) = (
+            (column + 1).min(self.columns - 1),
+            (row + 1).min(self.rows - 1),
+        );
+        let corners = [
+            (column, row, (1.0 - along_x) * (1.0 - along_y)),
+            (next_column, row, along_x * (1.0 - along_y)),
+            (column, next_row, (1.0 - along_x) * along_y),
+            (next_column, next_row, along_x * along_y),
+        ];
+        for (column, row, weight) in corners {
+            let cell = &self.values[(row * self.columns + column) * self.dim..][..self.dim];
+            into.iter_mut()
+                .zip(cell)
+                .for_each(|(value, given)| *value += weight * given);
+        }
+    }
+}
+
+/// Scales to length 1; zeros stay.
+pub fn normalise(values: &mut [f32]) {
+    let length = values.iter().map(|value| value * value).sum::<f32>().sqrt();
+    if length > 0.0 {
+        values.iter_mut().for_each(|value| *value /= length);
+    }
+}
+
+/// Cell before a position, and the way towards the next, 0..1.
+fn between(at: f64, cells: usize) -> (usize, f32) {
+    let at = at.clamp(0.0, (cells - 1) as f64);
+    (at as usize, at.fract() as f32)
 }

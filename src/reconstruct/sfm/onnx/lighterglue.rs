@@ -1,7 +1,6 @@
 use std::path::Path;
 
-use super::glance::look_twice;
-use super::keypoints::load_only;
+use super::keypoints::{load_only, look_twice};
 use super::xfeat::DIM;
 use crate::sfm::{Descriptors, FeatureError, FeatureMatcher, Features};
 use ostra_compute::nn::{Network, NnError, Tensor};

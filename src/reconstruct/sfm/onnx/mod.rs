@@ -1,15 +1,10 @@
 //! Learned features: keypoints and matches from networks.
 
-mod glance;
 mod heat;
 mod keypoints;
 mod lighterglue;
-mod prepared;
-mod sampled;
 mod superglue;
 mod superpoint;
-mod suppress;
-mod transport;
 mod xfeat;
 
 #[cfg(test)]

@@ -2,9 +2,8 @@ use std::path::Path;
 
 use glam::DVec2;
 
-use super::heat::{CELL, Heat};
+use super::heat::{CELL, Heat, Sampled, normalise};
 use super::keypoints::{Found, Picture, load_only};
-use super::sampled::{Sampled, normalise};
 use crate::sfm::{FeatureError, FeatureExtractor, Features};
 use ostra_compute::nn::{Network, NnError};
 

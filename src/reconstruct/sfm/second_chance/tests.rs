@@ -5,7 +5,7 @@ use tempfile::TempDir;
 use super::*;
 use crate::sfm::extract::extract;
 use crate::sfm::matching::NearestMatcher;
-use crate::sfm::pipeline::SfmRequest;
+use crate::sfm::request::SfmRequest;
 use crate::sfm::{
     CameraGroups, Features, MapImage, MapProblem, MapperOptions, PairOptions, Sift, choose_pairs,
     map, match_pairs,

@@ -1,7 +1,8 @@
-use super::gradient::turn_of;
+use pulp::{Arch, Simd, WithSimd};
+
+use super::orientation::turn_of;
 use super::refine::Extremum;
 use super::rows::{MARGIN, Rows};
-use pulp::{Arch, Simd, WithSimd};
 
 /// Side of a cell in the keypoint's sigma.
 const CELL: f32 = 3.0;

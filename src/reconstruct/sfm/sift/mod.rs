@@ -2,26 +2,18 @@
 //! Scale-Invariant Keypoints", IJCV 2004).
 
 mod blur;
-mod borders;
 mod descriptor;
-mod extract;
+mod extractor;
 mod extrema;
-mod gradient;
-mod kernel;
 mod keypoint;
 mod octave;
-mod options;
 mod orientation;
-mod pyramid;
 mod refine;
 mod rows;
-mod shrink;
-mod strongest;
 
-pub(super) use borders::Content;
-pub use extract::extract_sift;
-pub use keypoint::{SiftFeatures, SiftKeypoint};
-pub use options::SiftOptions;
+pub(super) use extractor::Content;
+pub use extractor::{Sift, extract_sift};
+pub use keypoint::{SiftFeatures, SiftKeypoint, SiftOptions};
 
 #[cfg(test)]
 mod tests;

@@ -1,7 +1,8 @@
-use super::extrema::Candidate;
-use super::options::SiftOptions;
-use super::rows::Rows;
 use glam::{DVec2, Mat2, Mat3, Vec2, Vec3};
+
+use super::extrema::Candidate;
+use super::keypoint::SiftOptions;
+use super::rows::Rows;
 
 /// A keypoint in samples of its octave.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,11 +1,9 @@
 //! Features of a picture as it looks tilted, for pictures that were taken at a grazing angle to what others show.
 
-mod features;
 mod merge;
 #[cfg(test)]
 mod tests;
 mod view;
 
-pub use features::tilted_features;
 pub use merge::{Merged, one_to_one};
-pub use view::Tilt;
+pub use view::{Tilt, tilted_features};

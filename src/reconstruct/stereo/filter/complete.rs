@@ -1,9 +1,69 @@
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
-use super::consistency::{Match, Neighbour, Surface};
-use super::options::FilterOptions;
+use super::consistency::{Agreement, Match, Neighbour, Surface};
+use super::snap::SnapOptions;
 use crate::stereo::DepthEstimate;
 use crate::stereo::patchmatch::{Picture, Texture};
+
+/// When a view takes over what others see.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct CompleteOptions {
+    /// Nearer than a view's own depth by this share is before it, 0–1.
+    pub before: f32,
+    /// Largest difference of colour between the view and what is taken over, grey levels.
+    pub color_difference: f32,
+    /// The difference of colour may be this many times that of the view's own depth, where it has one, above 0.
+    pub color_ratio: f32,
+}
+
+impl Default for CompleteOptions {
+    fn default() -> Self {
+        Self {
+            before: 0.02,
+            color_difference: 40.0,
+            color_ratio: 1.0,
+        }
+    }
+}
+
+/// Which depths are kept.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct FilterOptions {
+    /// What happens at borders first.
+    pub snap: SnapOptions,
+    /// When another view agrees.
+    pub agreement: Agreement,
+    /// Other views that must agree, at least 1; all there are where these are fewer.
+    pub min_agreeing: usize,
+    /// Least confidence, 0–1.
+    pub min_confidence: f32,
+    /// Connected surfaces are left out whose pixels other views agree with fewer times in all.
+    pub min_support: usize,
+    /// Gaps of up to this many pixels between two of one surface are filled.
+    pub gap_pixels: usize,
+    /// Neighbouring pixels are one surface where their depths differ by at most this share, 0–1.
+    pub surface_tolerance: f32,
+    /// What is taken over from others in the end.
+    pub complete: CompleteOptions,
+}
+
+impl Default for FilterOptions {
+    fn default() -> Self {
+        Self {
+            snap: SnapOptions::default(),
+            agreement: Agreement::default(),
+            min_agreeing: 2,
+            min_confidence: 0.1,
+            min_support: 20,
+            gap_pixels: 7,
+            surface_tolerance: 0.01,
+            complete: CompleteOptions::default(),
+        }
+    }
+}
 
 /// Neighbours at least that must see what a view takes over.
 const WITNESSES: usize = 2;

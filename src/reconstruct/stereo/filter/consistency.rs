@@ -1,10 +1,32 @@
 use std::sync::Arc;
 
 use glam::{Mat3, Vec3};
+use serde::{Deserialize, Serialize};
 
-use super::options::Agreement;
 use crate::stereo::DepthEstimate;
 use crate::stereo::patchmatch::{Picture, Plane, Raster, Texture, Transfer};
+
+/// When two views' depths are the same surface.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Agreement {
+    /// Largest difference of depth as a share of it, 0–1.
+    pub depth: f32,
+    /// Largest distance after going there and back, pixels of the raster, above 0.
+    pub reprojection_px: f32,
+    /// Least cosine between the normals, −1–1: those of parts a pixel or two wide are hardly known.
+    pub normal_cosine: f32,
+}
+
+impl Default for Agreement {
+    fn default() -> Self {
+        Self {
+            depth: 0.01,
+            reprojection_px: 2.0,
+            normal_cosine: 0.09,
+        }
+    }
+}
 
 /// No pixel of a neighbour.
 pub const UNSEEN: u32 = u32::MAX;

@@ -3,14 +3,10 @@
 
 mod complete;
 mod consistency;
-mod gaps;
-mod options;
-mod run;
+mod depth_filter;
 mod snap;
-mod speckles;
 
-pub use complete::completed;
-pub use consistency::{Match, Neighbour, Surface, UNSEEN};
-pub use options::{Agreement, CompleteOptions, FilterOptions, SnapOptions};
-pub use run::filter;
-pub use snap::snapped;
+pub use complete::{CompleteOptions, FilterOptions, completed};
+pub use consistency::{Agreement, Match, Neighbour, Surface, UNSEEN};
+pub use depth_filter::filter;
+pub use snap::{SnapOptions, snapped};

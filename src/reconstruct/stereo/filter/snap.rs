@@ -1,8 +1,33 @@
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
-use super::options::SnapOptions;
 use crate::stereo::DepthEstimate;
 use crate::stereo::patchmatch::Texture;
+
+/// When borders of surfaces move to where colours change.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct SnapOptions {
+    /// Depths that differ by more than this share are two surfaces, above 0.
+    pub surface_step: f32,
+    /// Difference of colour (in grey levels) of `exp(−½)` in how well pixels fit, above 0.
+    pub color_sigma: f32,
+    /// Pixels of the other surface that must fit at least, each counted by how well it does.
+    pub least_fit: f32,
+    /// How many times better its colours must fit, above 1.
+    pub better: f32,
+}
+
+impl Default for SnapOptions {
+    fn default() -> Self {
+        Self {
+            surface_step: 0.05,
+            color_sigma: 20.0,
+            least_fit: 1.0,
+            better: 2.0,
+        }
+    }
+}
 
 /// Reach of the window in which surfaces are compared by colour, pixels.
 const REACH: usize = 3;

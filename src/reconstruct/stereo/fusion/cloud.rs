@@ -1,6 +1,158 @@
-use glam::Vec3;
+//! The dense cloud, and its thinning by voxels.
 
+use std::collections::BTreeMap;
+
+use glam::Vec3;
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use ostra_cloud::fuse::{SeenPoint, SeenPoints};
+use ostra_cloud::{LabelledCloud, SceneError};
+use ostra_core::job::Progress;
 use ostra_geometry::Camera;
+
+/// Tries to find the edge that gives as many points as wanted; three are usual.
+const MOST_TRIES: usize = 8;
+/// Share of the most points from which on an edge is fine enough.
+const ENOUGH: f64 = 0.7;
+/// Share of the most points that is aimed at.
+const AIM: f64 = 0.85;
+
+impl DenseCloud {
+    /// The points without labels, and for each frame that made points which of them it sees, in which pixel: what
+    /// [`ostra_cloud::fuse::vote_onto`] lets vote. Contributors that the lens does not show are left out.
+    #[must_use]
+    pub fn into_points(self) -> (LabelledCloud, SeenPoints) {
+        let mut seen: SeenPoints = self
+            .views
+            .iter()
+            .map(|view| (view.frame, Vec::new()))
+            .collect();
+        for point in 0..self.len() {
+            for &contributor in self.contributors(point) {
+                let frame = self.views[contributor.view as usize].frame;
+                if let (Some((x, y)), Some(list)) =
+                    (self.frame_pixel(contributor), seen.get_mut(&frame))
+                {
+                    list.push(SeenPoint {
+                        point: point as u32,
+                        x,
+                        y,
+                    });
+                }
+            }
+        }
+        let mut points = LabelledCloud::from_positions(self.positions);
+        (points.normals, points.colors) = (self.normals, self.colors);
+        (points, seen)
+    }
+
+    /// At most one point per voxel: the one nearest to the mean of all in it, with the pixels of all of them, one a view.
+    ///
+    /// # Errors
+    /// [`SceneError::Request`] for an edge (world units) that is not above 0.
+    pub fn thinned(&self, voxel: f64) -> Result<Self, SceneError> {
+        if !(voxel.is_finite() && voxel > 0.0) {
+            return Err(SceneError::Request(format!(
+                "a voxel size of {voxel} is not possible; give a length above 0"
+            )));
+        }
+        let origin = self
+            .positions
+            .iter()
+            .copied()
+            .reduce(Vec3::min)
+            .unwrap_or_default();
+        let mut voxels: FxHashMap<[i64; 3], Vec<u32>> = FxHashMap::default();
+        for (point, position) in (0..).zip(&self.positions) {
+            voxels
+                .entry(voxel_of(*position, origin, voxel))
+                .or_default()
+                .push(point);
+        }
+        let mut kept: Vec<(u32, Vec<u32>)> = voxels
+            .into_values()
+            .map(|points| (self.middle(&points), points))
+            .collect();
+        kept.sort_unstable();
+        let mut thin = Self {
+            offsets: vec![0],
+            views: self.views.clone(),
+            ..Self::default()
+        };
+        for (point, all) in kept {
+            let by_view: BTreeMap<u32, Contributor> = (all.iter().rev())
+                .flat_map(|&other| self.contributors(other as usize))
+                .chain(self.contributors(point as usize))
+                .map(|&contributor| (contributor.view, contributor))
+                .collect();
+            thin.positions.push(self.positions[point as usize]);
+            thin.normals.push(self.normals[point as usize]);
+            thin.colors.push(self.colors[point as usize]);
+            thin.contributors.extend(by_view.into_values());
+            thin.offsets.push(thin.contributors.len() as u32);
+        }
+        Ok(thin)
+    }
+
+    /// About as many points as `most` at most: as they are where they are no more, else thinned with the smallest edge that
+    /// gives no more, which is returned too.
+    ///
+    /// # Errors
+    /// [`SceneError::Stopped`]; [`SceneError::Request`] for points without extent.
+    pub fn thinned_to(
+        self,
+        most: usize,
+        progress: &Progress,
+    ) -> Result<(Self, Option<f64>), SceneError> {
+        if self.len() <= most {
+            return Ok((self, None));
+        }
+        let (min, max) = self.positions.iter().fold(
+            (Vec3::INFINITY, Vec3::NEG_INFINITY),
+            |(min, max), &position| (min.min(position), max.max(position)),
+        );
+        // The points fill a surface about as large as their box's sides, or less.
+        let mut voxel = f64::from((max - min).length()) / (most as f64).sqrt();
+        for _ in 0..MOST_TRIES {
+            progress.check()?;
+            let ratio = self.voxels(min, voxel) as f64 / most as f64;
+            if (ENOUGH..=1.0).contains(&ratio) {
+                break;
+            }
+            // Aims below the most: surfaces have two dimensions, noise adds to them.
+            voxel *= (ratio / AIM).powf(0.45).clamp(0.1, 10.0);
+        }
+        Ok((self.thinned(voxel)?, Some(voxel)))
+    }
+
+    /// The number of voxels that hold points.
+    fn voxels(&self, origin: Vec3, voxel: f64) -> usize {
+        let keys: FxHashSet<[i64; 3]> = self
+            .positions
+            .iter()
+            .map(|&position| voxel_of(position, origin, voxel))
+            .collect();
+        keys.len()
+    }
+
+    /// Of some points the one nearest to their mean.
+    fn middle(&self, points: &[u32]) -> u32 {
+        let at = |&point: &u32| self.positions[point as usize];
+        let mean = points.iter().map(at).sum::<Vec3>() / points.len() as f32;
+        let distance = |point: &u32| at(point).distance_squared(mean);
+        points
+            .iter()
+            .copied()
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)))
+            .unwrap_or_default()
+    }
+}
+
+fn voxel_of(position: Vec3, origin: Vec3, voxel: f64) -> [i64; 3] {
+    (position - origin)
+        .to_array()
+        .map(|along| (f64::from(along) / voxel).floor() as i64)
+}
 
 /// A pixel that made a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -73,5 +225,91 @@ impl DenseCloud {
         view.camera
             .contains(at_px)
             .then_some((at_px.x as u32, at_px.y as u32))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stereo::FusedView;
+    use ostra_geometry::Camera;
+
+    /// Three points on a line, the first two 0.2 apart, of two views with 4 × 3 pixels at half the pictures' size.
+    fn cloud() -> DenseCloud {
+        let raster = Camera::pinhole(4, 3, 4.0, 4.0, 2.0, 1.5);
+        let camera = Camera::pinhole(8, 6, 8.0, 8.0, 4.0, 3.0);
+        let by = |view, pixel| Contributor { view, pixel };
+        DenseCloud {
+            positions: [0.0, 0.2, 3.0].map(|x| Vec3::new(x, 0.0, 0.0)).to_vec(),
+            normals: vec![Vec3::Z; 3],
+            colors: vec![[1; 3], [2; 3], [3; 3]],
+            offsets: vec![0, 2, 3, 5],
+            contributors: vec![by(0, 0), by(1, 5), by(1, 6), by(0, 11), by(1, 7)],
+            views: [4, 9]
+                .map(|frame| FusedView {
+                    frame,
+                    raster,
+                    camera,
+                })
+                .to_vec(),
+        }
+    }
+
+    #[test]
+    fn every_contributor_is_a_pixel_of_its_frame() {
+        let (points, seen) = cloud().into_points();
+        assert_eq!(
+            (points.len(), points.colors[2], points.normals[1]),
+            (3, [3; 3], Vec3::Z)
+        );
+        let at = |point, x, y| SeenPoint { point, x, y };
+        assert_eq!(seen[&4], [at(0, 1, 1), at(2, 7, 5)]);
+        assert_eq!(seen[&9], [at(0, 3, 3), at(1, 5, 3), at(2, 7, 3)]);
+    }
+
+    #[test]
+    fn a_cloud_of_too_many_points_is_thinned_to_about_as_many_as_wanted() {
+        let at = |k: u32| Vec3::new((k % 200) as f32, (k / 200) as f32, 0.0);
+        let dense = DenseCloud {
+            positions: (0..40_000).map(at).collect(),
+            normals: vec![Vec3::Z; 40_000],
+            colors: vec![[1; 3]; 40_000],
+            offsets: vec![0; 40_001],
+            ..cloud()
+        };
+        let (thin, voxel) = dense
+            .clone()
+            .thinned_to(4000, &Progress::default())
+            .unwrap();
+        assert!(
+            (2500..=4000).contains(&thin.len()),
+            "{} at {voxel:?}",
+            thin.len()
+        );
+        assert_eq!(
+            dense
+                .clone()
+                .thinned_to(40_000, &Progress::default())
+                .unwrap(),
+            (dense, None)
+        );
+    }
+
+    #[test]
+    fn a_voxel_keeps_one_point_and_one_pixel_of_each_view() {
+        let thin = cloud().thinned(1.0).unwrap();
+        assert_eq!(thin.positions, [Vec3::ZERO, Vec3::new(3.0, 0.0, 0.0)]);
+        let of = |point| {
+            thin.contributors(point)
+                .iter()
+                .map(|by| (by.view, by.pixel))
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(
+            (of(0), of(1)),
+            (vec![(0, 0), (1, 5)], vec![(0, 11), (1, 7)])
+        );
+        assert_eq!(cloud().thinned(0.01).unwrap(), cloud());
+        assert!(cloud().thinned(0.0).is_err());
     }
 }

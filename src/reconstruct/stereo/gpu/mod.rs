@@ -5,7 +5,6 @@
 mod data;
 mod engine;
 mod kernels;
-mod passes;
 mod room;
 #[cfg(test)]
 mod tests;

@@ -1,13 +1,13 @@
+//! One level of the pyramid: all that its search looks at, and the regions around its pixels.
+
 use std::sync::Arc;
 
 use pulp::Simd;
 
-use super::ncc::{self, Transfer};
-use super::options::PatchMatchOptions;
-use super::plane::{Plane, Raster};
-use super::regions::Regions;
-use super::search::Found;
-use super::texture::Texture;
+use super::ncc;
+use super::picture::{Picture, Texture};
+use super::plane::{Color, Plane, Raster, Transfer, WORST};
+use super::search_input::{Found, PatchMatchOptions, Search};
 use super::window::{Patch, Window};
 
 /// Source views at most.
@@ -128,7 +128,7 @@ impl Level<'_> {
             &source.texture,
         );
         match &source.found {
-            Some(found) if photometric < ncc::WORST => {
+            Some(found) if photometric < WORST => {
                 photometric + self.geometric_cost(at, source, found)
             }
             _ => photometric,
@@ -173,4 +173,170 @@ fn forward_backward(
     let scale = 1.0 / z;
     let (s, t) = (s * scale - x, t * scale - y);
     Some((s * s + t * t).sqrt())
+}
+
+/// Pixels of a region at most.
+const MOST: usize = 11;
+
+/// Eight regions around a pixel, four V-shaped near ones and four far strips, all on the other colour of the
+/// checkerboard (Q. Xu and W. Tao, *Multi-Scale Geometric Consistency Guided Multi-View Stereo*, CVPR 2019).
+#[derive(Debug, Clone)]
+pub struct Regions {
+    regions: [Vec<Place>; 8],
+    width: usize,
+    height: usize,
+    /// Columns and rows that a region reaches at most.
+    reach: usize,
+}
+
+/// A pixel of a region.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    /// Offset in columns and rows.
+    offset: (i32, i32),
+    /// The same among the pixels of a colour, from even and from odd columns.
+    steps: [isize; 2],
+}
+
+impl Regions {
+    /// The regions around pixels of a picture.
+    #[must_use]
+    pub fn new(width: usize, height: usize) -> Self {
+        let near: Vec<(i32, i32)> = vec![(0, 1), (1, 2), (-1, 2), (2, 3), (-2, 3), (3, 4), (-3, 4)];
+        let far: Vec<(i32, i32)> = (0..MOST as i32).map(|step| (0, 3 + 2 * step)).collect();
+        let half = width.div_ceil(2) as isize;
+        let place = |(dx, dy): (i32, i32)| {
+            let step = |odd: isize| dy as isize * half + (dx as isize + odd).div_euclid(2);
+            Place {
+                offset: (dx, dy),
+                steps: [step(0), step(1)],
+            }
+        };
+        let turned = |offsets: &[(i32, i32)], quarter: usize| {
+            let turn = |&(x, y): &(i32, i32)| [(x, y), (y, x), (x, -y), (-y, x)][quarter];
+            offsets.iter().map(turn).map(place).collect::<Vec<_>>()
+        };
+        let regions =
+            std::array::from_fn(|region| turned(if region < 4 { &near } else { &far }, region % 4));
+        Self {
+            regions,
+            width,
+            height,
+            reach: 2 * MOST + 1,
+        }
+    }
+
+    /// The pixel of least cost in each region, as its offset and its place among the pixels of its colour.
+    #[inline(always)]
+    pub fn best(&self, other: &Color, x: usize, y: usize) -> [Option<(i32, i32, usize)>; 8] {
+        let (reach, width, height) = (self.reach, self.width, self.height);
+        let is_far_in = x >= reach && y >= reach && x + reach < width && y + reach < height;
+        let from = y * width.div_ceil(2) + x / 2;
+        std::array::from_fn(|region| {
+            let (mut best, mut least) = (0, f32::INFINITY);
+            for (
+                number,
+                &Place {
+                    offset: (dx, dy),
+                    steps,
+                },
+            ) in self.regions[region].iter().enumerate()
+            {
+                let (column, row) = (x as i32 + dx, y as i32 + dy);
+                let is_within =
+                    || column >= 0 && row >= 0 && column < width as i32 && row < height as i32;
+                if !is_far_in && !is_within() {
+                    continue;
+                }
+                // Without a branch, which could not be foreseen.
+                let cost = other.costs[from.wrapping_add_signed(steps[x % 2])];
+                best = if cost < least { number } else { best };
+                least = least.min(cost);
+            }
+            let Place {
+                offset: (dx, dy),
+                steps,
+            } = self.regions[region][best];
+            (least < f32::INFINITY).then(|| (dx, dy, from.wrapping_add_signed(steps[x % 2])))
+        })
+    }
+}
+
+/// A level of the pyramid, 0 = the finest.
+pub fn level<'a>(
+    search: &Search<'_>,
+    number: usize,
+    options: &'a PatchMatchOptions,
+    window: &'a Window,
+    allowed: Option<&'a [bool]>,
+) -> Level<'a> {
+    let reference = search.reference;
+    let comparable = search
+        .sources
+        .iter()
+        .filter(|source| source.levels.len() > number);
+    let sources: Vec<Source> = comparable
+        .take(MAX_SOURCES)
+        .map(|source| Source {
+            transfer: reference.transfer(source, number),
+            texture: Arc::clone(&source.levels[number]),
+            found: None,
+        })
+        .collect();
+    let [near, far] = search.depth_range.map(|depth| (1.0 / depth) as f32);
+    let picture = Arc::clone(&reference.levels[number]);
+    let centre = (0.5 * picture.width as f32, 0.5 * picture.height as f32);
+    let step = pixel_step(&sources, centre, 0.5 * (near + far));
+    Level {
+        regions: Regions::new(picture.width, picture.height),
+        picture,
+        raster: reference.raster(number),
+        sources,
+        range: [far, near],
+        step,
+        allowed,
+        hints: Vec::new(),
+        pull: 0.0,
+        options,
+        window,
+    }
+}
+
+/// Change of inverse depth that moves the middle of the picture by a pixel in the median source.
+fn pixel_step(sources: &[Source], (x, y): (f32, f32), w: f32) -> f32 {
+    let change = 1e-3 * w;
+    let seen = |source: &Source, w: f32| {
+        let [u, v, z] = source.transfer.apply(x, y, w);
+        [u / z, v / z]
+    };
+    let step = |source: &Source| {
+        let (a, b) = (seen(source, w), seen(source, w + change));
+        change / (b[0] - a[0]).hypot(b[1] - a[1]).max(1e-6)
+    };
+    let mut steps: Vec<f32> = sources
+        .iter()
+        .map(step)
+        .filter(|step| step.is_finite())
+        .collect();
+    steps.sort_unstable_by(f32::total_cmp);
+    steps.get(steps.len() / 2).copied().unwrap_or(change)
+}
+
+/// Pixels of a level of which any pixel of the finest is to be worked on.
+pub fn coarse_mask(allowed: &[bool], picture: &Picture, number: usize) -> Vec<bool> {
+    let (width, height) = picture.size();
+    let level = &picture.levels[number];
+    let mut coarse = vec![false; level.width * level.height];
+    for (at, _) in allowed
+        .iter()
+        .enumerate()
+        .filter(|(_, allowed)| **allowed)
+        .take(width * height)
+    {
+        let (x, y) = ((at % width) >> number, (at / width) >> number);
+        if x < level.width && y < level.height {
+            coarse[y * level.width + x] = true;
+        }
+    }
+    coarse
 }

@@ -5,46 +5,37 @@
 //! quotients are products with the reciprocal, and sums begin with what is no product, so that `stereo::gpu` comes to the
 //! same.
 
-mod contest;
-mod field;
-mod hints;
 mod level;
 mod ncc;
-mod options;
-mod passes;
 mod picture;
 mod plane;
-mod priors;
 mod random;
-mod regions;
 mod search;
+mod search_input;
 mod start;
 mod sweep;
 #[cfg(test)]
 mod tests;
-mod texture;
 mod views;
 mod visit;
 mod window;
 
-pub(super) use field::{Color, Field};
 pub(super) use level::{Hint, Level, MAX_SOURCES, Source};
-pub use ncc::Transfer;
-pub use options::PatchMatchOptions;
-pub(super) use passes::{Passes, Processor};
-pub use picture::Picture;
-pub use plane::{Plane, Raster};
-pub use search::{Found, Round, Search};
+pub use picture::{Picture, Texture, Tones};
+pub(super) use plane::{Color, Field};
+pub use plane::{Plane, Raster, Transfer};
 pub(super) use search::{search, search_consistent};
-pub use texture::{Texture, Tones};
+pub use search_input::{Found, PatchMatchOptions, Round, Search};
+pub(super) use sweep::{Passes, Processor};
 pub(super) use visit::Turn;
 
 /// What `stereo::gpu` is told of, so that it is stated once.
 pub(super) mod constants {
-    pub use super::contest::FAR;
-    pub use super::ncc::{CHROMA_RANGE, FLAT_COST, SAME_CHROMA, UNLIKE_COST, WORST};
+    pub use super::ncc::{CHROMA_RANGE, FLAT_COST, SAME_CHROMA, UNLIKE_COST};
+    pub use super::plane::WORST;
     pub use super::views::BAD;
     #[cfg(test)]
     pub use super::views::COMPARED;
+    pub use super::visit::FAR;
     pub use super::window::{COLOR_VARIANCE, COLOR_WEIGHT, FLAT_BELOW, FLAT_VARIANCE, NOISE, TAPS};
 }

@@ -1,11 +1,9 @@
 use pulp::Simd;
 
-use super::plane::Plane;
-use super::texture::{ROUNDING, Texture};
+use super::picture::{ROUNDING, Texture};
+use super::plane::{Plane, Transfer, WORST};
 use super::window::{FLAT_VARIANCE, NOISE, PADDED, Patch, TAPS, Window};
 
-/// Cost of a hypothesis that cannot be compared.
-pub const WORST: f32 = 2.0;
 /// The bits of this and a byte are their sum's.
 const COUNTING: f32 = 8_388_608.0;
 /// Sum of differences of chroma up to which colours are the same (noise, and what JPEG leaves), 0–255 each.
@@ -16,34 +14,6 @@ pub const CHROMA_RANGE: f32 = 40.0;
 pub const FLAT_COST: f32 = 0.6;
 /// What is added to it where texture is seen instead.
 pub const UNLIKE_COST: f32 = 0.7;
-
-/// The way from pixels of one view into another: `(x, y, 1)` at inverse depth `w` is seen at
-/// `matrix · (x, y, 1) + w · offset`, in homogeneous pixel indices.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Transfer {
-    /// Columns of the matrix.
-    pub matrix: [[f32; 3]; 3],
-    /// Where the viewing camera's centre is seen.
-    pub offset: [f32; 3],
-}
-
-impl Transfer {
-    /// Homogeneous position of a pixel at inverse depth `w`.
-    #[inline(always)]
-    pub fn apply(&self, x: f32, y: f32, w: f32) -> [f32; 3] {
-        let [a, b, c] = &self.matrix;
-        std::array::from_fn(|i| c[i] + a[i] * x + b[i] * y + self.offset[i] * w)
-    }
-
-    /// The plane's homography around a pixel: position, and change per pixel to the right and down.
-    #[inline(always)]
-    fn homography(&self, plane: Plane, x: f32, y: f32) -> [[f32; 3]; 3] {
-        let [a, b] = plane.slope;
-        let right = std::array::from_fn(|i| self.matrix[0][i] + a * self.offset[i]);
-        let down = std::array::from_fn(|i| self.matrix[1][i] + b * self.offset[i]);
-        [self.apply(x, y, plane.inverse_depth), right, down]
-    }
-}
 
 /// `1 − NCC` between a patch and where its plane is seen in a source picture, 0–2 (bilateral weights as in J. Schönberger
 /// et al., *Pixelwise View Selection for Unstructured Multi-View Stereo*, ECCV 2016); [`WORST`] where the centre is not

@@ -1,11 +1,180 @@
+//! Pictures as PatchMatch reads them: tones, textures, and their pyramids.
+
 use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 
-use super::ncc::Transfer;
-use super::plane::Raster;
-use super::texture::{Texture, Tones};
+use super::plane::{Raster, Transfer};
 use ostra_geometry::{Camera, Pose};
+
+/// A picture as it is compared, row by row.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Tones {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// `width · height` greys, 0–255.
+    pub luma: Vec<f32>,
+    /// `width · height` colours apart from grey (blue, red), −128–127; empty = grey throughout.
+    pub chroma: Vec<[f32; 2]>,
+}
+
+impl Tones {
+    /// The picture of half the size, each pixel the mean of four; an odd last row or column is left off.
+    pub fn halved(&self) -> Self {
+        let (width, height) = (self.width / 2, self.height / 2);
+        let firsts: Vec<usize> = (0..height)
+            .flat_map(|y| (0..width).map(move |x| (2 * x, 2 * y)))
+            .map(|(x, y)| y * self.width + x)
+            .collect();
+        let luma = firsts
+            .iter()
+            .map(|&at| quarter(|off| self.luma[at + off], self.width))
+            .collect();
+        let mixed = |&at: &usize| {
+            std::array::from_fn(|k| quarter(|off| self.chroma[at + off][k], self.width))
+        };
+        let chroma = if self.chroma.is_empty() {
+            Vec::new()
+        } else {
+            firsts.iter().map(mixed).collect()
+        };
+        Self {
+            width,
+            height,
+            luma,
+            chroma,
+        }
+    }
+
+    /// Whether no two pixels differ by more than rounding.
+    pub fn is_constant(&self) -> bool {
+        let (low, high) = self
+            .luma
+            .iter()
+            .fold((f32::MAX, f32::MIN), |(l, h), &v| (l.min(v), h.max(v)));
+        self.luma.is_empty() || high - low < 2.0
+    }
+}
+
+/// Adding and taking away this rounds a float between −2²² and 2²² to an integer; between the two, its bits are this one's and
+/// the integer.
+pub const ROUNDING: f32 = 12_582_912.0;
+
+/// The pixel below a position, 0 or more, and the share of the way to the next; either one where the position is a pixel's.
+#[inline(always)]
+fn split(at: f32) -> (usize, f32) {
+    let counted = at - 0.5 + ROUNDING;
+    (
+        counted.to_bits().wrapping_sub(ROUNDING.to_bits()) as usize,
+        at - (counted - ROUNDING),
+    )
+}
+
+/// The mean of a pixel and those to the right of it and below.
+fn quarter(at: impl Fn(usize) -> f32, width: usize) -> f32 {
+    0.25 * (at(0) + at(1) + at(width) + at(width + 1))
+}
+
+/// A picture made ready for bilinear sampling: each element holds four neighbouring greys, so that a sample is one load.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Texture {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Greys 0–255 of (x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1), from the lowest byte on.
+    pub quads: Vec<u32>,
+    /// Colours apart from grey (blue, red) of each pixel, 128 = grey.
+    pub chroma: Vec<[u8; 2]>,
+}
+
+impl Texture {
+    /// The texture of a picture, rounded to 8 bits.
+    pub fn new(tones: &Tones) -> Self {
+        let (width, height) = (tones.width, tones.height);
+        let bytes: Vec<u8> = tones
+            .luma
+            .iter()
+            .map(|&value| (value + 0.5) as u8)
+            .collect();
+        let mut quads = Vec::with_capacity(bytes.len());
+        for y in 0..height {
+            let rows = [y * width, (y + 1).min(height - 1) * width];
+            for x in 0..width {
+                let next = (x + 1).min(width - 1);
+                let quad = [
+                    bytes[rows[0] + x],
+                    bytes[rows[0] + next],
+                    bytes[rows[1] + x],
+                    bytes[rows[1] + next],
+                ];
+                quads.push(u32::from_le_bytes(quad));
+            }
+        }
+        let biased = |chroma: &[f32; 2]| chroma.map(|value| (value + 128.5) as u8);
+        let mut chroma: Vec<[u8; 2]> = tones.chroma.iter().map(biased).collect();
+        chroma.resize(quads.len(), [128; 2]);
+        Self {
+            width,
+            height,
+            quads,
+            chroma,
+        }
+    }
+
+    /// The number of the last column.
+    #[inline(always)]
+    pub fn last_column(&self) -> f32 {
+        // Signed 32 bits are what processors convert.
+        (self.width as i32 - 1) as f32
+    }
+
+    /// The number of the last row.
+    #[inline(always)]
+    pub fn last_row(&self) -> f32 {
+        (self.height as i32 - 1) as f32
+    }
+
+    /// The grey of a pixel.
+    #[inline(always)]
+    pub fn grey(&self, x: usize, y: usize) -> u8 {
+        self.quads[y * self.width + x] as u8
+    }
+
+    /// Squared difference of the colours of a pixel and one of another picture, in grey levels; chroma counts as in the
+    /// weights of a patch.
+    pub fn color_difference(&self, at: usize, other: &Self, there: usize) -> f32 {
+        let grey = f32::from(self.quads[at] as u8) - f32::from(other.quads[there] as u8);
+        let (p, q) = (self.chroma[at], other.chroma[there]);
+        let chroma = |k: usize| f32::from(p[k].abs_diff(q[k])).powi(2);
+        grey * grey + 3.0 * (chroma(0) + chroma(1))
+    }
+
+    /// The colour at a place within the picture, between its four pixels.
+    #[inline(always)]
+    pub fn chroma_at(&self, u: f32, v: f32) -> [f32; 2] {
+        let ((left, share_x), (top, share_y)) = (split(u), split(v));
+        let (left, top) = (left.min(self.width - 1), top.min(self.height - 1));
+        let (right, bottom) = (
+            (left + 1).min(self.width - 1),
+            (top + 1).min(self.height - 1),
+        );
+        let corner = |x: usize, y: usize| self.chroma[y * self.width + x].map(f32::from);
+        let (a, b, c, d) = (
+            corner(left, top),
+            corner(right, top),
+            corner(left, bottom),
+            corner(right, bottom),
+        );
+        std::array::from_fn(|k| {
+            let above = share_x * (b[k] - a[k]) + a[k];
+            let below = share_x * (d[k] - c[k]) + c[k];
+            share_y * (below - above) + above
+        })
+    }
+}
 
 /// A posed pinhole picture with its pyramid, each level half the size of the one before.
 #[derive(Debug, Clone, PartialEq)]

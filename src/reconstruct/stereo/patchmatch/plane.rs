@@ -1,4 +1,9 @@
+//! Planes of pixels, the fields that hold them, and how a plane looks from another camera.
+
 use glam::Vec3;
+
+/// Cost of a hypothesis that cannot be compared.
+pub const WORST: f32 = 2.0;
 
 /// A slanted plane as a view sees it: inverse depth is linear over the picture, `w(x + dx, y + dy) = w + a·dx + b·dy`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -95,5 +100,90 @@ impl Plane {
         let ray_squared = 1.0 + ray.x * ray.x + ray.y * ray.y;
         self.inverse_depth
             >= least * (self.vector(raster, x, y).length_squared() * ray_squared).sqrt()
+    }
+}
+
+/// Hypotheses and costs of a picture, the pixels of each colour of the checkerboard apart, so that one colour can be
+/// worked on while the other is read.
+#[derive(Debug, Clone)]
+pub struct Field {
+    /// Columns of the picture.
+    pub width: usize,
+    /// Rows of the picture.
+    pub height: usize,
+    /// Red, then black.
+    pub colors: [Color; 2],
+}
+
+/// The pixels of one colour, `⌈width / 2⌉` a row.
+#[derive(Debug, Clone)]
+pub struct Color {
+    /// The best hypothesis so far.
+    pub planes: Vec<Plane>,
+    /// Its cost, 0–2.
+    pub costs: Vec<f32>,
+}
+
+impl Field {
+    /// A field of one hypothesis everywhere that costs most.
+    pub fn new(width: usize, height: usize) -> Self {
+        let count = width.div_ceil(2) * height;
+        let color = Color {
+            planes: vec![Plane::default(); count],
+            costs: vec![WORST; count],
+        };
+        Self {
+            width,
+            height,
+            colors: [color.clone(), color],
+        }
+    }
+
+    /// Pixels of one colour in a row.
+    #[inline(always)]
+    pub fn half(&self) -> usize {
+        self.width.div_ceil(2)
+    }
+
+    /// The hypothesis and cost of a pixel.
+    pub fn at(&self, x: usize, y: usize) -> (Plane, f32) {
+        let color = &self.colors[(x + y) % 2];
+        let at = y * self.half() + x / 2;
+        (color.planes[at], color.costs[at])
+    }
+
+    /// Puts a hypothesis and its cost.
+    pub fn set(&mut self, x: usize, y: usize, plane: Plane, cost: f32) {
+        let at = y * self.half() + x / 2;
+        let color = &mut self.colors[(x + y) % 2];
+        (color.planes[at], color.costs[at]) = (plane, cost);
+    }
+}
+
+/// The way from pixels of one view into another: `(x, y, 1)` at inverse depth `w` is seen at
+/// `matrix · (x, y, 1) + w · offset`, in homogeneous pixel indices.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Transfer {
+    /// Columns of the matrix.
+    pub matrix: [[f32; 3]; 3],
+    /// Where the viewing camera's centre is seen.
+    pub offset: [f32; 3],
+}
+
+impl Transfer {
+    /// Homogeneous position of a pixel at inverse depth `w`.
+    #[inline(always)]
+    pub fn apply(&self, x: f32, y: f32, w: f32) -> [f32; 3] {
+        let [a, b, c] = &self.matrix;
+        std::array::from_fn(|i| c[i] + a[i] * x + b[i] * y + self.offset[i] * w)
+    }
+
+    /// The plane's homography around a pixel: position, and change per pixel to the right and down.
+    #[inline(always)]
+    pub(super) fn homography(&self, plane: Plane, x: f32, y: f32) -> [[f32; 3]; 3] {
+        let [a, b] = plane.slope;
+        let right = std::array::from_fn(|i| self.matrix[0][i] + a * self.offset[i]);
+        let down = std::array::from_fn(|i| self.matrix[1][i] + b * self.offset[i]);
+        [self.apply(x, y, plane.inverse_depth), right, down]
     }
 }

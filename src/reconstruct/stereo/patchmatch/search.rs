@@ -1,55 +1,17 @@
+//! The search of one view from coarse to fine, and its rounds with geometric consistency.
+
 use std::sync::Arc;
 
-use super::field::Field;
-use super::hints::hints;
-use super::options::PatchMatchOptions;
-use super::passes::Passes;
-use super::picture::Picture;
-use super::plane::Plane;
-use super::priors::priors;
-use super::start::{coarse_mask, level, random_field};
+use glam::Vec3;
+
+use super::level::{Hint, coarse_mask, level};
+use super::plane::{Field, Plane, Raster, WORST};
+use super::search_input::{Found, PatchMatchOptions, Round, Search};
+use super::start::{priors, random_field};
+use super::sweep::Passes;
 use super::visit::Turn;
 use super::window::Window;
 use ostra_core::job::Progress;
-
-/// What one view's depth is searched in.
-#[derive(Debug, Clone)]
-pub struct Search<'a> {
-    /// The view.
-    pub reference: &'a Picture,
-    /// Its sources, the best first; those beyond the eighth are not looked at.
-    pub sources: &'a [Arc<Picture>],
-    /// Smallest and largest depth along the optical axis, world units, above 0.
-    pub depth_range: [f64; 2],
-    /// Pixels (column, row) whose depth is known from sparse points.
-    pub seeds: &'a [(usize, usize, f32)],
-    /// Pixels to be worked on, row by row; `None` = all.
-    pub allowed: Option<&'a [bool]>,
-}
-
-/// The best plane of every pixel, row by row, and its cost, 0–2; no plane where nothing was searched.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Found {
-    /// Columns.
-    pub width: usize,
-    /// Rows.
-    pub height: usize,
-    /// The planes.
-    pub planes: Vec<Plane>,
-    /// Their costs.
-    pub costs: Vec<f32>,
-}
-
-/// What a round with geometric consistency goes on from.
-#[derive(Debug, Clone, Copy)]
-pub struct Round<'a> {
-    /// What is known of the view.
-    pub start: &'a Found,
-    /// What is known of each source; `None` for one of which nothing is.
-    pub others: &'a [Option<Arc<Found>>],
-    /// Such rounds that went before.
-    pub before: u32,
-}
 
 /// PatchMatch stereo of one view from coarse to fine, by the pictures alone (M. Bleyer, C. Rhemann, C. Rother,
 /// *PatchMatch Stereo*, BMVC 2011; checkerboard order and sampling of Q. Xu and W. Tao, CVPR 2019), wherever the passes
@@ -140,7 +102,7 @@ pub fn search_consistent<P: Passes>(
     level.hints = hints(search, round, level.step);
     let mut field = Field::new(start.width, start.height);
     for (at, &plane) in start.planes.iter().enumerate() {
-        field.set(at % start.width, at / start.width, plane, super::ncc::WORST);
+        field.set(at % start.width, at / start.width, plane, WORST);
     }
     let mut field = passes.begin(&level, field)?;
     passes.score(&level, &mut field, progress)?;
@@ -162,7 +124,7 @@ fn found(field: &Field) -> Found {
     let (width, height) = (field.width, field.height);
     let all = (0..width * height).map(|at| field.at(at % width, at / width));
     let searched = all.map(|(plane, cost)| {
-        if cost < super::ncc::WORST {
+        if cost < WORST {
             (plane, cost)
         } else {
             (Plane::default(), cost)
@@ -174,5 +136,76 @@ fn found(field: &Field) -> Found {
         height,
         planes,
         costs,
+    }
+}
+
+/// Planes of sources that cost more are no hints.
+const MAX_COST: f32 = 0.6;
+/// The surface of a flat patch that cost less is known.
+const SURE: f32 = 0.7;
+
+/// What a round knows beforehand, row by row: the planes of other views, and what surface lies there where the round
+/// before was sure of it. `step` is the change of inverse depth that makes another surface.
+pub fn hints(search: &Search<'_>, round: &Round<'_>, step: f32) -> Vec<Hint> {
+    let planes = of_sources(search, round.start, round.others, step);
+    let hint = |(plane, &cost): (Plane, &f32)| Hint {
+        plane,
+        is_known: cost < SURE,
+    };
+    planes
+        .into_iter()
+        .zip(&round.start.costs)
+        .map(hint)
+        .collect()
+}
+
+/// For each pixel of the reference the cheapest plane of a source that is seen there and is not the pixel's own surface
+/// (view propagation of M. Bleyer, C. Rhemann, C. Rother, *PatchMatch Stereo*, BMVC 2011); inverse depth 0 = none.
+fn of_sources(
+    search: &Search<'_>,
+    start: &Found,
+    others: &[Option<Arc<Found>>],
+    step: f32,
+) -> Vec<Plane> {
+    let mut planes = vec![Plane::default(); start.planes.len()];
+    let mut costs = vec![MAX_COST; start.planes.len()];
+    let raster = search.reference.raster(0);
+    for (source, found) in search.sources.iter().zip(others) {
+        let Some(found) = found else { continue };
+        let from_source = search
+            .reference
+            .camera_from_world
+            .compose(&source.camera_from_world.inverse());
+        let back = source.transfer(search.reference, 0);
+        let there = source.raster(0);
+        for (at, (&plane, &cost)) in found.planes.iter().zip(&found.costs).enumerate() {
+            if plane.inverse_depth <= 0.0 || cost >= MAX_COST {
+                continue;
+            }
+            let (u, v) = ((at % found.width) as f32, (at / found.width) as f32);
+            let [x, y, z] = back.apply(u, v, plane.inverse_depth);
+            let (column, row) = ((x / z + 0.5) as usize, (y / z + 0.5) as usize);
+            let seen = z > 0.0 && x > 0.0 && y > 0.0 && column < start.width && row < start.height;
+            let pixel = row * start.width + column;
+            if !seen || cost >= costs[pixel] {
+                continue;
+            }
+            let vector = from_source.rotation.as_quat() * plane.vector(&there, u, v);
+            let scale = 1.0 + vector.dot(from_source.translation.as_vec3());
+            let here = seen_from(vector / scale, &raster, column as f32, row as f32);
+            if (here.inverse_depth - start.planes[pixel].inverse_depth).abs() > step {
+                (planes[pixel], costs[pixel]) = (here, cost);
+            }
+        }
+    }
+    planes
+}
+
+/// The plane `vector · X = 1` (camera space) at a pixel.
+fn seen_from(vector: Vec3, raster: &Raster, x: f32, y: f32) -> Plane {
+    let slope = [vector.x / raster.focal[0], vector.y / raster.focal[1]];
+    Plane {
+        inverse_depth: vector.dot(raster.ray(x, y)),
+        slope,
     }
 }

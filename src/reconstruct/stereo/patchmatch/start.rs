@@ -1,92 +1,156 @@
-use std::sync::Arc;
+//! What a level starts from: random planes, those of a coarser level, surfaces around flat places.
 
-use super::field::Field;
-use super::level::{Level, MAX_SOURCES, Source};
-use super::options::PatchMatchOptions;
-use super::picture::Picture;
-use super::plane::Plane;
+use glam::{Mat3, Vec2, Vec3};
+use rayon::prelude::*;
+
+use super::level::{Hint, Level};
+use super::plane::{Field, Plane, WORST};
 use super::random::Dice;
-use super::regions::Regions;
-use super::search::Search;
-use super::window::Window;
 
-/// A level of the pyramid, 0 = the finest.
-pub fn level<'a>(
-    search: &Search<'_>,
-    number: usize,
-    options: &'a PatchMatchOptions,
-    window: &'a Window,
-    allowed: Option<&'a [bool]>,
-) -> Level<'a> {
-    let reference = search.reference;
-    let comparable = search
-        .sources
-        .iter()
-        .filter(|source| source.levels.len() > number);
-    let sources: Vec<Source> = comparable
-        .take(MAX_SOURCES)
-        .map(|source| Source {
-            transfer: reference.transfer(source, number),
-            texture: Arc::clone(&source.levels[number]),
-            found: None,
-        })
+/// Planes that cost less are surfaces; what is only guessed costs more.
+const SURE: f32 = 0.45;
+/// Pixels of the coarser level to the nearest that tells of a surface around: windows reach as far beyond its border.
+const NEAREST: isize = 3;
+/// Pixels of the coarser level to the farthest.
+const FARTHEST: isize = 32;
+/// Sure pixels looked at in each direction.
+const SEEN: usize = 3;
+/// Pixels lie on a plane that is off by at most so many pixels of the coarser level in another picture.
+const TOLERANCE_PX: f32 = 0.5;
+/// Lines through a pixel, and how many of them must meet one surface on both sides.
+const LINES: [(isize, isize); 4] = [(1, 0), (0, 1), (1, 1), (1, -1)];
+const LEAST_LINES: usize = 2;
+
+/// For each pixel of a level the plane that a coarser one tells of the surface around it, where it lies within one: what
+/// a patch without texture is pulled to (a planar prior, as in Q. Xu and W. Tao, *Planar Prior Assisted PatchMatch
+/// Multi-View Stereo*, AAAI 2020, through the nearest sure pixels on lines instead of the corners of triangles). A
+/// surface is never continued beyond its border. Empty where there is none at all.
+pub fn priors(level: &Level<'_>, coarser: &Field) -> Vec<Hint> {
+    let tolerance = 2.0 * TOLERANCE_PX * level.step;
+    let within =
+        |at: usize| surface_around(coarser, (at % coarser.width, at / coarser.width), tolerance);
+    let coarse: Vec<Plane> = (0..coarser.width * coarser.height)
+        .into_par_iter()
+        .map(within)
         .collect();
-    let [near, far] = search.depth_range.map(|depth| (1.0 / depth) as f32);
-    let picture = Arc::clone(&reference.levels[number]);
-    let centre = (0.5 * picture.width as f32, 0.5 * picture.height as f32);
-    let step = pixel_step(&sources, centre, 0.5 * (near + far));
-    Level {
-        regions: Regions::new(picture.width, picture.height),
-        picture,
-        raster: reference.raster(number),
-        sources,
-        range: [far, near],
-        step,
-        allowed,
-        hints: Vec::new(),
-        pull: 0.0,
-        options,
-        window,
+    if coarse.iter().all(|plane| plane.inverse_depth <= 0.0) {
+        return Vec::new();
+    }
+    let (width, height) = (level.picture.width, level.picture.height);
+    let hint = |at: usize| {
+        let pixel = (at % width, at / width);
+        let (column, row) = coarse_pixel(pixel, (coarser.width, coarser.height));
+        let plane = coarse[row * coarser.width + column];
+        let is_known = plane.inverse_depth > 0.0;
+        if is_known {
+            Hint {
+                plane: plane.enlarged(pixel, (column, row)),
+                is_known,
+            }
+        } else {
+            Hint::default()
+        }
+    };
+    (0..width * height).map(hint).collect()
+}
+
+/// The plane of the surface that a pixel lies within; none (inverse depth 0) where it lies within none.
+fn surface_around(field: &Field, pixel: (usize, usize), tolerance: f32) -> Plane {
+    let mut lines: Vec<Line> = LINES
+        .iter()
+        .filter_map(|&along| Line::new(field, pixel, along))
+        .collect();
+    while lines.len() >= LEAST_LINES {
+        let Some(plane) = fitted(&lines) else { break };
+        let off: Vec<f32> = lines.iter().map(|line| line.off(plane)).collect();
+        let worst =
+            (0..lines.len()).fold(0, |worst, at| if off[at] > off[worst] { at } else { worst });
+        if off[worst] <= tolerance {
+            let (own, cost) = field.at(pixel.0, pixel.1);
+            let is_own =
+                cost < SURE && (own.inverse_depth - plane.inverse_depth).abs() <= tolerance;
+            return if is_own { own } else { plane };
+        }
+        lines.remove(worst);
+    }
+    Plane::default()
+}
+
+/// Sure pixels on a line through a pixel, some to either side.
+struct Line {
+    seen: [Seen; 2 * SEEN],
+}
+
+/// A sure pixel: its place from the one in the middle, and its inverse depth.
+#[derive(Clone, Copy)]
+struct Seen {
+    at: Vec2,
+    inverse_depth: f32,
+}
+
+impl Line {
+    fn new(field: &Field, pixel: (usize, usize), (dx, dy): (isize, isize)) -> Option<Self> {
+        let (to, fro) = (
+            sure(field, pixel, (dx, dy))?,
+            sure(field, pixel, (-dx, -dy))?,
+        );
+        Some(Self {
+            seen: std::array::from_fn(|k| if k < SEEN { to[k] } else { fro[k - SEEN] }),
+        })
+    }
+
+    /// How far the pixels lie off a plane at most.
+    fn off(&self, plane: Plane) -> f32 {
+        let off = |seen: &Seen| {
+            (plane.moved(seen.at.x, seen.at.y).inverse_depth - seen.inverse_depth).abs()
+        };
+        self.seen.iter().map(off).fold(0.0, f32::max)
     }
 }
 
-/// Change of inverse depth that moves the middle of the picture by a pixel in the median source.
-fn pixel_step(sources: &[Source], (x, y): (f32, f32), w: f32) -> f32 {
-    let change = 1e-3 * w;
-    let seen = |source: &Source, w: f32| {
-        let [u, v, z] = source.transfer.apply(x, y, w);
-        [u / z, v / z]
-    };
-    let step = |source: &Source| {
-        let (a, b) = (seen(source, w), seen(source, w + change));
-        change / (b[0] - a[0]).hypot(b[1] - a[1]).max(1e-6)
-    };
-    let mut steps: Vec<f32> = sources
-        .iter()
-        .map(step)
-        .filter(|step| step.is_finite())
-        .collect();
-    steps.sort_unstable_by(f32::total_cmp);
-    steps.get(steps.len() / 2).copied().unwrap_or(change)
-}
-
-/// Pixels of a level of which any pixel of the finest is to be worked on.
-pub fn coarse_mask(allowed: &[bool], picture: &Picture, number: usize) -> Vec<bool> {
-    let (width, height) = picture.size();
-    let level = &picture.levels[number];
-    let mut coarse = vec![false; level.width * level.height];
-    for (at, _) in allowed
-        .iter()
-        .enumerate()
-        .filter(|(_, allowed)| **allowed)
-        .take(width * height)
-    {
-        let (x, y) = ((at % width) >> number, (at / width) >> number);
-        if x < level.width && y < level.height {
-            coarse[y * level.width + x] = true;
+/// The nearest sure pixels in a direction.
+fn sure(field: &Field, (x, y): (usize, usize), (dx, dy): (isize, isize)) -> Option<[Seen; SEEN]> {
+    let mut seen = [Seen {
+        at: Vec2::ZERO,
+        inverse_depth: 0.0,
+    }; SEEN];
+    let mut count = 0;
+    for steps in NEAREST..=FARTHEST {
+        let column = x
+            .checked_add_signed(dx * steps)
+            .filter(|&column| column < field.width)?;
+        let row = y
+            .checked_add_signed(dy * steps)
+            .filter(|&row| row < field.height)?;
+        let (plane, cost) = field.at(column, row);
+        if cost < SURE {
+            let at = Vec2::new((dx * steps) as f32, (dy * steps) as f32);
+            seen[count] = Seen {
+                at,
+                inverse_depth: plane.inverse_depth,
+            };
+            count += 1;
+        }
+        if count == SEEN {
+            return Some(seen);
         }
     }
-    coarse
+    None
+}
+
+/// The plane nearest to the pixels of some lines; those of a short line count more.
+fn fitted(lines: &[Line]) -> Option<Plane> {
+    let (mut matrix, mut right) = (Mat3::ZERO, Vec3::ZERO);
+    for seen in lines.iter().flat_map(|line| &line.seen) {
+        let (row, weight) = (seen.at.extend(1.0), 1.0 / seen.at.length());
+        matrix += Mat3::from_cols(row * row.x, row * row.y, row) * weight;
+        right += row * seen.inverse_depth * weight;
+    }
+    let solved = matrix.inverse() * right;
+    solved.is_finite().then_some(Plane {
+        inverse_depth: solved.z,
+        slope: [solved.x, solved.y],
+    })
 }
 
 /// Depths from anywhere in the range, evenly in inverse depth, and those of the seeds.
@@ -109,7 +173,7 @@ pub fn random_field(level: &Level<'_>, seeds: &[(usize, usize, f32)], number: us
                     inverse_depth,
                     slope,
                 },
-                super::ncc::WORST,
+                WORST,
             );
         }
     }
@@ -123,7 +187,7 @@ pub fn random_field(level: &Level<'_>, seeds: &[(usize, usize, f32)], number: us
                     inverse_depth: 1.0 / depth,
                     slope: [0.0; 2],
                 },
-                super::ncc::WORST,
+                WORST,
             );
         }
     }
@@ -131,7 +195,7 @@ pub fn random_field(level: &Level<'_>, seeds: &[(usize, usize, f32)], number: us
 }
 
 /// The coarse pixel that a fine one is part of.
-pub fn coarse_pixel((x, y): (usize, usize), (width, height): (usize, usize)) -> (usize, usize) {
+fn coarse_pixel((x, y): (usize, usize), (width, height): (usize, usize)) -> (usize, usize) {
     ((x / 2).min(width - 1), (y / 2).min(height - 1))
 }
 
@@ -143,12 +207,7 @@ pub fn finer_field(level: &Level<'_>, coarser: &Field) -> Field {
         for x in 0..width {
             let (column, row) = coarse_pixel((x, y), (coarser.width, coarser.height));
             let (plane, _) = coarser.at(column, row);
-            field.set(
-                x,
-                y,
-                plane.enlarged((x, y), (column, row)),
-                super::ncc::WORST,
-            );
+            field.set(x, y, plane.enlarged((x, y), (column, row)), WORST);
         }
     }
     field

@@ -1,10 +1,11 @@
+//! Visits to all pixels of one colour after the other, and the passes that a search is made of.
+
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use super::field::{Color, Field};
 use super::level::Level;
-use super::ncc::WORST;
-use super::plane::Plane;
+use super::plane::{Color, Field, Plane, WORST};
+use super::start::finer_field;
 use super::visit::{Turn, own_cost, visit};
 use ostra_core::job::{Progress, Stopped};
 
@@ -59,7 +60,7 @@ pub fn sweep(
 }
 
 /// Pixels with nothing to be compared, those of each colour as in a [`Field`].
-pub type Empty = [Vec<bool>; 2];
+type Empty = [Vec<bool>; 2];
 
 /// Gives every hypothesis of a field its cost, and tells which pixels have nothing to be compared.
 ///
@@ -146,5 +147,112 @@ impl Row<'_, '_> {
                 }
             }
         }
+    }
+}
+
+/// What carries out the passes of a search: the processor, or a graphics card with the same outcome.
+pub trait Passes {
+    /// Hypotheses and costs of a level, where the passes work on them.
+    type Field;
+    /// What can go wrong.
+    type Error: From<Stopped>;
+
+    /// A field of these hypotheses, without costs.
+    ///
+    /// # Errors
+    /// Where there is no room for it.
+    fn begin(&mut self, level: &Level<'_>, hypotheses: Field) -> Result<Self::Field, Self::Error>;
+
+    /// A field of the planes of a coarser one, without costs.
+    ///
+    /// # Errors
+    /// Where there is no room for it.
+    fn finer(
+        &mut self,
+        level: &Level<'_>,
+        coarser: &Self::Field,
+    ) -> Result<Self::Field, Self::Error>;
+
+    /// Gives every hypothesis its cost.
+    ///
+    /// # Errors
+    /// [`Stopped`].
+    fn score(
+        &mut self,
+        level: &Level<'_>,
+        field: &mut Self::Field,
+        progress: &Progress,
+    ) -> Result<(), Self::Error>;
+
+    /// One iteration over the field that was scored last: all red pixels, then all black ones.
+    ///
+    /// # Errors
+    /// [`Stopped`].
+    fn sweep(
+        &mut self,
+        level: &Level<'_>,
+        field: &mut Self::Field,
+        turn: Turn,
+        progress: &Progress,
+    ) -> Result<(), Self::Error>;
+
+    /// A copy of a field as it is now.
+    ///
+    /// # Errors
+    /// Where it cannot be brought back.
+    fn copied(&mut self, field: &Self::Field) -> Result<Field, Self::Error>;
+
+    /// The field in the end.
+    ///
+    /// # Errors
+    /// Where it cannot be brought back.
+    fn finish(&mut self, field: Self::Field) -> Result<Field, Self::Error>;
+}
+
+/// The passes on all cores of the processor.
+#[derive(Debug, Default)]
+pub struct Processor {
+    /// Of the field that was scored last.
+    empty: Empty,
+}
+
+impl Passes for Processor {
+    type Field = Field;
+    type Error = Stopped;
+
+    fn begin(&mut self, _: &Level<'_>, hypotheses: Field) -> Result<Field, Stopped> {
+        Ok(hypotheses)
+    }
+
+    fn finer(&mut self, level: &Level<'_>, coarser: &Field) -> Result<Field, Stopped> {
+        Ok(finer_field(level, coarser))
+    }
+
+    fn score(
+        &mut self,
+        level: &Level<'_>,
+        field: &mut Field,
+        progress: &Progress,
+    ) -> Result<(), Stopped> {
+        self.empty = score(level, field, progress)?;
+        Ok(())
+    }
+
+    fn sweep(
+        &mut self,
+        level: &Level<'_>,
+        field: &mut Field,
+        turn: Turn,
+        progress: &Progress,
+    ) -> Result<(), Stopped> {
+        sweep(level, field, &self.empty, turn, progress)
+    }
+
+    fn copied(&mut self, field: &Field) -> Result<Field, Stopped> {
+        Ok(field.clone())
+    }
+
+    fn finish(&mut self, field: Field) -> Result<Field, Stopped> {
+        Ok(field)
     }
 }

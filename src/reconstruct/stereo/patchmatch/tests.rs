@@ -1,9 +1,9 @@
 use pulp::{Arch, Simd, WithSimd};
 
-use super::ncc::{Transfer, cost};
-use super::plane::{Plane, Raster};
+use super::ncc::cost;
+use super::picture::{Texture, Tones};
+use super::plane::{Plane, Raster, Transfer};
 use super::random::Dice;
-use super::texture::{Texture, Tones};
 use super::window::{NOISE, Patch, TAPS, Window};
 
 struct Cost<'a>(&'a Texture, &'a Texture, &'a Transfer, (Plane, f32, f32));

@@ -1,4 +1,4 @@
-use super::texture::Texture;
+use super::picture::Texture;
 
 /// Taps of the window.
 pub const TAPS: usize = 24;

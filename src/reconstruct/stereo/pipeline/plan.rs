@@ -1,13 +1,35 @@
-use std::collections::BTreeMap;
+//! Which views get depth, from what, and what became of the others.
 
-use super::outcome::ViewOutcome;
-use super::pictures::Pictures;
-use super::run::StereoRequest;
-use crate::stereo::patchmatch::MAX_SOURCES;
-use crate::stereo::range::{depth_range, seen_points};
-use crate::stereo::raster::raster_camera;
-use crate::stereo::{SelectOptions, StereoError, select_sources};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::stereo::patchmatch::{MAX_SOURCES, Picture};
+use crate::stereo::raster::{raster_camera, raster_image, tones};
+use crate::stereo::{Engine, SelectOptions, StereoError, select_sources};
 use ostra_core::job::Progress;
+use ostra_frames::cameras::SparsePoints;
+use ostra_frames::{Frame, FrameStore};
+
+/// Which pixels of a frame's raster (its camera's `width · height`, row by row) are to be worked on; `None` = all.
+pub type RasterMask<'a> = &'a (dyn Fn(usize, &ostra_geometry::Camera) -> Option<Vec<bool>> + Sync);
+
+/// Frames, and which of them get depth.
+#[derive(Clone, Copy)]
+pub struct StereoRequest<'a> {
+    /// All frames, by number.
+    pub frames: &'a [Frame],
+    /// Numbers of the frames that get depth, ascending.
+    pub views: &'a [usize],
+    /// Points with the keypoints that see them ([`crate::stereo::sparse_from_cameras`] where there are none).
+    pub sparse: &'a SparsePoints,
+    /// Masked reconstruction.
+    pub mask: RasterMask<'a>,
+    /// What it runs on.
+    pub engine: &'a Engine,
+}
 
 /// What a view's depth is made from.
 #[derive(Debug, Clone)]
@@ -102,4 +124,165 @@ pub fn plan(
         }
     }
     Ok(planned)
+}
+
+/// What became of a view.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ViewOutcome {
+    /// It has depth.
+    Done {
+        /// Pixels with a depth that other views confirm.
+        pixels: usize,
+        /// The views that it was compared with, the best first.
+        sources: Vec<usize>,
+    },
+    /// Its camera or pose is not known: reconstruct cameras first or give them.
+    NoCamera,
+    /// It shares too few points, seen under a useful angle, with any other view.
+    NothingShared {
+        /// Sparse points that it sees.
+        points: usize,
+    },
+    /// All its pixels are alike: nothing can be compared.
+    Constant,
+    /// Its picture cannot be read.
+    Unreadable {
+        /// What reading it said.
+        why: String,
+    },
+}
+
+impl std::fmt::Display for ViewOutcome {
+    fn fmt(&self, out: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Done { pixels, sources } => write!(
+                out,
+                "{pixels} pixels with depth from {} views",
+                sources.len()
+            ),
+            Self::NoCamera => write!(
+                out,
+                "it has no camera; reconstruct cameras first or give them"
+            ),
+            Self::NothingShared { points } => write!(
+                out,
+                "it shares too little with the other views ({points} points seen); take pictures in between"
+            ),
+            Self::Constant => write!(
+                out,
+                "all its pixels are alike; leave it out or take it again"
+            ),
+            Self::Unreadable { why } => write!(out, "{why}"),
+        }
+    }
+}
+
+/// The pictures that are worked on, as pyramids; the latest used are kept up to a budget.
+pub struct Pictures<'a> {
+    frames: &'a [Frame],
+    store: &'a FrameStore,
+    max_side: u32,
+    coarsest_px: u32,
+    budget_bytes: usize,
+    kept: BTreeMap<usize, (u64, Arc<Picture>)>,
+    clock: u64,
+}
+
+impl<'a> Pictures<'a> {
+    /// None kept yet.
+    pub fn new(
+        frames: &'a [Frame],
+        store: &'a FrameStore,
+        (max_side, coarsest_px): (u32, u32),
+        budget_bytes: usize,
+    ) -> Self {
+        Self {
+            frames,
+            store,
+            max_side,
+            coarsest_px,
+            budget_bytes,
+            kept: BTreeMap::new(),
+            clock: 0,
+        }
+    }
+
+    /// The picture of a frame with a posed camera.
+    ///
+    /// # Errors
+    /// What reading it said.
+    pub fn get(&mut self, number: usize) -> Result<Arc<Picture>, String> {
+        self.clock += 1;
+        if let Some((used, picture)) = self.kept.get_mut(&number) {
+            *used = self.clock;
+            return Ok(Arc::clone(picture));
+        }
+        let frame = &self.frames[number];
+        let (lens, pose) = frame
+            .posed_camera()
+            .ok_or_else(|| format!("frame '{}' has no camera", frame.name))?;
+        let image = raster_image(frame, lens, self.store, self.max_side)
+            .map_err(|error| error.to_string())?;
+        let camera = raster_camera(lens, self.max_side);
+        let picture = Arc::new(Picture::new(tones(&image), camera, *pose, self.coarsest_px));
+        self.make_room(picture.bytes());
+        self.kept.insert(number, (self.clock, Arc::clone(&picture)));
+        Ok(picture)
+    }
+
+    /// Longer side of the raster.
+    pub fn max_side(&self) -> u32 {
+        self.max_side
+    }
+
+    fn make_room(&mut self, bytes: usize) {
+        let held = |kept: &BTreeMap<usize, (u64, Arc<Picture>)>| {
+            kept.values()
+                .map(|(_, picture)| picture.bytes())
+                .sum::<usize>()
+        };
+        while !self.kept.is_empty() && held(&self.kept) + bytes > self.budget_bytes {
+            let oldest = self
+                .kept
+                .iter()
+                .min_by_key(|(_, (used, _))| *used)
+                .map(|(&number, _)| number);
+            self.kept.remove(&oldest.unwrap_or_default());
+        }
+    }
+}
+
+/// Share of the points that may lie nearer, and farther, than the range before its margin.
+const OUTSIDE: f64 = 0.01;
+/// The range goes on by this share of its ends.
+const MARGIN: f64 = 0.25;
+/// Points needed for a range.
+const LEAST: usize = 5;
+
+/// The sparse points that a frame sees, in its camera's axes: their z is above 0.
+#[must_use]
+fn seen_points(frame: &Frame, number: usize, sparse: &SparsePoints) -> Vec<DVec3> {
+    let Some((_, pose)) = frame.posed_camera() else {
+        return Vec::new();
+    };
+    let keypoints = sparse.keypoints.get(&number).into_iter().flatten();
+    let points = keypoints.filter_map(|keypoint| {
+        let point = sparse.points.get(keypoint.point? as usize)?;
+        Some(pose.transform(point.position))
+    });
+    points
+        .filter(|x_in_camera| x_in_camera.z > 0.0 && x_in_camera.is_finite())
+        .collect()
+}
+
+/// Smallest and largest depth to search, from those of sparse points: all but the farthest off hundredth at either end,
+/// and a margin. `None` for too few points.
+#[must_use]
+pub fn depth_range(points_in_camera: &[DVec3]) -> Option<[f64; 2]> {
+    let mut depths: Vec<f64> = points_in_camera.iter().map(|x| x.z).collect();
+    depths.sort_unstable_by(f64::total_cmp);
+    let off = (OUTSIDE * depths.len() as f64) as usize;
+    let (near, far) = (depths.get(off)?, depths.get(depths.len() - 1 - off)?);
+    (depths.len() >= LEAST).then_some([near * (1.0 - MARGIN), far * (1.0 + MARGIN)])
 }

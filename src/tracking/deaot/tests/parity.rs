@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 
 use super::super::network::OBJECTS;
-use super::super::walk::Walk;
 use super::super::{Deaot, DeaotOptions};
 use super::{networks, tiny};
+use crate::deaot::tracker::Walk;
 use crate::propagate::Propagator;
 use ostra_core::job::Progress;
 use ostra_frames::Image;

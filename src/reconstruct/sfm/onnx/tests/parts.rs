@@ -1,8 +1,7 @@
 use glam::DVec2;
 
-use super::super::heat::Heat;
-use super::super::prepared::Prepared;
-use super::super::sampled::Sampled;
+use super::super::heat::{Heat, Sampled};
+use super::super::keypoints::Prepared;
 
 /// Logits of cells (columns · rows) whose softmax falls off like a bell around a position; nothing elsewhere.
 fn logits(columns: usize, rows: usize, peak: DVec2) -> Vec<f32> {

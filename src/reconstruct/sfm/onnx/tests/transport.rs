@@ -1,5 +1,5 @@
-use super::super::suppress::suppressed;
-use super::super::transport::Transport;
+use super::super::heat::suppressed;
+use super::super::superglue::Transport;
 
 #[test]
 fn keypoints_go_to_who_agrees_and_the_rest_to_nobody() {

@@ -1,5 +1,5 @@
-use super::super::borders::Content;
 use super::super::descriptor::SUPPORT;
+use super::super::extractor::Content;
 use super::super::{SiftOptions, extract_sift};
 use super::{painted, strewn};
 

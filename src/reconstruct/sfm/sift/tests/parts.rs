@@ -1,6 +1,5 @@
-use super::super::blur::{blur, double, halve};
-use super::super::gradient::turn_of;
-use super::super::kernel::Kernel;
+use super::super::blur::{Kernel, blur, double, halve};
+use super::super::orientation::turn_of;
 use super::super::rows::Rows;
 use std::f32::consts::TAU;
 

@@ -1,4 +1,4 @@
-use crate::stereo::gpu::passes::GROUP;
+use crate::stereo::gpu::engine::GROUP;
 use crate::stereo::patchmatch::{MAX_SOURCES, constants};
 
 /// Sizes of arrays and groups cannot be handed to a program; they are stated in it again.

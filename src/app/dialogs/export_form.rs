@@ -1,0 +1,298 @@
+//! The export dialog as filled in so far.
+
+use egui::{ComboBox, Ui};
+
+use super::picker::typed_path;
+use crate::Look;
+use crate::panels::MeasureView;
+use ostra_cloud::formats::{CloudFormat, MeshFormat, VoxelFormat};
+use ostra_frames::cameras::ModelEncoding;
+use ostra_masks::MaskFormat;
+use ostra_project::{ExportRequest, ResultKind};
+
+/// The export dialog as filled in so far.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ExportForm {
+    /// Folder that everything is written into.
+    pub(super) into: String,
+    pub(super) cloud: bool,
+    pub(super) mesh: bool,
+    pub(super) voxels: bool,
+    pub(super) masks: bool,
+    pub(super) cameras: bool,
+    pub(super) undistorted: bool,
+    pub(super) depths: bool,
+    pub(super) traits: bool,
+    pub(super) twin: bool,
+    pub(super) per_label: bool,
+    pub(super) level: usize,
+    pub(super) mask_format: MaskFormat,
+    pub(super) cloud_format: CloudFormat,
+    pub(super) mesh_format: MeshFormat,
+    pub(super) voxel_format: VoxelFormat,
+    pub(super) camera_encoding: ModelEncoding,
+    pub(super) solid: bool,
+    pub(super) overwrite: bool,
+    /// Of the mesh's triangles, percent.
+    pub(super) kept: u32,
+}
+
+impl Default for ExportForm {
+    fn default() -> Self {
+        Self {
+            into: String::new(),
+            cloud: true,
+            mesh: false,
+            voxels: false,
+            masks: false,
+            cameras: false,
+            undistorted: false,
+            depths: false,
+            traits: false,
+            twin: false,
+            per_label: false,
+            level: 0,
+            mask_format: MaskFormat::default(),
+            cloud_format: CloudFormat::default(),
+            mesh_format: MeshFormat::default(),
+            voxel_format: VoxelFormat::default(),
+            camera_encoding: ModelEncoding::default(),
+            solid: false,
+            overwrite: false,
+            kept: 100,
+        }
+    }
+}
+
+impl ExportForm {
+    /// Traits have the unit, the ground and the angles of the window of measures.
+    pub(super) fn request(&self, has: &Available, measures: &MeasureView) -> Option<ExportRequest> {
+        let into = typed_path(&self.into)?;
+        let path =
+            |wanted: bool, there: bool, name: &str| (wanted && there).then(|| into.join(name));
+        let request = ExportRequest {
+            cloud: path(self.cloud, has.cloud, &self.cloud_name()),
+            mesh: path(self.mesh, has.surface, &self.mesh_name()),
+            voxels: path(self.voxels, has.surface, &self.voxels_name()),
+            masks: path(self.masks, has.masks, "masks"),
+            mask_format: (self.masks && has.masks)
+                .then(|| mask_format_name(self.mask_format).into()),
+            cameras: path(self.cameras, has.cameras, "sparse"),
+            camera_encoding: self.camera_encoding,
+            undistorted: path(self.undistorted, has.cameras, "undistorted"),
+            depths: path(self.depths, has.depths, "depths"),
+            solid: self.solid && self.voxels && has.surface,
+            traits: path(self.traits, has.cloud, "traits.csv"),
+            ground: measures.wish.ground,
+            angles: if self.traits {
+                measures.pairs().collect()
+            } else {
+                Vec::new()
+            },
+            unit: measures.unit,
+            level: (self.level > 0).then_some(self.level),
+            twin: self.twin,
+            per_label: self.per_label,
+            simplify: (self.mesh && has.surface && self.kept < 100)
+                .then(|| f64::from(self.kept) / 100.0),
+            overwrite: self.overwrite,
+        };
+        let ExportRequest {
+            cloud,
+            mesh,
+            voxels,
+            masks,
+            cameras,
+            undistorted,
+            depths,
+            traits,
+            ..
+        } = &request;
+        let anything = [
+            cloud,
+            mesh,
+            voxels,
+            masks,
+            cameras,
+            undistorted,
+            depths,
+            traits,
+        ];
+        let anything = anything.iter().any(|path| path.is_some());
+        anything.then_some(request)
+    }
+
+    pub(super) fn cloud_name(&self) -> String {
+        format!("cloud.{}", self.cloud_format.ending())
+    }
+
+    pub(super) fn mesh_name(&self) -> String {
+        format!("mesh.{}", self.mesh_format.ending())
+    }
+
+    pub(super) fn voxels_name(&self) -> String {
+        format!("voxels.{}", self.voxel_format.ending())
+    }
+}
+
+/// What there is to export.
+pub(super) struct Available {
+    pub(super) cloud: bool,
+    pub(super) surface: bool,
+    pub(super) masks: bool,
+    pub(super) cameras: bool,
+    pub(super) depths: bool,
+}
+
+impl Available {
+    pub(super) fn of(look: &Look<'_>) -> Self {
+        Self {
+            cloud: look.cloud.is_some(),
+            surface: look
+                .project
+                .results
+                .get(&ResultKind::Cloud)
+                .is_some_and(|cloud| cloud.voxel.is_some()),
+            masks: !look.project.masks.is_empty(),
+            cameras: look
+                .project
+                .frames
+                .iter()
+                .any(|frame| frame.posed_camera().is_some()),
+            depths: look
+                .project
+                .frames
+                .iter()
+                .any(|frame| frame.depth.is_some()),
+        }
+    }
+}
+
+/// What commands call a format.
+pub(super) fn mask_format_name(format: MaskFormat) -> &'static str {
+    FORMATS
+        .iter()
+        .find(|(of, ..)| *of == format)
+        .map_or("", |(_, name, _)| name)
+}
+
+/// The choice of a format for masks.
+pub(super) fn mask_format_ui(ui: &mut Ui, name: &str, chosen: &mut MaskFormat) {
+    let text = FORMATS
+        .iter()
+        .find(|(of, ..)| of == chosen)
+        .map_or("", |(_, _, text)| text);
+    let choice = ComboBox::from_id_salt(name)
+        .selected_text(text)
+        .width(230.0)
+        .show_ui(ui, |ui| {
+            for (format, _, text) in FORMATS {
+                ui.selectable_value(chosen, format, text);
+            }
+        });
+    choice
+        .response
+        .on_hover_text("How masks are written in files")
+        .accessible_name(name);
+}
+
+/// Formats with what a command calls them and what people do.
+const FORMATS: [(MaskFormat, &str, &str); 4] = [
+    (MaskFormat::Davis, "davis", "palette PNG a frame (DAVIS)"),
+    (
+        MaskFormat::Binary,
+        "binary",
+        "black and white PNG a label and frame",
+    ),
+    (MaskFormat::Coco, "coco", "COCO JSON with run lengths"),
+    (MaskFormat::Yolo, "yolo", "YOLO outlines"),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ostra_cloud::measure::{GroundChoice, LengthUnit};
+    use ostra_masks::LabelId;
+    use ostra_session::MeasureWish;
+
+    #[test]
+    fn only_what_is_there_and_ticked_is_written() {
+        let mut form = ExportForm {
+            into: "/out".into(),
+            masks: true,
+            depths: true,
+            mesh: true,
+            ..ExportForm::default()
+        };
+        let has = Available {
+            cloud: true,
+            surface: false,
+            masks: true,
+            cameras: true,
+            depths: false,
+        };
+        let measures = MeasureView::default();
+        let request = form.request(&has, &measures).unwrap();
+        assert_eq!(request.cloud, Some("/out/cloud.ply".into()));
+        assert_eq!(request.masks, Some("/out/masks".into()));
+        assert_eq!(
+            (request.cameras, request.depths, request.level),
+            (None, None, None)
+        );
+        assert_eq!(request.mesh, None, "the cloud has no surface");
+        (form.mesh_format, form.kept) = (MeshFormat::Glb, 25);
+        assert_eq!(
+            form.request(&has, &measures).unwrap().simplify,
+            None,
+            "there is no mesh to simplify"
+        );
+        let request = form
+            .request(
+                &Available {
+                    surface: true,
+                    ..has
+                },
+                &measures,
+            )
+            .unwrap();
+        assert_eq!(
+            (request.mesh, request.simplify),
+            (Some("/out/mesh.glb".into()), Some(0.25))
+        );
+        let has = Available {
+            cloud: true,
+            surface: false,
+            masks: true,
+            cameras: true,
+            depths: false,
+        };
+        (form.mask_format, form.traits) = (MaskFormat::Coco, true);
+        let request = form.request(&has, &measures).unwrap();
+        assert_eq!(
+            (request.mask_format.as_deref(), request.traits),
+            (Some("coco"), Some("/out/traits.csv".into()))
+        );
+        form.cloud_format = CloudFormat::Laz;
+        assert_eq!(
+            form.request(&has, &measures).unwrap().cloud,
+            Some("/out/cloud.laz".into())
+        );
+        (form.undistorted, form.camera_encoding) = (true, ModelEncoding::Binary);
+        let ground = GroundChoice::Label(LabelId(3));
+        let wish = MeasureWish {
+            ground,
+            ..MeasureWish::default()
+        };
+        let mut measures = MeasureView::default();
+        (measures.wish, measures.unit) = (wish, Some(LengthUnit::Millimetre));
+        let request = form.request(&has, &measures).unwrap();
+        assert_eq!(request.undistorted, Some("/out/undistorted".into()));
+        assert_eq!(
+            (request.camera_encoding, request.ground),
+            (ModelEncoding::Binary, ground)
+        );
+        assert_eq!(request.unit, Some(LengthUnit::Millimetre));
+        form.into.clear();
+        assert!(form.request(&has, &measures).is_none());
+    }
+}

@@ -1,0 +1,224 @@
+use egui::{Button, ComboBox, DragValue, Ui};
+
+use super::measure_table::AngleChoice;
+use super::scene_tools::Ruler;
+use crate::Look;
+use crate::look::labels_of;
+use ostra_cloud::measure::{GroundChoice, LengthUnit, TraitRow};
+use ostra_masks::{LabelId, LabelTree};
+use ostra_view::Axes;
+
+/// So many pieces are told in a tip.
+const MOST_PIECES: usize = 12;
+
+/// A button that begins another angle, with the chosen label as its first.
+pub(super) fn add_angle_ui(ui: &mut Ui, chosen: Option<LabelId>, angles: &mut Vec<AngleChoice>) {
+    let tip =
+        "Tells the angle between two labels where they meet: a leaf and its stem, two branches";
+    if ui.button("Add angle").on_hover_text(tip).clicked() {
+        angles.push(AngleChoice([chosen, None]));
+    }
+}
+
+/// A line for each angle: its labels, and the angle between them.
+pub(super) fn angles_ui(
+    ui: &mut Ui,
+    look: &Look<'_>,
+    tree: &LabelTree,
+    angles: &mut Vec<AngleChoice>,
+) {
+    let mut removed = None;
+    for (place, choice) in angles.iter_mut().enumerate() {
+        let number = place + 1;
+        ui.horizontal_wrapped(|ui| {
+            ui.label("Angle between");
+            label_ui(
+                ui,
+                tree,
+                &format!("First label of angle {number}"),
+                &mut choice.0[0],
+            );
+            ui.label("and");
+            label_ui(
+                ui,
+                tree,
+                &format!("Second label of angle {number}"),
+                &mut choice.0[1],
+            );
+            value_ui(ui, look, choice.pair());
+            let button = ui
+                .small_button("×")
+                .on_hover_text("Tells this angle no more");
+            if button
+                .accessible_name(format!("Remove angle {number}"))
+                .clicked()
+            {
+                removed = Some(place);
+            }
+        });
+    }
+    if let Some(place) = removed {
+        angles.remove(place);
+    }
+}
+
+fn label_ui(ui: &mut Ui, tree: &LabelTree, name: &str, chosen: &mut Option<LabelId>) {
+    let text = chosen
+        .and_then(|id| tree.get(id))
+        .map_or("choose…", |label| label.name.as_str());
+    let choice = ComboBox::from_id_salt(name)
+        .selected_text(text)
+        .width(110.0)
+        .show_ui(ui, |ui| {
+            for label in tree.iter() {
+                ui.selectable_value(chosen, Some(label.id), &label.name);
+            }
+        });
+    choice
+        .response
+        .on_hover_text("One of the two labels between which the angle is")
+        .accessible_name(name);
+}
+
+fn value_ui(ui: &mut Ui, look: &Look<'_>, pair: Option<[LabelId; 2]>) {
+    let Some(pair) = pair else {
+        ui.weak("Choose two labels");
+        return;
+    };
+    match look.angles.and_then(|angles| angles.get(&pair)) {
+        Some(Ok(rows)) => told_ui(ui, look, rows),
+        Some(Err(why)) => {
+            ui.weak(why);
+        }
+        None if look.running("Measure angles").is_some() => {
+            ui.spinner();
+            ui.label("Measuring…");
+        }
+        None => {
+            // The job begins with the next picture of the window.
+            ui.ctx().request_repaint_after_secs(0.2);
+            ui.weak("Not measured");
+        }
+    }
+}
+
+/// The angle of the largest piece; those of all in the tip.
+fn told_ui(ui: &mut Ui, look: &Look<'_>, rows: &[TraitRow]) {
+    let Some(first) = rows.first() else { return };
+    let text = |row: &TraitRow| look.unit.text(row.value, row.dimension);
+    let mut tip = format!(
+        "{} = {}\nFrom {} points",
+        first.name, first.definition, first.points
+    );
+    if rows.len() > 1 {
+        let all: Vec<String> = rows.iter().take(MOST_PIECES).map(text).collect();
+        let more = if rows.len() > MOST_PIECES {
+            ", …"
+        } else {
+            ""
+        };
+        tip += &format!(
+            "\nOf the largest of {} pieces: {}{more}",
+            rows.len(),
+            all.join(", ")
+        );
+    }
+    ui.label(text(first)).on_hover_text(tip);
+}
+
+/// The plane above which heights are measured.
+pub(crate) fn ground_ui(ui: &mut Ui, look: &Look<'_>, ruler: &Ruler, ground: &mut GroundChoice) {
+    let tree = labels_of(look);
+    let name = |id| tree.get(id).map_or("fitted", |label| label.name.as_str());
+    let text = match *ground {
+        GroundChoice::Fitted => "fitted",
+        GroundChoice::Label(id) => name(id),
+        GroundChoice::Plane { .. } => "given",
+    };
+    ui.label("Heights above");
+    let choice = ComboBox::from_id_salt("ground")
+        .selected_text(text)
+        .width(110.0)
+        .show_ui(ui, |ui| {
+            ui.selectable_value(ground, GroundChoice::Fitted, "fitted");
+            for label in tree.iter() {
+                ui.selectable_value(ground, GroundChoice::Label(label.id), &label.name);
+            }
+            ui.separator();
+            let through = ruler.plane(Axes::of_cameras(&look.project.frames).up);
+            let is_through = through.is_some_and(|plane| plane == *ground);
+            let button = ui.add_enabled(
+                through.is_some(),
+                Button::selectable(is_through, "through the ruler's points"),
+            );
+            if button
+                .on_disabled_hover_text("Set three points with the ruler first")
+                .clicked()
+            {
+                *ground = through.unwrap_or(*ground);
+            }
+            let is_given = matches!(ground, GroundChoice::Plane { .. });
+            if ui.selectable_label(is_given, "given by numbers").clicked() && !is_given {
+                *ground = GroundChoice::Plane {
+                    normal: [0.0, 0.0, 1.0],
+                    offset: 0.0,
+                };
+            }
+        });
+    let tip = "The plane that labelled points stand on, fitted to points without a label, or to a label: a table, the soil";
+    choice.response.on_hover_text(tip).accessible_name("Ground");
+    if let GroundChoice::Plane { normal, offset } = ground {
+        plane_ui(ui, normal, offset);
+    }
+}
+
+/// All x with normal · x = offset.
+fn plane_ui(ui: &mut Ui, normal: &mut [f64; 3], offset: &mut f64) {
+    let names = ["Normal x", "Normal y", "Normal z"];
+    let before = *normal;
+    for (number, name) in normal.iter_mut().zip(names) {
+        let tip = "Which way is up, in world axes; of any length";
+        ui.add(DragValue::new(number).speed(0.01).max_decimals(4))
+            .on_hover_text(tip)
+            .accessible_name(name);
+    }
+    if *normal == [0.0; 3] {
+        *normal = before;
+    }
+    let tip = "Of the points x on the plane: normal · x, in world units";
+    ui.add(
+        DragValue::new(offset)
+            .speed(0.001)
+            .max_decimals(5)
+            .prefix("= "),
+    )
+    .on_hover_text(tip)
+    .accessible_name("Offset");
+}
+
+/// The unit that lengths are shown in; `None` = the scene's own. Metric units are offered where the scale is known.
+pub(crate) fn unit_ui(ui: &mut Ui, name: &str, chosen: &mut Option<LengthUnit>, look: &Look<'_>) {
+    let of_scene = look.unit;
+    let mut unit = chosen.unwrap_or(of_scene);
+    let metric = if look.may_be_metric() {
+        &LengthUnit::METRIC[..]
+    } else {
+        &[]
+    };
+    let choice = ComboBox::from_id_salt("unit")
+        .selected_text(unit.sign())
+        .width(60.0)
+        .show_ui(ui, |ui| {
+            for other in metric.iter().copied().chain([LengthUnit::World]) {
+                ui.selectable_value(&mut unit, other, other.sign());
+            }
+        });
+    let tip = match look.may_be_metric() {
+        true => "The unit of lengths; 'units' are the scene's own",
+        false => {
+            "The scale of this scene is not known: measure a known length with the ruler and set the scale"
+        }
+    };
+    choice.response.on_hover_text(tip).accessible_name(name);
+    *chosen = (unit != of_scene).then_some(unit);
+}

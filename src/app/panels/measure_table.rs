@@ -1,0 +1,181 @@
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::Look;
+use ostra_cloud::measure::{GroundChoice, LengthUnit, TraitRow};
+use ostra_masks::LabelId;
+use ostra_session::MeasureWish;
+
+/// A column of the table of measures.
+pub(super) struct Column {
+    pub(super) title: &'static str,
+    pub(super) tip: &'static str,
+    /// Traits that it shows.
+    pub(super) traits: &'static [&'static str],
+    /// Whether all of them are shown, or the first that the label has.
+    pub(super) joined: bool,
+}
+
+const fn first(title: &'static str, tip: &'static str, traits: &'static [&'static str]) -> Column {
+    Column {
+        title,
+        tip,
+        traits,
+        joined: false,
+    }
+}
+
+const fn joined(title: &'static str, tip: &'static str, traits: &'static [&'static str]) -> Column {
+    Column {
+        title,
+        tip,
+        traits,
+        joined: true,
+    }
+}
+
+/// After the label's name, from left to right.
+pub(super) const COLUMNS: [Column; 12] = [
+    first(
+        "Points",
+        "Points of the label and those below it",
+        &["points"],
+    ),
+    first(
+        "Pieces",
+        "Groups of points that hang together",
+        &["instances"],
+    ),
+    first("Length", "Along the middle line", &["length"]),
+    first(
+        "Width",
+        "Mean width of a sheet, median diameter of a rod",
+        &["width", "diameter"],
+    ),
+    first(
+        "Widest",
+        "Largest width or diameter, without the broadest 5 %",
+        &["width_max", "diameter_max"],
+    ),
+    first("Area", "Area of the surface", &["area"]),
+    first("Hull", "Volume of the convex hull", &["hull_volume"]),
+    first("Volume", "Volume by voxels", &["voxel_volume"]),
+    first(
+        "Height",
+        "Of the highest point above the ground",
+        &["height_max"],
+    ),
+    first(
+        "Insertion",
+        "Angle between a sheet and the rod that it leaves",
+        &["insertion_angle"],
+    ),
+    joined(
+        "Oriented box",
+        "Sizes along the principal axes",
+        &["size_long", "size_middle", "size_short"],
+    ),
+    joined(
+        "Box",
+        "Sizes along the axes x, y, z of the world",
+        &["box_x", "box_y", "box_z"],
+    ),
+];
+
+/// What the window of measures shows.
+#[derive(Debug, Clone, Default)]
+pub struct MeasureView {
+    /// Whether it is open.
+    pub open: bool,
+    /// What is measured.
+    pub wish: MeasureWish,
+    /// The unit chosen; none = that of the scene.
+    pub unit: Option<LengthUnit>,
+    /// Pairs of labels whose angle is told, as far as they are chosen.
+    pub(super) angles: Vec<AngleChoice>,
+    /// Column that rows are sorted by, largest first when the second is set; none = order of the tree.
+    pub(super) sorted: Option<(usize, bool)>,
+    pub(super) table: Table,
+}
+
+impl MeasureView {
+    /// Drops a metric unit where lengths have none.
+    pub fn keep_valid(&mut self, look: &Look<'_>) {
+        self.unit = self.unit.filter(|_| look.may_be_metric());
+    }
+
+    /// Follows a scene whose lengths were multiplied.
+    pub fn scale_by(&mut self, factor: f64) {
+        if let GroundChoice::Plane { offset, .. } = &mut self.wish.ground {
+            *offset *= factor;
+        }
+    }
+
+    /// The two labels of each angle that is told.
+    pub fn pairs(&self) -> impl Iterator<Item = [LabelId; 2]> {
+        self.angles.iter().filter_map(AngleChoice::pair)
+    }
+}
+
+/// Which row of the traits tells what of which label, found once for each measurement.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Table {
+    rows: Option<Arc<Vec<TraitRow>>>,
+    places: BTreeMap<(LabelId, Cow<'static, str>), usize>,
+}
+
+impl Table {
+    /// The trait of the label as a whole, else of its largest piece.
+    pub(super) fn follow(&mut self, rows: &Arc<Vec<TraitRow>>) {
+        if self
+            .rows
+            .as_ref()
+            .is_some_and(|known| Arc::ptr_eq(known, rows))
+        {
+            return;
+        }
+        self.places.clear();
+        for (place, row) in rows.iter().enumerate().filter(|(_, row)| row.instance <= 1) {
+            self.places
+                .entry((row.id, row.name.clone()))
+                .or_insert(place);
+        }
+        self.rows = Some(Arc::clone(rows));
+    }
+
+    pub(super) fn find(&self, id: LabelId, name: &'static str) -> Option<&TraitRow> {
+        self.rows
+            .as_ref()?
+            .get(*self.places.get(&(id, Cow::Borrowed(name)))?)
+    }
+
+    /// What a column tells of a label.
+    pub(super) fn cell(&self, id: LabelId, column: &Column) -> Vec<&TraitRow> {
+        let found = column.traits.iter().filter_map(|name| self.find(id, name));
+        found
+            .take(if column.joined {
+                column.traits.len()
+            } else {
+                1
+            })
+            .collect()
+    }
+
+    pub(super) fn pieces(&self, id: LabelId) -> usize {
+        self.find(id, "instances")
+            .map_or(0, |row| row.value as usize)
+    }
+}
+
+/// Two labels, chosen one after the other, whose angle is told.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct AngleChoice(pub(super) [Option<LabelId>; 2]);
+
+impl AngleChoice {
+    /// Both labels, once they are chosen.
+    pub(super) fn pair(&self) -> Option<[LabelId; 2]> {
+        let [first, second] = self.0;
+        Some([first?, second?])
+    }
+}

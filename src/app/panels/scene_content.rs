@@ -1,0 +1,183 @@
+use std::sync::Arc;
+
+use egui::{Color32, Pos2, Rect, TextureId, Ui};
+use glam::Vec3;
+
+use crate::{Look, Shown, ViewState};
+use ostra_cloud::LabelledCloud;
+use ostra_frames::Frame;
+use ostra_view::{Axes, Bounds, Model, Orbit, PicturePlane, Scene3d, SceneView, default_view};
+
+/// The scene drawn on the window's GPU, shown as a texture.
+pub(super) struct SceneCanvas {
+    gpu: egui_wgpu::RenderState,
+    view: SceneView,
+    texture: Option<(TextureId, [u32; 2])>,
+    nothing: Model,
+}
+
+impl SceneCanvas {
+    pub fn new(gpu: &egui_wgpu::RenderState) -> Self {
+        let view = SceneView::new(&gpu.device, &gpu.queue);
+        Self {
+            gpu: gpu.clone(),
+            view,
+            texture: None,
+            nothing: Model::Cloud(Arc::default()),
+        }
+    }
+
+    /// Draws a bounded part of the scene and shows what stands; whether the picture is whole.
+    pub fn draw(&mut self, ui: &Ui, rect: Rect, model: Option<Model>, scene: &Scene3d) -> bool {
+        self.view
+            .set_model(model.unwrap_or_else(|| self.nothing.clone()));
+        let whole = self.view.draw(scene);
+        if let Some(id) = self.texture_id([scene.camera.width, scene.camera.height]) {
+            let uv = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
+            ui.painter().image(id, rect, uv, Color32::WHITE);
+        }
+        whole
+    }
+
+    /// What the ends of the ramp stand for that colours come from.
+    pub fn range(&self) -> Option<[f32; 2]> {
+        self.view.range()
+    }
+
+    /// egui's name for the view's texture, which is another one after each change of size.
+    fn texture_id(&mut self, size: [u32; 2]) -> Option<TextureId> {
+        let texture = self.view.texture()?;
+        let (device, filter) = (&self.gpu.device, Default::default());
+        let mut renderer = self.gpu.renderer.write();
+        let id = match self.texture {
+            Some((id, known)) if known == size => id,
+            Some((id, _)) => {
+                renderer.update_egui_texture_from_wgpu_texture(device, texture, filter, id);
+                id
+            }
+            None => renderer.register_native_texture(device, texture, filter),
+        };
+        self.texture = Some((id, size));
+        Some(id)
+    }
+}
+
+/// What the view was last framed for.
+#[derive(Default)]
+pub(super) struct Framed {
+    pub(super) cloud: Option<Arc<LabelledCloud>>,
+    pub(super) centre: Vec3,
+    pub(super) radius: f32,
+    pub(super) axes: Option<Axes>,
+    /// Where it lies along the axes.
+    pub(super) extent: Option<Bounds>,
+}
+
+/// Most pictures that stand in the scene.
+const PLANES: usize = 200;
+
+/// The pictures at the ends of the frusta, of evenly chosen frames where there are many; not that which would hide all.
+pub(super) fn picture_planes(look: &Look<'_>, view: &ViewState, size: f32) -> Vec<PicturePlane> {
+    let Some(pictures) = look.pictures else {
+        return Vec::new();
+    };
+    let frames = look
+        .project
+        .frames
+        .iter()
+        .enumerate()
+        .filter(|(_, frame)| frame.posed_camera().is_some());
+    let step = frames.clone().count().div_ceil(PLANES).max(1);
+    let chosen = frames
+        .step_by(step)
+        .filter(|(number, _)| view.scene.through != Some(*number));
+    chosen
+        .filter_map(|(number, frame)| {
+            PicturePlane::of_frame(frame, size, pictures.thumbnail(number)?)
+        })
+        .collect()
+}
+
+/// What is drawn: points until the triangles wanted are there, and while depth is made.
+pub(super) fn model(look: &Look<'_>, view: &ViewState) -> Option<Model> {
+    match (view.shown, look.surface.filter(|_| look.growing.is_none())) {
+        (Shown::Mesh | Shown::Voxels, Some(surface)) => Some(Model::Surface(Arc::clone(surface))),
+        (Shown::Wireframe, Some(surface)) => Some(Model::Wireframe(Arc::clone(surface))),
+        _ => look.points().cloned().map(Model::Cloud),
+    }
+}
+
+pub(super) fn bounds(look: &Look<'_>) -> Option<Bounds> {
+    match look.points() {
+        Some(cloud) if look.cloud.is_none() => Bounds::of(near_the_cameras(look, cloud)),
+        Some(cloud) => Bounds::of(every_nth(cloud).map(|index| cloud.positions[index])),
+        None => {
+            let poses = look.project.frames.iter().filter_map(Frame::posed_camera);
+            Bounds::of(poses.map(|(_, pose)| pose.centre().as_vec3()))
+        }
+    }
+}
+
+/// The cameras, and the half of the sparse points that lies nearest to their middle: some always lie far away.
+fn near_the_cameras<'a>(
+    look: &'a Look<'_>,
+    cloud: &'a LabelledCloud,
+) -> impl Iterator<Item = Vec3> + 'a {
+    let centres = || {
+        look.project
+            .frames
+            .iter()
+            .filter_map(Frame::posed_camera)
+            .map(|(_, pose)| pose.centre().as_vec3())
+    };
+    let middle = centres().sum::<Vec3>() / centres().count().max(1) as f32;
+    let mut points: Vec<Vec3> = every_nth(cloud)
+        .map(|index| cloud.positions[index])
+        .collect();
+    points.sort_by(|a, b| {
+        a.distance_squared(middle)
+            .total_cmp(&b.distance_squared(middle))
+    });
+    points.truncate(points.len() / 2 + 1);
+    points.into_iter().chain(centres())
+}
+
+pub(super) fn framing(look: &Look<'_>, aspect: f32) -> Option<Orbit> {
+    match look.points() {
+        Some(cloud) if look.cloud.is_some() => {
+            default_view(&thinned(cloud), &look.project.frames, aspect)
+        }
+        _ => cameras_view(look),
+    }
+}
+
+/// All cameras from behind, a little from above and from the side, upright as they stood.
+fn cameras_view(look: &Look<'_>) -> Option<Orbit> {
+    let poses = look.project.frames.iter().filter_map(Frame::posed_camera);
+    let rotations = poses.map(|(_, pose)| pose.rotation.as_quat().conjugate());
+    let forward = rotations
+        .map(|world_from_camera| world_from_camera * Vec3::Z)
+        .sum::<Vec3>();
+    let Axes { up, .. } = Axes::of_cameras(&look.project.frames);
+    let forward = forward.try_normalize().unwrap_or(Vec3::Z);
+    Some(Orbit::framing(
+        &bounds(look)?,
+        forward + 0.5 * forward.cross(up) - 0.4 * up,
+        up,
+    ))
+}
+
+/// Indices of an evenly spread part of the points, enough to know where the cloud lies.
+pub(super) fn every_nth(cloud: &LabelledCloud) -> impl Iterator<Item = usize> {
+    (0..cloud.len()).step_by((cloud.len() / 100_000).max(1))
+}
+
+fn thinned(cloud: &LabelledCloud) -> LabelledCloud {
+    LabelledCloud {
+        positions: every_nth(cloud)
+            .map(|index| cloud.positions[index])
+            .collect(),
+        labels: every_nth(cloud).map(|index| cloud.labels[index]).collect(),
+        ..LabelledCloud::default()
+    }
+}

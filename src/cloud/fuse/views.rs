@@ -1,0 +1,198 @@
+//! Frames as fusion reads them, and the footprint of their pixels.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use crate::SceneError;
+use ostra_frames::{DepthMap, Frame, FrameError, FrameStore, Image};
+use ostra_masks::{LabelId, LabelMask};
+
+/// Where fusion takes its frames from: a project's ([`ProjectViews`]), or depths that a reconstruction holds in memory.
+pub trait Views: Sync {
+    /// All frames, by number: name, size, camera. Their depth sources are not looked at.
+    fn frames(&self) -> &[Frame];
+
+    /// Whether frame `index` has depth.
+    fn has_depth(&self, index: usize) -> bool;
+
+    /// The picture of frame `index`.
+    ///
+    /// # Errors
+    /// [`SceneError`] when it cannot be read.
+    fn image(&self, index: usize) -> Result<Arc<Image>, SceneError>;
+
+    /// The depth of frame `index`, pixel for pixel with its picture; `None` when it has none.
+    ///
+    /// # Errors
+    /// [`SceneError`] when it cannot be read.
+    fn depth(&self, index: usize) -> Result<Option<Arc<DepthMap>>, SceneError>;
+
+    /// The mask of frame `index`, pixel for pixel with its picture; `None` when it has none.
+    fn mask(&self, index: usize) -> Option<Arc<LabelMask>>;
+
+    /// Why frame `index` cannot be read, if it cannot: the error of a job that could read no frame at all.
+    fn fault(&self, index: usize) -> Option<SceneError> {
+        self.image(index).err().or_else(|| self.depth(index).err())
+    }
+}
+
+/// The frames, pictures, depths and masks of a project.
+#[derive(Clone, Copy)]
+pub struct ProjectViews<'a> {
+    /// All frames, by number.
+    pub frames: &'a [Frame],
+    /// Where pictures and depths are loaded.
+    pub store: &'a FrameStore,
+    /// The mask of a frame, where it has one.
+    pub masks: &'a (dyn Fn(usize) -> Option<Arc<LabelMask>> + Sync),
+}
+
+impl Views for ProjectViews<'_> {
+    fn frames(&self) -> &[Frame] {
+        self.frames
+    }
+
+    fn has_depth(&self, index: usize) -> bool {
+        self.frames[index].depth.is_some()
+    }
+
+    fn image(&self, index: usize) -> Result<Arc<Image>, SceneError> {
+        Ok(self.store.image(&self.frames[index])?)
+    }
+
+    /// A depth that cannot be read is as good as none; fusion names its frame.
+    fn depth(&self, index: usize) -> Result<Option<Arc<DepthMap>>, SceneError> {
+        Ok(readable(
+            self.store
+                .depth(&self.frames[index])
+                .map_err(SceneError::from),
+        )?
+        .flatten())
+    }
+
+    fn mask(&self, index: usize) -> Option<Arc<LabelMask>> {
+        (self.masks)(index)
+    }
+
+    fn fault(&self, index: usize) -> Option<SceneError> {
+        let frame = &self.frames[index];
+        Some(
+            self.store
+                .image(frame)
+                .err()
+                .or_else(|| self.store.depth(frame).err())?
+                .into(),
+        )
+    }
+}
+
+/// An image or a depth, or nothing where its file cannot be read: one damaged file among many does not end a job. The job
+/// names it.
+///
+/// # Errors
+/// Every other error, [`SceneError::Stopped`] too.
+pub fn readable<T>(read: Result<T, SceneError>) -> Result<Option<T>, SceneError> {
+    match read {
+        Err(SceneError::Frame(FrameError::Stopped(stopped))) => Err(stopped.into()),
+        Err(SceneError::Frame(_)) => Ok(None),
+        read => read.map(Some),
+    }
+}
+
+/// Refuses pixels of another size than their frame: they would vote for the wrong points.
+pub(super) fn check_size(
+    frame: &Frame,
+    what: &str,
+    width: u32,
+    height: u32,
+) -> Result<(), SceneError> {
+    if (width, height) == (frame.width, frame.height) {
+        return Ok(());
+    }
+    Err(SceneError::Request(format!(
+        "frame '{}': its {what} is {width}x{height} but its picture is {}x{}; give a {what} of the picture's size",
+        frame.name, frame.width, frame.height
+    )))
+}
+
+/// The smallest coordinates of any camera: near the scene wherever that lies, and the same in any order of frames.
+pub(super) fn nearest_corner(views: &dyn Views, usable: &[usize]) -> DVec3 {
+    let centres = usable
+        .iter()
+        .filter_map(|&index| Some(views.frames()[index].posed_camera()?.1.centre()));
+    centres.reduce(DVec3::min).unwrap_or_default()
+}
+
+/// Frames looked at.
+const FRAMES: usize = 8;
+/// Pixels of a frame looked at: every so many.
+const PIXEL_STEP: usize = 37;
+/// Labelled pixels among those that are enough to go by.
+const ENOUGH_LABELLED: usize = 20;
+
+/// What one pixel covers at the median depth, rounded to two digits: the finest detail that most pixels can show. Where
+/// masks have labels, only labelled pixels count: a plant stands nearer than the wall behind it. `None` when no frame
+/// has a depth above 0.
+///
+/// # Errors
+/// What reading a depth says.
+pub fn pixel_footprint(views: &dyn Views, usable: &[usize]) -> Result<Option<f64>, SceneError> {
+    let step = usable.len().div_ceil(FRAMES).max(1);
+    let (mut labelled, mut all) = (Vec::new(), Vec::new());
+    for &index in usable.iter().step_by(step) {
+        let (Some((camera, _)), Some(depth)) =
+            (views.frames()[index].posed_camera(), views.depth(index)?)
+        else {
+            continue;
+        };
+        let focal = camera.focal_px.max_element() as f32;
+        let mask = views.mask(index);
+        let has_label = |pixel: usize| {
+            mask.as_ref()
+                .and_then(|mask| mask.ids.get(pixel))
+                .is_some_and(|&id| id != LabelId::NONE)
+        };
+        for (pixel, &depth) in depth.depths.iter().enumerate().step_by(PIXEL_STEP) {
+            if depth > 0.0 && depth.is_finite() {
+                all.push(depth / focal);
+                labelled.extend(has_label(pixel).then_some(depth / focal));
+            }
+        }
+    }
+    let enough = labelled.len() >= ENOUGH_LABELLED;
+    Ok(median(if enough { labelled } else { all }).map(two_digits))
+}
+
+fn median(mut values: Vec<f32>) -> Option<f64> {
+    if values.is_empty() {
+        return None;
+    }
+    let middle = values.len() / 2;
+    let (_, median, _) = values.select_nth_unstable_by(middle, f32::total_cmp);
+    Some(f64::from(*median))
+}
+
+pub(super) fn two_digits(value: f64) -> f64 {
+    let unit = 10f64.powi(value.log10().floor() as i32 - 1);
+    let steps = (value / unit).round();
+    // Dividing by whole powers of ten gives the number that a person would write: 0.0034, not 0.0034000000000000002.
+    if unit < 1.0 {
+        steps / (1.0 / unit).round()
+    } else {
+        steps * unit
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_a_person_would_write() {
+        assert_eq!(two_digits(0.003_412), 0.0034);
+        assert_eq!(two_digits(0.099_9), 0.1);
+        assert_eq!(two_digits(123.0), 120.0);
+        assert_eq!(two_digits(1.26), 1.3);
+    }
+}

@@ -1,0 +1,219 @@
+//! Sets of points: grid, spacing, components, and where two sets meet.
+
+use glam::{DVec3, IVec3};
+use rustc_hash::FxHashMap;
+
+/// Points in cubic cells, for finding neighbours within about one cell's side.
+pub(super) struct Grid<'a> {
+    points: &'a [DVec3],
+    cell: f64,
+    cells: FxHashMap<IVec3, Vec<u32>>,
+}
+
+impl<'a> Grid<'a> {
+    /// Cells of side `cell` (above 0).
+    pub(super) fn new(points: &'a [DVec3], cell: f64) -> Self {
+        let mut cells: FxHashMap<IVec3, Vec<u32>> = FxHashMap::default();
+        for (k, &x) in points.iter().enumerate() {
+            cells.entry(cell_of(x, cell)).or_default().push(k as u32);
+        }
+        Self {
+            points,
+            cell,
+            cells,
+        }
+    }
+
+    /// Points within `radius` (at most the cell's side) of `x`, itself among them; in the order of cells and numbers.
+    pub(super) fn within(&self, x: DVec3, radius: f64) -> impl Iterator<Item = usize> + '_ {
+        let centre = cell_of(x, self.cell);
+        (0..27)
+            .filter_map(move |k| {
+                self.cells
+                    .get(&(centre + IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1)))
+            })
+            .flatten()
+            .map(|&k| k as usize)
+            .filter(move |&k| self.points[k].distance_squared(x) <= radius * radius)
+    }
+}
+
+fn cell_of(x: DVec3, cell: f64) -> IVec3 {
+    (x / cell).floor().as_ivec3()
+}
+
+/// Median distance from a point to its nearest neighbour, over at most 1000 of the points; 0 for fewer than two
+/// distinct points.
+pub(super) fn median_spacing(points: &[DVec3]) -> f64 {
+    let Some(extent) = core_extent(points) else {
+        return 0.0;
+    };
+    let step = points.len().div_ceil(1000);
+    let sample = || points.iter().step_by(step);
+    let mut cell = 2.0 * extent / (points.len() as f64).sqrt();
+    for _ in 0..12 {
+        let grid = Grid::new(points, cell);
+        let mut nearest: Vec<f64> = sample()
+            .filter_map(|&x| {
+                let others = grid
+                    .within(x, cell)
+                    .map(|k| points[k].distance(x))
+                    .filter(|&d| d > 0.0);
+                others.min_by(f64::total_cmp)
+            })
+            .collect();
+        if 2 * nearest.len() > sample().count() {
+            nearest.sort_by(f64::total_cmp);
+            return nearest[nearest.len() / 2];
+        }
+        cell *= 2.0;
+    }
+    0.0
+}
+
+/// Largest extent of the middle 96 % of the coordinates; `None` when it is 0.
+pub(super) fn core_extent(points: &[DVec3]) -> Option<f64> {
+    let extent_along = |axis: usize| {
+        let mut values: Vec<f64> = points.iter().map(|x| x[axis]).collect();
+        values.sort_by(f64::total_cmp);
+        let margin = values.len() / 50;
+        Some(values.get(values.len().checked_sub(1 + margin)?)? - values.get(margin)?)
+    };
+    (0..3)
+        .filter_map(extent_along)
+        .max_by(f64::total_cmp)
+        .filter(|&extent| extent > 0.0)
+}
+
+/// The points, in order, without those nearer than `least` (above 0) to one kept before.
+pub(super) fn thinned(points: &[DVec3], least: f64) -> Vec<DVec3> {
+    let mut kept: Vec<DVec3> = Vec::new();
+    let mut cells: FxHashMap<IVec3, Vec<u32>> = FxHashMap::default();
+    for &x in points {
+        let centre = cell_of(x, least);
+        let near = |k: i32| centre + IVec3::new(k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1);
+        let crowded = |&k: &u32| kept[k as usize].distance_squared(x) < least * least;
+        if !(0..27)
+            .filter_map(|k| cells.get(&near(k)))
+            .flatten()
+            .any(crowded)
+        {
+            cells.entry(centre).or_default().push(kept.len() as u32);
+            kept.push(x);
+        }
+    }
+    kept
+}
+
+/// Groups of points that hang together by steps of at most `reach`, the largest first.
+pub(super) fn components(points: &[DVec3], reach: f64) -> Vec<Vec<usize>> {
+    let grid = Grid::new(points, reach);
+    let mut group_of = vec![usize::MAX; points.len()];
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for seed in 0..points.len() {
+        if group_of[seed] != usize::MAX {
+            continue;
+        }
+        let mut group = vec![seed];
+        group_of[seed] = groups.len();
+        let mut next = 0;
+        while let Some(&k) = group.get(next) {
+            for near in grid.within(points[k], reach) {
+                if group_of[near] == usize::MAX {
+                    group_of[near] = groups.len();
+                    group.push(near);
+                }
+            }
+            next += 1;
+        }
+        groups.push(group);
+    }
+    groups.sort_by_key(|group| std::cmp::Reverse(group.len()));
+    groups
+}
+
+/// Where two sets of points come nearest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Meeting {
+    /// Of the first set.
+    pub(super) a: DVec3,
+    /// Of the second set.
+    pub(super) b: DVec3,
+}
+
+/// So many points of each set are compared each with each.
+const COMPARED: usize = 2000;
+/// Steps of the refinement at most.
+const STEPS: usize = 20;
+
+impl Meeting {
+    /// The nearest two of an even sample, from which each set's nearest point to the other's is taken in turn. `None` where a
+    /// set is empty.
+    pub(super) fn of(a: &[DVec3], b: &[DVec3]) -> Option<Self> {
+        let [few_a, few_b] = [sample(a), sample(b)];
+        let pairs = few_a.iter().map(|&x| {
+            Some(Self {
+                a: x,
+                b: nearest(&few_b, x)?,
+            })
+        });
+        let mut meeting = pairs
+            .flatten()
+            .min_by(|one, other| one.gap().total_cmp(&other.gap()))?;
+        for _ in 0..STEPS {
+            let on_a = nearest(a, meeting.b)?;
+            let next = Self {
+                a: on_a,
+                b: nearest(b, on_a)?,
+            };
+            if next.gap() >= meeting.gap() {
+                break;
+            }
+            meeting = next;
+        }
+        Some(meeting)
+    }
+
+    /// How far the two are apart.
+    pub(super) fn gap(&self) -> f64 {
+        self.a.distance(self.b)
+    }
+}
+
+fn sample(points: &[DVec3]) -> Vec<DVec3> {
+    points
+        .iter()
+        .copied()
+        .step_by(points.len().div_ceil(COMPARED).max(1))
+        .collect()
+}
+
+fn nearest(points: &[DVec3], x: DVec3) -> Option<DVec3> {
+    points
+        .iter()
+        .copied()
+        .min_by(|a, b| a.distance_squared(x).total_cmp(&b.distance_squared(x)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_lines_meet_where_they_come_nearest() {
+        let line = |from: DVec3, step: DVec3| {
+            (0..30_000)
+                .map(move |k| from + f64::from(k) * step)
+                .collect::<Vec<_>>()
+        };
+        let a = line(DVec3::new(-1.0, 0.0, 0.0), 1e-4 * DVec3::X);
+        let b = line(DVec3::new(0.5, -2.0, 0.01), 1e-4 * DVec3::Y);
+        let meeting = Meeting::of(&a, &b).unwrap();
+        assert!((meeting.gap() - 0.01).abs() < 1e-9, "{meeting:?}");
+        assert!(
+            meeting.a.distance(DVec3::new(0.5, 0.0, 0.0)) < 1e-9,
+            "{meeting:?}"
+        );
+        assert_eq!(Meeting::of(&a, &[]), None);
+    }
+}

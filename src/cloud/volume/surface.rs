@@ -1,0 +1,275 @@
+//! From frames to a mesh: integration, extraction, and the pieces that are kept.
+
+use glam::DVec3;
+
+use super::extract::Raw;
+use super::measured::{Measured, Pixel};
+use super::sparse_volume::{Volume, VolumeOptions};
+use crate::fuse::{Views, readable};
+use crate::{LabelledCloud, LabelledMesh, SceneError};
+use ostra_core::job::Progress;
+use ostra_masks::LabelId;
+
+/// A surface, and what it took.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Surface {
+    /// The triangles; vertices have normals and colours and no labels yet.
+    pub mesh: LabelledMesh,
+    /// Frames that were added.
+    pub frames: usize,
+    /// Memory of the volume, bytes.
+    pub bytes: usize,
+}
+
+/// Makes the surface that all frames with depth and camera see. Frames without, and those that cannot be
+/// read, are left out in silence: fusion names them.
+///
+/// The same frames give the same bytes, whatever the number of threads.
+///
+/// # Errors
+/// [`SceneError::Request`] for options out of range or a depth of another size than its frame; [`SceneError::TooLarge`]; what
+/// reading a frame says; [`SceneError::Stopped`].
+pub fn reconstruct_surface(
+    views: &dyn Views,
+    options: &VolumeOptions,
+    progress: &Progress,
+) -> Result<Surface, SceneError> {
+    check(options)?;
+    progress.stage("surface")?;
+    let usable: Vec<usize> = (0..views.frames().len())
+        .filter(|&index| views.frames()[index].posed_camera().is_some() && views.has_depth(index))
+        .collect();
+    let mut volume = Volume::new(nearest_corner(views, &usable), *options);
+    let mut next = usable
+        .first()
+        .map(|&index| load(views, index, options, Vec::new()))
+        .transpose()?
+        .flatten();
+    let mut spare = Vec::new();
+    for done in 0..usable.len() {
+        progress.step(done, usable.len())?;
+        let (current, lent) = (next.take(), std::mem::take(&mut spare));
+        let (added, loaded) = rayon::join(
+            || {
+                current.map_or(Ok(Vec::new()), |frame| {
+                    volume.add(&frame, progress).map(|()| frame.pixels)
+                })
+            },
+            || {
+                usable
+                    .get(done + 1)
+                    .map_or(Ok(None), |&index| load(views, index, options, lent))
+            },
+        );
+        spare = added?;
+        next = loaded?;
+        if volume.bytes() > options.max_bytes {
+            return Err(SceneError::TooLarge {
+                voxel: options.voxel,
+                mebibytes: options.max_bytes >> 20,
+            });
+        }
+    }
+    let (frames, bytes) = (volume.frames as usize, volume.bytes());
+    let raw = volume.extract(progress)?;
+    let keep = raw.in_true_pieces(options.min_triangles, options.keep_well_seen);
+    let mut vertices = LabelledCloud::from_positions(raw.positions);
+    vertices.colors = raw.colors;
+    let mut mesh = LabelledMesh {
+        vertices,
+        triangles: raw.triangles,
+    }
+    .filter(|at| keep[at])
+    .0;
+    mesh.compute_normals();
+    Ok(Surface {
+        mesh,
+        frames,
+        bytes,
+    })
+}
+
+fn check(options: &VolumeOptions) -> Result<(), SceneError> {
+    let VolumeOptions {
+        voxel,
+        truncation,
+        edge_tolerance,
+        min_weight,
+        ..
+    } = *options;
+    if !(voxel.is_finite() && voxel > 0.0) {
+        return Err(SceneError::Request(format!(
+            "a voxel size of {voxel} is not possible; give a length above 0"
+        )));
+    }
+    if !((2.0..=16.0).contains(&truncation)
+        && (0.0..=1.0).contains(&edge_tolerance)
+        && min_weight >= 0.0)
+    {
+        return Err(SceneError::Request(
+            "the surface needs a truncation of 2 to 16 voxels, an edge tolerance from 0 to 1 and no negative weight"
+                .into(),
+        ));
+    }
+    Ok(())
+}
+
+fn nearest_corner(views: &dyn Views, usable: &[usize]) -> DVec3 {
+    let centres = usable
+        .iter()
+        .filter_map(|&index| Some(views.frames()[index].posed_camera()?.1.centre()));
+    centres.reduce(DVec3::min).unwrap_or_default()
+}
+
+/// A frame as the volume takes it; `pixels` lends the memory of an earlier one.
+fn load(
+    views: &dyn Views,
+    index: usize,
+    options: &VolumeOptions,
+    pixels: Vec<Pixel>,
+) -> Result<Option<Measured>, SceneError> {
+    let frame = &views.frames()[index];
+    let (image, depth) = rayon::join(|| views.image(index), || views.depth(index));
+    let (Some(depth), Some((camera, pose))) = (depth?, frame.posed_camera()) else {
+        return Ok(None);
+    };
+    let Some(image) = readable(image)? else {
+        return Ok(None);
+    };
+    let sizes = [
+        (image.width, image.height),
+        (depth.width, depth.height),
+        (camera.width, camera.height),
+    ];
+    if sizes
+        .iter()
+        .any(|size| *size != (frame.width, frame.height))
+    {
+        return Err(SceneError::Request(format!(
+            "frame '{}': picture, depth and camera differ in size; give all in the picture's size",
+            frame.name
+        )));
+    }
+    let mask = views.mask(index).filter(|_| options.only_labelled);
+    let wanted = |pixel: usize| match &mask {
+        Some(mask) => mask.ids.get(pixel).is_some_and(|&id| id != LabelId::NONE),
+        None => !options.only_labelled,
+    };
+    Ok(Some(Measured::new(
+        (camera, pose),
+        &depth,
+        &image,
+        options.edge_tolerance,
+        wanted,
+        pixels,
+    )))
+}
+
+/// A small piece of which some place was seen so well, as a sum of frames' weights, is no noise: as by one frame from
+/// straight above.
+const WELL_SEEN: f32 = 1.0;
+/// The same as a share of how well the larger pieces were seen, in the median: with many frames noise is seen often, too.
+const AS_WELL: f32 = 0.5;
+
+impl Raw {
+    /// For each triangle, whether the connected piece that it belongs to has at least `least` of them or, if that counts, was
+    /// seen well.
+    fn in_true_pieces(&self, least: usize, keep_well_seen: bool) -> Vec<bool> {
+        let mut parent: Vec<u32> = (0..self.positions.len() as u32).collect();
+        for &[a, b, c] in &self.triangles {
+            join(&mut parent, a, b);
+            join(&mut parent, b, c);
+        }
+        let roots: Vec<usize> = (0..parent.len() as u32)
+            .map(|vertex| root(&mut parent, vertex) as usize)
+            .collect();
+        let (mut sizes, mut best) = (vec![0usize; roots.len()], vec![0f32; roots.len()]);
+        self.triangles
+            .iter()
+            .for_each(|triangle| sizes[roots[triangle[0] as usize]] += 1);
+        roots
+            .iter()
+            .zip(&self.weights)
+            .for_each(|(&root, &weight)| best[root] = best[root].max(weight));
+        let of_large = roots
+            .iter()
+            .zip(&self.weights)
+            .filter(|&(&root, _)| sizes[root] >= least);
+        let enough = WELL_SEEN.max(AS_WELL * median(of_large.map(|(_, &weight)| weight).collect()));
+        let is_true = |triangle: &[u32; 3]| {
+            let root = roots[triangle[0] as usize];
+            sizes[root] >= least || keep_well_seen && best[root] >= enough
+        };
+        self.triangles.iter().map(is_true).collect()
+    }
+}
+
+fn median(mut values: Vec<f32>) -> f32 {
+    let middle = values.len() / 2;
+    if values.is_empty() {
+        0.0
+    } else {
+        *values.select_nth_unstable_by(middle, f32::total_cmp).1
+    }
+}
+
+fn root(parent: &mut [u32], mut at: u32) -> u32 {
+    while parent[at as usize] != at {
+        parent[at as usize] = parent[parent[at as usize] as usize];
+        at = parent[at as usize];
+    }
+    at
+}
+
+fn join(parent: &mut [u32], a: u32, b: u32) {
+    let (a, b) = (root(parent, a), root(parent, b));
+    parent[a.max(b) as usize] = a.min(b);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Strips of so many triangles, each seen with one weight.
+    fn strips(strips: &[(u32, f32)]) -> Raw {
+        let mut raw = Raw::default();
+        for &(triangles, weight) in strips {
+            let first = raw.weights.len() as u32;
+            raw.triangles
+                .extend((first..first + triangles).map(|at| [at, at + 1, at + 2]));
+            raw.weights.extend((0..triangles + 2).map(|_| weight));
+        }
+        raw.positions = vec![glam::Vec3::ZERO; raw.weights.len()];
+        raw
+    }
+
+    fn kept(raw: &Raw) -> Vec<bool> {
+        let all = raw.in_true_pieces(10, true);
+        let firsts = (0..all.len())
+            .filter(|&at| at == 0 || raw.triangles[at][0] != raw.triangles[at - 1][0] + 1);
+        firsts.map(|at| all[at]).collect()
+    }
+
+    #[test]
+    fn a_small_piece_stays_where_it_was_seen_well() {
+        let raw = strips(&[(12, 0.3), (9, 0.9), (9, 1.1), (10, 0.3)]);
+        assert_eq!(kept(&raw), [true, false, true, true]);
+        assert_eq!(
+            raw.in_true_pieces(10, false)
+                .iter()
+                .filter(|&&kept| kept)
+                .count(),
+            22,
+            "by size alone"
+        );
+    }
+
+    #[test]
+    fn many_frames_make_no_surface_of_noise() {
+        assert_eq!(
+            kept(&strips(&[(40, 20.0), (9, 9.0), (9, 11.0)])),
+            [true, false, true]
+        );
+        assert!(Raw::default().in_true_pieces(10, true).is_empty());
+    }
+}

@@ -1,0 +1,194 @@
+//! Annotations of a COCO file to the mask of a frame.
+
+use super::coco_json::{Annotation, Counts, Id, Segmentation};
+use super::exchange::MaskFrame;
+use super::layers::stacked;
+use super::rle;
+use super::skipped::Skipped;
+use crate::edit::polygon_spans;
+use crate::{LabelId, LabelTree, MaskError, RunMask};
+use glam::DVec2;
+use ostra_core::job::Progress;
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+/// Coordinates farther out than this, in pixels, are damaged: no image is as large.
+pub(super) const MAX_COORDINATE: f64 = 1e6;
+
+/// An annotation that has an outline.
+pub(super) struct Drawn<'a> {
+    pub annotation: &'a Annotation,
+    pub(super) outline: &'a Segmentation,
+}
+
+/// What the annotations of a frame gave.
+pub(super) struct FrameMask {
+    pub mask: RunMask,
+    /// Pixels that two labels claimed.
+    pub contested: usize,
+    pub skipped: Skipped,
+}
+
+pub(super) fn frame_mask(
+    frame: &MaskFrame<'_>,
+    drawn: &[Drawn<'_>],
+    (labels, tree): (&BTreeMap<&Id, LabelId>, &LabelTree),
+    progress: &Progress,
+) -> Result<FrameMask, MaskError> {
+    let mut skipped = Skipped::default();
+    let mut layers = Vec::new();
+    for Drawn {
+        annotation,
+        outline,
+    } in drawn
+    {
+        match labels.get(&annotation.category_id) {
+            Some(&label) => layers.push((label, (&annotation.id, *outline))),
+            None => {
+                let place = format!(
+                    "annotation {}: category {}",
+                    annotation.id, annotation.category_id
+                );
+                skipped.add(
+                    "annotations of a category that is not listed were left out",
+                    place,
+                );
+            }
+        }
+    }
+    let skipped = RefCell::new(skipped);
+    let (mask, contested) = stacked(
+        (frame.width, frame.height),
+        layers,
+        tree,
+        |(id, outline), emit| {
+            progress.check()?;
+            draw(
+                outline,
+                (frame.width, frame.height),
+                emit,
+                &mut |what, detail| {
+                    skipped
+                        .borrow_mut()
+                        .add(what, format!("annotation {id}{detail}"));
+                },
+            );
+            Ok(())
+        },
+    )?;
+    Ok(FrameMask {
+        mask: RunMask::encode(&mask),
+        contested,
+        skipped: skipped.into_inner(),
+    })
+}
+
+/// What an annotation says about its pixels; `None` when it holds only a box.
+pub(super) fn outline_of(annotation: &Annotation) -> Option<&Segmentation> {
+    let empty = |outline: &&Segmentation| match outline {
+        Segmentation::Polygons(polygons) => polygons.is_empty(),
+        Segmentation::Polygon(corners) => corners.is_empty(),
+        _ => false,
+    };
+    annotation
+        .segmentation
+        .as_ref()
+        .filter(|outline| !empty(outline))
+}
+
+/// Hands out an object's pixels; `skip` is called with each part that cannot be used: its kind, and what is wrong.
+pub(super) fn draw(
+    outline: &Segmentation,
+    size: (u32, u32),
+    emit: &mut dyn FnMut(Range<usize>),
+    skip: &mut dyn FnMut(&'static str, String),
+) {
+    let mut emitted = false;
+    let mut emit = |pixels: Range<usize>| {
+        emitted |= !pixels.is_empty();
+        emit(pixels);
+    };
+    let usable = match outline {
+        Segmentation::Polygons(polygons) => {
+            polygons
+                .iter()
+                .filter(|polygon| draw_polygon(polygon, size, &mut emit, skip))
+                .count()
+                > 0
+        }
+        Segmentation::Polygon(polygon) => draw_polygon(polygon, size, &mut emit, skip),
+        Segmentation::Runs { size: its, counts } => {
+            let spans = match counts {
+                _ if *its != [size.1, size.0] => Err(format!(
+                    "its region is {}×{} pixels, the image is {}×{}",
+                    its[1], its[0], size.0, size.1
+                )),
+                Counts::Plain(counts) => rle::spans(counts, size.0, size.1, &mut emit),
+                Counts::Packed(text) => rle::unpacked(text)
+                    .and_then(|counts| rle::spans(&counts, size.0, size.1, &mut emit)),
+            };
+            match spans {
+                Ok(()) => true,
+                Err(what) => {
+                    skip(
+                        "regions that are damaged or do not fit their image were left out",
+                        format!(": {what}"),
+                    );
+                    false
+                }
+            }
+        }
+        Segmentation::Unreadable(_) => {
+            skip(
+                "annotations whose segmentation is neither polygons nor run lengths were left out",
+                String::new(),
+            );
+            false
+        }
+    };
+    if usable && !emitted {
+        skip("annotations cover no pixel of their image", String::new());
+    }
+}
+
+/// Returns whether the polygon can be used.
+pub(super) fn draw_polygon(
+    polygon: &[Option<f64>],
+    (width, height): (u32, u32),
+    emit: &mut dyn FnMut(Range<usize>),
+    skip: &mut dyn FnMut(&'static str, String),
+) -> bool {
+    if polygon.len() % 2 == 1 {
+        skip(
+            "polygons with an x but no y were left out",
+            format!(": {} numbers", polygon.len()),
+        );
+        return false;
+    }
+    if polygon.len() < 6 {
+        skip(
+            "polygons of fewer than three corners were left out",
+            String::new(),
+        );
+        return false;
+    }
+    let usable = |number: &f64| number.abs() <= MAX_COORDINATE;
+    let ring: Option<Vec<DVec2>> = polygon
+        .chunks_exact(2)
+        .map(|corner| {
+            Some(DVec2::new(
+                corner[0].filter(usable)?,
+                corner[1].filter(usable)?,
+            ))
+        })
+        .collect();
+    let drawn = ring.is_some_and(|ring| polygon_spans(width, height, &[ring], emit).is_ok());
+    if !drawn {
+        skip(
+            "polygons with a coordinate that is not a number or far outside were left out",
+            String::new(),
+        );
+    }
+    drawn
+}

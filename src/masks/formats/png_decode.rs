@@ -1,0 +1,267 @@
+//! The values of a PNG as they are stored, before what they mean is known.
+
+use super::files::invalid;
+use crate::MaskError;
+use png::{BitDepth, ColorType, Decoder, Limits, Transformations};
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+/// More pixels than any camera's picture has; a header that claims more is damaged.
+pub(super) const MAX_PIXELS: u64 = 1 << 28;
+
+/// What is wrong with a mask that does not fit its frame.
+pub(super) fn size_fault(has: (u32, u32), frame: &str, needs: (u32, u32)) -> String {
+    let turned = match has == (needs.1, needs.0) {
+        true => {
+            " (sides swapped: the image is shown turned by its EXIF orientation, the mask is not)"
+        }
+        false => "",
+    };
+    format!(
+        "is {}×{} pixels, its frame '{frame}' is {}×{}{turned}; save the mask at the frame's size",
+        has.0, has.1, needs.0, needs.1
+    )
+}
+
+pub(super) enum Pixels {
+    /// Grey values of 1 to 16 bits.
+    Greys(Vec<u16>),
+    /// Values by a palette.
+    Places {
+        ids: Vec<u16>,
+        /// The colour of all places that are not fully transparent, where they have the same.
+        color: Option<[u16; 3]>,
+        /// Whether the palette is of greys that are not the places.
+        has_other_greys: bool,
+    },
+    /// Red, green, blue.
+    Colors(Vec<[u16; 3]>),
+}
+
+/// How values are written.
+pub(super) enum Stored {
+    /// 8-bit places in a palette of red, green, blue triples.
+    Palette(Vec<u8>),
+    /// 8-bit grey.
+    Grey,
+    /// 16-bit grey, high byte first.
+    Grey16,
+}
+
+/// The bytes of a picture and how they are to be read.
+pub(super) struct Packed {
+    pub width: u32,
+    pub height: u32,
+    pub color: ColorType,
+    pub depth: BitDepth,
+    line_size: usize,
+    bytes: Vec<u8>,
+    /// Red, green, blue of each place.
+    palette: Vec<u8>,
+    /// The content of the tRNS chunk: alpha of each palette place, or the samples of the transparent colour.
+    transparency: Option<Vec<u8>>,
+}
+
+pub(super) fn decode(
+    path: &Path,
+    file: BufReader<File>,
+    expected: Option<(&str, u32, u32)>,
+) -> Result<Packed, MaskError> {
+    let broken = |error: png::DecodingError| {
+        invalid(
+            path,
+            format!("is not a readable PNG ({error}); save it anew"),
+        )
+    };
+    let limits = Limits {
+        bytes: 4 * MAX_PIXELS as usize,
+    };
+    let mut decoder = Decoder::new_with_limits(file, limits);
+    decoder.set_transformations(Transformations::IDENTITY);
+    let mut reader = decoder.read_info().map_err(broken)?;
+    let (width, height) = reader.info().size();
+    if let Some((name, want_width, want_height)) = expected
+        && (width, height) != (want_width, want_height)
+    {
+        return Err(invalid(
+            path,
+            size_fault((width, height), name, (want_width, want_height)),
+        ));
+    }
+    let size = reader
+        .output_buffer_size()
+        .filter(|_| u64::from(width) * u64::from(height) <= MAX_PIXELS);
+    let size = size.ok_or_else(|| {
+        invalid(
+            path,
+            format!("claims {width}×{height} pixels; it is damaged, save it anew"),
+        )
+    })?;
+    let palette = reader
+        .info()
+        .palette
+        .as_deref()
+        .unwrap_or_default()
+        .to_vec();
+    let transparency = reader.info().trns.as_deref().map(<[u8]>::to_vec);
+    let mut bytes = vec![0; size];
+    let layout = reader.next_frame(&mut bytes).map_err(broken)?;
+    if (layout.width, layout.height) != (width, height) {
+        return Err(invalid(
+            path,
+            "is an animation; save the mask as a plain PNG",
+        ));
+    }
+    let (color, depth) = (layout.color_type, layout.bit_depth);
+    Ok(Packed {
+        width,
+        height,
+        color,
+        depth,
+        line_size: layout.line_size,
+        bytes,
+        palette,
+        transparency,
+    })
+}
+
+impl Packed {
+    /// All samples, row by row, channels side by side.
+    pub fn samples(&self) -> Vec<u16> {
+        let per_row = self.width as usize * self.color.samples();
+        let rows = self
+            .bytes
+            .chunks_exact(self.line_size.max(1))
+            .take(self.height as usize);
+        let mut samples = Vec::with_capacity(per_row * self.height as usize);
+        for row in rows {
+            match self.depth {
+                BitDepth::Sixteen => {
+                    samples.extend(
+                        row.chunks_exact(2)
+                            .map(|two| u16::from_be_bytes([two[0], two[1]])),
+                    );
+                }
+                BitDepth::Eight => samples.extend(row.iter().map(|&byte| u16::from(byte))),
+                BitDepth::One | BitDepth::Two | BitDepth::Four => {
+                    samples.extend((0..per_row).map(|at| sub_byte(row, at, self.depth as usize)));
+                }
+            }
+        }
+        samples
+    }
+
+    /// The alpha of every pixel: a channel, or as the tRNS chunk gives it.
+    pub fn alpha(&self) -> Option<Vec<u16>> {
+        let channels = self.color.samples();
+        match self.color {
+            ColorType::GrayscaleAlpha | ColorType::Rgba => Some(
+                self.samples()
+                    .chunks_exact(channels)
+                    .map(|pixel| pixel[channels - 1])
+                    .collect(),
+            ),
+            ColorType::Indexed => {
+                let transparency = self.transparency.as_ref()?;
+                let alpha = |place: u16| {
+                    transparency
+                        .get(usize::from(place))
+                        .copied()
+                        .map_or(255, u16::from)
+                };
+                Some(self.samples().into_iter().map(alpha).collect())
+            }
+            ColorType::Grayscale | ColorType::Rgb => {
+                let transparency = self.transparency.as_ref()?;
+                let key: Vec<u16> = match self.depth {
+                    BitDepth::Sixteen => transparency
+                        .chunks_exact(2)
+                        .map(|two| u16::from_be_bytes([two[0], two[1]]))
+                        .collect(),
+                    _ => transparency.iter().map(|&byte| u16::from(byte)).collect(),
+                };
+                let alpha = |pixel: &[u16]| if pixel == key { 0 } else { 255 };
+                Some(self.samples().chunks_exact(channels).map(alpha).collect())
+            }
+        }
+    }
+
+    /// The greys of a palette that holds nothing else.
+    fn greys(&self) -> Option<Vec<u16>> {
+        let grey = |color: &[u8; 3]| {
+            (color[0] == color[1] && color[1] == color[2]).then_some(u16::from(color[0]))
+        };
+        self.palette.as_chunks().0.iter().map(grey).collect()
+    }
+
+    /// Whether the palette holds black and white and nothing else.
+    pub fn is_bilevel(&self) -> bool {
+        let is_bilevel = |greys: &[u16]| [0, 255].iter().all(|grey| greys.contains(grey));
+        self.greys().is_some_and(|greys| {
+            is_bilevel(&greys) && greys.iter().all(|grey| [0, 255].contains(grey))
+        })
+    }
+
+    /// Values by the palette: its places, which are ids. Programs that make files small store black and white images
+    /// with a palette of greys in any order, and not the same in each: where the palette has black but not first, the
+    /// greys are the values, 0 and 1 where there are only black and white. The whole palette decides, since a frame
+    /// without the object uses less of it.
+    pub fn by_palette(&self) -> Pixels {
+        let places = self.samples();
+        let color = self.visible_color();
+        let greys = self.greys().unwrap_or_default();
+        let is_reordered = greys.first().is_some_and(|&first| first != 0)
+            && greys.contains(&0)
+            && greys.contains(&255);
+        if !is_reordered {
+            let has_other_greys =
+                !self.is_bilevel() && (0..).zip(&greys).any(|(place, &grey)| place != grey);
+            return Pixels::Places {
+                ids: places,
+                color,
+                has_other_greys,
+            };
+        }
+        let is_bilevel = self.is_bilevel();
+        let value = |place: u16| match greys.get(usize::from(place)) {
+            Some(&grey) if is_bilevel => u16::from(grey != 0),
+            Some(&grey) => grey,
+            None => place,
+        };
+        Pixels::Places {
+            ids: places.into_iter().map(value).collect(),
+            color,
+            has_other_greys: false,
+        }
+    }
+
+    /// The colour of all palette places that are not fully transparent, where they have the same.
+    fn visible_color(&self) -> Option<[u16; 3]> {
+        let transparency = self.transparency.as_deref()?;
+        let is_visible = |at: usize| transparency.get(at).is_none_or(|&alpha| alpha > 0);
+        let colors = self.palette.as_chunks::<3>().0.iter().enumerate();
+        let mut visible = colors
+            .filter(|(at, _)| is_visible(*at))
+            .map(|(_, color)| color);
+        let first = visible.next()?;
+        visible
+            .all(|color| color == first)
+            .then(|| first.map(u16::from))
+    }
+
+    /// Colours as they are stored; alpha is left out.
+    pub fn colors(&self) -> Vec<[u16; 3]> {
+        self.samples()
+            .chunks_exact(self.color.samples())
+            .map(|pixel| [pixel[0], pixel[1], pixel[2]])
+            .collect()
+    }
+}
+
+/// Sample `at` of a row of samples of 1, 2 or 4 bits, first in the highest bits.
+pub(super) fn sub_byte(row: &[u8], at: usize, bits: usize) -> u16 {
+    let first_bit = at * bits;
+    let shift = 8 - bits - first_bit % 8;
+    u16::from(row[first_bit / 8] >> shift & ((1 << bits) - 1))
+}

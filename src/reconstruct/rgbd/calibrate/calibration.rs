@@ -1,0 +1,370 @@
+//! Calibration of a recording: the parallax that most pairs of frames agree on.
+
+use std::fmt;
+
+use glam::{Vec2, Vec3};
+use nalgebra::{SMatrix, SVector};
+use rayon::prelude::*;
+
+use super::pairs::{Pair, Recording, Shared};
+use super::parallax::{Matrix, Parallax, UNKNOWNS, Vector};
+use crate::rgbd::pyramid::{LEVELS, Level};
+use ostra_core::job::{Progress, Stopped};
+use ostra_frames::{DepthCamera, DepthSource, Frame, FrameStore};
+use ostra_geometry::{Camera, Distortion};
+
+/// Pairs of frames without which nothing is told.
+const LEAST_PAIRS: usize = 6;
+/// What differences in brightness must come down to, on pairs that were not fitted to, for a parallax to be believed.
+const BETTER: f64 = 0.85;
+/// How far apart two halves of the pairs may put the picture's corners, as a share of how far these move: both together are
+/// then off by about half as much.
+const AGREE: f64 = 0.5;
+/// How far off they must be expected to lie by all pairs, as the same share: a camera that hardly moves tells little, and both halves
+/// the same little.
+const SURE: f64 = 0.33;
+
+/// The camera of pictures that do not lie on their depths.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Calibration {
+    /// Numbers of the frames that were taken with it, ascending.
+    pub frames: Vec<usize>,
+    /// Intrinsics of the pictures.
+    pub picture: Camera,
+    /// The camera of the depths, whose intrinsics are those that were given for both.
+    pub depth: DepthCamera,
+}
+
+/// Finds the cameras of pictures that do not lie on their depths, for frames whose depth has no camera of its own: two
+/// cameras stand side by side in most sensors, and many recordings hold what they saw as they saw it. The depths of some
+/// pairs of frames are laid onto each other; under the right parallax the pictures then show the same where the depths do.
+/// It is believed only where half of the pairs finds nearly what the other half does, each is better by it on the other, and what
+/// all tell leaves little open.
+/// Frames that share the intrinsics of others for which this was found earlier are taken to be from the same sensor. A
+/// given lens distortion tells that the picture's camera was calibrated: such frames are left as they are.
+///
+/// # Errors
+/// When stopped.
+pub fn calibrate(
+    frames: &[Frame],
+    store: &FrameStore,
+    progress: &Progress,
+) -> Result<Vec<Calibration>, Stopped> {
+    let mut found = Vec::new();
+    for (given, numbers) in lenses(frames) {
+        let cameras = match of_same_sensor(frames, &given) {
+            Some(known) => Some(known),
+            None => {
+                let recording = Recording {
+                    frames,
+                    numbers: &numbers,
+                    camera: given,
+                    store,
+                };
+                parallax(&recording, progress)?.map(|found| found.cameras(&given))
+            }
+        };
+        found.extend(cameras.map(|(picture, depth)| Calibration {
+            frames: numbers,
+            picture,
+            depth,
+        }));
+    }
+    Ok(found)
+}
+
+impl Calibration {
+    /// Gives the frames their cameras.
+    pub fn apply(&self, frames: &mut [Frame]) {
+        for &number in &self.frames {
+            let frame = &mut frames[number];
+            if let (Some(camera), Some(DepthSource::Sensor { camera: own, .. })) =
+                (&mut frame.camera, &mut frame.depth)
+            {
+                camera.intrinsics = self.picture;
+                *own = Some(Box::new(self.depth));
+            }
+        }
+    }
+}
+
+impl fmt::Display for Calibration {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let focal = |camera: &Camera| 0.5 * (camera.focal_px.x + camera.focal_px.y);
+        write!(
+            f,
+            "the pictures' camera has a focal length of {:.0} px, not {:.0}, and stands {:.3} beside the depths'",
+            focal(&self.picture),
+            focal(&self.depth.intrinsics),
+            self.depth.picture_from_depth.translation.length()
+        )
+    }
+}
+
+fn depth_camera(frame: &Frame) -> Option<&DepthCamera> {
+    match frame.depth.as_ref()? {
+        DepthSource::Sensor { camera, .. } => camera.as_deref(),
+        DepthSource::Made { .. } => None,
+    }
+}
+
+/// The cameras of picture and depth of a sensor whose depth camera has these intrinsics, where they were found earlier: what
+/// is given for some frames says nothing of others.
+fn of_same_sensor(frames: &[Frame], given: &Camera) -> Option<(Camera, DepthCamera)> {
+    let of_frame = |frame: &Frame| {
+        let depth =
+            depth_camera(frame).filter(|depth| depth.estimated && depth.intrinsics == *given)?;
+        Some((frame.camera?.intrinsics, *depth))
+    };
+    frames.iter().find_map(of_frame)
+}
+
+/// Frames with a sensor's depth that has no camera of its own, by their intrinsics.
+fn lenses(frames: &[Frame]) -> Vec<(Camera, Vec<usize>)> {
+    let mut lenses: Vec<(Camera, Vec<usize>)> = Vec::new();
+    for (number, frame) in frames.iter().enumerate() {
+        let given = frame.camera.as_ref().filter(|camera| !camera.estimated);
+        let Some(camera) = given.map(|camera| camera.intrinsics) else {
+            continue;
+        };
+        if !frame.has_sensor_depth()
+            || depth_camera(frame).is_some()
+            || camera.distortion != Distortion::None
+        {
+            continue;
+        }
+        match lenses.iter_mut().find(|(lens, _)| *lens == camera) {
+            Some((_, numbers)) => numbers.push(number),
+            None => lenses.push((camera, vec![number])),
+        }
+    }
+    lenses
+}
+
+/// The parallax of a recording, where it is beyond doubt.
+fn parallax(recording: &Recording<'_>, progress: &Progress) -> Result<Option<Parallax>, Stopped> {
+    let pairs = recording.pairs(progress)?;
+    if pairs.len() < LEAST_PAIRS {
+        return Ok(None);
+    }
+    let all: Vec<&Pair> = pairs.iter().collect();
+    let (found, covariance) = fit(&all);
+    let halves = [0, 1].map(|odd| pairs.iter().skip(odd).step_by(2).collect::<Vec<&Pair>>());
+    let of_half = halves.each_ref().map(|half| fit(half).0);
+    let is_better = |pairs: &[&Pair], parallax: &Parallax| {
+        let [with, without] = errors(pairs, parallax);
+        with < BETTER * without
+    };
+    let typical = pairs.iter().map(Pair::typical_depth).sum::<f32>() / pairs.len() as f32;
+    let apart = |a: &Parallax, b: &Parallax| a.apart(b, &recording.camera, typical);
+    let size = apart(&found, &Parallax::default());
+    let agree = apart(&of_half[0], &of_half[1]) < AGREE * size;
+    let sure = found.doubt(&covariance, &recording.camera, typical) < SURE * size;
+    let better = is_better(&halves[1], &of_half[0])
+        && is_better(&halves[0], &of_half[1])
+        && is_better(&all, &found);
+    Ok((agree && sure && better).then_some(found))
+}
+
+/// The unknowns of all pairs, then those of the pair's own pose.
+type Own = SVector<f64, { UNKNOWNS + OF_POSE }>;
+type OwnMatrix = SMatrix<f64, { UNKNOWNS + OF_POSE }, { UNKNOWNS + OF_POSE }>;
+type PoseMatrix = SMatrix<f64, OF_POSE, OF_POSE>;
+
+/// Steps at most per level.
+const STEPS: usize = 20;
+/// Step, over what is taken to be usual, at which a level has converged.
+const CONVERGED: f64 = 1e-4;
+/// Degrees of freedom of the t-distribution that errors are taken to follow.
+const FREEDOM: f32 = 5.0;
+/// Standard deviations that the unknowns are taken to have before any picture is seen. A principal point off and a camera aside
+/// look nearly the same; sensors have their cameras centimetres aside, and their principal points within some pixels.
+const USUAL: [f64; UNKNOWNS] = [0.1, 0.02, 0.005, 0.005, 0.03, 0.03];
+/// Unknowns of how the views of a pair stand to each other.
+const OF_POSE: usize = 6;
+/// What holds a pose where neither depth nor picture does: one over the square of radians and world units.
+const LEAST_HELD: f64 = 1.0;
+/// How far off depth alone lays what both see in each of the ways that a pose can be off, over the typical depth.
+const LAID_OFF: f64 = 1e-3;
+/// Pixels that tell as much as one that is independent of all others.
+const ALIKE: f64 = 300.0;
+/// The finest level that is looked at.
+const LEVEL: usize = 1;
+/// The least standard deviation of luma.
+const LEAST_SPREAD: f32 = 4e-3;
+
+/// The parallax under which the pictures of pairs show the same where their depths do: Gauss–Newton steps on brightness,
+/// coarse to fine. Where nothing is told it is what was taken to be. With the covariance of its unknowns by the pixels that told
+/// of it.
+#[must_use]
+pub fn fit(pairs: &[&Pair]) -> (Parallax, Matrix) {
+    let usual = Vector::from(USUAL);
+    let held = usual.map(|spread| spread.powi(-2));
+    let mut unknowns = Vector::zeros();
+    let mut covariance = Matrix::from_diagonal(&usual.map(|spread| spread * spread));
+    let parallax = |unknowns: &Vector| Parallax::of(std::array::from_fn(|i| unknowns[i] as f32));
+    for level in (LEVEL..LEVELS).rev() {
+        let shared: Vec<Vec<Shared>> = pairs.par_iter().map(|pair| pair.shared(level)).collect();
+        for _ in 0..STEPS {
+            let at = parallax(&unknowns);
+            let of_pair =
+                |(pair, shared): (&&Pair, &Vec<Shared>)| Sums::of(pair, shared, level, &at);
+            let sums: Vec<Sums> = pairs.par_iter().zip(&shared).map(of_pair).collect();
+            let hessian = sums
+                .iter()
+                .fold(Matrix::from_diagonal(&held), |all, one| all + one.hessian);
+            let gradient = sums
+                .iter()
+                .fold(held.component_mul(&unknowns), |all, one| all + one.gradient);
+            let Some(solved) = hessian.cholesky() else {
+                break;
+            };
+            let step = solved.solve(&-gradient);
+            unknowns += step;
+            covariance = solved.inverse();
+            if step.component_div(&usual).amax() < CONVERGED {
+                break;
+            }
+        }
+    }
+    (parallax(&unknowns), covariance)
+}
+
+/// How much luma differs where the depths of pairs show the same, as a share of its standard deviation: under a parallax, and
+/// under none; over the points that are seen under both. A pair that loses more than half of them counts as no better.
+#[must_use]
+pub fn errors(pairs: &[&Pair], parallax: &Parallax) -> [f64; 2] {
+    let of_pair = |pair: &&Pair| {
+        let shared = pair.shared(LEVEL);
+        let told = |shared: &Shared, parallax: &Parallax| {
+            let luma = |view: usize| seen(pair, LEVEL, shared, view, parallax).map(|seen| seen.0);
+            Some([luma(0)?, luma(1)?])
+        };
+        let both = shared.iter().filter_map(|shared| {
+            Some((told(shared, parallax)?, told(shared, &Parallax::default())?))
+        });
+        let (with, without): (Vec<[f32; 2]>, Vec<[f32; 2]>) = both.unzip();
+        let before = unlikeness(&without);
+        [
+            if 2 * with.len() < shared.len() {
+                before
+            } else {
+                unlikeness(&with)
+            },
+            before,
+        ]
+    };
+    let all: Vec<[f64; 2]> = pairs.par_iter().map(of_pair).collect();
+    [0, 1]
+        .map(|which| all.iter().map(|errors| errors[which]).sum::<f64>() / all.len().max(1) as f64)
+}
+
+/// Mean difference of luma less its mean, over the standard deviation in the first of both views.
+fn unlikeness(points: &[[f32; 2]]) -> f64 {
+    let mean = |value: &dyn Fn([f32; 2]) -> f64| {
+        points.iter().map(|&point| value(point)).sum::<f64>() / points.len().max(1) as f64
+    };
+    let brighter = mean(&|[a, b]| f64::from(b - a));
+    let middle = mean(&|[a, _]| f64::from(a));
+    let spread = mean(&|[a, _]| (f64::from(a) - middle).powi(2)).sqrt();
+    mean(&|[a, b]| (f64::from(b - a) - brighter).abs()) / spread.max(f64::from(LEAST_SPREAD))
+}
+
+/// Luma where a view of a pair sees a point, with its slope on the plane at depth 1; `None` where it does not see it.
+fn seen(
+    pair: &Pair,
+    level: usize,
+    shared: &Shared,
+    view: usize,
+    parallax: &Parallax,
+) -> Option<(f32, Vec2)> {
+    let level: &Level = &pair.views[view].levels[level];
+    let at_px = parallax.project(shared[view]) * level.focal + level.principal;
+    level
+        .grey_at(at_px)
+        .map(|(luma, slope)| (luma, slope * level.focal))
+}
+
+/// Sums over the points of a pair.
+struct Sums {
+    hessian: Matrix,
+    gradient: Vector,
+}
+
+impl Sums {
+    /// One pair counts by its own spread and difference in brightness, and its pose may be a little off, where depth tells little of
+    /// it the more: else what is off would be taken for parallax, and for certain.
+    fn of(pair: &Pair, shared: &[Shared], level: usize, parallax: &Parallax) -> Self {
+        let turn = pair.turn_of_picture();
+        let told = |shared: &Shared| {
+            let seen = |view: usize| seen(pair, level, shared, view, parallax);
+            let ((a, slope_a), (b, slope_b)) = (seen(0)?, seen(1)?);
+            // How a small shift in the source's picture shows in the target's.
+            let carried = turn * (shared[0].z / shared[1].z);
+            // Both slopes are of one texture. Told apart, as they are far from the solution, they would tell of themselves.
+            let slope = 0.5 * (slope_b + carried.inverse().transpose() * slope_a);
+            let [by_a, by_b] = shared.map(|point: Vec3| parallax.slopes(point));
+            let by_pose = parallax.slopes_of_pose(shared[1]);
+            let by = Own::from_fn(|i, _| {
+                let moved = if i < UNKNOWNS {
+                    by_b[i] - carried * by_a[i]
+                } else {
+                    by_pose[i - UNKNOWNS]
+                };
+                f64::from(slope.dot(moved))
+            });
+            Some((b - a, by))
+        };
+        let told: Vec<(f32, Own)> = shared.iter().filter_map(told).collect();
+        let (brighter, spread) = middle(told.iter().map(|told| told.0).collect());
+        let (mut hessian, mut gradient) = (OwnMatrix::zeros(), Own::zeros());
+        for (difference, by) in told {
+            let error = (difference - brighter) / spread;
+            let weight = f64::from((FREEDOM + 1.0) / (FREEDOM + error * error)) / ALIKE;
+            let by = by / f64::from(spread);
+            hessian += weight * by * by.transpose();
+            gradient += weight * f64::from(error) * by;
+        }
+        Self::without_pose(&hessian, &gradient, &held(pair))
+    }
+
+    /// What is told of the parallax, however the pose be a little off; nothing where something is not finite.
+    fn without_pose(hessian: &OwnMatrix, gradient: &Own, held: &PoseMatrix) -> Self {
+        let shared = hessian.fixed_view::<OF_POSE, UNKNOWNS>(UNKNOWNS, 0);
+        let Some(of_pose) =
+            (hessian.fixed_view::<OF_POSE, OF_POSE>(UNKNOWNS, UNKNOWNS) + held).cholesky()
+        else {
+            return Self {
+                hessian: Matrix::zeros(),
+                gradient: Vector::zeros(),
+            };
+        };
+        let by_pose = of_pose.solve(&shared).transpose();
+        Self {
+            hessian: hessian.fixed_view::<UNKNOWNS, UNKNOWNS>(0, 0) - by_pose * shared,
+            gradient: gradient.fixed_rows::<UNKNOWNS>(0)
+                - by_pose * gradient.fixed_rows::<OF_POSE>(UNKNOWNS),
+        }
+    }
+}
+
+/// How firmly depth holds the pose of a pair.
+fn held(pair: &Pair) -> PoseMatrix {
+    let laid_off = LAID_OFF * f64::from(pair.typical_depth());
+    let told = PoseMatrix::from_fn(|row, column| pair.information()[row][column]);
+    told / (laid_off * laid_off) + PoseMatrix::identity() * LEAST_HELD
+}
+
+/// The median and a standard deviation from the median distance to it.
+fn middle(mut values: Vec<f32>) -> (f32, f32) {
+    if values.is_empty() {
+        return (0.0, LEAST_SPREAD);
+    }
+    let at = values.len() / 2;
+    let median = *values.select_nth_unstable_by(at, f32::total_cmp).1;
+    values
+        .iter_mut()
+        .for_each(|value| *value = (*value - median).abs());
+    let spread = 1.4826 * *values.select_nth_unstable_by(at, f32::total_cmp).1;
+    (median, spread.max(LEAST_SPREAD))
+}

@@ -1,0 +1,359 @@
+//! Cameras of an RGB-D recording: all steps, the frames between, and what became of each frame.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+use super::graph::{Components, Graph};
+use super::join::{join, overlapping};
+use super::link::{FrameLink, LinkKind};
+use super::odometry::{Chain, OnPose, Tried, compare, densify, loops, odometry};
+use super::scan::{Scan, scan, scans};
+use super::{RgbdError, RgbdOptions};
+use crate::sfm::retrieval::{Vocabulary, most_alike};
+use crate::sfm::{FeatureExtractor, FeatureMatcher, Features, Outcome};
+use ostra_core::job::Progress;
+use ostra_frames::{Frame, FrameCamera, FrameStore};
+use ostra_geometry::Pose;
+
+/// What registration is to do.
+pub struct RgbdRequest<'a> {
+    /// All frames of the project.
+    pub frames: &'a [Frame],
+    /// Numbers of those that are registered with each other, ascending.
+    pub chosen: &'a [usize],
+    /// Numbers of those that are then placed beside them, ascending.
+    pub between: &'a [usize],
+    /// Pairs of frames that are compared besides those that look alike.
+    pub pairs: &'a [[usize; 2]],
+    /// Finds features.
+    pub extractor: &'a dyn FeatureExtractor,
+    /// Matches them.
+    pub matcher: &'a dyn FeatureMatcher,
+    /// Looks on.
+    pub on_pose: &'a OnPose<'a>,
+    /// How.
+    pub options: RgbdOptions,
+}
+
+/// What registration made of a recording.
+#[derive(Debug, Clone)]
+pub struct RgbdResult {
+    /// By frame number, its camera; the world is that of the first of them.
+    pub cameras: BTreeMap<usize, FrameCamera>,
+    /// By frame number, what became of it.
+    pub outcomes: BTreeMap<usize, Outcome>,
+    /// Links between frames, those too that the others contradict, by rising numbers.
+    pub links: Vec<FrameLink>,
+    /// Whether it was stopped and is a part of what it could be.
+    pub stopped: bool,
+}
+
+/// Frames on up to which overlap shows by the poses alone: no likeness is needed to find it.
+const NEAR: usize = 10;
+/// Rounds in which more links are made where poses show overlap.
+const ROUNDS: usize = 2;
+
+/// Cameras of an RGB-D recording from its depth and pictures.
+///
+/// # Errors
+/// [`RgbdError::NoStart`] with the reason where no two frames agree; where features fail; when stopped before any two were
+/// linked.
+pub fn register_rgbd(
+    request: &RgbdRequest<'_>,
+    store: &FrameStore,
+    progress: &Progress,
+) -> Result<RgbdResult, RgbdError> {
+    progress.stage("read frames")?;
+    let read = scans(
+        request.frames,
+        request.chosen,
+        store,
+        request.extractor,
+        progress,
+    )?;
+    let mut outcomes = BTreeMap::new();
+    let mut scans = Vec::with_capacity(read.len());
+    for (number, scan) in read {
+        match scan {
+            Ok(scan) => scans.push(scan),
+            Err(why) => drop(outcomes.insert(number, why)),
+        }
+    }
+    let tried = links(&scans, request, progress)?;
+    let mut graph = Graph::new(&scans, &tried);
+    graph.tell(&scans, request.on_pose);
+    // Stopped, what links tie together by then is kept.
+    join(&scans, &mut graph, &request.options, progress).or_else(|error| {
+        if progress.check().is_err() {
+            Ok(())
+        } else {
+            Err(error)
+        }
+    })?;
+    for _ in 0..ROUNDS {
+        let pairs = overlapping(&scans, &graph.poses, graph.tried());
+        graph.add(densify(
+            &scans,
+            &graph.poses,
+            (&pairs, LinkKind::Overlap),
+            progress,
+        ));
+        graph.solve();
+        graph.tell(&scans, request.on_pose);
+    }
+    account(&scans, &tried, &graph, &mut outcomes);
+    if graph.poses.iter().flatten().count() < 2 {
+        progress.check()?;
+        return Err(RgbdError::NoStart(why_no_start(&outcomes)));
+    }
+    let mut poses: Vec<(usize, Option<Pose>)> = scans
+        .iter()
+        .zip(&graph.poses)
+        .map(|(scan, pose)| (scan.frame, *pose))
+        .collect();
+    for (number, outcome, pose) in place_between(request, (&scans, &graph.poses), store, progress)?
+    {
+        outcomes.insert(number, outcome);
+        poses.push((number, pose));
+    }
+    let cameras = cameras(request.frames, poses);
+    for (number, camera) in request
+        .between
+        .iter()
+        .filter_map(|number| Some((number, cameras.get(number)?)))
+    {
+        camera
+            .camera_from_world
+            .iter()
+            .for_each(|pose| (request.on_pose)(*number, pose));
+    }
+    Ok(RgbdResult {
+        cameras,
+        outcomes,
+        links: graph.frame_links(&scans),
+        stopped: progress.check().is_err(),
+    })
+}
+
+/// The cameras of frames by number, in the world of the first that has a pose.
+fn cameras(
+    frames: &[Frame],
+    mut poses: Vec<(usize, Option<Pose>)>,
+) -> BTreeMap<usize, FrameCamera> {
+    poses.sort_by_key(|(number, _)| *number);
+    let world_from_first = poses
+        .iter()
+        .find_map(|(_, pose)| *pose)
+        .unwrap_or_default()
+        .inverse();
+    let camera = |(number, pose): (usize, Option<Pose>)| {
+        let known = frames[number].camera?;
+        Some((
+            number,
+            FrameCamera {
+                camera_from_world: Some(pose?.compose(&world_from_first)),
+                ..known
+            },
+        ))
+    };
+    poses.into_iter().filter_map(camera).collect()
+}
+
+/// Links between neighbours, and between scans that look alike.
+fn links(
+    scans: &[Scan],
+    request: &RgbdRequest<'_>,
+    progress: &Progress,
+) -> Result<Vec<Tried>, RgbdError> {
+    progress.stage("odometry")?;
+    let features: Vec<&Features> = scans.iter().map(|scan| &scan.features).collect();
+    let matches = request.matcher.of_set(&features)?;
+    let seed = request.options.seed;
+    let mut tried = odometry(
+        scans,
+        &matches,
+        (seed, &Chain::new(scans, request.on_pose)),
+        progress,
+    )?;
+    if progress.stage("loops").is_ok() {
+        let near = (0..scans.len())
+            .flat_map(|a| (a + 1..=a + NEAR).map(move |b| (a, b)))
+            .collect();
+        let pooled = Vocabulary::learn(&features, seed).pool_all(&features);
+        let pairs = most_alike(&pooled, request.options.alike, &near);
+        let place = |number: usize| scans.binary_search_by_key(&number, |scan| scan.frame).ok();
+        let given = request
+            .pairs
+            .iter()
+            .filter_map(|&[a, b]| Some((place(a)?, place(b)?)));
+        let pairs = pairs.into_iter().chain(given).filter(|(a, b)| a != b);
+        let known: BTreeSet<[usize; 2]> = tried.iter().map(|(pair, _)| *pair).collect();
+        let ordered = pairs.into_iter().map(|(a, b)| [a.min(b), a.max(b)]);
+        let pairs: BTreeSet<[usize; 2]> = ordered.filter(|pair| !known.contains(pair)).collect();
+        let pairs: Vec<[usize; 2]> = pairs.into_iter().collect();
+        tried.extend(loops(scans, &pairs, &matches, seed, progress)?);
+    }
+    Ok(tried)
+}
+
+/// What became of a frame between, and its pose where it has one.
+type Between = (usize, Outcome, Option<Pose>);
+
+/// Places the frames between beside the registered ones before and after them; `placed` tells the poses of the `scans`.
+///
+/// Stopped, it gives what it has by then.
+///
+/// # Errors
+/// Where features cannot be found or matched.
+fn place_between(
+    request: &RgbdRequest<'_>,
+    (scans, placed): (&[Scan], &[Option<Pose>]),
+    store: &FrameStore,
+    progress: &Progress,
+) -> Result<Vec<Between>, RgbdError> {
+    if request.between.is_empty() || progress.stage("place the frames between").is_err() {
+        return Ok(request
+            .between
+            .iter()
+            .map(|&number| (number, Outcome::NotReached, None))
+            .collect());
+    }
+    let known: BTreeMap<usize, usize> = scans
+        .iter()
+        .enumerate()
+        .filter(|(at, _)| placed[*at].is_some())
+        .map(|(at, scan)| (scan.frame, at))
+        .collect();
+    let done = AtomicUsize::new(0);
+    let place = |&number: &usize| {
+        if progress
+            .step(done.fetch_add(1, Ordering::Relaxed), request.between.len())
+            .is_err()
+        {
+            return Ok((number, Outcome::NotReached, None));
+        }
+        let own = match scan(number, &request.frames[number], store, request.extractor)? {
+            Ok(own) => own,
+            Err(why) => return Ok((number, why, None)),
+        };
+        let beside = known
+            .range(..number)
+            .next_back()
+            .into_iter()
+            .chain(known.range(number..).next());
+        let mut nearest = None;
+        for (&frame, &at) in beside {
+            let Some(pose) = placed[at] else { continue };
+            let matches = request
+                .matcher
+                .matches(&scans[at].features, &own.features)?;
+            match compare(
+                [&scans[at], &own],
+                &matches,
+                request.options.seed ^ number as u64,
+                true,
+            ) {
+                Ok((aligned, agreement)) => {
+                    let outcome = Outcome::Registered {
+                        neighbours: 1,
+                        consistent: agreement.consistent,
+                    };
+                    return Ok((
+                        number,
+                        outcome,
+                        Some(aligned.target_from_source.compose(&pose)),
+                    ));
+                }
+                Err(best) => nearest = best.map(|best| (frame, best.consistent)).or(nearest),
+            }
+        }
+        Ok((number, Outcome::Unlike { nearest }, None))
+    };
+    request.between.par_iter().map(place).collect()
+}
+
+/// Tells what became of each scan.
+pub fn account(
+    scans: &[Scan],
+    tried: &[Tried],
+    graph: &Graph,
+    outcomes: &mut BTreeMap<usize, Outcome>,
+) {
+    let components = Components::new(scans.len(), graph.holding().map(|link| link.scans));
+    let size = |scan: usize| {
+        (0..scans.len())
+            .filter(|&other| components.of(other) == components.of(scan))
+            .count()
+    };
+    for (at, scan) in scans.iter().enumerate() {
+        let outcome = if graph.poses[at].is_some() {
+            registered(at, graph)
+        } else {
+            match size(at) {
+                1 => unlike(at, scans, tried),
+                frames => Outcome::Apart { frames },
+            }
+        };
+        outcomes.insert(scan.frame, outcome);
+    }
+}
+
+fn registered(at: usize, graph: &Graph) -> Outcome {
+    let own = graph.holding().filter(|link| link.scans.contains(&at));
+    let mut consistent: Vec<f64> = own.map(|link| link.agreement.consistent).collect();
+    consistent.sort_unstable_by(f64::total_cmp);
+    let median = consistent.get(consistent.len() / 2).copied().unwrap_or(0.0);
+    Outcome::Registered {
+        neighbours: consistent.len(),
+        consistent: median,
+    }
+}
+
+/// The frame that agrees most with one that agrees with none.
+fn unlike(at: usize, scans: &[Scan], tried: &[Tried]) -> Outcome {
+    let other = |[a, b]: [usize; 2]| if a == at { b } else { a };
+    let nearest = tried
+        .iter()
+        .filter(|(pair, _)| pair.contains(&at))
+        .filter_map(|(pair, result)| {
+            Some((
+                scans[other(*pair)].frame,
+                result.as_ref().err()?.as_ref()?.consistent,
+            ))
+        })
+        .max_by(|a, b| a.1.total_cmp(&b.1));
+    Outcome::Unlike { nearest }
+}
+
+/// Why no two frames were put together, in words.
+#[must_use]
+pub fn why_no_start(outcomes: &BTreeMap<usize, Outcome>) -> String {
+    let count = |is: fn(&Outcome) -> bool| outcomes.values().filter(|outcome| is(outcome)).count();
+    let (all, no_depth) = (
+        outcomes.len(),
+        count(|outcome| matches!(outcome, Outcome::NoDepth { .. })),
+    );
+    let no_camera = count(|outcome| matches!(outcome, Outcome::NoIntrinsics));
+    if no_camera == all {
+        return "the depth camera is not known; give --intrinsics FX,FY,CX,CY or --cameras, or --method sfm".into();
+    }
+    let unreadable: Vec<&String> = outcomes
+        .values()
+        .filter_map(|outcome| {
+            if let Outcome::Unreadable { why } = outcome {
+                Some(why)
+            } else {
+                None
+            }
+        })
+        .collect();
+    if let Some(why) = unreadable.first().filter(|_| unreadable.len() + 1 >= all) {
+        return format!("{} of {all} frames cannot be read: {why}", unreadable.len());
+    }
+    format!(
+        "no two of {all} frames agree in depth and picture ({no_depth} have too little depth, {no_camera} no known camera); \
+         check the depth unit, the intrinsics and that each depth belongs to its picture, or give --method sfm"
+    )
+}

@@ -1,0 +1,175 @@
+//! Which pictures look alike, judged by what their descriptors have in common.
+
+use std::collections::BTreeSet;
+
+use pulp::Arch;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
+use rayon::prelude::*;
+
+use super::matching::{Value, k_means, nearest_centres};
+use super::{Descriptors, Features};
+
+/// Centres that descriptors are sorted to.
+const CENTRES: usize = 64;
+/// Descriptors that the centres are found from.
+const SAMPLE: usize = 8192;
+/// Rounds of k-means; later ones hardly move the centres.
+const ROUNDS: usize = 8;
+
+/// Typical descriptors of a set of pictures, against which each picture is summed up in one vector.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Vocabulary {
+    kind: Kind,
+    /// At most [`CENTRES`] rows.
+    centres: Vec<f32>,
+}
+
+/// What descriptors need to have in common to be compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Kind {
+    dim: usize,
+    bytes: bool,
+}
+
+impl Kind {
+    fn of(descriptors: &Descriptors) -> Self {
+        Self {
+            dim: descriptors.dim().max(1),
+            bytes: matches!(descriptors, Descriptors::Bytes { .. }),
+        }
+    }
+}
+
+impl Vocabulary {
+    /// k-means over a seeded sample of the pictures' own descriptors, of the kind that the first picture with any has.
+    #[must_use]
+    pub fn learn(features: &[&Features], seed: u64) -> Self {
+        let all: Vec<&Descriptors> = features.iter().map(|one| &one.descriptors).collect();
+        let first = all.iter().find(|one| !one.is_empty());
+        let kind = first.map_or(
+            Kind {
+                dim: 1,
+                bytes: false,
+            },
+            |first| Kind::of(first),
+        );
+        let fitting: Vec<&Descriptors> = all
+            .into_iter()
+            .filter(|one| Kind::of(one) == kind)
+            .collect();
+        Self {
+            kind,
+            centres: k_means(&sample(&fitting, kind.dim, seed), kind.dim, CENTRES, ROUNDS),
+        }
+    }
+
+    /// One vector of length 1 per picture; cosines between them say how alike two look. 0 without descriptors, and where
+    /// they are of another kind than the vocabulary's.
+    ///
+    /// VLAD: H. Jégou et al., "Aggregating local descriptors into a compact image representation", CVPR 2010, with each
+    /// centre's share brought to length 1 as in R. Arandjelović and A. Zisserman, "All about VLAD", CVPR 2013.
+    #[must_use]
+    pub fn pooled(&self, features: &Features) -> Vec<f32> {
+        if Kind::of(&features.descriptors) != self.kind {
+            return vec![0.0; self.centres.len()];
+        }
+        match &features.descriptors {
+            Descriptors::Bytes { values, .. } => self.pool(values),
+            Descriptors::Floats { values, .. } => self.pool(values),
+        }
+    }
+
+    /// [`Self::pooled`] of each picture.
+    #[must_use]
+    pub fn pool_all(&self, features: &[&Features]) -> Vec<Vec<f32>> {
+        features.par_iter().map(|one| self.pooled(one)).collect()
+    }
+
+    fn pool<T: Value>(&self, values: &[T]) -> Vec<f32> {
+        let mut sums = vec![0.0; self.centres.len()];
+        let nearest = nearest_centres::<T, 1>(values, &self.centres, self.kind.dim);
+        for (row, [centre]) in values.chunks_exact(self.kind.dim).zip(nearest) {
+            let centre = centre as usize;
+            let at = centre * self.kind.dim..(centre + 1) * self.kind.dim;
+            let with_centre = sums[at.clone()].iter_mut().zip(&self.centres[at]);
+            with_centre
+                .zip(row)
+                .for_each(|((sum, centre), value)| *sum += value.unit() - centre);
+        }
+        sums.chunks_exact_mut(self.kind.dim).for_each(normalise);
+        normalise(&mut sums);
+        sums
+    }
+}
+
+fn normalise(values: &mut [f32]) {
+    let length = f32::dot(values, values).sqrt();
+    if length > 1e-9 {
+        values.iter_mut().for_each(|value| *value /= length);
+    }
+}
+
+/// About [`SAMPLE`] descriptors, every one of the set equally likely.
+fn sample(all: &[&Descriptors], dim: usize, seed: u64) -> Vec<f32> {
+    let ends: Vec<usize> = all
+        .iter()
+        .scan(0, |end, one| {
+            *end += one.len();
+            Some(*end)
+        })
+        .collect();
+    let count = ends.last().copied().unwrap_or(0);
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
+    let mut rows = Vec::with_capacity(SAMPLE.min(count) * dim);
+    for _ in 0..SAMPLE.min(count) {
+        let at = random.random_range(0..count);
+        let one = ends.partition_point(|&end| end <= at);
+        let first = (at + all[one].len() - ends[one]) * dim;
+        match all[one] {
+            Descriptors::Bytes { values, .. } => {
+                rows.extend(values[first..first + dim].iter().map(|value| value.unit()));
+            }
+            Descriptors::Floats { values, .. } => {
+                rows.extend_from_slice(&values[first..first + dim]);
+            }
+        }
+    }
+    rows
+}
+
+/// Pairs (first < second, ascending) of each picture with the `k` others whose vectors (of length 1) have the largest
+/// cosine with its own, besides pairs already `known`; the lower index first where two are equally alike. Vectors of
+/// length 0 are like no other.
+#[must_use]
+pub fn most_alike(
+    pooled: &[Vec<f32>],
+    k: usize,
+    known: &BTreeSet<(usize, usize)>,
+) -> Vec<(usize, usize)> {
+    let of_one = |one: usize| {
+        let mut others: Vec<(f32, usize)> = (0..pooled.len())
+            .filter(|&other| other != one && !known.contains(&(one.min(other), one.max(other))))
+            .map(|other| (cosine(&pooled[one], &pooled[other]), other))
+            .filter(|&(cosine, _)| cosine != 0.0)
+            .collect();
+        others.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        others
+            .into_iter()
+            .take(k)
+            .map(|(_, other)| (one.min(other), one.max(other)))
+            .collect::<Vec<_>>()
+    };
+    let pairs: BTreeSet<(usize, usize)> = (0..pooled.len())
+        .into_par_iter()
+        .flat_map_iter(of_one)
+        .collect();
+    pairs.into_iter().collect()
+}
+
+fn cosine(a: &[f32], b: &[f32]) -> f32 {
+    Arch::new().dispatch(|| f32::dot(a, b))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,318 @@
+//! Another attempt at pictures that no model holds: they are tilted, matched and mapped again.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+
+use super::account::FEW_FEATURES;
+use super::extract::tilted_picture;
+use super::matching::NearestMatcher;
+use super::pairs::verify;
+use super::request::SfmRequest;
+use super::tilted::{Merged, one_to_one};
+use super::{
+    FeatureMatcher, Features, MapProblem, Mapped, PictureFeatures, SfmError, SparseModel,
+    TriedPair, map,
+};
+use ostra_core::job::Progress;
+use ostra_frames::FrameStore;
+
+/// Pictures that get a second chance at most, those first that have most matches with one other.
+const MOST: usize = 8;
+
+/// What the mapper was given, and what it made of it.
+pub(super) struct Attempt {
+    /// What was mapped.
+    pub problem: MapProblem,
+    /// Features by image.
+    pub pictures: Vec<PictureFeatures>,
+    /// All pairs that were matched.
+    pub tried: Vec<TriedPair>,
+    /// The models, the one kept first.
+    pub models: Vec<Mapped>,
+}
+
+/// Looks for more matches of pictures that no model holds, and maps again where there are any: taken at a grazing angle,
+/// a picture shows what others show so foreshortened that its features are not recognised, until it is tilted back.
+/// Gives the first attempt back where that places no more pictures, and when stopped.
+///
+/// # Errors
+/// [`SfmError`] where the extractor or the matcher fails.
+pub(super) fn second_chance(
+    mut first: Attempt,
+    request: &SfmRequest<'_>,
+    store: &FrameStore,
+    progress: &Progress,
+) -> Result<Attempt, SfmError> {
+    let gained = match look_again(&first, request, store, progress) {
+        Ok(gained) if gained.is_empty() => return Ok(first),
+        Err(SfmError::Stopped(_)) => return Ok(first),
+        gained => gained?,
+    };
+    let (problem, tried) = with_gains(&first, &gained);
+    let again = progress
+        .stage("map")
+        .and_then(|()| map(&problem, &request.mapper, progress));
+    let Ok(models) = again else { return Ok(first) };
+    if placed(&models) <= placed(&first.models) {
+        return Ok(first);
+    }
+    for (image, found) in gained {
+        first.pictures[image] = found.picture;
+    }
+    Ok(Attempt {
+        problem,
+        tried,
+        models,
+        ..first
+    })
+}
+
+/// By image that was left out, more matches, where they were found.
+fn look_again(
+    first: &Attempt,
+    request: &SfmRequest<'_>,
+    store: &FrameStore,
+    progress: &Progress,
+) -> Result<BTreeMap<usize, Gained>, SfmError> {
+    let mut gained = BTreeMap::new();
+    let (Some(kept), images) = (first.models.first(), left_out(first)) else {
+        return Ok(gained);
+    };
+    if images.is_empty() {
+        return Ok(gained);
+    }
+    progress.stage("look again at what was left out")?;
+    for (done, &image) in images.iter().enumerate() {
+        progress.step(done, images.len())?;
+        let (frame, allowed) = (
+            request.mapped[image],
+            (request.allowed)(request.mapped[image]),
+        );
+        let views = tilted_picture(
+            &request.frames[frame],
+            store,
+            request.extractor,
+            allowed.as_deref(),
+            progress,
+        )?;
+        let look = LookAgain {
+            attempt: first,
+            model: &kept.model,
+            image,
+            seed: request.mapper.seed,
+        };
+        if let Some(found) = look.gains(&views, request.mapper.pose_inliers, progress)? {
+            gained.insert(image, found);
+        }
+    }
+    Ok(gained)
+}
+
+/// Images that no model holds although there is something to recognise in them.
+fn left_out(attempt: &Attempt) -> Vec<usize> {
+    let is_placed = |image: usize| {
+        attempt
+            .models
+            .iter()
+            .any(|mapped| mapped.model.is_placed(image as u32))
+    };
+    let is_rich = |image: usize| attempt.pictures[image].features.keypoints.len() >= FEW_FEATURES;
+    let mut images: Vec<usize> = (0..attempt.pictures.len())
+        .filter(|&image| is_rich(image) && !is_placed(image))
+        .collect();
+    let most_matches = |image: usize| {
+        let own = attempt
+            .tried
+            .iter()
+            .filter(|pair| pair.images.contains(&(image as u32)));
+        own.map(|pair| pair.matches).max()
+    };
+    images.sort_by_cached_key(|&image| (std::cmp::Reverse(most_matches(image)), image));
+    images.truncate(MOST);
+    images
+}
+
+/// The problem and its pairs with what was gained.
+fn with_gains(first: &Attempt, gained: &BTreeMap<usize, Gained>) -> (MapProblem, Vec<TriedPair>) {
+    let (mut problem, mut tried) = (first.problem.clone(), first.tried.clone());
+    for (&image, found) in gained {
+        problem.images[image]
+            .keypoints
+            .clone_from(&found.picture.features.keypoints);
+        for pair in &found.pairs {
+            match tried.iter_mut().find(|known| known.images == pair.images) {
+                Some(known) => known.clone_from(pair),
+                None => tried.push(pair.clone()),
+            }
+        }
+    }
+    problem.pairs = tried
+        .iter()
+        .filter_map(|pair| pair.verified.clone())
+        .collect();
+    (problem, tried)
+}
+
+/// Images of the model that is kept.
+fn placed(models: &[Mapped]) -> usize {
+    models.first().map_or(0, |kept| kept.model.placed().count())
+}
+
+/// Images of the model that an image is compared with, those first with which it has most matches.
+const NEIGHBOURS: usize = 24;
+
+/// More matches of one image.
+struct Gained {
+    /// Its features, with those of tilted views behind its own.
+    pub picture: PictureFeatures,
+    /// Pairs of which more matches agree than before.
+    pub pairs: Vec<TriedPair>,
+}
+
+/// Looks for matches of an image that no model holds with those of a model.
+struct LookAgain<'a> {
+    pub attempt: &'a Attempt,
+    pub model: &'a SparseModel,
+    pub image: usize,
+    pub seed: u64,
+}
+
+/// Matches of one view: number of the view, keypoints of view and neighbour.
+type OfView = (usize, Vec<(u32, u32)>);
+
+impl LookAgain<'_> {
+    /// Matches of the image and of its tilted `views`; `None` where no more agree than before, or fewer than `enough` with
+    /// any one image: too few for a place.
+    pub fn gains(
+        &self,
+        views: &[PictureFeatures],
+        enough: usize,
+        progress: &Progress,
+    ) -> Result<Option<Gained>, SfmError> {
+        let own = &self.attempt.pictures[self.image];
+        let all: Vec<&PictureFeatures> = std::iter::once(own).chain(views).collect();
+        let neighbours = self.neighbours();
+        let mut merged = Merged::new(own);
+        let mut found = Vec::with_capacity(neighbours.len());
+        for by_view in self.matches(&all, &neighbours, progress)? {
+            let numbered = by_view.into_iter().flat_map(|(view, matches)| {
+                let numbers: Vec<_> = matches
+                    .into_iter()
+                    .map(|(index, other)| (merged.number(all[view], index), other))
+                    .collect();
+                numbers
+            });
+            found.push(one_to_one(numbered));
+        }
+        let picture = merged.into_picture();
+        let tried = neighbours
+            .par_iter()
+            .zip(&found)
+            .map(|(&other, found)| self.verified(&picture, other, found));
+        let pairs: Vec<TriedPair> = tried
+            .filter(|pair| agreeing(pair) > self.agreed(pair.images))
+            .collect();
+        Ok(pairs
+            .iter()
+            .any(|pair| agreeing(pair) >= enough)
+            .then_some(Gained { picture, pairs }))
+    }
+
+    /// Images of the model, ascending.
+    fn neighbours(&self) -> Vec<usize> {
+        let matches = |other: u32| {
+            let pair = ordered(self.image as u32, other);
+            self.attempt
+                .tried
+                .iter()
+                .find(|tried| tried.images == pair)
+                .map_or(0, |tried| tried.matches)
+        };
+        let mut ranked: Vec<(usize, u32)> = self
+            .model
+            .placed()
+            .map(|other| (matches(other), other))
+            .collect();
+        ranked.sort_unstable_by_key(|&(matches, other)| (std::cmp::Reverse(matches), other));
+        ranked.truncate(NEIGHBOURS);
+        let mut neighbours: Vec<usize> = ranked
+            .into_iter()
+            .map(|(_, other)| other as usize)
+            .collect();
+        neighbours.sort_unstable();
+        neighbours
+    }
+
+    /// By neighbour the matches of each view. Nearest neighbours whatever the matcher in use: there are many views.
+    fn matches(
+        &self,
+        views: &[&PictureFeatures],
+        neighbours: &[usize],
+        progress: &Progress,
+    ) -> Result<Vec<Vec<OfView>>, SfmError> {
+        let others = neighbours
+            .iter()
+            .map(|&other| &self.attempt.pictures[other]);
+        let set: Vec<&Features> = views
+            .iter()
+            .copied()
+            .chain(others)
+            .map(|picture| &picture.features)
+            .collect();
+        let matcher = match set[0].descriptors.as_bytes() {
+            Some(_) => NearestMatcher::for_bytes(),
+            None => NearestMatcher::for_floats(),
+        };
+        let matcher = matcher.of_set(&set)?;
+        let of_neighbour = |other: usize| {
+            let of_view = |view: usize| {
+                progress.check()?;
+                Ok((view, matcher(view, views.len() + other)?))
+            };
+            (0..views.len()).map(of_view).collect()
+        };
+        (0..neighbours.len())
+            .into_par_iter()
+            .map(of_neighbour)
+            .collect()
+    }
+
+    /// What agrees of the matches of the picture, which is this image's, with another image.
+    fn verified(
+        &self,
+        picture: &PictureFeatures,
+        other: usize,
+        matches: &[(u32, u32)],
+    ) -> TriedPair {
+        let camera =
+            |image: usize| self.attempt.problem.cameras[self.attempt.problem.images[image].camera];
+        let own = (self.image, &picture.features, camera(self.image));
+        let other = (other, &self.attempt.pictures[other].features, camera(other));
+        if own.0 < other.0 {
+            return verify([own, other], matches, self.seed);
+        }
+        let turned: Vec<(u32, u32)> = matches.iter().map(|&(a, b)| (b, a)).collect();
+        verify([other, own], &turned, self.seed)
+    }
+
+    /// Matches of a pair that agreed in the first attempt.
+    fn agreed(&self, images: [u32; 2]) -> usize {
+        self.attempt
+            .tried
+            .iter()
+            .find(|pair| pair.images == images)
+            .map_or(0, agreeing)
+    }
+}
+
+fn agreeing(pair: &TriedPair) -> usize {
+    pair.verified.as_ref().map_or(0, |pair| pair.matches.len())
+}
+
+fn ordered(a: u32, b: u32) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
+#[cfg(test)]
+mod tests;

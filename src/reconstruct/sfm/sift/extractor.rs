@@ -1,0 +1,199 @@
+//! SIFT of a whole picture, as a feature extractor, without what belongs to black borders.
+
+use glam::Vec2;
+
+use super::descriptor::SUPPORT;
+use super::keypoint::{SiftFeatures, SiftKeypoint, SiftOptions, Strongest};
+use super::octave::{Octave, bases, level_sigma};
+use super::refine::Extremum;
+use super::rows::shrunk;
+use crate::sfm::{Descriptors, FeatureError, FeatureExtractor, Features};
+
+/// SIFT features of a grey picture (`width · height` values in 0..1, row by row), where `mask` (one value per pixel) is
+/// true, everywhere without it; none whose surroundings touch a near-black bar at a side of the picture. Above
+/// `max_features` the strongest stay. Empty where the lengths do not fit the size or
+/// the options are out of range. Runs on rayon's threads; the result does not depend on how many there are.
+///
+/// D. Lowe, "Distinctive Image Features from Scale-Invariant Keypoints", IJCV 2004.
+#[must_use]
+pub fn extract_sift(
+    grey: &[f32],
+    width: usize,
+    height: usize,
+    mask: Option<&[bool]>,
+    options: &SiftOptions,
+) -> SiftFeatures {
+    let fits = grey.len() == width * height && mask.is_none_or(|mask| mask.len() == grey.len());
+    if !fits || width.min(height) < SMALLEST_SIDE || !(1..=8).contains(&options.scales) {
+        return SiftFeatures::default();
+    }
+    let (picture, pixel_size) = shrunk(grey, width, height, options.max_side as usize);
+    let content = Content::of(grey, width, height);
+    let allowed = |keypoint: &SiftKeypoint| {
+        let [x, y] = [keypoint.at_px.x as usize, keypoint.at_px.y as usize];
+        let pixel = y.min(height - 1) * width + x.min(width - 1);
+        mask.is_none_or(|mask| mask[pixel])
+            && content.holds(keypoint.at_px, SUPPORT * keypoint.scale_px)
+    };
+    let mut strongest = Strongest::new(options.max_features);
+    let mut find = |octave: Octave, index: i32| {
+        let keypoint = |extremum: &Extremum| {
+            Some(keypoint(extremum, index, pixel_size, options)).filter(allowed)
+        };
+        octave.find(&keypoint, &mut strongest);
+    };
+    let coarser = bases(&picture, options)
+        .into_iter()
+        .enumerate()
+        .skip(options.first_octave.max(0) as usize);
+    for (octave, base) in coarser.rev() {
+        find(Octave::of(base, options), octave as i32);
+    }
+    if options.first_octave < 0 {
+        find(Octave::doubled(&picture, options), -1);
+    }
+    strongest.into_features()
+}
+
+/// Shortest side of a picture in pixels that is looked at.
+const SMALLEST_SIDE: usize = 16;
+
+/// A keypoint in pixels of the original picture, of which one pixel worked on spans `width` by `height`; without angle.
+fn keypoint(
+    extremum: &Extremum,
+    octave: i32,
+    [width, height]: [f32; 2],
+    options: &SiftOptions,
+) -> SiftKeypoint {
+    let step = (octave as f32).exp2();
+    SiftKeypoint {
+        at_px: Vec2::new(
+            (extremum.x * step + 0.5) * width,
+            (extremum.y * step + 0.5) * height,
+        ),
+        scale_px: level_sigma(extremum.scale, options.scales) * step * (width * height).sqrt(),
+        angle: 0.0,
+    }
+}
+
+/// SIFT with L1-root descriptors: needs no weights.
+#[derive(Debug, Clone, Default)]
+pub struct Sift {
+    /// How features are found.
+    pub options: SiftOptions,
+}
+
+impl FeatureExtractor for Sift {
+    fn name(&self) -> &'static str {
+        "sift"
+    }
+
+    fn extract(
+        &self,
+        grey: &[f32],
+        width: usize,
+        height: usize,
+        allowed: Option<&[bool]>,
+    ) -> Result<Features, FeatureError> {
+        let found = extract_sift(grey, width, height, allowed, &self.options);
+        Ok(Features {
+            width: width as u32,
+            height: height as u32,
+            keypoints: found
+                .keypoints
+                .iter()
+                .map(|keypoint| keypoint.at_px.as_dvec2())
+                .collect(),
+            scales_px: found
+                .keypoints
+                .iter()
+                .map(|keypoint| keypoint.scale_px)
+                .collect(),
+            scores: Vec::new(),
+            descriptors: Descriptors::Bytes {
+                dim: 128,
+                values: found.descriptors.into_flattened(),
+            },
+        })
+    }
+}
+
+/// Brightest line that a bar may begin with, in grey.
+const DARKEST: f32 = 20.0 / 255.0;
+/// Farthest that a pixel of a bar may be from the bar's grey: compression leaves traces beside the edge.
+const SPREAD: f32 = 8.0 / 255.0;
+/// Fewest lines of a bar: what is narrower is a frame's dark rim.
+const NARROWEST: usize = 4;
+/// Lines beyond the edge that are looked at to tell a bar from a dark background.
+const BEYOND: usize = 4;
+/// Least share of these that must differ from the bar, since a bar ends everywhere at once.
+const LEAST_CONTENT: f32 = 0.5;
+
+/// The part of a picture inside near-black bars at its sides; features whose surroundings touch the bars would stand
+/// still where the scene moves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Content {
+    /// First and past-the-last column; infinitely far where there is no bar.
+    pub columns: (f32, f32),
+    /// First and past-the-last row.
+    pub rows: (f32, f32),
+}
+
+impl Content {
+    /// Finds the bars of a grey picture.
+    pub fn of(grey: &[f32], width: usize, height: usize) -> Self {
+        let [columns, rows] = [(width, height, 1, width), (height, width, width, 1)].map(
+            |(lines, len, step, along)| {
+                let bar = |line: &dyn Fn(usize) -> usize| {
+                    bar(lines, len, &|k, at| grey[line(k) * step + at * along])
+                };
+                let (before, after) = (bar(&|k| k), bar(&|k| lines - 1 - k));
+                let first = if before > 0 {
+                    before as f32
+                } else {
+                    f32::NEG_INFINITY
+                };
+                (
+                    first,
+                    if after > 0 {
+                        (lines - after) as f32
+                    } else {
+                        f32::INFINITY
+                    },
+                )
+            },
+        );
+        Self { columns, rows }
+    }
+
+    /// Whether a disc lies inside.
+    pub fn holds(&self, at: glam::Vec2, radius: f32) -> bool {
+        let inside =
+            |at: f32, (first, last): (f32, f32)| at - radius >= first && at + radius <= last;
+        inside(at.x, self.columns) && inside(at.y, self.rows)
+    }
+}
+
+/// Lines of the bar that begins at line 0 of `lines` lines of `len` pixels; 0 = none.
+fn bar(lines: usize, len: usize, pixel: &dyn Fn(usize, usize) -> f32) -> usize {
+    if lines == 0 || len == 0 {
+        return 0;
+    }
+    let mean = (0..len).map(|at| pixel(0, at)).sum::<f32>() / len as f32;
+    let belongs = |line: usize| (0..len).all(|at| (pixel(line, at) - mean).abs() <= SPREAD);
+    let count = (0..lines)
+        .take_while(|&line| mean <= DARKEST && belongs(line))
+        .count();
+    if count < NARROWEST || count == lines {
+        return 0;
+    }
+    let beyond = (count + BEYOND).min(lines - 1);
+    let content = (0..len)
+        .filter(|&at| (pixel(beyond, at) - mean).abs() > SPREAD)
+        .count();
+    if content as f32 >= LEAST_CONTENT * len as f32 {
+        count
+    } else {
+        0
+    }
+}

@@ -1,0 +1,165 @@
+//! The depths kept that other views agree with, on surfaces of some size, with small gaps filled.
+
+use rayon::prelude::*;
+
+use super::complete::FilterOptions;
+use super::consistency::Neighbour;
+use crate::stereo::DepthEstimate;
+
+/// Keeps the depths that enough neighbours agree with; takes speckles out and fills small gaps.
+#[must_use]
+pub fn filter(
+    own: &DepthEstimate,
+    neighbours: &[Neighbour],
+    options: &FilterOptions,
+) -> DepthEstimate {
+    let width = own.width().max(1);
+    let needed = options.min_agreeing.clamp(1, neighbours.len().max(1));
+    let least = (255.0 * options.min_confidence) as u8;
+    let agreeing = |at: usize| {
+        let depth = own.depths[at];
+        if depth <= 0.0 || own.confidence[at] < least {
+            return 0;
+        }
+        let (place, normal) = (((at % width) as f32, (at / width) as f32), own.normal(at));
+        let agrees = |neighbour: &&Neighbour| {
+            neighbour
+                .matched(place, 1.0 / depth, normal, &options.agreement)
+                .is_some()
+        };
+        neighbours.iter().filter(agrees).count() as u8
+    };
+    let support: Vec<u8> = (0..own.depths.len())
+        .into_par_iter()
+        .map(agreeing)
+        .collect();
+    let mut kept = own.clone();
+    (0..support.len())
+        .filter(|&at| usize::from(support[at]) < needed)
+        .for_each(|at| kept.clear(at));
+    remove_speckles(
+        &mut kept,
+        &support,
+        options.min_support,
+        options.surface_tolerance,
+    );
+    fill_gaps(&mut kept, own, options);
+    kept
+}
+
+/// What is nearer than a surface by more than this many times the tolerance within it is in front.
+const IN_FRONT: f32 = 2.0;
+
+/// Fills short runs of unknown pixels between two of one surface, along rows, then along columns: inverse depth goes
+/// evenly from one end to the other; normal and confidence are those of the nearer end. A run is left open where a pixel
+/// of it saw something in front (`seen`: the depths before any were left out): a thin part is no gap of its background.
+fn fill_gaps(estimate: &mut DepthEstimate, seen: &DepthEstimate, options: &FilterOptions) {
+    let (width, height) = (estimate.width(), estimate.height());
+    for y in 0..height {
+        fill_line(estimate, seen, (y * width, 1, width), options);
+    }
+    for x in 0..width {
+        fill_line(estimate, seen, (x, width, height), options);
+    }
+}
+
+fn fill_line(
+    estimate: &mut DepthEstimate,
+    seen: &DepthEstimate,
+    (first, stride, count): (usize, usize, usize),
+    options: &FilterOptions,
+) {
+    let mut known: Option<usize> = None;
+    for i in 0..count {
+        if estimate.depths[first + i * stride] <= 0.0 {
+            continue;
+        }
+        if let Some(before) =
+            known.filter(|before| (2..=options.gap_pixels + 1).contains(&(i - before)))
+        {
+            fill_run(
+                estimate,
+                seen,
+                (first, stride),
+                [before, i],
+                options.surface_tolerance,
+            );
+        }
+        known = Some(i);
+    }
+}
+
+fn fill_run(
+    estimate: &mut DepthEstimate,
+    seen: &DepthEstimate,
+    (first, stride): (usize, usize),
+    [before, after]: [usize; 2],
+    tolerance: f32,
+) {
+    let [start, end] = [before, after].map(|i| first + i * stride);
+    let (a, b) = (estimate.depths[start], estimate.depths[end]);
+    let steps = (after - before) as f32;
+    let in_front =
+        |i: usize| seen.depths[first + i * stride] < (1.0 - IN_FRONT * tolerance) * a.min(b);
+    if (a - b).abs() > tolerance * a || (before + 1..after).any(in_front) {
+        return;
+    }
+    for i in before + 1..after {
+        let share = (i - before) as f32 / steps;
+        let (at, nearer) = (first + i * stride, if share < 0.5 { start } else { end });
+        estimate.depths[at] = 1.0 / ((1.0 - share) / a + share / b);
+        estimate.normals[at] = estimate.normals[nearer];
+        estimate.confidence[at] = estimate.confidence[nearer];
+    }
+}
+
+/// Forgets connected surfaces that other views support too little: a small one stays where many views see it, as a thin
+/// part's pieces are. `support` counts the views by pixel, `least` is the sum over a surface that it needs.
+fn remove_speckles(estimate: &mut DepthEstimate, support: &[u8], least: usize, tolerance: f32) {
+    let mut seen = vec![false; estimate.depths.len()];
+    let mut surface = Vec::new();
+    for start in 0..seen.len() {
+        if seen[start] || estimate.depths[start] <= 0.0 {
+            continue;
+        }
+        grow(estimate, start, tolerance, &mut seen, &mut surface);
+        if surface
+            .iter()
+            .map(|&at| usize::from(support[at]))
+            .sum::<usize>()
+            < least
+        {
+            surface.iter().for_each(|&at| estimate.clear(at));
+        }
+    }
+}
+
+/// The pixels that are one surface with a pixel.
+fn grow(
+    estimate: &DepthEstimate,
+    start: usize,
+    tolerance: f32,
+    seen: &mut [bool],
+    surface: &mut Vec<usize>,
+) {
+    let (width, height) = (estimate.width(), estimate.height());
+    surface.clear();
+    surface.push(start);
+    seen[start] = true;
+    let mut next = 0;
+    while let Some(&at) = surface.get(next) {
+        next += 1;
+        let (x, y) = (at % width, at / width);
+        let (columns, rows) = (
+            x.saturating_sub(1)..(x + 2).min(width),
+            y.saturating_sub(1)..(y + 2).min(height),
+        );
+        for to in rows.flat_map(|row| columns.clone().map(move |column| row * width + column)) {
+            let (depth, other) = (estimate.depths[at], estimate.depths[to]);
+            if !seen[to] && other > 0.0 && (other - depth).abs() <= tolerance * depth {
+                seen[to] = true;
+                surface.push(to);
+            }
+        }
+    }
+}

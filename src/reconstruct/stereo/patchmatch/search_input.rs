@@ -1,0 +1,99 @@
+//! What a search is given, and what it finds: options, the view, earlier rounds.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::picture::Picture;
+use super::plane::Plane;
+
+/// How PatchMatch looks for depth.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct PatchMatchOptions {
+    /// The coarsest level's longer side is at least this, 32–1024 pixels.
+    pub coarsest_px: u32,
+    /// Iterations at the coarsest level, 1–20.
+    pub coarse_iterations: u32,
+    /// Iterations at every finer level, 1–20.
+    pub fine_iterations: u32,
+    /// Iterations of a round with geometric consistency, 1–20.
+    pub geometric_iterations: u32,
+    /// Cost per pixel of forward-backward error, 0–1.
+    pub geometric_weight: f32,
+    /// Forward-backward errors above this count as this, 0.5–10 pixels.
+    pub max_geometric_px: f32,
+    /// Planes seen at a flatter angle than this cosine are not tried, 0.02–0.9.
+    pub min_facing: f32,
+    /// Source views that the cost of a pixel is averaged over at most, 1–8.
+    pub best_views: usize,
+    /// Depths drawn anew per pixel and iteration at finer levels, and as many planes from farther off, 0–8.
+    pub restarts: u32,
+    /// Hypotheses that differ by less than this are compared once, 0–1 pixels.
+    pub alike_px: f32,
+    /// Variance of grey (0–255) around a pixel below which it is left out unless it lies within a surface, 0–100.
+    pub min_variance: f32,
+    /// Cost of lying off the surface around, where a patch without texture lies within one, 0–1.
+    pub prior_weight: f32,
+    /// For the random hypotheses.
+    pub seed: u32,
+}
+
+impl Default for PatchMatchOptions {
+    fn default() -> Self {
+        Self {
+            coarsest_px: 120,
+            coarse_iterations: 6,
+            fine_iterations: 3,
+            geometric_iterations: 1,
+            geometric_weight: 0.3,
+            max_geometric_px: 3.0,
+            min_facing: 0.12,
+            best_views: 3,
+            restarts: 1,
+            alike_px: 0.2,
+            min_variance: 0.5,
+            prior_weight: 0.6,
+            seed: 0,
+        }
+    }
+}
+
+/// What one view's depth is searched in.
+#[derive(Debug, Clone)]
+pub struct Search<'a> {
+    /// The view.
+    pub reference: &'a Picture,
+    /// Its sources, the best first; those beyond the eighth are not looked at.
+    pub sources: &'a [Arc<Picture>],
+    /// Smallest and largest depth along the optical axis, world units, above 0.
+    pub depth_range: [f64; 2],
+    /// Pixels (column, row) whose depth is known from sparse points.
+    pub seeds: &'a [(usize, usize, f32)],
+    /// Pixels to be worked on, row by row; `None` = all.
+    pub allowed: Option<&'a [bool]>,
+}
+
+/// The best plane of every pixel, row by row, and its cost, 0–2; no plane where nothing was searched.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Found {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// The planes.
+    pub planes: Vec<Plane>,
+    /// Their costs.
+    pub costs: Vec<f32>,
+}
+
+/// What a round with geometric consistency goes on from.
+#[derive(Debug, Clone, Copy)]
+pub struct Round<'a> {
+    /// What is known of the view.
+    pub start: &'a Found,
+    /// What is known of each source; `None` for one of which nothing is.
+    pub others: &'a [Option<Arc<Found>>],
+    /// Such rounds that went before.
+    pub before: u32,
+}

@@ -1,0 +1,219 @@
+//! What an export is refused or warned for.
+
+use super::export_sources::Sources;
+use anyhow::{Result, bail, ensure};
+use ostra_cloud::LabelledCloud;
+use ostra_cloud::formats::{CloudFormat, MeshFormat, VoxelFormat, origin_path};
+use ostra_cloud::measure::LengthUnit;
+use ostra_cloud::ply::{label_paths, twin_path};
+use ostra_frames::Frame;
+use ostra_masks::{LabelId, LabelTree, MaskFormat};
+use ostra_project::ExportRequest;
+use ostra_project::export_targets::ExportTargets;
+use std::path::{Path, PathBuf};
+
+pub(super) fn check(request: &ExportRequest, sources: &Sources) -> Result<()> {
+    let ExportRequest {
+        cloud,
+        mesh,
+        voxels,
+        cameras,
+        undistorted,
+        masks,
+        depths,
+        traits,
+        ..
+    } = request;
+    let anything = [
+        cloud,
+        mesh,
+        voxels,
+        cameras,
+        undistorted,
+        masks,
+        depths,
+        traits,
+    ]
+    .into_iter()
+    .any(Option::is_some);
+    ensure!(
+        anything,
+        "nothing to export was named; choose a cloud, mesh, voxels, cameras, masks, depths or traits"
+    );
+    let has_cloud = sources.cloud.is_some() || sources.cloud_file.is_some();
+    let of_cloud = [cloud, mesh, voxels, traits]
+        .into_iter()
+        .any(Option::is_some);
+    ensure!(
+        has_cloud || !of_cloud,
+        "the project has no cloud yet; fuse first"
+    );
+    cloud.as_deref().map(CloudFormat::of).transpose()?;
+    mesh.as_deref().map(MeshFormat::of).transpose()?;
+    voxels.as_deref().map(VoxelFormat::of).transpose()?;
+    ensure!(
+        (mesh.is_none() && voxels.is_none()) || sources.surface.is_some(),
+        "this cloud has no surface; fuse the project's depths (not onto a given cloud)"
+    );
+    let frames = &sources.project.frames;
+    ensure!(
+        (cameras.is_none() && undistorted.is_none())
+            || frames.iter().any(|frame| frame.posed_camera().is_some()),
+        "no frame has a camera with a pose; give cameras or reconstruct first"
+    );
+    ensure!(
+        depths.is_none() || frames.iter().any(|frame| frame.depth.is_some()),
+        "no frame has depth; give depth pictures first"
+    );
+    mask_format(request)?;
+    check_unit(request, sources)?;
+    ensure!(
+        request.level != Some(0),
+        "levels count from 1, the top level"
+    );
+    Ok(())
+}
+
+/// Refuses metric lengths of a cloud whose scale is not known. Of a PLY that is inspected alone the user knows the unit.
+pub(super) fn check_unit(request: &ExportRequest, sources: &Sources) -> Result<()> {
+    let is_known = sources.unit != LengthUnit::World || sources.root.is_none();
+    let Some(unit) = request
+        .unit
+        .filter(|&unit| unit != LengthUnit::World && !is_known)
+    else {
+        return Ok(());
+    };
+    let scaled = sources.project.coordinates().unit != LengthUnit::World;
+    let what = match scaled {
+        true => "the cloud is older than the scale of the cameras; fuse again",
+        false => {
+            "set it by a known length ('ostra scale', or the ruler of the 3-D view), or leave the unit out"
+        }
+    };
+    bail!(
+        "traits cannot be given in {}, the scale of the cloud is not known: {what}",
+        unit.sign()
+    )
+}
+
+pub(super) fn first_renamed<'a>(
+    before: &'a [Frame],
+    after: &'a [Frame],
+) -> Option<(&'a str, &'a str)> {
+    before
+        .iter()
+        .zip(after)
+        .map(|(before, after)| (&*before.name, &*after.name))
+        .find(|(before, after)| before != after)
+}
+
+pub(super) fn output_folders(request: &ExportRequest) -> impl Iterator<Item = &Path> {
+    [
+        &request.cameras,
+        &request.undistorted,
+        &request.masks,
+        &request.depths,
+    ]
+    .into_iter()
+    .flatten()
+    .map(PathBuf::as_path)
+}
+
+/// All files that an export may write besides those in folders; with `per_label` one for each label of `tree`.
+pub(super) fn output_files(request: &ExportRequest, tree: &LabelTree) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for path in [&request.cloud, &request.mesh, &request.voxels]
+        .into_iter()
+        .flatten()
+    {
+        files.push(origin_path(path));
+        let mut of_path = vec![path.clone()];
+        if request.twin {
+            of_path.push(twin_path(path));
+        }
+        if request.per_label {
+            of_path.extend(label_paths(path, &every_label(tree)).into_values());
+        }
+        let materials: Vec<PathBuf> = of_path
+            .iter()
+            .filter_map(|file| MeshFormat::materials_path(file))
+            .collect();
+        files.extend(of_path.into_iter().chain(materials));
+    }
+    files.extend(request.cloud.as_deref().map(CloudFormat::classes_path));
+    files.extend(request.traits.clone());
+    files
+}
+
+/// A cloud with a point of each label and one without.
+pub(super) fn every_label(tree: &LabelTree) -> LabelledCloud {
+    let labels: Vec<LabelId> = std::iter::once(LabelId::NONE)
+        .chain(tree.iter().map(|label| label.id))
+        .collect();
+    let places = LabelledCloud::from_positions(vec![glam::Vec3::ZERO; labels.len()]);
+    LabelledCloud {
+        labels,
+        tree: tree.clone(),
+        ..places
+    }
+}
+
+/// Refuses places that an export must not write to, before anything is written.
+pub(super) fn check_targets(request: &ExportRequest, targets: &ExportTargets) -> Result<()> {
+    let without_labels = ExportRequest {
+        per_label: false,
+        ..request.clone()
+    };
+    let files = output_files(&without_labels, &LabelTree::default());
+    targets.check_files(files.iter().map(PathBuf::as_path))?;
+    let folders: Vec<&Path> = output_folders(request).collect();
+    for (at, folder) in folders.iter().enumerate() {
+        targets.check_folder(folder)?;
+        if let Some(other) = folders[..at]
+            .iter()
+            .find(|other| folder.starts_with(other) || other.starts_with(folder))
+        {
+            bail!(
+                "{} and {} would share a folder; give each kind of result a folder of its own",
+                other.display(),
+                folder.display()
+            );
+        }
+    }
+    Ok(())
+}
+
+/// A warning where the points or triangles were made of something that has changed since.
+pub(super) fn outdated(request: &ExportRequest, sources: &Sources) -> Option<String> {
+    if !sources.is_stale {
+        return None;
+    }
+    let of_points = [&request.cloud, &request.voxels, &request.traits]
+        .into_iter()
+        .any(Option::is_some);
+    let mut told = Vec::new();
+    if of_points && sources.follows {
+        told.push("the cloud has the labels of now but the points that were fused");
+    } else if of_points {
+        told.push("the cloud is written as it was fused");
+    }
+    if request.mesh.is_some() {
+        told.push("the mesh is written as it was fused");
+    }
+    let text = || {
+        format!(
+            "{}, and something that it was made from has changed since; fuse again",
+            told.join(", ")
+        )
+    };
+    (!told.is_empty()).then(text)
+}
+
+pub(super) fn mask_format(request: &ExportRequest) -> Result<MaskFormat> {
+    Ok(request
+        .mask_format
+        .as_deref()
+        .map(str::parse)
+        .transpose()?
+        .unwrap_or_default())
+}

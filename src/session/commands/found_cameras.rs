@@ -1,0 +1,249 @@
+//! What structure from motion and registration found, as edits and records of the project.
+
+use super::reconstruct::given;
+use ostra_frames::cameras::SparsePoints;
+use ostra_frames::{Frame, FrameCamera};
+use ostra_project::{Edit, Project, ResultKind, ResultRecord};
+use ostra_reconstruct::rgbd::{Calibration, FrameLink, RgbdResult};
+use ostra_reconstruct::sfm::{Outcome, SfmResult, Start};
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+/// What becomes of poses that frames have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Poses {
+    /// All are found anew.
+    Anew,
+    /// They stay, and the other frames are placed beside them.
+    Kept,
+}
+
+/// Warnings about frames left out that are told one by one.
+pub(super) const TOLD: usize = 20;
+
+/// The first lines about frames left out, and how many more there are.
+pub fn left_out(mut lines: Vec<String>, lacking: &str) -> Vec<String> {
+    let more = lines.len().saturating_sub(TOLD);
+    lines.truncate(TOLD);
+    if more > 0 {
+        lines.push(format!("{more} more frames have no {lacking}"));
+    }
+    lines
+}
+
+/// Cameras, whatever found them.
+pub struct Cameras {
+    pub(super) engine: &'static str,
+    /// What was done and what came of it, in words.
+    pub(super) settings: String,
+    /// By frame number.
+    pub(super) cameras: BTreeMap<usize, FrameCamera>,
+    pub(super) sparse: SparsePoints,
+    pub(super) outcomes: BTreeMap<usize, Outcome>,
+    /// What ties frames together, where depth does.
+    pub(super) links: Vec<FrameLink>,
+    /// Cameras of pictures that were found not to lie on their depths.
+    pub(super) calibrations: Vec<Calibration>,
+    /// Whether they stand in the coordinates of poses that were kept.
+    pub(super) is_anchored: bool,
+    /// Whether lengths are metres, where they are not anchored.
+    pub(super) is_metric: bool,
+    /// What the user should know.
+    pub(super) warnings: Vec<String>,
+    pub(super) stopped: bool,
+}
+
+impl From<SfmResult> for Cameras {
+    fn from(result: SfmResult) -> Self {
+        let (engine, settings) = ("sfm", settings(&result));
+        let (is_anchored, is_metric) = (result.start == Start::Given, result.scale.is_some());
+        let SfmResult {
+            cameras,
+            sparse,
+            outcomes,
+            warnings,
+            stopped,
+            ..
+        } = result;
+        let (links, calibrations) = Default::default();
+        Self {
+            engine,
+            settings,
+            cameras,
+            sparse,
+            outcomes,
+            links,
+            calibrations,
+            is_anchored,
+            is_metric,
+            warnings,
+            stopped,
+        }
+    }
+}
+
+impl From<(RgbdResult, Vec<Calibration>)> for Cameras {
+    fn from((result, calibrations): (RgbdResult, Vec<Calibration>)) -> Self {
+        let RgbdResult {
+            cameras,
+            outcomes,
+            links,
+            stopped,
+        } = result;
+        let held = links.iter().filter(|link| link.holds).count();
+        let contradicted = links.len() - held;
+        let begun = if stopped { "stopped with " } else { "" };
+        let mut settings = format!(
+            "{begun}{} of {} frames by depth, {held} links",
+            cameras.len(),
+            outcomes.len()
+        );
+        if contradicted > 0 {
+            settings += &format!(", {contradicted} contradicted by the others");
+        }
+        calibrations
+            .iter()
+            .for_each(|calibration| settings += &format!("; {calibration}"));
+        Self {
+            engine: "rgbd",
+            settings,
+            cameras,
+            sparse: SparsePoints::default(),
+            outcomes,
+            links,
+            calibrations,
+            is_anchored: false,
+            is_metric: true,
+            warnings: Vec::new(),
+            stopped,
+        }
+    }
+}
+
+pub fn edits(project: &Project, result: &Cameras, poses: Poses, record: ResultRecord) -> Vec<Edit> {
+    let calibrated = calibrated(&project.frames, &result.calibrations);
+    let frames = calibrated.iter().enumerate();
+    let mut edits: Vec<Edit> = frames
+        .clone()
+        .map(|(frame, known)| Edit::SetCamera {
+            frame,
+            camera: camera(known, result.cameras.get(&frame), poses),
+        })
+        .collect();
+    let numbers = result
+        .calibrations
+        .iter()
+        .flat_map(|calibration| &calibration.frames);
+    edits.extend(numbers.map(|&frame| Edit::SetDepth {
+        frame,
+        depth: calibrated[frame].depth.clone(),
+    }));
+    if matches!(poses, Poses::Anew) {
+        edits.push(Edit::SetOrigin {
+            origin: glam::DVec3::ZERO,
+        });
+    }
+    edits.push(Edit::SetResult {
+        kind: ResultKind::Cameras,
+        record: Some(record),
+    });
+    let measured = frames
+        .clone()
+        .filter(|(_, frame)| frame.has_sensor_depth())
+        .count();
+    let made = frames.filter(|(_, frame)| frame.depth.is_some()).count() > measured;
+    if measured > 0 && !made {
+        edits.push(given(ResultKind::Depths, measured, ""));
+    }
+    edits
+}
+
+pub fn calibrated(frames: &[Frame], calibrations: &[Calibration]) -> Vec<Frame> {
+    let mut frames = frames.to_vec();
+    calibrations
+        .iter()
+        .for_each(|calibration| calibration.apply(&mut frames));
+    frames
+}
+
+/// The camera that a frame has after it: where none was found, a pose found anew leaves only given intrinsics.
+pub(super) fn camera(
+    known: &Frame,
+    found: Option<&FrameCamera>,
+    poses: Poses,
+) -> Option<FrameCamera> {
+    match (found, poses) {
+        (Some(found), _) => Some(*found),
+        (None, Poses::Kept) => known.camera,
+        (None, Poses::Anew) => known
+            .camera
+            .filter(|camera| !camera.estimated)
+            .map(|camera| FrameCamera {
+                camera_from_world: None,
+                ..camera
+            }),
+    }
+}
+
+pub fn record(result: &Cameras, took: Duration) -> ResultRecord {
+    ResultRecord {
+        engine: result.engine.into(),
+        frames: result.cameras.len(),
+        seconds: took.as_secs_f64(),
+        stale: false,
+        settings: result.settings.clone(),
+        ..ResultRecord::default()
+    }
+}
+
+pub(super) fn settings(result: &SfmResult) -> String {
+    let [features, matcher] = result.methods;
+    let of = result.outcomes.len();
+    let mut text = format!(
+        "{}{} of {of} frames by {features} + {matcher}, {} points",
+        if result.stopped { "stopped with " } else { "" },
+        result.cameras.len(),
+        result.sparse.points.len()
+    );
+    let mut errors: Vec<f64> = result
+        .sparse
+        .points
+        .iter()
+        .filter_map(|point| point.error_px)
+        .collect();
+    errors.sort_unstable_by(f64::total_cmp);
+    if let Some(median) = errors.get(errors.len() / 2) {
+        text += &format!(", median error {median:.2} px");
+    }
+    if result.models.len() > 1 {
+        let others: Vec<String> = result.models[1..].iter().map(ToString::to_string).collect();
+        text += &format!(
+            ", left out another model of {} frames",
+            others.join(" and one of ")
+        );
+    }
+    match &result.scale {
+        Some(scale) => {
+            text + &format!(
+                ", scale from {} depths ± {:.1} %",
+                scale.samples,
+                100.0 * scale.spread
+            )
+        }
+        None => text,
+    }
+}
+
+/// One line per frame without a camera, up to a number.
+pub fn unplaced(frames: &[Frame], result: &Cameras) -> Vec<String> {
+    let out = result
+        .outcomes
+        .iter()
+        .filter(|(_, outcome)| !outcome.is_placed());
+    let name = |frame: usize| frames[frame].name.as_str();
+    left_out(
+        out.map(|(&frame, why)| format!("{} has no camera: {}", name(frame), why.text(name)))
+            .collect(),
+        "camera",
+    )
+}

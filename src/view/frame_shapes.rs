@@ -1,0 +1,339 @@
+//! Frames in the scene: camera frustums, links between cameras, and pictures that stand in front of theirs.
+
+use std::sync::Arc;
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec2;
+use wgpu::util::DeviceExt;
+
+use super::target::compiled;
+use ostra_frames::{Frame, Image};
+use ostra_reconstruct::rgbd::{FrameLink, LinkKind};
+
+/// A picture that stands in space.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PicturePlane {
+    /// World positions of its corners: top left, top right, bottom right, bottom left.
+    pub corners: [[f32; 3]; 4],
+    /// What is on it.
+    pub image: Arc<Image>,
+}
+
+impl PicturePlane {
+    /// A frame's picture, `depth` (world units) before its camera; `None` where its pose is unknown.
+    #[must_use]
+    pub fn of_frame(frame: &Frame, depth: f32, image: Arc<Image>) -> Option<Self> {
+        Some(Self {
+            corners: frustum_corners(frame, depth)?,
+            image,
+        })
+    }
+}
+
+/// Where a frame's frustum ends, `depth` (world units) before its camera: top left, top right, bottom right, bottom left.
+fn frustum_corners(frame: &Frame, depth: f32) -> Option<[[f32; 3]; 4]> {
+    let (camera, pose) = frame.posed_camera()?;
+    let world_from_camera = pose.inverse();
+    let (w, h) = (f64::from(camera.width), f64::from(camera.height));
+    let corner = |(x, y)| {
+        let ray = camera.unproject(DVec2::new(x, y)).extend(1.0) * f64::from(depth);
+        world_from_camera.transform(ray).as_vec3().to_array()
+    };
+    Some([(0.0, 0.0), (w, 0.0), (w, h), (0.0, h)].map(corner))
+}
+
+/// Draws planes; a picture is handed to the GPU once, as long as it is shown.
+pub(super) struct Planes {
+    pipeline: wgpu::RenderPipeline,
+    layout: wgpu::BindGroupLayout,
+    sampler: wgpu::Sampler,
+    kept: Vec<(Arc<Image>, wgpu::BindGroup)>,
+}
+
+/// Planes on the GPU, ready to be drawn.
+pub(super) struct Placed {
+    corners: wgpu::Buffer,
+    pictures: Vec<wgpu::BindGroup>,
+}
+
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct PlaneVertex {
+    position: [f32; 3],
+    /// 0–1 from the top left.
+    at: [f32; 2],
+}
+
+impl Planes {
+    /// `eye`: layout of the uniform that all shaders of the scene share.
+    pub(super) fn new(device: &wgpu::Device, eye: &wgpu::BindGroupLayout) -> Self {
+        let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
+            binding,
+            visibility: wgpu::ShaderStages::FRAGMENT,
+            ty,
+            count: None,
+        };
+        let texture = wgpu::BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Float { filterable: true },
+            view_dimension: wgpu::TextureViewDimension::D2,
+            multisampled: false,
+        };
+        let filtering = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("picture plane"),
+            entries: &[entry(0, texture), entry(1, filtering)],
+        });
+        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            ..Default::default()
+        });
+        let vertices = wgpu::VertexBufferLayout {
+            array_stride: size_of::<PlaneVertex>() as u64,
+            step_mode: wgpu::VertexStepMode::Vertex,
+            attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x2],
+        };
+        let shader = wgpu::include_wgsl!("shaders/planes.wgsl");
+        let strip = wgpu::PrimitiveTopology::TriangleStrip;
+        let pipeline = compiled(
+            device,
+            &[eye, &layout],
+            shader,
+            (&[Some(vertices)], strip),
+            true,
+        );
+        Self {
+            pipeline,
+            layout,
+            sampler,
+            kept: Vec::new(),
+        }
+    }
+
+    /// Hands planes to the GPU; forgets pictures that are on none.
+    pub(super) fn place(
+        &mut self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        planes: &[PicturePlane],
+    ) -> Placed {
+        let mut before = std::mem::take(&mut self.kept);
+        for plane in planes {
+            let known = before
+                .iter()
+                .position(|(image, _)| Arc::ptr_eq(image, &plane.image));
+            let picture = known.map_or_else(
+                || {
+                    (
+                        Arc::clone(&plane.image),
+                        self.picture(device, queue, &plane.image),
+                    )
+                },
+                |at| before.swap_remove(at),
+            );
+            self.kept.push(picture);
+        }
+        let vertices: Vec<PlaneVertex> = planes.iter().flat_map(strip).collect();
+        let corners = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some("picture planes"),
+            contents: bytemuck::cast_slice(&vertices),
+            usage: wgpu::BufferUsages::VERTEX,
+        });
+        Placed {
+            corners,
+            pictures: self
+                .kept
+                .iter()
+                .map(|(_, picture)| picture.clone())
+                .collect(),
+        }
+    }
+
+    /// Draws planes with the eye bound to group 0.
+    pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, placed: &Placed) {
+        pass.set_pipeline(&self.pipeline);
+        pass.set_vertex_buffer(0, placed.corners.slice(..));
+        for (number, picture) in placed.pictures.iter().enumerate() {
+            pass.set_bind_group(1, picture, &[]);
+            let first = number as u32 * 4;
+            pass.draw(first..first + 4, 0..1);
+        }
+    }
+
+    fn picture(
+        &self,
+        device: &wgpu::Device,
+        queue: &wgpu::Queue,
+        image: &Image,
+    ) -> wgpu::BindGroup {
+        let pixels: Vec<[u8; 4]> = image
+            .pixels
+            .iter()
+            .map(|&[r, g, b]| [r, g, b, 255])
+            .collect();
+        let texture = device.create_texture_with_data(
+            queue,
+            &wgpu::TextureDescriptor {
+                label: Some("picture plane"),
+                size: wgpu::Extent3d {
+                    width: image.width,
+                    height: image.height,
+                    depth_or_array_layers: 1,
+                },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format: wgpu::TextureFormat::Rgba8Unorm,
+                usage: wgpu::TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            },
+            wgpu::util::TextureDataOrder::LayerMajor,
+            bytemuck::cast_slice(&pixels),
+        );
+        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("picture plane"),
+            layout: &self.layout,
+            entries: &[
+                wgpu::BindGroupEntry {
+                    binding: 0,
+                    resource: wgpu::BindingResource::TextureView(&view),
+                },
+                wgpu::BindGroupEntry {
+                    binding: 1,
+                    resource: wgpu::BindingResource::Sampler(&self.sampler),
+                },
+            ],
+        })
+    }
+}
+
+/// Its corners in the order of a strip of two triangles.
+fn strip(plane: &PicturePlane) -> [PlaneVertex; 4] {
+    let [top_left, top_right, bottom_right, bottom_left] = plane.corners;
+    [
+        (top_left, [0.0, 0.0]),
+        (top_right, [1.0, 0.0]),
+        (bottom_left, [0.0, 1.0]),
+        (bottom_right, [1.0, 1.0]),
+    ]
+    .map(|(position, at)| PlaneVertex { position, at })
+}
+
+/// A line in world space, ready for the GPU: two of these per segment.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Line {
+    /// End of the segment in world space.
+    pub position: [f32; 3],
+    /// sRGB and opacity.
+    pub color: [u8; 4],
+}
+
+/// The frusta of all frames with a camera, `size` deep in world units; frame `current` is drawn in the accent colour.
+#[must_use]
+pub fn frustum_lines(frames: &[Frame], size: f32, current: Option<usize>) -> Vec<Line> {
+    let mut lines = Vec::new();
+    for (number, frame) in frames.iter().enumerate() {
+        let (Some((_, pose)), Some(corners)) = (frame.posed_camera(), frustum_corners(frame, size))
+        else {
+            continue;
+        };
+        let color = if current == Some(number) {
+            [255, 170, 40, 255]
+        } else {
+            [120, 160, 210, 255]
+        };
+        let centre = pose.centre().as_vec3().to_array();
+        for (index, &corner) in corners.iter().enumerate() {
+            for end in [centre, corner, corner, corners[(index + 1) % 4]] {
+                lines.push(Line {
+                    position: end,
+                    color,
+                });
+            }
+        }
+    }
+    lines
+}
+
+/// A line between the cameras of every two linked frames: grey for odometry, green for loops and overlap, orange where
+/// shapes were fitted, red where the other links contradict it.
+#[must_use]
+pub fn link_lines(frames: &[Frame], links: &[FrameLink]) -> Vec<Line> {
+    let centre = |frame: usize| {
+        Some(
+            frames
+                .get(frame)?
+                .posed_camera()?
+                .1
+                .centre()
+                .as_vec3()
+                .to_array(),
+        )
+    };
+    let line = |link: &FrameLink| {
+        let color = match link.kind {
+            _ if !link.holds => [230, 60, 50, 255],
+            LinkKind::Odometry => [140, 140, 150, 255],
+            LinkKind::Loop | LinkKind::Overlap => [70, 180, 90, 255],
+            LinkKind::Shape => [240, 150, 40, 255],
+        };
+        Some(
+            [centre(link.frames[0])?, centre(link.frames[1])?]
+                .map(|position| Line { position, color }),
+        )
+    };
+    links.iter().filter_map(line).flatten().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ostra_frames::{FrameCamera, PictureSource};
+    use ostra_geometry::{Camera, Pose};
+
+    #[test]
+    fn a_link_is_a_line_between_the_cameras_that_both_frames_have() {
+        let frame = |x: Option<f64>| {
+            let pose = x.map(|x| Pose {
+                translation: glam::DVec3::new(-x, 0.0, 0.0),
+                ..Pose::IDENTITY
+            });
+            let picture = PictureSource::File {
+                path: "a.png".into(),
+                orientation: Default::default(),
+            };
+            let camera = Some(FrameCamera::given(
+                Camera::pinhole(4, 3, 4.0, 4.0, 2.0, 1.5),
+                pose,
+            ));
+            Frame {
+                name: "a".into(),
+                width: 4,
+                height: 3,
+                picture,
+                depth: None,
+                camera,
+            }
+        };
+        let frames = [frame(Some(1.0)), frame(None), frame(Some(3.0))];
+        let link = |a, b, holds| FrameLink {
+            frames: [a, b],
+            kind: LinkKind::Loop,
+            consistent: 0.95,
+            holds,
+        };
+        let lines = link_lines(
+            &frames,
+            &[link(0, 1, true), link(0, 2, true), link(0, 2, false)],
+        );
+        let ends: Vec<f32> = lines.iter().map(|line| line.position[0]).collect();
+        assert_eq!(
+            ends,
+            [1.0, 3.0, 1.0, 3.0],
+            "the frame without a camera has no line"
+        );
+        assert!(lines[0].color[1] > lines[0].color[0] && lines[2].color[0] > lines[2].color[1]);
+    }
+}
