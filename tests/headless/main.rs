@@ -49,6 +49,8 @@ mod fuse;
 #[cfg(test)]
 mod image_inputs;
 #[cfg(test)]
+mod import_circles;
+#[cfg(test)]
 mod kept_features;
 #[cfg(test)]
 mod kills;
