@@ -14,6 +14,10 @@ use ostra_session::{AdoptRequest, CloudChange, Command, TidyRequest};
 use ostra_view::Layer;
 
 /// Does an action: changes what is looked at, or hands out commands.
+#[expect(
+    clippy::too_many_lines,
+    reason = "under 80 lines before rustfmt's defaults; to be split"
+)]
 pub(super) fn perform(
     action: Action,
     ctx: &Context,

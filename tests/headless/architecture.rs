@@ -40,7 +40,6 @@ struct Source {
     path: String,
     /// Without comments and test modules.
     code: String,
-    /// Without test modules.
     lines: usize,
 }
 
@@ -72,7 +71,7 @@ fn sources() -> Vec<Source> {
                 found.push(Source {
                     path: below,
                     code: without_comments(product),
-                    lines: product.lines().count(),
+                    lines: text.lines().count(),
                 });
             }
         }

@@ -1,3 +1,6 @@
+mod binary;
+mod coco_images;
+
 use super::*;
 
 fn write(dir: &Path, name: &str, text: &str) {
@@ -38,6 +41,20 @@ fn coco(annotations: &str) -> Result<Imported, MaskError> {
         &["a.jpg", "b.jpg"],
         &LabelTree::default(),
     )
+}
+
+fn coco_file(
+    images: &str,
+    categories: &str,
+    annotations: &str,
+    tree: &LabelTree,
+) -> Result<Imported, MaskError> {
+    let dir = tempfile::tempdir().unwrap();
+    let text = format!(
+        r#"{{"images": {images}, "categories": {categories}, "annotations": {annotations}}}"#
+    );
+    write(dir.path(), "c.json", &format!("\u{feff}{text}"));
+    import(dir.path(), MaskFormat::Coco, &["a.jpg", "b.jpg"], tree)
 }
 
 #[test]
@@ -402,161 +419,6 @@ fn coco_types_may_be_loose() {
     assert_eq!(coco(flat).unwrap().masks.len(), 1);
 }
 
-fn coco_file(
-    images: &str,
-    categories: &str,
-    annotations: &str,
-    tree: &LabelTree,
-) -> Result<Imported, MaskError> {
-    let dir = tempfile::tempdir().unwrap();
-    let text = format!(
-        r#"{{"images": {images}, "categories": {categories}, "annotations": {annotations}}}"#
-    );
-    write(dir.path(), "c.json", &format!("\u{feff}{text}"));
-    import(dir.path(), MaskFormat::Coco, &["a.jpg", "b.jpg"], tree)
-}
-
-#[test]
-fn categories_of_one_name_stay_apart_by_their_supercategories() {
-    let images = r#"[{"id": 1, "file_name": "a.jpg", "width": 13, "height": 9}]"#;
-    let annotation = |category: i64, at: u32| {
-        let end = at + 2;
-        format!(
-            r#"{{"image_id": 1, "category_id": {category}, "segmentation": [[{at}, 0, {end}, 0, {end}, 2, {at}, 2]]}}"#
-        )
-    };
-    let both = format!("[{}, {}]", annotation(1, 0), annotation(-2, 4));
-    let twins = r##"[{"id": 1, "name": "leaf", "supercategory": "rice", "color": "#010203"}, {"id": -2, "name": "leaf", "supercategory": "weed"}]"##;
-    let read = coco_file(images, twins, &both, &LabelTree::default()).unwrap();
-    let tree = LabelTree::try_from(read.new_labels).unwrap();
-    let mut paths: Vec<String> = read.masks[&0]
-        .extents()
-        .keys()
-        .map(|&id| tree.name_path(id))
-        .collect();
-    paths.sort();
-    assert_eq!(paths, ["rice › leaf", "weed › leaf (weed)"]);
-    assert!(
-        read.warnings[0].contains("2 categories are named 'leaf'"),
-        "{:?}",
-        read.warnings
-    );
-    let again = coco_file(images, twins, &both, &tree).unwrap();
-    assert!(
-        again.new_labels.is_empty() && again.masks == read.masks,
-        "a second import finds the same labels"
-    );
-
-    let one = r#"[{"id": 1, "name": "leaf", "supercategory": "rice"}, {"id": -2, "name": "leaf", "supercategory": "rice"}]"#;
-    let merged = coco_file(images, one, &both, &LabelTree::default()).unwrap();
-    assert!(
-        merged.warnings[0].contains("became one label"),
-        "{:?}",
-        merged.warnings
-    );
-    let weed = r#"[{"id": -2, "name": "leaf", "supercategory": "weed"}]"#;
-    let other = coco_file(images, weed, &format!("[{}]", annotation(-2, 4)), &tree).unwrap();
-    let path = other.masks[&0]
-        .extents()
-        .keys()
-        .map(|&id| tree.name_path(id))
-        .collect::<Vec<_>>();
-    assert!(
-        other.new_labels.is_empty() && path == ["weed › leaf (weed)"],
-        "{path:?}"
-    );
-    let top = LabelTree::try_from(vec![Label {
-        id: LabelId(5),
-        name: "leaf".into(),
-        color: [0; 3],
-        parent: None,
-    }]);
-    let other = coco_file(
-        images,
-        weed,
-        &format!("[{}]", annotation(-2, 4)),
-        &top.unwrap(),
-    )
-    .unwrap();
-    assert!(
-        other.warnings[0].contains("under 'weed' was taken as the label 'leaf'"),
-        "{:?}",
-        other.warnings
-    );
-    let upper = r#"[{"id": 1, "name": "leaf"}, {"id": -2, "name": "Leaf"}]"#;
-    assert_eq!(
-        coco_file(images, upper, &both, &LabelTree::default())
-            .unwrap()
-            .new_labels
-            .len(),
-        2
-    );
-    let repeated = r#"[{"id": 1, "name": "leaf"}, {"id": 1, "name": "stem"}]"#;
-    let error = coco_file(images, repeated, &both, &LabelTree::default())
-        .unwrap_err()
-        .to_string();
-    assert!(
-        error.contains("category id 1 is listed for 'leaf' and for 'stem'"),
-        "{error}"
-    );
-}
-
-#[test]
-fn images_that_are_listed_twice_are_merged_or_refused() {
-    let categories = r#"[{"id": 0, "name": "leaf"}]"#;
-    let annotations = r#"[{"image_id": 1, "category_id": 0, "segmentation": [[0, 0, 2, 0, 2, 2, 0, 2]]},
-                          {"image_id": 2, "category_id": 0, "segmentation": [[4, 0, 6, 0, 6, 2, 4, 2]]}]"#;
-    for (first, second) in [
-        ("a.jpg", "a.jpg"),
-        ("x/a.jpg", ".\\\\x\\\\a.jpg"),
-        ("a.jpg", "./a.jpg"),
-    ] {
-        let images = format!(
-            r#"[{{"id": 1, "file_name": "{first}"}}, {{"id": 2, "file_name": "{second}", "width": null}}]"#
-        );
-        let read = coco_file(&images, categories, annotations, &LabelTree::default()).unwrap();
-        assert_eq!(
-            read.masks[&0]
-                .extents()
-                .values()
-                .map(|extent| extent.area)
-                .sum::<u64>(),
-            8
-        );
-        assert!(
-            read.warnings
-                .iter()
-                .any(|warning| warning.starts_with("1 images are listed more than once"))
-        );
-        assert!(
-            read.warnings
-                .iter()
-                .any(|warning| warning.starts_with("2 images have no size"))
-        );
-    }
-    let url = r#"[{"id": 1, "file_name": "https://host/x/a.jpg?token=1"}, {"id": 2, "file_name": "b.jpg"}]"#;
-    assert_eq!(
-        coco_file(url, categories, annotations, &LabelTree::default())
-            .unwrap()
-            .masks
-            .len(),
-        2
-    );
-    let two_sets = r#"[{"id": 1, "file_name": "x/a.jpg"}, {"id": 2, "file_name": "y/a.jpg"}]"#;
-    let error = coco_file(two_sets, categories, annotations, &LabelTree::default())
-        .unwrap_err()
-        .to_string();
-    assert!(error.contains("both fit the same frame"), "{error}");
-    let one_id = r#"[{"id": 1, "file_name": "a.jpg"}, {"id": 1, "file_name": "b.jpg"}]"#;
-    let error = coco_file(one_id, categories, annotations, &LabelTree::default())
-        .unwrap_err()
-        .to_string();
-    assert!(
-        error.contains("image id 1 is listed for 'a.jpg' and for 'b.jpg'"),
-        "{error}"
-    );
-}
-
 #[test]
 fn holes_are_kept_in_one_line() {
     let dir = tempfile::tempdir().unwrap();
@@ -569,175 +431,5 @@ fn holes_are_kept_in_one_line() {
     assert!(
         yaml.contains("  0: 'rice'\n  1: 'stem 1'\n  2: 'panicle: ''A/B'', #1'\n"),
         "{yaml}"
-    );
-}
-
-#[test]
-fn binary_folders_by_name_then_by_number() {
-    let dir = tempfile::tempdir().unwrap();
-    let white = |folder: &str, at: usize, value: u8| {
-        let path = dir.path().join(folder).join("a.png");
-        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-        let mut encoder = png::Encoder::new(std::fs::File::create(path).unwrap(), WIDTH, HEIGHT);
-        encoder.set_color(png::ColorType::Grayscale);
-        let mut bytes = vec![0; (WIDTH * HEIGHT) as usize];
-        (bytes[at], bytes[100]) = (value, value);
-        encoder
-            .write_header()
-            .unwrap()
-            .write_image_data(&bytes)
-            .unwrap();
-    };
-    white("rice", 0, 255);
-    white("002", 1, 1);
-    white("weed", 2, 200);
-    let read = import(dir.path(), MaskFormat::Binary, &["a.jpg"], &tree()).unwrap();
-    assert_eq!(read.new_labels.len(), 1);
-    assert_eq!(
-        (read.new_labels[0].id, read.new_labels[0].name.as_str()),
-        (LabelId(10), "weed")
-    );
-    let mask = &read.masks[&0];
-    assert_eq!([0, 1, 2].map(|at| mask.decode().ids[at].0), [1, 2, 10]);
-    assert_eq!(
-        pixels(mask, 2).len(),
-        2,
-        "the part keeps the pixel that its whole and the weed claim"
-    );
-    assert_eq!(read.warnings.len(), 1, "{:?}", read.warnings);
-    white(".", 0, 255);
-    let error = import(dir.path(), MaskFormat::Binary, &["a.jpg"], &tree())
-        .unwrap_err()
-        .to_string();
-    assert!(error.contains("LABEL/FRAME.png"), "{error}");
-}
-
-/// Writes a grey image whose first values are given.
-fn write_grey(path: &Path, values: &[u8]) {
-    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    let mut encoder = png::Encoder::new(std::fs::File::create(path).unwrap(), WIDTH, HEIGHT);
-    encoder.set_color(png::ColorType::Grayscale);
-    let mut bytes = values.to_vec();
-    bytes.resize((WIDTH * HEIGHT) as usize, 0);
-    encoder
-        .write_header()
-        .unwrap()
-        .write_image_data(&bytes)
-        .unwrap();
-}
-
-#[test]
-fn binary_values_are_compared_with_the_highest_of_the_label() {
-    let dir = tempfile::tempdir().unwrap();
-    write_grey(&dir.path().join("rice/a.png"), &[0, 127, 128, 129, 255]);
-    write_grey(&dir.path().join("rice/b.png"), &[1, 0, 1, 1]);
-    write_grey(&dir.path().join("pot/a.png"), &[1]);
-    let read = import(dir.path(), MaskFormat::Binary, &["a.jpg", "b.jpg"], &tree()).unwrap();
-    assert_eq!(
-        read.masks[&0],
-        mask([9, 0, 0, 1, 1]),
-        "the grey of a trimap is outside, a highest value of 1 inside"
-    );
-    assert_eq!(read.masks[&1], mask([]), "noise is no object");
-    assert!(
-        read.warnings[0].contains("became empty ('rice/b')"),
-        "{:?}",
-        read.warnings
-    );
-}
-
-#[test]
-fn one_bad_binary_file_costs_no_other() {
-    let dir = tempfile::tempdir().unwrap();
-    write_grey(&dir.path().join("rice/a.png"), &[255]);
-    write_grey(&dir.path().join("rice/b.png"), &[255]);
-    std::fs::write(
-        dir.path().join("rice/b.png"),
-        &std::fs::read(dir.path().join("rice/b.png")).unwrap()[..40],
-    )
-    .unwrap();
-    let read = import(dir.path(), MaskFormat::Binary, &["a.jpg", "b.jpg"], &tree()).unwrap();
-    assert_eq!(read.masks.keys().copied().collect::<Vec<_>>(), [0]);
-    assert!(
-        read.warnings[0].starts_with("1 files cannot be used and were left out"),
-        "{:?}",
-        read.warnings
-    );
-    assert!(read.warnings[0].contains("b.png"), "{:?}", read.warnings);
-    assert!(import(dir.path(), MaskFormat::Binary, &["b.jpg"], &tree()).is_err());
-}
-
-#[test]
-fn folders_of_systems_are_no_labels() {
-    let dir = tempfile::tempdir().unwrap();
-    for folder in ["rice", "@eaDir", "#recycle", "lost+found", "rice/@eaDir"] {
-        write_grey(&dir.path().join(folder).join("a.png"), &[255]);
-    }
-    let read = import(dir.path(), MaskFormat::Binary, &["a.jpg"], &tree()).unwrap();
-    assert!(
-        read.new_labels.is_empty() && read.warnings.is_empty(),
-        "{read:?}"
-    );
-
-    let label = Label {
-        id: LabelId(1),
-        name: "Recycler".into(),
-        color: [1; 3],
-        parent: None,
-    };
-    let recycler: LabelTree = vec![label].try_into().unwrap();
-    let dir = tempfile::tempdir().unwrap();
-    let (format, frames, one) = (MaskFormat::Binary, frames(&["a.jpg"]), mask([1]));
-    export_masks(
-        dir.path(),
-        format,
-        &frames,
-        [(0, &one)],
-        &recycler,
-        &Progress::default(),
-    )
-    .unwrap();
-    assert_eq!(
-        import(dir.path(), format, &["a.jpg"], &recycler)
-            .unwrap()
-            .masks[&0],
-        one,
-        "a label may have such a name"
-    );
-}
-
-#[test]
-fn binary_folders_have_names_that_every_system_takes() {
-    let dir = tempfile::tempdir().unwrap();
-    export(
-        dir.path(),
-        MaskFormat::Binary,
-        &["cam/a.jpg"],
-        &[(0, mask([1, 3]))],
-    )
-    .unwrap();
-    assert!(dir.path().join("panicle_ 'A_B', #1/cam/a.png").is_file());
-    assert!(dir.path().join("rice/cam/a.png").is_file());
-    assert!(
-        !dir.path().join("pot").exists(),
-        "a label that is nowhere has no folder"
-    );
-}
-
-#[test]
-fn formats_are_known_by_name() {
-    for format in MaskFormat::ALL {
-        assert_eq!(format.name().parse::<MaskFormat>().unwrap(), format);
-        assert_eq!(
-            serde_json::to_string(&format).unwrap(),
-            format!("\"{}\"", format.name())
-        );
-    }
-    assert!(
-        "tiff"
-            .parse::<MaskFormat>()
-            .unwrap_err()
-            .to_string()
-            .contains("davis, binary, coco or yolo")
     );
 }

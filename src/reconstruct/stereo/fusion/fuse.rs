@@ -28,6 +28,10 @@ use ostra_frames::{Frame, FrameStore, Image};
 ///
 /// # Errors
 /// [`StereoError::Scene`] where no view can be read, [`StereoError::Stopped`].
+#[expect(
+    clippy::too_many_lines,
+    reason = "under 80 lines before rustfmt's defaults; to be split"
+)]
 pub fn fuse_depths(
     frames: &[Frame],
     neighbours: &BTreeMap<usize, Vec<usize>>,

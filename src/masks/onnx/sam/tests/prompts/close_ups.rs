@@ -1,0 +1,166 @@
+//! Parts of a frame, looked at from near.
+
+use super::*;
+
+#[test]
+#[expect(
+    clippy::too_many_lines,
+    reason = "under 80 lines before rustfmt's defaults; to be split"
+)]
+fn close_up_shows_its_part_only() {
+    let Some(sam) = flat() else { return };
+    let prompt = Prompt {
+        clicks: vec![IN_RED],
+        boxes: vec![around(RED)],
+        ..Prompt::default()
+    };
+    let part = Part::around(&prompt, WIDTH, HEIGHT, sam.side()).unwrap();
+    assert_eq!(
+        part,
+        Part {
+            x: 0,
+            y: 0,
+            width: 128,
+            height: 128
+        }
+    );
+    let part = Part {
+        x: 16,
+        y: 16,
+        ..part
+    };
+    let close = frame(&sam, part);
+    let found = answer(&close, &[IN_RED], &[], None);
+    assert!(
+        found.iou(&thing(RED)) > 0.96,
+        "twice as fine: {}",
+        found.iou(&thing(RED))
+    );
+    let prompt = Prompt {
+        clicks: vec![IN_GREEN],
+        ..Prompt::default()
+    };
+    let error = close
+        .segment(
+            &SegmentRequest {
+                prompt: &prompt,
+                previous: None,
+                taken: None,
+            },
+            &Progress::default(),
+        )
+        .unwrap_err();
+    assert!(
+        error.to_string().contains("128×128 pixels from 16, 16"),
+        "{error}"
+    );
+    let box_beyond = answer(
+        &close,
+        &[],
+        &[PxBox {
+            min_px: DVec2::ZERO,
+            max_px: DVec2::new(100.0, 112.0),
+        }],
+        None,
+    );
+    assert!(
+        alike(&box_beyond, &thing(RED)),
+        "of a box only what is seen is told: {}",
+        box_beyond.iou(&thing(RED))
+    );
+    // A painted strip that begins outside: what the click refines inside leaves the rest alone.
+    let strip = thing([0, 60, 80, 70]);
+    let refined = answer(&close, &[click(50.5, 40.5, true)], &[], Some(&strip));
+    let mut expected = thing(RED);
+    expected.unite(&thing([0, 60, 32, 70]));
+    assert!(
+        refined.at(2, 62) && alike(&refined, &expected),
+        "{}",
+        refined.iou(&expected)
+    );
+    let far = PxBox {
+        min_px: DVec2::ZERO,
+        max_px: DVec2::new(250.0, 20.0),
+    };
+    assert_eq!(
+        Part::around(
+            &Prompt {
+                boxes: vec![far],
+                ..Prompt::default()
+            },
+            WIDTH,
+            HEIGHT,
+            256
+        ),
+        None
+    );
+    assert_eq!(Part::around(&Prompt::default(), WIDTH, HEIGHT, 256), None);
+}
+
+#[test]
+fn close_ups_are_looked_at_once_for_all_that_lies_in_them() {
+    let Some(sam) = flat() else { return };
+    let close = CloseUps::new(Arc::new(sam), Arc::new(picture()));
+    let answer = |clicks: &[Click], previous: Option<&Region>| {
+        let prompt = Prompt {
+            clicks: clicks.to_vec(),
+            ..Prompt::default()
+        };
+        let request = SegmentRequest {
+            prompt: &prompt,
+            previous,
+            taken: None,
+        };
+        close.segment(&request, &Progress::default())
+    };
+    let red = answer(&[IN_RED], None).unwrap();
+    let close_by = |region: &Region| region.inside.iter().filter(|&&inside| inside).count();
+    assert!(
+        close_by(&red) > 0
+            && thing(RED)
+                .inside
+                .iter()
+                .zip(&red.inside)
+                .all(|(thing, found)| *thing || !found)
+    );
+    let stopped = Progress::default();
+    stopped.stop();
+    let prompt = |clicks: Vec<Click>| Prompt {
+        clicks,
+        ..Prompt::default()
+    };
+    let asked = |prompt: &Prompt| {
+        close
+            .segment(
+                &SegmentRequest {
+                    prompt,
+                    previous: None,
+                    taken: None,
+                },
+                &stopped,
+            )
+            .map(|region| close_by(&region))
+    };
+    assert_eq!(
+        asked(&prompt(vec![IN_RED])).unwrap(),
+        close_by(&red),
+        "it is known: nothing is left to stop"
+    );
+    assert!(
+        asked(&prompt(vec![IN_GREEN])).is_err(),
+        "a place that was not looked at yet can be stopped"
+    );
+    // What is excluded far away is not looked at, and stays outside of what was painted there.
+    let painted = thing(GREEN);
+    let far = Click {
+        include: false,
+        ..IN_GREEN
+    };
+    let both = answer(&[far, IN_RED], Some(&painted)).unwrap();
+    assert!(!both.at(far.at_px.x as u32, far.at_px.y as u32));
+    let newest = answer(&[IN_RED, far], Some(&painted)).unwrap();
+    assert!(
+        !newest.at(far.at_px.x as u32, far.at_px.y as u32),
+        "the newest click is looked at, wherever it is"
+    );
+}
