@@ -1,5 +1,6 @@
 use std::path::Path;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use anyhow::{Context, Result, bail};
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
@@ -44,7 +45,11 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
     let Some(verb) = cli.verb else {
         return ostra_app::run(cli.path);
     };
-    stop::watch();
+    stop::watch(if only_reads(&verb) {
+        Duration::ZERO
+    } else {
+        stop::TIME_TO_SAVE
+    });
     match verb {
         Verb::Demo(args) => demo::demo(&args),
         Verb::New(args) => {
@@ -78,6 +83,14 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
         Verb::Models(verb) => models::models(&verb),
         Verb::Run { recipe } => run_recipe(&recipe),
     }
+}
+
+/// Whether a command leaves every project as it is.
+fn only_reads(verb: &Verb) -> bool {
+    matches!(
+        verb,
+        Verb::Export(_) | Verb::Shot(_) | Verb::Info(_) | Verb::Eval(_)
+    )
 }
 
 fn of_verb(matches: &ArgMatches) -> Result<&ArgMatches> {

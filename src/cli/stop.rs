@@ -13,9 +13,10 @@ pub(super) struct Interrupted;
 /// Exit code of a command that Ctrl+C ended: 128 and the number of the signal, as in a shell.
 pub(super) const EXIT_CODE: u8 = 130;
 
-/// How long a running command may take to stop by itself. A job notices a stop at its next step and saves what it finished;
-/// what takes longer is ended from outside. With the time to exit this stays below 200 ms.
-const GRACE: Duration = Duration::from_millis(120);
+/// How long a command that changes a project may take to stop by itself. A job notices a stop at its next step, within
+/// 100 ms, and saves what it finished; what takes longer is ended from outside. The system needs up to as long again to take
+/// back a gigabyte of memory: together this stays near 200 ms.
+pub(super) const TIME_TO_SAVE: Duration = Duration::from_millis(100);
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 
@@ -24,18 +25,18 @@ pub(super) fn is_requested() -> bool {
     REQUESTED.load(Ordering::Relaxed)
 }
 
-/// Watches for Ctrl+C from now on. The running command is asked to stop; where it has not ended after a moment, or Ctrl+C is
-/// pressed again, the process exits. Every file is written whole or not at all and every step is on the disk when it is
+/// Watches for Ctrl+C from now on. The running command is asked to stop; where it has not ended after `grace`, or Ctrl+C is
+/// pressed again, the process exits. A command that only reads projects has nothing to save and gets no time. Every file is written whole or not at all and every step is on the disk when it is
 /// reported, so that loses no more than a kill does.
-pub(super) fn watch() {
+pub(super) fn watch(grace: Duration) {
     // Where no handler can be set, Ctrl+C ends the program as the system does.
-    let _ = ctrlc::set_handler(|| {
+    let _ = ctrlc::set_handler(move || {
         if REQUESTED.swap(true, Ordering::Relaxed) {
             exit();
         }
-        let exit_after_grace = || {
+        let exit_after_grace = move || {
             let requested = Instant::now();
-            while let Some(left) = GRACE.checked_sub(requested.elapsed()) {
+            while let Some(left) = grace.checked_sub(requested.elapsed()) {
                 std::thread::park_timeout(left);
             }
             exit();
