@@ -89,6 +89,9 @@ impl<'a> SeeingPixels<'a> {
     /// A pixel goes with most of the points that it is recorded to see. Where none is recorded, it goes with the point at its
     /// place by `depth`, else with the nearest pixel that sees one. Pixels of which nothing is known go with those of the same
     /// label in `mask` around them, and holes without a label are closed, so that a part moves whole.
+    ///
+    /// The record of the vote comes first, so that a correction is written where the wrong label came from.
+    /// Afterwards the masks vote again on the same points, with the result that a new fusion would give them.
     #[must_use]
     pub fn in_frame(
         &self,

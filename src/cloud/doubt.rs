@@ -36,6 +36,9 @@ impl FrameDoubt {
 
 /// Compares a frame's mask with the labels of the points that the frame sees; `labels` holds one for each point that was
 /// voted on. A pixel disagrees where the mask has the vote's label nowhere within two pixels, or the vote the mask's.
+///
+/// Uses the (frame, pixel, point) records of the vote, so that it needs no geometry and can run in the
+/// background, mask by mask as they change.
 #[must_use]
 pub fn frame_doubt(
     votes: &Votes,

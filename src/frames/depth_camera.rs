@@ -8,6 +8,9 @@ use ostra_geometry::{Camera, Pose};
 const SAME_SURFACE: f32 = 0.03;
 
 /// The camera that measured depth, where it is not the one that took the picture.
+///
+/// [`super::FrameStore`] converts such depth to the image's camera on loading, so that the vote, the trackers
+/// and the window handle one camera per frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct DepthCamera {
     /// Intrinsics, for the depth as it is shown (turned upright).

@@ -16,6 +16,9 @@ use ostra_geometry::Camera;
 ///
 /// On disk it is a TIFF of three pages: depths as 32-bit floats, normals as RGB (0 to 255 for −1 to 1; black =
 /// unknown), confidences as 8-bit grey; the description of the first page is the camera as JSON.
+///
+/// The map keeps its own pinhole camera because stereo works on reduced, undistorted images: the depths stay as
+/// they were computed, and conversion to the frame's camera happens once, on loading.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MadeDepth {
     /// The camera whose pixels these are: at the place of the frame's camera, without lens distortion.

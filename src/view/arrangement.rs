@@ -17,6 +17,9 @@ const BLOCK: usize = 16_384;
 const RADIUS: f32 = 0.75;
 
 /// The points of a cloud, or an even sample of them, in blocks that are compact in space, with the radii of their discs.
+///
+/// The order is a Z-order curve rather than an octree: one parallel sort of integers builds it, and neighbours
+/// along the curve also give the spacing around each point, from which its disc radius follows.
 #[derive(Default)]
 pub(super) struct Arrangement {
     order: Vec<u32>,
@@ -371,7 +374,8 @@ fn arrange(
     sender.send(Arc::new(Arrangement::along(&cloud.positions, order)))
 }
 
-/// An order of `0..count` in which every prefix is spread evenly over the whole: multiples of the golden section.
+/// An order of `0..count` in which every prefix is spread evenly over the whole: multiples of the golden
+/// section. It needs no stored shuffle, and a block can be drawn with any number of its points.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SpreadOrder {
     count: u64,

@@ -1,6 +1,7 @@
 //! Drawing of pictures, masks, clouds and surfaces; picking; PNG shots.
 //!
 //! On the GPU into textures of its own (`scene_view`), and on the CPU (`raster`, the twin that draws shots anywhere).
+//! Screenshots are always drawn on the CPU, so that they are the same on every machine.
 
 mod arrangement;
 mod axes;

@@ -15,6 +15,9 @@ use ostra_masks::{LabelId, LabelTree};
 const SAMPLED: usize = 100_000;
 
 /// An [`Appearance`] made ready for loops over the millions of points of one cloud.
+///
+/// Numbers behind colours (conflict, views, height) are computed while points are packed for the GPU, from the
+/// votes and the positions: storing them would cost memory for every point.
 #[derive(Debug, Clone)]
 pub(super) struct Paint {
     labels: LabelColors,

@@ -4,7 +4,8 @@ use super::arrangement::Arrangement;
 use super::raster::draw_arranged;
 use super::{Model, Orbit, SceneStyle, Shot, draw_mesh};
 
-/// A model as it is looked at, to be drawn on the CPU in any size and turned.
+/// A model as it is looked at, to be drawn on the CPU in any size and turned. The window and the command line pass it to a
+/// job as a closure: the session knows no drawing, and this crate no jobs.
 #[derive(Clone)]
 pub struct Portrait {
     /// What is drawn; of a wireframe, its triangles.

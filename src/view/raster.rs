@@ -30,7 +30,7 @@ impl Pixel {
 }
 
 /// Whether something of this opacity (0–255) is drawn at a pixel: an ordered dither (Bayer 1973), so that what is faint
-/// needs no order. Twin: `is_shown` in the shaders.
+/// needs no order. (Blending would have to draw points from back to front.) Twin: `is_shown` in the shaders.
 pub(super) fn is_shown(opacity: u8, x: usize, y: usize) -> bool {
     const THRESHOLDS: [[u32; 4]; 4] =
         [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
@@ -137,6 +137,8 @@ fn draw_disc(rows: &mut [Pixel], width: usize, top: usize, splat: &Splat) {
 }
 
 /// Darkens a pixel by how much farther it lies than its neighbours. Fainter neighbours throw no shade. Twin: edl.wgsl.
+///
+/// Opacity says what belongs to the model: 0 is background and lines, which are not shaded.
 fn edl(pixels: &[Pixel], camera: &ViewCamera, at: usize, strength: f32) -> [u8; 4] {
     let (width, height) = (camera.width as isize, camera.height as isize);
     let Pixel {

@@ -10,7 +10,7 @@ use ostra_cloud::fuse::Votes;
 use ostra_masks::{LabelId, LabelTree};
 
 /// How a scene is drawn, by the graphics card ([`super::SceneView`]) or the processor ([`super::draw_cloud`],
-/// [`super::draw_mesh`]).
+/// [`super::draw_mesh`]). Both depend on nothing else, so that one test can compare their images.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneStyle {
     /// Colours, and what is seen at all.

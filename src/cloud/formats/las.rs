@@ -41,8 +41,9 @@ const EXTRA: [(&str, u8, &str); 6] = [
 ];
 
 /// Writes LAS 1.4, point format 7: colours in 16 bits, the top label's class as classification, and as extra bytes what
-/// [`EXTRA`] lists. Positions are kept to the resolution of their 32-bit floats. The time of writing is not told, so that
-/// the same cloud gives the same bytes.
+/// [`EXTRA`] lists. Written with the `las` crate rather than as E57 with the `e57` crate, because the programs
+/// that read E57 read LAS and PCD as well. Positions are kept to the resolution of their 32-bit floats. The
+/// time of writing is left out, so that the same cloud gives the same bytes.
 pub(super) fn save(
     path: &Path,
     cloud: &LabelledCloud,

@@ -85,6 +85,9 @@ pub(super) struct Voted {
 /// that comes later needs no geometry. Frames of which `seen` tells what they see vote there, all others where their depth
 /// (or, without it, the points drawn as discs) says that they see a point. Votes are sums of integers: the order of frames
 /// does not matter.
+///
+/// A point of a stereo cloud is listed in `seen` with the pixels that it was made from, so those exact pixels
+/// vote on it. A comparison of depths would only find them again within a tolerance.
 pub(super) fn vote(
     points: &[Vec3],
     seen: &SeenPoints,

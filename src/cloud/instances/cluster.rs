@@ -85,6 +85,7 @@ pub struct Instances {
 /// clusters in large spatial databases with noise*, KDD 1996) with a radius in multiples of the points' spacing.
 /// Points with few neighbours belong to the nearest group but link none. The largest comes first; of equal ones that
 /// whose first point by x, y, z comes first. Neither depends on the order of the points.
+/// The radius is in spacings because clouds have no common unit.
 ///
 /// # Errors
 /// [`SceneError::Request`] for an option out of range, [`SceneError::Stopped`].
@@ -297,6 +298,9 @@ fn cell_of(x: Vec3, side: f64) -> IVec3 {
 /// A frame's mask with the pixels of `inside` given to what the points chose that the frame sees there: a pixel takes
 /// the choice of the nearest pixel that sees a point, on a way through pixels of `inside`. `choice` runs along the
 /// points of `votes`, `None` chooses nothing. `None` where no pixel changes.
+///
+/// Instances are written into the masks, which then vote again, instead of into the cloud alone: labels of
+/// points always follow from the masks, so that a later vote does not undo the split.
 #[must_use]
 pub fn split_mask(
     votes: &Votes,

@@ -33,6 +33,9 @@ pub struct HangingPiece {
 /// labelled points, 1.5–20. Pieces that touch other labels more than in passing, lie along a thing or are large beside
 /// it are left out. By the first of their points; they do not depend on the order in which these are looked at.
 ///
+/// Such pieces are tips and spans that masks missed. Fusion does not attach them by itself: labels of points
+/// follow from the masks, so the masks have to change, in a visible step that can be undone.
+///
 /// # Errors
 /// [`SceneError::Request`] for a radius out of range, [`SceneError::Stopped`].
 pub fn hanging_pieces(

@@ -15,6 +15,9 @@ use ostra_frames::Frame;
 use ostra_masks::{LabelId, LabelTree, fill_polygons, stroke};
 
 /// One act of choosing points; a list of them is a selection that can be written down and made again.
+///
+/// Commands carry the steps, not the indices of the points they choose, so that a recipe replayed on a cloud
+/// with other points makes the same selection there.
 #[expect(
     clippy::large_enum_variant,
     reason = "a selection holds a handful of steps"

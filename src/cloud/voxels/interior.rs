@@ -19,6 +19,10 @@ const NONE: u32 = u32::MAX;
 /// no view's depth saw empty, and from which at least five of the six ways along the axes lead through such cells to a voxel,
 /// for what stands on a table has a side that nobody sees. Space behind a wall or under a table is walled on fewer sides and
 /// stays empty, and so does a piece that lies open to space that was seen empty, as the unseen part of a room does.
+///
+/// A flood fill from outside is not used: it enters every object on a table through the bottom that no view
+/// saw.
+///
 /// `surface`, the mesh of the same scene, closes gaps between voxels: its cells count as filled; it may be empty.
 ///
 /// What is added has no normal, and label, confidence and colour of the nearest voxel, counted in steps over faces of added

@@ -1,4 +1,6 @@
 //! Structure from motion: features, matches, pairs, incremental mapping, the account of what was left out.
+//!
+//! Every image that is left out has an [`Outcome`] with the reason.
 
 mod account;
 mod cache;

@@ -34,6 +34,8 @@ pub(super) struct Attempt {
 
 /// Looks for more matches of pictures that no model holds, and maps again where there are any: taken at a grazing angle,
 /// a picture shows what others show so foreshortened that its features are not recognised, until it is tilted back.
+/// Where every image was placed, nothing of this runs.
+///
 /// Gives the first attempt back where that places no more pictures, and when stopped.
 ///
 /// # Errors

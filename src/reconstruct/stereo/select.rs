@@ -17,6 +17,9 @@ pub struct SelectOptions {
     /// Source views per view, 1–8.
     pub sources: usize,
     /// Views per view that may know what it does not, its sources among them; no fewer than these.
+    ///
+    /// Accuracy of the demo from images alone on three plants: 0.938, 0.945, 0.904 without completion; 0.942,
+    /// 0.944, 0.917 with the six sources; 0.940, 0.946, 0.926 with the twelve of the default.
     pub around: usize,
 }
 

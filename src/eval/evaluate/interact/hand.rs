@@ -7,6 +7,16 @@ use rand_pcg::Pcg64Mcg;
 use ostra_masks::{Click, LabelClick, LabelMask};
 
 /// How the robot user works.
+///
+/// The two prices follow from counts on DAVIS (`ostra eval interact`). A mean over frames costs least where
+/// each corner adds as much everywhere. Drawing every visited frame to 0.90 whatever it took needed 7,333
+/// clicks on `bmx-trees` for a mean of 0.90. One price of 0.0008 needed 6,329, but 490 on `libby`, where
+/// keyframes carry far and a price of 0.004 needs 306. With one price up to [`Self::good_iou`] and a higher one beyond, it
+/// takes 6,502 and 301. Drawing all frames coarsely first and finer in later rounds costs more (7,870 on
+/// `bmx-trees`), because coarse polygons are drawn over; so only outlines that are good already are refined in
+/// rounds. Frames from nothing are drawn by the same prices to the same mean, so that the price does not pass
+/// for the tracker's merit. A border that is pulled counts as one click, as a moved corner does in Polygon-RNN
+/// (Castrejón et al., CVPR 2017).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InteractOptions {
     /// IoU of a label on a frame at which it is good: it is clicked on no longer as long as others are worse; 0–1.

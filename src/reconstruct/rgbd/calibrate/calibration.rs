@@ -177,14 +177,24 @@ const STEPS: usize = 20;
 const CONVERGED: f64 = 1e-4;
 /// Degrees of freedom of the t-distribution that errors are taken to follow.
 const FREEDOM: f32 = 5.0;
-/// Standard deviations that the unknowns are taken to have before any picture is seen. A principal point off and a camera aside
-/// look nearly the same; sensors have their cameras centimetres aside, and their principal points within some pixels.
+/// Standard deviations that the unknowns are taken to have before any picture is seen. A shifted principal
+/// point and a shifted camera look the same to first order, so that the usual size of both has to decide
+/// between them: sensors have their cameras some centimetres apart, and their principal points off by some
+/// pixels.
+///
+/// The price is that the shift of the camera is pulled towards zero: of a Kinect's 2.5 cm a whole recording
+/// gives 1.1 cm, and 0.7 cm across ([`LAID_OFF`]). Objects much nearer than most then lie some pixels off.
 const USUAL: [f64; UNKNOWNS] = [0.1, 0.02, 0.005, 0.005, 0.03, 0.03];
 /// Unknowns of how the views of a pair stand to each other.
 const OF_POSE: usize = 6;
 /// What holds a pose where neither depth nor picture does: one over the square of radians and world units.
 const LEAST_HELD: f64 = 1.0;
 /// How far off depth alone lays what both see in each of the ways that a pose can be off, over the typical depth.
+///
+/// With poses taken as exact, a whole recording gives 2.5 cm for the camera's shift and 0.4 across, nearer to
+/// the truth. But the first 15 frames of it then put the camera 10 cm down, and seven frames that hardly moved
+/// gave a focal length of 555 px instead of 526 with both halves agreeing. With this allowance the remaining
+/// uncertainty shows that so few frames are not enough.
 const LAID_OFF: f64 = 1e-3;
 /// Pixels that tell as much as one that is independent of all others.
 const ALIKE: f64 = 300.0;
@@ -301,7 +311,8 @@ impl Sums {
             let ((a, slope_a), (b, slope_b)) = (seen(0)?, seen(1)?);
             // How a small shift in the source's picture shows in the target's.
             let carried = turn * (shared[0].z / shared[1].z);
-            // Both slopes are of one texture. Told apart, as they are far from the solution, they would tell of themselves.
+            // The mean of both images' slopes. With the slope of one alone, the noise of texture that is not yet
+            // aligned exceeds the signal, and the fit stops halfway (546 px for a focal length of 527).
             let slope = 0.5 * (slope_b + carried.inverse().transpose() * slope_a);
             let [by_a, by_b] = shared.map(|point: Vec3| parallax.slopes(point));
             let by_pose = parallax.slopes_of_pose(shared[1]);

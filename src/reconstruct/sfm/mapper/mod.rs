@@ -1,4 +1,7 @@
 //! Grows sparse models from verified pairs: first pair, resection, triangulation, adjustment.
+//!
+//! One file per step around one state (`state::Mapper`), which also counts the keypoints of unplaced images
+//! that see a point: the next image is the one that they cover best. Knows neither files nor frames.
 
 mod adjust;
 mod first_pair;

@@ -145,7 +145,8 @@ fn run(
     })
 }
 
-/// Most views that are worked on at once.
+/// Most views that are worked on at once: what a view needs besides its passes is one core's work, which would
+/// leave the other cores or the graphics card idle.
 const MOST_AT_ONCE: usize = 4;
 
 /// What PatchMatch runs on.

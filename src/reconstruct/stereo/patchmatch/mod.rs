@@ -4,6 +4,10 @@
 //! colour and itself, and random numbers only on the pixel and its visit. Products are rounded before they are added,
 //! quotients are products with the reciprocal, and sums begin with what is no product, so that `stereo::gpu` comes to the
 //! same.
+//!
+//! The CPU and the GPU share the driver in `search`; only the passes over a level (`Passes`) exist twice.
+//! Everything else (random start, hints, the planes that flat patches are pulled to) runs on the CPU in both
+//! cases.
 
 mod level;
 mod ncc;

@@ -24,7 +24,8 @@ const LEAST_LINES: usize = 2;
 /// For each pixel of a level the plane that a coarser one tells of the surface around it, where it lies within one: what
 /// a patch without texture is pulled to (a planar prior, as in Q. Xu and W. Tao, *Planar Prior Assisted PatchMatch
 /// Multi-View Stereo*, AAAI 2020, through the nearest sure pixels on lines instead of the corners of triangles). A
-/// surface is never continued beyond its border. Empty where there is none at all.
+/// surface is never continued beyond its border, and a pixel without texture that lies within none gets no
+/// depth: the plane is only known between confident pixels. Empty where there is none at all.
 pub fn priors(level: &Level<'_>, coarser: &Field) -> Vec<Hint> {
     let tolerance = 2.0 * TOLERANCE_PX * level.step;
     let within =

@@ -222,6 +222,15 @@ pub struct Changes {
 }
 
 /// The best hypothesis for a pixel with something to be compared, of its own, those of the other colour around it, and changed ones.
+///
+/// Every hypothesis is compared in all sources. Three cheaper ways together take a quarter less time (temple:
+/// 2.87 s a view instead of 3.74 on two cores) and find as many of the reference points of dtu and fountain, as
+/// exactly (`cargo bench --bench depths`): only the first five distinct hypotheses compared in all sources, the
+/// others in the chosen ones; slopes sought by a parabola in consistent rounds only; consistent rounds begun
+/// with the costs of the round before. But the demo from images alone then falls below its floors of 0.93
+/// accuracy and 0.90 IoU of the leaves: from 0.938 to 0.929 by the first, to 0.914 by two, and to a leaf IoU of
+/// 0.86 by all three, probably because thin parts depend on hypotheses from farther away. Skipping sources
+/// whose cost alone already decides, with the same result to the bit, takes as long as computing all.
 #[inline(always)]
 pub fn visit<S: Simd>(
     simd: S,
