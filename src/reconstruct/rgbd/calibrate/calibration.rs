@@ -177,7 +177,7 @@ const STEPS: usize = 20;
 const CONVERGED: f64 = 1e-4;
 /// Degrees of freedom of the t-distribution that errors are taken to follow.
 const FREEDOM: f32 = 5.0;
-/// Standard deviations that the unknowns are taken to have before any picture is seen. A shifted principal
+/// Standard deviations that the unknowns are taken to have before any image is seen. A shifted principal
 /// point and a shifted camera look the same to first order, so that the usual size of both has to decide
 /// between them: sensors have their cameras some centimetres apart, and their principal points off by some
 /// pixels.

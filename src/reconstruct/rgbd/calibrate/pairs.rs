@@ -41,7 +41,7 @@ pub struct Recording<'a> {
 pub type Shared = [Vec3; 2];
 
 impl Pair {
-    /// Lays the depths of two views onto each other. Pictures only give the first guess: where they do not lie
+    /// Lays the depths of two views onto each other. Images only give the first guess: where they do not lie
     /// on their depths, they would pull the pose with them.
     fn of(views: [&View; 2]) -> Option<Self> {
         let blind = views.map(|view| Pyramid::new(&view.without_picture()));
