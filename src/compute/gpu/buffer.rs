@@ -1,7 +1,6 @@
 use bytemuck::{AnyBitPattern, NoUninit};
 
-use super::device::Device;
-use super::error::GpuError;
+use super::device::{Device, GpuError};
 
 /// The most that one binding may hold on every adapter.
 const LARGEST: u64 = 128 << 20;

@@ -2,14 +2,10 @@
 
 mod buffer;
 mod device;
-mod error;
-mod pieces;
 mod program;
 #[cfg(test)]
 mod tests;
 
 pub use buffer::Buffer;
-pub use device::{Device, Software};
-pub use error::GpuError;
-pub use pieces::Pieces;
-pub use program::{Binding, Bindings, Kernel, Program, Submission};
+pub use device::{Device, GpuError, Software};
+pub use program::{Binding, Bindings, Kernel, Pieces, Program, Submission};

@@ -3,8 +3,8 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::error::NnError;
-use super::search::library_name;
-use super::signature::{Port, Signature};
+use super::runtime::library_name;
+use super::tensor::{Port, Signature};
 
 /// The networks that the program knows of, in the order in which they are listed.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]

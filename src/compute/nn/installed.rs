@@ -1,12 +1,11 @@
 use std::path::{Path, PathBuf};
 
 use super::catalogue::{Catalogue, Entry, NetworkFile};
+use super::digests::compare;
 use super::error::NnError;
 use super::network::Network;
-use super::records::compare;
-use super::runtime::Runtime;
-use super::search::library_name;
-use super::signature::Signature;
+use super::runtime::{Runtime, library_name};
+use super::tensor::Signature;
 
 /// One line of the list of networks.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -21,7 +20,7 @@ pub struct Row {
     pub source: String,
     /// Names of its files, in the order in which they are given.
     pub files: Vec<String>,
-    /// Whether [`super::install`] knows an address of every file.
+    /// Whether [`super::add`] knows an address of every file.
     pub has_address: bool,
     /// Its files, where all of them are there.
     pub installed: Option<Installed>,

@@ -8,10 +8,8 @@ use ort::session::{RunOptions, Session, SessionInputValue};
 use ort::value::{DynValue, Outlet, TensorElementType, TensorRef};
 
 use super::error::NnError;
-use super::provider::{Provider, note_fall_back};
-use super::runtime::Runtime;
-use super::signature::{Element, Port, Signature};
-use super::tensor::{Tensor, TensorValues};
+use super::runtime::{Provider, Runtime, note_fall_back};
+use super::tensor::{Element, Port, Signature, Tensor, TensorValues};
 
 /// A network ready to run. Threads may share it; they run it one after the other, each run on all cores.
 #[derive(Debug)]

@@ -3,20 +3,14 @@
 mod atomic;
 mod fault;
 mod in_place;
-mod leftovers;
 mod open;
-mod second_name;
-mod system_files;
-mod unfinished;
+mod temporary;
 
-pub use atomic::{AtomicFile, WorkFolder, write};
+pub use atomic::{AtomicFile, WorkFolder, link, write};
 pub use fault::{fault, read_fault, write_fault};
 pub use in_place::{is_still_at, open_in_place};
-pub use leftovers::{is_temporary, remove_leftovers};
 pub use open::{
-    decode_text, open_regular, read_regular, read_regular_up_to, read_text, read_text_up_to,
-    skip_mark,
+    decode_text, is_system_file, open_regular, read_regular, read_regular_up_to, read_text,
+    read_text_up_to, skip_mark,
 };
-pub use second_name::link;
-pub use system_files::is_system_file;
-pub use unfinished::{Unfinished, remove_unfinished};
+pub use temporary::{Unfinished, is_temporary, remove_leftovers, remove_unfinished};

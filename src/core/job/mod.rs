@@ -1,15 +1,13 @@
 //! Work off the window's thread: progress, stopping, named workers, newest-wins slots.
 
-mod id;
 mod latest;
 mod loader;
 mod pool;
 mod progress;
 mod running;
 
-pub use id::JobId;
 pub use latest::Latest;
 pub use loader::Loader;
 pub use pool::{Full, Pool};
 pub use progress::{Progress, ProgressReport, Stopped};
-pub use running::{JobError, Running};
+pub use running::{JobError, JobId, Running};

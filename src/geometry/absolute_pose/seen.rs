@@ -1,7 +1,7 @@
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use pulp::Arch;
 
-use super::slope::pixel_slope;
+use crate::camera::pixel_slope;
 use crate::ransac::{Cutoff, LANES, within};
 use crate::{Camera, Pose};
 

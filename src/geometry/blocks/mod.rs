@@ -1,12 +1,9 @@
 //! Large sparse symmetric equations in blocks of six unknowns: a pose each.
 
-mod conjugate;
-mod kernel;
 mod skyline;
 mod solve;
 
+pub use skyline::{BLOCK, Block, Column, Row, Skyline, dot, subtract_products};
 #[cfg(test)]
-pub use conjugate::conjugate_gradients;
-pub use kernel::{BLOCK, Block, Column, dot, subtract_products};
-pub use skyline::{Row, Skyline};
+pub use solve::conjugate_gradients;
 pub use solve::solve;

@@ -1,33 +1,10 @@
-use std::ops::Range;
-
-use super::options::BundleOptions;
-use super::piece::{Piece, Sighting};
-use super::problem::Bundle;
+use super::layout::{Layout, Piece, Sighting};
+use super::problem::{Bundle, BundleOptions};
 use super::state::State;
 use crate::blocks::BLOCK;
 
 /// Observations after which a piece is full.
 const PIECE: usize = 512;
-
-/// Which block of unknowns belongs to what.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Layout {
-    /// The block of each image's pose; `None` where it stays.
-    pub poses: Vec<Option<usize>>,
-    /// The blocks of each camera's refined intrinsics, behind those of the poses.
-    pub intrinsics: Vec<Range<usize>>,
-    /// Of each block: the lowest block it shares a point with.
-    pub first: Vec<usize>,
-    /// Whether only poses and intrinsics move.
-    pub fixed_points: bool,
-}
-
-impl Layout {
-    /// How many blocks there are.
-    pub fn len(&self) -> usize {
-        self.first.len()
-    }
-}
 
 /// The observations of one point that take part.
 struct Track {

@@ -1,6 +1,6 @@
 use glam::{DMat2, DVec2, DVec3};
 
-use super::options::Refine;
+use super::problem::Refine;
 use crate::blocks::BLOCK;
 use crate::{Camera, Distortion};
 

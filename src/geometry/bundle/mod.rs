@@ -5,20 +5,17 @@
 
 mod adjust;
 mod arrange;
-mod groups;
+mod layout;
 mod lens;
 mod linearise;
 mod normal;
-mod options;
-mod piece;
-mod point;
 mod problem;
 mod state;
-mod trial;
 
 #[cfg(test)]
 mod tests;
 
 pub use adjust::adjust;
-pub use options::{BundleOptions, BundleSummary, Loss, Refine};
-pub use problem::{Bundle, BundleImage, BundleObservation};
+pub use problem::{
+    Bundle, BundleImage, BundleObservation, BundleOptions, BundleSummary, Loss, Refine,
+};

@@ -1,10 +1,8 @@
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use super::arrange::Layout;
-use super::groups::{Factors, Groups};
+use super::layout::{Factors, Groups, Layout, Piece};
 use super::linearise::{Derivatives, Linearise};
-use super::piece::Piece;
 use super::state::State;
 use crate::blocks::{BLOCK, Column, Row, Skyline, solve, subtract_products};
 

@@ -1,10 +1,8 @@
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
-use super::arrange::Layout;
+use super::layout::{Layout, Sighting};
 use super::lens::{INTRINSICS, Lens, Seen};
-use super::options::{BundleOptions, Loss, Refine};
-use super::piece::Sighting;
-use super::problem::Bundle;
+use super::problem::{Bundle, BundleOptions, Loss, Refine};
 use crate::blocks::{BLOCK, Column};
 use crate::{Camera, Pose};
 

@@ -1,7 +1,6 @@
 //! Minimal solvers: one pure function per file, from the fewest correspondences that fix a model to all models that
 //! satisfy them. Rays are points on the plane z = 1 of camera space, lens distortion removed.
 
-mod constraints;
 mod eight_point;
 mod five_point;
 mod homography;

@@ -1,14 +1,68 @@
 use glam::{DMat3, DVec2, DVec3};
 
-use super::in_front::motion_in_front;
 use super::matched::Matched;
 use super::models::{Agreement, Essential, Fundamental, Homography, Rotation};
-use super::options::{TwoView, TwoViewKind, TwoViewOptions};
 use super::refine::refine_fundamental;
-use crate::Camera;
-use crate::epipolar::fundamental_in_pixels;
+use crate::epipolar::{fundamental_in_pixels, poses_from_essential};
 use crate::pose::nearest_rotation;
 use crate::ransac::{Consensus, Estimator, RansacOptions, consensus};
+use crate::{Camera, Pose};
+
+/// When matches agree, and how long to look for agreement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TwoViewOptions {
+    /// Largest error of an inlier in pixels.
+    pub max_error_px: f64,
+    /// Wanted probability of having drawn a sample without outliers.
+    pub confidence: f64,
+    /// Fewer inliers are no agreement.
+    pub min_inliers: usize,
+    /// Samples at most per model.
+    pub max_iterations: usize,
+    /// Seed of the samples.
+    pub seed: u64,
+}
+
+impl Default for TwoViewOptions {
+    fn default() -> Self {
+        Self {
+            max_error_px: 4.0,
+            confidence: 0.999,
+            min_inliers: 15,
+            max_iterations: 2000,
+            seed: 0,
+        }
+    }
+}
+
+/// What two views have in common.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TwoViewKind {
+    /// The intrinsics hold: an essential matrix explains the inliers as well as a fundamental matrix.
+    Calibrated,
+    /// Intrinsics are guesses, or a fundamental matrix explains clearly more than an essential matrix.
+    Uncalibrated,
+    /// A homography explains nearly all inliers, and the camera moved.
+    Planar,
+    /// A rotation of the camera explains nearly all inliers.
+    Panoramic,
+}
+
+/// What two views have in common, and the motion between them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TwoView {
+    /// Which model explains the inliers.
+    pub kind: TwoViewKind,
+    /// Motion of the camera with a translation of length 1; `None` without parallax, and where no motion puts most
+    /// points in front of both cameras.
+    pub second_from_first: Option<Pose>,
+    /// Indices of the matches that agree, ascending.
+    pub inliers: Vec<u32>,
+    /// Median angle between the rays of inliers that lie in front of both cameras, in radians; 0 without a motion.
+    pub parallax: f64,
+    /// `F` with `x2ᵀ F x1 = 0` between pixels (lens distortion removed), Frobenius norm 1; `None` for panoramic views.
+    pub fundamental: Option<DMat3>,
+}
 
 /// An essential matrix with at least this share of a fundamental matrix's inliers is the better explanation.
 const CALIBRATED_SHARE: f64 = 0.95;
@@ -273,4 +327,49 @@ impl Search<'_> {
         given.sort_unstable();
         given
     }
+}
+
+/// A motion and what it makes of the matches.
+pub(super) struct Motion {
+    pub second_from_first: Pose,
+    /// Median angle between the rays of matches in front of both cameras, in radians.
+    pub parallax: f64,
+}
+
+/// Which of the four motions of an essential matrix puts most points in front of both cameras; `None` where that is less
+/// than half of them.
+pub(super) fn motion_in_front(essential: DMat3, pairs: &[[DVec2; 2]]) -> Option<Motion> {
+    let mut best: Option<(Pose, Vec<f64>)> = None;
+    for pose in poses_from_essential(essential)? {
+        let angles = angles_in_front(&pose, pairs);
+        if best
+            .as_ref()
+            .is_none_or(|(_, most)| angles.len() > most.len())
+        {
+            best = Some((pose, angles));
+        }
+    }
+    let (second_from_first, mut angles) = best?;
+    if 2 * angles.len() < pairs.len() || angles.is_empty() {
+        return None;
+    }
+    let middle = angles.len() / 2;
+    let (_, parallax, _) = angles.select_nth_unstable_by(middle, f64::total_cmp);
+    Some(Motion {
+        second_from_first,
+        parallax: *parallax,
+    })
+}
+
+/// Angles between the rays of all matches whose rays come nearest to each other in front of both cameras.
+fn angles_in_front(pose: &Pose, pairs: &[[DVec2; 2]]) -> Vec<f64> {
+    let (r, t) = (DMat3::from_quat(pose.rotation), pose.translation);
+    let angle = |[x1, x2]: &[DVec2; 2]| {
+        let (a, b) = (r * x1.extend(1.0), x2.extend(1.0));
+        let (aa, ab, bb, at, bt) = (a.dot(a), a.dot(b), b.dot(b), a.dot(t), b.dot(t));
+        // Both depths, times (aa · bb − ab²), which is never negative.
+        let [first, second] = [ab * bt - bb * at, aa * bt - ab * at];
+        (first > 0.0 && second > 0.0).then(|| a.cross(b).length().atan2(ab))
+    };
+    pairs.iter().filter_map(angle).collect()
 }

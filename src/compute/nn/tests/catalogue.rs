@@ -1,6 +1,6 @@
-use super::super::digest::sha256;
 use super::super::{Catalogue, Element};
 use super::networks;
+use crate::nn::digests::sha256;
 
 #[test]
 fn every_network_has_files_and_known_elements() {

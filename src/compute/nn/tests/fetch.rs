@@ -4,10 +4,10 @@ use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::Command;
 
-use super::super::digest::sha256;
-use super::super::fetch::fetch;
 use super::super::{Catalogue, NnError, check, install};
 use super::ready;
+use crate::nn::digests::sha256;
+use crate::nn::download::fetch;
 
 /// Whether the system has `curl`; where CI runs it must.
 fn curl() -> bool {

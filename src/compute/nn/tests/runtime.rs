@@ -2,11 +2,11 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use super::super::search::{Place, library_name, places};
 use super::super::{
     Catalogue, Network, NnError, Proof, Provider, Runtime, add, models_folder, take_fall_backs,
 };
 use super::{networks, ready};
+use crate::nn::runtime::{Place, library_name, places};
 
 /// Runs one ignored test of this module in a process of its own, as a process loads ONNX Runtime only once.
 fn alone(test: &str, library: Option<&OsStr>, data: &Path) {

@@ -2,8 +2,8 @@ use glam::{DVec2, DVec3};
 
 use super::scene::{cameras, dome};
 use crate::blocks::{BLOCK, Column};
-use crate::bundle::arrange::Layout;
-use crate::bundle::piece::Sighting;
+use crate::bundle::layout::Layout;
+use crate::bundle::layout::Sighting;
 use crate::bundle::state::State;
 use crate::bundle::{Bundle, BundleOptions, Refine};
 

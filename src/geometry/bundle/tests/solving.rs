@@ -3,11 +3,11 @@ use nalgebra::{DMatrix, DVector};
 use super::scene::{Noise, blur, disturb, dome, pinhole};
 use crate::Distortion;
 use crate::blocks::{BLOCK, Column, Skyline, conjugate_gradients};
-use crate::bundle::arrange::{Layout, arrange};
+use crate::bundle::adjust::Trial;
+use crate::bundle::arrange::arrange;
+use crate::bundle::layout::{Layout, Piece};
 use crate::bundle::normal::Normal;
-use crate::bundle::piece::Piece;
 use crate::bundle::state::State;
-use crate::bundle::trial::Trial;
 use crate::bundle::{Bundle, BundleOptions, Loss, Refine};
 
 const DAMPING: f64 = 1e-3;

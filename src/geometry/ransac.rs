@@ -1,4 +1,9 @@
-use super::sample::Sampler;
+//! Random sample consensus: one loop for every model. A model brings how it is fitted to a few correspondences, what it
+//! costs, and how it is refined; same input + seed → same output.
+
+use pulp::{Simd, WithSimd};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 
 /// What the loop must know of a model and its correspondences.
 pub trait Estimator {
@@ -157,3 +162,132 @@ fn trials(options: &RansacOptions, shares: [f64; 2], sample: usize) -> usize {
         options.max_iterations,
     )
 }
+
+/// Draws different indices below a count.
+pub(super) struct Sampler {
+    random: Pcg64Mcg,
+    count: usize,
+}
+
+impl Sampler {
+    pub fn new(seed: u64, count: usize) -> Self {
+        Self {
+            random: Pcg64Mcg::seed_from_u64(seed),
+            count,
+        }
+    }
+
+    /// Fills `sample` with different indices, each as likely as the others; `sample` may not be longer than the count.
+    pub fn uniform(&mut self, sample: &mut [usize]) {
+        self.fill(sample, |share| share);
+    }
+
+    /// Fills `sample` with different indices, low ones far more often: half of them come from the first eighth.
+    pub fn early(&mut self, sample: &mut [usize]) {
+        self.fill(sample, |share| share * share * share);
+    }
+
+    /// The probability that an index of an early and of a uniform sample is among those given.
+    pub fn shares(&self, places: &[u32]) -> [f64; 2] {
+        let count = self.count as f64;
+        let below = |place: f64| (place / count).cbrt();
+        let early = places
+            .iter()
+            .map(|&place| below(f64::from(place) + 1.0) - below(f64::from(place)))
+            .sum();
+        [early, places.len() as f64 / count]
+    }
+
+    fn fill(&mut self, sample: &mut [usize], place: impl Fn(f64) -> f64) {
+        for i in 0..sample.len() {
+            sample[i] = loop {
+                let share: f64 = self.random.random();
+                let drawn = ((place(share) * self.count as f64) as usize).min(self.count - 1);
+                if !sample[..i].contains(&drawn) {
+                    break drawn;
+                }
+            };
+        }
+    }
+}
+
+/// Correspondences that are looked at side by side.
+pub const LANES: usize = 8;
+/// How many blocks are summed between two looks at the sum.
+const BLOCKS_BETWEEN_CHECKS: usize = 8;
+
+/// Sum of squared errors cut off at a limit, for [`Estimator::cost`]. Correspondences lie in blocks of [`LANES`],
+/// of which the last may have places without one: their error is NaN, and they count nothing.
+pub struct Cutoff<'a, B, E> {
+    blocks: &'a [B],
+    count: usize,
+    limit: f64,
+    enough: f64,
+    errors: E,
+}
+
+impl<'a, B, E: Fn(&B) -> [f64; LANES]> Cutoff<'a, B, E> {
+    /// Of `count` correspondences in blocks, whose squared errors `errors` tells; cut off at `limit`, and free to end
+    /// early above `enough`.
+    pub fn new(blocks: &'a [B], count: usize, [limit, enough]: [f64; 2], errors: E) -> Self {
+        Self {
+            blocks,
+            count,
+            limit,
+            enough,
+            errors,
+        }
+    }
+}
+
+impl<B, E: Fn(&B) -> [f64; LANES]> WithSimd for Cutoff<'_, B, E> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> f64 {
+        let Self {
+            blocks,
+            count,
+            limit,
+            enough,
+            errors,
+        } = self;
+        let mut total = -limit * (blocks.len() * LANES - count) as f64;
+        for chunk in blocks.chunks(BLOCKS_BETWEEN_CHECKS) {
+            let mut sums = [0.0; LANES];
+            for block in chunk {
+                let errors = errors(block);
+                for lane in 0..LANES {
+                    // NaN compares false and costs the limit.
+                    sums[lane] += if errors[lane] < limit {
+                        errors[lane]
+                    } else {
+                        limit
+                    };
+                }
+            }
+            total += sums.iter().sum::<f64>();
+            if total > enough {
+                break;
+            }
+        }
+        total
+    }
+}
+
+/// Places of correspondences whose squared error is below a limit, ascending.
+pub fn within<B>(blocks: &[B], limit: f64, errors: impl Fn(&B) -> [f64; LANES]) -> Vec<u32> {
+    let mut places = Vec::new();
+    for (at, block) in blocks.iter().enumerate() {
+        let errors = errors(block);
+        places.extend(
+            (0..LANES)
+                .filter(|&lane| errors[lane] < limit)
+                .map(|lane| (at * LANES + lane) as u32),
+        );
+    }
+    places
+}
+
+#[cfg(test)]
+mod tests;

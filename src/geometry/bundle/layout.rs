@@ -1,4 +1,61 @@
+use std::ops::Range;
+
+use glam::{DVec2, DVec3};
+
 use crate::blocks::{BLOCK, Column};
+
+/// Which block of unknowns belongs to what.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Layout {
+    /// The block of each image's pose; `None` where it stays.
+    pub poses: Vec<Option<usize>>,
+    /// The blocks of each camera's refined intrinsics, behind those of the poses.
+    pub intrinsics: Vec<Range<usize>>,
+    /// Of each block: the lowest block it shares a point with.
+    pub first: Vec<usize>,
+    /// Whether only poses and intrinsics move.
+    pub fixed_points: bool,
+}
+
+impl Layout {
+    /// How many blocks there are.
+    pub fn len(&self) -> usize {
+        self.first.len()
+    }
+}
+
+/// One observation, sorted to its point.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sighting {
+    pub image: u32,
+    pub at_px: DVec2,
+}
+
+/// A few hundred points with all that see them: the unit of work for one thread.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Piece {
+    /// Which points of the bundle these are.
+    pub ids: Vec<u32>,
+    /// Where they are.
+    pub points: Vec<DVec3>,
+    /// Where they would be after the step that is tried.
+    pub tried: Vec<DVec3>,
+    /// Observations of point `p` are `starts[p]..starts[p + 1]`, by the block of their image.
+    pub starts: Vec<u32>,
+    pub sightings: Vec<Sighting>,
+    /// One group per observation.
+    pub by_sighting: Groups,
+    /// One group per point: its poses in the order of its observations, then intrinsics; none when points are fixed.
+    pub by_point: Groups,
+}
+
+impl Piece {
+    /// The observations of one point.
+    #[inline(always)]
+    pub fn sightings_of(&self, point: usize) -> Range<usize> {
+        self.starts[point] as usize..self.starts[point + 1] as usize
+    }
+}
 
 /// Products to be added to the reduced matrix, as groups of entries: each entry belongs to one block of unknowns, and
 /// every two entries of a group meet in one block of the matrix. An observation is a group (its pose, its camera's
@@ -88,7 +145,7 @@ impl Groups {
 
     /// The entries of a group.
     #[inline(always)]
-    pub fn entries(&self, group: usize) -> std::ops::Range<usize> {
+    pub fn entries(&self, group: usize) -> Range<usize> {
         self.starts[group] as usize..self.starts[group + 1] as usize
     }
 

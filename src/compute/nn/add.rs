@@ -1,0 +1,169 @@
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+use super::catalogue::{Catalogue, Entry, NetworkFile};
+use super::digests::{digests, record, sha256};
+use super::error::NnError;
+use super::installed::text;
+use super::network::Network;
+use super::runtime::{Runtime, whole};
+use ostra_core::disk::{self, AtomicFile};
+
+/// A file that was copied into the folder of networks.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Added {
+    /// Where it lies now.
+    pub path: PathBuf,
+    /// What speaks for it.
+    pub proof: Proof,
+}
+
+/// What speaks for an added file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Proof {
+    /// It loads and takes and gives what is expected.
+    Fits,
+    /// It loads; what it takes and gives is not known.
+    Loads,
+    /// It is the file whose digest is known; it was not loaded.
+    Known,
+    /// Nothing: it could not be checked, and why.
+    None(String),
+}
+
+/// Copies the files of a network (or the library of ONNX Runtime) into `folder` after checking them: by loading, or
+/// by their digest where there is no ONNX Runtime. Nothing is placed before all are checked and copied. A folder in the
+/// files' place stands for the files of the catalogue's names in it.
+///
+/// # Errors
+/// When the name is unknown, files are missing or too many, one does not load or has another interface, or cannot be
+/// copied.
+pub fn add(
+    catalogue: &Catalogue,
+    folder: &Path,
+    name: &str,
+    files: &[PathBuf],
+) -> Result<Vec<Added>, NnError> {
+    let entry = catalogue.entry(name)?;
+    let names = entry.file_names();
+    let in_folder = |folder: &PathBuf| {
+        names
+            .iter()
+            .map(|name| folder.join(name))
+            .collect::<Vec<_>>()
+    };
+    let within = match files {
+        [folder] if folder.is_dir() => Some(in_folder(folder)),
+        _ => None,
+    };
+    let files = within.as_deref().unwrap_or(files);
+    if names.len() != files.len() {
+        let wanted = names.join(", ");
+        return Err(NnError::Request(format!(
+            "`{name}` takes {} in this order: {wanted}",
+            count(names.len())
+        )));
+    }
+    let proofs = if entry.is_library() {
+        files
+            .iter()
+            .map(|path| prove_library(path))
+            .collect::<Result<Vec<_>, _>>()?
+    } else {
+        prove_networks(entry, files)?
+    };
+    let targets: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
+    let digests = digests(files)?;
+    place(folder, files, &targets)?;
+    record(folder, &targets, digests)?;
+    Ok(targets
+        .into_iter()
+        .zip(proofs)
+        .map(|(path, proof)| Added { path, proof })
+        .collect())
+}
+
+fn count(files: usize) -> String {
+    if files == 1 {
+        "one file,".to_owned()
+    } else {
+        format!("{files} files")
+    }
+}
+
+fn prove_library(path: &Path) -> Result<Proof, NnError> {
+    readable(path)?;
+    if let Some(other) = Runtime::loaded().filter(|runtime| runtime.path() != whole(path)) {
+        return Ok(Proof::None(format!(
+            "{} is in use until the program is started again",
+            other.path().display()
+        )));
+    }
+    Runtime::open(path).map(|_| Proof::Loads)
+}
+
+fn prove_networks(entry: &Entry, paths: &[PathBuf]) -> Result<Vec<Proof>, NnError> {
+    paths.iter().try_for_each(|path| readable(path))?;
+    let pairs = entry.files().iter().zip(paths);
+    let prove = |(file, path): (&NetworkFile, &PathBuf)| match Runtime::find() {
+        _ if file.is_text => text(path).map(|_| Proof::Loads),
+        Ok(runtime) => prove_by_loading(&runtime, file, path),
+        Err(error) => prove_by_digest(file, path, &error),
+    };
+    pairs.map(prove).collect()
+}
+
+fn prove_by_loading(runtime: &Runtime, file: &NetworkFile, path: &Path) -> Result<Proof, NnError> {
+    let expected = file.signature();
+    Network::load(runtime, path, expected.as_ref())?;
+    Ok(if expected.is_some() {
+        Proof::Fits
+    } else {
+        Proof::Loads
+    })
+}
+
+fn prove_by_digest(file: &NetworkFile, path: &Path, why: &NnError) -> Result<Proof, NnError> {
+    let Some(expected) = &file.sha256 else {
+        return Ok(Proof::None(why.to_string()));
+    };
+    let found = sha256(path).map_err(|reason| NnError::Io {
+        path: path.to_owned(),
+        reason,
+    })?;
+    if found == *expected || file.other_sha256.contains(&found) {
+        return Ok(Proof::Known);
+    }
+    Err(NnError::Digest {
+        path: path.to_owned(),
+        expected: expected.clone(),
+        found,
+    })
+}
+
+fn readable(path: &Path) -> Result<(), NnError> {
+    File::open(path).map(drop).map_err(|reason| NnError::Io {
+        path: path.to_owned(),
+        reason,
+    })
+}
+
+/// Copies all files before any of them replaces what was there.
+fn place(folder: &Path, files: &[PathBuf], targets: &[PathBuf]) -> Result<(), NnError> {
+    let failed = |path: &Path| {
+        let path = path.to_owned();
+        move |reason| NnError::Io { path, reason }
+    };
+    fs::create_dir_all(folder).map_err(failed(folder))?;
+    disk::remove_leftovers(folder, false);
+    let mut copies = Vec::new();
+    for (from, to) in files.iter().zip(targets) {
+        let mut source = File::open(from).map_err(failed(from))?;
+        let mut copy = AtomicFile::create(to).map_err(failed(to))?;
+        std::io::copy(&mut source, copy.as_file()).map_err(failed(to))?;
+        copies.push((copy, to));
+    }
+    copies
+        .into_iter()
+        .try_for_each(|(copy, to)| copy.commit().map_err(failed(to)))
+}
