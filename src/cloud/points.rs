@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::LabelId;
+use ostra_core::statistics::upper_median;
 
 /// Points whose distance to their neighbour is measured for [`spacing`].
 const SPACING_SAMPLES: usize = 2000;
@@ -98,12 +99,7 @@ impl Neighbours {
             .step_by(step)
             .filter_map(nearest_other)
             .collect();
-        if distances.is_empty() {
-            return None;
-        }
-        let middle = distances.len() / 2;
-        let (_, median, _) = distances.select_nth_unstable_by(middle, f32::total_cmp);
-        Some(f64::from(*median))
+        upper_median(&mut distances).map(f64::from)
     }
 }
 

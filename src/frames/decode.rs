@@ -11,6 +11,7 @@ use super::frame::turn;
 use super::header::{Content, Header, cannot_decode, cut_off, damaged, format_of, header_in, open};
 use super::tiff_samples::read_depth_samples;
 use super::{DepthMap, FrameError, Image, Orientation};
+use super::tiff_samples::WORKING_BYTES;
 
 // Nothing here may run on rayon's pool: a thread that waits there for parts of its own image could steal work that
 // asks the cache for the same image and wait for itself.
@@ -23,8 +24,6 @@ const BEHIND: u8 = 128;
 /// belong to a place on it.
 const EDGE_PX: usize = 3;
 
-/// Bytes that a decoder may allocate besides those for the pixels.
-const WORKING_BYTES: u64 = 64 << 20;
 /// Bytes that a decoder may allocate for a pixel: colours of 16 bits with alpha, twice.
 const WORKING_BYTES_PER_PIXEL: u64 = 16;
 
@@ -262,7 +261,7 @@ impl<'a> Source<'a> {
     ) -> Result<Upright<T>, FrameError> {
         let pixels = u64::from(self.header.width) * u64::from(self.header.height);
         let mut limits = Limits::default();
-        limits.max_alloc = Some(pixels * WORKING_BYTES_PER_PIXEL + WORKING_BYTES);
+        limits.max_alloc = Some(pixels * WORKING_BYTES_PER_PIXEL + WORKING_BYTES as u64);
         let mut images = ImageReader::with_format(&mut self.reader, self.format);
         images.limits(limits);
         let decoded = images.into_decoder().and_then(|decoder| {

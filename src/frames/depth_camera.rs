@@ -2,7 +2,7 @@ use glam::{DVec2, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::DepthMap;
-use ostra_geometry::{Camera, Pose};
+use ostra_geometry::{Camera, Pose, is_same_depth};
 
 /// Depths farther apart than this share lie on different surfaces: nothing is drawn between them.
 const SAME_SURFACE: f32 = 0.03;
@@ -87,7 +87,7 @@ impl Corner {
 fn is_surface(corners: &[Corner; 3]) -> bool {
     let depths = Vec3::from(corners.map(|corner| corner.depth));
     let nearest = depths.min_element();
-    nearest > 0.0 && depths.max_element() - nearest < SAME_SURFACE * nearest
+    nearest > 0.0 && is_same_depth(depths.max_element(), nearest, SAME_SURFACE)
 }
 
 /// The nearest depth of each pixel so far; infinite = none.

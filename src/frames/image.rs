@@ -1,5 +1,7 @@
 //! Images and depth maps in memory; images made smaller.
 
+use ostra_core::image::area_mean_rgb8;
+
 /// A colour picture, row by row from the top left, sRGB.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Image {
@@ -58,45 +60,10 @@ pub(super) fn shrink(image: &Image, max_side: u32) -> Image {
         ((u64::from(length) * u64::from(max_side) / u64::from(longest)) as u32).max(1)
     };
     let (width, height) = (side(image.width), side(image.height));
-    let mut pixels = Vec::with_capacity(width as usize * height as usize);
-    let mut sums = vec![[0_u64; 3]; width as usize];
-    for y in 0..height {
-        sums.fill([0; 3]);
-        let rows = span(y, height, image.height);
-        for row in image
-            .pixels
-            .chunks_exact(image.width as usize)
-            .skip(rows.start)
-            .take(rows.len())
-        {
-            add_row(&mut sums, row);
-        }
-        for (x, sum) in (0..width).zip(&sums) {
-            let count = (span(x, width, image.width).len() * rows.len()) as u64;
-            pixels.push(sum.map(|channel| ((channel + count / 2) / count) as u8));
-        }
-    }
     Image {
         width,
         height,
-        pixels,
-    }
-}
-
-/// The source columns (or rows) that make target column `at` of `target`.
-fn span(at: u32, target: u32, source: u32) -> std::ops::Range<usize> {
-    let edge = |at: u32| (u64::from(at) * u64::from(source) / u64::from(target)) as usize;
-    edge(at)..edge(at + 1)
-}
-
-fn add_row(sums: &mut [[u64; 3]], row: &[[u8; 3]]) {
-    let (target, source) = (sums.len() as u32, row.len() as u32);
-    for (x, sum) in (0..target).zip(sums) {
-        for pixel in &row[span(x, target, source)] {
-            for (sum, channel) in sum.iter_mut().zip(pixel) {
-                *sum += u64::from(*channel);
-            }
-        }
+        pixels: area_mean_rgb8(&image.pixels, [image.width, image.height], [width, height]),
     }
 }
 

@@ -1,6 +1,5 @@
 //! Pictures in order: frames, images, depth maps; opening folders, films and RGB-D recordings; a bounded cache.
 
-mod cache;
 pub mod cameras;
 mod complete;
 mod decode;
@@ -14,6 +13,7 @@ mod header;
 mod image;
 mod loader;
 mod made_depth;
+mod names;
 mod open;
 mod relocate;
 mod store;
@@ -27,6 +27,7 @@ pub use frame::{DepthSource, Frame, FrameCamera, Orientation, PictureSource};
 pub use frame_set::FrameSet;
 pub use image::{DepthMap, Image};
 pub use made_depth::MadeDepth;
+pub use names::{file_of, without_ending};
 pub use open::{FrameFolder, OpenRequest, Opened, natural_order, open, open_more};
 pub use relocate::{check_source, missing_sources, sources, sources_mut};
 pub use store::FrameStore;

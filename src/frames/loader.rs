@@ -1,12 +1,12 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::cache::{Cache, Weigh};
 use super::decode::{decode_depth, decode_picture, opaque_pixels};
 use super::film::Films;
 use super::{
     DepthCamera, DepthMap, DepthSource, Frame, FrameError, Image, MadeDepth, PictureSource,
 };
+use ostra_core::cache::{Cache, Weigh};
 
 /// Decodes pictures and depths and keeps the latest.
 #[derive(Debug)]
@@ -47,7 +47,7 @@ enum Pixels {
     Depth(Arc<DepthMap>),
 }
 
-impl Weigh for Arc<Image> {
+impl Weigh for Image {
     fn bytes(&self) -> usize {
         self.pixels.len() * size_of::<[u8; 3]>()
     }

@@ -11,6 +11,7 @@ use tiff::{TiffError, TiffResult};
 use super::{DepthMap, Frame, FrameError};
 use ostra_core::disk;
 use ostra_geometry::Camera;
+use ostra_core::image::bilinear;
 
 /// A depth map that a reconstruction made, often smaller than the frame's picture, with what is known of each pixel.
 ///
@@ -136,9 +137,7 @@ impl MadeDepth {
             return nearest;
         }
         let (over, down) = (corner.x.fract() as f32, corner.y.fract() as f32);
-        let row = |a: f32, b: f32| a + over * (b - a);
-        let (upper, lower) = (row(around[0], around[1]), row(around[2], around[3]));
-        upper + down * (lower - upper)
+        bilinear(around, [over, down])
     }
 }
 

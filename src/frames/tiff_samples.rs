@@ -6,7 +6,7 @@ use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::{SampleFormat, Tag};
 
 /// Bytes besides the pixels that a decoder may allocate: strips and tiles, tables of their places.
-const WORKING_BYTES: usize = 64 << 20;
+pub(super) const WORKING_BYTES: usize = 64 << 20;
 
 /// What kind of TIFF a file is, for a message; `None` where it is not known.
 pub(super) fn variant_of(reader: &mut BufReader<File>) -> Option<String> {

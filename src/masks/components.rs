@@ -1,4 +1,5 @@
 use super::Region;
+use ostra_core::union_find::DisjointSets;
 
 /// Which neighbours join two pixels into one component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,13 +31,13 @@ struct Span {
 #[must_use]
 pub fn components(region: &Region, connectivity: Connectivity) -> Components {
     let spans = spans(region);
-    let mut parents: Vec<u32> = (0..spans.len() as u32).collect();
-    join_neighbours(&spans, &mut parents, connectivity);
+    let mut sets = DisjointSets::new(spans.len());
+    join_neighbours(&spans, &mut sets, connectivity);
     let mut labels = vec![0; region.inside.len()];
     let mut areas: Vec<usize> = Vec::new();
     let mut label_of_root = vec![0u32; spans.len()];
     for (at, span) in spans.iter().enumerate() {
-        let root = root(&mut parents, at as u32) as usize;
+        let root = sets.root(at as u32) as usize;
         if label_of_root[root] == 0 {
             areas.push(0);
             label_of_root[root] = areas.len() as u32;
@@ -143,7 +144,7 @@ fn spans(region: &Region) -> Vec<Span> {
 }
 
 /// Joins spans of neighbouring rows that touch; both rows are walked once.
-fn join_neighbours(spans: &[Span], parents: &mut [u32], connectivity: Connectivity) {
+fn join_neighbours(spans: &[Span], sets: &mut DisjointSets, connectivity: Connectivity) {
     let reach = u32::from(connectivity == Connectivity::Eight);
     let mut above = 0;
     for (at, span) in spans.iter().enumerate() {
@@ -156,21 +157,9 @@ fn join_neighbours(spans: &[Span], parents: &mut [u32], connectivity: Connectivi
             .iter()
             .take_while(|upper| upper.row < span.row && upper.start < span.end + reach);
         for (offset, _) in touching.enumerate() {
-            let (a, b) = (
-                root(parents, (above + offset) as u32),
-                root(parents, at as u32),
-            );
-            parents[a.max(b) as usize] = a.min(b);
+            sets.unite((above + offset) as u32, at as u32);
         }
     }
-}
-
-fn root(parents: &mut [u32], mut at: u32) -> u32 {
-    while parents[at as usize] != at {
-        parents[at as usize] = parents[parents[at as usize] as usize];
-        at = parents[at as usize];
-    }
-    at
 }
 
 #[cfg(test)]

@@ -1,6 +1,5 @@
-use std::fs::{self, File};
+use std::fs;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
 
 use sha2::{Digest, Sha256};
 
@@ -46,11 +45,7 @@ impl Embeddings {
             .ok()
             .and_then(|bytes| Embedding::from_bytes(&bytes).ok())
         {
-            // Used last: others go before it.
-            let _ = File::options()
-                .write(true)
-                .open(&path)
-                .and_then(|file| file.set_modified(SystemTime::now()));
+            disk::mark_used(&path);
             return Ok(known);
         }
         let made = embed()?;
@@ -63,31 +58,8 @@ impl Embeddings {
         fs::create_dir_all(&self.folder)?;
         disk::remove_leftovers(&self.folder, false);
         disk::write(path, bytes)?;
-        self.make_room()
-    }
-
-    /// Drops what was not used for longest until the rest is within the budget.
-    fn make_room(&self) -> std::io::Result<()> {
-        let file = |entry: fs::DirEntry| {
-            if disk::is_temporary(&entry.file_name()) {
-                return None;
-            }
-            let about = entry.metadata().ok()?;
-            Some((about.modified().ok()?, about.len(), entry.path()))
-        };
-        let mut files: Vec<_> = fs::read_dir(&self.folder)?
-            .flatten()
-            .filter_map(file)
-            .collect();
-        files.sort();
-        let mut bytes: u64 = files.iter().map(|(_, bytes, _)| bytes).sum();
-        for (_, freed, path) in files {
-            if bytes <= self.budget_bytes {
-                break;
-            }
-            fs::remove_file(path)?;
-            bytes -= freed;
-        }
+        let files = disk::kept_files(&self.folder, |name| !disk::is_temporary(name));
+        disk::remove_beyond(files, self.budget_bytes);
         Ok(())
     }
 }
@@ -112,6 +84,9 @@ fn key(encoder: &Path, image: &Image) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::fs::File;
+    use std::time::SystemTime;
+
     use super::*;
     use ostra_masks::onnx::sam::Part;
 

@@ -10,6 +10,7 @@ use rayon::prelude::*;
 
 use super::Bounds;
 use ostra_cloud::{LabelledCloud, morton};
+use ostra_core::statistics::upper_median;
 
 /// Points per block, in the mean.
 const BLOCK: usize = 16_384;
@@ -240,10 +241,10 @@ fn local_spacing(positions: &[Vec3], order: &[u32]) -> Vec<f32> {
         .for_each(|(piece, own)| to_neighbours(positions, order, piece * PIECE, own));
     let usual_of_runs: Vec<f32> = spacing
         .par_chunks(RUN)
-        .map(|run| median(run.to_vec()))
+        .map(|run| median_spacing(run.to_vec()))
         .collect();
     let sample = SpreadOrder::new(usual_of_runs.len());
-    let usual = median(
+    let usual = median_spacing(
         (0..usual_of_runs.len().min(100_000))
             .map(|place| usual_of_runs[sample.at(place)])
             .collect(),
@@ -258,7 +259,7 @@ fn local_spacing(positions: &[Vec3], order: &[u32]) -> Vec<f32> {
         .enumerate()
         .for_each(|(run, own)| {
             let around = &usual_of_runs[run.saturating_sub(1)..(run + 2).min(usual_of_runs.len())];
-            let most = (median(around.to_vec()) * MOST_OF_RUNS).min(most);
+            let most = (median_spacing(around.to_vec()) * MOST_OF_RUNS).min(most);
             own.iter_mut().for_each(|one| *one = one.min(most));
         });
     spacing
@@ -290,13 +291,9 @@ fn to_neighbours(positions: &[Vec3], order: &[u32], first: usize, own: &mut [f32
     }
 }
 
-/// 0 for none.
-fn median(mut values: Vec<f32>) -> f32 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+/// 0 without points.
+fn median_spacing(mut spacing: Vec<f32>) -> f32 {
+    upper_median(&mut spacing).unwrap_or(0.0)
 }
 
 /// Points that are shown until all are arranged.

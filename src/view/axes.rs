@@ -4,6 +4,7 @@ use glam::{DQuat, DVec3, Mat3, Vec3};
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
 use ostra_frames::Frame;
+use ostra_core::statistics::trimmed_range;
 
 /// Least share of the cameras' common direction that must point sideways for it to say where the front is.
 const LEVEL_SHARE: f32 = 0.2;
@@ -136,9 +137,7 @@ impl Bounds {
         for axis in 0..3 {
             let mut values: Vec<f32> = points.iter().map(|p| p[axis]).collect();
             let cut = values.len() / 200;
-            let last = values.len() - 1 - cut;
-            min[axis] = *values.select_nth_unstable_by(cut, f32::total_cmp).1;
-            max[axis] = *values.select_nth_unstable_by(last, f32::total_cmp).1;
+            [min[axis], max[axis]] = trimmed_range(&mut values, cut)?;
         }
         Some(Self { min, max })
     }

@@ -2,6 +2,7 @@ use std::sync::Arc;
 
 use super::style::ramp;
 use ostra_frames::{DepthMap, Frame, FrameError, FrameStore, Image, MadeDepth};
+use ostra_core::statistics::trimmed_range;
 
 /// What is shown of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
@@ -77,12 +78,8 @@ fn draw_depth(depth: &DepthMap) -> LayerPicture {
         .copied()
         .filter(|&depth| depth > 0.0)
         .collect();
-    known.sort_unstable_by(f32::total_cmp);
     let skipped = (QUANTILE * known.len() as f64) as usize;
-    let range = known
-        .get(skipped)
-        .zip(known.get(known.len().saturating_sub(skipped + 1)))
-        .map(|(&a, &b)| [a, b]);
+    let range = trimmed_range(&mut known, skipped);
     let [near, far] = range.unwrap_or([0.0, 1.0]);
     let color = |&depth: &f32| match depth {
         depth if depth > 0.0 => ramp((depth - near) / (far - near).max(f32::MIN_POSITIVE)),

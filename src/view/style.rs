@@ -8,6 +8,7 @@ use glam::{Mat4, Vec3, Vec4};
 use super::{Axes, Bounds};
 use ostra_cloud::fuse::Votes;
 use ostra_masks::{LabelId, LabelTree};
+use ostra_core::image::blend;
 
 /// How a scene is drawn, by the graphics card ([`super::SceneView`]) or the processor ([`super::draw_cloud`],
 /// [`super::draw_mesh`]). Both depend on nothing else, so that one test can compare their images.
@@ -149,7 +150,7 @@ pub fn ramp(share: f32) -> [u8; 3] {
     let at = share.clamp(0.0, 1.0) * 4.0;
     let low = (at as usize).min(3);
     let t = at - low as f32;
-    std::array::from_fn(|c| (STOPS[low][c] * (1.0 - t) + STOPS[low + 1][c] * t) as u8)
+    std::array::from_fn(|c| blend(STOPS[low][c], STOPS[low + 1][c], t) as u8)
 }
 
 /// The part of space that is drawn and picked: all of it, or the inside of a box.

@@ -30,6 +30,9 @@ const IMPURE: &[&str] = &[
     "std::time",
     "Instant",
     "image::",
+    "ostra_core::disk",
+    "ostra_core::job",
+    "ostra_core::programs",
 ];
 
 /// The part of geometry that shares rayon's pool; its result is the same for any number of threads.

@@ -3,7 +3,7 @@ use rayon::prelude::*;
 use rustc_hash::FxHashSet;
 
 use super::views::{Views, nearest_corner, pixel_footprint, two_digits};
-use super::visibility::View;
+use super::visibility::posed_view;
 use super::voxel_map::{AXIS_SHIFTS, Cell, cell_key};
 use crate::SceneError;
 use ostra_core::job::Progress;
@@ -151,7 +151,7 @@ struct CellGrid {
 impl CellGrid {
     /// The cells in which a frame sees something, each once, in order.
     fn keys(&self, views: &dyn Views, index: usize) -> Result<Vec<u64>, SceneError> {
-        let (Some(view), Some(depth)) = (View::new(&views.frames()[index])?, views.depth(index)?)
+        let (Some(view), Some(depth)) = (posed_view(&views.frames()[index])?, views.depth(index)?)
         else {
             return Ok(Vec::new());
         };

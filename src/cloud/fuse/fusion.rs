@@ -8,7 +8,7 @@ use super::coverage::Coverage;
 use super::fused::{ChosenVoxel, FuseReport, Fused, finish, labelled, naming};
 use super::lift::{Lift, LiftCount, Rays};
 use super::views::{Views, check_size, nearest_corner, readable, two_digits};
-use super::visibility::{Tolerance, View, measured_tolerance};
+use super::visibility::{measured_tolerance, posed_view};
 use super::vote::{SeenPoints, VoteOptions, vote};
 use super::voxel_grid::{Grid, GridPoints};
 use crate::points::{OutlierOptions, outliers};
@@ -16,6 +16,7 @@ use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_frames::{DepthMap, Image};
 use ostra_masks::LabelTree;
+use ostra_geometry::{DepthTolerance, PosedCamera};
 
 /// How frames become a labelled cloud.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -103,7 +104,7 @@ pub fn fuse(
         None => measured_tolerance(&points.positions, views, &usable, report.voxel)?,
     };
     let vote_options = VoteOptions {
-        tolerance: Tolerance {
+        tolerance: DepthTolerance {
             absolute: report.voxel,
             relative: report.depth_tolerance,
         },
@@ -249,7 +250,7 @@ fn make_points(
         if current.is_none() {
             unreadable.push(views.frames()[index].name.as_str());
         }
-        let Some(view) = View::new(&views.frames()[index])? else {
+        let Some(view) = posed_view(&views.frames()[index])? else {
             continue;
         };
         let (added, loaded) = rayon::join(
@@ -301,7 +302,7 @@ fn make_points(
 fn add_frame(
     grid: &mut Grid,
     rays: &mut Option<Rays>,
-    view: &View,
+    view: &PosedCamera,
     (image, depth): &Pixels,
     options: &FuseOptions,
     progress: &Progress,

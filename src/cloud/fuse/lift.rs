@@ -1,9 +1,8 @@
 use glam::{DVec3, Mat3, Vec3};
 
-use super::visibility::View;
 use super::voxel_map::{Cell, Sample, cell_key, shard_of};
 use ostra_frames::{DepthMap, Image};
-use ostra_geometry::Camera;
+use ostra_geometry::{Camera, PosedCamera};
 
 /// Distance in pixels to the neighbours whose depths give the normal: wide enough to stand above a sensor's steps.
 const NORMAL_REACH: isize = 2;
@@ -67,7 +66,7 @@ pub(super) struct LiftCount {
 
 impl<'a> Lift<'a> {
     pub(super) fn new(
-        view: &View,
+        view: &PosedCamera,
         rays: &'a Rays,
         image: &'a Image,
         depth: &'a DepthMap,

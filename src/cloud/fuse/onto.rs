@@ -2,12 +2,13 @@ use serde::{Deserialize, Serialize};
 
 use super::fused::{FuseReport, Fused, finish, labelled, naming};
 use super::views::Views;
-use super::visibility::{Tolerance, measured_tolerance};
+use super::visibility::measured_tolerance;
 use super::vote::{SeenPoints, VoteOptions, vote};
 use crate::points::spacing;
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::LabelTree;
+use ostra_geometry::DepthTolerance;
 
 /// How masks vote on the points of a given cloud.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -100,7 +101,7 @@ pub fn vote_seen(
         None => measured_tolerance(&cloud.positions, views, &with_depth, 2.0 * spacing)?,
     };
     let vote_options = VoteOptions {
-        tolerance: Tolerance {
+        tolerance: DepthTolerance {
             absolute: 2.0 * spacing,
             relative: report.depth_tolerance,
         },

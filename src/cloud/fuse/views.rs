@@ -7,6 +7,7 @@ use glam::DVec3;
 use crate::SceneError;
 use ostra_frames::{DepthMap, Frame, FrameError, FrameStore, Image};
 use ostra_masks::{LabelId, LabelMask};
+use ostra_core::statistics::upper_median;
 
 /// Where fusion takes its frames from: a project's ([`ProjectViews`]), or depths that a reconstruction holds in memory.
 pub trait Views: Sync {
@@ -117,7 +118,7 @@ pub(super) fn check_size(
 }
 
 /// The smallest coordinates of any camera: near the scene wherever that lies, and the same in any order of frames.
-pub(super) fn nearest_corner(views: &dyn Views, usable: &[usize]) -> DVec3 {
+pub(crate) fn nearest_corner(views: &dyn Views, usable: &[usize]) -> DVec3 {
     let centres = usable
         .iter()
         .filter_map(|&index| Some(views.frames()[index].posed_camera()?.1.centre()));
@@ -161,16 +162,8 @@ pub fn pixel_footprint(views: &dyn Views, usable: &[usize]) -> Result<Option<f64
         }
     }
     let enough = labelled.len() >= ENOUGH_LABELLED;
-    Ok(median(if enough { labelled } else { all }).map(two_digits))
-}
-
-fn median(mut values: Vec<f32>) -> Option<f64> {
-    if values.is_empty() {
-        return None;
-    }
-    let middle = values.len() / 2;
-    let (_, median, _) = values.select_nth_unstable_by(middle, f32::total_cmp);
-    Some(f64::from(*median))
+    let footprints = if enough { &mut labelled } else { &mut all };
+    Ok(upper_median(footprints).map(f64::from).map(two_digits))
 }
 
 pub(super) fn two_digits(value: f64) -> f64 {

@@ -1,25 +1,16 @@
 //! Which points a frame sees: projection, depth tolerance, and depth splatted from points.
 
-use glam::{DMat3, DVec2, DVec3, Vec3};
+use glam::{DVec2, Vec3};
 
 use super::views::{Views, check_size};
 use crate::SceneError;
+use ostra_core::statistics::quantile;
 use ostra_frames::{DepthMap, Frame};
-use ostra_geometry::{Camera, Distortion};
+use ostra_geometry::{DepthTolerance, PosedCamera, Projection};
 
-/// A posed camera made ready to project many points.
+/// Where a point falls in an image.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct View {
-    pub(super) camera: Camera,
-    /// Rotation of `camera_from_world`.
-    pub(super) rotation: DMat3,
-    /// Translation of `camera_from_world`.
-    pub(super) translation: DVec3,
-}
-
-/// Where a point falls in a picture.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Projection {
+pub(super) struct PixelProjection {
     /// Position in pixels.
     at_px: DVec2,
     /// Column of the pixel that holds it.
@@ -30,84 +21,32 @@ pub(super) struct Projection {
     depth: f64,
 }
 
-impl View {
-    /// The frame's view; `None` when its camera or pose is not known.
-    pub(super) fn new(frame: &Frame) -> Result<Option<Self>, SceneError> {
-        let Some((camera, pose)) = frame.posed_camera() else {
-            return Ok(None);
-        };
-        check_size(frame, "camera", camera.width, camera.height)?;
-        let rotation = DMat3::from_quat(pose.rotation);
-        Ok(Some(Self {
-            camera: *camera,
-            rotation,
-            translation: pose.translation,
-        }))
-    }
-
-    /// The camera's place in the world.
-    pub(super) fn centre(&self) -> DVec3 {
-        self.rotation.transpose() * -self.translation
-    }
-
-    /// Projects a point of the world; `None` behind the camera or outside the picture.
-    pub(super) fn project(&self, x_in_world: Vec3) -> Option<Projection> {
-        let x_in_camera = self.rotation * x_in_world.as_dvec3() + self.translation;
-        let at_px = if matches!(self.camera.distortion, Distortion::None) {
-            if x_in_camera.z <= 0.0 {
-                return None;
-            }
-            x_in_camera.truncate() / x_in_camera.z * self.camera.focal_px + self.camera.principal_px
-        } else {
-            self.camera.project(x_in_camera)?
-        };
-        let inside = at_px.x >= 0.0
-            && at_px.y >= 0.0
-            && at_px.x < f64::from(self.camera.width)
-            && at_px.y < f64::from(self.camera.height);
-        inside.then_some(Projection {
-            at_px,
-            x: at_px.x as u32,
-            y: at_px.y as u32,
-            depth: x_in_camera.z,
-        })
-    }
-
-    /// Whether a ball may show in the picture. For lenses with distortion only what lies behind is excluded.
-    pub(super) fn may_see(&self, centre: DVec3, radius: f64) -> bool {
-        let c = self.rotation * centre + self.translation;
-        if c.z + radius <= 0.0 {
-            return false;
-        }
-        if !matches!(self.camera.distortion, Distortion::None) {
-            return true;
-        }
-        let (focal, principal) = (self.camera.focal_px, self.camera.principal_px);
-        let size = DVec2::new(f64::from(self.camera.width), f64::from(self.camera.height));
-        // The four sides of the viewing pyramid as planes through the camera, normals inwards.
-        let inside = |lateral: f64, focal: f64, towards: f64| {
-            (focal * lateral + towards * c.z) / focal.hypot(towards) > -radius
-        };
-        inside(c.x, focal.x, principal.x)
-            && inside(-c.x, focal.x, size.x - principal.x)
-            && inside(c.y, focal.y, principal.y)
-            && inside(-c.y, focal.y, size.y - principal.y)
-    }
+/// The frame's camera at its pose; `None` when one of them is not known.
+///
+/// # Errors
+/// When the camera is of another size than the frame's image.
+pub(super) fn posed_view(frame: &Frame) -> Result<Option<PosedCamera>, SceneError> {
+    let Some((camera, pose)) = frame.posed_camera() else {
+        return Ok(None);
+    };
+    check_size(frame, "camera", camera.width, camera.height)?;
+    Ok(Some(PosedCamera::new(camera, pose)))
 }
 
-/// How far a point's depth may be from the depth map's at the same pixel for the point to be seen there.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Tolerance {
-    /// In world units.
-    pub(super) absolute: f64,
-    /// As a share of the depth.
-    pub(super) relative: f64,
-}
-
-impl Tolerance {
-    fn at(self, depth: f64) -> f64 {
-        self.absolute + self.relative * depth
-    }
+/// Projects a point of the world; `None` behind the camera or outside the image.
+#[inline]
+pub(super) fn project_inside(view: &PosedCamera, x_in_world: Vec3) -> Option<PixelProjection> {
+    let Projection { at_px, depth } = view.project(x_in_world.as_dvec3())?;
+    let inside = at_px.x >= 0.0
+        && at_px.y >= 0.0
+        && at_px.x < f64::from(view.camera.width)
+        && at_px.y < f64::from(view.camera.height);
+    inside.then_some(PixelProjection {
+        at_px,
+        x: at_px.x as u32,
+        y: at_px.y as u32,
+        depth,
+    })
 }
 
 /// The pixel in which a depth map sees a point, if any.
@@ -117,8 +56,8 @@ impl Tolerance {
 /// the part from every view. Where the pixel's depth is before the point, something hides it.
 pub(super) fn seen_at(
     depth: &DepthMap,
-    point: &Projection,
-    tolerance: Tolerance,
+    point: &PixelProjection,
+    tolerance: DepthTolerance,
 ) -> Option<(u32, u32)> {
     let allowed = tolerance.at(point.depth);
     // Unknown depth is 0 and never agrees.
@@ -173,12 +112,12 @@ pub(super) fn measured_tolerance(
 ) -> Result<f64, SceneError> {
     let mut differences: Vec<f64> = Vec::new();
     for &index in frames.iter().step_by(frames.len().div_ceil(FRAMES).max(1)) {
-        let (Some(view), Some(depth)) = (View::new(&views.frames()[index])?, views.depth(index)?)
+        let (Some(view), Some(depth)) = (posed_view(&views.frames()[index])?, views.depth(index)?)
         else {
             continue;
         };
         for &point in points.iter().step_by(points.len().div_ceil(POINTS).max(1)) {
-            let Some(at) = view.project(point) else {
+            let Some(at) = project_inside(&view, point) else {
                 continue;
             };
             let there = depth
@@ -196,14 +135,13 @@ pub(super) fn measured_tolerance(
     if differences.len() < 100 {
         return Ok(UNKNOWN);
     }
-    let place = (QUANTILE * differences.len() as f64) as usize;
-    let (_, share, _) = differences.select_nth_unstable_by(place, f64::total_cmp);
-    Ok(share.clamp(RANGE[0], RANGE[1]))
+    let share = quantile(&mut differences, QUANTILE);
+    Ok(share.map_or(UNKNOWN, |share| share.clamp(RANGE[0], RANGE[1])))
 }
 
 /// The depth map that a cloud would give in a view: every point as a disc of `radius` world units that faces the camera,
 /// the nearest wins. It hides the far side of a surface where a frame has no depth of its own.
-pub(super) fn splat_depth(points: &[Vec3], view: &View, radius: f64) -> DepthMap {
+pub(super) fn splat_depth(points: &[Vec3], view: &PosedCamera, radius: f64) -> DepthMap {
     let (width, height) = (view.camera.width, view.camera.height);
     let mut map = DepthMap {
         width,
@@ -212,7 +150,7 @@ pub(super) fn splat_depth(points: &[Vec3], view: &View, radius: f64) -> DepthMap
     };
     let focal = view.camera.focal_px.max_element();
     for &point in points {
-        let Some(at) = view.project(point) else {
+        let Some(at) = project_inside(view, point) else {
             continue;
         };
         draw_disc(
@@ -253,7 +191,7 @@ fn draw_disc(map: &mut DepthMap, at_px: DVec2, radius: f64, depth: f32) {
 mod tests {
     use super::*;
 
-    const TOLERANCE: Tolerance = Tolerance {
+    const TOLERANCE: DepthTolerance = DepthTolerance {
         absolute: 0.0,
         relative: 0.01,
     };
@@ -271,8 +209,8 @@ mod tests {
         }
     }
 
-    fn at(x: f64, y: f64, depth: f64) -> Projection {
-        Projection {
+    fn at(x: f64, y: f64, depth: f64) -> PixelProjection {
+        PixelProjection {
             at_px: glam::DVec2::new(x, y),
             x: x as u32,
             y: y as u32,

@@ -9,12 +9,13 @@ use rayon::prelude::*;
 use super::majority::{Ballots, Histograms};
 use super::pairs::{CHUNK, Pair, PairWriter};
 use super::views::{Views, check_size};
-use super::visibility::{Tolerance, View, seen_at, splat_depth};
+use super::visibility::{posed_view, project_inside, seen_at, splat_depth};
 use super::votes::{FramePairs, Votes, joined};
 use crate::SceneError;
 use ostra_core::job::Progress;
 use ostra_frames::DepthMap;
 use ostra_masks::LabelMask;
+use ostra_geometry::{DepthTolerance, PosedCamera};
 
 /// A pixel that is known to see a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,7 +38,7 @@ const SLANT_PX: f64 = 1.5;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct VoteOptions {
     /// Depths of frames against points.
-    pub(super) tolerance: Tolerance,
+    pub(super) tolerance: DepthTolerance,
     /// Radius of a point where frames have no depth and the points themselves hide each other.
     pub(super) radius: f64,
     pub(super) min_confidence: f32,
@@ -56,9 +57,9 @@ struct Voting<'a> {
 enum Sight<'a> {
     /// Points are projected and compared with its depth.
     Depth {
-        view: Box<View>,
+        view: Box<PosedCamera>,
         depth: Arc<DepthMap>,
-        tolerance: Tolerance,
+        tolerance: DepthTolerance,
     },
     /// It is known, by rising point.
     Known(&'a [SeenPoint]),
@@ -187,7 +188,7 @@ impl Sight<'_> {
         options: &VoteOptions,
     ) -> Result<Self, SceneError> {
         let frame = &views.frames()[index];
-        let view = View::new(frame)?.ok_or_else(|| {
+        let view = posed_view(frame)?.ok_or_else(|| {
             SceneError::Request(format!("frame '{}' has no camera; give it one", frame.name))
         })?;
         if let Some(depth) = views.depth(index)? {
@@ -201,7 +202,7 @@ impl Sight<'_> {
         let splat = splat_depth(points, &view, options.radius);
         // On a slanted surface the depth changes from one pixel to the next by about what a pixel covers.
         let slope = SLANT_PX / view.camera.focal_px.max_element();
-        let tolerance = Tolerance {
+        let tolerance = DepthTolerance {
             absolute: 2.0 * options.radius,
             relative: slope,
         };
@@ -253,7 +254,7 @@ impl<'a> Chunk<'a> {
                 tolerance,
             } if view.may_see(self.centre, self.radius) => {
                 for (point, &position) in (0..).zip(self.points) {
-                    let Some(at) = view.project(position) else {
+                    let Some(at) = project_inside(view, position) else {
                         continue;
                     };
                     let Some(pixel) = seen_at(depth, &at, *tolerance) else {

@@ -17,7 +17,7 @@ pub(super) const FRACTION: f32 = 4096.0;
 const NORMAL_STEPS: f32 = 1024.0;
 
 /// Voxels from the origin in each direction that the grid reaches.
-const REACH: i32 = 1 << 20;
+pub(crate) const GRID_REACH: i32 = 1 << 20;
 
 /// Where the indices along x, y and z begin in a key.
 pub(super) const AXIS_SHIFTS: [u32; 3] = [42, 21, 0];
@@ -52,7 +52,7 @@ pub(super) struct Voxel {
 impl Cell {
     /// The cell that holds a point in grid units; `None` beyond the grid.
     pub(super) fn holding(in_grid: Vec3) -> Option<Self> {
-        if !in_grid.abs().cmplt(Vec3::splat(REACH as f32 - 1.0)).all() {
+        if !in_grid.abs().cmplt(Vec3::splat(GRID_REACH as f32 - 1.0)).all() {
             return None;
         }
         // Rounding down by hand: without the processor's own instruction `floor` is a call for every number.
@@ -83,7 +83,7 @@ impl Sample {
 pub(super) fn cell_key(index: [i32; 3]) -> u64 {
     index
         .iter()
-        .fold(0, |key, &i| key << 21 | (i + REACH) as u64)
+        .fold(0, |key, &i| key << 21 | (i + GRID_REACH) as u64)
 }
 
 impl Voxel {
@@ -93,7 +93,7 @@ impl Voxel {
 }
 
 pub(super) fn cell_index(key: u64) -> DVec3 {
-    DVec3::from_array(AXIS_SHIFTS.map(|shift| f64::from((key >> shift & 0x1F_FFFF) as i32 - REACH)))
+    DVec3::from_array(AXIS_SHIFTS.map(|shift| f64::from((key >> shift & 0x1F_FFFF) as i32 - GRID_REACH)))
 }
 
 /// Parts of the grid that are filled side by side.

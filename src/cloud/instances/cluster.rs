@@ -13,6 +13,7 @@ use crate::fuse::Votes;
 use crate::points::spacing;
 use ostra_core::job::Progress;
 use ostra_masks::{LabelId, LabelMask, Region};
+use ostra_core::union_find::DisjointSets;
 
 /// When points of a label are one instance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -126,8 +127,8 @@ fn cores(
 }
 
 /// The sets of points with enough neighbours that are linked.
-fn linked(cells: &Cells<'_>, is_core: &[bool], progress: &Progress) -> Result<Sets, SceneError> {
-    let mut sets = Sets::new(is_core.len());
+fn linked(cells: &Cells<'_>, is_core: &[bool], progress: &Progress) -> Result<DisjointSets, SceneError> {
+    let mut sets = DisjointSets::new(is_core.len());
     for k in (0..is_core.len()).filter(|&k| is_core[k]) {
         if k.is_multiple_of(CHUNK) {
             progress.step(k, is_core.len())?;
@@ -225,34 +226,6 @@ fn by_place(a: Vec3, b: Vec3) -> Ordering {
     a.x.total_cmp(&b.x)
         .then(a.y.total_cmp(&b.y))
         .then(a.z.total_cmp(&b.z))
-}
-
-/// Disjoint sets with path halving (Tarjan, van Leeuwen, "Worst-case analysis of set union algorithms", Journal of the
-/// ACM 1984); the smallest member is the root.
-struct Sets {
-    parents: Vec<u32>,
-}
-
-impl Sets {
-    fn new(count: usize) -> Self {
-        Self {
-            parents: (0..count as u32).collect(),
-        }
-    }
-
-    fn root(&mut self, mut of: u32) -> u32 {
-        while self.parents[of as usize] != of {
-            let above = self.parents[self.parents[of as usize] as usize];
-            self.parents[of as usize] = above;
-            of = above;
-        }
-        of
-    }
-
-    fn unite(&mut self, a: u32, b: u32) {
-        let (a, b) = (self.root(a), self.root(b));
-        self.parents[a.max(b) as usize] = a.min(b);
-    }
 }
 
 /// Points in cubic cells as wide as the radius within which neighbours are looked for.

@@ -1,6 +1,8 @@
 use glam::{DVec2, DVec3};
 use nalgebra::{Matrix4, Vector4};
 
+use ostra_core::statistics::upper_median;
+
 /// A straight axis: a place on it and its unit direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Axis {
@@ -65,11 +67,10 @@ impl Axis {
             })
             .collect();
         let mut distances: Vec<f64> = rows.iter().map(|row| row.2.abs()).collect();
-        distances.sort_by(f64::total_cmp);
         if distances.len() < LEAST_POINTS {
             return None;
         }
-        let limit = 2.5 * distances[distances.len() / 2] + 1e-12;
+        let limit = 2.5 * upper_median(&mut distances)? + 1e-12;
         let (mut normal, mut right) = (Matrix4::<f64>::zeros(), Vector4::<f64>::zeros());
         for (away, share, distance) in rows.into_iter().filter(|row| row.2.abs() <= limit) {
             let row = Vector4::new(away.x, away.y, share * away.x, share * away.y);

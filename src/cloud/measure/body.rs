@@ -8,6 +8,7 @@ use super::section::{Section, sections};
 use super::trait_table::Dimension::Length;
 use super::trait_table::Trait;
 use ostra_core::job::{Progress, Stopped};
+use ostra_core::statistics::{nth_smallest, upper_median};
 
 /// One instance of a label: points that hang together.
 #[derive(Debug, Clone)]
@@ -148,8 +149,8 @@ const MOST: f64 = 0.6;
 fn shape(points: &[DVec3], curve: &MedialCurve, spacing: f64) -> Shape {
     let length = curve.length();
     let mut distances: Vec<f64> = points.iter().map(|&x| curve.nearest(x).distance).collect();
-    distances.sort_by(f64::total_cmp);
-    let widest = 1.6 * distances[distances.len() * 95 / 100] + spacing;
+    let place = distances.len() * 95 / 100;
+    let widest = 1.6 * nth_smallest(&mut distances, place).unwrap_or(0.0) + spacing;
     let sections = sections(points, curve, (4.0 * spacing).max(length / 80.0), widest);
     let (mut round, mut sheet) = (Vec::new(), Vec::new());
     for section in &sections {
@@ -270,8 +271,7 @@ fn is_cut_off(body: &Body, end: &End) -> bool {
             .filter(|x| x.distance(end.x) < 2.5 * end.diameter)
             .filter(in_slab);
         let mut distances: Vec<f64> = near.map(|&x| curve.nearest(x).distance).collect();
-        distances.sort_by(f64::total_cmp);
-        (distances.len() >= LEAST_POINTS).then(|| distances[distances.len() / 2])
+        upper_median(&mut distances).filter(|_| distances.len() >= LEAST_POINTS)
     };
     let (last, next) = (
         breadth(f64::NEG_INFINITY..1.0 / 3.0),

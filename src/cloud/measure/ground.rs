@@ -10,6 +10,7 @@ use super::trait_table::Trait;
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::LabelId;
+use ostra_core::statistics::quantile;
 
 /// The plane above which heights are measured.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -176,8 +177,7 @@ impl Ground {
 
     fn carries(&self, points: &[DVec3], extent: f64) -> bool {
         let mut heights: Vec<f64> = points.iter().map(|&x| self.height(x)).collect();
-        heights.sort_by(f64::total_cmp);
-        let Some(&lowest) = heights.get(((1.0 - ABOVE) * heights.len() as f64) as usize) else {
+        let Some(lowest) = quantile(&mut heights, 1.0 - ABOVE) else {
             return false;
         };
         (-TOLERANCE * extent..=STANDS * extent).contains(&lowest)

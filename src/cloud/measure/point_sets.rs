@@ -3,6 +3,8 @@
 use glam::{DVec3, IVec3};
 use rustc_hash::FxHashMap;
 
+use ostra_core::statistics::{trimmed_range, upper_median};
+
 /// Points in cubic cells, for finding neighbours within about one cell's side.
 pub(super) struct Grid<'a> {
     points: &'a [DVec3],
@@ -63,8 +65,7 @@ pub(super) fn median_spacing(points: &[DVec3]) -> f64 {
             })
             .collect();
         if 2 * nearest.len() > sample().count() {
-            nearest.sort_by(f64::total_cmp);
-            return nearest[nearest.len() / 2];
+            return upper_median(&mut nearest).unwrap_or(0.0);
         }
         cell *= 2.0;
     }
@@ -75,9 +76,8 @@ pub(super) fn median_spacing(points: &[DVec3]) -> f64 {
 pub(super) fn core_extent(points: &[DVec3]) -> Option<f64> {
     let extent_along = |axis: usize| {
         let mut values: Vec<f64> = points.iter().map(|x| x[axis]).collect();
-        values.sort_by(f64::total_cmp);
         let margin = values.len() / 50;
-        Some(values.get(values.len().checked_sub(1 + margin)?)? - values.get(margin)?)
+        trimmed_range(&mut values, margin).map(|[low, high]| high - low)
     };
     (0..3)
         .filter_map(extent_along)

@@ -2,6 +2,7 @@ use glam::{DVec2, DVec3};
 
 use super::medial::MedialCurve;
 use super::point_sets::Grid;
+use ostra_core::statistics::upper_median;
 
 /// What a cross-section of a body looks like.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -148,8 +149,7 @@ impl Circle {
 fn robust_circle(points: &[DVec2]) -> Option<Circle> {
     let first = taubin_circle(points)?;
     let mut residuals: Vec<f64> = points.iter().map(|&x| first.residual(x)).collect();
-    residuals.sort_by(f64::total_cmp);
-    let limit = 2.5 * residuals[residuals.len() / 2] + 1e-12;
+    let limit = 2.5 * upper_median(&mut residuals)? + 1e-12;
     let near: Vec<DVec2> = points
         .iter()
         .copied()

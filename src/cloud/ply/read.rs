@@ -14,6 +14,7 @@ use crate::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_core::disk;
 use ostra_core::job::Progress;
 use ostra_masks::LabelId;
+use ostra_core::statistics::upper_median;
 
 /// Points between two looks at the stop sign.
 const STRIDE: usize = 1 << 16;
@@ -249,12 +250,11 @@ impl Builder {
     fn choose_origin(&mut self) {
         let median = |axis: usize| {
             let mut along: Vec<f64> = self.first.iter().map(|at| at[axis]).collect();
-            let middle = along.len() / 2;
-            *along.select_nth_unstable_by(middle, f64::total_cmp).1
+            upper_median(&mut along)
         };
         let is_far = |at: DVec3| self.is_exact && at.abs().max_element() >= FAR;
-        let median = (!self.first.is_empty()).then(|| DVec3::from_array([0, 1, 2].map(median)));
-        let shift = median
+        let median = || Some(DVec3::new(median(0)?, median(1)?, median(2)?));
+        let shift = median()
             .filter(|&at| is_far(at))
             .map_or(DVec3::ZERO, |at| (at / ORIGIN_STEP).round() * ORIGIN_STEP);
         // Adding zero turns -0 into 0.

@@ -1,12 +1,12 @@
 //! An eye, and the points that it sees.
 
-use glam::{DMat3, DVec2, DVec3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::SceneError;
 use ostra_frames::Frame;
-use ostra_geometry::{Camera, Pose};
+use ostra_geometry::{Camera, Pose, PosedCamera, Projection};
 use ostra_masks::Region;
 
 /// Where a cloud is seen from.
@@ -24,15 +24,8 @@ pub enum Eye {
     },
 }
 
-/// An eye made ready to project many points.
-pub(super) struct Sight {
-    pub(super) camera: Camera,
-    rotation: DMat3,
-    translation: DVec3,
-}
-
 impl Eye {
-    pub(super) fn sight(&self, frames: &[Frame]) -> Result<Sight, SceneError> {
+    pub(super) fn sight(&self, frames: &[Frame]) -> Result<PosedCamera, SceneError> {
         let (camera, pose) = match self {
             Self::Frame(number) => {
                 let refuse = |why: &str| {
@@ -48,24 +41,7 @@ impl Eye {
                 camera_from_world,
             } => (camera, camera_from_world),
         };
-        Ok(Sight {
-            camera: *camera,
-            rotation: DMat3::from_quat(pose.rotation),
-            translation: pose.translation,
-        })
-    }
-}
-
-impl Sight {
-    /// Pixel position and depth of a point, also beyond the picture; `None` behind the camera.
-    fn project(&self, x_in_world: Vec3) -> Option<(DVec2, f64)> {
-        let x_in_camera = self.rotation * x_in_world.as_dvec3() + self.translation;
-        Some((self.camera.project(x_in_camera)?, x_in_camera.z))
-    }
-
-    /// What a pixel covers at a depth, world units.
-    fn footprint(&self, depth: f64) -> f64 {
-        depth / self.camera.focal_px.max_element()
+        Ok(PosedCamera::new(camera, pose))
     }
 }
 
@@ -104,7 +80,7 @@ struct Part {
 pub(super) fn seen_in(
     points: &[Vec3],
     spacing: f64,
-    sight: &Sight,
+    sight: &PosedCamera,
     region: &Region,
     is_drawn: impl Fn(usize) -> bool + Sync,
 ) -> Vec<u32> {
@@ -131,12 +107,12 @@ pub(super) fn seen_in(
 fn discs(
     points: &[Vec3],
     spacing: f64,
-    sight: &Sight,
+    sight: &PosedCamera,
     part: &Part,
     is_drawn: impl Fn(usize) -> bool + Sync,
 ) -> Vec<Disc> {
     let disc = |(point, &position): (usize, &Vec3)| {
-        let (at_px, depth) = sight.project(position)?;
+        let Projection { at_px, depth } = sight.project(position.as_dvec3())?;
         let radius = (DISC * spacing / sight.footprint(depth)).clamp(SMALLEST_PX, LARGEST_PX);
         let (x, y) = (at_px.x - part.left as f64, at_px.y - part.top as f64);
         let touches = x > -radius

@@ -1,14 +1,14 @@
 //! From frames to a mesh: integration, extraction, and the pieces that are kept.
 
-use glam::DVec3;
-
 use super::extract::Raw;
 use super::measured::{Measured, Pixel};
 use super::sparse_volume::{Volume, VolumeOptions};
-use crate::fuse::{Views, readable};
+use crate::fuse::{Views, nearest_corner, readable};
 use crate::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::LabelId;
+use ostra_core::statistics::upper_median;
+use ostra_core::union_find::DisjointSets;
 
 /// A surface, and what it took.
 #[derive(Debug, Clone, PartialEq)]
@@ -114,13 +114,6 @@ fn check(options: &VolumeOptions) -> Result<(), SceneError> {
     Ok(())
 }
 
-fn nearest_corner(views: &dyn Views, usable: &[usize]) -> DVec3 {
-    let centres = usable
-        .iter()
-        .filter_map(|&index| Some(views.frames()[index].posed_camera()?.1.centre()));
-    centres.reduce(DVec3::min).unwrap_or_default()
-}
-
 /// A frame as the volume takes it; `pixels` lends the memory of an earlier one.
 fn load(
     views: &dyn Views,
@@ -175,13 +168,15 @@ impl Raw {
     /// For each triangle, whether the connected piece that it belongs to has at least `least` of them or, if that counts, was
     /// seen well.
     fn in_true_pieces(&self, least: usize, keep_well_seen: bool) -> Vec<bool> {
-        let mut parent: Vec<u32> = (0..self.positions.len() as u32).collect();
+        let mut sets = DisjointSets::new(self.positions.len());
         for &[a, b, c] in &self.triangles {
-            join(&mut parent, a, b);
-            join(&mut parent, b, c);
+            sets.unite(a, b);
+            sets.unite(b, c);
         }
-        let roots: Vec<usize> = (0..parent.len() as u32)
-            .map(|vertex| root(&mut parent, vertex) as usize)
+        let roots: Vec<usize> = sets
+            .into_roots()
+            .into_iter()
+            .map(|root| root as usize)
             .collect();
         let (mut sizes, mut best) = (vec![0usize; roots.len()], vec![0f32; roots.len()]);
         self.triangles
@@ -195,35 +190,14 @@ impl Raw {
             .iter()
             .zip(&self.weights)
             .filter(|&(&root, _)| sizes[root] >= least);
-        let enough = WELL_SEEN.max(AS_WELL * median(of_large.map(|(_, &weight)| weight).collect()));
+        let mut weights: Vec<f32> = of_large.map(|(_, &weight)| weight).collect();
+        let enough = WELL_SEEN.max(AS_WELL * upper_median(&mut weights).unwrap_or(0.0));
         let is_true = |triangle: &[u32; 3]| {
             let root = roots[triangle[0] as usize];
             sizes[root] >= least || keep_well_seen && best[root] >= enough
         };
         self.triangles.iter().map(is_true).collect()
     }
-}
-
-fn median(mut values: Vec<f32>) -> f32 {
-    let middle = values.len() / 2;
-    if values.is_empty() {
-        0.0
-    } else {
-        *values.select_nth_unstable_by(middle, f32::total_cmp).1
-    }
-}
-
-fn root(parent: &mut [u32], mut at: u32) -> u32 {
-    while parent[at as usize] != at {
-        parent[at as usize] = parent[parent[at as usize] as usize];
-        at = parent[at as usize];
-    }
-    at
-}
-
-fn join(parent: &mut [u32], a: u32, b: u32) {
-    let (a, b) = (root(parent, a), root(parent, b));
-    parent[a.max(b) as usize] = a.min(b);
 }
 
 #[cfg(test)]

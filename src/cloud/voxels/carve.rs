@@ -4,7 +4,7 @@ use glam::{DVec3, IVec3, Vec3};
 use rayon::prelude::*;
 
 use super::bits::Bits;
-use crate::fuse::Views;
+use crate::fuse::{GRID_REACH, Views};
 use crate::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_core::job::Progress;
 use ostra_frames::DepthMap;
@@ -13,7 +13,7 @@ use ostra_geometry::{Camera, Pose};
 /// Memory that each set of cells may take.
 const MOST_BYTES: usize = 128 << 20;
 /// Cells along an axis that a box can have.
-const REACH: f64 = (1 << 20) as f64;
+const REACH: f64 = GRID_REACH as f64;
 
 /// The cells of a regular grid around voxels, one more on every side, and which of them a surface goes through.
 pub(super) struct Walls {

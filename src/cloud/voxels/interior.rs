@@ -7,6 +7,7 @@ use crate::fuse::Views;
 use crate::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::LabelId;
+use ostra_core::union_find::DisjointSets;
 
 /// Voxels that may be added.
 const MOST_ADDED: usize = 1 << 24;
@@ -109,41 +110,32 @@ fn inside(walls: &Walls, views: &dyn Views, progress: &Progress) -> Result<Vec<u
 
 /// Those of the cells, rising, whose connected piece meets walls and hardly any space that was seen empty.
 fn covered(walls: &Walls, free: &Bits, cells: &[u64]) -> Vec<u64> {
-    let mut parent: Vec<u32> = (0..cells.len() as u32).collect();
+    let mut sets = DisjointSets::new(cells.len());
     for (at, &number) in (0..).zip(cells) {
         for next in walls
             .steps()
             .into_iter()
             .filter_map(|step| cells.binary_search(&(number + step)).ok())
         {
-            let (a, b) = (root(&mut parent, at), root(&mut parent, next as u32));
-            parent[a.max(b) as usize] = a.min(b);
+            sets.unite(at, next as u32);
         }
     }
     let mut faces = vec![[0usize; 2]; cells.len()];
     for (at, &number) in (0..).zip(cells) {
-        let piece = root(&mut parent, at) as usize;
+        let piece = sets.root(at) as usize;
         for next in walls.around(number).map(|next| walls.cell(next)) {
             faces[piece][0] += usize::from(walls.cells.is_set(next));
             faces[piece][1] += usize::from(free.is_set(next));
         }
     }
     let mut is_covered = |at: u32| {
-        let [wall, open] = faces[root(&mut parent, at) as usize];
+        let [wall, open] = faces[sets.root(at) as usize];
         open as f64 <= OPEN * wall as f64
     };
     (0..cells.len() as u32)
         .filter(|&at| is_covered(at))
         .map(|at| cells[at as usize])
         .collect()
-}
-
-fn root(parent: &mut [u32], mut at: u32) -> u32 {
-    while parent[at as usize] != at {
-        parent[at as usize] = parent[parent[at as usize] as usize];
-        at = parent[at as usize];
-    }
-    at
 }
 
 /// For each of these cells the nearest voxel, by steps over their faces; [`NONE`] where no voxel touches their piece.

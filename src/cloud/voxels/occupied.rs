@@ -8,9 +8,10 @@ use rustc_hash::FxHashSet;
 use crate::fuse::{Majority, Votes};
 use crate::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_masks::LabelId;
+use crate::fuse::GRID_REACH;
 
 /// Voxels a side that a grid can have.
-const REACH: f64 = (1 << 20) as f64;
+const REACH: f64 = GRID_REACH as f64;
 
 /// Sums over the points in one voxel.
 #[derive(Default)]

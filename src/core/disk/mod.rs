@@ -1,12 +1,14 @@
 //! Files that are written whole or not at all, and files that are read without waiting for another process.
 
 mod atomic;
+mod bounded;
 mod fault;
 mod in_place;
 mod open;
 mod temporary;
 
 pub use atomic::{AtomicFile, WorkFolder, link, write};
+pub use bounded::{KeptFile, kept_files, mark_used, remove_beyond};
 pub use fault::{fault, read_fault, write_fault};
 pub use in_place::{is_still_at, open_in_place};
 pub use open::{

@@ -9,6 +9,7 @@ use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_frames::FrameCamera;
 use ostra_geometry::Similarity;
+use ostra_core::statistics::upper_median;
 
 /// How a cloud is scored against a true one.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -96,11 +97,12 @@ pub fn score_cloud(
             }
             false => None,
         });
+    let mut distances: Vec<f32> = to_result.iter().map(|&(_, distance)| distance).collect();
     Ok(CloudScore {
         truth_points: truth.cloud.len(),
         result_points: result.len(),
         labels: score_labels(&truth.cloud, taken, &result.tree, &paired),
-        median_distance: median(to_result.iter().map(|&(_, distance)| distance)),
+        median_distance: upper_median(&mut distances).map_or(0.0, f64::from),
         compared_in_depth: has_cameras.then_some(in_depth.len()),
         surface: options
             .within
@@ -176,16 +178,6 @@ fn distances(
         })
         .collect::<Result<_, _>>()?;
     Ok(chunks.concat())
-}
-
-fn median(values: impl Iterator<Item = f32>) -> f64 {
-    let mut values: Vec<f32> = values.collect();
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    let (_, median, _) = values.select_nth_unstable_by(middle, f32::total_cmp);
-    f64::from(*median)
 }
 
 /// How well two surfaces cover each other at one distance.

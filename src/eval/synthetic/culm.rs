@@ -4,6 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::mesh::{Curve, Mesh, smoothstep};
 use super::noise::Dice;
+use ostra_core::statistics::upper_median;
 
 /// A culm's shape: a straight taper with swollen nodes. Every diameter lies within 4–6 mm.
 #[derive(Debug, Clone)]
@@ -45,8 +46,7 @@ impl Culm {
         let mut diameters: Vec<f64> = (0..=400)
             .map(|k| 2.0 * self.radius(self.curve.length_m() * f64::from(k) / 400.0))
             .collect();
-        diameters.sort_by(f64::total_cmp);
-        diameters[200]
+        upper_median(&mut diameters).unwrap_or(0.0)
     }
 
     pub(super) fn mesh(&self) -> Mesh {

@@ -5,9 +5,8 @@ use super::lines::invalid;
 use super::{CameraKey, GivenCameras};
 use crate::error::first_of;
 use crate::{Frame, FrameError, PictureSource};
-
-/// Seconds by which a camera's time may differ from its frame's, as in the TUM benchmark's own tools.
-const NEAR_S: f64 = 0.02;
+use super::tum::TUM_TOLERANCE_S;
+use crate::names::{file_of, without_ending};
 
 impl GivenCameras {
     /// Gives each frame its camera, turned as the frame's picture is: by full name, then by file name alone where that
@@ -161,19 +160,6 @@ fn first_part(name: &str) -> Option<&str> {
     file_of(name).split('.').next()
 }
 
-fn file_of(name: &str) -> &str {
-    name.rsplit('/').next().unwrap_or(name)
-}
-
-/// The name without what follows the last dot of its file.
-fn without_ending(name: &str) -> &str {
-    let file = file_of(name);
-    match file.rfind('.') {
-        Some(dot) if dot > 0 => &name[..name.len() - file.len() + dot],
-        _ => name,
-    }
-}
-
 fn by_name(names: &[&str], frames: &[Frame]) -> Vec<Option<usize>> {
     let mut assigned = vec![None; frames.len()];
     for level in LEVELS {
@@ -275,7 +261,7 @@ fn by_time(times: &[f64], frames: &[Frame]) -> Vec<Option<usize>> {
             .flatten()
             .filter_map(|at| order.get(at).copied());
         near.min_by(|&a, &b| (times[a] - time).abs().total_cmp(&(times[b] - time).abs()))
-            .filter(|&i| (times[i] - time).abs() <= NEAR_S)
+            .filter(|&i| (times[i] - time).abs() <= TUM_TOLERANCE_S)
     };
     frames
         .iter()

@@ -26,6 +26,7 @@ pub use intrinsics_source::{DepthCameraSource, GivenDepthCamera, IntrinsicsSourc
 pub use sparse::{
     SparseKeypoint, SparsePoint, SparsePoints, read_sparse_model, read_sparse_points,
 };
+pub(crate) use tum::TUM_TOLERANCE_S;
 
 #[cfg(test)]
 mod tests;

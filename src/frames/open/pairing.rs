@@ -7,6 +7,8 @@ use super::listing::{Item, Listed};
 use super::request::OpenRequest;
 use crate::FrameError;
 use ostra_core::disk;
+use crate::cameras::TUM_TOLERANCE_S;
+use crate::names::{file_of, without_ending};
 
 /// Words in file names that say what a picture holds, not which one it is.
 const ROLE_WORDS: [&str; 5] = ["color", "colour", "rgb", "image", "depth"];
@@ -107,20 +109,8 @@ fn unique_by_key(
     by_key
 }
 
-/// The name up to the last dot of its last part.
-pub(super) fn without_ending(name: &str) -> &str {
-    let file = name.rfind('/').map_or(0, |slash| slash + 1);
-    name[file..]
-        .rfind('.')
-        .map_or(name, |dot| &name[..file + dot])
-}
-
 fn folder_of(name: &str) -> &str {
     name.rfind('/').map_or("", |slash| &name[..slash])
-}
-
-fn file_of(name: &str) -> &str {
-    name.rfind('/').map_or(name, |slash| &name[slash + 1..])
 }
 
 /// Whether a word of the file name is `depth`.
@@ -218,9 +208,6 @@ fn names(listed: &[Listed]) -> Vec<&str> {
     listed.iter().map(|file| file.name.as_str()).collect()
 }
 
-/// Pictures and depths of a TUM recording farther apart than this, in seconds, do not belong together.
-const MAX_TIME_DIFFERENCE_S: f64 = 0.02;
-
 /// Adds the pairs that `associations.txt` lists (`time path time path` a line, colour or depth first), looked for in
 /// `folders` in order. Returns the file where there is one.
 fn pair_by_associations(
@@ -262,10 +249,10 @@ fn pair_by_time(pairs: &mut Pairs, pictures: &[&str], depths: &[&str]) -> bool {
     by_time.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut candidates = Vec::new();
     for (picture, time) in pictures.iter().enumerate() {
-        let start = by_time.partition_point(|(t, _)| *t < time - MAX_TIME_DIFFERENCE_S);
+        let start = by_time.partition_point(|(t, _)| *t < time - TUM_TOLERANCE_S);
         let near = by_time[start..]
             .iter()
-            .take_while(|(t, _)| *t <= time + MAX_TIME_DIFFERENCE_S);
+            .take_while(|(t, _)| *t <= time + TUM_TOLERANCE_S);
         candidates.extend(near.map(|(t, depth)| ((t - time).abs(), picture, *depth)));
     }
     candidates.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));

@@ -7,6 +7,7 @@ use crate::epipolar::{fundamental_in_pixels, poses_from_essential};
 use crate::pose::nearest_rotation;
 use crate::ransac::{Consensus, Estimator, RansacOptions, consensus};
 use crate::{Camera, Pose};
+use ostra_core::statistics::upper_median;
 
 /// When matches agree, and how long to look for agreement.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -353,11 +354,9 @@ pub(super) fn motion_in_front(essential: DMat3, pairs: &[[DVec2; 2]]) -> Option<
     if 2 * angles.len() < pairs.len() || angles.is_empty() {
         return None;
     }
-    let middle = angles.len() / 2;
-    let (_, parallax, _) = angles.select_nth_unstable_by(middle, f64::total_cmp);
     Some(Motion {
         second_from_first,
-        parallax: *parallax,
+        parallax: upper_median(&mut angles)?,
     })
 }
 

@@ -2,6 +2,7 @@ use super::depth_edges::{DepthEdges, depth_edges, known};
 use crate::unexplained::{Apartness, Unexplained, explained, parts};
 use crate::{LabelMask, Region};
 use ostra_frames::DepthMap;
+use ostra_core::statistics::upper_median;
 
 /// Strength of an edge from which on it parts two surfaces.
 const PARTS: f32 = 0.5;
@@ -71,8 +72,7 @@ fn behind(depth: &DepthMap, part: &Region) -> f32 {
             .collect()
     };
     let mut own = of(part);
-    own.sort_unstable_by(f32::total_cmp);
-    let Some(&middle) = own.get(own.len() / 2) else {
+    let Some(middle) = upper_median(&mut own) else {
         return 0.0;
     };
     let others = of(&around);

@@ -11,6 +11,7 @@ use super::edges::EdgeMap;
 use super::surface::Surfaces;
 use crate::lab::squared_difference;
 use ostra_frames::DepthMap;
+use ostra_core::union_find::DisjointSets;
 
 /// How fine the over-segmentation is.
 #[derive(Debug, Clone, Copy)]
@@ -121,7 +122,7 @@ fn specks(edges: &EdgeMap, surfaces: Option<&Surfaces>, width: usize) -> Vec<u32
         order[first[usize::from(level)]] = at as u32;
         first[usize::from(level)] += 1;
     }
-    let mut parent: Vec<u32> = (0..pixels as u32).collect();
+    let mut sets = DisjointSets::new(pixels);
     let mut size = vec![1u8; pixels];
     for place in order {
         let at = place as usize / 2;
@@ -134,26 +135,14 @@ fn specks(edges: &EdgeMap, surfaces: Option<&Surfaces>, width: usize) -> Vec<u32
         if !inside || surfaces.is_some_and(|surfaces| !surfaces.same(at, neighbour)) {
             continue;
         }
-        let (a, b) = (
-            root(&mut parent, at as u32),
-            root(&mut parent, neighbour as u32),
-        );
+        let (a, b) = (sets.root(at as u32), sets.root(neighbour as u32));
         if a != b && size[a as usize] + size[b as usize] <= SPECK_PX {
+            sets.unite(a, b);
             let (low, high) = (a.min(b), a.max(b));
-            parent[high as usize] = low;
             size[low as usize] += size[high as usize];
         }
     }
-    (0..pixels as u32).map(|at| root(&mut parent, at)).collect()
-}
-
-fn root(parent: &mut [u32], mut at: u32) -> u32 {
-    while parent[at as usize] != at {
-        let above = parent[parent[at as usize] as usize];
-        parent[at as usize] = above;
-        at = above;
-    }
-    at
+    sets.into_roots()
 }
 
 /// Renumbers to 0, 1, … in order of first appearance; the number of numbers.

@@ -2,6 +2,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use crate::{MaskError, Region, squared_distance_to};
+use ostra_core::image::blend;
 
 /// Shapes between two shapes: signed distances are blended (Raya, Udupa, "Shape-based interpolation of
 /// multidimensional objects", IEEE Transactions on Medical Imaging, 1990) after both were moved and scaled onto the
@@ -107,9 +108,9 @@ impl Shape {
         let (right, below) = ((x + 1).min(self.width - 1), (y + 1).min(self.height - 1));
         let (fx, fy) = (at.x - x as f64, at.y - y as f64);
         let of = |x: usize, y: usize| f64::from(self.distance_px[y * self.width + x]);
-        let upper = of(x, y) * (1.0 - fx) + of(right, y) * fx;
-        let lower = of(x, below) * (1.0 - fx) + of(right, below) * fx;
-        (upper * (1.0 - fy) + lower * fy) / self.size_px
+        let upper = blend(of(x, y), of(right, y), fx);
+        let lower = blend(of(x, below), of(right, below), fx);
+        blend(upper, lower, fy) / self.size_px
     }
 }
 

@@ -8,6 +8,7 @@ use crate::lab::lab_of_pixel;
 use crate::maxflow::{FlowGraph, Link};
 use crate::{MaskError, Region};
 use ostra_frames::Image;
+use ostra_core::statistics::upper_median;
 
 /// The part of the brush's radius within which everything is painted.
 const CORE_SHARE: f64 = 0.5;
@@ -139,12 +140,9 @@ impl<'a> Band<'a> {
 /// What colour difference makes another thing: some times the usual step, so that texture and noise do not.
 fn difference_scale(steps: &[(u32, u32, f32)]) -> f32 {
     let mut sizes: Vec<f32> = steps.iter().map(|step| step.2).collect();
-    if sizes.is_empty() {
-        return LEAST_DIFFERENCE;
-    }
-    let middle = sizes.len() / 2;
-    let usual = *sizes.select_nth_unstable_by(middle, f32::total_cmp).1;
-    (usual * DIFFERENCE_IN_STEPS).max(LEAST_DIFFERENCE)
+    upper_median(&mut sizes).map_or(LEAST_DIFFERENCE, |usual| {
+        (usual * DIFFERENCE_IN_STEPS).max(LEAST_DIFFERENCE)
+    })
 }
 
 /// What the core looks like along the stroke.

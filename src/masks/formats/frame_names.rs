@@ -4,6 +4,7 @@ use std::path::Path;
 use super::exchange::MaskFrame;
 use super::files::{FoundFile, invalid};
 use crate::MaskError;
+use ostra_frames::{file_of, without_ending};
 
 /// Finds names by their path without ending, then by file name alone; a name that fits two is not found.
 pub(crate) struct NameIndex {
@@ -25,7 +26,7 @@ impl NameIndex {
     pub(crate) fn new<'n>(names: impl IntoIterator<Item = &'n str>) -> Self {
         let mut levels = [const { BTreeMap::new() }; 3];
         for (at, name) in names.into_iter().enumerate() {
-            let keys = [name, without_ending(name), last_part(without_ending(name))];
+            let keys = [name, without_ending(name), file_of(without_ending(name))];
             for (level, key) in levels.iter_mut().zip(keys) {
                 level
                     .entry(key.to_owned())
@@ -38,7 +39,7 @@ impl NameIndex {
 
     /// The place of the name that a stem (a path without ending) fits, and how sure that is (0 = surest).
     fn find(&self, stem: &str) -> Option<(usize, usize)> {
-        let keys = [stem, stem, last_part(stem)];
+        let keys = [stem, stem, file_of(stem)];
         let hits = self
             .levels
             .iter()
@@ -131,19 +132,6 @@ pub fn file_stems(frames: &[MaskFrame<'_>]) -> Result<Vec<String>, MaskError> {
         inside.then(|| stem.to_owned()).ok_or_else(fault)
     };
     frames.iter().map(stem).collect()
-}
-
-/// A name without what follows the last dot of its last part.
-fn without_ending(name: &str) -> &str {
-    let start = name.rfind('/').map_or(0, |slash| slash + 1);
-    match name[start..].rfind('.') {
-        Some(dot) if dot > 0 => &name[..start + dot],
-        _ => name,
-    }
-}
-
-fn last_part(name: &str) -> &str {
-    name.rsplit('/').next().unwrap_or(name)
 }
 
 #[cfg(test)]

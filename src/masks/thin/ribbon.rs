@@ -6,6 +6,7 @@ use super::path::PathPixel;
 use super::ridge::Ridge;
 use crate::edit::polygon_spans;
 use crate::{MaskError, Region, stroke};
+use ostra_core::statistics::upper_median;
 
 /// How far positions of the line are smoothed along it (standard deviation, in pixels).
 const POSITION_SIGMA_PX: f64 = 2.5;
@@ -58,8 +59,7 @@ pub(super) fn smooth_widths(widths_px: &[f64]) -> Vec<f64> {
     let median = |at: usize, reach: usize| {
         let mut near =
             widths_px[at.saturating_sub(reach)..(at + reach + 1).min(widths_px.len())].to_vec();
-        near.sort_unstable_by(f64::total_cmp);
-        near[near.len() / 2]
+        upper_median(&mut near).unwrap_or(0.0)
     };
     let settled = |at| median(at, 2).min(median(at, SURROUNDINGS) * MOST_SWELL.0 + MOST_SWELL.1);
     let settled: Vec<DVec2> = (0..widths_px.len())

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::crop::color_at;
 use super::ribbon::LinePoint;
 use ostra_frames::Image;
+use ostra_core::statistics::upper_median;
 
 /// Distance of the samples across the line, in pixels.
 const STEP_PX: f64 = 0.5;
@@ -82,8 +83,7 @@ fn window(at: usize, count: usize) -> std::ops::Range<usize> {
 
 /// The upper median; the values are reordered.
 pub(super) fn median(values: &mut [f32]) -> f32 {
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+    upper_median(values).unwrap_or(0.0)
 }
 
 /// Per point the sample up to which all is the line's: the most pixels like it and the fewest unlike it, with edges that

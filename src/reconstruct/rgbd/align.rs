@@ -1,9 +1,9 @@
-use glam::{DQuat, DVec3, Mat3, Vec3};
+use glam::{DQuat, DVec3, Vec3};
 use nalgebra::{Matrix6, Vector6};
 use wide::f32x8;
 
 use super::pyramid::{Level, Pyramid};
-use ostra_geometry::Pose;
+use ostra_geometry::{Isometry, Pose};
 
 /// Steps at most per level, from the finest to the coarsest.
 const STEPS: [usize; 4] = [10, 10, 12, 20];
@@ -195,8 +195,7 @@ impl RowSums {
 }
 
 fn sums(source: &Level, target: &Level, pose: &Pose, errors: &Errors) -> Sums {
-    let rotation = Mat3::from_quat(pose.rotation.as_quat());
-    let shift = pose.translation.as_vec3();
+    let target_from_source = Isometry::from(pose);
     let mut sums = Sums::new();
     for y in 0..source.height {
         let mut row = RowSums::default();
@@ -204,7 +203,7 @@ fn sums(source: &Level, target: &Level, pose: &Pose, errors: &Errors) -> Sums {
             let pixel = y * source.width + x;
             let depth = source.depths[pixel];
             if depth > 0.0 {
-                let point = rotation * (source.ray(x, y) * depth) + shift;
+                let point = target_from_source.transform(source.ray(x, y) * depth);
                 add_point(
                     (&mut sums, &mut row),
                     target,

@@ -8,6 +8,7 @@ use super::pyramid::Pyramid;
 use super::register::OrientedCloud;
 use super::scan::Scan;
 use ostra_geometry::{Pose, PoseEdge, PoseGraphOptions, solve_pose_graph};
+use ostra_core::union_find::DisjointSets;
 
 /// Share of its weight that a link must keep to hold scans together.
 const HOLDS: f64 = 0.25;
@@ -190,38 +191,34 @@ impl Graph {
 /// Sets of scans that links tie together.
 #[derive(Debug, Clone)]
 pub struct Components {
-    parent: Vec<usize>,
+    /// By scan, the first scan of its component.
+    first: Vec<u32>,
 }
 
 impl Components {
     /// The components of `count` scans under some links, given by their ends.
     #[must_use]
     pub fn new(count: usize, links: impl IntoIterator<Item = [usize; 2]>) -> Self {
-        let mut components = Self {
-            parent: (0..count).collect(),
-        };
+        let mut sets = DisjointSets::new(count);
         for [a, b] in links {
-            let (a, b) = (components.of(a), components.of(b));
-            // The lower number leads, so that a component is named by its first scan.
-            components.parent[a.max(b)] = a.min(b);
+            sets.unite(a as u32, b as u32);
         }
-        components
+        Self {
+            first: sets.into_roots(),
+        }
     }
 
     /// The first scan of the component that a scan belongs to.
     #[must_use]
-    pub fn of(&self, mut scan: usize) -> usize {
-        while self.parent[scan] != scan {
-            scan = self.parent[scan];
-        }
-        scan
+    pub fn of(&self, scan: usize) -> usize {
+        self.first[scan] as usize
     }
 
     /// Members of each component, ascending; the largest first, of equal ones the earlier.
     #[must_use]
     pub fn members(&self) -> Vec<Vec<usize>> {
         let mut by_first = std::collections::BTreeMap::<usize, Vec<usize>>::new();
-        for scan in 0..self.parent.len() {
+        for scan in 0..self.first.len() {
             by_first.entry(self.of(scan)).or_default().push(scan);
         }
         let mut members: Vec<Vec<usize>> = by_first.into_values().collect();

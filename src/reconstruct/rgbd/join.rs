@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use glam::{Mat3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +16,7 @@ use super::register::{
 };
 use super::scan::Scan;
 use ostra_core::job::Progress;
-use ostra_geometry::Pose;
+use ostra_geometry::{Isometry, Pinhole, Pose, is_same_depth};
 
 /// How an RGB-D recording is registered.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -225,25 +225,16 @@ fn samples(scan: &Scan) -> Vec<Vec3> {
 
 /// Share of a scan's points that another sees at their depth.
 fn shared(points: &[Vec3], target: &Scan, pose: &Pose) -> f64 {
-    let (rotation, shift) = (
-        Mat3::from_quat(pose.rotation.as_quat()),
-        pose.translation.as_vec3(),
-    );
-    let camera = &target.view.camera;
-    let (focal, principal) = (camera.focal_px.as_vec2(), camera.principal_px.as_vec2());
+    let target_from_source = Isometry::from(pose);
+    let camera = Pinhole::new(&target.view.camera);
     let is_seen = |point: &&Vec3| {
-        let point = rotation * **point + shift;
-        if point.z <= 0.0 {
+        let point = target_from_source.transform(**point);
+        let Some(at) = camera.project_inside(point) else {
             return false;
-        }
-        let at = point.truncate() / point.z * focal + principal;
-        if at.x < 0.0 || at.y < 0.0 || at.x >= camera.width as f32 || at.y >= camera.height as f32 {
-            return false;
-        }
-        let depth = target
-            .view
-            .depth(at.y as usize * camera.width as usize + at.x as usize);
-        depth > 0.0 && (depth - point.z).abs() < TOLERANCE * depth
+        };
+        let width = target.view.camera.width as usize;
+        let depth = target.view.depth(at.y as usize * width + at.x as usize);
+        depth > 0.0 && is_same_depth(point.z, depth, TOLERANCE)
     };
     points.iter().filter(is_seen).count() as f64 / points.len().max(1) as f64
 }

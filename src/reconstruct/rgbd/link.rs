@@ -1,12 +1,13 @@
 //! Links between two frames: their relative pose, and whether depth and picture agree on it.
 
-use glam::Mat3;
 use serde::{Deserialize, Serialize};
 
 use super::align::{Aligned, align};
 use super::pyramid::{LEVELS, Level, Pyramid};
 use super::scan::Scan;
-use ostra_geometry::{AbsolutePoseOptions, Pose, PoseEdge, estimate_absolute_pose};
+use ostra_geometry::{
+    AbsolutePoseOptions, Isometry, Pose, PoseEdge, estimate_absolute_pose, is_same_depth,
+};
 
 /// Least share of one view that the other sees.
 const LEAST_OVERLAP: f64 = 0.15;
@@ -197,8 +198,7 @@ impl Agreement {
 }
 
 fn seen_by(source: &Level, target: &Level, pose: &Pose) -> Agreement {
-    let rotation = Mat3::from_quat(pose.rotation.as_quat());
-    let shift = pose.translation.as_vec3();
+    let target_from_source = Isometry::from(pose);
     let (mut known, mut same, mut before) = (0u32, 0u32, 0u32);
     let mut moments = Moments::default();
     for y in 0..source.height {
@@ -209,7 +209,7 @@ fn seen_by(source: &Level, target: &Level, pose: &Pose) -> Agreement {
                 continue;
             }
             known += 1;
-            let point = rotation * (source.ray(x, y) * depth) + shift;
+            let point = target_from_source.transform(source.ray(x, y) * depth);
             let Some(at_px) = target.project(point) else {
                 continue;
             };
@@ -217,7 +217,7 @@ fn seen_by(source: &Level, target: &Level, pose: &Pose) -> Agreement {
             if there <= 0.0 {
                 continue;
             }
-            if (there - point.z).abs() < TOLERANCE * there {
+            if is_same_depth(point.z, there, TOLERANCE) {
                 same += 1;
                 if let Some((seen, _)) = target.grey_at(at_px) {
                     moments.add(f64::from(source.grey[pixel]), f64::from(seen));

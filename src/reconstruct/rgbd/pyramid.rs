@@ -1,12 +1,12 @@
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::view::View;
+use super::view::{SAME_SURFACE, View};
+use ostra_core::image::{halve, lerp, mean_of_four};
+use ostra_geometry::{Pinhole, is_same_depth};
 
 /// Levels, each half as large as the one before.
 pub const LEVELS: usize = 4;
-/// Depths that differ by less than this share are of one surface.
-const SAME_SURFACE: f32 = 0.03;
 
 /// A view at several sizes, the largest first, ready to be aligned with another.
 #[derive(Debug, Clone)]
@@ -81,12 +81,12 @@ impl Level {
     /// Where a point in the camera's axes is seen, in pixels; `None` outside the picture.
     #[must_use]
     pub fn project(&self, point: Vec3) -> Option<Vec2> {
-        if point.z <= 0.0 {
-            return None;
-        }
-        let at = point.truncate() / point.z * self.focal + self.principal;
-        (at.x >= 0.0 && at.y >= 0.0 && at.x < self.width as f32 && at.y < self.height as f32)
-            .then_some(at)
+        let camera = Pinhole {
+            focal: self.focal,
+            principal: self.principal,
+            size: Vec2::new(self.width as f32, self.height as f32),
+        };
+        camera.project_inside(point)
     }
 
     /// Luma at a position in pixels and its slope per pixel; `None` within half a pixel of the border.
@@ -104,10 +104,10 @@ impl Level {
         let row = y * self.width + x;
         let [a, b, c, d] =
             [row, row + 1, row + self.width, row + self.width + 1].map(|pixel| self.grey[pixel]);
-        let (above, below) = (a + share.x * (b - a), c + share.x * (d - c));
+        let (above, below) = (lerp(a, b, share.x), lerp(c, d, share.x));
         let across = (b - a) + share.y * ((d - c) - (b - a));
         Some((
-            above + share.y * (below - above),
+            lerp(above, below, share.y),
             Vec2::new(across, below - above),
         ))
     }
@@ -115,7 +115,7 @@ impl Level {
     /// Half the size: means of 2 × 2 pixels, of their depths only those on the surface of the nearest.
     fn halved(&self) -> Self {
         let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
-        let mut half = Self {
+        Self {
             width,
             height,
             focal: self.focal
@@ -128,25 +128,10 @@ impl Level {
                     width as f32 / self.width as f32,
                     height as f32 / self.height as f32,
                 ),
-            grey: Vec::with_capacity(width * height),
-            depths: Vec::with_capacity(width * height),
+            grey: halve(&self.grey, self.width, self.height, mean_of_four),
+            depths: halve(&self.depths, self.width, self.height, mean_depth),
             normals: Vec::new(),
-        };
-        for y in 0..height {
-            for x in 0..width {
-                let (right, low) = (
-                    (2 * x + 1).min(self.width - 1),
-                    (2 * y + 1).min(self.height - 1),
-                );
-                let cell = [(2 * x, 2 * y), (right, 2 * y), (2 * x, low), (right, low)];
-                let cell = cell.map(|(x, y)| y * self.width + x);
-                half.grey
-                    .push(cell.iter().map(|&pixel| self.grey[pixel]).sum::<f32>() / 4.0);
-                half.depths
-                    .push(mean_depth(cell.map(|pixel| self.depths[pixel])));
-            }
         }
-        half
     }
 
     fn with_normals(mut self) -> Self {
@@ -159,7 +144,7 @@ impl Level {
             let own = self.depths[pixel];
             let point = |x: usize, y: usize| {
                 let depth = self.depths[y * width + x];
-                (depth > 0.0 && (depth - own).abs() < SAME_SURFACE * own)
+                (depth > 0.0 && is_same_depth(depth, own, SAME_SURFACE))
                     .then(|| self.ray(x, y) * depth)
             };
             let (left, right, above, below) = (

@@ -16,6 +16,7 @@ use crate::sfm::{FeatureExtractor, FeatureMatcher, Features, Outcome};
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameCamera, FrameStore};
 use ostra_geometry::Pose;
+use ostra_core::statistics::upper_median;
 
 /// What registration is to do.
 pub struct RgbdRequest<'a> {
@@ -303,11 +304,9 @@ pub fn account(
 fn registered(at: usize, graph: &Graph) -> Outcome {
     let own = graph.holding().filter(|link| link.scans.contains(&at));
     let mut consistent: Vec<f64> = own.map(|link| link.agreement.consistent).collect();
-    consistent.sort_unstable_by(f64::total_cmp);
-    let median = consistent.get(consistent.len() / 2).copied().unwrap_or(0.0);
     Outcome::Registered {
         neighbours: consistent.len(),
-        consistent: median,
+        consistent: upper_median(&mut consistent).unwrap_or(0.0),
     }
 }
 

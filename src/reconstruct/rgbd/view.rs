@@ -2,12 +2,12 @@ use glam::{DVec2, Vec2, Vec3};
 
 use crate::sfm::{for_each_source, undistorted_camera};
 use ostra_frames::{DepthMap, Image};
-use ostra_geometry::Camera;
+use ostra_geometry::{Camera, is_same_depth};
 
 /// Longest side that registration works on, in pixels.
 const SIDE: u32 = 320;
 /// Depths that differ by less than this share are of one surface.
-const SAME_SURFACE: f32 = 0.03;
+pub(super) const SAME_SURFACE: f32 = 0.03;
 
 /// What registration keeps of a frame: small, without lens distortion, 3 bytes a pixel.
 #[derive(Debug, Clone, PartialEq)]
@@ -170,7 +170,7 @@ impl Cell {
         let (mut sum, mut count) = (0.0, 0.0);
         for (x, y) in self.pixels().filter(known) {
             let other = depth.at(x, y);
-            if (other - own).abs() < SAME_SURFACE * own {
+            if is_same_depth(other, own, SAME_SURFACE) {
                 sum += other;
                 count += 1.0;
             }

@@ -9,6 +9,7 @@ use ostra_frames::{Frame, FrameCamera, FrameStore};
 use ostra_geometry::{
     AbsolutePoseOptions, Camera, Pose, estimate_absolute_pose, refine_absolute_pose,
 };
+use ostra_core::statistics::upper_median;
 
 /// Places frames in a map that stays as it is.
 pub(super) struct Locator<'a> {
@@ -140,8 +141,8 @@ impl Locator<'_> {
                 agreeing,
             });
         };
-        let (pose, errors) = refined(&intrinsics, found.camera_from_world, &at_px, &points);
-        let error_px = errors.get(errors.len() / 2).copied().unwrap_or(0.0);
+        let (pose, mut errors) = refined(&intrinsics, found.camera_from_world, &at_px, &points);
+        let error_px = upper_median(&mut errors).unwrap_or(0.0);
         let camera = FrameCamera {
             intrinsics,
             camera_from_world: Some(pose),
@@ -202,6 +203,5 @@ fn refined(camera: &Camera, start: Pose, at_px: &[DVec2], points: &[DVec3]) -> (
         .map(|seen| error(&pose, seen))
         .collect();
     errors.retain(|&error| error <= FINE_ERROR_PX);
-    errors.sort_unstable_by(f64::total_cmp);
     (pose, errors)
 }

@@ -11,6 +11,7 @@ use super::{
 };
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore, PictureSource};
+use ostra_core::statistics::upper_median;
 
 /// Cameras and sparse points from pictures: features, matches, incremental mapping; then the frames between are placed
 /// in the map, and the scale is taken from depth where there is any and no pose was given. Stopped while it maps or
@@ -224,11 +225,7 @@ fn residual(problem: &MapProblem, model: &SparseModel, image: usize) -> Option<(
             Some(error_px(problem, model, keypoint, point.position))
         })
         .collect();
-    errors.sort_unstable_by(f64::total_cmp);
-    Some((
-        errors.len(),
-        errors.get(errors.len() / 2).copied().unwrap_or(0.0),
-    ))
+    Some((errors.len(), upper_median(&mut errors).unwrap_or(0.0)))
 }
 
 fn locate_rest(

@@ -5,6 +5,7 @@ use ostra_cloud::fuse::naming;
 use ostra_core::job::Progress;
 use ostra_frames::cameras::SparsePoints;
 use ostra_frames::{Frame, FrameCamera, FrameError, FrameStore};
+use ostra_core::statistics::nth_smallest;
 
 /// Metres per unit of a model, and how well it is known.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -115,8 +116,8 @@ fn mode(mut logs: Vec<f64>) -> Option<MetricScale> {
         .iter()
         .map(|log| (log - at).abs())
         .collect();
-    distances.sort_unstable_by(f64::total_cmp);
-    let spread = distances[distances.len() * 2 / 3].exp_m1();
+    let place = distances.len() * 2 / 3;
+    let spread = nth_smallest(&mut distances, place)?.exp_m1();
     Some(MetricScale {
         factor: at.exp(),
         spread,

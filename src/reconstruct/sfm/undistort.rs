@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use ostra_frames::Image;
 use ostra_geometry::{Camera, Distortion};
 use ostra_masks::{LabelId, LabelMask};
+use ostra_core::image::bilinear;
 
 /// A wide lens is drawn no smaller than this share of its focal length; what lies further out is left off.
 const SMALLEST_SCALE: f64 = 0.2;
@@ -121,9 +122,8 @@ fn between(image: &Image, at_px: DVec2) -> [u8; 3] {
     ]
     .map(|(x, y)| image.at(x, y));
     std::array::from_fn(|channel| {
-        let [a, b, c, d] = corners.map(|corner| f64::from(corner[channel]));
-        let (above, below) = (a + (b - a) * share.x, c + (d - c) * share.x);
-        (above + (below - above) * share.y).round() as u8
+        let corners = corners.map(|corner| f64::from(corner[channel]));
+        bilinear(corners, share.to_array()).round() as u8
     })
 }
 

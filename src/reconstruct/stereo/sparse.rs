@@ -16,6 +16,7 @@ use ostra_geometry::{
     Camera, Pose, Sighting, TriangulationOptions, essential_from_pose, fundamental_in_pixels,
     triangulate_robust,
 };
+use ostra_core::union_find::DisjointSets;
 
 /// How sparse points are made where cameras are given without any.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -240,7 +241,7 @@ fn add_point(
 struct Tracks {
     /// Number of the first keypoint of each view, counted over all, then the number of all.
     first: Vec<usize>,
-    parents: Vec<usize>,
+    sets: DisjointSets,
 }
 
 impl Tracks {
@@ -248,33 +249,22 @@ impl Tracks {
     pub fn new(counts: impl Iterator<Item = usize>) -> Self {
         let mut first = vec![0];
         counts.for_each(|count| first.push(first[first.len() - 1] + count));
-        let parents = (0..first[first.len() - 1]).collect();
-        Self { first, parents }
+        let sets = DisjointSets::new(first[first.len() - 1]);
+        Self { first, sets }
     }
 
     /// Joins the tracks of two (view, keypoint).
     pub fn join(&mut self, a: (usize, usize), b: (usize, usize)) {
-        let (a, b) = (
-            self.root(self.first[a.0] + a.1),
-            self.root(self.first[b.0] + b.1),
-        );
-        self.parents[a.max(b)] = a.min(b);
-    }
-
-    fn root(&mut self, mut at: usize) -> usize {
-        while self.parents[at] != at {
-            self.parents[at] = self.parents[self.parents[at]];
-            at = self.parents[at];
-        }
-        at
+        let [a, b] = [a, b].map(|(view, keypoint)| (self.first[view] + keypoint) as u32);
+        self.sets.unite(a, b);
     }
 
     /// The tracks of two or more (view, keypoint), without those of views that come up twice: one of the two is wrong.
     pub fn finish(mut self) -> Vec<Vec<(usize, usize)>> {
-        let mut members: BTreeMap<usize, Vec<(usize, usize)>> = BTreeMap::new();
+        let mut members: BTreeMap<u32, Vec<(usize, usize)>> = BTreeMap::new();
         for view in 0..self.first.len() - 1 {
             for at in self.first[view]..self.first[view + 1] {
-                let root = self.root(at);
+                let root = self.sets.root(at as u32);
                 members
                     .entry(root)
                     .or_default()

@@ -6,6 +6,7 @@ use ostra_frames::{Frame, FrameCamera};
 use ostra_project::{Edit, Project, ResultKind, ResultRecord};
 use ostra_reconstruct::rgbd::{Calibration, FrameLink, RgbdResult};
 use ostra_reconstruct::sfm::{Outcome, SfmResult, Start};
+use ostra_core::statistics::upper_median;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -211,8 +212,7 @@ pub(super) fn settings(result: &SfmResult) -> String {
         .iter()
         .filter_map(|point| point.error_px)
         .collect();
-    errors.sort_unstable_by(f64::total_cmp);
-    if let Some(median) = errors.get(errors.len() / 2) {
+    if let Some(median) = upper_median(&mut errors) {
         text += &format!(", median error {median:.2} px");
     }
     if result.models.len() > 1 {

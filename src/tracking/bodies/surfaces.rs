@@ -11,6 +11,7 @@ use crate::carry::Viewpoint;
 use ostra_cloud::SceneError;
 use ostra_core::job::Progress;
 use ostra_frames::Image;
+use ostra_core::statistics::upper_median;
 
 /// Side of a voxel, in pixels at the median depth of the frames.
 const SIDE_PX: f32 = 4.5;
@@ -85,8 +86,7 @@ fn side(views: &[(Viewpoint, Arc<Image>)]) -> f32 {
         Some(SIDE_PX * view.median_depth()? / view.stand.camera.focal_px.x as f32)
     };
     let mut widths: Vec<f32> = views.iter().filter_map(width).collect();
-    widths.sort_by(f32::total_cmp);
-    widths.get(widths.len() / 2).copied().unwrap_or(1.0)
+    upper_median(&mut widths).unwrap_or(1.0)
 }
 
 /// Ways to judge borders; each gives another tree.

@@ -2,6 +2,7 @@ use super::options::Tolerance;
 use super::viewpoint::{PixelBox, Viewpoint};
 use ostra_frames::DepthMap;
 use ostra_masks::{LabelId, LabelMask};
+use ostra_core::statistics::upper_median;
 
 /// Depth may change by this many times its change on a plane seen at 45° from pixel to pixel, within one surface.
 const STEEPEST: f32 = 4.0;
@@ -145,9 +146,8 @@ fn patch(
             }
         }
     }
-    let mut sorted: Vec<f32> = patch.pixels.iter().map(|&at| depths[at]).collect();
-    sorted.sort_unstable_by(f32::total_cmp);
-    patch.depth = sorted[sorted.len() / 2];
+    let mut known: Vec<f32> = patch.pixels.iter().map(|&at| depths[at]).collect();
+    patch.depth = upper_median(&mut known).unwrap_or(0.0);
     patch
 }
 

@@ -4,6 +4,7 @@ use super::options::Tolerance;
 use super::viewpoint::{Passage, Viewpoint};
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::DepthMap;
+use ostra_geometry::is_same_depth;
 
 /// The nearest surface drawn at a pixel.
 #[derive(Debug, Clone, Copy)]
@@ -82,7 +83,7 @@ pub fn draw(
 /// seen from behind.
 fn footprint(seen: Seen, right: Option<Seen>, below: Option<Seen>, zoom: f32) -> Option<Vec2> {
     let same =
-        |other: &Seen| (other.own_depth - seen.own_depth).abs() < SAME_SURFACE * seen.own_depth;
+        |other: &Seen| is_same_depth(other.own_depth, seen.own_depth, SAME_SURFACE);
     let plain = Vec2::splat(0.5 * zoom * seen.own_depth / seen.depth);
     let half = match (right.filter(same), below.filter(same)) {
         (Some(right), Some(below)) => {

@@ -1,4 +1,5 @@
 use super::viewpoint::{Passage, Viewpoint};
+use ostra_core::statistics::upper_median;
 
 /// How masks are carried through geometry.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -101,11 +102,7 @@ impl Tolerance {
                 (depth > 0.0 && difference < GATE * moved.z).then(|| difference / unit.at(moved.z))
             })
             .collect();
-        differences.sort_by(f32::total_cmp);
-        let median = differences
-            .get(differences.len() / 2)
-            .copied()
-            .unwrap_or_default();
+        let median = upper_median(&mut differences).unwrap_or_default();
         let enough = differences.len() >= FEWEST;
         let share = if enough {
             (options.noise_factor * median).clamp(options.least_tolerance, options.most_tolerance)

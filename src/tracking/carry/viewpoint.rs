@@ -1,12 +1,13 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use glam::{Mat3, Vec2, Vec3};
+use glam::{Vec2, Vec3};
 
 use ostra_cloud::fuse::naming;
 use ostra_frames::{DepthMap, Frame, FrameError, FrameStore, Image};
-use ostra_geometry::{Camera, Distortion, Pose};
+use ostra_geometry::{Camera, Distortion, Isometry, Pinhole, Pose};
 use ostra_masks::MaskError;
+use ostra_core::statistics::upper_median;
 
 /// Where a frame was taken from, and through what.
 #[derive(Debug, Clone, Copy)]
@@ -42,12 +43,8 @@ impl Viewpoint {
 
     /// From camera space to world space.
     pub fn to_world(&self) -> impl Fn(Vec3) -> Vec3 + Sync {
-        let pose = self.stand.camera_from_world.inverse();
-        let (rotation, translation) = (
-            Mat3::from_quat(pose.rotation.as_quat()),
-            pose.translation.as_vec3(),
-        );
-        move |point| rotation * point + translation
+        let world_from_camera = Isometry::from(&self.stand.camera_from_world.inverse());
+        move |point| world_from_camera.transform(point)
     }
 
     /// The median of the known depths of a thinned grid; `None` without depth.
@@ -60,8 +57,7 @@ impl Viewpoint {
             .copied()
             .filter(|&d| d > 0.0)
             .collect();
-        known.sort_by(f32::total_cmp);
-        known.get(known.len() / 2).copied()
+        upper_median(&mut known)
     }
 
     /// Points of a thinned grid of about `side`² pixels, in camera space.
@@ -78,15 +74,14 @@ impl Viewpoint {
 /// From one camera's space to another camera's pixels.
 #[derive(Debug, Clone)]
 pub struct Passage {
-    rotation: Mat3,
-    translation: Vec3,
+    to_from: Isometry,
     lens: Lens,
     size: Vec2,
 }
 
 #[derive(Debug, Clone)]
 enum Lens {
-    Pinhole { focal: Vec2, principal: Vec2 },
+    Pinhole(Pinhole),
     Distorted(Camera),
 }
 
@@ -97,15 +92,11 @@ impl Passage {
             .compose(&from.camera_from_world.inverse());
         let camera = to.camera;
         let lens = match camera.distortion {
-            Distortion::None => Lens::Pinhole {
-                focal: camera.focal_px.as_vec2(),
-                principal: camera.principal_px.as_vec2(),
-            },
+            Distortion::None => Lens::Pinhole(Pinhole::new(&camera)),
             _ => Lens::Distorted(camera),
         };
         Self {
-            rotation: Mat3::from_quat(pose.rotation.as_quat()),
-            translation: pose.translation.as_vec3(),
+            to_from: Isometry::from(&pose),
             lens,
             size: Vec2::new(camera.width as f32, camera.height as f32),
         }
@@ -113,12 +104,12 @@ impl Passage {
 
     /// The point in the other camera's space.
     pub fn transform(&self, point: Vec3) -> Vec3 {
-        self.rotation * point + self.translation
+        self.to_from.transform(point)
     }
 
     /// A direction in the other camera's space.
     pub fn turn(&self, direction: Vec3) -> Vec3 {
-        self.rotation * direction
+        self.to_from.rotation * direction
     }
 
     /// Where a point of the other camera's space is seen, also beside the picture; `None` behind the camera.
@@ -127,9 +118,7 @@ impl Passage {
             return None;
         }
         match &self.lens {
-            Lens::Pinhole { focal, principal } => {
-                Some(point.truncate() / point.z * *focal + *principal)
-            }
+            Lens::Pinhole(camera) => camera.project(point),
             Lens::Distorted(camera) => camera.project(point.as_dvec3()).map(glam::DVec2::as_vec2),
         }
     }

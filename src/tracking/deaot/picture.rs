@@ -3,6 +3,7 @@ use rayon::prelude::*;
 use super::network::OBJECTS;
 use ostra_compute::nn::{NnError, Tensor};
 use ostra_frames::Image;
+use ostra_core::image::blend;
 
 /// Pixels along each side of a cell; the first and the last pixel of a row are the middles of cells.
 const CELL: f64 = 16.0;
@@ -163,8 +164,8 @@ impl<'a> Enlarged<'a> {
         );
         for (out, &(at, aside)) in out.iter_mut().zip(&self.columns) {
             let next = (at + 1).min(columns - 1);
-            let between = |line: &[f32]| (1.0 - aside) * line[at] + aside * line[next];
-            *out = (1.0 - share) * between(above) + share * between(below);
+            let between = |line: &[f32]| blend(line[at], line[next], aside);
+            *out = blend(between(above), between(below), share);
         }
     }
 

@@ -3,6 +3,7 @@ use rayon::prelude::*;
 
 use super::cells::{Cells, FEATURES, ODDS};
 use super::plane::Plane;
+use ostra_core::image::bilinear_weights;
 
 /// Weights of what the object looked like of late and in its anchor, of its colours, and of distance.
 const LAST: f32 = 1.0;
@@ -329,14 +330,9 @@ fn between(cells: &Cells, at: Vec2) -> [f32; FEATURES] {
     let low = at.floor();
     let (u, v) = (at.x - low.x, at.y - low.y);
     let (x, y) = (low.x as isize, low.y as isize);
-    let weights = [
-        (0, 0, (1.0 - u) * (1.0 - v)),
-        (1, 0, u * (1.0 - v)),
-        (0, 1, (1.0 - u) * v),
-        (1, 1, u * v),
-    ];
+    let corners = [(0, 0), (1, 0), (0, 1), (1, 1)];
     let mut sum = [0.0; FEATURES];
-    for (dx, dy, weight) in weights {
+    for ((dx, dy), weight) in corners.into_iter().zip(bilinear_weights([u, v])) {
         for (sum, value) in sum.iter_mut().zip(cells.at(x + dx, y + dy)) {
             *sum += weight * value;
         }

@@ -1,6 +1,9 @@
 use glam::{Affine2, Vec2};
 use rayon::prelude::*;
 
+use ostra_core::image::{Corners, blend, halve_row, mean_of_four};
+use ostra_core::statistics::upper_median;
+
 /// One `f32` per pixel, row by row.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Plane {
@@ -130,21 +133,8 @@ impl Flow {
 /// The four pixels around a position and their weights.
 #[inline(always)]
 pub(super) fn corners(at: Vec2, width: usize, height: usize) -> ([usize; 4], [f32; 4]) {
-    let x = at.x.clamp(0.0, width as f32 - 1.0);
-    let y = at.y.clamp(0.0, height as f32 - 1.0);
-    let (left, top) = (x as usize, y as usize);
-    let (right, below) = ((left + 1).min(width - 1), (top + 1).min(height - 1));
-    let (u, v) = (x - left as f32, y - top as f32);
-    let corner = [
-        top * width + left,
-        top * width + right,
-        below * width + left,
-        below * width + right,
-    ];
-    (
-        corner,
-        [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v],
-    )
+    let Corners { pixels, weights } = Corners::around(at.to_array(), width, height);
+    (pixels, weights)
 }
 
 /// Pixels added around a level, so that a patch partly outside reads the nearest border pixels.
@@ -217,11 +207,16 @@ impl Level {
 
 fn halved(plane: &Plane) -> Plane {
     let (width, height) = (plane.width / 2, plane.height / 2);
-    Plane::from_fn(width, height, |x, y| {
-        let at = 2 * y * plane.width + 2 * x;
-        let v = &plane.values;
-        (v[at] + v[at + 1] + v[at + plane.width] + v[at + plane.width + 1]) / 4.0
-    })
+    let mut half = Plane::new(width, height);
+    let rows = half.values.par_chunks_exact_mut(width).enumerate();
+    rows.for_each(|(y, row)| {
+        let (upper, lower) = plane.values[2 * y * plane.width..].split_at(plane.width);
+        let means = halve_row(upper, &lower[..plane.width], mean_of_four);
+        row.iter_mut()
+            .zip(means)
+            .for_each(|(out, mean)| *out = mean);
+    });
+    half
 }
 
 /// The grey level of the second picture where a pixel of the first lies after its displacement.
@@ -231,16 +226,12 @@ pub(super) fn interpolated(level: &Level, x: usize, y: usize, displacement: Vec2
     let (left, top) = (x.floor(), y.floor());
     let (u, v) = (x - left, y - top);
     let at = level.place(left as isize, top as isize);
-    let row = |at: usize| level.padded[at] * (1.0 - u) + level.padded[at + 1] * u;
-    row(at) * (1.0 - v) + row(at + level.stride) * v
+    let row = |at: usize| blend(level.padded[at], level.padded[at + 1], u);
+    blend(row(at), row(at + level.stride), v)
 }
 
 /// The middle value; 0 of none.
 pub(super) fn median(values: impl Iterator<Item = f32>) -> f32 {
     let mut values: Vec<f32> = values.collect();
-    let middle = values.len() / 2;
-    if values.is_empty() {
-        return 0.0;
-    }
-    *values.select_nth_unstable_by(middle, f32::total_cmp).1
+    upper_median(&mut values).unwrap_or(0.0)
 }

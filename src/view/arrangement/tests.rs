@@ -136,7 +136,7 @@ fn the_spacing_of_a_plane_is_its_step_on_a_grid_and_strewn() {
         .collect();
     for (what, positions) in [("grid", grid), ("strewn", strewn(200, 2.0))] {
         let spacing = spacing(&positions);
-        let usual = median(spacing.clone());
+        let usual = median_spacing(spacing.clone());
         assert!((0.0095..0.0145).contains(&usual), "{what}: {usual}");
         let near = spacing
             .iter()
@@ -183,7 +183,7 @@ fn too_few_points_have_no_spacing_and_doubles_do_not_count() {
     assert_eq!(spacing(&[Vec3::ONE, Vec3::X]), [0.0; 2]);
     let square = strewn(60, 1.0);
     let twice: Vec<Vec3> = square.iter().flat_map(|&x| [x; 3]).collect();
-    assert!(median(spacing(&twice)) > 1.0 / 60.0 * 0.6);
+    assert!(median_spacing(spacing(&twice)) > 1.0 / 60.0 * 0.6);
 }
 
 fn all_that_comes(arranging: &Arranging) -> Vec<Arc<Arrangement>> {

@@ -12,6 +12,7 @@ use crate::rgbd::pyramid::{LEVELS, Level};
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::{DepthCamera, DepthSource, Frame, FrameStore};
 use ostra_geometry::{Camera, Distortion};
+use ostra_core::statistics::upper_median;
 
 /// Pairs of frames without which nothing is told.
 const LEAST_PAIRS: usize = 6;
@@ -368,14 +369,12 @@ fn held(pair: &Pair) -> PoseMatrix {
 
 /// The median and a standard deviation from the median distance to it.
 fn middle(mut values: Vec<f32>) -> (f32, f32) {
-    if values.is_empty() {
+    let Some(median) = upper_median(&mut values) else {
         return (0.0, LEAST_SPREAD);
-    }
-    let at = values.len() / 2;
-    let median = *values.select_nth_unstable_by(at, f32::total_cmp).1;
+    };
     values
         .iter_mut()
         .for_each(|value| *value = (*value - median).abs());
-    let spread = 1.4826 * *values.select_nth_unstable_by(at, f32::total_cmp).1;
+    let spread = 1.4826 * upper_median(&mut values).unwrap_or(0.0);
     (median, spread.max(LEAST_SPREAD))
 }

@@ -1,6 +1,6 @@
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use glam::{Mat2, Mat3, Vec3};
+use glam::{Mat2, Vec3};
 use rayon::prelude::*;
 
 use crate::rgbd::align::Aligned;
@@ -9,7 +9,7 @@ use crate::rgbd::pyramid::{Level, Pyramid};
 use crate::rgbd::view::View;
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::{Frame, FrameStore};
-use ostra_geometry::{Camera, Pose};
+use ostra_geometry::{Camera, Isometry, Pose, is_same_depth};
 
 /// Pairs looked for.
 const PAIRS: usize = 40;
@@ -56,12 +56,11 @@ impl Pair {
     #[must_use]
     pub fn shared(&self, level: usize) -> Vec<Shared> {
         let [source, target] = self.views.each_ref().map(|view| &view.levels[level]);
-        let rotation = Mat3::from_quat(self.aligned.target_from_source.rotation.as_quat());
-        let shift = self.aligned.target_from_source.translation.as_vec3();
+        let target_from_source = Isometry::from(&self.aligned.target_from_source);
         let both = |pixel: usize| {
             let depth = source.depths[pixel];
             let point = source.ray(pixel % source.width, pixel / source.width) * depth;
-            let there = rotation * point + shift;
+            let there = target_from_source.transform(point);
             (depth > 0.0 && meets(target, there)).then_some([point, there])
         };
         (0..source.depths.len()).filter_map(both).collect()
@@ -70,9 +69,7 @@ impl Pair {
     /// How directions across the source's picture are turned in the target's.
     #[must_use]
     pub fn turn_of_picture(&self) -> Mat2 {
-        Mat2::from_mat3(Mat3::from_quat(
-            self.aligned.target_from_source.rotation.as_quat(),
-        ))
+        Mat2::from_mat3(Isometry::from(&self.aligned.target_from_source).rotation)
     }
 
     /// As [`Aligned::information`], by depth alone.
@@ -93,7 +90,7 @@ fn meets(target: &Level, point: Vec3) -> bool {
         return false;
     };
     let depth = target.depths[at_px.y as usize * target.width + at_px.x as usize];
-    depth > 0.0 && (depth - point.z).abs() < SAME * depth
+    depth > 0.0 && is_same_depth(point.z, depth, SAME)
 }
 
 impl Recording<'_> {

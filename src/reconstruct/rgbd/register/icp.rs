@@ -4,6 +4,7 @@ use nalgebra::{Matrix6, Vector6};
 use super::levels::{Level, Partner};
 use ostra_core::job::{Progress, Stopped};
 use ostra_geometry::Pose;
+use ostra_core::statistics::upper_median;
 
 /// Tukey's constant: as good as least squares for 95 % where errors are normal.
 const TUKEY: f64 = 4.685;
@@ -157,11 +158,9 @@ fn brightness_row(level: &Level, extent: &Extent, partner: &Partner) -> Row {
 fn weighted(rows: Vec<Row>) -> (Matrix6<f64>, Vector6<f64>) {
     let mut errors: Vec<f64> = rows.iter().map(|(_, residual)| residual.abs()).collect();
     let (mut matrix, mut right) = (Matrix6::zeros(), Vector6::zeros());
-    if errors.is_empty() {
+    let Some(median) = upper_median(&mut errors) else {
         return (matrix, right);
-    }
-    let middle = errors.len() / 2;
-    let median = *errors.select_nth_unstable_by(middle, f64::total_cmp).1;
+    };
     let cut = (TUKEY * DEVIATIONS * median).max(f64::MIN_POSITIVE);
     for (row, residual) in rows {
         let share = (1.0 - (residual / cut).powi(2)).max(0.0);

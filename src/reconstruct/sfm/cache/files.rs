@@ -1,8 +1,9 @@
-use std::fs::{self, File};
+use std::ffi::OsStr;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 use rustc_hash::FxHashMap;
 
@@ -116,7 +117,7 @@ impl FeatureCache {
         };
         counts.pictures.fetch_add(1, Ordering::Relaxed);
         if found.is_some() {
-            used_now(&path);
+            disk::mark_used(&path);
         }
         found
     }
@@ -182,15 +183,8 @@ impl FeatureCache {
             return;
         }
         disk::remove_leftovers(&self.folder, false);
-        let files = entries(&self.folder, &["features-", "matches-"]);
-        let mut bytes: u64 = files.iter().map(|(_, bytes, _)| bytes).sum();
-        for (_, freed, path) in files {
-            if bytes <= self.budget_bytes {
-                break;
-            }
-            bytes -= freed;
-            let _ = fs::remove_file(path);
-        }
+        let is_ours = |name: &OsStr| is_named(name, "features-") || is_named(name, "matches-");
+        disk::remove_beyond(disk::kept_files(&self.folder, is_ours), self.budget_bytes);
     }
 }
 
@@ -214,47 +208,23 @@ fn make_own_folder(folder: &Path) -> std::io::Result<()> {
 
 fn read_pairs(folder: &Path) -> FxHashMap<Key, Matches> {
     let (mut known, mut left) = (FxHashMap::default(), LOADED_BYTES);
-    for (_, bytes, path) in entries(folder, &["matches-"]).into_iter().rev() {
-        let Some(rest) = left.checked_sub(bytes) else {
+    let files = disk::kept_files(folder, |name| is_named(name, "matches-"));
+    for file in files.into_iter().rev() {
+        let Some(rest) = left.checked_sub(file.bytes) else {
             break;
         };
-        if let Some(pairs) = read(&path).and_then(|bytes| decode_pairs(&bytes)) {
+        if let Some(pairs) = read(&file.path).and_then(|bytes| decode_pairs(&bytes)) {
             known.extend(pairs);
-            used_now(&path);
+            disk::mark_used(&file.path);
             left = rest;
         }
     }
     known
 }
 
-/// What is used last goes last.
-fn used_now(path: &Path) {
-    let _ = File::options()
-        .write(true)
-        .open(path)
-        .and_then(|file| file.set_modified(SystemTime::now()));
-}
-
-/// Time, size and path of the files whose names begin so, the oldest first.
-fn entries(folder: &Path, starts: &[&str]) -> Vec<(SystemTime, u64, PathBuf)> {
-    let about = |path: PathBuf| {
-        let about = fs::symlink_metadata(&path).ok()?;
-        Some((about.modified().ok()?, about.len(), path))
-    };
-    let paths = fs::read_dir(folder)
-        .into_iter()
-        .flatten()
-        .flatten()
-        .map(|entry| entry.path());
-    let is_named = |path: &PathBuf| starts.iter().any(|start| is_named(path, start));
-    let mut files: Vec<_> = paths.filter(is_named).filter_map(about).collect();
-    files.sort();
-    files
-}
-
-fn is_named(path: &Path, start: &str) -> bool {
-    let name = path.file_name().and_then(|name| name.to_str());
-    name.is_some_and(|name| name.starts_with(start) && name.ends_with(".bin"))
+fn is_named(name: &OsStr, start: &str) -> bool {
+    name.to_str()
+        .is_some_and(|name| name.starts_with(start) && name.ends_with(".bin"))
 }
 
 /// The bytes of a regular file of a likely size; links are not followed.

@@ -5,6 +5,7 @@ use super::state::Mapper;
 use crate::sfm::VerifiedPair;
 use ostra_core::job::Stopped;
 use ostra_geometry::{Pose, TwoViewKind};
+use ostra_core::statistics::upper_median;
 
 /// How a model was begun.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -110,8 +111,7 @@ impl Mapper<'_> {
             .points()
             .map(|(_, point)| (point.position - a).angle_between(point.position - b))
             .collect();
-        angles.sort_unstable_by(f64::total_cmp);
-        angles.get(angles.len() / 2).copied().unwrap_or(0.0)
+        upper_median(&mut angles).unwrap_or(0.0)
     }
 
     /// Takes out all points and poses.

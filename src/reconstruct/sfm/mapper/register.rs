@@ -10,6 +10,7 @@ use ostra_geometry::{
     AbsolutePose, AbsolutePoseOptions, Camera, estimate_absolute_pose,
     estimate_absolute_pose_and_focal,
 };
+use ostra_core::image::halve;
 
 /// Why an image could not be placed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -182,19 +183,9 @@ impl Mapper<'_> {
         let mut side = finest;
         while side > 1 {
             score += occupied.iter().filter(|&&taken| taken).count() as u64 * (side * side) as u64;
-            occupied = halved(&occupied, side);
+            occupied = halve(&occupied, side, side, |four| four.contains(&true));
             side /= 2;
         }
         score
     }
-}
-
-/// The grid with half as many cells along a side.
-fn halved(occupied: &[bool], side: usize) -> Vec<bool> {
-    let half = side / 2;
-    let mut coarse = vec![false; half * half];
-    for (i, _) in occupied.iter().enumerate().filter(|&(_, &taken)| taken) {
-        coarse[i / side / 2 * half + i % side / 2] = true;
-    }
-    coarse
 }

@@ -3,6 +3,8 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
+use ostra_core::image::bilinear_weights;
+
 /// How likely each pixel is a keypoint, 0..1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Heat {
@@ -254,12 +256,15 @@ impl Sampled {
             (row + 1).min(self.rows - 1),
         );
         let corners = [
-            (column, row, (1.0 - along_x) * (1.0 - along_y)),
-            (next_column, row, along_x * (1.0 - along_y)),
-            (column, next_row, (1.0 - along_x) * along_y),
-            (next_column, next_row, along_x * along_y),
+            (column, row),
+            (next_column, row),
+            (column, next_row),
+            (next_column, next_row),
         ];
-        for (column, row, weight) in corners {
+        for ((column, row), weight) in corners
+            .into_iter()
+            .zip(bilinear_weights([along_x, along_y]))
+        {
             let cell = &self.values[(row * self.columns + column) * self.dim..][..self.dim];
             into.iter_mut()
                 .zip(cell)

@@ -3,6 +3,7 @@ use pulp::{Arch, Simd, WithSimd};
 use super::orientation::turn_of;
 use super::refine::Extremum;
 use super::rows::{MARGIN, Rows};
+use ostra_core::image::lerp;
 
 /// Side of a cell in the keypoint's sigma.
 const CELL: f32 = 3.0;
@@ -92,12 +93,12 @@ fn grid(level: &Rows, at: &Extremum, step: f32, angle: f32) -> [[f32; GRID]; GRI
 fn interpolated(rows: &[&[f32]; MOST_ROWS], x: f32, y: f32, last: usize) -> f32 {
     let (column, row) = (x as i32 as usize, (y as i32 as usize) % MOST_ROWS);
     let (right, below) = (x - column as f32, y - row as f32);
-    let along = |row: &[f32]| row[column] + right * (row[column + 1] - row[column]);
+    let along = |row: &[f32]| lerp(row[column], row[column + 1], right);
     let (upper, lower) = (
         along(rows[row]),
         along(rows[(row + 1).min(last) % MOST_ROWS]),
     );
-    upper + below * (lower - upper)
+    lerp(upper, lower, below)
 }
 
 /// Sums the gradients of a grid into cells.

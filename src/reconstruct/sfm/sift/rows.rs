@@ -1,5 +1,7 @@
 //! Rows of pixels with margins, and pictures made smaller.
 
+use ostra_core::image::tent_shrink;
+
 /// Samples kept beside each row, so that filters need no test for the border.
 pub(super) const MARGIN: usize = 64;
 /// Rows are padded to multiples of this, so that vector loops leave no remainder.
@@ -100,50 +102,9 @@ pub(super) fn shrunk(
     }
     let scaled = |size: usize| ((size * longest + side / 2) / side).max(1);
     let (narrow, low) = (scaled(width), scaled(height));
-    let across = weights(width, narrow);
-    let rows: Vec<f32> = grey
-        .chunks_exact(width)
-        .flat_map(|row| across.iter().map(|w| w.of(row, 1)))
-        .collect();
-    let down = weights(height, low);
-    let pixels = down
-        .iter()
-        .flat_map(|w| (0..narrow).map(|x| w.of(&rows[x..], narrow)));
-    let small: Vec<f32> = pixels.collect();
+    let small = tent_shrink(grey, [width, height], [narrow, low]);
     (
         Rows::from_grey(&small, narrow, low),
         [width as f32 / narrow as f32, height as f32 / low as f32],
     )
-}
-
-/// Weights of the samples from `first` on that make one sample of a smaller row.
-struct Weights {
-    first: usize,
-    values: Vec<f32>,
-}
-
-impl Weights {
-    fn of(&self, samples: &[f32], step: usize) -> f32 {
-        let from = samples[self.first * step..].iter().step_by(step);
-        from.zip(&self.values)
-            .map(|(sample, weight)| sample * weight)
-            .sum()
-    }
-}
-
-/// Tent filters as wide as two of the smaller row's samples, so that nothing finer is left to alias.
-fn weights(from: usize, to: usize) -> Vec<Weights> {
-    let ratio = from as f32 / to as f32;
-    let one = |k: usize| {
-        let centre = (k as f32 + 0.5) * ratio - 0.5;
-        let first = (centre - ratio).ceil().max(0.0) as usize;
-        let last = ((centre + ratio).floor() as usize).min(from - 1);
-        let tent = |at: usize| (1.0 - (at as f32 - centre).abs() / ratio).max(0.0);
-        let sum: f32 = (first..=last).map(tent).sum();
-        Weights {
-            first,
-            values: (first..=last).map(|at| tent(at) / sum).collect(),
-        }
-    };
-    (0..to).map(one).collect()
 }

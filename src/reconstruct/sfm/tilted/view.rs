@@ -4,6 +4,7 @@ use glam::{DMat2, DVec2};
 use rayon::prelude::*;
 
 use crate::sfm::{FeatureError, FeatureExtractor, Features};
+use ostra_core::image::{blend, block_means};
 
 /// A direction in a picture and how much shorter the picture is made along it, as if it were seen at an angle whose
 /// cosine is 1 / `by`.
@@ -68,7 +69,7 @@ impl TiltedView {
             return Self::of_small(grey, width, height, tilt);
         }
         let small = Self::of_small(
-            &shrunk(grey, width, step),
+            &block_means(grey, width, step),
             width / step,
             height / step,
             tilt,
@@ -132,20 +133,6 @@ impl TiltedView {
     }
 }
 
-/// Means of squares of `step` pixels.
-fn shrunk(grey: &[f32], width: usize, step: usize) -> Vec<f32> {
-    let mean = |rows: &[f32], x: usize| {
-        let lines = rows
-            .chunks_exact(width)
-            .flat_map(|line| &line[x * step..(x + 1) * step]);
-        lines.sum::<f32>() / (step * step) as f32
-    };
-    let bands = grey.chunks_exact(width * step);
-    bands
-        .flat_map(|rows| (0..width / step).map(move |x| mean(rows, x)))
-        .collect()
-}
-
 /// Half of a symmetric kernel of sum 1, from its middle on.
 fn kernel(sigma: f64) -> Vec<f32> {
     if sigma <= 0.0 {
@@ -170,7 +157,7 @@ fn blurred(line: &[f32], kernel: &[f32], at: f64) -> f32 {
         kernel[0] * value(x) + around.sum::<f32>()
     };
     let (before, share) = (at.floor() as isize, at.fract() as f32);
-    (1.0 - share) * sum(before) + share * sum(before + 1)
+    blend(sum(before), sum(before + 1), share)
 }
 
 /// The picture between four pixels.

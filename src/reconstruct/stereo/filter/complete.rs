@@ -5,6 +5,7 @@ use super::consistency::{Agreement, Match, Neighbour, Surface};
 use super::snap::SnapOptions;
 use crate::stereo::DepthEstimate;
 use crate::stereo::patchmatch::{Picture, Texture};
+use ostra_core::statistics::upper_median;
 
 /// When a view takes over what others see.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -162,12 +163,9 @@ impl View<'_> {
         {
             return None;
         }
-        let inverse_depth = upper_median(
-            matches
-                .iter()
-                .map(|(_, found)| found.inverse_depth)
-                .collect(),
-        );
+        let depths = matches.iter().map(|(_, found)| found.inverse_depth);
+        // The nearer of two depths.
+        let inverse_depth = upper_median(&mut depths.collect::<Vec<f32>>())?;
         Some(Surface {
             inverse_depth,
             ..surface
@@ -195,7 +193,9 @@ impl View<'_> {
         let of = |(neighbour, found): &(&Neighbour, Match)| {
             neighbour.color_difference(found.pixel, self.picture, at)
         };
-        upper_median(matches.iter().map(of).collect())
+        let mut differences: Vec<f32> = matches.iter().map(of).collect();
+        // The worse of two.
+        upper_median(&mut differences).unwrap_or(f32::INFINITY)
     }
 
     fn place(&self, at: usize) -> (f32, f32) {
@@ -225,10 +225,4 @@ impl View<'_> {
             }
         }
     }
-}
-
-/// The middle one of some values, the larger of the two in the middle: the nearer of two depths, the worse of two differences.
-fn upper_median(mut values: Vec<f32>) -> f32 {
-    values.sort_unstable_by(f32::total_cmp);
-    values[values.len() / 2]
 }

@@ -16,6 +16,7 @@ use ostra_cloud::SceneError;
 use ostra_cloud::fuse::{naming, readable};
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore, Image};
+use ostra_core::statistics::mean_median;
 
 /// Makes points of the complete depths of some views: view after view, each pixel that no point has taken yet makes one
 /// with the pixels of the neighbouring views that see the same (J. Schönberger et al., *Pixelwise View Selection for
@@ -151,13 +152,6 @@ fn connected(neighbours: &BTreeMap<usize, Vec<usize>>, number: usize) -> Vec<usi
     all
 }
 
-/// The middle one of some values, or the mean of the two in the middle.
-fn median(mut values: Vec<f32>) -> f32 {
-    values.sort_unstable_by(f32::total_cmp);
-    let last = values.len() - 1;
-    0.5 * (values[last / 2] + values[last.div_ceil(2)])
-}
-
 struct View<'a> {
     place: usize,
     estimate: &'a Arc<DepthEstimate>,
@@ -234,13 +228,9 @@ impl View<'_> {
     fn add_point(&self, cloud: &mut DenseCloud, at: usize, matches: &[(usize, Match)]) {
         let width = self.estimate.width();
         let own = 1.0 / self.estimate.depths[at];
-        let inverse_depth = median(
-            matches
-                .iter()
-                .map(|(_, found)| found.inverse_depth)
-                .chain([own])
-                .collect(),
-        );
+        let others = matches.iter().map(|(_, found)| found.inverse_depth);
+        let mut inverse_depths: Vec<f32> = others.chain([own]).collect();
+        let inverse_depth = mean_median(&mut inverse_depths).unwrap_or(own);
         let normal = matches
             .iter()
             .fold(self.estimate.normal(at), |sum, (_, found)| {

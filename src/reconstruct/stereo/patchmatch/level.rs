@@ -9,6 +9,7 @@ use super::picture::{Picture, Texture};
 use super::plane::{Color, Plane, Raster, Transfer, WORST};
 use super::search_input::{Found, PatchMatchOptions, Search};
 use super::window::{Patch, Window};
+use ostra_core::statistics::upper_median;
 
 /// Source views at most.
 pub const MAX_SOURCES: usize = 8;
@@ -318,8 +319,7 @@ fn pixel_step(sources: &[Source], (x, y): (f32, f32), w: f32) -> f32 {
         .map(step)
         .filter(|step| step.is_finite())
         .collect();
-    steps.sort_unstable_by(f32::total_cmp);
-    steps.get(steps.len() / 2).copied().unwrap_or(change)
+    upper_median(&mut steps).unwrap_or(change)
 }
 
 /// Pixels of a level of which any pixel of the finest is to be worked on.

@@ -6,6 +6,7 @@ use glam::{DMat3, DVec3};
 
 use super::plane::{Raster, Transfer};
 use ostra_geometry::{Camera, Pose};
+use ostra_core::image::{bilinear, halve, mean_of_four};
 
 /// A picture as it is compared, row by row.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -24,21 +25,14 @@ impl Tones {
     /// The picture of half the size, each pixel the mean of four; an odd last row or column is left off.
     pub fn halved(&self) -> Self {
         let (width, height) = (self.width / 2, self.height / 2);
-        let firsts: Vec<usize> = (0..height)
-            .flat_map(|y| (0..width).map(move |x| (2 * x, 2 * y)))
-            .map(|(x, y)| y * self.width + x)
-            .collect();
-        let luma = firsts
-            .iter()
-            .map(|&at| quarter(|off| self.luma[at + off], self.width))
-            .collect();
-        let mixed = |&at: &usize| {
-            std::array::from_fn(|k| quarter(|off| self.chroma[at + off][k], self.width))
+        let luma = halve(&self.luma, self.width, self.height, mean_of_four);
+        let mixed = |four: [[f32; 2]; 4]| {
+            std::array::from_fn(|channel| mean_of_four(four.map(|pixel| pixel[channel])))
         };
         let chroma = if self.chroma.is_empty() {
             Vec::new()
         } else {
-            firsts.iter().map(mixed).collect()
+            halve(&self.chroma, self.width, self.height, mixed)
         };
         Self {
             width,
@@ -70,11 +64,6 @@ fn split(at: f32) -> (usize, f32) {
         counted.to_bits().wrapping_sub(ROUNDING.to_bits()) as usize,
         at - (counted - ROUNDING),
     )
-}
-
-/// The mean of a pixel and those to the right of it and below.
-fn quarter(at: impl Fn(usize) -> f32, width: usize) -> f32 {
-    0.25 * (at(0) + at(1) + at(width) + at(width + 1))
 }
 
 /// A picture made ready for bilinear sampling: each element holds four neighbouring greys, so that a sample is one load.
@@ -168,11 +157,7 @@ impl Texture {
             corner(left, bottom),
             corner(right, bottom),
         );
-        std::array::from_fn(|k| {
-            let above = share_x * (b[k] - a[k]) + a[k];
-            let below = share_x * (d[k] - c[k]) + c[k];
-            share_y * (below - above) + above
-        })
+        std::array::from_fn(|k| bilinear([a[k], b[k], c[k], d[k]], [share_x, share_y]))
     }
 }
 

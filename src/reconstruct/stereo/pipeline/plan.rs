@@ -12,6 +12,7 @@ use crate::stereo::{Engine, SelectOptions, StereoError, select_sources};
 use ostra_core::job::Progress;
 use ostra_frames::cameras::SparsePoints;
 use ostra_frames::{Frame, FrameStore};
+use ostra_core::statistics::trimmed_range;
 
 /// Which pixels of a frame's raster (its camera's `width · height`, row by row) are to be worked on; `None` = all.
 pub type RasterMask<'a> = &'a (dyn Fn(usize, &ostra_geometry::Camera) -> Option<Vec<bool>> + Sync);
@@ -281,8 +282,7 @@ fn seen_points(frame: &Frame, number: usize, sparse: &SparsePoints) -> Vec<DVec3
 #[must_use]
 pub fn depth_range(points_in_camera: &[DVec3]) -> Option<[f64; 2]> {
     let mut depths: Vec<f64> = points_in_camera.iter().map(|x| x.z).collect();
-    depths.sort_unstable_by(f64::total_cmp);
     let off = (OUTSIDE * depths.len() as f64) as usize;
-    let (near, far) = (depths.get(off)?, depths.get(depths.len() - 1 - off)?);
+    let [near, far] = trimmed_range(&mut depths, off)?;
     (depths.len() >= LEAST).then_some([near * (1.0 - MARGIN), far * (1.0 + MARGIN)])
 }

@@ -1,18 +1,26 @@
+//! A cache bounded in bytes.
+
 use std::hash::Hash;
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 use rustc_hash::FxHashMap;
 
 /// A value that knows how much memory it keeps.
-pub(super) trait Weigh: Clone {
+pub trait Weigh {
     /// Bytes of memory.
     fn bytes(&self) -> usize;
+}
+
+impl<T: Weigh> Weigh for Arc<T> {
+    fn bytes(&self) -> usize {
+        T::bytes(self)
+    }
 }
 
 /// Values by key, the latest used kept within a budget of bytes. Shared by all threads: work to make a value happens
 /// outside the lock, and never twice at once for the same key.
 #[derive(Debug)]
-pub(super) struct Cache<K, V> {
+pub struct Cache<K, V> {
     state: Mutex<State<K, V>>,
     changed: Condvar,
     budget_bytes: usize,
@@ -31,7 +39,9 @@ enum Entry<V> {
     Ready { value: V, used: u64 },
 }
 
-impl<K: Hash + Eq + Clone, V: Weigh> Cache<K, V> {
+impl<K: Hash + Eq + Clone, V: Weigh + Clone> Cache<K, V> {
+    /// An empty cache of at most `budget_bytes`.
+    #[must_use]
     pub fn new(budget_bytes: usize) -> Self {
         let state = State {
             entries: FxHashMap::default(),
@@ -46,6 +56,9 @@ impl<K: Hash + Eq + Clone, V: Weigh> Cache<K, V> {
     }
 
     /// The value of `key`, made by `load` when it is not there; waits when another thread is making it.
+    ///
+    /// # Errors
+    /// Those of `load`.
     pub fn get<E>(&self, key: &K, load: impl FnOnce() -> Result<V, E>) -> Result<V, E> {
         if let Some(value) = self.found_or_claimed(key) {
             return Ok(value);
@@ -62,6 +75,7 @@ impl<K: Hash + Eq + Clone, V: Weigh> Cache<K, V> {
     }
 
     /// Bytes kept now; never above the budget.
+    #[must_use]
     pub fn bytes(&self) -> usize {
         self.lock().bytes
     }
@@ -88,7 +102,7 @@ impl<K: Hash + Eq + Clone, V: Weigh> Cache<K, V> {
     }
 }
 
-impl<K: Hash + Eq + Clone, V: Weigh> State<K, V> {
+impl<K: Hash + Eq + Clone, V: Weigh + Clone> State<K, V> {
     fn touch(&mut self, key: &K) -> Option<V> {
         self.clock += 1;
         let now = self.clock;
@@ -141,12 +155,12 @@ impl<K: Hash + Eq + Clone, V: Weigh> State<K, V> {
 }
 
 /// The right of one thread to make the value of `key`; given back when it fails or panics.
-struct Claim<'a, K: Hash + Eq + Clone, V: Weigh> {
+struct Claim<'a, K: Hash + Eq + Clone, V: Weigh + Clone> {
     cache: &'a Cache<K, V>,
     key: &'a K,
 }
 
-impl<K: Hash + Eq + Clone, V: Weigh> Claim<'_, K, V> {
+impl<K: Hash + Eq + Clone, V: Weigh + Clone> Claim<'_, K, V> {
     fn fulfil(self, value: V) {
         self.cache
             .lock()
@@ -154,7 +168,7 @@ impl<K: Hash + Eq + Clone, V: Weigh> Claim<'_, K, V> {
     }
 }
 
-impl<K: Hash + Eq + Clone, V: Weigh> Drop for Claim<'_, K, V> {
+impl<K: Hash + Eq + Clone, V: Weigh + Clone> Drop for Claim<'_, K, V> {
     fn drop(&mut self) {
         let mut state = self.cache.lock();
         if matches!(state.entries.get(self.key), Some(Entry::Loading)) {

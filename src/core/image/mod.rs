@@ -1,0 +1,7 @@
+//! Pixels row by row: sampling between them, and images made smaller.
+
+mod resize;
+mod sampling;
+
+pub use resize::{area_mean_rgb8, block_means, halve, halve_row, mean_of_four, tent_shrink};
+pub use sampling::{Corners, bilinear, bilinear_weights, blend, lerp};
