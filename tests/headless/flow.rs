@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use ostra_core::job::Progress;
 use ostra_frames::{FrameFolder, FrameStore, OpenRequest, open};
-use ostra_masks::builtin::BuiltinSegmenter;
+use ostra_masks::graph_cut::BuiltinSegmenter;
 use ostra_masks::{
     Direction, LabelId, LabelMask, Prompt, RunMask, SegmentRequest, Segmenter, TrackRequest,
     TrackedFrame, Tracker, next_click,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use ostra_core::job::Progress;
 use ostra_frames::Image;
-use ostra_masks::builtin::BuiltinSegmenter;
+use ostra_masks::graph_cut::BuiltinSegmenter;
 use ostra_masks::{Prompt, Region, SegmentRequest, Segmenter, next_click};
 use rayon::prelude::*;
 

@@ -1,0 +1,27 @@
+//! The segmenter that needs no weights: a graph cut over small regions, seeded by clicks and boxes.
+
+mod appearance;
+mod box_filter;
+mod box_prompt;
+mod bridges;
+mod candidate_features;
+mod candidates;
+mod click_context;
+mod depth_completion;
+pub(crate) mod depth_surfaces;
+mod edge_map;
+#[cfg(test)]
+mod fitting;
+mod graph;
+mod local_correction;
+mod over_segmentation;
+mod prepared;
+mod ranking;
+mod raster;
+mod region_stats;
+mod segmenter;
+#[cfg(test)]
+mod tests;
+
+pub use depth_completion::settled;
+pub use segmenter::BuiltinSegmenter;
