@@ -19,9 +19,7 @@ pub mod onnx;
 mod outline;
 mod prompt;
 mod region;
-mod robot;
 mod run_mask;
-mod score;
 mod thin;
 pub mod unexplained;
 
@@ -37,8 +35,9 @@ pub use engines::{
 };
 pub use error::MaskError;
 pub use formats::{
-    Imported, MaskFormat, MaskFrame, encode_palette_png, export_masks, file_stems, import_masks,
-    read_labels_json, read_palette_png, read_palette_png_of, write_labels_json,
+    Imported, MaskFolder, MaskFormat, MaskFrame, MatchedMask, MatchedMasks, encode_palette_png,
+    export_masks, file_stems, import_masks, read_labels_json, read_palette_png,
+    read_palette_png_of, write_labels_json,
 };
 pub use lab::{lab_of_pixel, squared_difference};
 pub use label_tree::{Label, LabelId, LabelTree, MAX_DEPTH};
@@ -47,11 +46,6 @@ pub use merge::{WalkedFrame, merged};
 pub use outline::{Outline, outlines, simplified_ring};
 pub use prompt::{Click, Prompt, PxBox};
 pub use region::Region;
-pub use robot::{LabelClick, next_click, next_label_click};
 pub use run_mask::{Extent, RunMask};
-pub use score::{
-    FramePair, FrameScore, LabelScore, MaskScore, ScoreOptions, boundary_f, score_masks,
-    score_pairs,
-};
 pub use thin::trace;
 pub use unexplained::{Apartness, Unexplained};

@@ -13,6 +13,7 @@ mod frame_matching;
 mod grey_kinds;
 mod labels_json;
 mod layers;
+mod mask_folder;
 mod png_decode;
 mod png_values;
 mod rle;
@@ -21,13 +22,9 @@ mod yolo_names;
 
 pub use davis::{encode_palette_png, read_palette_png, read_palette_png_of};
 pub use exchange::{MaskFormat, export_masks, import_masks};
-pub(super) use files::{FoundFile, Skipped, in_parallel, list_files, unless_stopped};
-pub(super) use frame_matching::NameIndex;
 pub use frame_matching::{Imported, MaskFrame, file_stems};
-pub(super) use grey_kinds::{White, ids_in, is_black_and_white, meaning_of_white, white_as_one};
-pub(super) use labels_json::{ids_of_colors, listed_labels};
 pub use labels_json::{read_labels_json, write_labels_json};
-pub(super) use png_values::{PngValues, reconcile_cut_outs};
+pub use mask_folder::{MaskFolder, MatchedMask, MatchedMasks};
 
 #[cfg(test)]
 mod tests;

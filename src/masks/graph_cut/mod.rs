@@ -10,13 +10,12 @@ mod click_context;
 mod depth_completion;
 pub(crate) mod depth_surfaces;
 mod edge_map;
-#[cfg(test)]
-mod fitting;
 mod graph;
 mod local_correction;
 mod over_segmentation;
 mod prepared;
-mod ranking;
+pub mod ranked_click;
+pub mod ranking;
 mod raster;
 mod region_stats;
 mod segmenter;

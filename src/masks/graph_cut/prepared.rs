@@ -8,7 +8,7 @@ use super::candidates::{CandidateOptions, candidates};
 use super::click_context::ClickContext;
 use super::graph::RegionGraph;
 use super::local_correction::corrected;
-use super::ranking::{WEIGHTS, best, kind_of};
+use super::ranking::{WEIGHTS, best, kind_of, terms};
 use super::raster::Raster;
 use crate::{Click, MaskError, PreparedFrame, PxBox, Region, SegmentRequest};
 use ostra_core::job::Progress;
@@ -316,6 +316,11 @@ impl<'a> Query<'a> {
 /// The change that the click of a context most likely means.
 fn chosen(context: &ClickContext<'_>) -> Option<Vec<bool>> {
     let mut found = candidates(context, &CandidateOptions::default());
-    let best = best(&WEIGHTS, kind_of(context), &found)?;
+    let terms: Vec<_> = found
+        .all
+        .iter()
+        .map(|candidate| terms(&candidate.features))
+        .collect();
+    let best = best(&WEIGHTS, kind_of(context), &terms, &found.shared)?;
     Some(found.all.swap_remove(best).change)
 }

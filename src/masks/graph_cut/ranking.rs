@@ -1,7 +1,6 @@
 //! Which candidate a click most likely means.
 
-use super::candidate_features::{Candidate, FEATURES, Features};
-use super::candidates::Candidates;
+use super::candidate_features::{FEATURES, Features};
 use super::click_context::ClickContext;
 
 /// Features whose squares count too, scaled by [`SQUARE_SCALE`].
@@ -9,28 +8,34 @@ const SQUARED: [usize; 5] = [1, 2, 3, 9, 12];
 const SQUARE_SCALE: f32 = 0.3;
 
 /// Number of terms of a score.
-pub(super) const TERMS: usize = FEATURES + SQUARED.len();
+pub const TERMS: usize = FEATURES + SQUARED.len();
 
 /// The kinds of clicks, each with weights of its own: without depth, then with depth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Kind {
+pub enum Kind {
+    /// The first include click of an object, without depth.
     First,
+    /// A further include click, without depth.
     Include,
+    /// An exclude click, without depth.
     Exclude,
+    /// The first include click of an object, with depth.
     DeepFirst,
+    /// A further include click, with depth.
     DeepInclude,
+    /// An exclude click, with depth.
     DeepExclude,
 }
 
 /// Score weights: one row per [`Kind`], one weight per term.
-pub(super) type Weights = [[f32; TERMS]; 6];
+pub type Weights = [[f32; TERMS]; 6];
 
-/// Fitted by `fitting/`: one row per [`Kind`], one weight per term. With depth: on a real shelf, views of made plants
-/// (seeds 2–11) and of made bricks. The last trait's is set by hand and to be kept when all are fitted anew: without depth, a late
+/// Fitted by `tests/bench/segmenter_fit`: one row per [`Kind`], one weight per term. With depth: on a real shelf, views of made plants
+/// (seeds 2–11) and of made bricks. The last feature's is set by hand and to be kept when all are fitted again: without depth, a late
 /// click rarely means a great part of the answer (−1 over [`SHARPNESS`] but for the first click), and a fit to the mean gain
 /// of all clicks hardly sees the few that take one away or bring one.
 #[rustfmt::skip]
-pub(super) const WEIGHTS: Weights = [
+pub const WEIGHTS: Weights = [
     [-37.7001, 0.1882, -0.8458, 0.6662, -18.3394, 0.0000, -7.1185, 1.2843, -1.8756, 0.0341, -0.5004, 8.8754, 0.1882, 0.0000, 0.0000, 3.6995, 3.0869, -5.2035, -1.1709, -4.7081, 3.0330, 0.0000, 0.0000, 0.0000, 0.0000, 0.0000, -0.0468, -0.0745, -1.3597, 0.0075, -0.2158],
     [-6.7091, -0.3873, -1.0599, 0.3738, -2.3094, 9.1586, 0.7743, 0.3659, 0.0081, -0.0155, -0.1780, 1.3879, -0.2824, -0.2650, -0.9606, 0.8898, -0.3027, -5.7145, 1.0090, -2.9026, -2.6769, 0.0000, 0.0000, 0.0000, 0.0000, -1.4286, -0.0811, -0.8913, -1.1939, 0.0007, 0.0416],
     [-6.8915, -0.2429, -0.7814, 0.2644, -2.8330, 4.4956, 5.7354, 0.7081, -0.2231, -0.0805, -0.3063, 1.8559, -0.2895, -0.1409, -2.1545, 2.8192, 1.2675, 1.8264, -0.4805, -0.3755, -0.6290, 0.0000, 0.0000, 0.0000, 0.0000, -1.0000, -0.0321, -0.6236, -1.8092, -0.0118, -0.0124],
@@ -63,23 +68,31 @@ pub(super) fn terms(features: &Features) -> [f32; TERMS] {
     })
 }
 
-/// The candidate that, by the chances that the scores give to all, may be expected to share most with what is meant.
-pub(super) fn best(weights: &Weights, kind: Kind, candidates: &Candidates) -> Option<usize> {
+/// The candidate that, by the chances that the scores of their `terms` give to all, may be expected to share most with
+/// what is meant; `shared` holds the IoU of every two candidates.
+#[must_use]
+pub fn best(
+    weights: &Weights,
+    kind: Kind,
+    terms: &[[f32; TERMS]],
+    shared: &[Vec<f32>],
+) -> Option<usize> {
     let weights = &weights[kind as usize];
-    let score = |candidate: &Candidate| -> f32 {
+    let score = |terms: &[f32; TERMS]| -> f32 {
         SHARPNESS[kind as usize]
-            * terms(&candidate.features)
+            * terms
                 .iter()
                 .zip(weights)
                 .map(|(term, weight)| term * weight)
                 .sum::<f32>()
     };
-    let scores: Vec<f32> = candidates.all.iter().map(score).collect();
-    expected_best(&scores, &candidates.shared)
+    let scores: Vec<f32> = terms.iter().map(score).collect();
+    expected_best(&scores, shared)
 }
 
 /// The index whose mean of `shared`, weighted by softmax of the scores, is largest; the first of equals.
-pub(super) fn expected_best(scores: &[f32], shared: &[Vec<f32>]) -> Option<usize> {
+#[must_use]
+pub fn expected_best(scores: &[f32], shared: &[Vec<f32>]) -> Option<usize> {
     let top = scores.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     let chances: Vec<f32> = scores.iter().map(|score| (score - top).exp()).collect();
     let expected: Vec<f32> = shared

@@ -1,12 +1,19 @@
-//! Fits the weights of `ranking.rs` on pictures with truth, and plays the robot user with weights that were fitted
-//! without the clip played. As a test it does so on three pictures of the shelf; the whole of it, minutes of work, is run
-//! by hand:
+//! Fits the weights by which the built-in segmenter ranks the candidates of a click (`src/masks/graph_cut/ranking.rs`) on
+//! images with ground truth, and plays the simulated user with weights that were fitted without the clip played.
 //!
-//! `OSTRA_FIT=1 cargo test --release --lib builtin::fitting -- --nocapture`
+//! `cargo bench --bench segmenter_fit` takes three images of the shelf; `… -- all` takes all, minutes of work.
 //!
-//! Pictures with depth and several objects (`color/`, `depth/`, `labels/` with one value per object) are played as the
+//! Images with depth and several objects (`color/`, `depth/`, `labels/` with one value per object) are played as the
 //! session does it: one click for the object with the largest error, the others' clicks excluded. `OSTRA_MORE` names a
-//! folder of further such folders; those of a name with `alone` in it are played object by object.
+//! folder of further such folders; those of a name with `alone` in it are played object by object. `OSTRA_ONLY` takes the
+//! clips alone whose names begin so (several with commas), `OSTRA_ROUNDS` fits more than once, each time on clicks chosen by
+//! the weights before.
+
+#![expect(
+    clippy::print_stdout,
+    clippy::unwrap_used,
+    reason = "a bench prints its table and ends where data is damaged"
+)]
 
 mod cases;
 mod fit;
@@ -15,9 +22,9 @@ mod report;
 
 use std::path::{Path, PathBuf};
 
+use ostra_masks::graph_cut::ranking::{Kind, WEIGHTS};
 use rayon::prelude::*;
 
-use super::ranking::{Kind, WEIGHTS};
 use cases::{davis, recording, recordings};
 use play::{Sample, explore};
 
@@ -30,20 +37,14 @@ const KINDS: [Kind; 6] = [
     Kind::DeepExclude,
 ];
 
-#[test]
-fn fitted_weights_gain_more_than_none() {
+fn main() {
     let data = std::env::var_os("OSTRA_DATA")
-        .map_or_else(|| PathBuf::from("../../../shared/data"), PathBuf::from);
+        .map_or_else(|| PathBuf::from("../shared/data"), PathBuf::from);
     if !data.is_dir() {
-        assert!(
-            std::env::var_os("CI").is_none(),
-            "{}: the test data is missing",
-            data.display()
-        );
-        println!("skipped: no test data at {}", data.display());
+        println!("no images at {}: set OSTRA_DATA", data.display());
         return;
     }
-    let is_whole = std::env::var_os("OSTRA_FIT").is_some();
+    let is_whole = std::env::args().any(|word| word == "all");
     let mut cases = recording(
         &data.join("apc_shelf_rgbd_labels"),
         "shelf",

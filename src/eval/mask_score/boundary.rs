@@ -1,4 +1,4 @@
-use crate::{Region, squared_distance_to};
+use ostra_masks::{Region, squared_distance_to};
 
 /// Boundaries this share of the picture's diagonal apart still match (rounded up to whole pixels).
 const TOLERANCE: f64 = 0.008;

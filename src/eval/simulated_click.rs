@@ -1,10 +1,10 @@
-//! The robot user: places clicks where a person would, by looking at the truth.
+//! The clicks of a simulated user: where a person would click, found by comparing with the truth.
 
 use glam::DVec2;
 
-use super::{Click, Connectivity, LabelId, LabelMask, Region, components, deepest_point};
+use ostra_masks::{Click, Connectivity, LabelId, LabelMask, Region, components, deepest_point};
 
-/// The next click of the robot user: the deepest point (farthest from its border, the picture's border included) of
+/// The next click of a simulated user: the deepest point (farthest from its border, the picture's border included) of
 /// the largest 4-connected component of pixels where `current` differs from `truth`; include where the object is
 /// missed, exclude where too much was taken. `None` when both are equal.
 ///

@@ -1,16 +1,9 @@
-use std::collections::{BTreeMap, BTreeSet};
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-use serde::{Deserialize, Serialize};
-
 use super::table::{FramePair, MaskScore, misfit, score_pairs};
-use crate::formats::{
-    FoundFile, NameIndex, PngValues, Skipped, White, ids_in, ids_of_colors, in_parallel,
-    is_black_and_white, list_files, listed_labels, meaning_of_white, reconcile_cut_outs,
-    unless_stopped, white_as_one,
-};
-use crate::{LabelId, LabelTree, MaskError, RunMask};
 use ostra_core::job::Progress;
+use ostra_masks::{LabelId, MaskError, MaskFolder, RunMask};
 
 /// How two folders of masks are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -19,16 +12,6 @@ pub struct ScoreOptions {
     pub skip_first: bool,
     /// Read labels deeper than this as their ancestor there (1 = top), by `labels.json` in either folder.
     pub level: Option<usize>,
-}
-
-/// A folder's masks as ids.
-struct Folder {
-    files: Vec<FoundFile>,
-    masks: Vec<RunMask>,
-    tree: Option<LabelTree>,
-    ids: BTreeSet<LabelId>,
-    /// What was decided while reading, for the user.
-    warnings: Vec<String>,
 }
 
 /// Scores a folder of mask PNGs against one of true masks. Files are matched by name without ending: path below the
@@ -49,14 +32,14 @@ pub fn score_masks(
     progress: &Progress,
 ) -> Result<MaskScore, MaskError> {
     progress.stage("read masks")?;
-    let mut truth = Folder::read(truth_dir, progress)?;
-    let mut result = Folder::read(result_dir, progress)?;
-    if is_black_and_white(&truth.ids, truth.tree.as_ref()) {
-        truth.map(white_as_one);
+    let mut truth = MaskFolder::read(truth_dir, progress)?;
+    let mut result = MaskFolder::read(result_dir, progress)?;
+    if truth.is_black_and_white() {
+        truth.read_white_as_one();
     }
     let void = without_void(&mut truth, &mut result);
-    if is_black_and_white(&result.ids, result.tree.as_ref()) && !truth.ids.contains(&LabelId(255)) {
-        result.map(white_as_one);
+    if result.is_black_and_white() && !truth.ids.contains(&LabelId(255)) {
+        result.read_white_as_one();
     }
     if let Some(level) = options.level {
         read_at_level(&mut truth, &mut result, level)?;
@@ -66,7 +49,7 @@ pub fn score_masks(
         .flat_map(|folder| folder.warnings.clone())
         .collect();
     warnings.extend(void);
-    let mut pairs = pairs(&truth, &result, (truth_dir, result_dir), &mut warnings)?;
+    let mut pairs = pairs(&truth, &result, &mut warnings)?;
     if options.skip_first {
         pairs.remove(0);
     }
@@ -95,83 +78,13 @@ pub fn score_masks(
     Ok(score)
 }
 
-impl Folder {
-    fn read(dir: &Path, progress: &Progress) -> Result<Self, MaskError> {
-        let found = list_files(dir, &["png"])?;
-        if found.is_empty() {
-            let what = "holds no PNG; give the folder of the masks".into();
-            return Err(MaskError::Invalid {
-                path: dir.to_path_buf(),
-                what,
-            });
-        }
-        let listed = listed_labels(dir)?;
-        let tree = listed.tree;
-        let colors = tree.as_ref().map(ids_of_colors);
-        let read_file = |file: &FoundFile| -> Result<_, MaskError> {
-            let read = PngValues::read(&file.path, None)?.into_ids(&file.path, colors.as_ref())?;
-            Ok((RunMask::encode(&read.mask), read.how))
-        };
-        let results = in_parallel(&found, progress, |file| unless_stopped(read_file(file)))?;
-        let (mut skipped, mut first_error) = (Skipped::default(), None);
-        let (mut files, mut read) = (Vec::new(), Vec::new());
-        for (file, result) in found.into_iter().zip(results) {
-            match result {
-                Ok(one) => {
-                    files.push(file);
-                    read.push(one);
-                }
-                Err(error) => {
-                    skipped.add_unreadable(&error);
-                    first_error.get_or_insert(error);
-                }
-            }
-        }
-        if let Some(error) = first_error.filter(|_| files.is_empty()) {
-            return Err(error);
-        }
-        reconcile_cut_outs(read.iter_mut().map(|(mask, how)| (mask, how)));
-        for (file, (_, how)) in files.iter().zip(&read) {
-            for what in how.warnings() {
-                skipped.add(what, file.path.display().to_string());
-            }
-        }
-        let masks: Vec<RunMask> = read.into_iter().map(|(mask, _)| mask).collect();
-        let ids = ids_in(&masks);
-        Ok(Self {
-            files,
-            masks,
-            tree,
-            ids,
-            warnings: listed
-                .warning
-                .into_iter()
-                .chain(skipped.warnings())
-                .collect(),
-        })
-    }
-
-    fn map(&mut self, change: impl Fn(&RunMask) -> RunMask) {
-        self.masks = self.masks.iter().map(change).collect();
-        self.ids = ids_in(&self.masks);
-    }
-}
-
 /// Removes the value that means void in the truth from both folders. It stays in a black and white result, where it is
 /// the object.
-fn without_void(truth: &mut Folder, result: &mut Folder) -> Option<String> {
-    let known = |id| {
-        truth
-            .tree
-            .as_ref()
-            .is_some_and(|tree| tree.get(id).is_some())
-    };
-    let White::Void(void) = meaning_of_white(&truth.ids, known) else {
-        return None;
-    };
+fn without_void(truth: &mut MaskFolder, result: &mut MaskFolder) -> Option<String> {
+    let void = truth.void_value()?;
     let cleared = |mask: &RunMask| mask.map_ids(|id| if id == void { LabelId::NONE } else { id });
     truth.map(cleared);
-    if !is_black_and_white(&result.ids, result.tree.as_ref()) {
+    if !result.is_black_and_white() {
         result.map(cleared);
     }
     Some(format!(
@@ -181,7 +94,11 @@ fn without_void(truth: &mut Folder, result: &mut Folder) -> Option<String> {
 }
 
 /// Each folder by its own tree, or by the other's where it has none.
-fn read_at_level(truth: &mut Folder, result: &mut Folder, level: usize) -> Result<(), MaskError> {
+fn read_at_level(
+    truth: &mut MaskFolder,
+    result: &mut MaskFolder,
+    level: usize,
+) -> Result<(), MaskError> {
     let missing = || {
         let what = "levels are not known: there is no labels.json; put the one that `ostra masks export` writes beside \
                     the masks";
@@ -200,45 +117,25 @@ fn read_at_level(truth: &mut Folder, result: &mut Folder, level: usize) -> Resul
 
 /// Every true mask with its result, in natural order.
 fn pairs(
-    truth: &Folder,
-    result: &Folder,
-    (truth_dir, result_dir): (&Path, &Path),
+    truth: &MaskFolder,
+    result: &MaskFolder,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<FramePair>, MaskError> {
-    let index = NameIndex::new(truth.files.iter().map(|file| file.stem.as_str()));
-    let matched = index.match_files(result_dir, &result.files)?;
-    if matched.pairs.is_empty() {
-        let (first, other) = (&result.files[0].stem, &truth.files[0].stem);
-        let what = format!(
-            "no mask has the name of one in {} (first '{first}' and '{other}'); name the results as the truth",
-            truth_dir.display()
-        );
-        return Err(MaskError::Invalid {
-            path: result_dir.to_path_buf(),
-            what,
-        });
-    }
+    let matched = result.matched_to(truth)?;
     let mut pairs: Vec<FramePair> = truth
-        .files
-        .iter()
-        .zip(&truth.masks)
-        .map(|(file, mask)| FramePair {
-            name: file.stem.clone(),
+        .names()
+        .zip(truth.masks())
+        .map(|(name, mask)| FramePair {
+            name: name.to_owned(),
             truth: mask.clone(),
             result: RunMask::empty(mask.width, mask.height),
         })
         .collect();
     let mut has_result = vec![false; pairs.len()];
-    let masks: BTreeMap<&Path, &RunMask> = result
-        .files
-        .iter()
-        .map(|file| file.path.as_path())
-        .zip(&result.masks)
-        .collect();
     let (count, mut misfits) = (matched.pairs.len(), Vec::new());
-    for (frame, file) in matched.pairs {
-        let (mask, pair) = (masks[file.path.as_path()], &mut pairs[frame]);
-        has_result[frame] = true;
+    for one in matched.pairs {
+        let (mask, pair) = (one.mask, &mut pairs[one.place]);
+        has_result[one.place] = true;
         if (mask.width, mask.height) == (pair.truth.width, pair.truth.height) {
             pair.result.clone_from(mask);
         } else {
@@ -269,8 +166,7 @@ fn pairs(
     if let Some(first) = matched.unmatched.first() {
         let count = matched.unmatched.len();
         warnings.push(format!(
-            "{count} masks of the result have no true mask and were left out (first: {})",
-            first.stem
+            "{count} masks of the result have no true mask and were left out (first: {first})"
         ));
     }
     Ok(pairs)

@@ -1,13 +1,12 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::graph_cut::prepared::Prepared;
-use crate::graph_cut::segmenter::prepare;
-use crate::{LabelId, LabelMask};
 use ostra_core::job::Progress;
 use ostra_frames::{DepthMap, Image};
+use ostra_masks::graph_cut::ranked_click::RankedFrame;
+use ostra_masks::{LabelId, LabelMask};
 
-/// A picture with truth.
+/// An image with ground truth.
 pub struct Case {
     pub clip: String,
     image: PathBuf,
@@ -19,7 +18,7 @@ pub struct Case {
     is_binary: bool,
     /// Most clicks per object.
     pub clicks: usize,
-    /// Whether the robot user plays it for the report.
+    /// Whether the simulated user plays it for the report.
     pub is_shown: bool,
 }
 
@@ -118,7 +117,7 @@ impl Case {
     }
 
     /// The prepared frame and its truth.
-    pub fn load(&self) -> (Prepared, LabelMask) {
+    pub fn load(&self) -> (RankedFrame, LabelMask) {
         let image = image::open(&self.image).unwrap().to_rgb8();
         let (width, height) = image.dimensions();
         let image = Arc::new(Image {
@@ -150,7 +149,7 @@ impl Case {
             .map(|pixel| LabelId(id(pixel.0[0])))
             .collect();
         (
-            prepare(&image, depth.as_ref(), &Progress::default()).unwrap(),
+            RankedFrame::new(&image, depth.as_ref(), &Progress::default()).unwrap(),
             LabelMask { width, height, ids },
         )
     }

@@ -1,10 +1,11 @@
 use std::collections::BTreeMap;
 
-use super::cases::Case;
-use crate::graph_cut::candidates::{CandidateOptions, Candidates, candidates};
-use crate::graph_cut::prepared::{Prepared, Query};
-use crate::graph_cut::ranking::{Kind, TERMS, Weights, best, kind_of, terms};
-use crate::{Click, LabelId, LabelMask, Region, next_label_click};
+use ostra_eval::simulated_click::next_label_click;
+use ostra_masks::graph_cut::ranked_click::{ClickCandidates, RankedClick, RankedFrame};
+use ostra_masks::graph_cut::ranking::{Kind, TERMS, Weights, best};
+use ostra_masks::{Click, LabelId, LabelMask, Region};
+
+use crate::cases::Case;
 
 /// One click met while playing: what each candidate would gain in mean IoU.
 pub struct Sample {
@@ -15,8 +16,8 @@ pub struct Sample {
     pub shared: Vec<Vec<f32>>,
 }
 
-/// What chooses among the candidates of a click; it is told their gains.
-pub type Choose<'a> = dyn FnMut(Kind, &Candidates, &[f32]) -> usize + 'a;
+/// What chooses among the candidates of a click by them and their gains.
+pub type Choose<'a> = dyn FnMut(&ClickCandidates, &[f32]) -> usize + 'a;
 
 /// Mean IoU over the objects after each round of one click per object.
 pub fn play(case: &Case, choose: &mut Choose<'_>) -> Vec<f32> {
@@ -56,15 +57,11 @@ pub fn play(case: &Case, choose: &mut Choose<'_>) -> Vec<f32> {
 pub fn explore(case: &Case, weights: &Weights, seed: u64) -> Vec<Sample> {
     let mut samples = Vec::new();
     let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
-    play(case, &mut |kind, found, gains| {
+    play(case, &mut |found, gains| {
         samples.push(Sample {
             clip: case.clip.clone(),
-            kind,
-            terms: found
-                .all
-                .iter()
-                .map(|candidate| terms(&candidate.features))
-                .collect(),
+            kind: found.kind,
+            terms: found.terms.clone(),
             gains: gains.to_vec(),
             shared: found.shared.clone(),
         });
@@ -72,9 +69,9 @@ pub fn explore(case: &Case, weights: &Weights, seed: u64) -> Vec<Sample> {
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1_442_695_040_888_963_407);
         match state >> 60 {
-            0..2 => (state >> 20) as usize % found.all.len(),
+            0..2 => (state >> 20) as usize % found.changes.len(),
             2..5 => oracle(gains),
-            _ => best(weights, kind, found).unwrap(),
+            _ => best(weights, found.kind, &found.terms, &found.shared).unwrap(),
         }
     });
     samples
@@ -89,7 +86,7 @@ pub fn oracle(gains: &[f32]) -> usize {
 
 /// A frame being labelled.
 struct Game<'a> {
-    frame: &'a Prepared,
+    frame: &'a RankedFrame,
     truth: &'a LabelMask,
     objects: Vec<LabelId>,
     mask: LabelMask,
@@ -97,7 +94,7 @@ struct Game<'a> {
 }
 
 impl<'a> Game<'a> {
-    fn new(frame: &'a Prepared, truth: &'a LabelMask) -> Self {
+    fn new(frame: &'a RankedFrame, truth: &'a LabelMask) -> Self {
         let mut objects: Vec<LabelId> = truth
             .ids
             .iter()
@@ -146,24 +143,16 @@ impl<'a> Game<'a> {
             ..self.mask.region(label)
         };
         let previous = self.mask.region(label);
-        let mut query = Query::new(self.frame, Some(&taken));
-        if !previous.is_empty() {
-            query.start_from(&previous);
-        }
-        earlier
-            .iter()
-            .for_each(|click| query.add_known_click(click));
-        query.note_new_click(&click);
-        let change = query.context().map(|context| {
-            let mut found = candidates(&context, &CandidateOptions::default());
-            let gains = self.gains(&found, label, contested, click.include);
-            let chosen = choose(kind_of(&context), &found, &gains);
-            found.all.swap_remove(chosen).change
+        let request = RankedClick {
+            click,
+            earlier: &earlier,
+            previous: (!previous.is_empty()).then_some(&previous),
+            taken: &taken,
+        };
+        let answer = self.frame.answer(&request, &mut |found| {
+            let gains = self.gains(found, label, contested, click.include);
+            choose(found, &gains)
         });
-        if let Some(change) = change {
-            query.apply(&change, click.include);
-        }
-        let answer = query.answer();
         for (id, &inside) in self.mask.ids.iter_mut().zip(&answer.inside) {
             *id = match (inside, *id) {
                 (true, _) => label,
@@ -173,10 +162,10 @@ impl<'a> Game<'a> {
         }
     }
 
-    /// What each candidate gains in mean IoU, told from counts per region.
+    /// What each candidate gains in mean IoU, by counts per region.
     fn gains(
         &self,
-        found: &Candidates,
+        found: &ClickCandidates,
         label: LabelId,
         contested: LabelId,
         include: bool,
@@ -189,11 +178,10 @@ impl<'a> Game<'a> {
         let mut counts = Counts::new();
         // (truth, current) pairs that would change, per region.
         let mut movable: Vec<BTreeMap<(LabelId, LabelId), f32>> =
-            vec![BTreeMap::new(); self.frame.graph.region_count()];
+            vec![BTreeMap::new(); self.frame.region_count()];
         for ((&region, &truth), &current) in self
             .frame
-            .raster
-            .of_pixel
+            .region_of_pixel()
             .iter()
             .zip(&self.truth.ids)
             .zip(&self.mask.ids)
@@ -216,11 +204,7 @@ impl<'a> Game<'a> {
             }
             mean_iou(&counts, &self.objects) - before
         };
-        found
-            .all
-            .iter()
-            .map(|candidate| gain(&candidate.change))
-            .collect()
+        found.changes.iter().map(|change| gain(change)).collect()
     }
 
     fn mean_iou(&self) -> f32 {

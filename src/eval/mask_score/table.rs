@@ -1,12 +1,12 @@
 use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::boundary::boundary_f;
-use crate::formats::in_parallel;
-use crate::{LabelId, MaskError, RunMask};
 use ostra_core::job::Progress;
+use ostra_masks::{LabelId, MaskError, RunMask};
 
 /// A frame's true mask and the one to score.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -77,7 +77,16 @@ pub fn score_pairs(
             "there is no frame or no label to score; check the true masks".into(),
         ));
     }
-    let per_frame = in_parallel(pairs, progress, |pair| score_frame(pair, labels))?;
+    let done = AtomicUsize::new(0);
+    let score = |pair: &FramePair| -> Result<Vec<FrameScore>, MaskError> {
+        progress.check()?;
+        let scores = score_frame(pair, labels)?;
+        progress.step(done.fetch_add(1, Ordering::Relaxed) + 1, pairs.len())?;
+        Ok(scores)
+    };
+    // Collected before the errors are looked at: the first error in the frames' order is returned.
+    let results: Vec<Result<Vec<FrameScore>, MaskError>> = pairs.par_iter().map(score).collect();
+    let per_frame: Vec<Vec<FrameScore>> = results.into_iter().collect::<Result<_, _>>()?;
     let scored = labels.iter().enumerate().map(|(at, &id)| {
         let frames: Vec<FrameScore> = per_frame.iter().map(|scores| scores[at].clone()).collect();
         let mean_over = |score: fn(&FrameScore) -> f64| mean(frames.iter().map(score));
@@ -120,7 +129,7 @@ fn score_frame(pair: &FramePair, labels: &BTreeSet<LabelId>) -> Result<Vec<Frame
     Ok(labels.par_iter().map(score).collect())
 }
 
-/// What to say of a result that has another size than the true mask of its frame.
+/// The message about a result that has another size than the true mask of its frame.
 pub(super) fn misfit(FramePair { name, truth, .. }: &FramePair, result: &RunMask) -> String {
     format!(
         "{name}: the result is {}×{} pixels, the true mask {}×{}; save the result at the frame's size",
@@ -170,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_scored_is_told() {
+    fn unscorable_pairs_are_refused() {
         let small = RunMask::empty(3, 2);
         let pair = FramePair {
             name: "a/7".into(),

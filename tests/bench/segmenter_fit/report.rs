@@ -1,10 +1,11 @@
 use rayon::prelude::*;
 
-use super::KINDS;
-use super::cases::Case;
-use super::fit::fitted;
-use super::play::{Sample, oracle, play};
-use crate::graph_cut::ranking::{Weights, best, expected_best};
+use ostra_masks::graph_cut::ranking::{Weights, best, expected_best};
+
+use crate::KINDS;
+use crate::cases::Case;
+use crate::fit::fitted;
+use crate::play::{Sample, oracle, play};
 
 /// Weights fitted without each clip.
 fn held_out(samples: &[Sample], weights: &Weights) -> Vec<(String, Weights)> {
@@ -80,7 +81,7 @@ pub fn gains(samples: &[Sample], weights: &Weights) {
     }
 }
 
-/// The robot user at every shown case: choosing by truth, by weights fitted without the clip, by weights fitted on all.
+/// The simulated user at every shown case: choosing by truth, by weights fitted without the clip, by weights fitted on all.
 pub fn plays(cases: &[Case], samples: &[Sample], weights: &Weights) {
     let held_out = held_out(samples, weights);
     let shown: Vec<&Case> = cases.iter().filter(|case| case.is_shown).collect();
@@ -88,10 +89,15 @@ pub fn plays(cases: &[Case], samples: &[Sample], weights: &Weights) {
         let runs: Vec<Vec<f32>> = shown
             .par_iter()
             .map(|case| {
-                play(case, &mut |kind, found, gains| match mode {
-                    0 => oracle(gains),
-                    1 => best(without(&held_out, &case.clip), kind, found).unwrap(),
-                    _ => best(weights, kind, found).unwrap(),
+                play(case, &mut |found, gains| {
+                    let by = |weights: &Weights| {
+                        best(weights, found.kind, &found.terms, &found.shared).unwrap()
+                    };
+                    match mode {
+                        0 => oracle(gains),
+                        1 => by(without(&held_out, &case.clip)),
+                        _ => by(weights),
+                    }
                 })
             })
             .collect();

@@ -1,5 +1,5 @@
 use super::*;
-use crate::{Label, MaskFormat, MaskFrame, export_masks};
+use ostra_masks::{Label, LabelTree, MaskFormat, MaskFrame, export_masks};
 
 fn mask(ids: [u16; 12]) -> RunMask {
     RunMask::new(4, 3, ids.map(|id| (LabelId(id), 1)).to_vec()).unwrap()

@@ -1,8 +1,9 @@
 use rayon::prelude::*;
 
-use super::KINDS;
-use super::play::Sample;
-use crate::graph_cut::ranking::{Kind, TERMS, Weights};
+use ostra_masks::graph_cut::ranking::{Kind, TERMS, Weights};
+
+use crate::KINDS;
+use crate::play::Sample;
 
 /// Weights fitted to the samples, those of one clip left out; kinds without samples keep `weights`.
 pub fn fitted(samples: &[Sample], without: Option<&str>, weights: &Weights) -> Weights {
