@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
-use ostra_masks::LabelId;
 use ostra_core::statistics::upper_median;
+use ostra_masks::LabelId;
 
 /// Points whose distance to their neighbour is measured for [`spacing`].
 const SPACING_SAMPLES: usize = 2000;

@@ -3,6 +3,8 @@
 pub mod cloud_score;
 pub mod demo;
 pub mod evaluate;
+pub mod mask_score;
+pub mod simulated_click;
 pub mod synthetic;
 
 #[cfg(test)]

@@ -9,9 +9,9 @@ use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Lim
 use super::complete::{is_complete_jpeg, webp_frames_fit};
 use super::frame::turn;
 use super::header::{Content, Header, cannot_decode, cut_off, damaged, format_of, header_in, open};
+use super::tiff_samples::WORKING_BYTES;
 use super::tiff_samples::read_depth_samples;
 use super::{DepthMap, FrameError, Image, Orientation};
-use super::tiff_samples::WORKING_BYTES;
 
 // Nothing here may run on rayon's pool: a thread that waits there for parts of its own image could steal work that
 // asks the cache for the same image and wait for itself.

@@ -10,8 +10,8 @@ use tiff::{TiffError, TiffResult};
 
 use super::{DepthMap, Frame, FrameError};
 use ostra_core::disk;
-use ostra_geometry::Camera;
 use ostra_core::image::bilinear;
+use ostra_geometry::Camera;
 
 /// A depth map that a reconstruction made, often smaller than the frame's picture, with what is known of each pixel.
 ///

@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use super::image::shrink;
 use super::loader::{Key, Loader, depth_bytes, picture_bytes};
 use super::{DepthMap, Frame, FrameError, Image, MadeDepth, PictureSource};
-use ostra_core::job::{Pool, Progress, Stopped};
 use ostra_core::cache::Cache;
+use ostra_core::job::{Pool, Progress, Stopped};
 
 /// Bytes of thumbnails that are kept.
 const THUMBNAIL_BYTES: usize = 32 << 20;

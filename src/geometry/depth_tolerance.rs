@@ -46,7 +46,10 @@ mod tests {
 
     #[test]
     fn tolerance_grows_with_the_depth() {
-        let tolerance = DepthTolerance { absolute: 0.5, relative: 0.25 };
+        let tolerance = DepthTolerance {
+            absolute: 0.5,
+            relative: 0.25,
+        };
         assert_eq!((tolerance.at(0.0), tolerance.at(2.0)), (0.5, 1.0));
     }
 }

@@ -198,7 +198,10 @@ mod tests {
     fn projects_as_camera_and_pose_do() {
         let pinhole = Camera::pinhole(160, 120, 110.0, 112.0, 83.0, 57.5);
         let lens = Distortion::Radial { k: [-0.2, 0.03] };
-        let distorted = Camera { distortion: lens, ..pinhole };
+        let distorted = Camera {
+            distortion: lens,
+            ..pinhole
+        };
         for camera in [pinhole, distorted] {
             let posed = PosedCamera::new(&camera, &pose());
             for point in points() {
@@ -222,7 +225,12 @@ mod tests {
         let ahead = posed.project(DVec3::new(0.0, 0.0, 2.0)).unwrap();
         assert_eq!((ahead.at_px, ahead.depth), (DVec2::splat(4.0), 2.0));
         assert_eq!(posed.footprint(2.0), 0.25);
-        assert!(PosedCamera::new(&posed.camera, &pose()).centre().distance(pose().centre()) < 1e-15);
+        assert!(
+            PosedCamera::new(&posed.camera, &pose())
+                .centre()
+                .distance(pose().centre())
+                < 1e-15
+        );
     }
 
     #[test]
@@ -237,7 +245,10 @@ mod tests {
             let x_in_camera = posed.transform(point);
             assert!(x_in_camera.z > -0.1 || !posed.may_see(point, 0.1));
         }
-        assert!(!posed.may_see(posed.centre() + pose().rotation.conjugate() * DVec3::new(9.0, 0.0, 1.0), 0.5));
+        assert!(!posed.may_see(
+            posed.centre() + pose().rotation.conjugate() * DVec3::new(9.0, 0.0, 1.0),
+            0.5
+        ));
         assert!(posed.may_see(posed.centre(), 1.0));
     }
 

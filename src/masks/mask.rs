@@ -1,3 +1,5 @@
+use std::collections::BTreeMap;
+
 use super::{LabelId, LabelTree, Region};
 
 /// A label for every pixel of one frame, row by row.
@@ -64,7 +66,19 @@ impl LabelMask {
     #[must_use]
     #[inline]
     pub fn at_level(&self, tree: &LabelTree, level: usize) -> Self {
-        super::RunMask::encode(self).at_level(tree, level).decode()
+        let mut ids = Vec::with_capacity(self.ids.len());
+        let mut known: BTreeMap<LabelId, LabelId> = BTreeMap::new();
+        for run in self.ids.chunk_by(|a, b| a == b) {
+            let id = *known
+                .entry(run[0])
+                .or_insert_with(|| tree.at_level(run[0], level));
+            ids.resize(ids.len() + run.len(), id);
+        }
+        Self {
+            width: self.width,
+            height: self.height,
+            ids,
+        }
     }
 }
 

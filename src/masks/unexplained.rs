@@ -1,6 +1,9 @@
 //! Areas that no label explains, offered as new objects.
 
-use super::{Connectivity, LabelId, LabelMask, Region, components};
+use crate::graph_cut::depth_surfaces::{DepthEdges, depth_edges, known};
+use crate::{Connectivity, LabelId, LabelMask, Region, components};
+use ostra_core::statistics::upper_median;
+use ostra_frames::DepthMap;
 
 /// An area of a frame that no label explains and that may be a thing of its own.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,4 +64,117 @@ pub fn explained(mask: &LabelMask) -> Region {
         inside,
     }
     .dilated(BESIDE_LABELS_PX)
+}
+
+/// Strength of an edge from which on it parts two surfaces.
+const PARTS: f32 = 0.5;
+/// How far around an area one looks at what lies behind it, in pixels.
+const AROUND_PX: f64 = 4.0;
+/// Least relative step in depth to what lies behind.
+const LEAST_STEP: f32 = 0.02;
+/// Least share of the surroundings that lie behind.
+const LEAST_BEHIND: f32 = 0.6;
+
+/// Areas of a depth map that carry no label and stand before what is around them, parted from it by steps in depth.
+#[must_use]
+pub fn areas_in_front(depth: &DepthMap, mask: &LabelMask) -> Vec<Unexplained> {
+    if (depth.width, depth.height) != (mask.width, mask.height) {
+        return Vec::new();
+    }
+    let smooth = surfaces(depth, &depth_edges(depth));
+    let taken = explained(mask);
+    let offered = |part: Region| {
+        let free = part
+            .inside
+            .iter()
+            .zip(&taken.inside)
+            .filter(|(inside, taken)| **inside && !**taken)
+            .count();
+        let strength = behind(depth, &part);
+        let stands = strength >= LEAST_BEHIND && 2 * free > part.area();
+        stands.then_some(Unexplained {
+            region: part,
+            why: Apartness::Stands,
+            strength,
+        })
+    };
+    parts(&smooth).filter_map(offered).collect()
+}
+
+/// Pixels with depth beside which no edge runs.
+fn surfaces(depth: &DepthMap, edges: &DepthEdges) -> Region {
+    let width = depth.width as usize;
+    let cut = |strengths: &[f32], at: Option<usize>| at.is_some_and(|at| strengths[at] >= PARTS);
+    let inside = (0..depth.depths.len()).map(|at| {
+        let beside = cut(&edges.right, Some(at))
+            || cut(&edges.right, (at % width).checked_sub(1).map(|_| at - 1));
+        let above = cut(&edges.down, Some(at)) || cut(&edges.down, at.checked_sub(width));
+        known(depth.depths[at]) && !beside && !above
+    });
+    Region {
+        width: depth.width,
+        height: depth.height,
+        inside: inside.collect(),
+    }
+}
+
+/// Share of the known depths around an area that lie behind the middle of its own; 0 where few are known.
+fn behind(depth: &DepthMap, part: &Region) -> f32 {
+    let mut around = part.dilated(AROUND_PX);
+    around.subtract(part);
+    let of = |region: &Region| -> Vec<f32> {
+        let inside = depth
+            .depths
+            .iter()
+            .zip(&region.inside)
+            .filter(|(_, inside)| **inside);
+        inside
+            .map(|(&depth, _)| depth)
+            .filter(|&depth| known(depth))
+            .collect()
+    };
+    let mut own = of(part);
+    let Some(middle) = upper_median(&mut own) else {
+        return 0.0;
+    };
+    let others = of(&around);
+    let behind = others
+        .iter()
+        .filter(|&&other| other > middle * (1.0 + LEAST_STEP))
+        .count();
+    if others.len() * 4 < around.area() {
+        0.0
+    } else {
+        behind as f32 / others.len() as f32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::LabelId;
+
+    #[test]
+    fn a_box_before_a_wall_stands_apart_and_a_hole_in_it_does_not() {
+        let depth_at = |at: usize| match (at % 200, at / 200) {
+            (40..80, 30..70) => 1.0,
+            (120..160, 30..70) => 2.6,
+            _ => 2.0,
+        };
+        let depth = DepthMap {
+            width: 200,
+            height: 120,
+            depths: (0..200 * 120).map(depth_at).collect(),
+        };
+        let mut mask = LabelMask::empty(200, 120);
+        let found = areas_in_front(&depth, &mask);
+        assert_eq!(found.len(), 1);
+        assert!((1300..=1600).contains(&found[0].region.area()) && found[0].region.at(60, 50));
+        mask.ids
+            .iter_mut()
+            .enumerate()
+            .filter(|(at, _)| (40..80).contains(&(at % 200)))
+            .for_each(|(_, id)| *id = LabelId(3));
+        assert!(areas_in_front(&depth, &mask).is_empty());
+    }
 }

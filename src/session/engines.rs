@@ -10,7 +10,7 @@ use super::networks::{
 };
 use ostra_compute::nn::{Catalogue, Provider, Runtime, models_folder};
 use ostra_frames::{Frame, FrameStore};
-use ostra_masks::builtin::BuiltinSegmenter;
+use ostra_masks::graph_cut::BuiltinSegmenter;
 use ostra_masks::{Segmenter, TextGrounder, Tracker};
 use ostra_project::Project;
 use ostra_reconstruct::rgbd::register::GlobalRegistration;

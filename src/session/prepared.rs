@@ -7,7 +7,7 @@ use ostra_cloud::SceneError;
 use ostra_cloud::fuse::readable;
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore};
-use ostra_masks::builtin::settled;
+use ostra_masks::graph_cut::settled;
 use ostra_masks::{PreparedFrame, Segmenter};
 
 /// Frames made ready by segmenters, the latest used ones, bounded in bytes. Shared by all threads.

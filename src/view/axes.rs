@@ -3,8 +3,8 @@
 use glam::{DQuat, DVec3, Mat3, Vec3};
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
-use ostra_frames::Frame;
 use ostra_core::statistics::trimmed_range;
+use ostra_frames::Frame;
 
 /// Least share of the cameras' common direction that must point sideways for it to say where the front is.
 const LEVEL_SHARE: f32 = 0.2;

@@ -1,8 +1,8 @@
 use std::sync::Arc;
 
 use super::style::ramp;
-use ostra_frames::{DepthMap, Frame, FrameError, FrameStore, Image, MadeDepth};
 use ostra_core::statistics::trimmed_range;
+use ostra_frames::{DepthMap, Frame, FrameError, FrameStore, Image, MadeDepth};
 
 /// What is shown of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]

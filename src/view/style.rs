@@ -7,8 +7,8 @@ use glam::{Mat4, Vec3, Vec4};
 
 use super::{Axes, Bounds};
 use ostra_cloud::fuse::Votes;
-use ostra_masks::{LabelId, LabelTree};
 use ostra_core::image::blend;
+use ostra_masks::{LabelId, LabelTree};
 
 /// How a scene is drawn, by the graphics card ([`super::SceneView`]) or the processor ([`super::draw_cloud`],
 /// [`super::draw_mesh`]). Both depend on nothing else, so that one test can compare their images.

@@ -14,9 +14,9 @@ use std::time::Instant;
 
 use ostra_compute::nn::models_folder;
 use ostra_core::job::Progress;
+use ostra_eval::mask_score::{FramePair, score_pairs};
 use ostra_frames::{FrameFolder, FrameStore, OpenRequest, open};
 use ostra_masks::{Direction, LabelId, LabelMask, RunMask, TrackRequest, TrackedFrame, Tracker};
-use ostra_masks::{FramePair, score_pairs};
 use ostra_tracking::XFeatCells;
 use ostra_tracking::flow::{Describer, FlowTracker};
 

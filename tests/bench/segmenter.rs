@@ -14,11 +14,12 @@ use std::time::{Duration, Instant};
 
 use glam::DVec2;
 use ostra_core::job::Progress;
+use ostra_eval::simulated_click::next_click;
 use ostra_eval::synthetic::{Scene, SceneOptions};
 use ostra_frames::{DepthMap, Image};
-use ostra_masks::builtin::BuiltinSegmenter;
+use ostra_masks::graph_cut::BuiltinSegmenter;
 use ostra_masks::{
-    Click, LabelId, PreparedFrame, Prompt, PxBox, Region, SegmentRequest, Segmenter, next_click,
+    Click, LabelId, PreparedFrame, Prompt, PxBox, Region, SegmentRequest, Segmenter,
 };
 
 const CAP: usize = 20;

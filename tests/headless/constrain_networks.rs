@@ -7,10 +7,10 @@ use std::sync::{Arc, Mutex};
 
 use ostra_compute::nn::{Network, Runtime};
 use ostra_core::job::Progress;
+use ostra_eval::mask_score::{FramePair, score_pairs};
 use ostra_eval::synthetic::{Scene, SceneOptions};
 use ostra_frames::{FrameFolder, OpenRequest};
 use ostra_masks::{Direction, LabelMask, MaskError, RunMask, TrackRequest, TrackedFrame, Tracker};
-use ostra_masks::{FramePair, score_pairs};
 use ostra_session::{Command, NewProject, Session};
 use ostra_tracking::deaot::Deaot;
 use ostra_tracking::xmem::XMem;

@@ -7,9 +7,10 @@ use ostra_cloud::LabelledCloud;
 use ostra_cloud::ply::read_ply;
 use ostra_core::job::Progress;
 use ostra_eval::cloud_score::{CloudScoreOptions, LabelScore, score_cloud};
+use ostra_eval::simulated_click::next_click;
 use ostra_eval::synthetic::{Scene, SceneOptions, TruthOptions};
 use ostra_frames::{FrameFolder, OpenRequest};
-use ostra_masks::{LabelId, LabelMask, Prompt, Region, next_click, read_palette_png};
+use ostra_masks::{LabelId, LabelMask, Prompt, Region, read_palette_png};
 use ostra_project::FuseRequest;
 use ostra_session::{Command, NewProject, PromptRequest, Session};
 

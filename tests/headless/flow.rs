@@ -5,13 +5,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 use ostra_core::job::Progress;
+use ostra_eval::mask_score::{FramePair, score_pairs};
+use ostra_eval::simulated_click::next_click;
 use ostra_frames::{FrameFolder, FrameStore, OpenRequest, open};
-use ostra_masks::builtin::BuiltinSegmenter;
+use ostra_masks::graph_cut::BuiltinSegmenter;
 use ostra_masks::{
     Direction, LabelId, LabelMask, Prompt, RunMask, SegmentRequest, Segmenter, TrackRequest,
-    TrackedFrame, Tracker, next_click,
+    TrackedFrame, Tracker,
 };
-use ostra_masks::{FramePair, score_pairs};
 use ostra_tracking::XFeatCells;
 use ostra_tracking::flow::{Describer, FlowTracker};
 

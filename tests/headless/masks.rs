@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use ostra_core::job::Progress;
+use ostra_eval::mask_score::{ScoreOptions, score_masks};
 use ostra_masks::{
     Label, LabelId, LabelMask, LabelTree, MaskFormat, MaskFrame, RunMask, deepest_point,
     export_masks, import_masks, read_palette_png,
 };
-use ostra_masks::{ScoreOptions, score_masks};
 
 use crate::support::data_dir;
 

@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use ostra_core::job::Progress;
+use ostra_eval::simulated_click::next_click;
 use ostra_frames::Image;
-use ostra_masks::builtin::BuiltinSegmenter;
-use ostra_masks::{Prompt, Region, SegmentRequest, Segmenter, next_click};
+use ostra_masks::graph_cut::BuiltinSegmenter;
+use ostra_masks::{Prompt, Region, SegmentRequest, Segmenter};
 use rayon::prelude::*;
 
 use crate::support::data_dir;

@@ -15,8 +15,8 @@ use crate::points::{OutlierOptions, outliers};
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_frames::{DepthMap, Image};
-use ostra_masks::LabelTree;
 use ostra_geometry::{DepthTolerance, PosedCamera};
+use ostra_masks::LabelTree;
 
 /// How frames become a labelled cloud.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

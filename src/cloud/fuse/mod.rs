@@ -32,5 +32,5 @@ pub(crate) use views::nearest_corner;
 pub use views::{ProjectViews, Views, pixel_footprint, readable};
 pub use vote::{SeenPoint, SeenPoints};
 pub use votes::{Voter, Votes};
-pub(crate) use voxel_map::GRID_REACH;
 pub use votes_file::{read_votes, write_votes};
+pub(crate) use voxel_map::GRID_REACH;

@@ -7,8 +7,8 @@ use super::vote::{SeenPoints, VoteOptions, vote};
 use crate::points::spacing;
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
-use ostra_masks::LabelTree;
 use ostra_geometry::DepthTolerance;
+use ostra_masks::LabelTree;
 
 /// How masks vote on the points of a given cloud.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use glam::DVec3;
 
 use crate::SceneError;
+use ostra_core::statistics::upper_median;
 use ostra_frames::{DepthMap, Frame, FrameError, FrameStore, Image};
 use ostra_masks::{LabelId, LabelMask};
-use ostra_core::statistics::upper_median;
 
 /// Where fusion takes its frames from: a project's ([`ProjectViews`]), or depths that a reconstruction holds in memory.
 pub trait Views: Sync {

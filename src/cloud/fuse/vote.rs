@@ -14,8 +14,8 @@ use super::votes::{FramePairs, Votes, joined};
 use crate::SceneError;
 use ostra_core::job::Progress;
 use ostra_frames::DepthMap;
-use ostra_masks::LabelMask;
 use ostra_geometry::{DepthTolerance, PosedCamera};
+use ostra_masks::LabelMask;
 
 /// A pixel that is known to see a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

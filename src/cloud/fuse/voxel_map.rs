@@ -52,7 +52,11 @@ pub(super) struct Voxel {
 impl Cell {
     /// The cell that holds a point in grid units; `None` beyond the grid.
     pub(super) fn holding(in_grid: Vec3) -> Option<Self> {
-        if !in_grid.abs().cmplt(Vec3::splat(GRID_REACH as f32 - 1.0)).all() {
+        if !in_grid
+            .abs()
+            .cmplt(Vec3::splat(GRID_REACH as f32 - 1.0))
+            .all()
+        {
             return None;
         }
         // Rounding down by hand: without the processor's own instruction `floor` is a call for every number.
@@ -93,7 +97,9 @@ impl Voxel {
 }
 
 pub(super) fn cell_index(key: u64) -> DVec3 {
-    DVec3::from_array(AXIS_SHIFTS.map(|shift| f64::from((key >> shift & 0x1F_FFFF) as i32 - GRID_REACH)))
+    DVec3::from_array(
+        AXIS_SHIFTS.map(|shift| f64::from((key >> shift & 0x1F_FFFF) as i32 - GRID_REACH)),
+    )
 }
 
 /// Parts of the grid that are filled side by side.

@@ -12,8 +12,8 @@ use crate::SceneError;
 use crate::fuse::Votes;
 use crate::points::spacing;
 use ostra_core::job::Progress;
-use ostra_masks::{LabelId, LabelMask, Region};
 use ostra_core::union_find::DisjointSets;
+use ostra_masks::{LabelId, LabelMask, Region};
 
 /// When points of a label are one instance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -127,7 +127,11 @@ fn cores(
 }
 
 /// The sets of points with enough neighbours that are linked.
-fn linked(cells: &Cells<'_>, is_core: &[bool], progress: &Progress) -> Result<DisjointSets, SceneError> {
+fn linked(
+    cells: &Cells<'_>,
+    is_core: &[bool],
+    progress: &Progress,
+) -> Result<DisjointSets, SceneError> {
     let mut sets = DisjointSets::new(is_core.len());
     for k in (0..is_core.len()).filter(|&k| is_core[k]) {
         if k.is_multiple_of(CHUNK) {

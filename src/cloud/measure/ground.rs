@@ -9,8 +9,8 @@ use super::trait_table::Dimension::Length;
 use super::trait_table::Trait;
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
-use ostra_masks::LabelId;
 use ostra_core::statistics::quantile;
+use ostra_masks::LabelId;
 
 /// The plane above which heights are measured.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]

@@ -13,8 +13,8 @@ use crate::labelled_cloud::name_unknown_labels;
 use crate::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_core::disk;
 use ostra_core::job::Progress;
-use ostra_masks::LabelId;
 use ostra_core::statistics::upper_median;
+use ostra_masks::LabelId;
 
 /// Points between two looks at the stop sign.
 const STRIDE: usize = 1 << 16;

@@ -6,9 +6,9 @@ use super::sparse_volume::{Volume, VolumeOptions};
 use crate::fuse::{Views, nearest_corner, readable};
 use crate::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_core::job::Progress;
-use ostra_masks::LabelId;
 use ostra_core::statistics::upper_median;
 use ostra_core::union_find::DisjointSets;
+use ostra_masks::LabelId;
 
 /// A surface, and what it took.
 #[derive(Debug, Clone, PartialEq)]

@@ -6,8 +6,8 @@ use super::carve::{Walls, carve};
 use crate::fuse::Views;
 use crate::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_core::job::Progress;
-use ostra_masks::LabelId;
 use ostra_core::union_find::DisjointSets;
+use ostra_masks::LabelId;
 
 /// Voxels that may be added.
 const MOST_ADDED: usize = 1 << 24;

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use glam::{DVec3, IVec3, Vec3};
 use rustc_hash::FxHashSet;
 
+use crate::fuse::GRID_REACH;
 use crate::fuse::{Majority, Votes};
 use crate::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_masks::LabelId;
-use crate::fuse::GRID_REACH;
 
 /// Voxels a side that a grid can have.
 const REACH: f64 = GRID_REACH as f64;

@@ -70,7 +70,12 @@ mod tests {
             let path = folder.path().join(name);
             fs::write(&path, [0; 10]).unwrap();
             let time = SystemTime::now() - Duration::from_secs(100 - age as u64);
-            File::options().write(true).open(&path).unwrap().set_modified(time).unwrap();
+            File::options()
+                .write(true)
+                .open(&path)
+                .unwrap()
+                .set_modified(time)
+                .unwrap();
         }
         let kept = || kept_files(folder.path(), |name| name != "other");
         let names = || -> Vec<_> {

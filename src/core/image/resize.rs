@@ -168,8 +168,14 @@ mod tests {
     #[test]
     fn blocks_of_two_are_halves() {
         let values: Vec<f32> = (0..24).map(|at| (at * at % 11) as f32).collect();
-        assert_eq!(block_means(&values, 6, 2), halve(&values, 6, 4, mean_of_four));
-        assert_eq!(block_means(&values[..9], 3, 3), [values[..9].iter().sum::<f32>() / 9.0]);
+        assert_eq!(
+            block_means(&values, 6, 2),
+            halve(&values, 6, 4, mean_of_four)
+        );
+        assert_eq!(
+            block_means(&values[..9], 3, 3),
+            [values[..9].iter().sum::<f32>() / 9.0]
+        );
     }
 
     #[test]
@@ -181,7 +187,10 @@ mod tests {
         );
         let stripes: Vec<f32> = (0..40).map(|at| (at % 2) as f32).collect();
         let shrunk = tent_shrink(&stripes, [40, 1], [10, 1]);
-        assert!(shrunk[1..9].iter().all(|value| (value - 0.5).abs() < 0.01), "{shrunk:?}");
+        assert!(
+            shrunk[1..9].iter().all(|value| (value - 0.5).abs() < 0.01),
+            "{shrunk:?}"
+        );
     }
 
     #[test]
@@ -189,7 +198,10 @@ mod tests {
         let pixels: Vec<[u8; 3]> = (0..8 * 4)
             .map(|at| [if at % 8 < 4 { 10 } else { 200 }, at as u8, 7])
             .collect();
-        assert_eq!(area_mean_rgb8(&pixels, [8, 4], [2, 1]), [[10, 14, 7], [200, 18, 7]]);
+        assert_eq!(
+            area_mean_rgb8(&pixels, [8, 4], [2, 1]),
+            [[10, 14, 7], [200, 18, 7]]
+        );
         assert_eq!(area_mean_rgb8(&pixels, [8, 4], [8, 4]), pixels);
     }
 }

@@ -104,17 +104,29 @@ mod tests {
     #[test]
     fn both_forms_go_evenly_from_one_to_the_other() {
         assert_eq!((lerp(2.0, 6.0, 0.25), blend(2.0, 6.0, 0.25)), (3.0, 3.0));
-        assert_eq!((blend(0.1_f32, 0.7, 0.0), blend(0.1_f32, 0.7, 1.0)), (0.1, 0.7));
+        assert_eq!(
+            (blend(0.1_f32, 0.7, 0.0), blend(0.1_f32, 0.7, 1.0)),
+            (0.1, 0.7)
+        );
         assert_eq!(lerp(0.1_f32, 0.7, 0.0), 0.1);
     }
 
     #[test]
     fn between_four_values() {
         let four = [1.0_f64, 3.0, 5.0, 11.0];
-        let corners = [([0.0, 0.0], 1.0), ([1.0, 0.0], 3.0), ([0.0, 1.0], 5.0), ([1.0, 1.0], 11.0)];
+        let corners = [
+            ([0.0, 0.0], 1.0),
+            ([1.0, 0.0], 3.0),
+            ([0.0, 1.0], 5.0),
+            ([1.0, 1.0], 11.0),
+        ];
         for (share, expected) in corners {
             assert_eq!(bilinear(four, share), expected);
-            let weighted: f64 = bilinear_weights(share).iter().zip(four).map(|(w, v)| w * v).sum();
+            let weighted: f64 = bilinear_weights(share)
+                .iter()
+                .zip(four)
+                .map(|(w, v)| w * v)
+                .sum();
             assert_eq!(weighted, expected);
         }
         assert_eq!(bilinear(four, [0.5, 0.5]), 5.0);

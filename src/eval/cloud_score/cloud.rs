@@ -7,9 +7,9 @@ use super::labels::{LabelScore, pair_labels, score_labels};
 use ostra_cloud::points::Neighbours;
 use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
+use ostra_core::statistics::upper_median;
 use ostra_frames::FrameCamera;
 use ostra_geometry::Similarity;
-use ostra_core::statistics::upper_median;
 
 /// How a cloud is scored against a true one.
 #[derive(Debug, Clone, PartialEq, Default)]

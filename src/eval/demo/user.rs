@@ -4,8 +4,9 @@ use std::ops::ControlFlow;
 use anyhow::{Context, Result, anyhow};
 use glam::DVec2;
 
+use crate::simulated_click::{LabelClick, next_label_click};
 use ostra_core::job::Stopped;
-use ostra_masks::{Click, LabelClick, LabelId, LabelMask, LabelTree, Prompt, next_label_click};
+use ostra_masks::{Click, LabelId, LabelMask, LabelTree, Prompt};
 use ostra_session::{Command, Event, JobView, PromptRequest, Session, TrackSettings};
 
 /// Clicks that the simulated user may give per class over the whole sequence; for each thing of a class that is clicked as one.

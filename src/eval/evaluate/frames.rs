@@ -2,10 +2,10 @@ use std::path::Path;
 
 use anyhow::Result;
 
+use crate::mask_score::{MaskScore, ScoreOptions, score_masks};
 use ostra_cloud::fuse::naming;
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameError, FrameFolder, OpenRequest, open};
-use ostra_masks::{MaskScore, ScoreOptions, score_masks};
 use ostra_project::store::Folder;
 
 /// Bytes of decoded pictures kept.

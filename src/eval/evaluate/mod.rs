@@ -6,6 +6,7 @@ mod frames;
 mod interact;
 
 pub use crate::cloud_score::{CloudScore, cloud_table};
+pub use crate::mask_score::{MaskScore, ScoreOptions};
 pub use cameras::{CameraScore, score_cameras};
 pub use cloud::{CloudEvaluation, TruthViews, evaluate_cloud};
 pub use frames::evaluate_masks;
@@ -13,4 +14,3 @@ pub use interact::{
     FrameByFrame, Goal, InteractOptions, InteractReport, InteractRequest, Sequence,
     evaluate_interaction, interact,
 };
-pub use ostra_masks::{MaskScore, ScoreOptions};

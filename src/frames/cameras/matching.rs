@@ -2,11 +2,11 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::given::shown_camera;
 use super::lines::invalid;
+use super::tum::TUM_TOLERANCE_S;
 use super::{CameraKey, GivenCameras};
 use crate::error::first_of;
-use crate::{Frame, FrameError, PictureSource};
-use super::tum::TUM_TOLERANCE_S;
 use crate::names::{file_of, without_ending};
+use crate::{Frame, FrameError, PictureSource};
 
 impl GivenCameras {
     /// Gives each frame its camera, turned as the frame's picture is: by full name, then by file name alone where that

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use super::listing::{Item, Listed};
 use super::request::OpenRequest;
 use crate::FrameError;
-use ostra_core::disk;
 use crate::cameras::TUM_TOLERANCE_S;
 use crate::names::{file_of, without_ending};
+use ostra_core::disk;
 
 /// Words in file names that say what a picture holds, not which one it is.
 const ROLE_WORDS: [&str; 5] = ["color", "colour", "rgb", "image", "depth"];

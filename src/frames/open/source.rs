@@ -8,15 +8,13 @@ use super::listing::{
     Item, Listed, Origin, PICTURE_ENDINGS, has_picture_ending, list_pictures, natural_order,
     text_of, unsupported_image, without_depth,
 };
-use super::pairing::{
-    pair, says_depth, warn_of_tum_unit, with_depth, without_role,
-};
+use super::pairing::{pair, says_depth, warn_of_tum_unit, with_depth, without_role};
 use super::request::FrameFolder;
 use crate::film::{Probed, probe};
 use crate::header::{FileKind, kind_of_file, read_header};
+use crate::names::without_ending;
 use crate::{FrameError, PictureSource};
 use ostra_core::job::Progress;
-use crate::names::without_ending;
 
 /// The pictures of one source, in order.
 #[derive(Debug)]

@@ -3,8 +3,6 @@
 
 mod assign;
 mod brush;
-mod compose;
-mod hold;
 mod interpolate;
 mod polygon;
 mod pull;
@@ -13,17 +11,15 @@ mod split;
 mod tidy;
 mod transfer;
 
-pub use assign::{PaintRule, assign, erase};
+pub use assign::{PaintRule, assign, compose, erase, taken_by_others};
 pub use brush::stroke;
-pub use compose::{compose, taken_by_others};
-pub use hold::hold;
 pub use interpolate::ShapeBlend;
 pub use polygon::{fill_polygons, polygon_spans};
 pub use pull::{ElasticBorders, Pull, pull};
 pub use snap::snapped_stroke;
 pub use split::nearer_part;
 pub use tidy::tidy;
-pub use transfer::transfer;
+pub use transfer::{hold, transfer};
 
 #[cfg(test)]
 mod tests;

@@ -7,8 +7,8 @@ use crate::components::{Connectivity, components};
 use crate::lab::lab_of_pixel;
 use crate::maxflow::{FlowGraph, Link};
 use crate::{MaskError, Region};
-use ostra_frames::Image;
 use ostra_core::statistics::upper_median;
+use ostra_frames::Image;
 
 /// The part of the brush's radius within which everything is painted.
 const CORE_SHARE: f64 = 0.5;

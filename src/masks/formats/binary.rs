@@ -2,14 +2,16 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::adopt::{Adoption, Newcomer};
-use super::exchange::{Export, Imported, MaskFrame, nothing_fits, unmatched_warning};
-use super::files::{FoundFile, in_parallel, invalid, list_files, unless_stopped, write_whole};
-use super::frame_names::NameIndex;
+use super::files::{
+    FoundFile, Skipped, in_parallel, invalid, list_files, unless_stopped, write_whole,
+};
+use super::frame_matching::{
+    Export, Imported, MaskFrame, NameIndex, nothing_fits, unmatched_warning,
+};
 use super::labels_json::{listed_labels, write_labels_json};
 use super::layers::{contested_warning, stacked};
 use super::png_decode::Stored;
 use super::png_values::{HowRead, PngValues, encode_png, reconcile_cut_outs};
-use super::skipped::Skipped;
 use crate::{LabelId, LabelTree, MaskError, RunMask};
 use ostra_core::disk;
 use ostra_core::job::Progress;
@@ -82,7 +84,7 @@ pub(super) fn export(
     progress: &Progress,
 ) -> Result<(), MaskError> {
     write_labels_json(dir, export.tree)?;
-    let mut ids = super::davis::ids_in(export.masks.iter().map(|(_, mask)| *mask));
+    let mut ids = super::grey_kinds::ids_in(export.masks.iter().map(|(_, mask)| *mask));
     ids.remove(&LabelId::NONE);
     let folders = folder_names(export.tree);
     in_parallel(&export.masks, progress, |&(frame, mask)| {

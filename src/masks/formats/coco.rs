@@ -5,15 +5,17 @@ use super::adopt::Adoption;
 use super::coco_categories::{CategoryLabels, adopt_categories};
 use super::coco_draw::{Drawn, frame_mask, outline_of};
 use super::coco_json::{
-    self, Annotation, Category, Counts, Dataset, Entry, Id, ImageEntry, Segmentation,
+    Annotation, Category, Counts, Dataset, Entry, Id, ImageEntry, Segmentation,
 };
-use super::exchange::{Export, Imported, MaskFrame, nothing_fits, unmatched_warning};
-use super::files::{FoundFile, in_parallel, invalid, io_error, list_files, read_text, write_whole};
-use super::frame_names::NameIndex;
+use super::files::{
+    FoundFile, Skipped, in_parallel, invalid, io_error, list_files, read_text, write_whole,
+};
+use super::frame_matching::{
+    Export, Imported, MaskFrame, NameIndex, nothing_fits, unmatched_warning,
+};
 use super::layers::contested_warning;
 use super::png_decode::size_fault;
-use super::rle;
-use super::skipped::Skipped;
+use super::{coco_json, rle};
 use crate::{Extent, Label, LabelId, LabelTree, MaskError, RunMask};
 use ostra_core::job::Progress;
 
@@ -362,7 +364,7 @@ fn categories(export: &Export<'_>) -> Result<Vec<Category>, MaskError> {
         color: Some(label.color),
     };
     let mut adoption = Adoption::new(export.tree, LabelId::NONE);
-    for id in super::davis::ids_in(export.masks.iter().map(|(_, mask)| *mask)) {
+    for id in super::grey_kinds::ids_in(export.masks.iter().map(|(_, mask)| *mask)) {
         adoption.number(id)?;
     }
     Ok(adoption.tree().iter().map(category).collect())

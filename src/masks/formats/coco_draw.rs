@@ -1,17 +1,19 @@
 //! Annotations of a COCO file to the mask of a frame.
 
-use super::coco_json::{Annotation, Counts, Id, Segmentation};
-use super::exchange::MaskFrame;
-use super::layers::stacked;
-use super::rle;
-use super::skipped::Skipped;
-use crate::edit::polygon_spans;
-use crate::{LabelId, LabelTree, MaskError, RunMask};
-use glam::DVec2;
-use ostra_core::job::Progress;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::ops::Range;
+
+use glam::DVec2;
+
+use super::coco_json::{Annotation, Counts, Id, Segmentation};
+use super::files::Skipped;
+use super::frame_matching::MaskFrame;
+use super::layers::stacked;
+use super::rle;
+use crate::edit::polygon_spans;
+use crate::{LabelId, LabelTree, MaskError, RunMask};
+use ostra_core::job::Progress;
 
 /// Coordinates farther out than this, in pixels, are damaged: no image is as large.
 pub(super) const MAX_COORDINATE: f64 = 1e6;

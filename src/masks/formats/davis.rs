@@ -5,17 +5,19 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::adopt::Adoption;
-use super::exchange::{Export, Imported, MaskFrame, nothing_fits, unmatched_warning};
-use super::files::{FoundFile, in_parallel, invalid, list_files, unless_stopped, write_whole};
-use super::frame_names::NameIndex;
+use super::files::{
+    FoundFile, Skipped, in_parallel, invalid, list_files, unless_stopped, write_whole,
+};
+use super::frame_matching::{
+    Export, Imported, MaskFrame, NameIndex, nothing_fits, unmatched_warning,
+};
 use super::grey_kinds::{
-    EdgeStatistics, White, covers_most, is_black_and_white, may_be_soft, may_be_soft_edges,
+    EdgeStatistics, White, covers_most, ids_in, is_black_and_white, may_be_soft, may_be_soft_edges,
     meaning_of_white, white_as_one,
 };
 use super::labels_json::{Listed, ids_of_colors, listed_labels, write_labels_json};
 use super::png_decode::Stored;
 use super::png_values::{HowRead, PngValues, encode_png, reconcile_cut_outs};
-use super::skipped::Skipped;
 use crate::{LabelId, LabelMask, LabelTree, MaskError, RunMask};
 use ostra_core::job::Progress;
 
@@ -58,14 +60,6 @@ pub fn read_palette_png_of(path: &Path, frame: (&str, u32, u32)) -> Result<Label
     Ok(PngValues::read(path, Some(frame))?
         .into_ids(path, None)?
         .mask)
-}
-
-/// All ids in masks, 0 among them.
-pub(crate) fn ids_in<'m>(masks: impl IntoIterator<Item = &'m RunMask>) -> BTreeSet<LabelId> {
-    masks
-        .into_iter()
-        .flat_map(|mask| mask.runs.iter().map(|run| run.0))
-        .collect()
 }
 
 /// What is read of the files before their values are understood.

@@ -1,15 +1,13 @@
 use std::borrow::Borrow;
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::frame_names::file_stems;
+use super::frame_matching::{Export, Imported, MaskFrame, file_stems};
 use super::{binary, coco, davis, yolo};
-use crate::{Label, LabelTree, MaskError, RunMask};
+use crate::{LabelTree, MaskError, RunMask};
 use ostra_core::job::Progress;
-use ostra_frames::Frame;
 
 /// How masks lie in files. Every format keeps ids, names, parents and colours; on import a label is found by its name,
 /// where there is no name by its number.
@@ -26,38 +24,6 @@ pub enum MaskFormat {
     Coco,
     /// `labels/FRAME.txt` with normalised outlines, `data.yaml` with the names, and `labels.json`.
     Yolo,
-}
-
-/// What masks are matched to: a frame's name and its size in pixels as shown.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct MaskFrame<'a> {
-    /// Unique in the project, parts joined by `/`.
-    pub name: &'a str,
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-}
-
-/// What was read; nothing of it is in the project yet.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub struct Imported {
-    /// By frame number.
-    pub masks: BTreeMap<usize, RunMask>,
-    /// Labels that the project lacks, each after its parent.
-    pub new_labels: Vec<Label>,
-    /// What was left out or decided, for the user.
-    pub warnings: Vec<String>,
-}
-
-/// What an export writes: frames and labels with checked masks and a file name per frame.
-pub(super) struct Export<'a> {
-    pub frames: &'a [MaskFrame<'a>],
-    /// Per frame, a path below the folder without ending.
-    pub stems: Vec<String>,
-    /// (frame number, mask), in the order given.
-    pub masks: Vec<(usize, &'a RunMask)>,
-    pub tree: &'a LabelTree,
 }
 
 impl MaskFormat {
@@ -89,16 +55,6 @@ impl FromStr for MaskFormat {
             .into_iter()
             .find(|format| format.name() == name)
             .ok_or_else(unknown)
-    }
-}
-
-impl<'a> From<&'a Frame> for MaskFrame<'a> {
-    fn from(frame: &'a Frame) -> Self {
-        Self {
-            name: &frame.name,
-            width: frame.width,
-            height: frame.height,
-        }
     }
 }
 
@@ -167,24 +123,4 @@ pub fn export_masks<M: Borrow<RunMask>>(
         MaskFormat::Coco => coco::export(dir, &export, progress),
         MaskFormat::Yolo => yolo::export(dir, &export, progress),
     }
-}
-
-/// The warning about files (or entries) that belong to no frame.
-pub(super) fn unmatched_warning(names: &[&str]) -> Option<String> {
-    let first = names.first()?;
-    Some(format!(
-        "{} of the masks match no frame's name and were left out (first: {first})",
-        names.len()
-    ))
-}
-
-/// The error when nothing fits any frame.
-pub(super) fn nothing_fits(dir: &Path, first: &str, frames: &[MaskFrame<'_>]) -> MaskError {
-    let frame = frames.first().map_or("none", |frame| frame.name);
-    super::files::invalid(
-        dir,
-        format!(
-            "no mask has a frame's name (first mask '{first}', first frame '{frame}'); name the files as the frames"
-        ),
-    )
 }

@@ -11,6 +11,14 @@ const MIN_SOFT_VALUES: usize = 3;
 /// Soft masks span at least half of 8 bits.
 const MIN_SOFT_HIGHEST: u16 = 128;
 
+/// All ids in masks, 0 among them.
+pub(crate) fn ids_in<'m>(masks: impl IntoIterator<Item = &'m RunMask>) -> BTreeSet<LabelId> {
+    masks
+        .into_iter()
+        .flat_map(|mask| mask.runs.iter().map(|run| run.0))
+        .collect()
+}
+
 /// Whether masks are black and white images of one object, label 1: their only value besides 0 is 255 (65535 in 16
 /// bits), and no label is known to have that id.
 pub(crate) fn is_black_and_white(ids: &BTreeSet<LabelId>, listed: Option<&LabelTree>) -> bool {

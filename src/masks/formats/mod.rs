@@ -9,28 +9,22 @@ mod coco_json;
 mod davis;
 mod exchange;
 mod files;
-mod frame_names;
+mod frame_matching;
 mod grey_kinds;
 mod labels_json;
 mod layers;
+mod mask_folder;
 mod png_decode;
 mod png_values;
 mod rle;
-mod skipped;
 mod yolo;
 mod yolo_names;
 
-pub(super) use davis::ids_in;
 pub use davis::{encode_palette_png, read_palette_png, read_palette_png_of};
-pub use exchange::{Imported, MaskFormat, MaskFrame, export_masks, import_masks};
-pub(super) use files::{FoundFile, in_parallel, list_files, unless_stopped};
-pub(super) use frame_names::NameIndex;
-pub use frame_names::file_stems;
-pub(super) use grey_kinds::{White, is_black_and_white, meaning_of_white, white_as_one};
-pub(super) use labels_json::{ids_of_colors, listed_labels};
+pub use exchange::{MaskFormat, export_masks, import_masks};
+pub use frame_matching::{Imported, MaskFrame, file_stems};
 pub use labels_json::{read_labels_json, write_labels_json};
-pub(super) use png_values::{PngValues, reconcile_cut_outs};
-pub(super) use skipped::Skipped;
+pub use mask_folder::{MaskFolder, MatchedMask, MatchedMasks};
 
 #[cfg(test)]
 mod tests;

@@ -2,13 +2,11 @@
 
 use super::files::invalid;
 use crate::MaskError;
+use crate::run_mask::MAX_PIXELS;
 use png::{BitDepth, ColorType, Decoder, Limits, Transformations};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
-
-/// More pixels than any camera's picture has; a header that claims more is damaged.
-pub(super) const MAX_PIXELS: u64 = 1 << 28;
 
 /// What is wrong with a mask that does not fit its frame.
 pub(super) fn size_fault(has: (u32, u32), frame: &str, needs: (u32, u32)) -> String {

@@ -5,14 +5,14 @@ use std::path::Path;
 use glam::DVec2;
 
 use super::adopt::{Adoption, Newcomer};
-use super::exchange::{Export, Imported, MaskFrame, nothing_fits, unmatched_warning};
 use super::files::{
-    FoundFile, in_parallel, invalid, list_files, read_text, unless_stopped, write_whole,
+    FoundFile, Skipped, in_parallel, invalid, list_files, read_text, unless_stopped, write_whole,
 };
-use super::frame_names::NameIndex;
+use super::frame_matching::{
+    Export, Imported, MaskFrame, NameIndex, nothing_fits, unmatched_warning,
+};
 use super::labels_json::{listed_labels, write_labels_json};
 use super::layers::{contested_warning, stacked};
-use super::skipped::Skipped;
 use super::yolo_names::{ClassNames, find_names, is_names_file, yaml};
 use crate::edit::polygon_spans;
 use crate::{LabelId, LabelTree, MaskError, RunMask, outlines};
@@ -148,7 +148,7 @@ pub(super) fn export(
     progress: &Progress,
 ) -> Result<(), MaskError> {
     let mut adoption = Adoption::new(export.tree, LabelId::NONE);
-    for id in super::davis::ids_in(export.masks.iter().map(|(_, mask)| *mask)) {
+    for id in super::grey_kinds::ids_in(export.masks.iter().map(|(_, mask)| *mask)) {
         adoption.number(id)?;
     }
     let tree = adoption.tree();

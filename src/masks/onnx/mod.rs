@@ -1,9 +1,8 @@
-//! Networks behind the seams of masks: Segment Anything, Grounding DINO, XMem, DeAOT, YOLOX; XFeat as what the flow
-//! tracker remembers by.
+//! Networks that segment or find by text: Segment Anything, Grounding DINO, YOLOX.
 
-mod boxes;
-mod coco;
+mod coco_classes;
 pub mod grounding;
+mod non_maximum_suppression;
 mod resize;
 pub mod sam;
 mod yolox;

@@ -2,8 +2,8 @@ use std::path::Path;
 
 use glam::DVec2;
 
-use super::boxes::without_doubles;
-use super::coco::{CLASSES, class_of};
+use super::coco_classes::{CLASSES, class_of};
+use super::non_maximum_suppression::non_maximum_suppression;
 use super::resize::resized;
 use crate::{GroundRequest, Grounded, MaskError, PxBox, TextGrounder};
 use ostra_compute::nn::{Network, NnError, Tensor, load};
@@ -97,7 +97,7 @@ impl TextGrounder for Yolox {
             let mut of_class = things(&given, class, least, scale, size);
             // Stable: of equal scores the first cell's.
             of_class.sort_by(|a, b| b.0.total_cmp(&a.0));
-            let apart = without_doubles(of_class, MOST_OVERLAP, |(_, extent)| *extent);
+            let apart = non_maximum_suppression(of_class, MOST_OVERLAP, |(_, extent)| *extent);
             found.extend(apart.into_iter().map(|(score, extent)| Grounded {
                 phrase,
                 extent,

@@ -1,11 +1,9 @@
 //! Thin structures (stems, wires) from a few points along them: a ridge filter, the cheapest path from point to point,
 //! and the edges left and right of it.
 
-mod crop;
 mod path;
 mod ribbon;
 mod ridge;
-mod strip;
 #[cfg(test)]
 mod tests;
 mod trace;

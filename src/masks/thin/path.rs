@@ -2,8 +2,7 @@ use std::collections::BinaryHeap;
 
 use glam::{DVec2, Vec3A};
 
-use super::crop::Crop;
-use super::ridge::{Ridge, RidgeFilter};
+use super::ridge::{Crop, Ridge, RidgeFilter};
 use crate::frontier::Reached;
 use ostra_frames::Image;
 

@@ -1,6 +1,99 @@
-use glam::{IVec2, Vec2, Vec3A};
+use glam::{DVec2, IVec2, Vec2, Vec3, Vec3A};
+use rayon::prelude::*;
+use wide::i32x4;
 
-use super::crop::Crop;
+use crate::lab::lab_of_pixel;
+use ostra_frames::Image;
+
+/// Steps per Lab unit in the sums: integers, so that a box's mean does not depend on what lies before it.
+const STEPS: f32 = 64.0;
+
+/// A part of a picture in CIE Lab whose box means cost the same for every size (Crow, "Summed-area tables for texture
+/// mapping", SIGGRAPH 1984).
+pub(super) struct Crop {
+    /// Column and row of its top-left pixel in the picture.
+    pub origin: [usize; 2],
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Sums over all pixels above and left, one row and column more than the crop; they may wrap around. The fourth
+    /// number is 0: four are added as fast as one.
+    sums: Vec<i32x4>,
+}
+
+impl Crop {
+    /// The pixels of `image` from column and row `from` up to, not including, `to`.
+    pub fn cut(image: &Image, from: [usize; 2], to: [usize; 2]) -> Self {
+        let [width, height] = [to[0] - from[0], to[1] - from[1]];
+        let across = width + 1;
+        let mut sums = vec![i32x4::ZERO; across * (height + 1)];
+        sums.par_chunks_exact_mut(across)
+            .skip(1)
+            .enumerate()
+            .for_each(|(row, sums)| {
+                let start = (from[1] + row) * image.width as usize + from[0];
+                let mut sum = i32x4::ZERO;
+                for (at, &pixel) in image.pixels[start..start + width].iter().enumerate() {
+                    let [l, a, b] = lab_of_pixel(pixel).map(|value| (value * STEPS).round() as i32);
+                    sum += i32x4::new([l, a, b, 0]);
+                    sums[at + 1] = sum;
+                }
+            });
+        for at in across..sums.len() {
+            sums[at] = sums[at] + sums[at - across];
+        }
+        Self {
+            origin: from,
+            width,
+            height,
+            sums,
+        }
+    }
+
+    /// Mean colour of the `(2 · radius + 1)²` pixels around one, cut off at the crop's border; a middle outside is
+    /// moved to the nearest pixel inside.
+    pub fn mean(&self, x: isize, y: isize, radius: isize) -> Vec3A {
+        let (left, right) = within(x, radius, self.width);
+        let (top, bottom) = within(y, radius, self.height);
+        let (above, below) = (top * (self.width + 1), bottom * (self.width + 1));
+        let sum = self.sums[below + right] - self.sums[below + left] - self.sums[above + right]
+            + self.sums[above + left];
+        let [l, a, b, _] = sum.to_array();
+        Vec3A::new(l as f32, a as f32, b as f32)
+            / (((right - left) * (bottom - top)) as f32 * STEPS)
+    }
+}
+
+/// The colour at a position of the picture in CIE Lab, between the centres of four pixels; the border's beyond it.
+pub(super) fn color_at(image: &Image, at_px: DVec2) -> Vec3 {
+    let [right, bottom] = [f64::from(image.width - 1), f64::from(image.height - 1)];
+    let (x, y) = (
+        (at_px.x - 0.5).clamp(0.0, right),
+        (at_px.y - 0.5).clamp(0.0, bottom),
+    );
+    let (column, row) = (x as u32, y as u32);
+    let (next_column, next_row) = (
+        (column + 1).min(image.width - 1),
+        (row + 1).min(image.height - 1),
+    );
+    let lab = |x: u32, y: u32| Vec3::from_array(lab_of_pixel(image.at(x, y)));
+    let (across, down) = ((x - f64::from(column)) as f32, (y - f64::from(row)) as f32);
+    let upper = lab(column, row).lerp(lab(next_column, row), across);
+    upper.lerp(
+        lab(column, next_row).lerp(lab(next_column, next_row), across),
+        down,
+    )
+}
+
+/// First and one past the last place at most `radius` from `middle` in `0..count`.
+fn within(middle: isize, radius: isize, count: usize) -> (usize, usize) {
+    let middle = middle.clamp(0, count as isize - 1);
+    (
+        (middle - radius).max(0) as usize,
+        ((middle + radius + 1) as usize).min(count),
+    )
+}
 
 /// Half widths of the lines looked for, in pixels.
 const HALF_WIDTHS_PX: [f32; 6] = [0.6, 1.0, 1.7, 2.9, 5.0, 8.5];
@@ -86,5 +179,38 @@ fn contrast(left: Vec3A, right: Vec3A) -> f32 {
         least * STAIR_SHARE
     } else {
         least
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn box_means_equal_plain_sums() {
+        let pixels = (0..30 * 20_usize)
+            .map(|at| [at * 7 % 251, at * 3 % 241, at % 5 * 40].map(|v| v as u8))
+            .collect();
+        let image = Image {
+            width: 30,
+            height: 20,
+            pixels,
+        };
+        let crop = Crop::cut(&image, [4, 3], [25, 19]);
+        for (x, y, radius) in [(0, 0, 0), (3, 5, 2), (20, 15, 4), (-7, 8, 1)] {
+            let near = |at: isize, middle: isize, count: isize| {
+                (at - middle.clamp(0, count - 1)).abs() <= radius
+            };
+            let all = (0..16_isize).flat_map(|v| (0..21_isize).map(move |u| (u, v)));
+            let inside: Vec<Vec3A> = all
+                .filter(|&(u, v)| near(u, x, 21) && near(v, y, 16))
+                .map(|(u, v)| Vec3A::from_array(lab_of_pixel(image.at(u as u32 + 4, v as u32 + 3))))
+                .collect();
+            let mean = inside.iter().sum::<Vec3A>() / inside.len() as f32;
+            assert!(
+                mean.distance(crop.mean(x, y, radius)) < 0.05,
+                "{x}, {y}, {radius}"
+            );
+        }
     }
 }

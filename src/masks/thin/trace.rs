@@ -1,9 +1,10 @@
 use glam::DVec2;
 
 use super::path::{PathPixel, path_between};
-use super::ribbon::{LinePoint, filled, smooth_line, smooth_widths, split};
+use super::ribbon::{
+    LinePoint, edge_distances, filled, median, shift, smooth_line, smooth_widths, split,
+};
 use super::ridge::RidgeFilter;
-use super::strip::{edge_distances, median, shift};
 use crate::{MaskError, Region};
 use ostra_frames::Image;
 

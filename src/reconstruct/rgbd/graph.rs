@@ -7,8 +7,8 @@ use super::odometry::{OnPose, Tried};
 use super::pyramid::Pyramid;
 use super::register::OrientedCloud;
 use super::scan::Scan;
-use ostra_geometry::{Pose, PoseEdge, PoseGraphOptions, solve_pose_graph};
 use ostra_core::union_find::DisjointSets;
+use ostra_geometry::{Pose, PoseEdge, PoseGraphOptions, solve_pose_graph};
 
 /// Share of its weight that a link must keep to hold scans together.
 const HOLDS: f64 = 0.25;

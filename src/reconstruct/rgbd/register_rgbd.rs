@@ -14,9 +14,9 @@ use super::{RgbdError, RgbdOptions};
 use crate::sfm::retrieval::{Vocabulary, most_alike};
 use crate::sfm::{FeatureExtractor, FeatureMatcher, Features, Outcome};
 use ostra_core::job::Progress;
+use ostra_core::statistics::upper_median;
 use ostra_frames::{Frame, FrameCamera, FrameStore};
 use ostra_geometry::Pose;
-use ostra_core::statistics::upper_median;
 
 /// What registration is to do.
 pub struct RgbdRequest<'a> {

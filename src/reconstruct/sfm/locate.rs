@@ -5,11 +5,11 @@ use glam::{DVec2, DVec3};
 use super::extract::{PictureFeatures, of_picture};
 use super::request::SfmRequest;
 use super::{IntrinsicsSource, KeypointId, MapProblem, Outcome, SfmError, SparseModel};
+use ostra_core::statistics::upper_median;
 use ostra_frames::{Frame, FrameCamera, FrameStore};
 use ostra_geometry::{
     AbsolutePoseOptions, Camera, Pose, estimate_absolute_pose, refine_absolute_pose,
 };
-use ostra_core::statistics::upper_median;
 
 /// Places frames in a map that stays as it is.
 pub(super) struct Locator<'a> {

@@ -10,8 +10,8 @@ use super::{
     SparseModel, TriedPair, choose_pairs, map, match_pairs, metric_scale,
 };
 use ostra_core::job::Progress;
-use ostra_frames::{Frame, FrameStore, PictureSource};
 use ostra_core::statistics::upper_median;
+use ostra_frames::{Frame, FrameStore, PictureSource};
 
 /// Cameras and sparse points from pictures: features, matches, incremental mapping; then the frames between are placed
 /// in the map, and the scale is taken from depth where there is any and no pose was given. Stopped while it maps or

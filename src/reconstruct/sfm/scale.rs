@@ -3,9 +3,9 @@ use std::collections::BTreeMap;
 use super::SfmError;
 use ostra_cloud::fuse::naming;
 use ostra_core::job::Progress;
+use ostra_core::statistics::nth_smallest;
 use ostra_frames::cameras::SparsePoints;
 use ostra_frames::{Frame, FrameCamera, FrameError, FrameStore};
-use ostra_core::statistics::nth_smallest;
 
 /// Metres per unit of a model, and how well it is known.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,10 +1,10 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
+use ostra_core::image::bilinear;
 use ostra_frames::Image;
 use ostra_geometry::{Camera, Distortion};
 use ostra_masks::{LabelId, LabelMask};
-use ostra_core::image::bilinear;
 
 /// A wide lens is drawn no smaller than this share of its focal length; what lies further out is left off.
 const SMALLEST_SCALE: f64 = 0.2;

@@ -10,13 +10,13 @@ use super::error::StereoError;
 use super::raster::{raster_camera, raster_image, tones};
 use crate::sfm::{FeatureExtractor, FeatureMatcher, Features, PairOptions, choose_pairs};
 use ostra_core::job::Progress;
+use ostra_core::union_find::DisjointSets;
 use ostra_frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
 use ostra_frames::{Frame, FrameStore};
 use ostra_geometry::{
     Camera, Pose, Sighting, TriangulationOptions, essential_from_pose, fundamental_in_pixels,
     triangulate_robust,
 };
-use ostra_core::union_find::DisjointSets;
 
 /// How sparse points are made where cameras are given without any.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -1,12 +1,12 @@
 //! What structure from motion and registration found, as edits and records of the project.
 
 use super::reconstruct::given;
+use ostra_core::statistics::upper_median;
 use ostra_frames::cameras::SparsePoints;
 use ostra_frames::{Frame, FrameCamera};
 use ostra_project::{Edit, Project, ResultKind, ResultRecord};
 use ostra_reconstruct::rgbd::{Calibration, FrameLink, RgbdResult};
 use ostra_reconstruct::sfm::{Outcome, SfmResult, Start};
-use ostra_core::statistics::upper_median;
 use std::collections::BTreeMap;
 use std::time::Duration;
 

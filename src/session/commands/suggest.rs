@@ -12,7 +12,7 @@ use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_frames::FrameStore;
 use ostra_masks::Unexplained;
-use ostra_masks::builtin::standing_apart;
+use ostra_masks::unexplained::areas_in_front;
 use ostra_project::Project;
 use ostra_tracking::flow::{FlowOptions, moving_apart};
 
@@ -150,7 +150,7 @@ fn unexplained_on(
         depth
             .flatten()
             .into_iter()
-            .flat_map(|depth| standing_apart(&depth, &mask)),
+            .flat_map(|depth| areas_in_front(&depth, &mask)),
     );
     Ok(found)
 }

@@ -10,8 +10,8 @@ use super::voxels::Voxels;
 use crate::carry::Viewpoint;
 use ostra_cloud::SceneError;
 use ostra_core::job::Progress;
-use ostra_frames::Image;
 use ostra_core::statistics::upper_median;
+use ostra_frames::Image;
 
 /// Side of a voxel, in pixels at the median depth of the frames.
 const SIDE_PX: f32 = 4.5;

@@ -1,8 +1,8 @@
 use super::options::Tolerance;
 use super::viewpoint::{PixelBox, Viewpoint};
+use ostra_core::statistics::upper_median;
 use ostra_frames::DepthMap;
 use ostra_masks::{LabelId, LabelMask};
-use ostra_core::statistics::upper_median;
 
 /// Depth may change by this many times its change on a plane seen at 45° from pixel to pixel, within one surface.
 const STEEPEST: f32 = 4.0;

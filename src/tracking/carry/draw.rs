@@ -82,8 +82,7 @@ pub fn draw(
 /// Half the sides of what a pixel is drawn as, so that it reaches its neighbours on the same surface; `None` for a surface
 /// seen from behind.
 fn footprint(seen: Seen, right: Option<Seen>, below: Option<Seen>, zoom: f32) -> Option<Vec2> {
-    let same =
-        |other: &Seen| is_same_depth(other.own_depth, seen.own_depth, SAME_SURFACE);
+    let same = |other: &Seen| is_same_depth(other.own_depth, seen.own_depth, SAME_SURFACE);
     let plain = Vec2::splat(0.5 * zoom * seen.own_depth / seen.depth);
     let half = match (right.filter(same), below.filter(same)) {
         (Some(right), Some(below)) => {

@@ -4,10 +4,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use glam::{Vec2, Vec3};
 
 use ostra_cloud::fuse::naming;
+use ostra_core::statistics::upper_median;
 use ostra_frames::{DepthMap, Frame, FrameError, FrameStore, Image};
 use ostra_geometry::{Camera, Distortion, Isometry, Pinhole, Pose};
 use ostra_masks::MaskError;
-use ostra_core::statistics::upper_median;
 
 /// Where a frame was taken from, and through what.
 #[derive(Debug, Clone, Copy)]

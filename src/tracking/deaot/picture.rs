@@ -2,8 +2,8 @@ use rayon::prelude::*;
 
 use super::network::OBJECTS;
 use ostra_compute::nn::{NnError, Tensor};
-use ostra_frames::Image;
 use ostra_core::image::blend;
+use ostra_frames::Image;
 
 /// Pixels along each side of a cell; the first and the last pixel of a row are the middles of cells.
 const CELL: f64 = 16.0;

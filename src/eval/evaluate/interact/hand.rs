@@ -4,7 +4,8 @@ use glam::DVec2;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use ostra_masks::{Click, LabelClick, LabelMask};
+use crate::simulated_click::LabelClick;
+use ostra_masks::{Click, LabelMask};
 
 /// How the robot user works.
 ///

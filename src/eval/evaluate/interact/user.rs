@@ -7,8 +7,9 @@ use super::hand::{Aim, Hand};
 use super::mended::drawn;
 use super::outline::Drawn;
 use super::{InteractOptions, Sequence};
+use crate::simulated_click::next_label_click;
 use ostra_core::job::Progress;
-use ostra_masks::{Click, LabelId, LabelMask, RunMask, Segmenter, Tracker, next_label_click};
+use ostra_masks::{Click, LabelId, LabelMask, RunMask, Segmenter, Tracker};
 use ostra_project::{Edit, MaskOrigin, Project};
 use ostra_session::commands::{
     LabelChoice, anchor, answer, carried, corrects, mask_of, track_request, with_answer,

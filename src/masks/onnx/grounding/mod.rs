@@ -4,16 +4,14 @@
 //! Liu et al.: "Grounding DINO: Marrying DINO with Grounded Pre-Training for Open-Set Object Detection", ECCV 2024;
 //! Devlin et al.: "BERT: Pre-training of Deep Bidirectional Transformers for Language Understanding", NAACL 2019.
 
+mod answer;
 mod caption;
-mod found;
 mod network;
-mod shown;
-mod tokenizer;
+mod network_input;
 
 #[cfg(test)]
 mod tests;
 
-pub use caption::Caption;
-pub use found::Answer;
+pub use answer::Answer;
+pub use caption::{Caption, Tokenizer};
 pub use network::GroundingDino;
-pub use tokenizer::Tokenizer;

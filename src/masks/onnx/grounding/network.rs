@@ -3,10 +3,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::DVec2;
 
-use super::caption::Caption;
-use super::found::Answer;
-use super::shown::Shown;
-use super::tokenizer::Tokenizer;
+use super::answer::Answer;
+use super::caption::{Caption, Tokenizer};
+use super::network_input::NetworkInput;
 use crate::{GroundRequest, Grounded, MaskError, TextGrounder};
 use ostra_compute::nn::{Network, NnError, Tensor, load, load_text};
 use ostra_core::job::{Progress, Stopped};
@@ -19,7 +18,7 @@ use ostra_frames::Image;
 pub struct GroundingDino {
     network: Network,
     tokenizer: Tokenizer,
-    last: Mutex<Option<(Shown, Arc<Answer>)>>,
+    last: Mutex<Option<(NetworkInput, Arc<Answer>)>>,
 }
 
 /// Its name in the catalogue, on the command line and in the folder of networks.
@@ -79,13 +78,13 @@ impl GroundingDino {
         progress: &Progress,
     ) -> Result<Arc<Answer>, MaskError> {
         let caption = Caption::new(&self.tokenizer, phrases)?;
-        let shown = Shown::new(image)?;
+        let input = NetworkInput::new(image)?;
         progress.step(0, 1)?;
         let size_px = DVec2::new(image.width.into(), image.height.into());
-        let answer = if let Some(answer) = self.known(&shown, &caption, size_px) {
+        let answer = if let Some(answer) = self.known(&input, &caption, size_px) {
             answer
         } else {
-            let (logits, boxes) = self.run(&shown, &caption, progress)?;
+            let (logits, boxes) = self.run(&input, &caption, progress)?;
             let answer = Arc::new(Answer {
                 caption,
                 logits,
@@ -93,7 +92,7 @@ impl GroundingDino {
                 size_px,
             });
             *self.last.lock().unwrap_or_else(PoisonError::into_inner) =
-                Some((shown, Arc::clone(&answer)));
+                Some((input, Arc::clone(&answer)));
             answer
         };
         progress.step(1, 1)?;
@@ -101,25 +100,30 @@ impl GroundingDino {
     }
 
     /// The last answer, where it was to the same question.
-    fn known(&self, shown: &Shown, caption: &Caption, size_px: DVec2) -> Option<Arc<Answer>> {
+    fn known(
+        &self,
+        input: &NetworkInput,
+        caption: &Caption,
+        size_px: DVec2,
+    ) -> Option<Arc<Answer>> {
         let last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         let (before, answer) = last.as_ref()?;
-        let is_same = before == shown && answer.caption == *caption && answer.size_px == size_px;
+        let is_same = before == input && answer.caption == *caption && answer.size_px == size_px;
         is_same.then(|| Arc::clone(answer))
     }
 
     /// Logits and boxes of every query.
     fn run(
         &self,
-        shown: &Shown,
+        input: &NetworkInput,
         caption: &Caption,
         progress: &Progress,
     ) -> Result<(Vec<f32>, Vec<f32>), MaskError> {
-        let told = |error: NnError| MaskError::Network(error.to_string());
+        let failed = |error: NnError| MaskError::Network(error.to_string());
         let count = caption.ids.len();
         let image =
-            Tensor::floats(&[1, 3, shown.rows, shown.columns], shown.planes()).map_err(told)?;
-        let integers = |shape: &[usize], values| Tensor::integers(shape, values).map_err(told);
+            Tensor::floats(&[1, 3, input.rows, input.columns], input.planes()).map_err(failed)?;
+        let integers = |shape: &[usize], values| Tensor::integers(shape, values).map_err(failed);
         let ids = integers(&[1, count], caption.ids.clone())?;
         let positions = integers(&[1, count], caption.positions.clone())?;
         let attention = integers(&[1, count, count], caption.attention())?;
@@ -129,7 +133,7 @@ impl GroundingDino {
         let given = self
             .network
             .run_while(&inputs, &is_wanted)
-            .map_err(told)?
+            .map_err(failed)?
             .ok_or(Stopped)?;
         if let [logits, boxes] = given.as_slice()
             && let [1, queries, tokens] = *logits.shape()

@@ -1,9 +1,10 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::frame::{SamFrame, hold};
+use super::frame::SamFrame;
 use super::network::Sam;
 use super::part::Part;
+use super::segment::hold;
 use crate::{Click, MaskError, PreparedFrame, Prompt, PxBox, Region, SegmentRequest};
 use ostra_core::job::Progress;
 use ostra_frames::Image;
@@ -37,10 +38,10 @@ impl CloseUps {
     /// The part around what is included and the newest click; all of the picture where a part would show no more.
     fn around(&self, prompt: &Prompt, progress: &Progress) -> Result<Arc<SamFrame>, MaskError> {
         let (width, height) = (self.image.width, self.image.height);
-        let prompt = &told_of(prompt);
+        let prompt = &shown_prompt(prompt);
         let wanted = Part::around(prompt, width, height, self.sam.side())
             .unwrap_or(Part::whole(width, height));
-        // Held while a part is embedded, so that nobody embeds it a second time.
+        // Held while a part is embedded, so that it is not embedded twice.
         let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
         let will_do =
             |part: Part| part.side() <= wanted.side() * MOST_LONGER && part.holds_all(prompt);
@@ -67,13 +68,13 @@ impl PreparedFrame for CloseUps {
     ) -> Result<Region, MaskError> {
         let frame = self.around(request.prompt, progress)?;
         // What is not looked at is not answered, but for what is clicked to be outside.
-        let (told, beyond): (Vec<_>, Vec<_>) = request
+        let (shown, beyond): (Vec<_>, Vec<_>) = request
             .prompt
             .clicks
             .iter()
             .partition(|click| click.include || frame.part().holds(click.at_px));
         let prompt = Prompt {
-            clicks: told,
+            clicks: shown,
             boxes: request.prompt.boxes.clone(),
             ..Prompt::default()
         };
@@ -95,7 +96,7 @@ impl PreparedFrame for CloseUps {
 }
 
 /// What must be seen: the boxes, the include clicks, and the newest click of whatever kind.
-fn told_of(prompt: &Prompt) -> Prompt {
+fn shown_prompt(prompt: &Prompt) -> Prompt {
     let newest = prompt.clicks.last().map(|click| Click {
         include: true,
         ..*click
@@ -114,7 +115,7 @@ impl Part {
         self.width.max(self.height)
     }
 
-    /// Whether all that is told of lies within.
+    /// Whether all clicks and boxes lie within.
     fn holds_all(&self, prompt: &Prompt) -> bool {
         let holds_box = |part: &PxBox| self.holds(part.min_px) && self.holds(part.max_px - 0.5);
         prompt.clicks.iter().all(|click| self.holds(click.at_px))

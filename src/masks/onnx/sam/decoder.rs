@@ -1,5 +1,4 @@
-use super::canvas::Canvas;
-use super::network::told;
+use super::part::Canvas;
 use crate::MaskError;
 use ostra_compute::nn::{Network, NnError, Tensor};
 
@@ -17,12 +16,12 @@ pub(super) struct Decoder {
 pub(super) enum Dialect {
     /// Segment Anything: exclude clicks, an earlier answer to refine, one mask for clear questions and three for others.
     Sam,
-    /// `EfficientSAM` (Xiong et al., CVPR 2024): include clicks and boxes, at most [`MOST_TOLD`] points, three masks.
+    /// `EfficientSAM` (Xiong et al., CVPR 2024): include clicks and boxes, at most [`MOST_POINTS`] points, three masks.
     Efficient,
 }
 
-/// Points that `EfficientSAM` heeds, corners of a box among them.
-const MOST_TOLD: usize = 6;
+/// Points that `EfficientSAM` takes, corners of a box among them.
+const MOST_POINTS: usize = 6;
 
 /// Pixels of the encoder's square along each side of a cell of the embedding.
 const CELL: usize = 16;
@@ -38,7 +37,7 @@ pub(super) struct Question {
     pub kinds: Vec<PointKind>,
 }
 
-/// What a point told to the network is.
+/// What a point of a question is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum PointKind {
     Exclude,
@@ -71,7 +70,7 @@ pub(super) struct Answer {
 
 impl Question {
     /// Notes one more point.
-    pub fn tell(&mut self, at: [f32; 2], kind: PointKind) {
+    pub fn add(&mut self, at: [f32; 2], kind: PointKind) {
         self.points.push(at);
         self.kinds.push(kind);
     }
@@ -94,7 +93,7 @@ impl PointKind {
 }
 
 impl Decoder {
-    /// Tells the dialect by the names of the inputs.
+    /// Finds the dialect by the names of the inputs.
     ///
     /// # Errors
     /// [`NnError::Mismatch`] where it takes no square embedding.
@@ -209,23 +208,23 @@ impl Decoder {
     }
 
     fn run_efficient(&self, embedding: &Tensor, asked: &Question) -> Result<Answers, MaskError> {
-        // Masks come at the size that points are told in: at that of the logits nothing is resampled.
+        // Masks come at the size that points are given in: at that of the logits nothing is resampled.
         let (fine, side) = (self.fine(), self.canvas().side);
         let all = || asked.points.iter().zip(&asked.kinds);
         let corners: Vec<_> = all().filter(|(_, kind)| kind.is_corner()).collect();
         let clicks: Vec<_> = all()
             .filter(|(_, kind)| **kind == PointKind::Include)
             .collect();
-        let latest = &clicks[clicks.len().saturating_sub(MOST_TOLD - corners.len())..];
-        let heeded: Vec<_> = corners.iter().chain(latest).collect();
-        let points = heeded
+        let latest = &clicks[clicks.len().saturating_sub(MOST_POINTS - corners.len())..];
+        let used: Vec<_> = corners.iter().chain(latest).collect();
+        let points = used
             .iter()
             .flat_map(|(at, _)| at.map(|at| at * (fine as f32 / side as f32)))
             .collect();
-        let kinds = heeded.iter().map(|(_, kind)| kind.number()).collect();
-        let points = floats(&[1, 1, heeded.len(), 2], points)?;
-        let kinds = floats(&[1, 1, heeded.len()], kinds)?;
-        let size = Tensor::integers(&[2], vec![fine as i64; 2]).map_err(told)?;
+        let kinds = used.iter().map(|(_, kind)| kind.number()).collect();
+        let points = floats(&[1, 1, used.len(), 2], points)?;
+        let kinds = floats(&[1, 1, used.len()], kinds)?;
+        let size = Tensor::integers(&[2], vec![fine as i64; 2]).map_err(network_error)?;
         let fed = [
             ("image_embeddings", embedding),
             ("batched_point_coords", &points),
@@ -245,7 +244,7 @@ impl Decoder {
         masks: &str,
         counts: &[usize],
     ) -> Result<Vec<Answer>, MaskError> {
-        let given = self.network.run(fed).map_err(told)?;
+        let given = self.network.run(fed).map_err(network_error)?;
         let ports = &self.network.signature().outputs;
         let named = |name: &str| {
             ports
@@ -282,5 +281,14 @@ impl Decoder {
 }
 
 fn floats(shape: &[usize], values: Vec<f32>) -> Result<Tensor, MaskError> {
-    Tensor::floats(shape, values).map_err(told)
+    Tensor::floats(shape, values).map_err(network_error)
+}
+
+/// The error of masks for an error of a network.
+#[expect(
+    clippy::needless_pass_by_value,
+    reason = "`map_err` passes it by value"
+)]
+pub(super) fn network_error(error: NnError) -> MaskError {
+    MaskError::Network(error.to_string())
 }

@@ -1,17 +1,14 @@
+//! Questions about an embedded picture and their answers, with exclude clicks for networks that know none.
+
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::canvas::Canvas;
-use super::decoder::{Answer, Answers, Decoder, Dialect, PointKind, Question};
+use super::decoder::{Answer, Answers, Decoder, Dialect, PointKind, Question, network_error};
 use super::embedding::Embedding;
-use super::enlarge::enlarged;
-use super::everything::EverythingOptions;
-use super::network::told;
-use super::objects::Objects;
-use super::part::Part;
-use crate::{Click, MaskError, PreparedFrame, Prompt, Proposal, PxBox, Region, SegmentRequest};
+use super::mask_logits::enlarged;
+use super::part::{Canvas, Part};
+use crate::{Click, MaskError, PxBox, Region};
 use ostra_compute::nn::Tensor;
-use ostra_core::job::Progress;
 
 /// A picture, or a part of one, that answers prompts by runs of the decoder alone.
 #[derive(Debug)]
@@ -21,7 +18,7 @@ pub struct SamFrame {
     width: u32,
     height: u32,
     part: Part,
-    /// The latest answers: a click more asks one question more, moving the pointer asks the last one anew.
+    /// The latest answers: a click more asks one question more, moving the pointer asks the last one again.
     known: Mutex<VecDeque<(Asked, Arc<Answer>)>>,
 }
 
@@ -51,8 +48,8 @@ impl SamFrame {
             );
             return Err(MaskError::Network(what));
         }
-        let tensor =
-            Tensor::floats(&[1, channels, cells, cells], embedding.values.clone()).map_err(told)?;
+        let tensor = Tensor::floats(&[1, channels, cells, cells], embedding.values.clone())
+            .map_err(network_error)?;
         Ok(Self {
             decoder,
             embedding: tensor,
@@ -61,6 +58,11 @@ impl SamFrame {
             part,
             known: Mutex::default(),
         })
+    }
+
+    /// Bytes held.
+    pub(super) fn held_bytes(&self) -> usize {
+        bytes_of(&self.decoder)
     }
 
     /// Columns and rows of the picture.
@@ -114,7 +116,9 @@ impl SamFrame {
                     is_ambiguous,
                 )?
             }
-            Dialect::Efficient => self.heed(clicks, within, before.map(|before| &**before))?,
+            Dialect::Efficient => {
+                self.ask_include_only(clicks, within, before.map(|before| &**before))?
+            }
         });
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
         known.push_back((
@@ -159,14 +163,14 @@ impl SamFrame {
             } else {
                 PointKind::Exclude
             };
-            question.tell(part.told_click(click.at_px, canvas), kind);
+            question.add(part.canvas_point(click.at_px, canvas), kind);
         }
         if let Some(within) = within {
-            let [first, last] = part.told_box(within, canvas);
-            question.tell(first, PointKind::FirstCorner);
-            question.tell(last, PointKind::LastCorner);
+            let [first, last] = part.canvas_corners(within, canvas);
+            question.add(first, PointKind::FirstCorner);
+            question.add(last, PointKind::LastCorner);
         } else {
-            question.tell([0.0; 2], PointKind::Padding);
+            question.add([0.0; 2], PointKind::Padding);
         }
         question
     }
@@ -176,7 +180,7 @@ impl SamFrame {
         let (fine, canvas) = (self.fine(), self.canvas());
         let cell =
             |at: f32| (((at + 0.5) * fine as f32 / canvas.side as f32) as usize).min(fine - 1);
-        let [x, y] = self.part.told_click(click.at_px, canvas).map(cell);
+        let [x, y] = self.part.canvas_point(click.at_px, canvas).map(cell);
         answer.logits[y * fine + x]
     }
 
@@ -201,112 +205,6 @@ impl SamFrame {
         }
         region
     }
-
-    fn check(&self, request: &SegmentRequest<'_>) -> Result<(), MaskError> {
-        let Part {
-            x,
-            y,
-            width,
-            height,
-        } = self.part;
-        let shown = format!("the {width}×{height} pixels from {x}, {y} that are looked at");
-        let prompt = request.prompt;
-        if prompt.is_empty() {
-            return Err(MaskError::Request(
-                "there is no click and no box; click on the object first".into(),
-            ));
-        }
-        if let Some(click) = prompt
-            .clicks
-            .iter()
-            .find(|click| !self.part.holds(click.at_px))
-        {
-            let at = click.at_px;
-            return Err(MaskError::Request(format!(
-                "the click at {}, {} lies outside {shown}",
-                at.x, at.y
-            )));
-        }
-        let (first, last) = (
-            glam::DVec2::new(x.into(), y.into()),
-            glam::DVec2::new(width.into(), height.into()),
-        );
-        let crosses = |part: &PxBox| {
-            let common = part.max_px.min(first + last) - part.min_px.max(first);
-            common.min_element() > 0.0
-        };
-        if let Some(part) = prompt.boxes.iter().find(|part| !crosses(part)) {
-            let (a, b) = (part.min_px, part.max_px);
-            let text = format!(
-                "the box from {}, {} to {}, {} holds no pixel of {shown}",
-                a.x, a.y, b.x, b.y
-            );
-            return Err(MaskError::Request(text));
-        }
-        let fits = |region: &Region| (region.width, region.height) == (self.width, self.height);
-        if [request.previous, request.taken]
-            .into_iter()
-            .flatten()
-            .all(fits)
-        {
-            return Ok(());
-        }
-        let (width, height) = self.size();
-        Err(MaskError::Request(format!(
-            "a mask given does not have the picture's size of {width}×{height}"
-        )))
-    }
-
-    /// The object's pixels before other labels are looked at.
-    fn found(
-        &self,
-        prompt: &Prompt,
-        previous: Option<&Region>,
-        taken: Option<&Region>,
-    ) -> Result<Region, MaskError> {
-        let (Some(previous), Some((last, earlier))) = (previous, prompt.clicks.split_last()) else {
-            return Ok(Objects::of(self, &prompt.boxes, &prompt.clicks)?.region());
-        };
-        let mut objects = Objects::of(self, &prompt.boxes, earlier)?;
-        if !objects.agree_with(previous, taken) {
-            objects = Objects::of_region(self, previous, earlier);
-        }
-        objects.add(last)?;
-        Ok(objects.region())
-    }
-}
-
-impl PreparedFrame for SamFrame {
-    fn segment(
-        &self,
-        request: &SegmentRequest<'_>,
-        _progress: &Progress,
-    ) -> Result<Region, MaskError> {
-        self.check(request)?;
-        let SegmentRequest {
-            prompt,
-            previous,
-            taken,
-        } = *request;
-        let mut region = self.found(prompt, previous, taken)?;
-        prompt
-            .clicks
-            .iter()
-            .for_each(|click| hold(&mut region, click));
-        if let Some(taken) = taken {
-            region.subtract(taken);
-        }
-        Ok(region)
-    }
-
-    fn proposals(&self, progress: &Progress) -> Result<Option<Vec<Proposal>>, MaskError> {
-        self.everything(&EverythingOptions::default(), progress)
-            .map(Some)
-    }
-
-    fn bytes(&self) -> usize {
-        bytes_of(&self.decoder)
-    }
 }
 
 /// Bytes that a frame of this decoder holds.
@@ -328,12 +226,85 @@ fn chosen(Answers { clear, mut others }: Answers, is_ambiguous: bool) -> Result<
     answer.ok_or_else(|| MaskError::Network("the network gives no mask".into()))
 }
 
-/// What was clicked is as the click says, whatever the network thinks: the pixel and those that touch it.
-pub(super) fn hold(region: &mut Region, click: &Click) {
-    let (x, y) = (click.at_px.x as u32, click.at_px.y as u32);
-    for y in y.saturating_sub(1)..=(y + 1).min(region.height - 1) {
-        for x in x.saturating_sub(1)..=(x + 1).min(region.width - 1) {
-            region.inside[y as usize * region.width as usize + x as usize] = click.include;
+impl SamFrame {
+    /// The mask for clicks and a box from a network that knows no exclude clicks: of its masks one that leaves them out, and
+    /// where none does, without what a click at that place would find; `before`, less what is outside, where that is from elsewhere and holds all that is
+    /// to be inside.
+    pub(super) fn ask_include_only(
+        &self,
+        clicks: &[Click],
+        within: Option<&PxBox>,
+        before: Option<&Answer>,
+    ) -> Result<Answer, MaskError> {
+        let holds_all = |answer: &&Answer| {
+            self.matched_clicks(answer, clicks, true) == includes(clicks).count()
+        };
+        let found = match before.filter(|before| before.is_given).filter(holds_all) {
+            Some(before) => vec![before.clone()],
+            None => self.masks(clicks, within)?.others,
+        };
+        let none = || MaskError::Network("the network gives no mask".into());
+        let mut answer = self.best_match(found, clicks).ok_or_else(none)?;
+        for click in clicks.iter().filter(|click| !click.include) {
+            if self.logit_at(&answer, click) > 0.0
+                && let Some(other) = self.excluded(click, clicks, &answer)?
+            {
+                let logits = answer.logits.iter_mut().zip(&other.logits);
+                logits.for_each(|(logit, other)| *logit = logit.min(-other));
+            }
         }
+        Ok(answer)
     }
+
+    /// Of several masks the one that holds most of what is to be inside, of equal ones that which leaves out most of what
+    /// is to be outside, of equal ones the surest.
+    fn best_match(&self, found: Vec<Answer>, clicks: &[Click]) -> Option<Answer> {
+        let ranked = found.into_iter().map(|answer| {
+            (
+                [true, false].map(|kind| self.matched_clicks(&answer, clicks, kind)),
+                answer,
+            )
+        });
+        let better = |a: &([usize; 2], Answer), b: &([usize; 2], Answer)| {
+            b.0.cmp(&a.0).then(b.1.score.total_cmp(&a.1.score))
+        };
+        ranked.min_by(better).map(|(_, answer)| answer)
+    }
+
+    /// How many clicks of a kind an answer satisfies.
+    fn matched_clicks(&self, answer: &Answer, clicks: &[Click], include: bool) -> usize {
+        let of_kind = clicks.iter().filter(|click| click.include == include);
+        of_kind
+            .filter(|click| (self.logit_at(answer, click) > 0.0) == include)
+            .count()
+    }
+
+    /// What lies at an exclude click, holds no include click, and is no more than half of the answer.
+    fn excluded(
+        &self,
+        at: &Click,
+        clicks: &[Click],
+        answer: &Answer,
+    ) -> Result<Option<Answer>, MaskError> {
+        let at = Click {
+            include: true,
+            ..*at
+        };
+        let mut found = self.masks_at(at)?;
+        found.retain(|other| {
+            let is_in = |click: &Click| self.logit_at(other, click) > 0.0;
+            let inside = answer
+                .logits
+                .iter()
+                .zip(&other.logits)
+                .filter(|(answer, _)| **answer > 0.0);
+            let taken = inside.clone().filter(|(_, other)| **other > 0.0).count();
+            is_in(&at) && !includes(clicks).any(is_in) && 2 * taken <= inside.count()
+        });
+        Ok(self.best_match(found, &[at]))
+    }
+}
+
+fn includes(clicks: &[Click]) -> impl Iterator<Item = &Click> {
+    clicks.iter().filter(|click| click.include)
 }

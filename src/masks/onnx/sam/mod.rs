@@ -4,24 +4,21 @@
 //! one `EfficientSAM` (Xiong et al.: "EfficientSAM: Leveraged Masked Image Pretraining for Efficient Segment Anything",
 //! CVPR 2024).
 
-mod canvas;
 mod close_ups;
 mod decoder;
 mod embedding;
-mod enlarge;
-mod everything;
 mod frame;
-mod heeding;
-mod hint;
+mod mask_logits;
 mod network;
 mod objects;
 mod part;
+mod segment;
 #[cfg(test)]
 mod tests;
 
 pub use close_ups::CloseUps;
 pub use embedding::Embedding;
-pub use everything::EverythingOptions;
 pub use frame::SamFrame;
 pub use network::Sam;
 pub use part::Part;
+pub use segment::EverythingOptions;

@@ -3,11 +3,10 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::canvas::Canvas;
-use super::decoder::{Decoder, Dialect};
+use super::decoder::{Decoder, Dialect, network_error};
 use super::embedding::Embedding;
 use super::frame::{SamFrame, bytes_of};
-use super::part::Part;
+use super::part::{Canvas, Part};
 use crate::onnx::resize::resized;
 use crate::{MaskError, PreparedFrame, Segmenter};
 use ostra_compute::nn::{Network, NnError, Signature, Tensor, load};
@@ -110,13 +109,13 @@ impl Sam {
             Dialect::Sam => ("image", fed(image, part, self.decoder.canvas())),
             Dialect::Efficient => ("batched_images", fed_unscaled(image, part)),
         };
-        let input = input.map_err(told)?;
+        let input = input.map_err(network_error)?;
         progress.step(1, 2)?;
         let is_wanted = || progress.check().is_ok();
         let Some(given) = self
             .encoder
             .run_while(&[(name, &input)], &is_wanted)
-            .map_err(told)?
+            .map_err(network_error)?
         else {
             return Err(Stopped.into());
         };
@@ -169,12 +168,6 @@ impl Segmenter for Sam {
         let embedding = self.embed(image, Part::whole(image.width, image.height), progress)?;
         Ok(Arc::new(self.frame(&embedding)?))
     }
-}
-
-/// What a network says, as masks tell it.
-#[expect(clippy::needless_pass_by_value, reason = "`map_err` hands it over")]
-pub(super) fn told(error: NnError) -> MaskError {
-    MaskError::Network(error.to_string())
 }
 
 /// Whether the only input is a picture of three colours with that many rows and columns, `None` = any.

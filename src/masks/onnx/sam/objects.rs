@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::decoder::Answer;
 use super::frame::SamFrame;
-use super::hint::hint;
+use super::mask_logits::hint;
 use crate::{Click, Connectivity, MaskError, PxBox, Region, components, deepest_point};
 
 /// The objects of one label.
@@ -17,10 +17,10 @@ pub(super) struct Objects<'a> {
     kept: Region,
 }
 
-/// One object: what was told of it, and the network's answer.
+/// One object: its clicks and box, and the network's answer.
 struct Object {
     within: Option<PxBox>,
-    told: Vec<Click>,
+    clicks: Vec<Click>,
     answer: Arc<Answer>,
     /// The pixels that the answer stands for where it was not the network that gave it.
     given: Option<Region>,
@@ -28,7 +28,7 @@ struct Object {
 
 /// Overlap from which on a mask is what the clicks gave, and was not painted or tracked since.
 const SAME_IOU: f64 = 0.9;
-/// How often exclude clicks that a new answer covers are told: the network may not heed them.
+/// How often exclude clicks that a new answer covers are given: the network may ignore them.
 const ROUNDS: usize = 2;
 
 impl<'a> Objects<'a> {
@@ -45,7 +45,7 @@ impl<'a> Objects<'a> {
             let answer = frame.ask(&[], Some(within), None)?;
             found.objects.push(Object {
                 within: Some(*within),
-                told: Vec::new(),
+                clicks: Vec::new(),
                 answer,
                 given: None,
             });
@@ -67,28 +67,28 @@ impl<'a> Objects<'a> {
                     .pixel_in(part.width, part.height)
                     .is_some_and(|at| part.inside[at])
             };
-            let mut told: Vec<Click> = clicks
+            let mut own: Vec<Click> = clicks
                 .iter()
                 .filter(|click| click.include)
                 .filter(is_on)
                 .copied()
                 .collect();
-            if told.is_empty() {
+            if own.is_empty() {
                 let middle =
                     deepest_point(&part).map(|(x, y)| glam::DVec2::new(x.into(), y.into()) + 0.5);
-                told.extend(middle.map(|at_px| Click {
+                own.extend(middle.map(|at_px| Click {
                     at_px,
                     include: true,
                 }));
             }
             let logits = hint(&part, frame.part(), frame.canvas(), frame.fine());
-            let told = told
+            let own = own
                 .into_iter()
                 .filter(|click| frame.part().holds(click.at_px))
                 .collect();
             Object {
                 within: None,
-                told,
+                clicks: own,
                 answer: Arc::new(Answer {
                     logits,
                     score: 0.0,
@@ -127,7 +127,7 @@ impl<'a> Objects<'a> {
         } else {
             self.excludes.push(*click);
         }
-        self.tell_excludes()
+        self.refine_by_excludes()
     }
 
     fn include(&mut self, click: &Click) -> Result<(), MaskError> {
@@ -136,16 +136,16 @@ impl<'a> Objects<'a> {
             return if self.objects[at].given.is_some() {
                 Ok(())
             } else {
-                self.tell(at, click)
+                self.refine(at, click)
             };
         }
         let alone = self.frame.ask(&[*click], None, None)?;
         match self.touched_by(&alone) {
-            Some(at) => self.tell(at, click),
+            Some(at) => self.refine(at, click),
             None => {
                 self.objects.push(Object {
                     within: None,
-                    told: vec![*click],
+                    clicks: vec![*click],
                     answer: alone,
                     given: None,
                 });
@@ -154,31 +154,31 @@ impl<'a> Objects<'a> {
         }
     }
 
-    /// The object is asked for anew with one more click, refining its answer.
-    fn tell(&mut self, at: usize, click: &Click) -> Result<(), MaskError> {
+    /// Asks for the object again with one more click, refining its answer.
+    fn refine(&mut self, at: usize, click: &Click) -> Result<(), MaskError> {
         let object = &mut self.objects[at];
-        object.told.push(*click);
+        object.clicks.push(*click);
         object.answer =
             self.frame
-                .ask(&object.told, object.within.as_ref(), Some(&object.answer))?;
+                .ask(&object.clicks, object.within.as_ref(), Some(&object.answer))?;
         if let Some(mut given) = object.given.take() {
-            // What lies beside the part that the network sees is not its to judge.
+            // The answer says nothing of pixels outside the part that the network sees.
             given.subtract(&self.frame.part().region(given.width, given.height));
             self.kept.unite(&given);
         }
         Ok(())
     }
 
-    /// Exclude clicks are told to the object whose answer covers them: those elsewhere (other labels' clicks among
+    /// Exclude clicks go to the object whose answer covers them: those elsewhere (other labels' clicks among
     /// them) are right already.
-    fn tell_excludes(&mut self) -> Result<(), MaskError> {
+    fn refine_by_excludes(&mut self) -> Result<(), MaskError> {
         for _ in 0..ROUNDS {
             let mut all_right = true;
             for at in 0..self.objects.len() {
                 for click in self.excludes.clone() {
                     let object = &self.objects[at];
-                    if self.covers(object, &click) && !object.told.contains(&click) {
-                        self.tell(at, &click)?;
+                    if self.covers(object, &click) && !object.clicks.contains(&click) {
+                        self.refine(at, &click)?;
                         all_right = false;
                     }
                 }

@@ -1,7 +1,15 @@
 use glam::DVec2;
 
-use super::canvas::Canvas;
 use crate::{Prompt, PxBox, Region};
+
+/// The square that the networks see a part of a picture on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Canvas {
+    /// Pixels along each side.
+    pub side: usize,
+    /// Whether a part fills all of it, whatever its shape; else its longer side does, with nothing right and below.
+    pub is_filled: bool,
+}
 
 /// The part of a picture that the network looks at, in whole pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -105,22 +113,22 @@ impl Part {
         (shown(self.width), shown(self.height))
     }
 
-    /// Where a click is told to the network: pixels of its square, counted from the middle of the first.
-    pub(super) fn told_click(&self, at_px: DVec2, canvas: Canvas) -> [f32; 2] {
-        self.told(at_px - 0.5, canvas)
+    /// A click as the network takes it: in pixels of its square, counted from the middle of the first.
+    pub(super) fn canvas_point(&self, at_px: DVec2, canvas: Canvas) -> [f32; 2] {
+        self.on_canvas(at_px - 0.5, canvas)
     }
 
-    /// Where the corners of a box, cut to the part, are told: the middles of its first and of its last pixel.
-    pub(super) fn told_box(&self, within: &PxBox, canvas: Canvas) -> [[f32; 2]; 2] {
+    /// The corners of a box, cut to the part, as the network takes them: the middles of its first and of its last pixel.
+    pub(super) fn canvas_corners(&self, within: &PxBox, canvas: Canvas) -> [[f32; 2]; 2] {
         let end = self.origin() + DVec2::new(self.width.into(), self.height.into());
         let cut = |corner: DVec2| corner.clamp(self.origin(), end);
         [
-            self.told(cut(within.min_px), canvas),
-            self.told(cut(within.max_px) - 1.0, canvas),
+            self.on_canvas(cut(within.min_px), canvas),
+            self.on_canvas(cut(within.max_px) - 1.0, canvas),
         ]
     }
 
-    fn told(&self, index_px: DVec2, canvas: Canvas) -> [f32; 2] {
+    fn on_canvas(&self, index_px: DVec2, canvas: Canvas) -> [f32; 2] {
         let (columns, rows) = self.shown(canvas);
         let scale = DVec2::new(
             columns as f64 / f64::from(self.width),

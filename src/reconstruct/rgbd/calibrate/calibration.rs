@@ -10,9 +10,9 @@ use super::pairs::{Pair, Recording, Shared};
 use super::parallax::{Matrix, Parallax, UNKNOWNS, Vector};
 use crate::rgbd::pyramid::{LEVELS, Level};
 use ostra_core::job::{Progress, Stopped};
+use ostra_core::statistics::upper_median;
 use ostra_frames::{DepthCamera, DepthSource, Frame, FrameStore};
 use ostra_geometry::{Camera, Distortion};
-use ostra_core::statistics::upper_median;
 
 /// Pairs of frames without which nothing is told.
 const LEAST_PAIRS: usize = 6;

@@ -3,8 +3,8 @@ use nalgebra::{Matrix6, Vector6};
 
 use super::levels::{Level, Partner};
 use ostra_core::job::{Progress, Stopped};
-use ostra_geometry::Pose;
 use ostra_core::statistics::upper_median;
+use ostra_geometry::Pose;
 
 /// Tukey's constant: as good as least squares for 95 % where errors are normal.
 const TUKEY: f64 = 4.685;

@@ -4,8 +4,8 @@ use super::MapperOptions;
 use super::state::Mapper;
 use crate::sfm::VerifiedPair;
 use ostra_core::job::Stopped;
-use ostra_geometry::{Pose, TwoViewKind};
 use ostra_core::statistics::upper_median;
+use ostra_geometry::{Pose, TwoViewKind};
 
 /// How a model was begun.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -6,11 +6,11 @@ use glam::{DVec2, DVec3};
 
 use super::state::Mapper;
 use crate::sfm::KeypointId;
+use ostra_core::image::halve;
 use ostra_geometry::{
     AbsolutePose, AbsolutePoseOptions, Camera, estimate_absolute_pose,
     estimate_absolute_pose_and_focal,
 };
-use ostra_core::image::halve;
 
 /// Why an image could not be placed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -15,8 +15,8 @@ use crate::stereo::{DepthEstimate, DepthStore, Stage, StereoError};
 use ostra_cloud::SceneError;
 use ostra_cloud::fuse::{naming, readable};
 use ostra_core::job::Progress;
-use ostra_frames::{Frame, FrameStore, Image};
 use ostra_core::statistics::mean_median;
+use ostra_frames::{Frame, FrameStore, Image};
 
 /// Makes points of the complete depths of some views: view after view, each pixel that no point has taken yet makes one
 /// with the pixels of the neighbouring views that see the same (J. Schönberger et al., *Pixelwise View Selection for

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 
 use super::plane::{Raster, Transfer};
-use ostra_geometry::{Camera, Pose};
 use ostra_core::image::{bilinear, halve, mean_of_four};
+use ostra_geometry::{Camera, Pose};
 
 /// A picture as it is compared, row by row.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -10,9 +10,9 @@ use crate::stereo::patchmatch::{MAX_SOURCES, Picture};
 use crate::stereo::raster::{raster_camera, raster_image, tones};
 use crate::stereo::{Engine, SelectOptions, StereoError, select_sources};
 use ostra_core::job::Progress;
+use ostra_core::statistics::trimmed_range;
 use ostra_frames::cameras::SparsePoints;
 use ostra_frames::{Frame, FrameStore};
-use ostra_core::statistics::trimmed_range;
 
 /// Which pixels of a frame's raster (its camera's `width · height`, row by row) are to be worked on; `None` = all.
 pub type RasterMask<'a> = &'a (dyn Fn(usize, &ostra_geometry::Camera) -> Option<Vec<bool>> + Sync);

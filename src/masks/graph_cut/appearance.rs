@@ -1,0 +1,148 @@
+//! Colour and texture models: histograms over a frame's own palette.
+
+use rayon::prelude::*;
+
+use super::region_stats::RegionStats;
+
+/// Number of palette entries.
+const ENTRIES: usize = 64;
+/// Distance at which two palette entries are taken for the same appearance, ΔE.
+const BANDWIDTH: f32 = 7.0;
+
+type Feature = [f32; 4];
+
+/// The appearances that occur in a frame, each region's own, and how alike they are.
+pub(super) struct Palette {
+    /// Entry of each region.
+    pub of_region: Vec<u8>,
+    /// `ENTRIES²` likenesses 0–1, rows sum to 1.
+    alike: Vec<f32>,
+}
+
+impl Palette {
+    /// Clusters the regions by k-means on (L, a, b, texture), weighted by area.
+    pub fn new(regions: &[RegionStats]) -> Self {
+        let features: Vec<(Feature, f32)> = regions
+            .iter()
+            .map(|region| (feature(region), region.area))
+            .collect();
+        let mut entries = spread_out(&features);
+        let mut of_region = Vec::new();
+        for _ in 0..6 {
+            of_region = features
+                .par_iter()
+                .map(|(feature, _)| nearest(&entries, feature))
+                .collect::<Vec<u8>>();
+            let mut sums = vec![([0.0f32; 4], 0.0f32); entries.len()];
+            for ((feature, area), &entry) in features.iter().zip(&of_region) {
+                let sum = &mut sums[usize::from(entry)];
+                (0..4).for_each(|axis| sum.0[axis] += feature[axis] * area);
+                sum.1 += area;
+            }
+            for (entry, (sum, area)) in entries.iter_mut().zip(sums) {
+                if area > 0.0 {
+                    *entry = sum.map(|sum| sum / area);
+                }
+            }
+        }
+        Self {
+            of_region,
+            alike: likeness(&entries),
+        }
+    }
+
+    /// Number of entries.
+    pub fn entries(&self) -> u8 {
+        ENTRIES as u8
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.of_region) + size_of_val(&*self.alike)
+    }
+
+    /// A model of weighted regions: how often each entry, or one like it, occurs; sums to 1 unless all weights are 0.
+    pub fn model(&self, weighted: impl Iterator<Item = (usize, f32)>) -> Model {
+        let mut counts = [0.0f32; ENTRIES];
+        let mut total = 0.0;
+        for (region, weight) in weighted {
+            counts[usize::from(self.of_region[region])] += weight;
+            total += weight;
+        }
+        let mut share = [0.0; ENTRIES];
+        for (count, alike) in counts.iter().zip(self.alike.chunks_exact(ENTRIES)) {
+            share
+                .iter_mut()
+                .zip(alike)
+                .for_each(|(share, alike)| *share += count * alike);
+        }
+        Model {
+            share: share.map(|share| share / total.max(f32::MIN_POSITIVE)),
+        }
+    }
+}
+
+/// A smoothed histogram over a [`Palette`].
+#[derive(Debug, Clone)]
+pub(super) struct Model {
+    share: [f32; ENTRIES],
+}
+
+impl Model {
+    /// Share of entry `entry` in what was modelled.
+    pub fn share(&self, entry: u8) -> f32 {
+        self.share[usize::from(entry)]
+    }
+}
+
+fn feature(region: &RegionStats) -> Feature {
+    let [l, a, b] = region.lab;
+    [0.7 * l, a, b, 0.8 * region.texture]
+}
+
+fn squared(a: &Feature, b: &Feature) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}
+
+fn nearest(entries: &[Feature], feature: &Feature) -> u8 {
+    let mut best = (0, f32::INFINITY);
+    for (at, entry) in entries.iter().enumerate() {
+        let distance = squared(entry, feature);
+        if distance < best.1 {
+            best = (at as u8, distance);
+        }
+    }
+    best.0
+}
+
+/// Starting entries: the first region, then always the one whose (area-weighted) distance to all before is largest.
+fn spread_out(features: &[(Feature, f32)]) -> Vec<Feature> {
+    let mut entries = vec![features[0].0];
+    let mut apart: Vec<f32> = vec![f32::INFINITY; features.len()];
+    while entries.len() < ENTRIES {
+        let latest = entries[entries.len() - 1];
+        let mut farthest = (0, -1.0);
+        for (at, (feature, area)) in features.iter().enumerate() {
+            apart[at] = apart[at].min(squared(feature, &latest));
+            let weight = apart[at] * area;
+            if weight > farthest.1 {
+                farthest = (at, weight);
+            }
+        }
+        entries.push(features[farthest.0].0);
+    }
+    entries
+}
+
+fn likeness(entries: &[Feature]) -> Vec<f32> {
+    let mut alike = Vec::with_capacity(ENTRIES * ENTRIES);
+    for a in entries {
+        let row: Vec<f32> = entries
+            .iter()
+            .map(|b| (-squared(a, b) / (2.0 * BANDWIDTH * BANDWIDTH)).exp())
+            .collect();
+        let sum: f32 = row.iter().sum();
+        alike.extend(row.iter().map(|value| value / sum));
+    }
+    alike
+}

@@ -1,0 +1,163 @@
+//! How likely an object ends between two neighbouring pixels, from colour at three scales and from depth.
+
+use rayon::prelude::*;
+
+use super::box_filter::box_mean;
+use super::depth_surfaces::{DepthEdges, Surfaces};
+use crate::lab::squared_difference;
+
+/// Strengths between 4-neighbours, 0 (none) to 1 (sure), and the raw colour steps they came from.
+pub(super) struct EdgeMap {
+    /// Between a pixel and its right neighbour; the last column is 0.
+    pub right: Vec<Step>,
+    /// Between a pixel and the one below; the last row is 0.
+    pub down: Vec<Step>,
+}
+
+/// One place between two neighbouring pixels.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Step {
+    /// Colour step right here, ΔE.
+    pub fine: f32,
+    /// Chance that an object ends here, 0–1.
+    pub strength: f32,
+}
+
+/// Edge strengths of a picture in Lab. Steps of 3-pixel and 7-pixel means on both sides are averaged and set against
+/// their own mean in the surroundings, so that texture does not count as edges (surround suppression: Grigorescu,
+/// Petkov and Westenberg, "Contour detection based on nonclassical receptive field inhibition", TIP 2003). Where depth
+/// tells surfaces apart, colours are taken from the surface itself, not from what lies behind its rim.
+pub(super) fn edge_map(
+    lab: &[[f32; 3]],
+    width: usize,
+    height: usize,
+    depth: Option<(&DepthEdges, &Surfaces)>,
+) -> EdgeMap {
+    let surfaces = depth.map(|(_, surfaces)| surfaces);
+    let mean = |radius: usize| match surfaces {
+        Some(surfaces) => surfaces.mean(lab, radius),
+        None => box_mean(lab, width, height, radius),
+    };
+    let (small, large) = (mean(1), mean(3));
+    let steps = |dx: usize, dy: usize| {
+        let mut out = vec![Step::default(); lab.len()];
+        out.par_chunks_exact_mut(width)
+            .enumerate()
+            .for_each(|(y, out)| {
+                for (x, out) in out.iter_mut().enumerate() {
+                    if x + dx < width && y + dy < height {
+                        *out = step_at(
+                            lab,
+                            &small,
+                            &large,
+                            surfaces,
+                            (x, y),
+                            (dx, dy),
+                            (width, height),
+                        );
+                    }
+                }
+            });
+        out
+    };
+    let (mut right, mut down) = (steps(1, 0), steps(0, 1));
+    suppress_surround(&mut right, &mut down, width, height);
+    if let Some((depth, _)) = depth {
+        let add = |(step, &depth): (&mut Step, &f32)| {
+            step.strength = 1.0 - (1.0 - step.strength) * (1.0 - depth);
+        };
+        right.par_iter_mut().zip(&depth.right).for_each(add);
+        down.par_iter_mut().zip(&depth.down).for_each(add);
+    }
+    EdgeMap { right, down }
+}
+
+fn step_at(
+    lab: &[[f32; 3]],
+    small: &[[f32; 3]],
+    large: &[[f32; 3]],
+    surfaces: Option<&Surfaces>,
+    (x, y): (usize, usize),
+    (dx, dy): (usize, usize),
+    (width, height): (usize, usize),
+) -> Step {
+    // The pixel `along` steps to the far (positive) or near side of this place.
+    let shifted = |along: isize| {
+        let sx = (x as isize + dx as isize * along).clamp(0, width as isize - 1) as usize;
+        let sy = (y as isize + dy as isize * along).clamp(0, height as isize - 1) as usize;
+        sy * width + sx
+    };
+    // The farthest place up to `along` steps away that lies on the surface next to this place.
+    let shifted = |along: isize| {
+        let Some(surfaces) = surfaces else {
+            return shifted(along);
+        };
+        let base = shifted(along.signum().max(0));
+        let mut steps = along;
+        while steps.signum() == along.signum() && !surfaces.same(base, shifted(steps)) {
+            steps -= along.signum();
+        }
+        if steps.signum() == along.signum() {
+            shifted(steps)
+        } else {
+            base
+        }
+    };
+    let step = |plane: &[[f32; 3]], near, far| {
+        squared_difference(plane[shifted(near)], plane[shifted(far)]).sqrt()
+    };
+    let fine = step(lab, 0, 1);
+    Step {
+        fine,
+        strength: 0.5 * step(small, -1, 2) + 0.5 * step(large, -3, 4),
+    }
+}
+
+/// Turns colour steps into strengths 0–1 by setting each against the mean nearby and in the whole picture.
+fn suppress_surround(right: &mut [Step], down: &mut [Step], width: usize, height: usize) {
+    const SURROUND_PX: usize = 16;
+    const LEAST_STEP: f32 = 1.5;
+    let both: Vec<[f32; 1]> = right
+        .iter()
+        .zip(&*down)
+        .map(|(a, b)| [a.strength.max(b.strength)])
+        .collect();
+    let near = box_mean(&both, width, height, SURROUND_PX);
+    let whole = both.iter().map(|[step]| f64::from(*step)).sum::<f64>() / both.len() as f64;
+    let settle = |(step, [near]): (&mut Step, &[f32; 1])| {
+        let half = LEAST_STEP + 0.5 * whole as f32 + 0.8 * near;
+        step.strength = step.strength / (step.strength + half);
+    };
+    right.par_iter_mut().zip(&near).for_each(settle);
+    down.par_iter_mut().zip(&near).for_each(settle);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn step_is_strongest_where_colours_change_and_texture_is_suppressed() {
+        let (width, height) = (80usize, 40usize);
+        let lab: Vec<[f32; 3]> = (0..width * height)
+            .map(|at| match at % width {
+                0..40 => [
+                    30.0 + 8.0 * (((at * 2_654_435_761) >> 7) % 3) as f32,
+                    0.0,
+                    0.0,
+                ],
+                _ => [75.0, 10.0, 0.0],
+            })
+            .collect();
+        let edges = edge_map(&lab, width, height, None);
+        let row = 20 * width;
+        let border = edges.right[row + 39].strength;
+        let inside = (5..30)
+            .map(|x| edges.right[row + x].strength)
+            .fold(0.0, f32::max);
+        assert!(
+            border > 0.5 && inside < border * 0.7,
+            "border {border}, texture {inside}"
+        );
+    }
+}

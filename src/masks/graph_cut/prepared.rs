@@ -1,0 +1,326 @@
+//! From prompts to an answer: every click changes one connected part of the last answer.
+
+use std::sync::Arc;
+
+use super::appearance::Palette;
+use super::box_prompt::{BoxOptions, object_in_box};
+use super::candidates::{CandidateOptions, candidates};
+use super::click_context::ClickContext;
+use super::graph::RegionGraph;
+use super::local_correction::corrected;
+use super::ranking::{WEIGHTS, best, kind_of, terms};
+use super::raster::Raster;
+use crate::{Click, MaskError, PreparedFrame, PxBox, Region, SegmentRequest};
+use ostra_core::job::Progress;
+use ostra_frames::Image;
+
+/// A frame with everything worked out that no prompt is needed for.
+pub(super) struct Prepared {
+    pub raster: Raster,
+    pub graph: RegionGraph,
+    pub palette: Palette,
+    /// The picture, where there is no depth by which to tell things apart.
+    pub flat: Option<Arc<Image>>,
+}
+
+impl PreparedFrame for Prepared {
+    fn segment(
+        &self,
+        request: &SegmentRequest<'_>,
+        _progress: &Progress,
+    ) -> Result<Region, MaskError> {
+        self.check(request)?;
+        let SegmentRequest {
+            prompt,
+            previous,
+            taken,
+        } = *request;
+        // With an answer to refine only the last click is new.
+        if let (Some(previous), Some(last)) = (previous, prompt.clicks.len().checked_sub(1)) {
+            let flat = self.flat.as_ref().filter(|_| prompt.corrects);
+            let corrected = flat.and_then(|image| {
+                corrected(image, self.raster.factor, previous, &prompt.clicks, taken)
+            });
+            return Ok(
+                corrected.unwrap_or_else(|| self.refined(previous, &prompt.clicks, last, taken))
+            );
+        }
+        let mut boxed = Query::new(self, taken);
+        boxed.add_boxes(&prompt.boxes);
+        let clicks = 0..prompt.clicks.len();
+        Ok(clicks.fold(boxed.answer(), |answer, at| {
+            self.refined(&answer, &prompt.clicks, at, taken)
+        }))
+    }
+
+    fn bytes(&self) -> usize {
+        let picture = self
+            .flat
+            .as_ref()
+            .map_or(0, |image| size_of_val(&*image.pixels));
+        self.raster.bytes() + self.graph.bytes() + self.palette.bytes() + picture
+    }
+}
+
+impl Prepared {
+    /// The `previous` answer, to the clicks before `at`, refined by the click there; later clicks are not looked at.
+    fn refined(
+        &self,
+        previous: &Region,
+        clicks: &[Click],
+        at: usize,
+        taken: Option<&Region>,
+    ) -> Region {
+        let mut query = Query::new(self, taken);
+        query.start_from(previous);
+        clicks[..at]
+            .iter()
+            .for_each(|click| query.add_known_click(click));
+        query.add_click(&clicks[at]);
+        query.answer()
+    }
+
+    fn check(&self, request: &SegmentRequest<'_>) -> Result<(), MaskError> {
+        let (width, height) = (self.raster.width, self.raster.height);
+        if request.prompt.is_empty() {
+            return Err(MaskError::Request(
+                "there is no click and no box; click on the object first".into(),
+            ));
+        }
+        let inside = |click: &Click| {
+            let at = click.at_px;
+            at.x >= 0.0 && at.y >= 0.0 && at.x < width as f64 && at.y < height as f64
+        };
+        if let Some(click) = request.prompt.clicks.iter().find(|click| !inside(click)) {
+            return Err(MaskError::Request(format!(
+                "the click at {}, {} lies outside the picture of {width}×{height}; click inside it",
+                click.at_px.x, click.at_px.y
+            )));
+        }
+        let crosses = |part: &PxBox| {
+            part.max_px.x > part.min_px.x.max(0.0)
+                && part.max_px.y > part.min_px.y.max(0.0)
+                && part.min_px.x < width as f64
+                && part.min_px.y < height as f64
+        };
+        if let Some(part) = request.prompt.boxes.iter().find(|part| !crosses(part)) {
+            return Err(MaskError::Request(format!(
+                "the box from {}, {} to {}, {} holds no pixel of the picture of {width}×{height}; draw it inside",
+                part.min_px.x, part.min_px.y, part.max_px.x, part.max_px.y
+            )));
+        }
+        let fits = |region: &Region| {
+            region.width as usize == width
+                && region.height as usize == height
+                && region.inside.len() == width * height
+        };
+        if [request.previous, request.taken]
+            .into_iter()
+            .flatten()
+            .all(fits)
+        {
+            Ok(())
+        } else {
+            Err(MaskError::Request(format!(
+                "a mask given does not have the picture's size of {width}×{height}"
+            )))
+        }
+    }
+}
+
+/// An answer in the making.
+pub(super) struct Query<'a> {
+    raster: &'a Raster,
+    graph: &'a RegionGraph,
+    palette: &'a Palette,
+    previous: Option<&'a Region>,
+    taken: Option<&'a Region>,
+    /// Regions mostly taken by other labels.
+    closed: Vec<bool>,
+    /// Which regions are (mostly) in the answer.
+    pub inside: Vec<bool>,
+    /// Regions that a prompt decided; the others keep their pixels of the previous answer.
+    decided: Vec<bool>,
+    clicks: Vec<(Click, u32)>,
+}
+
+impl<'a> Query<'a> {
+    pub fn new(frame: &'a Prepared, taken: Option<&'a Region>) -> Self {
+        let Prepared {
+            raster,
+            graph,
+            palette,
+            ..
+        } = frame;
+        let count = graph.region_count();
+        let closed = taken.map_or_else(|| vec![false; count], |taken| raster.mostly(taken));
+        Self {
+            raster,
+            graph,
+            palette,
+            previous: None,
+            taken,
+            closed,
+            inside: vec![false; count],
+            decided: vec![false; count],
+            clicks: Vec::new(),
+        }
+    }
+
+    /// Takes an earlier answer as it is.
+    pub fn start_from(&mut self, previous: &'a Region) {
+        self.previous = Some(previous);
+        self.inside = self.raster.mostly(previous);
+    }
+
+    /// Takes the object in each box.
+    pub fn add_boxes(&mut self, boxes: &[PxBox]) {
+        let factor = self.raster.factor as f64;
+        for within in boxes {
+            let within = PxBox {
+                min_px: within.min_px / factor,
+                max_px: within.max_px / factor,
+            };
+            let found = object_in_box(
+                self.graph,
+                self.palette,
+                &self.closed,
+                &within,
+                &BoxOptions::default(),
+            );
+            self.apply(&found, true);
+        }
+    }
+
+    /// Notes an earlier click, which holds even where the answer started from says otherwise.
+    pub fn add_known_click(&mut self, click: &Click) {
+        let at = self.note(click);
+        let holds = self.previous.is_some_and(|previous| {
+            previous.inside[self.raster.pixel_at(click.at_px)] == click.include
+        });
+        if !holds && !self.closed[at] {
+            self.inside[at] = click.include;
+            self.decided[at] = true;
+        }
+    }
+
+    /// Answers a new click: changes the answer around it where it says otherwise.
+    pub fn add_click(&mut self, click: &Click) {
+        self.note_new_click(click);
+        if let Some(change) = self.context().and_then(|context| chosen(&context)) {
+            self.apply(&change, click.include);
+        }
+    }
+
+    /// Notes a new click without answering it; its region is on one side as a whole from now on.
+    pub fn note_new_click(&mut self, click: &Click) {
+        let at = self.note(click);
+        self.decided[at] |= !click.include || !self.closed[at];
+    }
+
+    fn note(&mut self, click: &Click) -> usize {
+        let region = self.raster.region_at(click.at_px);
+        let reduced = Click {
+            at_px: click.at_px / self.raster.factor as f64,
+            ..*click
+        };
+        self.clicks.push((reduced, region));
+        region as usize
+    }
+
+    /// Marks regions as changed to the side of a click.
+    pub fn apply(&mut self, change: &[bool], include: bool) {
+        for (at, _) in change.iter().enumerate().filter(|(_, changes)| **changes) {
+            self.inside[at] = include;
+            self.decided[at] = true;
+        }
+    }
+
+    /// What the last click finds; `None` where it changes nothing.
+    pub fn context(&self) -> Option<ClickContext<'_>> {
+        let (click, region) = self.clicks.last()?;
+        let at = *region as usize;
+        let contested = self
+            .clicks
+            .iter()
+            .any(|(other, there)| there == region && other.include != click.include);
+        let changes = !self.closed[at] && !contested && self.inside[at] != click.include;
+        changes
+            .then(|| {
+                ClickContext::new(
+                    self.graph,
+                    self.palette,
+                    &self.clicks,
+                    &self.inside,
+                    &self.closed,
+                )
+            })
+            .flatten()
+    }
+
+    /// The answer as pixels.
+    pub fn answer(self) -> Region {
+        let (width, height) = (self.raster.width, self.raster.height);
+        let mut answer = Region::empty(width as u32, height as u32);
+        for (at, (out, &region)) in answer
+            .inside
+            .iter_mut()
+            .zip(&self.raster.of_pixel)
+            .enumerate()
+        {
+            let region = region as usize;
+            *out = match self.previous {
+                Some(previous) if !self.decided[region] => previous.inside[at],
+                _ => self.inside[region],
+            } && !self.taken.is_some_and(|taken| taken.inside[at]);
+        }
+        self.split_contested(&mut answer);
+        answer
+    }
+
+    /// A region clicked for both sides is shared out: every pixel goes with the nearest click.
+    fn split_contested(&self, answer: &mut Region) {
+        let contested = |region: u32| {
+            let here = || self.clicks.iter().filter(|(_, other)| *other == region);
+            here().any(|(click, _)| click.include) && here().any(|(click, _)| !click.include)
+        };
+        let mut regions: Vec<u32> = self
+            .clicks
+            .iter()
+            .map(|&(_, region)| region)
+            .filter(|&at| contested(at))
+            .collect();
+        regions.sort_unstable();
+        regions.dedup();
+        if regions.is_empty() {
+            return;
+        }
+        for (at, region) in self.raster.of_pixel.iter().enumerate() {
+            if regions.contains(region) && !self.taken.is_some_and(|taken| taken.inside[at]) {
+                let centre = glam::DVec2::new(
+                    (at % self.raster.width) as f64 + 0.5,
+                    (at / self.raster.width) as f64 + 0.5,
+                ) / self.raster.factor as f64;
+                let here = self.clicks.iter().filter(|(_, other)| other == region);
+                let nearest = here.min_by(|(a, _), (b, _)| {
+                    a.at_px
+                        .distance_squared(centre)
+                        .total_cmp(&b.at_px.distance_squared(centre))
+                });
+                answer.inside[at] = nearest.is_some_and(|(click, _)| click.include);
+            }
+        }
+    }
+}
+
+/// The change that the click of a context most likely means.
+fn chosen(context: &ClickContext<'_>) -> Option<Vec<bool>> {
+    let mut found = candidates(context, &CandidateOptions::default());
+    let terms: Vec<_> = found
+        .all
+        .iter()
+        .map(|candidate| terms(&candidate.features))
+        .collect();
+    let best = best(&WEIGHTS, kind_of(context), &terms, &found.shared)?;
+    Some(found.all.swap_remove(best).change)
+}

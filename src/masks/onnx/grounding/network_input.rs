@@ -1,0 +1,148 @@
+use rayon::prelude::*;
+
+use crate::MaskError;
+use crate::onnx::resize::resized;
+use ostra_frames::Image;
+
+/// Pixels of the shorter side of what the network sees, and the most of the longer one.
+const SHORT: f64 = 800.0;
+const LONGEST: f64 = 1333.0;
+/// Pixels along each side of a cell, per level.
+const STRIDES: [usize; 4] = [8, 16, 32, 64];
+/// Cells that become queries.
+const QUERIES: usize = 900;
+/// Mean and deviation of red, green and blue, as shares of 255, that the network was trained with.
+const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
+const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
+
+/// An image as the network takes it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct NetworkInput {
+    pub(super) columns: usize,
+    pub(super) rows: usize,
+    pixels: Vec<[u8; 3]>,
+}
+
+impl NetworkInput {
+    /// A picture at the size that the network is used to.
+    pub(super) fn new(image: &Image) -> Result<Self, MaskError> {
+        if image.pixels.is_empty() {
+            return Err(MaskError::Request(
+                "there is nothing to find in an empty picture; open another".into(),
+            ));
+        }
+        let (columns, rows) = size(image.width, image.height);
+        let cells: usize = STRIDES
+            .iter()
+            .map(|side| columns.div_ceil(*side) * rows.div_ceil(*side))
+            .sum();
+        if cells < QUERIES {
+            let text = format!(
+                "a picture of {}×{} is too narrow to look for words",
+                image.width, image.height
+            );
+            return Err(MaskError::Request(format!("{text}; crop it")));
+        }
+        let pixels = resized(
+            &image.pixels,
+            (image.width as usize, image.height as usize),
+            (columns, rows),
+        );
+        Ok(Self {
+            columns,
+            rows,
+            pixels,
+        })
+    }
+
+    /// Normalised red, green and blue planes.
+    pub(super) fn planes(&self) -> Vec<f32> {
+        let mut planes = vec![0.0; 3 * self.pixels.len()];
+        planes
+            .par_chunks_mut(self.pixels.len())
+            .enumerate()
+            .for_each(|(channel, plane)| {
+                let normal =
+                    |value: u8| (f32::from(value) / 255.0 - MEAN[channel]) / DEVIATION[channel];
+                plane
+                    .iter_mut()
+                    .zip(&self.pixels)
+                    .for_each(|(out, pixel)| *out = normal(pixel[channel]));
+            });
+        planes
+    }
+}
+
+/// Columns and rows as the official program makes them: the shorter side rounded, the longer cut off.
+fn size(width: u32, height: u32) -> (usize, usize) {
+    let (least, most) = (f64::from(width.min(height)), f64::from(width.max(height)));
+    let too_long = most / least * SHORT > LONGEST;
+    let short = if too_long {
+        (LONGEST * least / most).round_ties_even()
+    } else {
+        SHORT
+    };
+    let long = (short * most / least) as usize;
+    let short = short as usize;
+    if width < height {
+        (short, long)
+    } else {
+        (long, short)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shorter_side_is_800_where_the_longer_one_allows() {
+        let sizes = [
+            (640, 480),
+            (480, 640),
+            (960, 540),
+            (1504, 1000),
+            (100, 100),
+            (4000, 3000),
+            (300, 1000),
+        ];
+        let found = sizes.map(|(width, height)| size(width, height));
+        let expected = [
+            (1066, 800),
+            (800, 1066),
+            (1333, 750),
+            (1203, 800),
+            (800, 800),
+            (1066, 800),
+            (400, 1333),
+        ];
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn colours_are_normalised_in_their_order() {
+        let image = Image {
+            width: 2,
+            height: 2,
+            pixels: vec![[255, 0, 51]; 4],
+        };
+        let planes = NetworkInput::new(&image).unwrap().planes();
+        let [red, green, blue] = [0, 1, 2].map(|channel| planes[channel * 800 * 800 + 17]);
+        assert!(
+            (red - 2.248_908).abs() < 1e-5
+                && (green + 2.035_714).abs() < 1e-5
+                && (blue + 0.915_556).abs() < 1e-5
+        );
+        let narrow = Image {
+            width: 2,
+            height: 2000,
+            pixels: vec![[0; 3]; 4000],
+        };
+        assert!(
+            NetworkInput::new(&narrow)
+                .unwrap_err()
+                .to_string()
+                .contains("too narrow")
+        );
+    }
+}

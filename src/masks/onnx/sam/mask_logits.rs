@@ -1,0 +1,139 @@
+use rayon::prelude::*;
+
+use super::part::{Canvas, Part};
+use crate::Region;
+
+/// Which logits in a row make one pixel, and with what weight.
+struct Taps {
+    first: usize,
+    weights: Vec<f32>,
+}
+
+/// Logits at the size of a part of a picture, `part.width · part.height` row by row, from `fine · fine` of the network's
+/// square: bilinear to the square, cut to what of it shows the part, bilinear to the part, and at once where the part
+/// fills it, as the official codes do it. Both are weighted sums along rows and along columns, made here as one.
+pub(super) fn enlarged(logits: &[f32], fine: usize, part: Part, canvas: Canvas) -> Vec<f32> {
+    // A square of one pixel a logit is passed through unchanged.
+    let canvas = if canvas.is_filled {
+        Canvas {
+            side: fine,
+            ..canvas
+        }
+    } else {
+        canvas
+    };
+    let (shown, side) = (part.shown(canvas), canvas.side);
+    let (width, height) = (part.width as usize, part.height as usize);
+    let columns = taps(fine, side, shown.0, width);
+    let mut wide = vec![0.0; fine * width];
+    wide.par_chunks_mut(width)
+        .zip(logits.par_chunks(fine))
+        .for_each(|(out, row)| {
+            out.iter_mut()
+                .zip(&columns)
+                .for_each(|(out, taps)| *out = taps.sum(|at| row[at]));
+        });
+    let rows = taps(fine, side, shown.1, height);
+    let mut out = vec![0.0; width * height];
+    out.par_chunks_mut(width)
+        .zip(&rows)
+        .for_each(|(out, taps)| {
+            for (&weight, row) in taps
+                .weights
+                .iter()
+                .zip(wide[taps.first * width..].chunks_exact(width))
+            {
+                out.iter_mut()
+                    .zip(row)
+                    .for_each(|(out, value)| *out += weight * value);
+            }
+        });
+    out
+}
+
+/// From `fine` to `side`, cut to `shown`, to `out`.
+fn taps(fine: usize, side: usize, shown: usize, out: usize) -> Vec<Taps> {
+    let one = |at: usize| {
+        let parts = between(at, out, shown);
+        let both =
+            parts.map(|(at, weight)| between(at, side, fine).map(|(at, part)| (at, part * weight)));
+        let first = both
+            .as_flattened()
+            .iter()
+            .map(|&(at, _)| at)
+            .min()
+            .unwrap_or(0);
+        let last = both
+            .as_flattened()
+            .iter()
+            .map(|&(at, _)| at)
+            .max()
+            .unwrap_or(0);
+        let mut weights = vec![0.0; last - first + 1];
+        both.as_flattened()
+            .iter()
+            .for_each(|&(at, weight)| weights[at - first] += weight as f32);
+        Taps { first, weights }
+    };
+    (0..out).map(one).collect()
+}
+
+/// The two of `from` samples that lie around sample `at` of `to`, with their weights.
+fn between(at: usize, to: usize, from: usize) -> [(usize, f64); 2] {
+    let place = ((at as f64 + 0.5) * from as f64 / to as f64 - 0.5).max(0.0);
+    let first = (place as usize).min(from - 1);
+    let share = place - first as f64;
+    [(first, 1.0 - share), ((first + 1).min(from - 1), share)]
+}
+
+impl Taps {
+    fn sum(&self, value: impl Fn(usize) -> f32) -> f32 {
+        self.weights
+            .iter()
+            .enumerate()
+            .map(|(offset, weight)| weight * value(self.first + offset))
+            .sum()
+    }
+}
+
+/// Places along each side of a logit's cell at which a region is looked at.
+const SAMPLES: usize = 4;
+/// Logit of a cell that lies inside as a whole, about as sure as the network's own answers are.
+const SURE: f32 = 10.0;
+
+/// A region of the picture as logits that the decoder can refine: `fine · fine` of its square, from how much of each cell
+/// is inside.
+pub(super) fn hint(region: &Region, part: Part, canvas: Canvas, fine: usize) -> Vec<f32> {
+    let (columns, rows) = part.shown(canvas);
+    let steps = fine * SAMPLES;
+    // Pixel of the picture under each sample along an axis; none in the padding.
+    let along = |first: u32, count: u32, shown: usize| -> Vec<Option<u32>> {
+        let pixel = |at: usize| {
+            ((at as f64 + 0.5) * canvas.side as f64 / steps as f64 * f64::from(count)
+                / shown as f64) as u32
+        };
+        (0..steps)
+            .map(|at| {
+                Some(pixel(at))
+                    .filter(|&pixel| pixel < count)
+                    .map(|pixel| first + pixel)
+            })
+            .collect()
+    };
+    let (across, down) = (
+        along(part.x, part.width, columns),
+        along(part.y, part.height, rows),
+    );
+    let mut inside = vec![0u32; fine * fine];
+    for (y, row) in down.iter().enumerate() {
+        for (x, column) in across.iter().enumerate() {
+            let is_inside = column.zip(*row).is_some_and(|(x, y)| region.at(x, y));
+            inside[y / SAMPLES * fine + x / SAMPLES] += u32::from(is_inside);
+        }
+    }
+    let share = |&count: &u32| count as f32 / (SAMPLES * SAMPLES) as f32;
+    inside
+        .iter()
+        .map(|count| SURE * (2.0 * share(count) - 1.0))
+        .collect()
+}

@@ -1,0 +1,394 @@
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::{LabelId, LabelMask, LabelTree, MaskError, Region};
+
+/// Most columns and rows of a mask that is read from a file.
+pub(super) const MAX_SIDE: u32 = 65_535;
+/// Most pixels of a mask that is read from a file: 268 megapixels, more than any camera has. A few bytes of run lengths
+/// can claim any number of pixels, and decoding takes two bytes for each.
+pub(super) const MAX_PIXELS: u64 = 1 << 28;
+
+/// A [`LabelMask`] as runs of equal ids, row by row without a break between rows: what a project holds and keeps in
+/// its history. What is read from a file is checked as by [`RunMask::new`].
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "StoredRuns")]
+pub struct RunMask {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// (id, length) of each run; lengths are above 0 and sum to `width · height`; neighbours differ in id.
+    pub runs: Vec<(LabelId, u32)>,
+}
+
+/// Where a label lies in a mask: its number of pixels and the smallest box of whole pixels around them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Extent {
+    /// Pixels.
+    pub area: u64,
+    /// First column and row.
+    pub min: [u32; 2],
+    /// Last column and row (included).
+    pub max: [u32; 2],
+}
+
+#[derive(Deserialize)]
+struct StoredRuns {
+    width: u32,
+    height: u32,
+    runs: Vec<(LabelId, u32)>,
+}
+
+impl TryFrom<StoredRuns> for RunMask {
+    type Error = MaskError;
+
+    fn try_from(stored: StoredRuns) -> Result<Self, MaskError> {
+        Self::new(stored.width, stored.height, stored.runs)
+    }
+}
+
+impl RunMask {
+    /// A mask from runs of which neighbours may be equal (they are merged).
+    ///
+    /// # Errors
+    /// [`MaskError::Request`] for a run of length 0, lengths that do not sum to `width · height`, or a mask of more than
+    /// 65,535 pixels on a side or 268 megapixels in all.
+    pub fn new(width: u32, height: u32, runs: Vec<(LabelId, u32)>) -> Result<Self, MaskError> {
+        if runs.iter().any(|&(_, length)| length == 0) {
+            return Err(MaskError::Request(
+                "a mask holds a run of length 0; it is damaged, make it anew".into(),
+            ));
+        }
+        let pixels = u64::from(width) * u64::from(height);
+        if width.max(height) > MAX_SIDE || pixels > MAX_PIXELS {
+            return Err(MaskError::Request(format!(
+                "a mask claims {width}×{height} pixels; at most {MAX_SIDE} on a side and {} megapixels in all are read",
+                MAX_PIXELS / 1_000_000
+            )));
+        }
+        let sum: u64 = runs.iter().map(|&(_, length)| u64::from(length)).sum();
+        if sum != pixels {
+            return Err(MaskError::Request(format!(
+                "a mask's runs hold {sum} pixels, {width}×{height} are needed; it is damaged, make it anew"
+            )));
+        }
+        Ok(Self {
+            width,
+            height,
+            runs: merged(runs.into_iter()),
+        })
+    }
+
+    /// A mask with no label anywhere.
+    #[must_use]
+    #[inline]
+    pub fn empty(width: u32, height: u32) -> Self {
+        let pixels = width.saturating_mul(height);
+        Self {
+            width,
+            height,
+            runs: if pixels == 0 {
+                Vec::new()
+            } else {
+                vec![(LabelId::NONE, pixels)]
+            },
+        }
+    }
+
+    /// Run-length encodes a mask.
+    #[must_use]
+    #[inline]
+    pub fn encode(mask: &LabelMask) -> Self {
+        let runs = mask
+            .ids
+            .chunk_by(|a, b| a == b)
+            .map(|run| (run[0], run.len() as u32))
+            .collect();
+        Self {
+            width: mask.width,
+            height: mask.height,
+            runs,
+        }
+    }
+
+    /// The mask as pixels.
+    #[must_use]
+    #[inline]
+    pub fn decode(&self) -> LabelMask {
+        let mut ids = Vec::with_capacity(self.width as usize * self.height as usize);
+        for &(id, length) in &self.runs {
+            ids.resize(ids.len() + length as usize, id);
+        }
+        LabelMask {
+            width: self.width,
+            height: self.height,
+            ids,
+        }
+    }
+
+    /// The pixels of one label.
+    #[must_use]
+    #[inline]
+    pub fn region(&self, id: LabelId) -> Region {
+        let mut inside = Vec::with_capacity(self.width as usize * self.height as usize);
+        for &(at, length) in &self.runs {
+            inside.resize(inside.len() + length as usize, at == id);
+        }
+        Region {
+            width: self.width,
+            height: self.height,
+            inside,
+        }
+    }
+
+    /// Area and bounding box of every label in the mask, read off the runs; [`LabelId::NONE`] is left out.
+    #[must_use]
+    #[inline]
+    pub fn extents(&self) -> BTreeMap<LabelId, Extent> {
+        let mut extents: BTreeMap<LabelId, Extent> = BTreeMap::new();
+        let mut start = 0u32;
+        for &(id, length) in &self.runs {
+            if id != LabelId::NONE {
+                let run = self.run_extent(start, length);
+                extents
+                    .entry(id)
+                    .and_modify(|extent| extent.join(&run))
+                    .or_insert(run);
+            }
+            start += length;
+        }
+        extents
+    }
+
+    /// Puts `map(id)` in the place of every id, [`LabelId::NONE`] included.
+    #[must_use]
+    #[inline]
+    pub fn map_ids(&self, mut map: impl FnMut(LabelId) -> LabelId) -> Self {
+        let runs = merged(self.runs.iter().map(|&(id, length)| (map(id), length)));
+        Self {
+            width: self.width,
+            height: self.height,
+            runs,
+        }
+    }
+
+    /// Every label as read at `level` (1 = top): its ancestor there, itself where it is not deeper.
+    #[must_use]
+    #[inline]
+    pub fn at_level(&self, tree: &LabelTree, level: usize) -> Self {
+        let mut known: BTreeMap<LabelId, LabelId> = BTreeMap::new();
+        self.map_ids(|id| *known.entry(id).or_insert_with(|| tree.at_level(id, level)))
+    }
+
+    /// The stretches of pixels over which both masks, of the same size, are constant: this one's id, the other's, and
+    /// the length, in order.
+    pub fn joint_runs<'a>(
+        &'a self,
+        other: &'a Self,
+    ) -> impl Iterator<Item = (LabelId, LabelId, u32)> + 'a {
+        debug_assert_eq!(
+            (self.width, self.height),
+            (other.width, other.height),
+            "masks of one frame"
+        );
+        let (mut ours, mut theirs) = (self.runs.iter().copied(), other.runs.iter().copied());
+        let (mut our_run, mut their_run) = (ours.next(), theirs.next());
+        std::iter::from_fn(move || {
+            let ((our_id, our_length), (their_id, their_length)) = (our_run?, their_run?);
+            let length = our_length.min(their_length);
+            let left = |id, of: u32| (of > length).then_some((id, of - length));
+            our_run = left(our_id, our_length).or_else(|| ours.next());
+            their_run = left(their_id, their_length).or_else(|| theirs.next());
+            Some((our_id, their_id, length))
+        })
+    }
+
+    /// Fails when the other mask has another size.
+    pub(super) fn check_same_size(&self, other: &Self) -> Result<(), MaskError> {
+        if (self.width, self.height) == (other.width, other.height) {
+            return Ok(());
+        }
+        Err(MaskError::Request(format!(
+            "labels of a mask of {}×{} pixels do not fit a frame of {}×{}; make the mask anew",
+            other.width, other.height, self.width, self.height
+        )))
+    }
+
+    /// Intersection over union of every label that is in either mask; [`LabelId::NONE`] is left out.
+    #[must_use]
+    pub fn ious(&self, other: &Self) -> BTreeMap<LabelId, f64> {
+        let mut counts: BTreeMap<LabelId, (u64, u64)> = BTreeMap::new();
+        for (ours, theirs, length) in self.joint_runs(other) {
+            let length = u64::from(length);
+            counts.entry(ours).or_default().1 += length;
+            if ours == theirs {
+                counts.entry(ours).or_default().0 += length;
+            } else {
+                counts.entry(theirs).or_default().1 += length;
+            }
+        }
+        counts.remove(&LabelId::NONE);
+        counts
+            .into_iter()
+            .map(|(id, (common, either))| (id, common as f64 / either as f64))
+            .collect()
+    }
+
+    fn run_extent(&self, start: u32, length: u32) -> Extent {
+        let last = start + length - 1;
+        let (first_row, last_row) = (start / self.width, last / self.width);
+        let columns = if first_row == last_row {
+            (start % self.width, last % self.width)
+        } else {
+            (0, self.width - 1)
+        };
+        Extent {
+            area: u64::from(length),
+            min: [columns.0, first_row],
+            max: [columns.1, last_row],
+        }
+    }
+}
+
+impl Extent {
+    fn join(&mut self, other: &Self) {
+        self.area += other.area;
+        for axis in 0..2 {
+            self.min[axis] = self.min[axis].min(other.min[axis]);
+            self.max[axis] = self.max[axis].max(other.max[axis]);
+        }
+    }
+}
+
+pub(super) fn merged(runs: impl Iterator<Item = (LabelId, u32)>) -> Vec<(LabelId, u32)> {
+    let mut kept: Vec<(LabelId, u32)> = Vec::with_capacity(runs.size_hint().0);
+    for (id, length) in runs {
+        match kept.last_mut() {
+            Some(last) if last.0 == id => last.1 += length,
+            _ => kept.push((id, length)),
+        }
+    }
+    kept
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// Masks of few pixels with long and short runs.
+    fn masks() -> impl Strategy<Value = LabelMask> {
+        (1u32..20, 1u32..20).prop_flat_map(|(width, height)| {
+            let pixels = (width * height) as usize;
+            prop::collection::vec(
+                (
+                    prop::sample::select(vec![0u16, 1, 2, 255, 256, u16::MAX]),
+                    1usize..9,
+                ),
+                pixels,
+            )
+            .prop_map(move |runs| {
+                let ids = runs
+                    .into_iter()
+                    .flat_map(|(id, n)| std::iter::repeat_n(LabelId(id), n))
+                    .take(pixels);
+                LabelMask {
+                    width,
+                    height,
+                    ids: ids.collect(),
+                }
+            })
+        })
+    }
+
+    /// Two masks of one size.
+    fn pairs() -> impl Strategy<Value = (LabelMask, LabelMask)> {
+        (masks(), any::<prop::sample::Index>()).prop_map(|(mask, shift)| {
+            let mut other = mask.clone();
+            other.ids.rotate_left(shift.index(mask.ids.len()));
+            (mask, other)
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn encoding_loses_nothing(mask in masks()) {
+            let runs = RunMask::encode(&mask);
+            prop_assert_eq!(runs.decode(), mask.clone());
+            prop_assert!(runs.runs.windows(2).all(|pair| pair[0].0 != pair[1].0));
+            let read: RunMask = serde_json::from_str(&serde_json::to_string(&runs).unwrap()).unwrap();
+            prop_assert_eq!(&read, &runs);
+            let pieces = runs.runs.iter().flat_map(|&(id, n)| std::iter::repeat_n((id, 1), n as usize)).collect();
+            prop_assert_eq!(RunMask::new(mask.width, mask.height, pieces).unwrap(), runs);
+        }
+
+        #[test]
+        fn joint_runs_agree_with_the_pixels((a, b) in pairs()) {
+            let (runs, others) = (RunMask::encode(&a), RunMask::encode(&b));
+            let joint = runs.joint_runs(&others);
+            let pixels: Vec<_> = joint.flat_map(|(a, b, n)| std::iter::repeat_n((a, b), n as usize)).collect();
+            prop_assert_eq!(pixels, a.ids.iter().copied().zip(b.ids.iter().copied()).collect::<Vec<_>>());
+            for (id, iou) in runs.ious(&others) {
+                prop_assert!(id != LabelId::NONE && (iou - a.region(id).iou(&b.region(id))).abs() < 1e-12);
+            }
+        }
+
+        #[test]
+        fn extents_agree_with_the_pixels(mask in masks()) {
+            let runs = RunMask::encode(&mask);
+            let mut expected: BTreeMap<LabelId, Extent> = BTreeMap::new();
+            for y in 0..mask.height {
+                for x in 0..mask.width {
+                    let pixel = Extent { area: 1, min: [x, y], max: [x, y] };
+                    expected.entry(mask.at(x, y)).and_modify(|extent| extent.join(&pixel)).or_insert(pixel);
+                }
+            }
+            expected.remove(&LabelId::NONE);
+            for &id in expected.keys() {
+                prop_assert_eq!(runs.region(id), mask.region(id));
+            }
+            prop_assert_eq!(runs.extents(), expected);
+        }
+    }
+
+    #[test]
+    fn damaged_runs_are_refused() {
+        for (text, fine) in [
+            (r#"{"width":2,"height":2,"runs":[[0,1],[0,1],[3,2]]}"#, true),
+            (r#"{"width":2,"height":2,"runs":[[0,1],[3,2]]}"#, false),
+            (r#"{"width":2,"height":2,"runs":[[0,4],[3,0]]}"#, false),
+            (
+                r#"{"width":2,"height":2,"runs":[[0,4294967295],[3,4294967295]]}"#,
+                false,
+            ),
+            (
+                r#"{"width":4294967295,"height":4294967295,"runs":[]}"#,
+                false,
+            ),
+        ] {
+            assert_eq!(
+                serde_json::from_str::<RunMask>(text).is_ok(),
+                fine,
+                "{text}"
+            );
+        }
+        let merged: RunMask =
+            serde_json::from_str(r#"{"width":2,"height":2,"runs":[[0,1],[0,1],[3,2]]}"#).unwrap();
+        assert_eq!(merged.runs, [(LabelId(0), 2), (LabelId(3), 2)]);
+    }
+
+    #[test]
+    fn mapping_merges_neighbours() {
+        let mask = RunMask::new(
+            4,
+            1,
+            vec![(LabelId(1), 1), (LabelId(2), 2), (LabelId(0), 1)],
+        )
+        .unwrap();
+        let mapped = mask.map_ids(|id| if id == LabelId(2) { LabelId(1) } else { id });
+        assert_eq!(mapped.runs, [(LabelId(1), 3), (LabelId(0), 1)]);
+    }
+}

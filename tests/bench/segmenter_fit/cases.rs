@@ -1,0 +1,156 @@
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use ostra_core::job::Progress;
+use ostra_frames::{DepthMap, Image};
+use ostra_masks::graph_cut::ranked_click::RankedFrame;
+use ostra_masks::{LabelId, LabelMask};
+
+/// An image with ground truth.
+pub struct Case {
+    pub clip: String,
+    image: PathBuf,
+    depth: Option<PathBuf>,
+    truth: PathBuf,
+    /// The only object played; `None` = all.
+    alone: Option<u8>,
+    /// Whether the truth tells object from rest only.
+    is_binary: bool,
+    /// Most clicks per object.
+    pub clicks: usize,
+    /// Whether the simulated user plays it for the report.
+    pub is_shown: bool,
+}
+
+fn sorted(folder: &Path) -> Vec<PathBuf> {
+    let mut paths: Vec<PathBuf> = std::fs::read_dir(folder)
+        .unwrap()
+        .flatten()
+        .map(|entry| entry.path())
+        .collect();
+    paths.sort();
+    paths
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_stem().unwrap().to_string_lossy().to_string()
+}
+
+/// First, middle, last and every twelfth picture of each clip of DAVIS 2016.
+pub fn davis(root: &Path) -> Vec<Case> {
+    let mut cases = Vec::new();
+    for clip in sorted(&root.join("JPEGImages")) {
+        let pictures = sorted(&clip);
+        let clip = name_of(&clip);
+        let last = pictures.len() - 1;
+        for at in (0..pictures.len())
+            .filter(|at| at % 12 == 0 || *at == last || *at == pictures.len() / 2)
+        {
+            cases.push(Case {
+                clip: clip.clone(),
+                image: pictures[at].clone(),
+                depth: None,
+                truth: root
+                    .join("Annotations")
+                    .join(&clip)
+                    .join(format!("{at:05}.png")),
+                alone: None,
+                is_binary: true,
+                clicks: 20,
+                is_shown: at == 0 || at == last || at == pictures.len() / 2,
+            });
+        }
+    }
+    cases
+}
+
+/// Every folder of pictures with depth and labels in `root`.
+pub fn recordings(root: &Path) -> Vec<Case> {
+    sorted(root)
+        .iter()
+        .flat_map(|folder| recording(folder, &name_of(folder), 1))
+        .collect()
+}
+
+/// Each `every`-th picture with depth and labels of one folder.
+pub fn recording(root: &Path, clip: &str, every: usize) -> Vec<Case> {
+    let mut cases = Vec::new();
+    for picture in sorted(&root.join("color")).iter().step_by(every) {
+        let file = picture.file_name().unwrap();
+        let truth = root.join("labels").join(file);
+        let objects: Vec<Option<u8>> = if clip.contains("alone") {
+            values(&truth).into_iter().map(Some).collect()
+        } else {
+            vec![None]
+        };
+        cases.extend(objects.into_iter().map(|alone| Case {
+            clip: clip.to_owned(),
+            image: picture.clone(),
+            depth: Some(root.join("depth").join(file)),
+            truth: truth.clone(),
+            alone,
+            is_binary: false,
+            clicks: if alone.is_some() { 3 } else { 6 },
+            is_shown: true,
+        }));
+    }
+    cases
+}
+
+/// Objects of some size in a truth.
+fn values(truth: &Path) -> Vec<u8> {
+    const LEAST_PX: usize = 150;
+    let mut counts = [0usize; 256];
+    image::open(truth)
+        .unwrap()
+        .to_luma8()
+        .pixels()
+        .for_each(|pixel| counts[usize::from(pixel.0[0])] += 1);
+    (1..=255)
+        .filter(|&value| counts[usize::from(value)] >= LEAST_PX)
+        .collect()
+}
+
+impl Case {
+    pub fn has_depth(&self) -> bool {
+        self.depth.is_some()
+    }
+
+    /// The prepared frame and its truth.
+    pub fn load(&self) -> (RankedFrame, LabelMask) {
+        let image = image::open(&self.image).unwrap().to_rgb8();
+        let (width, height) = image.dimensions();
+        let image = Arc::new(Image {
+            width,
+            height,
+            pixels: image.pixels().map(|pixel| pixel.0).collect(),
+        });
+        let depth = self.depth.as_ref().map(|path| {
+            let depths = image::open(path)
+                .unwrap()
+                .to_luma16()
+                .pixels()
+                .map(|pixel| f32::from(pixel.0[0]) * 1e-3)
+                .collect();
+            DepthMap {
+                width,
+                height,
+                depths,
+            }
+        });
+        let id = |value: u8| match self.alone {
+            Some(object) => u16::from(value == object),
+            None if self.is_binary => u16::from(value > 127),
+            None => u16::from(value),
+        };
+        let truth = image::open(&self.truth).unwrap().to_luma8();
+        let ids = truth
+            .pixels()
+            .map(|pixel| LabelId(id(pixel.0[0])))
+            .collect();
+        (
+            RankedFrame::new(&image, depth.as_ref(), &Progress::default()).unwrap(),
+            LabelMask { width, height, ids },
+        )
+    }
+}
