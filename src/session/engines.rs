@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use anyhow::{Result, bail, ensure};
 
-use super::TrackSettings;
 use super::networks::{
     KeptSam, KeptTracker, KeptXFeat, SAM_NETWORKS, TrackNetwork, grounding_dino, yolox,
 };
+use crate::TrackSettings;
 use ostra_compute::nn::{Catalogue, Provider, Runtime, models_folder};
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::builtin::BuiltinSegmenter;

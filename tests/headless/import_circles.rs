@@ -289,7 +289,6 @@ const LEFT: &[(&str, usize)] = &[
     ("geometry", 2),
     ("masks", 21),
     ("project", 8),
-    ("session", 36),
 ];
 
 #[test]
