@@ -8,6 +8,7 @@ mod command;
 pub mod commands;
 mod drawings;
 mod embeddings;
+mod engine_table;
 pub mod engines;
 mod event;
 mod jobs;
@@ -34,7 +35,7 @@ mod voted_cloud;
 
 pub use command::{Command, NewProject, Recipe};
 pub use drawings::Drawings;
-pub use engines::{Engine, EngineKind, list_engines};
+pub use engine_table::{Engine, EngineKind, list_engines};
 pub use event::{Event, JobView};
 pub use jobs::JobKind;
 pub use models::{add_model, check_model, install_model, list_models};

@@ -20,7 +20,7 @@ impl Session {
             !request.phrases.is_empty(),
             "there is no word to look for; name what is to be found"
         );
-        engines::check_installed(engines::EngineKind::Grounder, &request.grounder)?;
+        engines::check_grounder(&request.grounder)?;
         let (store, request) = (Arc::clone(&self.store), request.clone());
         Ok(
             self.start("Look for words", JobKind::Short, move |context| {
