@@ -1,7 +1,8 @@
 use anyhow::Result;
 
-use super::{Command, Session};
+use crate::{Command, Session};
 use ostra_core::job::JobId;
+use ostra_project::OpenProject;
 
 impl Session {
     /// Carries out a wish: quick things at once, the rest as a job whose end [`Session::poll`] tells of.
@@ -75,6 +76,27 @@ impl Session {
                 self.stop_all();
                 None
             }),
+        }
+    }
+
+    pub(crate) fn undo(&mut self) -> Result<()> {
+        self.stop_growing_run();
+        self.opened()?.undo()?;
+        self.report_changed();
+        Ok(())
+    }
+
+    pub(crate) fn redo(&mut self) -> Result<()> {
+        self.opened()?.redo()?;
+        self.report_changed();
+        Ok(())
+    }
+
+    /// A run whose step is taken back is stopped, and what it still brings is not taken in.
+    fn stop_growing_run(&mut self) {
+        let run = self.open.as_ref().and_then(OpenProject::growing_run);
+        if let Some(job) = run.and_then(|run| self.jobs.get_mut(run)) {
+            job.discard();
         }
     }
 }

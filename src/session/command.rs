@@ -2,15 +2,16 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::{
-    GroundRequest, PaintRequest, PromptRequest, PullRequest, RangeRequest, TakeRequest,
-    TidyRequest, TraceRequest,
+use crate::requests::{
+    AdoptRequest, CloudCorrection, GroundRequest, InstancesRequest, ModelRequest, PaintRequest,
+    PromptRequest, PullRequest, RangeRequest, TakeRequest, TidyRequest, TraceRequest,
+    TrackSettings,
 };
 use ostra_frames::cameras::IntrinsicsSource;
-use ostra_masks::{Direction, LabelId};
+use ostra_masks::LabelId;
 use ostra_project::{ExportRequest, FuseRequest, ReconstructRequest, ScaleRequest};
 
-/// A wish: all that window, command line and recipes can ask of a [`super::Session`].
+/// A wish: all that window, command line and recipes can ask of a [`Session`](crate::Session).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Command {
@@ -74,11 +75,11 @@ pub enum Command {
         labels: Vec<LabelId>,
     },
     /// Makes a label of each thing of a class, by what hangs together in the cloud.
-    Instances(super::InstancesRequest),
+    Instances(InstancesRequest),
     /// Gives pieces of the cloud without a label that hang on one labelled thing to it, in the masks, too.
-    Adopt(super::AdoptRequest),
+    Adopt(AdoptRequest),
     /// Gives the pixels of all masks that see chosen points of the cloud to another label, and the points with them.
-    CorrectCloud(super::CloudCorrection),
+    CorrectCloud(CloudCorrection),
     /// All pixels, clicks and points of a label become another label's, and the label goes.
     MergeLabels {
         /// The label that goes.
@@ -130,7 +131,7 @@ pub enum Command {
     /// Writes results to files.
     Export(ExportRequest),
     /// Gets, adds or checks a network; no part of the project or its recipe.
-    Model(super::ModelRequest),
+    Model(ModelRequest),
     /// Takes back the last step.
     Undo,
     /// Does the last step taken back again.
@@ -171,55 +172,6 @@ pub struct NewProject {
     /// The same for every frame.
     #[serde(default)]
     pub intrinsics: Option<IntrinsicsSource>,
-}
-
-/// How to track.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct TrackSettings {
-    /// `auto`, `xmem`, `deaot`, `geometry` or `flow`.
-    pub tracker: String,
-    /// First frame; none = 0.
-    #[serde(default)]
-    pub from: Option<usize>,
-    /// Last frame (included); none = the last.
-    #[serde(default)]
-    pub to: Option<usize>,
-    /// Which way.
-    #[serde(default)]
-    pub direction: Direction,
-    /// Hold the masks against the anchors' masks carried through geometry.
-    #[serde(default)]
-    pub constrain: bool,
-    /// Only these labels are taken from the tracker, every pixel of another label stays as it is; empty = all labels.
-    #[serde(default)]
-    pub labels: Vec<LabelId>,
-    /// The chosen labels are written over others too.
-    #[serde(default)]
-    pub replace: bool,
-    /// The run ends at the first frame on which it is less sure of a label than this, 0–1; none = it goes on.
-    #[serde(default)]
-    pub pause_below: Option<f32>,
-    /// Shorter side of the pictures that a network sees, px, at least 64: more shows thinner things and takes longer; none =
-    /// what it was evaluated with. For `xmem` and `deaot`.
-    #[serde(default)]
-    pub short_side: Option<u32>,
-}
-
-impl Default for TrackSettings {
-    /// All labels over all frames, both ways, with the best tracker that is installed.
-    fn default() -> Self {
-        Self {
-            tracker: "auto".into(),
-            from: None,
-            to: None,
-            direction: Direction::Both,
-            constrain: false,
-            labels: Vec::new(),
-            replace: false,
-            pause_below: None,
-            short_side: None,
-        }
-    }
 }
 
 /// A list of commands that makes a project: what `ostra run` takes and the window can save.

@@ -1,14 +1,16 @@
-//! The table of engines: which there are, what they need, and how they are made.
+//! How engines are made.
 
 use std::sync::Arc;
 
 use anyhow::{Result, bail, ensure};
 
-use super::TrackSettings;
-use super::networks::{
-    KeptSam, KeptTracker, KeptXFeat, SAM_NETWORKS, TrackNetwork, grounding_dino, yolox,
+use crate::TrackSettings;
+use crate::engine_table::{EngineId, FeatureId, GrounderId, MatcherId, SegmenterId, TrackerId};
+use crate::networks::{
+    KeptSam, KeptTracker, KeptXFeat, TrackNetwork, grounding_dino, is_usable, sam_network,
+    superglue_network, yolox,
 };
-use ostra_compute::nn::{Catalogue, Provider, Runtime, models_folder};
+use ostra_compute::nn::{Catalogue, Provider, models_folder};
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::graph_cut::BuiltinSegmenter;
 use ostra_masks::{Segmenter, TextGrounder, Tracker};
@@ -27,162 +29,22 @@ use ostra_tracking::{
     constrain::{ConstrainOptions, ConstrainedTracker},
 };
 
-/// What an engine is for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum EngineKind {
-    /// Turns prompts into masks.
-    Segmenter,
-    /// Finds what words name.
-    Grounder,
-    /// Carries masks through the sequence.
-    Tracker,
-    /// Finds keypoints in pictures.
-    Features,
-    /// Matches keypoints of two pictures.
-    Matcher,
-}
-
-impl EngineKind {
-    fn noun(self) -> &'static str {
-        match self {
-            Self::Segmenter => "segmenter",
-            Self::Grounder => "grounder",
-            Self::Tracker => "tracker",
-            Self::Features => "feature extractor",
-            Self::Matcher => "matcher",
-        }
-    }
-}
-
-/// A segmenter or tracker as lists show it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Engine {
-    /// What it is for.
-    pub kind: EngineKind,
-    /// Its name on the command line.
-    pub name: &'static str,
-    /// Whether it can be used now.
-    pub installed: bool,
-    /// What it needs: of the frames where it is installed, to be used at all where it is not.
-    pub needs: &'static str,
-}
-
-/// Every engine that the command line names, `auto` first within its kind.
-#[must_use]
-pub fn list_engines() -> Vec<Engine> {
-    const NETWORKS: &str = "its networks and ONNX Runtime; add both with 'ostra models add'";
-    const SAM: &str = "the networks sam-vit-b, mobile-sam or efficient-sam and ONNX Runtime; add both with 'ostra models add'";
-    const GROUNDER: &str =
-        "the networks grounding-dino or yolox and ONNX Runtime; add both with 'ostra models add'";
-    const GROUNDING_DINO: &str =
-        "the network grounding-dino and ONNX Runtime; add both with 'ostra models add'";
-    const YOLOX: &str = "the network yolox and ONNX Runtime; add both with 'ostra models add'";
-    const LIGHTERGLUE: &str =
-        "features of xfeat, its network and ONNX Runtime; add both with 'ostra models add'";
-    const SUPERGLUE: &str = "features of superpoint, the network superglue-outdoor or superglue-indoor and ONNX Runtime; \
-                             add them with 'ostra models add'";
-    const FEATURES: &str = "its network and ONNX Runtime; add both with 'ostra models add'";
-    let segmenter = |name, installed, needs| Engine {
-        kind: EngineKind::Segmenter,
-        name,
-        installed,
-        needs,
-    };
-    let grounder = |name, installed, needs| Engine {
-        kind: EngineKind::Grounder,
-        name,
-        installed,
-        needs,
-    };
-    let tracker = |name, installed, needs| Engine {
-        kind: EngineKind::Tracker,
-        name,
-        installed,
-        needs,
-    };
-    let features = |name, installed, needs| Engine {
-        kind: EngineKind::Features,
-        name,
-        installed,
-        needs,
-    };
-    let matcher = |name, installed, needs| Engine {
-        kind: EngineKind::Matcher,
-        name,
-        installed,
-        needs,
-    };
-    vec![
-        segmenter("auto", true, "nothing; takes the best that is installed"),
-        segmenter("sam", sam_network().is_some(), SAM),
-        segmenter("sam-close", sam_network().is_some(), SAM),
-        segmenter(
-            "geometry",
-            true,
-            "depth and cameras of several frames; takes thin things by the picture alone",
-        ),
-        segmenter("builtin", true, "nothing"),
-        grounder("auto", GROUNDERS.into_iter().any(is_usable), GROUNDER),
-        grounder(
-            "grounding-dino",
-            is_usable("grounding-dino"),
-            GROUNDING_DINO,
-        ),
-        grounder("yolox", is_usable("yolox"), YOLOX),
-        tracker("auto", true, "what the tracker it takes needs"),
-        tracker("xmem", is_usable("xmem"), NETWORKS),
-        tracker("deaot", is_usable("deaot"), NETWORKS),
-        tracker("geometry", true, "depth and cameras of the frames"),
-        tracker(
-            "flow",
-            true,
-            "nothing; remembers better by the network xfeat",
-        ),
-        features("auto", true, "nothing; takes sift, the most accurate"),
-        features("sift", true, "nothing"),
-        features("xfeat", is_usable("xfeat"), FEATURES),
-        features("superpoint", is_usable("superpoint"), FEATURES),
-        matcher("auto", true, "what the matcher it takes needs"),
-        matcher("nearest", true, "nothing"),
-        matcher("lighterglue", is_usable("lighterglue"), LIGHTERGLUE),
-        matcher("superglue", superglue_network().is_some(), SUPERGLUE),
-    ]
-}
-
-/// Refuses a name that is no engine, or one that is not installed, in one line that says what it needs.
-pub(super) fn check_installed(kind: EngineKind, name: &str) -> Result<()> {
-    let all = list_engines();
-    let mut of_kind = all.iter().filter(|engine| engine.kind == kind);
-    match of_kind.clone().find(|engine| engine.name == name) {
-        Some(engine) if engine.installed => Ok(()),
-        Some(engine) => bail!("'{name}' is not installed: it needs {}", engine.needs),
-        None => {
-            let what = kind.noun();
-            let names = of_kind
-                .by_ref()
-                .map(|engine| engine.name)
-                .collect::<Vec<_>>()
-                .join(", ");
-            bail!("there is no {what} '{name}'; choose one of {names}")
-        }
-    }
-}
-
 /// The segmenter of this name; `auto` is the best that is installed, `geometry` the one of the frames to be
 /// segmented.
 pub fn segmenter(name: &str, geometry: Arc<GeometrySegmenter>) -> Result<Arc<dyn Segmenter>> {
-    check_installed(EngineKind::Segmenter, name)?;
-    let sam = |network| {
-        Arc::new(KeptSam {
+    Ok(made(SegmenterId::installed(name)?, geometry))
+}
+
+fn made(segmenter: SegmenterId, geometry: Arc<GeometrySegmenter>) -> Arc<dyn Segmenter> {
+    use SegmenterId::{Auto, Geometry, Sam, SamClose};
+    match (segmenter, sam_network()) {
+        (Auto | Sam | SamClose, Some(network)) => Arc::new(KeptSam {
             network,
-            is_close: name == "sam-close",
-        })
-    };
-    Ok(match (name, sam_network()) {
-        ("auto" | "sam" | "sam-close", Some(network)) => sam(network),
-        ("geometry", _) => geometry,
+            is_close: segmenter == SamClose,
+        }),
+        (Geometry, _) => geometry,
         _ => Arc::new(BuiltinSegmenter),
-    })
+    }
 }
 
 /// The segmenter `geometry` for some frames.
@@ -199,36 +61,42 @@ pub fn geometry_segmenter(
 
 /// The segmenter that shows what a click would give before it is made: the one of this name, but for one that works hard
 /// for each place anew.
-pub(super) fn previewer(
+pub(crate) fn previewer(
     name: &str,
     geometry: Arc<GeometrySegmenter>,
 ) -> Result<Arc<dyn Segmenter>> {
-    segmenter(if name == "sam-close" { "sam" } else { name }, geometry)
-}
-
-/// The first network behind `sam` that can be used.
-fn sam_network() -> Option<&'static str> {
-    SAM_NETWORKS.into_iter().find(|network| is_usable(network))
+    let segmenter = match SegmenterId::installed(name)? {
+        SegmenterId::SamClose => SegmenterId::Sam,
+        segmenter => segmenter,
+    };
+    Ok(made(segmenter, geometry))
 }
 
 /// What finds things by words; its network is loaded, on this thread, where it was not needed before.
-pub(super) fn grounder(name: &str) -> Result<Arc<dyn TextGrounder>> {
-    check_installed(EngineKind::Grounder, name)?;
-    let best = GROUNDERS
-        .into_iter()
-        .find(|network| name == "auto" && is_usable(network));
-    Ok(match best.unwrap_or(name) {
-        "yolox" => yolox()?,
+pub(crate) fn grounder(name: &str) -> Result<Arc<dyn TextGrounder>> {
+    let grounder = match GrounderId::installed(name)? {
+        // The one that knows any words first.
+        GrounderId::Auto if GrounderId::GroundingDino.is_installed() => GrounderId::GroundingDino,
+        GrounderId::Auto => GrounderId::Yolox,
+        grounder => grounder,
+    };
+    Ok(match grounder {
+        GrounderId::Yolox => yolox()?,
         _ => grounding_dino()?,
     })
 }
 
-/// Networks that find things by words, the one that knows any words first.
-const GROUNDERS: [&str; 2] = ["grounding-dino", "yolox"];
+/// Refuses a grounder that does not exist or is not installed.
+///
+/// # Errors
+/// Names what it needs, or all that exist.
+pub(crate) fn check_grounder(name: &str) -> Result<()> {
+    GrounderId::installed(name).map(drop)
+}
 
 /// The tracker that the settings name; `auto` is the best that is installed and that the frames allow.
 pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tracker>> {
-    check_installed(EngineKind::Tracker, &settings.tracker)?;
+    let asked = TrackerId::installed(&settings.tracker)?;
     let (frames, any) = (
         &project.frames,
         project.frames.iter().any(Frame::has_posed_depth),
@@ -236,14 +104,14 @@ pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tr
     // Depth made of some frames alone says nothing of those between.
     let everywhere =
         frames.iter().any(Frame::has_sensor_depth) || frames.iter().all(Frame::has_posed_depth);
-    let name = match settings.tracker.as_str() {
-        "auto" if any && everywhere => "geometry",
-        // On films networks are far ahead of flow.
-        "auto" => ["xmem", "deaot"]
+    let tracker = match asked {
+        TrackerId::Auto if any && everywhere => TrackerId::Geometry,
+        // On videos networks are far ahead of flow.
+        TrackerId::Auto => [TrackerId::XMem, TrackerId::Deaot]
             .into_iter()
-            .find(|network| is_usable(network))
-            .unwrap_or("flow"),
-        name => name,
+            .find(|network| network.is_installed())
+            .unwrap_or(TrackerId::Flow),
+        tracker => tracker,
     };
     let longer = |frame: &Frame| {
         f64::from(frame.width.max(frame.height)) / f64::from(frame.width.min(frame.height))
@@ -258,16 +126,17 @@ pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tr
         "networks see pictures with 64 to 4096 pixels along the shorter side; choose another number"
     );
     ensure!(
-        seen.is_none() || matches!(name, "xmem" | "deaot"),
-        "only 'xmem' and 'deaot' see pictures in another size, not '{name}'; name one of them, or choose no size"
+        seen.is_none() || matches!(tracker, TrackerId::XMem | TrackerId::Deaot),
+        "only 'xmem' and 'deaot' see pictures in another size, not '{}'; name one of them, or choose no size",
+        tracker.name()
     );
-    let tracker: Box<dyn Tracker> = match name {
-        "flow" => Box::new(flow_tracker()),
-        "xmem" => Box::new(KeptTracker {
+    let tracker: Box<dyn Tracker> = match tracker {
+        TrackerId::Flow => Box::new(flow_tracker()),
+        TrackerId::XMem => Box::new(KeptTracker {
             network: TrackNetwork::XMem,
             seen,
         }),
-        "deaot" => Box::new(KeptTracker {
+        TrackerId::Deaot => Box::new(KeptTracker {
             network: TrackNetwork::Deaot,
             seen,
         }),
@@ -293,7 +162,7 @@ pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tr
 }
 
 /// The flow tracker, which remembers by XFeat where that can be used.
-pub(super) fn flow_tracker() -> FlowTracker {
+pub(crate) fn flow_tracker() -> FlowTracker {
     let describer = is_usable("xfeat").then(|| Arc::new(KeptXFeat) as Arc<dyn Describer>);
     FlowTracker {
         describer,
@@ -301,20 +170,12 @@ pub(super) fn flow_tracker() -> FlowTracker {
     }
 }
 
-/// The first network behind `superglue` that can be used: what is photographed is mostly outdoors, or looks like it.
-fn superglue_network() -> Option<&'static str> {
-    ["superglue-outdoor", "superglue-indoor"]
-        .into_iter()
-        .find(|network| is_usable(network))
-}
-
 /// The feature extractor of this name; longer sides than `max_side` pixels are worked on at that size. `auto` is SIFT,
 /// the most accurate.
-pub(super) fn extractor(name: &str, max_side: Option<u32>) -> Result<Box<dyn FeatureExtractor>> {
-    check_installed(EngineKind::Features, name)?;
+pub(crate) fn extractor(name: &str, max_side: Option<u32>) -> Result<Box<dyn FeatureExtractor>> {
     let side = |standard: usize| max_side.map_or(standard, |side| side as usize);
-    Ok(match name {
-        "xfeat" => {
+    Ok(match FeatureId::installed(name)? {
+        FeatureId::XFeat => {
             let standard = XFeatOptions::default();
             let options = XFeatOptions {
                 max_side: side(standard.max_side),
@@ -322,7 +183,7 @@ pub(super) fn extractor(name: &str, max_side: Option<u32>) -> Result<Box<dyn Fea
             };
             Box::new(XFeat::load(&models_folder()?, options)?)
         }
-        "superpoint" => {
+        FeatureId::SuperPoint => {
             let standard = SuperPointOptions::default();
             let options = SuperPointOptions {
                 max_side: side(standard.max_side),
@@ -343,28 +204,28 @@ pub(super) fn extractor(name: &str, max_side: Option<u32>) -> Result<Box<dyn Fea
 }
 
 /// The matcher of this name for features of an extractor; `auto` is the network made for them where it is installed.
-pub(super) fn matcher(name: &str, features: &str) -> Result<Box<dyn FeatureMatcher>> {
-    check_installed(EngineKind::Matcher, name)?;
-    let made_for = match features {
-        "xfeat" => Some("lighterglue"),
-        "superpoint" => Some("superglue"),
-        _ => None,
+pub(crate) fn matcher(name: &str, features: &str) -> Result<Box<dyn FeatureMatcher>> {
+    let asked = MatcherId::installed(name)?;
+    let made_for = match FeatureId::installed(features)? {
+        FeatureId::XFeat => Some(MatcherId::LighterGlue),
+        FeatureId::SuperPoint => Some(MatcherId::SuperGlue),
+        FeatureId::Auto | FeatureId::Sift => None,
     };
-    let wanted = match name {
-        "auto" => made_for.filter(|network| check_installed(EngineKind::Matcher, network).is_ok()),
-        "nearest" => None,
+    let wanted = match asked {
+        MatcherId::Auto => made_for.filter(|network| network.is_installed()),
+        MatcherId::Nearest => None,
         network => Some(network),
     };
     if wanted.is_some() && wanted != made_for {
-        let theirs = if name == "superglue" {
-            "superpoint"
-        } else {
-            "xfeat"
-        };
+        let theirs = match asked {
+            MatcherId::SuperGlue => FeatureId::SuperPoint,
+            _ => FeatureId::XFeat,
+        }
+        .name();
         bail!("'{name}' matches features of {theirs}; choose --features {theirs}");
     }
     Ok(match wanted {
-        Some("lighterglue") => Box::new(LighterGlue::load(
+        Some(MatcherId::LighterGlue) => Box::new(LighterGlue::load(
             &models_folder()?,
             LighterGlueOptions::default(),
         )?),
@@ -383,7 +244,7 @@ pub(super) fn matcher(name: &str, features: &str) -> Result<Box<dyn FeatureMatch
 
 /// Tells an extractor or matcher apart from others that would find other things in the same pictures: by the program, where
 /// networks run, and the size and time of its networks' files.
-pub(super) fn identity(engine: &str, settings: &str) -> String {
+pub(crate) fn identity(engine: &str, settings: &str) -> String {
     let files = || {
         let (catalogue, folder) = (Catalogue::bundled().ok()?, models_folder().ok()?);
         let networks: &[&str] = if engine == "superglue" {
@@ -415,15 +276,6 @@ pub(super) fn identity(engine: &str, settings: &str) -> String {
         Provider::chosen(),
         files()
     )
-}
-
-/// Whether a network is installed, and with it what runs it.
-fn is_usable(network: &str) -> bool {
-    let installed = || {
-        let (catalogue, folder) = (Catalogue::bundled().ok()?, models_folder().ok()?);
-        catalogue.entry(network).ok()?.installed(&folder)
-    };
-    installed().is_some() && Runtime::find().is_ok()
 }
 
 /// How pieces of an RGB-D recording are joined, by name; `None` for `auto`.

@@ -4,24 +4,23 @@ use std::time::{Duration, Instant};
 
 use anyhow::Result;
 
-use super::{Command, Session};
-use crate::JobView;
+use crate::{Command, JobView};
 use ostra_core::job::JobId;
 use ostra_core::job::{Progress, Running, Stopped};
 use ostra_masks::LabelId;
 
-/// How many results may wait for the session before workers wait for it.
+/// How many results may wait for the state before workers wait for it.
 const WAITING: usize = 64;
 
-/// What a job does to the session when its result is taken in, on the session's thread: quick.
-pub type Landing = Box<dyn FnOnce(&mut Session) -> Result<()> + Send>;
+/// Applies a result of a job to the state `S`, on the thread that owns it. Must be quick.
+pub type Completion<S> = Box<dyn FnOnce(&mut S) -> Result<()> + Send>;
 
-/// What a job is to the session.
+/// What a job is for, which decides what runs next to it and who hears of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum JobKind {
     /// Long work, of which one runs at a time.
     Long,
-    /// Work beside others.
+    /// Work that runs next to others.
     Short,
     /// The answer to a prompt; a newer prompt for the same label and frame takes its place.
     Prompt {
@@ -30,64 +29,75 @@ pub enum Kind {
         /// For which label.
         label: LabelId,
     },
-    /// Work that nobody asked for (reading ahead, checkpoints): not shown, its failures are warnings at most.
+    /// Work that the user did not ask for: not shown, its failures are warnings at most.
     Background,
+    /// Writes a checkpoint of the project; in the background.
+    Checkpoint,
+    /// Prepares frames that may be prompted next; in the background.
+    ReadAhead,
+}
+
+impl JobKind {
+    /// Whether it is work that the user did not ask for.
+    pub fn is_background(self) -> bool {
+        matches!(self, Self::Background | Self::Checkpoint | Self::ReadAhead)
+    }
 }
 
 /// A job that runs.
-pub struct Job {
+pub struct Job<S> {
     /// Which it is.
     pub id: JobId,
     /// What it is, for people.
     pub title: String,
-    /// What it is to the session.
-    pub kind: Kind,
+    /// What it is for.
+    pub kind: JobKind,
     /// The command that it carries out, for the recipe.
     pub command: Option<Command>,
     /// Its results are no longer wanted.
     pub discarded: bool,
-    /// A piece of its result could not be taken in.
+    /// A part of its result could not be applied.
     pub failure: Option<anyhow::Error>,
     started: Instant,
-    running: Running<Result<Landing>>,
-    outcome: Option<Result<Landing>>,
+    running: Running<Result<Completion<S>>>,
+    outcome: Option<Result<Completion<S>>>,
 }
 
-/// Something for the session to take in.
-pub enum News {
-    /// A piece of a job's result.
-    Piece(JobId, Landing),
+/// A message from a worker thread.
+enum JobMessage<S> {
+    /// A part of a job's result.
+    Piece(JobId, Completion<S>),
     /// A job ended, or soon will have.
     Ended,
 }
 
-/// All running jobs and the way back from their threads.
-pub struct Jobs {
-    running: Vec<Job>,
+/// All running jobs, whose results are applied to a state `S`, and the way back from their threads.
+pub struct Jobs<S> {
+    running: Vec<Job<S>>,
     last: u64,
-    sender: SyncSender<News>,
-    receiver: Receiver<News>,
+    sender: SyncSender<JobMessage<S>>,
+    receiver: Receiver<JobMessage<S>>,
     waker: Waker,
 }
 
 type Waker = Arc<Mutex<Option<Box<dyn Fn() + Send>>>>;
 
-/// What a job's work is given: its progress and the way to the session.
-pub struct Link {
-    /// Reports and notices a stop.
+/// What a job's work is given: its progress and the way back to the state.
+pub struct JobContext<S> {
+    /// Reports progress and notices a stop.
     pub progress: Progress,
-    job: JobId,
-    sender: SyncSender<News>,
+    id: JobId,
+    sender: SyncSender<JobMessage<S>>,
     waker: Waker,
 }
 
-impl Link {
+impl<S> JobContext<S> {
     /// The job whose work this is.
-    pub fn job(&self) -> JobId {
-        self.job
+    pub fn id(&self) -> JobId {
+        self.id
     }
 
-    /// Whether somebody looks on while the work goes on: a window, not a script.
+    /// Whether a window shows what the work brings, not a script that waits for its end.
     pub fn is_watched(&self) -> bool {
         self.waker
             .lock()
@@ -95,26 +105,26 @@ impl Link {
             .is_some()
     }
 
-    /// Hands a piece of the result over while the work goes on.
+    /// Hands over a part of the result while the work goes on.
     ///
     /// # Errors
-    /// [`Stopped`] when nobody takes it any more.
+    /// [`Stopped`] when the state is gone.
     pub fn send(
         &self,
-        landing: impl FnOnce(&mut Session) -> Result<()> + Send + 'static,
+        completion: impl FnOnce(&mut S) -> Result<()> + Send + 'static,
     ) -> Result<(), Stopped> {
         self.sender
-            .send(News::Piece(self.job, Box::new(landing)))
+            .send(JobMessage::Piece(self.id, Box::new(completion)))
             .map_err(|_| Stopped)?;
         wake(&self.waker);
         Ok(())
     }
 }
 
-impl Drop for Link {
-    /// Tells the session to look, also when the work panicked. A full queue makes it look anyway.
+impl<S> Drop for JobContext<S> {
+    /// Wakes the owner of the state, also when the work panicked. A full queue has woken it already.
     fn drop(&mut self) {
-        let _ = self.sender.try_send(News::Ended);
+        let _ = self.sender.try_send(JobMessage::Ended);
         wake(&self.waker);
     }
 }
@@ -129,7 +139,7 @@ fn wake(waker: &Waker) {
     }
 }
 
-impl Default for Jobs {
+impl<S> Default for Jobs<S> {
     fn default() -> Self {
         let (sender, receiver) = sync_channel(WAITING);
         Self {
@@ -142,25 +152,25 @@ impl Default for Jobs {
     }
 }
 
-impl Jobs {
+impl<S: 'static> Jobs<S> {
     /// Starts work on a thread of its own.
     pub fn start(
         &mut self,
         title: &str,
-        kind: Kind,
-        work: impl FnOnce(&Link) -> Result<Landing> + Send + 'static,
+        kind: JobKind,
+        work: impl FnOnce(&JobContext<S>) -> Result<Completion<S>> + Send + 'static,
     ) -> JobId {
         self.last += 1;
         let id = JobId(self.last);
         let (sender, waker) = (self.sender.clone(), Arc::clone(&self.waker));
-        let link = move |progress: &Progress| Link {
+        let context = move |progress: &Progress| JobContext {
             progress: progress.clone(),
-            job: id,
+            id,
             sender,
             waker,
         };
         let running = Running::spawn(title, Progress::default(), move |progress| {
-            work(&link(progress))
+            work(&context(progress))
         });
         let started = Instant::now();
         self.running.push(Job {
@@ -177,26 +187,25 @@ impl Jobs {
         id
     }
 
-    /// Calls `wake` on a worker's thread whenever there is something to take in.
+    /// Calls `wake` on a worker's thread whenever there is a result to apply.
     pub fn set_waker(&mut self, wake: impl Fn() + Send + 'static) {
         *self.waker.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(wake));
     }
 
     /// The next piece that waits; never waits itself.
-    pub fn next_piece(&mut self) -> Option<(JobId, Landing)> {
-        std::iter::from_fn(|| self.receiver.try_recv().ok()).find_map(|news| match news {
-            News::Piece(job, landing) => Some((job, landing)),
-            News::Ended => None,
+    pub fn next_piece(&mut self) -> Option<(JobId, Completion<S>)> {
+        std::iter::from_fn(|| self.receiver.try_recv().ok()).find_map(|message| match message {
+            JobMessage::Piece(job, completion) => Some((job, completion)),
+            JobMessage::Ended => None,
         })
     }
 
     /// Waits until a worker has something, `longest` at most. Gives a piece that came with it.
-    pub fn wait(&mut self, longest: Duration) -> Option<(JobId, Landing)> {
+    pub fn wait(&mut self, longest: Duration) -> Option<(JobId, Completion<S>)> {
         match self.receiver.recv_timeout(longest) {
-            Ok(News::Piece(job, landing)) => Some((job, landing)),
-            Ok(News::Ended) | Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {
-                None
-            }
+            Ok(JobMessage::Piece(job, completion)) => Some((job, completion)),
+            Ok(JobMessage::Ended)
+            | Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
         }
     }
 
@@ -211,7 +220,7 @@ impl Jobs {
     }
 
     /// Takes out a job that was noted to have ended, with its result.
-    pub fn take_ended(&mut self) -> Option<(Job, Result<Landing>)> {
+    pub fn take_ended(&mut self) -> Option<(Job<S>, Result<Completion<S>>)> {
         let place = self.running.iter().position(|job| job.outcome.is_some())?;
         let mut job = self.running.remove(place);
         let outcome = job.outcome.take()?;
@@ -219,30 +228,46 @@ impl Jobs {
     }
 
     /// The running job of this id.
-    pub fn get_mut(&mut self, id: JobId) -> Option<&mut Job> {
+    pub fn get_mut(&mut self, id: JobId) -> Option<&mut Job<S>> {
         self.running.iter_mut().find(|job| job.id == id)
     }
 
     /// All running jobs, oldest first.
-    pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut Job> {
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut Job<S>> {
         self.running.iter_mut()
     }
 
+    /// Whether a job still works; one that was noted to have ended does not.
+    pub fn is_working(&self, id: JobId) -> bool {
+        self.iter().any(|job| job.id == id && !job.has_ended())
+    }
+
+    /// Asks a job to stop; it keeps what it finished.
+    pub fn stop(&self, id: JobId) {
+        self.iter().filter(|job| job.id == id).for_each(Job::stop);
+    }
+
     /// All running jobs, oldest first.
-    pub fn iter(&self) -> impl Iterator<Item = &Job> {
+    pub fn iter(&self) -> impl Iterator<Item = &Job<S>> {
         self.running.iter()
     }
 }
 
-impl Job {
+impl<S: 'static> Job<S> {
     /// Asks it to stop.
     pub fn stop(&self) {
         self.running.stop();
     }
 
-    /// Whether anybody asked for it.
+    /// Asks it to stop, and drops what it still brings.
+    pub fn discard(&mut self) {
+        self.stop();
+        self.discarded = true;
+    }
+
+    /// Whether the user asked for it and still wants it.
     pub fn is_shown(&self) -> bool {
-        self.kind != Kind::Background && !self.discarded
+        !self.kind.is_background() && !self.discarded
     }
 
     /// Whether it was asked to stop.

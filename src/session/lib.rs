@@ -2,67 +2,52 @@
 //! engines are loaded.
 
 mod act;
-mod adopt_request;
-mod angles;
-mod around;
-mod cloud;
+mod background;
+mod background_jobs;
 mod command;
 pub mod commands;
-mod contradicted;
-mod correction;
-mod doubt;
 mod drawings;
 mod embeddings;
+mod engine_table;
 pub mod engines;
 mod event;
-mod following;
-mod grounding;
-mod growing;
-mod hover;
-mod instances_request;
 mod jobs;
 mod limits;
-mod mask_requests;
-mod measuring;
+mod live_preview;
+mod live_revote;
+mod mask_edits;
 mod models;
 mod networks;
-mod on_demand;
 mod pictures;
-mod portrayal;
+mod poll;
 mod prepared;
-mod proposed;
+mod queries;
+mod query;
 mod recent;
 mod recipe;
-mod selected;
+mod requests;
 mod session;
-mod sparse;
 mod suggestion;
-mod surfaces;
 #[cfg(test)]
 mod tests;
+mod track_run;
+mod voted_cloud;
 
-pub use adopt_request::AdoptRequest;
-pub use angles::Angles;
-pub use command::{Command, NewProject, Recipe, TrackSettings};
-pub use correction::{CloudChange, CloudCorrection};
+pub use command::{Command, NewProject, Recipe};
 pub use drawings::Drawings;
-pub use engines::{Engine, EngineKind, list_engines};
+pub use engine_table::{Engine, EngineKind, list_engines};
 pub use event::{Event, JobView};
-pub use grounding::{FoundThing, Grounding};
-pub use instances_request::InstancesRequest;
-pub use jobs::{Kind, Landing};
-pub use mask_requests::{
-    GroundRequest, PaintRequest, PromptRequest, PullRequest, RangeChange, RangeRequest,
-    TakeRequest, TidyRequest, TraceRequest,
-};
-pub use measuring::MeasureWish;
-pub use models::{ModelRequest, ModelTask, add_model, check_model, install_model, list_models};
+pub use jobs::JobKind;
+pub use models::{add_model, check_model, install_model, list_models};
 pub use ostra_compute::nn::{Added, CheckedFile, Fetched, Installed, Proof, Provider, Row};
 pub use pictures::Pictures;
 pub use prepared::PreparedFrames;
-pub use proposed::ProposedInstances;
+pub use queries::{Angles, MeasureWish, ProposedInstances, SparseModel, Surface};
 pub use recent::Recent;
-pub use session::Session;
-pub use sparse::SparseModel;
-pub use suggestion::{Reason, Suggestion};
-pub use surfaces::Surface;
+pub use requests::{
+    AdoptRequest, CloudChange, CloudCorrection, GroundRequest, InstancesRequest, ModelRequest,
+    ModelTask, PaintRequest, PromptRequest, PullRequest, RangeChange, RangeRequest, TakeRequest,
+    TidyRequest, TraceRequest, TrackSettings,
+};
+pub use session::{JobCompletion, Session};
+pub use suggestion::{FoundThing, Grounding, Reason, Suggestion};

@@ -3,7 +3,8 @@
 use anyhow::{Context, Result, ensure};
 use glam::{DVec2, DVec3};
 
-use super::{Command, NewProject, PaintRequest, RangeChange, TrackSettings};
+use crate::command::{Command, NewProject};
+use crate::requests::{PaintRequest, RangeChange, TrackSettings};
 use ostra_cloud::measure::GroundChoice;
 use ostra_cloud::select::{Eye, SeenRegion, SelectStep};
 use ostra_frames::cameras::IntrinsicsSource;

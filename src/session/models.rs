@@ -1,11 +1,10 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
-use serde::{Deserialize, Serialize};
 
-use super::Session;
-use super::jobs::{Kind, Landing};
-use crate::Event;
+use crate::jobs::Job;
+use crate::requests::{ModelRequest, ModelTask};
+use crate::{Command, Event, JobCompletion, JobKind, Session};
 use ostra_compute::nn::{
     Added, Catalogue, CheckedFile, Fetched, Proof, Row, add, check, install, list, models_folder,
 };
@@ -50,56 +49,23 @@ pub fn install_model(name: &str, told: &mut dyn FnMut(Fetched<'_>) -> bool) -> R
     )?)
 }
 
-/// What is wanted of a network of the catalogue (or of ONNX Runtime).
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ModelRequest {
-    /// Its name in the catalogue.
-    pub name: String,
-    /// What is to be done.
-    pub task: ModelTask,
-}
-
-/// What can be done with a network of the catalogue.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ModelTask {
-    /// Gets it from the net.
-    Install,
-    /// Takes it from files, or from a folder that holds them under the catalogue's names.
-    Add(Vec<PathBuf>),
-    /// Loads what is installed and holds it against what is expected.
-    Check,
-}
-
-impl ModelRequest {
-    /// Title of the job that does it.
-    #[must_use]
-    pub fn title(&self) -> String {
-        let verb = match self.task {
-            ModelTask::Install => "Install",
-            ModelTask::Add(_) => "Add",
-            ModelTask::Check => "Check",
-        };
-        format!("{verb} {}", self.name)
-    }
-}
-
 impl Session {
     /// Does what is wanted of a network, beside all other jobs; files that could not be checked are told as warnings.
-    pub(super) fn change_model(&mut self, request: &ModelRequest) -> Result<JobId> {
+    pub(crate) fn change_model(&mut self, request: &ModelRequest) -> Result<JobId> {
         let title = request.title();
+        let is_same = |job: &Job<Self>| matches!(&job.command, Some(Command::Model(other)) if other.is_same_work(request));
         ensure!(
-            !self.jobs.iter().any(|job| job.title == title),
+            !self.jobs.iter().any(is_same),
             "'{title}' is still running; wait for it or stop it"
         );
         let request = request.clone();
-        Ok(self.start(&title, Kind::Short, move |link| {
-            let warnings = done(&request, &link.progress)?;
+        Ok(self.start(&title, JobKind::Short, move |context| {
+            let warnings = done(&request, &context.progress)?;
             Ok(Box::new(move |session: &mut Self| {
                 session.warn_all(warnings);
                 session.events.push(Event::ModelsChanged);
                 Ok(())
-            }) as Landing)
+            }) as JobCompletion)
         }))
     }
 }

@@ -1,7 +1,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::embeddings::Embeddings;
-use ostra_compute::nn::{NnError, models_folder};
+use crate::embeddings::Embeddings;
+use ostra_compute::nn::{Catalogue, NnError, Runtime, models_folder};
 use ostra_core::job::Progress;
 use ostra_frames::{DepthMap, Image};
 use ostra_masks::onnx::Yolox;
@@ -42,14 +42,14 @@ static DEAOT: Kept<Deaot> = Kept::new();
 static XFEAT: Kept<XFeatCells> = Kept::new();
 
 /// Networks that can stand behind the segmenter `sam`, the most exact first.
-pub(super) const SAM_NETWORKS: [&str; 3] = ["sam-vit-b", "mobile-sam", "efficient-sam"];
+const SAM_NETWORKS: [&str; 3] = ["sam-vit-b", "mobile-sam", "efficient-sam"];
 
 /// Segment Anything, by the first of its networks that is installed.
-pub(super) struct KeptSam {
+pub(crate) struct KeptSam {
     /// Its name in the catalogue.
-    pub(super) network: &'static str,
+    pub(crate) network: &'static str,
     /// Whether it looks closely at the surroundings of each prompt instead of once at the whole picture.
-    pub(super) is_close: bool,
+    pub(crate) is_close: bool,
 }
 
 impl Segmenter for KeptSam {
@@ -77,18 +77,18 @@ impl Segmenter for KeptSam {
 }
 
 /// YOLOX; loads it where it was not needed before.
-pub(super) fn yolox() -> Result<Arc<dyn TextGrounder>, MaskError> {
+pub(crate) fn yolox() -> Result<Arc<dyn TextGrounder>, MaskError> {
     Ok(YOLOX.get(|| Yolox::load(&models_folder()?))?)
 }
 
 /// Grounding DINO; loads it where it was not needed before.
-pub(super) fn grounding_dino() -> Result<Arc<dyn TextGrounder>, MaskError> {
+pub(crate) fn grounding_dino() -> Result<Arc<dyn TextGrounder>, MaskError> {
     Ok(GROUNDING_DINO.get(|| GroundingDino::load(&models_folder()?))?)
 }
 
 /// XFeat, loaded when it first describes a picture.
 #[derive(Debug)]
-pub(super) struct KeptXFeat;
+pub(crate) struct KeptXFeat;
 
 impl Describer for KeptXFeat {
     fn describe(&self, grey: &[f32], size: (usize, usize)) -> Result<Description, MaskError> {
@@ -100,18 +100,18 @@ impl Describer for KeptXFeat {
 
 /// A network that carries masks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum TrackNetwork {
+pub(crate) enum TrackNetwork {
     XMem,
     Deaot,
 }
 
 /// A tracker whose networks are loaded when it first tracks.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct KeptTracker {
-    pub(super) network: TrackNetwork,
+pub(crate) struct KeptTracker {
+    pub(crate) network: TrackNetwork,
     /// Shorter side of the pictures that it sees, px, and how much longer the longer side is; `None` = what it was evaluated
     /// with.
-    pub(super) seen: Option<(u32, f64)>,
+    pub(crate) seen: Option<(u32, f64)>,
 }
 
 impl Tracker for KeptTracker {
@@ -146,4 +146,25 @@ impl Tracker for KeptTracker {
             }
         }
     }
+}
+
+/// Whether a network is installed, and with it what runs it.
+pub(crate) fn is_usable(network: &str) -> bool {
+    let installed = || {
+        let (catalogue, folder) = (Catalogue::bundled().ok()?, models_folder().ok()?);
+        catalogue.entry(network).ok()?.installed(&folder)
+    };
+    installed().is_some() && Runtime::find().is_ok()
+}
+
+/// The first network behind `sam` that can be used.
+pub(crate) fn sam_network() -> Option<&'static str> {
+    SAM_NETWORKS.into_iter().find(|network| is_usable(network))
+}
+
+/// The first network behind `superglue` that can be used: what is photographed is mostly outdoors, or looks like it.
+pub(crate) fn superglue_network() -> Option<&'static str> {
+    ["superglue-outdoor", "superglue-indoor"]
+        .into_iter()
+        .find(|network| is_usable(network))
 }

@@ -3,12 +3,58 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use anyhow::Result;
 
+use crate::engines::geometry_segmenter;
 use ostra_cloud::SceneError;
 use ostra_cloud::fuse::readable;
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::graph_cut::settled;
 use ostra_masks::{PreparedFrame, Segmenter};
+use ostra_tracking::bodies::GeometrySegmenter;
+
+/// Bytes of frames prepared for prompts.
+const PREPARED_BYTES: usize = 384 << 20;
+
+/// What prompts are answered with, kept from one to the next.
+pub(crate) struct Prompting {
+    pub(crate) prepared: Arc<PreparedFrames>,
+    /// The segmenter that knows the geometry of the project's frames.
+    geometry: Option<Arc<GeometrySegmenter>>,
+    /// Name of the frame that was last asked to be prepared.
+    pub(crate) preparing: Option<String>,
+    /// The segmenter that `auto` was last reported to be.
+    pub(crate) reported: Option<&'static str>,
+}
+
+impl Default for Prompting {
+    fn default() -> Self {
+        Self {
+            prepared: Arc::new(PreparedFrames::new(PREPARED_BYTES)),
+            geometry: None,
+            preparing: None,
+            reported: None,
+        }
+    }
+}
+
+impl Prompting {
+    /// Drops frames and geometry; they come back when they are needed.
+    pub(crate) fn release_memory(&mut self) {
+        self.prepared = Arc::new(PreparedFrames::new(PREPARED_BYTES));
+        self.geometry = None;
+    }
+
+    /// The segmenter that knows the geometry of these frames.
+    pub(crate) fn geometry_for(
+        &mut self,
+        frames: &Arc<Vec<Frame>>,
+        store: &Arc<FrameStore>,
+    ) -> Arc<GeometrySegmenter> {
+        let kept = self.geometry.take().filter(|kept| kept.is_for(frames));
+        let make = || geometry_segmenter(Arc::clone(frames), Arc::clone(store));
+        Arc::clone(self.geometry.insert(kept.unwrap_or_else(make)))
+    }
+}
 
 /// Frames made ready by segmenters, the latest used ones, bounded in bytes. Shared by all threads.
 pub struct PreparedFrames {

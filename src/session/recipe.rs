@@ -3,8 +3,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 
-use super::{Command, Recipe, Session};
-use crate::Event;
+use crate::{Command, Event, Recipe, Session};
 use ostra_core::disk;
 
 /// A larger recipe is not read.
@@ -23,7 +22,7 @@ impl Session {
 
     /// Adds a command that was carried out to the recipe. The one in the project's folder is a convenience: where it
     /// cannot be read or written there is a warning.
-    pub fn record(&mut self, command: Option<Command>) {
+    pub(crate) fn record(&mut self, command: Option<Command>) {
         let Some(command) =
             command.filter(|command| !matches!(command, Command::Stop | Command::Model(_)))
         else {

@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
-use super::{Command, PromptRequest};
+use crate::{Command, PromptRequest};
 use ostra_masks::{Apartness, Click, LabelId, Prompt, PxBox, Region, deepest_point, outlines};
 
 /// A thing that no label explains, offered to be labelled.
@@ -29,6 +29,28 @@ pub enum Reason {
     Apart(Apartness),
     /// A segmenter takes it for one thing, so sure (0–1).
     Proposed(f32),
+}
+
+/// Things that words found on a frame, to be taken or not.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grounding {
+    /// Frame number.
+    pub frame: usize,
+    /// What found them.
+    pub grounder: &'static str,
+    /// The surest first.
+    pub things: Vec<FoundThing>,
+}
+
+/// A thing that a phrase names.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FoundThing {
+    /// The phrase.
+    pub phrase: String,
+    /// Box around the thing.
+    pub extent: PxBox,
+    /// How sure it is, 0–1.
+    pub score: f32,
 }
 
 /// How far a ring may be off the pixels' borders.

@@ -2,20 +2,15 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
 
-use super::correct::without_depth;
-use super::paint::{by_hand, mask_of};
 use crate::Session;
-use crate::following::cloud_of_now;
-use crate::surfaces::load_cloud;
-use crate::{Kind, Landing};
-use ostra_cloud::doubt::voted_mask;
-use ostra_cloud::fuse::{Votes, readable};
-use ostra_cloud::{LabelledCloud, SceneError};
+use crate::mask_edits::by_hand;
+use crate::queries::mask_by_vote;
+use crate::voted_cloud::VotedCloud;
+use crate::{JobCompletion, JobKind};
 use ostra_core::job::JobId;
-use ostra_frames::FrameStore;
-use ostra_masks::{LabelId, LabelMask};
+use ostra_masks::LabelId;
+use ostra_project::ResultKind;
 use ostra_project::store::version_in_force;
-use ostra_project::{Project, ResultKind};
 
 impl Session {
     /// Gives a frame the mask that the vote of all frames has, for some labels or (none named) for all.
@@ -25,59 +20,32 @@ impl Session {
         let version = version_in_force(&project, ResultKind::Cloud)
             .context("there is no cloud yet; fuse first")?;
         let (loaded, root) = (
-            self.cloud.in_force(Some(version)),
+            self.background.cloud.voted(version),
             self.opened()?.root().to_owned(),
         );
         let (store, labels) = (Arc::clone(&self.store), labels.to_vec());
-        Ok(self.start("Accept the vote", Kind::Short, move |link| {
-            let loaded = match loaded {
-                Some(loaded) => loaded,
-                None => load_cloud(&root, version, &project.frames, &link.progress)?,
-            };
-            let (cloud, votes) = cloud_of_now((&project, &store), loaded, &link.progress)?;
-            let (voted, warning) = by_vote((&project, &store), (&cloud, &votes), number, &labels)?;
-            Ok(Box::new(move |session: &mut Self| {
-                let now = session.snapshot()?;
-                ensure!(
-                    now.masks.get(&number) == project.masks.get(&number),
-                    "the mask of frame {number} changed meanwhile; accept again"
-                );
-                session.commit(
-                    &format!("Accept the vote on frame {number}"),
-                    by_hand(&now, number, &voted),
-                )?;
-                session.warn_all(warning.into_iter().collect());
-                Ok(())
-            }) as Landing)
-        }))
+        Ok(
+            self.start("Accept the vote", JobKind::Short, move |context| {
+                let loaded = match loaded {
+                    Some(loaded) => loaded,
+                    None => VotedCloud::read(&root, version, &project.frames, &context.progress)?,
+                };
+                let voted = loaded.up_to_date(&project, &store, &context.progress)?;
+                let by_vote = mask_by_vote(&project, &store, &voted, number, &labels)?;
+                Ok(Box::new(move |session: &mut Self| {
+                    let now = session.snapshot()?;
+                    ensure!(
+                        now.masks.get(&number) == project.masks.get(&number),
+                        "the mask of frame {number} changed meanwhile; accept again"
+                    );
+                    session.commit(
+                        &format!("Accept the vote on frame {number}"),
+                        by_hand(&now, number, &by_vote.mask),
+                    )?;
+                    session.warn_all(by_vote.warning.into_iter().collect());
+                    Ok(())
+                }) as JobCompletion)
+            }),
+        )
     }
-}
-
-/// The mask that the vote of all frames gives a frame, for some labels or (none named) for all. A depth that
-/// cannot be read is left aside, as if the frame had none; a warning says so.
-pub(crate) fn by_vote(
-    (project, store): (&Project, &FrameStore),
-    cloud: (&LabelledCloud, &Votes),
-    number: usize,
-    labels: &[LabelId],
-) -> Result<(LabelMask, Option<String>)> {
-    let frame = project.frame(number)?;
-    let (depth, own) = (
-        readable(store.depth(frame).map_err(SceneError::from))?,
-        mask_of(project, number)?,
-    );
-    let warning = if depth.is_none() {
-        without_depth(&[frame.name.as_str()])
-    } else {
-        None
-    };
-    let depth = depth.flatten();
-    let mut voted = voted_mask(cloud, (number, frame), depth.as_deref(), &own, labels)?;
-    for (id, own) in voted.ids.iter_mut().zip(&own.ids) {
-        // A label that was taken out since the vote stays out.
-        if *id != LabelId::NONE && project.labels.get(*id).is_none() {
-            *id = *own;
-        }
-    }
-    Ok((voted, warning))
 }

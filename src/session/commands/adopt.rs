@@ -4,10 +4,10 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 
 use super::correct::{Corrected, Correcting, Notice};
+use crate::voted_cloud::VotedCloud;
 use crate::{AdoptRequest, Session};
 use ostra_cloud::LabelledCloud;
 use ostra_cloud::correct::SeeingPixels;
-use ostra_cloud::fuse::Votes;
 use ostra_cloud::instances::{HangingPiece, hanging_pieces, split_mask};
 use ostra_cloud::select::Selection;
 use ostra_core::job::JobId;
@@ -29,7 +29,7 @@ impl Session {
 
 impl Correcting {
     fn adopted(&self, request: AdoptRequest, progress: &Progress) -> Result<Corrected> {
-        let (cloud, votes) = self.cloud_with_hidden(progress)?;
+        let VotedCloud { cloud, votes } = self.cloud_with_hidden(progress)?;
         let hidden = self.hidden();
         let mut pieces = hanging_pieces(&cloud, request.radius, progress)?;
         pieces.retain(|piece| !hidden.contains(&piece.label));
@@ -66,7 +66,7 @@ impl Correcting {
     }
 
     /// The cloud as the masks vote now, with the labels that are hidden: what is out of play is not without a label.
-    fn cloud_with_hidden(&self, progress: &Progress) -> Result<(Arc<LabelledCloud>, Arc<Votes>)> {
+    fn cloud_with_hidden(&self, progress: &Progress) -> Result<VotedCloud> {
         if self.hidden().is_empty() {
             return self.cloud_of_now(progress);
         }
@@ -78,7 +78,10 @@ impl Correcting {
         let fused = self
             .voted(&shown, progress)?
             .context("it is not known who voted; fuse again")?;
-        Ok((Arc::new(fused.cloud), Arc::new(fused.votes)))
+        Ok(VotedCloud {
+            cloud: Arc::new(fused.cloud),
+            votes: Arc::new(fused.votes),
+        })
     }
 
     /// The labels that are hidden on some frame.

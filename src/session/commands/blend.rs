@@ -3,8 +3,8 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
 
-use super::paint::label_name;
 use crate::RangeRequest;
+use crate::mask_edits::label_name;
 use ostra_core::job::Progress;
 use ostra_masks::{LabelId, LabelMask, RunMask, ShapeBlend, transfer};
 use ostra_project::{Edit, FrameMask, MaskOrigin, Project};

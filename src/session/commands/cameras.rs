@@ -4,13 +4,12 @@ use std::time::Instant;
 
 use anyhow::{Result, ensure};
 
-pub use super::found_cameras::{Cameras, Poses, calibrated, edits, record, unplaced};
-use super::reconstruct::is_posed;
+use super::found_cameras::{Cameras, Poses, calibrated, edits, is_posed, record, unplaced};
 use crate::Event;
 use crate::Session;
 use crate::engines::{extractor, identity, matcher, registration};
-use crate::growing::Placed;
-use crate::jobs::Link;
+use crate::jobs::JobContext;
+use crate::live_preview::PlacedFrames;
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::cameras::{ModelEncoding, write_colmap_model};
 use ostra_frames::{DepthSource, Frame, FrameStore};
@@ -103,13 +102,13 @@ impl CameraWork {
     ///
     /// # Errors
     /// Where nothing can be placed or written, or it was stopped before there was anything to keep.
-    pub fn find(self, link: &Link) -> Result<FoundCameras> {
+    pub fn find(self, context: &JobContext<Session>) -> Result<FoundCameras> {
         let begun = Instant::now();
         let poses = self.poses();
         let cache = FeatureCache::open(feature_cache_path(&self.root));
         let result: Cameras = match self.finder {
-            Finder::Sfm(_) => self.by_motion(poses, &cache, &link.progress)?.into(),
-            Finder::Rgbd => self.by_depth(link)?.into(),
+            Finder::Sfm(_) => self.by_motion(poses, &cache, &context.progress)?.into(),
+            Finder::Rgbd => self.by_depth(context)?.into(),
         };
         let not_kept = cache.save();
         let frames = &self.project.frames;
@@ -153,16 +152,16 @@ impl CameraWork {
         }
     }
 
-    fn by_depth(&self, link: &Link) -> Result<(RgbdResult, Vec<Calibration>)> {
-        link.progress.stage("compare pictures with depths")?;
-        let calibrations = calibrate(&self.project.frames, &self.store, &link.progress)?;
+    fn by_depth(&self, context: &JobContext<Session>) -> Result<(RgbdResult, Vec<Calibration>)> {
+        context.progress.stage("compare pictures with depths")?;
+        let calibrations = calibrate(&self.project.frames, &self.store, &context.progress)?;
         let frames = calibrated(&self.project.frames, &calibrations);
         let (chosen, between): (Vec<usize>, Vec<usize>) =
             (0..self.project.frames.len()).partition(|&frame| frame % self.request.every == 0);
-        let placed = Placed {
+        let placed = PlacedFrames {
             frames: &frames,
             pictures: &self.store,
-            link,
+            sink: context,
         };
         let wish = RgbdRequest {
             on_pose: &|frame, pose| placed.show(frame, pose),
@@ -177,7 +176,7 @@ impl CameraWork {
                 ..RgbdOptions::default()
             },
         };
-        let result = register_rgbd(&wish, &self.store, &link.progress)
+        let result = register_rgbd(&wish, &self.store, &context.progress)
             .map_err(|error| anyhow::anyhow!(error))?;
         Ok((result, calibrations))
     }

@@ -4,16 +4,15 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, ensure};
 
-use super::fuse::save_votes;
-use super::paint::{anchor_of, label_name, mask_of};
 use super::surface::save_surface;
 use super::voted_before::VotedBefore;
 use crate::Event;
-use crate::following::cloud_of_now;
+use crate::mask_edits::{anchor_of, label_name, mask_of, without_depth};
+use crate::voted_cloud::{VotedCloud, save_votes};
 use crate::{CloudCorrection, Session};
-use crate::{Kind, Landing};
+use crate::{JobCompletion, JobKind};
 use ostra_cloud::correct::SeeingPixels;
-use ostra_cloud::fuse::{Fused, ProjectViews, Votes, naming, readable};
+use ostra_cloud::fuse::{Fused, ProjectViews, readable};
 use ostra_cloud::ply::{Coloring, save_ply};
 use ostra_cloud::select::Selector;
 use ostra_cloud::{LabelledCloud, SceneError};
@@ -83,12 +82,13 @@ impl Session {
         let project = self.snapshot()?;
         let version = version_in_force(&project, ResultKind::Cloud)
             .context("there is no cloud yet; fuse first")?;
-        let loaded = self.cloud.in_force(Some(version));
+        let loaded = self.background.cloud.voted(version);
         let selector = loaded
             .as_ref()
-            .and_then(|(cloud, _)| self.selector_of(cloud));
+            .and_then(|loaded| self.selector_of(&loaded.cloud));
         let root = self.opened()?.root().to_owned();
         let next_version = self.opened()?.next_version()?;
+        let loaded = loaded.map(|loaded| (loaded.cloud, loaded.votes));
         let before = VotedBefore::in_force(&project, &root, loaded)
             .context("there is no cloud yet; fuse first")?;
         let correcting = Correcting {
@@ -99,12 +99,12 @@ impl Session {
             selector,
         };
         let title = title.to_owned();
-        Ok(self.start(&title.clone(), Kind::Long, move |link| {
+        Ok(self.start(&title.clone(), JobKind::Long, move |context| {
             let Corrected {
                 mut edits,
                 notice,
                 warnings,
-            } = corrected(&correcting, &link.progress)?;
+            } = corrected(&correcting, &context.progress)?;
             if edits.is_empty() {
                 let text = notice
                     .context("no mask changes: none that may change sees these points otherwise")?(
@@ -114,9 +114,9 @@ impl Session {
                     session.warn_all(warnings);
                     session.events.push(Event::Notice(text));
                     Ok(())
-                }) as Landing);
+                }) as JobCompletion);
             }
-            let voted = correcting.voted_again(&edits, next_version, &link.progress)?;
+            let voted = correcting.voted_again(&edits, next_version, &context.progress)?;
             let record = voted.as_ref().map(|(_, record)| record.clone());
             let notice = notice.map(|notice| notice(voted.as_ref().map(|(fused, _)| &fused.cloud)));
             edits.extend(record.map(|record| Edit::SetResult {
@@ -131,39 +131,35 @@ impl Session {
                 session.warn_all(warnings);
                 session.events.extend(notice.map(Event::Notice));
                 if let Some((fused, _)) = voted {
-                    session
-                        .cloud
-                        .put(Some(next_version), fused.cloud, Some(fused.votes));
+                    session.background.cloud.put(
+                        Some(next_version),
+                        fused.cloud,
+                        Some(fused.votes),
+                    );
                     session.events.push(Event::CloudChanged);
                     session.warn_all(fused.report.warnings);
                 }
                 Ok(())
-            }) as Landing)
+            }) as JobCompletion)
         }))
     }
 }
 
 impl Correcting {
     /// The cloud in force with the labels of the masks as they were when the work began.
-    pub(super) fn cloud_of_now(
-        &self,
-        progress: &Progress,
-    ) -> Result<(Arc<LabelledCloud>, Arc<Votes>)> {
-        let loaded = self
+    pub(super) fn cloud_of_now(&self, progress: &Progress) -> Result<VotedCloud> {
+        let (cloud, votes) = self
             .before
             .load(&self.project.frames, progress)?
             .context("it is not known who voted; fuse again")?;
-        Ok(cloud_of_now(
-            (&self.project, &self.store),
-            loaded,
-            progress,
-        )?)
+        let voted = VotedCloud { cloud, votes };
+        Ok(voted.up_to_date(&self.project, &self.store, progress)?)
     }
 
     /// The edits of the masks that see the chosen points.
     fn written_back(&self, correction: &CloudCorrection, progress: &Progress) -> Result<Corrected> {
         progress.stage("choose points")?;
-        let (cloud, votes) = self.cloud_of_now(progress)?;
+        let VotedCloud { cloud, votes } = self.cloud_of_now(progress)?;
         let selector = self.selector_for(cloud)?;
         let (frames, tree) = (&self.project.frames, &self.project.labels);
         let selection = selector.select(frames, tree, &correction.select, progress)?;
@@ -330,14 +326,6 @@ impl Correcting {
         save_surface(&self.root, version, &mesh, &votes, progress)?;
         Ok(true)
     }
-}
-
-/// One line that names frames whose masks are changed without their depth, which cannot be read.
-pub(super) fn without_depth(names: &[&str]) -> Option<String> {
-    naming(
-        "have a depth that cannot be read, and their masks are changed without it; check their files",
-        names,
-    )
 }
 
 /// The edit that gives a frame other runs by a correction in 3-D; `None` where nothing changes. Labels that are locked

@@ -4,22 +4,26 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 
-use super::export_checks::{
-    check, check_targets, first_renamed, mask_format, outdated, output_files, output_folders,
+use super::export_frames::{write_depths, write_undistorted};
+use super::export_inputs::{
+    Sources, check, check_targets, first_renamed, mask_format, outdated, output_files,
+    output_folders,
 };
-pub use super::export_sources::Sources;
+use super::export_scene::{write_cloud, write_mesh, write_traits, write_voxels};
+use crate::Event;
 use crate::Session;
-use crate::{Kind, Landing};
+use crate::{JobCompletion, JobKind};
 use ostra_cloud::LabelledCloud;
-use ostra_cloud::formats::{CloudFormat, save_origin};
+use ostra_cloud::formats::save_origin;
 use ostra_cloud::measure::LengthUnit;
 use ostra_cloud::ply::read_ply;
 use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_frames::cameras::{ModelEncoding, SparsePoints, with_text_names, write_colmap_model};
+use ostra_frames::{FilmOptions, Image, write_film};
 use ostra_masks::{Label, LabelId, LabelTree};
 use ostra_project::export_targets::ExportTargets;
-use ostra_project::store::{cloud_path, read_sparse, version_in_force, votes_path};
+use ostra_project::store::{cloud_path, mesh_path, read_sparse, version_in_force, votes_path};
 use ostra_project::{ExportRequest, ResultKind};
 
 impl Session {
@@ -30,12 +34,72 @@ impl Session {
             ExportTargets::of(&sources.project, sources.root.as_deref(), request.overwrite);
         check_targets(request, &targets)?;
         let request = request.clone();
-        Ok(self.start("Export", Kind::Short, move |link| {
-            let warnings = write(&request, &sources, &targets, &link.progress)?;
+        Ok(self.start("Export", JobKind::Short, move |context| {
+            let warnings = write(&request, &sources, &targets, &context.progress)?;
             Ok(Box::new(move |session: &mut Self| {
                 session.warn_all(warnings);
                 Ok(())
-            }) as Landing)
+            }) as JobCompletion)
+        }))
+    }
+
+    /// Refuses a file that an export must not replace: a source, a file inside a project, a file that OSTRA did not write.
+    ///
+    /// # Errors
+    /// One line: which file, why, and what to do.
+    pub fn check_export(&self, file: &Path, overwrite: bool) -> Result<()> {
+        let project = self.project().map(Arc::clone).unwrap_or_default();
+        ExportTargets::of(&project, self.root(), overwrite).check_files([file])
+    }
+
+    /// Writes an image by `write` on a worker thread.
+    ///
+    /// # Errors
+    /// As [`Self::check_export`].
+    pub fn write_picture(
+        &mut self,
+        path: &Path,
+        overwrite: bool,
+        write: impl FnOnce(&Path) -> Result<()> + Send + 'static,
+    ) -> Result<JobId> {
+        self.check_export(path, overwrite)?;
+        let path = path.to_owned();
+        Ok(self.start("Write picture", JobKind::Short, move |context| {
+            context.progress.stage("draw")?;
+            ExportTargets::write_files(std::slice::from_ref(&path), || write(&path))?;
+            Ok(Box::new(move |session: &mut Self| {
+                session.events.push(Event::Notice(format!(
+                    "picture written to {}",
+                    path.display()
+                )));
+                Ok(())
+            }) as JobCompletion)
+        }))
+    }
+
+    /// Writes a video whose images `draw` makes, by their number, on a worker thread.
+    ///
+    /// # Errors
+    /// As [`Self::check_export`].
+    pub fn write_film(
+        &mut self,
+        path: &Path,
+        options: FilmOptions,
+        overwrite: bool,
+        draw: impl Fn(usize) -> Image + Send + 'static,
+    ) -> Result<JobId> {
+        self.check_export(path, overwrite)?;
+        let path = path.to_owned();
+        Ok(self.start("Write film", JobKind::Short, move |context| {
+            context.progress.stage("write film")?;
+            let write = || Ok(write_film(&path, &options, draw, &context.progress)?);
+            ExportTargets::write_files(std::slice::from_ref(&path), write)?;
+            Ok(Box::new(move |session: &mut Self| {
+                session
+                    .events
+                    .push(Event::Notice(format!("film written to {}", path.display())));
+                Ok(())
+            }) as JobCompletion)
         }))
     }
 
@@ -53,7 +117,10 @@ impl Session {
         let votes_file = version.and_then(|version| Some(votes_path(root.as_deref()?, version)));
         let store = Arc::clone(&self.store);
         let (cloud, cloud_votes) = (self.cloud().cloned(), self.votes().cloned());
-        let surface = self.surface_file();
+        let surface = self
+            .surface_voxel()
+            .zip(version)
+            .and_then(|(voxel, version)| Some((mesh_path(root.as_deref()?, version), voxel)));
         let unit = if inspecting {
             LengthUnit::World
         } else {
@@ -119,16 +186,16 @@ fn write_targets(
             warnings.extend(save_origin(path, cloud.origin)?);
             warnings.extend(without_points(cloud, request.level).filter(|_| request.per_label));
         }
-        let voxels = |path| super::models::write_voxels(path, cloud, sources, request, progress);
+        let voxels = |path| write_voxels(path, cloud, sources, request, progress);
         request.voxels.as_deref().map_or(Ok(()), voxels)?;
         if let Some(path) = &request.voxels {
             warnings.extend(save_origin(path, cloud.origin)?);
         }
-        let traits = |path| super::traits::write(path, cloud, request, sources.unit, progress);
+        let traits = |path| write_traits(path, cloud, request, sources.unit, progress);
         request.traits.as_deref().map_or(Ok(()), traits)?;
     }
     if let Some(path) = &request.mesh {
-        warnings.extend(super::models::write_mesh(path, sources, request, progress)?);
+        warnings.extend(write_mesh(path, sources, request, progress)?);
     }
     let of_project = |root| read_sparse(root, &sources.project);
     let sparse = || -> Result<SparsePoints> {
@@ -162,7 +229,7 @@ fn write_targets(
         )?;
     }
     if let Some(folder) = &request.undistorted {
-        warnings.extend(super::undistorted::write(
+        warnings.extend(write_undistorted(
             folder,
             &sources.project,
             &sparse()?,
@@ -180,7 +247,7 @@ fn write_targets(
         )?;
     }
     if let Some(folder) = &request.depths {
-        warnings.extend(super::depths::write(
+        warnings.extend(write_depths(
             folder,
             &sources.project,
             &sources.store,
@@ -205,20 +272,6 @@ fn load_cloud(sources: &Sources, progress: &Progress) -> Result<LabelledCloud> {
         cloud.tree = sources.tree_of_today(&cloud.tree);
     }
     Ok(cloud)
-}
-
-fn write_cloud(
-    path: &Path,
-    cloud: &LabelledCloud,
-    request: &ExportRequest,
-    progress: &Progress,
-) -> Result<()> {
-    progress.stage("write cloud")?;
-    let format = CloudFormat::of(path)?;
-    let save =
-        |path: &Path, cloud: &LabelledCloud, coloring| format.save(path, cloud, coloring, progress);
-    super::models::write_points(path, cloud, request, save)?;
-    Ok(CloudFormat::save_classes(path, cloud)?)
 }
 
 /// A warning where labels get no file of their own.

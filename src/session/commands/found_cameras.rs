@@ -1,6 +1,5 @@
 //! What structure from motion and registration found, as edits and records of the project.
 
-use super::reconstruct::given;
 use ostra_core::statistics::upper_median;
 use ostra_frames::cameras::SparsePoints;
 use ostra_frames::{Frame, FrameCamera};
@@ -246,4 +245,27 @@ pub fn unplaced(frames: &[Frame], result: &Cameras) -> Vec<String> {
             .collect(),
         "camera",
     )
+}
+
+/// Whether a frame's pose is known.
+pub(super) fn is_posed(frame: &Frame) -> bool {
+    frame.posed_camera().is_some()
+}
+
+/// The record of a result that came with the frames.
+pub(super) fn given(kind: ResultKind, frames: usize, settings: &str) -> Edit {
+    let settings = settings.to_owned();
+    let record = ResultRecord {
+        engine: "given".into(),
+        frames,
+        seconds: 0.0,
+        stale: false,
+        settings,
+        version: 0,
+        ..ResultRecord::default()
+    };
+    Edit::SetResult {
+        kind,
+        record: Some(record),
+    }
 }

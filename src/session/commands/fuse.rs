@@ -1,26 +1,24 @@
-use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 
-use super::surface::{Made, Sources};
+use super::surface::{Made, Sources, stereo_version};
 use super::voted_before::{VotedBefore, geometry_digest};
 use crate::Event;
 use crate::Session;
-use crate::{Kind, Landing};
+use crate::voted_cloud::save_votes;
+use crate::{JobCompletion, JobKind};
 use ostra_cloud::fuse::{
-    ChosenVoxel, Dropped, FuseOptions, Fused, OntoOptions, ProjectViews, Votes, fuse, vote_onto,
-    vote_seen, write_votes,
+    ChosenVoxel, Dropped, FuseOptions, Fused, OntoOptions, ProjectViews, fuse, vote_onto, vote_seen,
 };
 use ostra_cloud::ply::{Coloring, read_ply, save_ply};
-use ostra_core::disk::AtomicFile;
 use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_frames::{DepthSource, Frame, FrameStore};
 use ostra_masks::Label;
-use ostra_project::store::{DepthFolder, cloud_path, sync_folder, version_in_force, votes_path};
+use ostra_project::store::{DepthFolder, cloud_path, sync_folder, votes_path};
 use ostra_project::{Coordinates, Edit, FuseRequest, Project, ResultKind, ResultRecord};
 use ostra_reconstruct::stereo::{DenseCloud, FusionOptions, ViewOutcome, fuse_depths};
 
@@ -39,9 +37,10 @@ impl Session {
         let root = self.opened()?.root().to_owned();
         let store = Arc::clone(&self.store);
         let loaded = self
-            .cloud
-            .in_force(version_in_force(&project, ResultKind::Cloud));
-        Ok(self.start("Fuse", Kind::Long, move |link| {
+            .cloud_version()
+            .and_then(|version| self.background.cloud.voted(version))
+            .map(|loaded| (loaded.cloud, loaded.votes));
+        Ok(self.start("Fuse", JobKind::Long, move |context| {
             let begun = Instant::now();
             let geometry = geometry_digest(&project, &request)?;
             let before = VotedBefore::find(&project, &root, &request, &geometry, loaded);
@@ -57,7 +56,7 @@ impl Session {
                 request: &request,
             };
             let (voxel, no_surface) =
-                match sources.make_surface(version, before.as_ref(), &link.progress)? {
+                match sources.make_surface(version, before.as_ref(), &context.progress)? {
                     Made::Surface { voxel } => (Some(voxel), None),
                     Made::Nothing(why) => (None, why),
                 };
@@ -67,15 +66,15 @@ impl Session {
                 &project,
                 &request,
                 (before.as_ref(), &onto),
-                &link.progress,
+                &context.progress,
             )?;
             fused.report.warnings.extend(no_surface);
-            link.progress.stage("save")?;
+            context.progress.stage("save")?;
             save_ply(
                 &cloud_path(&root, version),
                 &fused.cloud,
                 Coloring::Picture,
-                &link.progress,
+                &context.progress,
             )?;
             save_votes(&votes_path(&root, version), &fused.votes)?;
             sync_folder(&root.join("versions"))?;
@@ -99,7 +98,7 @@ impl Session {
             };
             Ok(Box::new(move |session: &mut Self| {
                 session.take_cloud(&project, fused, record, summary)
-            }) as Landing)
+            }) as JobCompletion)
         }))
     }
 
@@ -119,7 +118,8 @@ impl Session {
                 record: Some(record),
             }],
         )?;
-        self.cloud
+        self.background
+            .cloud
             .put(Some(version), fused.cloud, Some(fused.votes));
         self.events.push(Event::CloudChanged);
         self.events.push(Event::Notice(summary));
@@ -268,13 +268,6 @@ fn has_stale_depths(project: &Project) -> bool {
         .is_some_and(|record| record.stale)
 }
 
-/// The version of the depth maps, where stereo made all that there are.
-pub(super) fn stereo_version(project: &Project) -> Option<u64> {
-    let measured = project.frames.iter().any(Frame::has_sensor_depth);
-    let made = project.frames.iter().any(|frame| frame.depth.is_some());
-    version_in_force(project, ResultKind::Depths).filter(|_| made && !measured)
-}
-
 /// Points of the depth maps that stereo made, with the pixels that made each, and the edge of the voxels that they were thinned
 /// with; and a line that names the frames that cannot be read.
 fn dense_cloud(
@@ -387,21 +380,4 @@ fn summary(request: &FuseRequest, fused: &Fused, surface: Option<f64>) -> String
         "fused"
     };
     format!("{made} {points} points{size}{surface}")
-}
-
-pub(super) fn save_votes(path: &Path, votes: &Votes) -> Result<()> {
-    let write = || -> std::io::Result<()> {
-        let mut file = AtomicFile::create(path)?;
-        let mut out = BufWriter::new(file.as_file());
-        write_votes(&mut out, votes)?;
-        out.flush()?;
-        drop(out);
-        file.commit()
-    };
-    write().with_context(|| {
-        format!(
-            "{}: cannot be written; check permissions and free space",
-            path.display()
-        )
-    })
 }

@@ -2,13 +2,13 @@ use std::sync::Arc;
 
 use anyhow::{Result, ensure};
 
-use super::paint::{by_hand, mask_of};
 use super::prompt::{answer, unread_depth, with_answer};
 use crate::Event;
+use crate::mask_edits::{by_hand, mask_of};
 use crate::{FoundThing, GroundRequest, Grounding, PromptRequest, Session, TakeRequest, engines};
-use crate::{Kind, Landing};
+use crate::{JobCompletion, JobKind};
 use ostra_core::job::JobId;
-use ostra_masks::{Label, LabelId, LabelTree, Prompt};
+use ostra_masks::{Label, LabelId, LabelTree, Prompt, PxBox};
 use ostra_project::{Edit, Project};
 
 impl Session {
@@ -20,36 +20,38 @@ impl Session {
             !request.phrases.is_empty(),
             "there is no word to look for; name what is to be found"
         );
-        engines::check_installed(engines::EngineKind::Grounder, &request.grounder)?;
+        engines::check_grounder(&request.grounder)?;
         let (store, request) = (Arc::clone(&self.store), request.clone());
-        Ok(self.start("Look for words", Kind::Short, move |link| {
-            let grounder = engines::grounder(&request.grounder)?;
-            link.progress.stage("look")?;
-            let wish = ostra_masks::GroundRequest {
-                phrases: &request.phrases,
-                threshold: request.threshold,
-            };
-            let found = grounder.ground(&*store.image(&frame)?, &wish, &link.progress)?;
-            let thing = |found: ostra_masks::Grounded| FoundThing {
-                phrase: request.phrases[found.phrase].clone(),
-                extent: found.extent,
-                score: found.score,
-            };
-            let things: Vec<FoundThing> = found.into_iter().map(thing).collect();
-            let grounding = Grounding {
-                frame: request.frame,
-                grounder: grounder.name(),
-                things,
-            };
-            Ok(Box::new(move |session: &mut Self| {
-                let (grounder, count) = (grounding.grounder, grounding.things.len());
-                session.events.push(Event::Notice(format!(
-                    "grounder: {grounder}, {count} found"
-                )));
-                session.grounding = Some(grounding);
-                Ok(())
-            }) as Landing)
-        }))
+        Ok(
+            self.start("Look for words", JobKind::Short, move |context| {
+                let grounder = engines::grounder(&request.grounder)?;
+                context.progress.stage("look")?;
+                let wish = ostra_masks::GroundRequest {
+                    phrases: &request.phrases,
+                    threshold: request.threshold,
+                };
+                let found = grounder.ground(&*store.image(&frame)?, &wish, &context.progress)?;
+                let thing = |found: ostra_masks::Grounded| FoundThing {
+                    phrase: request.phrases[found.phrase].clone(),
+                    extent: found.extent,
+                    score: found.score,
+                };
+                let things: Vec<FoundThing> = found.into_iter().map(thing).collect();
+                let grounding = Grounding {
+                    frame: request.frame,
+                    grounder: grounder.name(),
+                    things,
+                };
+                Ok(Box::new(move |session: &mut Self| {
+                    let (grounder, count) = (grounding.grounder, grounding.things.len());
+                    session.events.push(Event::Notice(format!(
+                        "grounder: {grounder}, {count} found"
+                    )));
+                    session.grounding = Some(grounding);
+                    Ok(())
+                }) as JobCompletion)
+            }),
+        )
     }
 
     /// Makes an instance of its phrase's label of each thing, and masks of their boxes: one step.
@@ -57,68 +59,93 @@ impl Session {
         let project = self.snapshot()?;
         let frame = project.frame(request.frame)?.clone();
         ensure!(!request.things.is_empty(), "nothing was named to be taken");
-        let segmenter = engines::segmenter(&request.segmenter, self.geometry_for(&project))?;
+        let segmenter = engines::segmenter(
+            &request.segmenter,
+            self.prompting.geometry_for(&project.frames, &self.store),
+        )?;
         let (prepared, store, request) = (
-            Arc::clone(&self.prepared),
+            Arc::clone(&self.prompting.prepared),
             Arc::clone(&self.store),
             request.clone(),
         );
-        Ok(self.start("Take what was found", Kind::Short, move |link| {
-            let ready = prepared.get(segmenter.as_ref(), &frame, &store, &link.progress)?;
-            link.progress.stage("segment")?;
-            let mut next = Project::clone(&project);
-            let mut edits = Vec::new();
-            for (done, (phrase, extent)) in request.things.iter().enumerate() {
-                link.progress.step(done, request.things.len())?;
-                let labels = instance_of(&next.labels, phrase)?;
-                let label = labels.last().map_or(LabelId::NONE, |label| label.id);
-                let labels = labels.into_iter().map(|label| Edit::SetLabel {
-                    id: label.id,
-                    label: Some(label),
-                });
-                apply(&mut next, &mut edits, labels.collect())?;
-                let prompt = Prompt {
-                    boxes: vec![*extent],
-                    ..Prompt::default()
-                };
-                let of = PromptRequest {
-                    frame: request.frame,
-                    label,
-                    prompt,
-                    segmenter: request.segmenter.clone(),
-                };
-                let mask = with_answer(
-                    &next,
-                    &of,
-                    &answer(ready.as_ref(), &next, &of, &link.progress)?,
-                )?;
-                let mut masks = by_hand(&next, request.frame, &mask);
-                masks.push(Edit::SetPrompt {
-                    frame: of.frame,
-                    label,
-                    prompt: Some(of.prompt),
-                });
-                apply(&mut next, &mut edits, masks)?;
-            }
-            let warning = unread_depth(&frame, &store)?;
-            Ok(Box::new(move |session: &mut Self| {
-                let now = session.snapshot()?;
-                ensure!(
-                    now.labels == project.labels
-                        && mask_of(&now, request.frame)? == mask_of(&project, request.frame)?,
-                    "labels or the mask of frame {} changed meanwhile; take it again",
-                    request.frame
-                );
-                let extents: Vec<_> = request.things.iter().map(|(_, extent)| *extent).collect();
-                session.drop_found(request.frame, &extents);
-                session.commit(
-                    &format!("Take what was found on frame {}", request.frame),
-                    edits,
-                )?;
-                session.warn_all(warning.into_iter().collect());
-                Ok(())
-            }) as Landing)
-        }))
+        Ok(
+            self.start("Take what was found", JobKind::Short, move |context| {
+                let ready = prepared.get(segmenter.as_ref(), &frame, &store, &context.progress)?;
+                context.progress.stage("segment")?;
+                let mut next = Project::clone(&project);
+                let mut edits = Vec::new();
+                for (done, (phrase, extent)) in request.things.iter().enumerate() {
+                    context.progress.step(done, request.things.len())?;
+                    let labels = instance_of(&next.labels, phrase)?;
+                    let label = labels.last().map_or(LabelId::NONE, |label| label.id);
+                    let labels = labels.into_iter().map(|label| Edit::SetLabel {
+                        id: label.id,
+                        label: Some(label),
+                    });
+                    apply(&mut next, &mut edits, labels.collect())?;
+                    let prompt = Prompt {
+                        boxes: vec![*extent],
+                        ..Prompt::default()
+                    };
+                    let of = PromptRequest {
+                        frame: request.frame,
+                        label,
+                        prompt,
+                        segmenter: request.segmenter.clone(),
+                    };
+                    let mask = with_answer(
+                        &next,
+                        &of,
+                        &answer(ready.as_ref(), &next, &of, &context.progress)?,
+                    )?;
+                    let mut masks = by_hand(&next, request.frame, &mask);
+                    masks.push(Edit::SetPrompt {
+                        frame: of.frame,
+                        label,
+                        prompt: Some(of.prompt),
+                    });
+                    apply(&mut next, &mut edits, masks)?;
+                }
+                let warning = unread_depth(&frame, &store)?;
+                Ok(Box::new(move |session: &mut Self| {
+                    let now = session.snapshot()?;
+                    ensure!(
+                        now.labels == project.labels
+                            && mask_of(&now, request.frame)? == mask_of(&project, request.frame)?,
+                        "labels or the mask of frame {} changed meanwhile; take it again",
+                        request.frame
+                    );
+                    let extents: Vec<_> =
+                        request.things.iter().map(|(_, extent)| *extent).collect();
+                    session.drop_found(request.frame, &extents);
+                    session.commit(
+                        &format!("Take what was found on frame {}", request.frame),
+                        edits,
+                    )?;
+                    session.warn_all(warning.into_iter().collect());
+                    Ok(())
+                }) as JobCompletion)
+            }),
+        )
+    }
+
+    /// What the last search by words found, but for what was taken since.
+    #[must_use]
+    pub fn grounding(&self) -> Option<&Grounding> {
+        self.grounding.as_ref()
+    }
+
+    /// Those that are asked for are no longer offered.
+    pub(super) fn drop_found(&mut self, frame: usize, extents: &[PxBox]) {
+        if let Some(grounding) = self
+            .grounding
+            .as_mut()
+            .filter(|grounding| grounding.frame == frame)
+        {
+            grounding
+                .things
+                .retain(|thing| !extents.contains(&thing.extent));
+        }
     }
 }
 

@@ -1,18 +1,16 @@
 use std::collections::BTreeSet;
 
-use anyhow::{Context, Result, ensure};
-use glam::Vec3;
-
 use super::correct::Correcting;
-use super::paint::label_name;
-use super::range::changed;
+use crate::mask_edits::{changed, label_name};
+use crate::queries::find_instances;
+use crate::voted_cloud::VotedCloud;
 use crate::{InstancesRequest, Session};
-use ostra_cloud::LabelledCloud;
+use anyhow::{Result, ensure};
 use ostra_cloud::fuse::Votes;
-use ostra_cloud::instances::{Instances, find_instances, split_mask};
+use ostra_cloud::instances::split_mask;
 use ostra_core::job::JobId;
 use ostra_core::job::Progress;
-use ostra_masks::{Label, LabelId, LabelTree, RunMask};
+use ostra_masks::{LabelId, RunMask};
 use ostra_project::{Edit, Project};
 
 impl Session {
@@ -33,8 +31,8 @@ impl Correcting {
     /// The edits that make the labels and split the masks; what was not stale does not become so.
     fn split(&self, request: &InstancesRequest, progress: &Progress) -> Result<Vec<Edit>> {
         let project = &*self.project;
-        let (cloud, votes) = self.cloud_of_now(progress)?;
-        let found = found_instances(&project.labels, &cloud, request, progress)?;
+        let VotedCloud { cloud, votes } = self.cloud_of_now(progress)?;
+        let found = find_instances(&project.labels, &cloud, request, progress)?;
         let name = label_name(project, request.label)?;
         ensure!(
             !found.labels.is_empty(),
@@ -63,72 +61,6 @@ impl Correcting {
         });
         Ok(edits)
     }
-}
-
-/// Instances of a label, and what they would change.
-pub(crate) struct FoundInstances {
-    /// Their labels, the largest first.
-    pub labels: Vec<Label>,
-    /// Points of each.
-    pub sizes: Vec<usize>,
-    /// Along the points of the cloud: the new label of those that belong to one.
-    pub choice: Vec<Option<LabelId>>,
-}
-
-/// Looks for instances among the points that carry the label itself.
-pub(crate) fn found_instances(
-    tree: &LabelTree,
-    cloud: &LabelledCloud,
-    request: &InstancesRequest,
-    progress: &Progress,
-) -> Result<FoundInstances> {
-    let points: Vec<usize> = (0..cloud.len())
-        .filter(|&k| cloud.labels[k] == request.label)
-        .collect();
-    let positions: Vec<Vec3> = points.iter().map(|&k| cloud.positions[k]).collect();
-    let Instances { of_points, sizes } = find_instances(&positions, &request.options, progress)?;
-    let labels = children(tree, request.label, sizes.len())?;
-    let mut choice = vec![None; cloud.len()];
-    for (&point, &number) in points
-        .iter()
-        .zip(&of_points)
-        .filter(|(_, number)| **number > 0)
-    {
-        choice[point] = Some(labels[number as usize - 1].id);
-    }
-    Ok(FoundInstances {
-        labels,
-        sizes,
-        choice,
-    })
-}
-
-/// New labels below one: `wheel 1`, `wheel 2`, …; numbers whose name is taken are passed over.
-fn children(tree: &LabelTree, parent: LabelId, count: usize) -> Result<Vec<Label>> {
-    let mut tree = tree.clone();
-    let stem = tree.get(parent).context("the label is gone")?.name.clone();
-    let mut labels = Vec::new();
-    let mut numbers = 1..;
-    for _ in 0..count {
-        let free = numbers
-            .by_ref()
-            .map(|n| format!("{stem} {n}"))
-            .find(|name| tree.by_name(name).is_none());
-        let (id, name) = (tree.next_id(), free.context("no name is free")?);
-        ensure!(
-            id != LabelId::NONE,
-            "{count} instances are more than there are label ids left; ask for more points"
-        );
-        let label = Label {
-            id,
-            name,
-            color: LabelTree::color_for(id),
-            parent: Some(parent),
-        };
-        tree.set(label.clone())?;
-        labels.push(label);
-    }
-    Ok(labels)
 }
 
 fn split_masks(

@@ -3,9 +3,9 @@ use std::sync::Arc;
 
 use anyhow::{Result, ensure};
 
-use super::paint::anchor_of;
 use crate::Session;
-use crate::{Kind, Landing};
+use crate::mask_edits::anchor_of;
+use crate::{JobCompletion, JobKind};
 use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_masks::{
@@ -18,15 +18,15 @@ impl Session {
     pub(crate) fn import_masks(&mut self, dir: &Path, format: &str) -> Result<JobId> {
         let (project, dir) = (self.snapshot()?, dir.to_owned());
         let format: MaskFormat = format.parse()?;
-        Ok(self.start("Import masks", Kind::Short, move |link| {
+        Ok(self.start("Import masks", JobKind::Short, move |context| {
             let imported = import_masks(
                 &dir,
                 format,
                 &mask_frames(&project),
                 &project.labels,
-                &link.progress,
+                &context.progress,
             )?;
-            Ok(Box::new(move |session: &mut Self| session.take_masks(imported)) as Landing)
+            Ok(Box::new(move |session: &mut Self| session.take_masks(imported)) as JobCompletion)
         }))
     }
 
@@ -71,13 +71,13 @@ impl Session {
         );
         let targets = ExportTargets::of(&project, self.root(), overwrite);
         targets.check_folder(&dir)?;
-        Ok(self.start("Export masks", Kind::Short, move |link| {
-            let write = || write(&dir, format, &project, None, &link.progress);
+        Ok(self.start("Export masks", JobKind::Short, move |context| {
+            let write = || write(&dir, format, &project, None, &context.progress);
             let ((), warnings) = ExportTargets::write_all(&[], std::slice::from_ref(&dir), write)?;
             Ok(Box::new(|session: &mut Self| {
                 session.warn_all(warnings);
                 Ok(())
-            }) as Landing)
+            }) as JobCompletion)
         }))
     }
 }

@@ -2,8 +2,8 @@ use std::collections::BTreeSet;
 
 use anyhow::{Context, Result, ensure};
 
-use super::paint::{check_unlocked, label_name};
 use super::range::merge;
+use crate::mask_edits::{check_unlocked, label_name};
 use crate::{RangeChange, RangeRequest, Session};
 use ostra_core::job::JobId;
 use ostra_masks::{Label, LabelId};

@@ -4,9 +4,10 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail, ensure};
 
 use crate::Event;
-use crate::session::PIXEL_BYTES;
-use crate::{Kind, Landing};
+use crate::session::{Background, PIXEL_BYTES};
+use crate::{JobCompletion, JobKind};
 use crate::{NewProject, Session};
+use ostra_cloud::ply::read_ply;
 use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_frames::cameras::{GivenCameras, attach_intrinsics};
@@ -23,8 +24,8 @@ impl Session {
             ..new.clone()
         };
         Folder::check_new(&new.root)?;
-        Ok(self.start("Open frames", Kind::Short, move |link| {
-            let mut opened = read_frames(&new, &link.progress)?;
+        Ok(self.start("Open frames", JobKind::Short, move |context| {
+            let mut opened = read_frames(&new, &context.progress)?;
             let origin = origin_near(&opened.frames);
             make_relative(&mut opened.frames, origin);
             let project = Project {
@@ -45,8 +46,8 @@ impl Session {
             "{}: is open already",
             root.display()
         );
-        Ok(self.start("Open project", Kind::Short, move |link| {
-            let mut loaded = open_or_view(&root, &link.progress)?;
+        Ok(self.start("Open project", JobKind::Short, move |context| {
+            let mut loaded = open_or_view(&root, &context.progress)?;
             let warnings = std::mem::take(&mut loaded.warnings);
             Ok(take_open(OpenProject::loaded(loaded), warnings))
         }))
@@ -59,11 +60,29 @@ impl Session {
             "{}: is open already",
             root.display()
         );
-        Ok(self.start("Open project", Kind::Short, move |link| {
+        Ok(self.start("Open project", JobKind::Short, move |context| {
             let mut loaded =
-                Folder::view(&root, "it was opened only to look at it", &link.progress)?;
+                Folder::view(&root, "it was opened only to look at it", &context.progress)?;
             let warnings = std::mem::take(&mut loaded.warnings);
             Ok(take_open(OpenProject::loaded(loaded), warnings))
+        }))
+    }
+
+    pub(crate) fn inspect(&mut self, path: &Path) -> Result<JobId> {
+        let path =
+            std::path::absolute(path).with_context(|| format!("{}: is no path", path.display()))?;
+        Ok(self.start("Open cloud", JobKind::Short, move |context| {
+            let read = read_ply(&path, &context.progress)?;
+            Ok(Box::new(move |session: &mut Self| {
+                session.close();
+                session.background.cloud.put(None, read.cloud, None);
+                session.inspected = Some(path.clone());
+                session
+                    .events
+                    .extend([Event::Inspecting(path), Event::CloudChanged]);
+                session.warn_all(read.warnings);
+                Ok(())
+            }) as JobCompletion)
         }))
     }
 
@@ -75,12 +94,9 @@ impl Session {
                 "{error:#}; the project is safe in its journal"
             )));
         }
-        self.preparing = None;
-        self.hover(None);
+        self.prompting.preparing = None;
         // Results are known by number, and every project counts its own.
-        (self.cloud, self.surfaces, self.proposed) = Default::default();
-        (self.sparse, self.growing, self.measuring) = Default::default();
-        (self.following, self.doubts, self.contradicted) = Default::default();
+        self.background = Background::default();
         self.suggestions.clear();
         self.grounding = None;
         self.interactions = 0;
@@ -93,8 +109,8 @@ impl Session {
     pub(crate) fn add_frames(&mut self, new: &NewProject) -> Result<JobId> {
         let project = self.snapshot()?;
         let new = new.clone();
-        Ok(self.start("Add frames", Kind::Short, move |link| {
-            let Opened { frames, warnings } = read_frames(&new, &link.progress)?;
+        Ok(self.start("Add frames", JobKind::Short, move |context| {
+            let Opened { frames, warnings } = read_frames(&new, &context.progress)?;
             let frames = with_free_names(frames, &project)?;
             Ok(Box::new(move |session: &mut Self| {
                 let mut frames = in_scene_scale(frames, &*session.snapshot()?);
@@ -161,13 +177,13 @@ fn add_in_place(frames: &mut [Frame], project: &Project) -> Vec<Edit> {
 }
 
 /// Puts a project in the place of what is open.
-fn take_open(open: OpenProject, warnings: Vec<String>) -> Landing {
+fn take_open(open: OpenProject, warnings: Vec<String>) -> JobCompletion {
     Box::new(move |session| {
         session.close();
         session.events.push(Event::Opened(open.root().to_owned()));
         session.store = Arc::new(FrameStore::at_home(PIXEL_BYTES, open.root().to_owned()));
         session.open = Some(open);
-        session.tell_changed();
+        session.report_changed();
         session.warn_all(warnings);
         Ok(())
     })

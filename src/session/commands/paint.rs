@@ -1,17 +1,16 @@
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, bail};
 
-use crate::{Kind, Landing};
-use crate::{PaintRequest, PullRequest, Session};
+use crate::mask_edits::{anchor_of, by_hand, check_unlocked, label_name, mask_of, rule};
+use crate::{Event, JobCompletion, JobKind};
+use crate::{PaintRequest, PullRequest, Session, TidyRequest, TraceRequest};
 use ostra_core::job::JobId;
 use ostra_frames::Frame;
 use ostra_masks::{
-    LabelId, LabelMask, PaintRule, Region, RunMask, assign, erase, fill_polygons, pull,
-    snapped_stroke, stroke,
+    Region, assign, erase, fill_polygons, pull, snapped_stroke, stroke, tidy, trace,
 };
-use ostra_project::{Edit, FrameMask, MaskOrigin, Project};
+use ostra_project::{Edit, MaskOrigin};
 
 impl Session {
     /// Paints at once, but for a brush that stops at edges: it needs the picture, which is read by a job.
@@ -24,8 +23,8 @@ impl Session {
             return self.take_painted(request, &region).map(|()| None);
         }
         let (store, request) = (Arc::clone(&self.store), request.clone());
-        Ok(Some(self.start("Paint", Kind::Short, move |link| {
-            link.progress.stage("paint")?;
+        Ok(Some(self.start("Paint", JobKind::Short, move |context| {
+            context.progress.stage("paint")?;
             let region = snapped_stroke(
                 &*store.image(&frame)?,
                 &request.points_px,
@@ -33,7 +32,7 @@ impl Session {
             )?;
             Ok(
                 Box::new(move |session: &mut Self| session.take_painted(&request, &region))
-                    as Landing,
+                    as JobCompletion,
             )
         })))
     }
@@ -128,37 +127,62 @@ impl Session {
         edits.push(Edit::SetMask { frame, mask: None });
         self.commit(&format!("Clear frame {frame}"), edits)
     }
-}
 
-/// The edits that give a frame the mask that the user made there: it becomes an anchor, locked labels stay as they are,
-/// and a label that the mask shows is there again.
-pub fn by_hand(project: &Project, frame: usize, mask: &LabelMask) -> Vec<Edit> {
-    let runs = project.with_locks(frame, Arc::new(RunMask::encode(mask)));
-    let mut edits = vec![Edit::SetMask {
-        frame,
-        mask: Some(anchor_of(runs)),
-    }];
-    edits.extend(project.there_again(&edits));
-    edits
-}
+    pub(crate) fn trace(&mut self, request: &TraceRequest) -> Result<JobId> {
+        let project = self.snapshot()?;
+        let frame = project.frame(request.frame)?.clone();
+        check_unlocked(&project, request.frame, request.label)?;
+        let (store, request) = (Arc::clone(&self.store), request.clone());
+        Ok(self.start("Trace", JobKind::Short, move |context| {
+            context.progress.stage("trace")?;
+            let region = trace(&*store.image(&frame)?, &request.points_px)?;
+            Ok(
+                Box::new(move |session: &mut Self| session.take_trace(&request, &region))
+                    as JobCompletion,
+            )
+        }))
+    }
 
-/// Fails when the label is not there or locked on the frame.
-pub fn check_unlocked(project: &Project, frame: usize, label: LabelId) -> Result<()> {
-    let name = label_name(project, label)?;
-    let locked = project.locked_on(frame).contains(&label);
-    ensure!(
-        !locked,
-        "label '{name}' is locked on frame {frame}; unlock it there first"
-    );
-    Ok(())
-}
+    /// Gives the traced pixels to the label, in the frame's mask as it is now.
+    fn take_trace(&mut self, request: &TraceRequest, region: &Region) -> Result<()> {
+        let project = self.snapshot()?;
+        let name = label_name(&project, request.label)?;
+        let mut mask = mask_of(&project, request.frame)?;
+        assign(
+            &mut mask,
+            region,
+            request.label,
+            rule(request.replace),
+            &project.labels,
+        )?;
+        let edits = by_hand(&project, request.frame, &mask);
+        self.commit(&format!("Trace {name} on frame {}", request.frame), edits)
+    }
 
-/// What becomes of other labels' pixels.
-pub fn rule(replace: bool) -> PaintRule {
-    if replace {
-        PaintRule::Replace
-    } else {
-        PaintRule::Protect
+    pub(crate) fn tidy(&mut self, request: &TidyRequest) -> Result<()> {
+        let project = self.snapshot()?;
+        let (name, frame) = (label_name(&project, request.label)?, request.frame);
+        check_unlocked(&project, frame, request.label)?;
+        let mut mask = mask_of(&project, frame)?;
+        let before = mask.clone();
+        tidy(
+            &mut mask,
+            request.label,
+            request.holes_below_px,
+            request.islands_below_px,
+            &project.labels,
+        )
+        .with_context(|| format!("'{name}' on frame {frame}"))?;
+        if mask == before {
+            self.events.push(Event::Notice(format!(
+                "{name} on frame {frame} has no holes or islands of that size"
+            )));
+            return Ok(());
+        }
+        self.commit(
+            &format!("Tidy {name} on frame {frame}"),
+            by_hand(&project, frame, &mask),
+        )
     }
 }
 
@@ -169,35 +193,4 @@ fn painted(frame: &Frame, request: &PaintRequest) -> Result<Region> {
     } else {
         stroke(width, height, &request.points_px, request.radius_px)?
     })
-}
-
-/// A frame's mask as pixels; nothing anywhere when it has none.
-pub fn mask_of(project: &Project, frame: usize) -> Result<LabelMask> {
-    let of = project.frame(frame)?;
-    let mask = project.masks.get(&frame).map(|mask| mask.runs.decode());
-    Ok(mask.unwrap_or_else(|| LabelMask::empty(of.width, of.height)))
-}
-
-/// The name of a label that must be there.
-pub fn label_name(project: &Project, id: LabelId) -> Result<&str> {
-    let label = project
-        .labels
-        .get(id)
-        .with_context(|| format!("there is no label {}; make it first", id.0))?;
-    Ok(&label.name)
-}
-
-/// The mask as an anchor holds it.
-pub fn anchor(mask: &LabelMask) -> FrameMask {
-    anchor_of(Arc::new(RunMask::encode(mask)))
-}
-
-/// Runs as an anchor holds them.
-pub fn anchor_of(runs: Arc<RunMask>) -> FrameMask {
-    FrameMask {
-        runs,
-        origin: MaskOrigin::Anchor,
-        stale: false,
-        confidence: BTreeMap::new(),
-    }
 }

@@ -2,10 +2,10 @@ use std::sync::Arc;
 
 use anyhow::{Result, ensure};
 
-use super::paint::{anchor, by_hand, check_unlocked, label_name, mask_of};
 use crate::Event;
-use crate::engines::geometry_segmenter;
-use crate::{Kind, Landing};
+use crate::jobs::Job;
+use crate::mask_edits::{anchor, by_hand, check_unlocked, label_name, mask_of};
+use crate::{JobCompletion, JobKind};
 use crate::{PromptRequest, Session, engines};
 use ostra_cloud::SceneError;
 use ostra_cloud::fuse::{naming, readable};
@@ -17,7 +17,6 @@ use ostra_masks::{
     landmarks, taken_by_others,
 };
 use ostra_project::{Edit, Project};
-use ostra_tracking::bodies::GeometrySegmenter;
 
 impl Session {
     pub(crate) fn prompt(&mut self, request: &PromptRequest) -> Result<Option<JobId>> {
@@ -31,33 +30,36 @@ impl Session {
                 .take_off(&project, request.frame, request.label)
                 .map(|()| None);
         }
-        let segmenter = engines::segmenter(&request.segmenter, self.geometry_for(&project))?;
+        let segmenter = engines::segmenter(
+            &request.segmenter,
+            self.prompting.geometry_for(&project.frames, &self.store),
+        )?;
         self.supersede(request);
         if request.segmenter == "auto"
-            && self.told_segmenter.replace(segmenter.name()) != Some(segmenter.name())
+            && self.prompting.reported.replace(segmenter.name()) != Some(segmenter.name())
         {
             self.events
                 .push(Event::Notice(format!("segmenter: {}", segmenter.name())));
         }
         let (prepared, store, request) = (
-            Arc::clone(&self.prepared),
+            Arc::clone(&self.prompting.prepared),
             Arc::clone(&self.store),
             request.clone(),
         );
-        let kind = Kind::Prompt {
+        let kind = JobKind::Prompt {
             frame: request.frame,
             label: request.label,
         };
-        Ok(Some(self.start("Segment", kind, move |link| {
-            let ready = prepared.get(segmenter.as_ref(), &frame, &store, &link.progress)?;
-            link.progress.stage("segment")?;
-            let region = answer(ready.as_ref(), &project, &request, &link.progress)?;
+        Ok(Some(self.start("Segment", kind, move |context| {
+            let ready = prepared.get(segmenter.as_ref(), &frame, &store, &context.progress)?;
+            context.progress.stage("segment")?;
+            let region = answer(ready.as_ref(), &project, &request, &context.progress)?;
             let warning = unread_depth(&frame, &store)?;
             Ok(Box::new(move |session: &mut Self| {
                 session.take_answer(&request, &region)?;
                 session.warn_all(warning.into_iter().collect());
                 Ok(())
-            }) as Landing)
+            }) as JobCompletion)
         })))
     }
 
@@ -69,24 +71,30 @@ impl Session {
         let Some(name) = project.frames.get(frame).map(|frame| &frame.name) else {
             return;
         };
-        if self.preparing.as_deref() == Some(name) {
+        if self.prompting.preparing.as_deref() == Some(name) {
             return;
         }
-        let Ok(segmenter) = engines::previewer(segmenter, self.geometry_for(&project)) else {
+        let Ok(segmenter) = engines::previewer(
+            segmenter,
+            self.prompting.geometry_for(&project.frames, &self.store),
+        ) else {
             return;
         };
         self.jobs
             .iter()
-            .filter(|job| job.title == PREPARE)
-            .for_each(crate::jobs::Job::stop);
-        self.preparing = Some(name.clone());
-        let (prepared, store) = (Arc::clone(&self.prepared), Arc::clone(&self.store));
-        self.start(PREPARE, Kind::Background, move |link| {
+            .filter(|job| job.kind == JobKind::ReadAhead)
+            .for_each(Job::stop);
+        self.prompting.preparing = Some(name.clone());
+        let (prepared, store) = (
+            Arc::clone(&self.prompting.prepared),
+            Arc::clone(&self.store),
+        );
+        self.start("prepare", JobKind::ReadAhead, move |context| {
             for (done, of) in frames_around(&project.frames, frame).enumerate() {
-                let ready = match prepared.get(segmenter.as_ref(), of, &store, &link.progress) {
+                let ready = match prepared.get(segmenter.as_ref(), of, &store, &context.progress) {
                     // What is wrong with a neighbour is said where it is shown.
                     Err(_) if done > 0 => {
-                        link.progress.check()?;
+                        context.progress.check()?;
                         continue;
                     }
                     ready => ready?,
@@ -95,30 +103,18 @@ impl Session {
                     break;
                 }
             }
-            Ok(Box::new(|_: &mut Self| Ok(())) as Landing)
+            Ok(Box::new(|_: &mut Self| Ok(())) as JobCompletion)
         });
-    }
-
-    /// The segmenter that knows where a project's frames were taken from.
-    pub(crate) fn geometry_for(&mut self, project: &Project) -> Arc<GeometrySegmenter> {
-        let kept = self
-            .geometry
-            .take()
-            .filter(|kept| kept.is_for(&project.frames));
-        let make = || geometry_segmenter(Arc::clone(&project.frames), Arc::clone(&self.store));
-        Arc::clone(self.geometry.insert(kept.unwrap_or_else(make)))
     }
 
     /// A prompt for the same label and frame that is still being answered is no longer wanted.
     fn supersede(&mut self, request: &PromptRequest) {
-        let same = Kind::Prompt {
+        let same = JobKind::Prompt {
             frame: request.frame,
             label: request.label,
         };
-        for job in self.jobs.iter_mut().filter(|job| job.kind == same) {
-            job.stop();
-            job.discarded = true;
-        }
+        let former = self.jobs.iter_mut().filter(|job| job.kind == same);
+        former.for_each(Job::discard);
     }
 
     /// Composes an answer into the frame's mask as it is now.
@@ -187,8 +183,6 @@ pub(super) fn unread_depth(frame: &Frame, store: &FrameStore) -> Result<Option<S
     ))
 }
 
-/// The job that reads ahead.
-const PREPARE: &str = "prepare";
 /// Where the frames lie that are made ready, counted from the one shown.
 const AHEAD: [isize; 5] = [0, 1, -1, 2, -2];
 

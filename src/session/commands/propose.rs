@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use super::prompt::unread_depth;
 use crate::Event;
 use crate::suggestion::Reason;
-use crate::{Kind, Landing};
+use crate::{JobCompletion, JobKind};
 use crate::{Session, Suggestion, engines};
 use ostra_core::job::JobId;
 use ostra_masks::{LabelId, LabelMask, Proposal};
@@ -21,12 +21,18 @@ impl Session {
     pub(crate) fn propose(&mut self, frame: usize, segmenter: &str) -> Result<JobId> {
         let project = self.snapshot()?;
         let of = project.frame(frame)?.clone();
-        let segmenter = engines::previewer(segmenter, self.geometry_for(&project))?;
-        let (prepared, store) = (Arc::clone(&self.prepared), Arc::clone(&self.store));
-        Ok(self.start("Propose", Kind::Short, move |link| {
-            let ready = prepared.get(segmenter.as_ref(), &of, &store, &link.progress)?;
-            link.progress.stage("propose")?;
-            let proposals = ready.proposals(&link.progress)?;
+        let segmenter = engines::previewer(
+            segmenter,
+            self.prompting.geometry_for(&project.frames, &self.store),
+        )?;
+        let (prepared, store) = (
+            Arc::clone(&self.prompting.prepared),
+            Arc::clone(&self.store),
+        );
+        Ok(self.start("Propose", JobKind::Short, move |context| {
+            let ready = prepared.get(segmenter.as_ref(), &of, &store, &context.progress)?;
+            context.progress.stage("propose")?;
+            let proposals = ready.proposals(&context.progress)?;
             let needs = || {
                 format!(
                     "'{}' only answers prompts; install Segment Anything to have things proposed",
@@ -42,7 +48,7 @@ impl Session {
                 session.suggestions = found;
                 session.warn_all(warning.into_iter().collect());
                 Ok(())
-            }) as Landing)
+            }) as JobCompletion)
         }))
     }
 }

@@ -1,17 +1,17 @@
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
 
 use super::blend::blended;
-use super::paint::{anchor_of, label_name};
 use super::split::{Cut, split};
-use crate::{Kind, Landing};
+use crate::mask_edits::{anchor_of, changed, label_name};
+use crate::{JobCompletion, JobKind};
 use crate::{RangeChange, RangeRequest, Session};
 use ostra_core::job::JobId;
 use ostra_frames::FrameSet;
 use ostra_masks::{Click, LabelId, Prompt, RunMask, transfer};
-use ostra_project::{Edit, FrameMask, Marks, MaskOrigin, Project};
+use ostra_project::{Edit, FrameMask, Marks, Project};
 
 impl Session {
     /// Changes labels over a range of frames, in one step. Pixels of other labels, and labels that are locked, stay.
@@ -64,7 +64,7 @@ impl Session {
         labels: BTreeSet<LabelId>,
     ) -> Result<JobId> {
         let (made_from, request) = (self.snapshot()?, request.clone());
-        Ok(self.start(&title.clone(), Kind::Short, move |link| {
+        Ok(self.start(&title.clone(), JobKind::Short, move |context| {
             let edits = match request.change {
                 RangeChange::Split { frame, at_px, into } => {
                     let label = labels.first().copied().context("no label was named")?;
@@ -74,9 +74,9 @@ impl Session {
                         frame,
                         at_px,
                     };
-                    split(&made_from, &request, &cut, &link.progress)?
+                    split(&made_from, &request, &cut, &context.progress)?
                 }
-                _ => blended(&made_from, &request, &labels, &link.progress)?,
+                _ => blended(&made_from, &request, &labels, &context.progress)?,
             };
             Ok(Box::new(move |session: &mut Self| {
                 let now = session.snapshot()?;
@@ -86,7 +86,7 @@ impl Session {
                 let same = same && now.marks == made_from.marks && now.prompts == made_from.prompts;
                 ensure!(same, "the masks changed meanwhile; do it again");
                 session.commit_range(&title, edits)
-            }) as Landing)
+            }) as JobCompletion)
         }))
     }
 }
@@ -350,32 +350,6 @@ pub(super) fn masks<'a>(
         .masks
         .range(request.from..=request.to)
         .map(|(&frame, mask)| (frame, mask))
-}
-
-/// The edit that gives a frame other runs, locked labels as they are; none when nothing changes. An anchor stays one.
-pub(super) fn changed(
-    project: &Project,
-    frame: usize,
-    mask: &FrameMask,
-    runs: RunMask,
-    set_confidence: impl FnOnce(&mut BTreeMap<LabelId, f32>),
-) -> Option<Edit> {
-    let runs = project.with_locks(frame, Arc::new(runs));
-    if runs == mask.runs {
-        return None;
-    }
-    let mut confidence = mask.confidence.clone();
-    if mask.origin == MaskOrigin::Tracked {
-        set_confidence(&mut confidence);
-    }
-    Some(Edit::SetMask {
-        frame,
-        mask: Some(FrameMask {
-            runs,
-            confidence,
-            ..mask.clone()
-        }),
-    })
 }
 
 /// Takes away what is given for labels that are not locked there.

@@ -2,17 +2,15 @@ use std::sync::Arc;
 
 use anyhow::{Result, ensure};
 
-pub use super::cameras::{CameraWork, Finder};
-use super::found_cameras::Poses;
+use super::cameras::{CameraWork, Finder};
+use super::found_cameras::{Poses, given, is_posed};
 use super::stereo::{StereoWork, make_depths};
 use crate::Session;
-use crate::{Kind, Landing};
+use crate::{JobCompletion, JobKind};
 use ostra_core::job::JobId;
 use ostra_core::job::Stopped;
 use ostra_frames::Frame;
-use ostra_project::{
-    Edit, Project, ReconstructMethod, ReconstructRequest, ResultKind, ResultRecord,
-};
+use ostra_project::{Edit, Project, ReconstructMethod, ReconstructRequest, ResultKind};
 
 /// What a reconstruction comes down to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -54,21 +52,21 @@ impl Session {
             request: request.clone(),
             version: self.opened()?.next_version()?,
         };
-        Ok(self.start("Reconstruct", Kind::Long, move |link| {
+        Ok(self.start("Reconstruct", JobKind::Long, move |context| {
             let mut work = work;
             if let Some(camera_work) = camera_work {
-                let found = camera_work.find(link)?;
+                let found = camera_work.find(context)?;
                 let stopped = found.stopped;
                 work.project = Arc::new(found.applied()?);
-                link.send(move |session: &mut Self| found.land(session))?;
+                context.send(move |session: &mut Self| found.land(session))?;
                 if stopped {
                     return Err(Stopped.into());
                 }
             }
             if depths {
-                make_depths(work, link)?;
+                make_depths(work, context)?;
             }
-            Ok(Box::new(|_: &mut Self| Ok(())) as Landing)
+            Ok(Box::new(|_: &mut Self| Ok(())) as JobCompletion)
         }))
     }
 
@@ -117,8 +115,11 @@ impl Session {
                 (record.coordinates, record.scaled) = (before.coordinates, before.scaled);
             }
         }
-        Ok(self.start("Reconstruct", Kind::Long, move |_| {
-            Ok(Box::new(move |session: &mut Self| session.commit("Reconstruct", edits)) as Landing)
+        Ok(self.start("Reconstruct", JobKind::Long, move |_| {
+            Ok(
+                Box::new(move |session: &mut Self| session.commit("Reconstruct", edits))
+                    as JobCompletion,
+            )
         }))
     }
 }
@@ -192,27 +193,4 @@ fn is_rgbd(project: &Project) -> bool {
         .frames
         .iter()
         .all(|frame| frame.has_sensor_depth() && known(frame))
-}
-
-/// Whether a frame's pose is known.
-pub(super) fn is_posed(frame: &Frame) -> bool {
-    frame.posed_camera().is_some()
-}
-
-/// The record of a result that came with the frames.
-pub(super) fn given(kind: ResultKind, frames: usize, settings: &str) -> Edit {
-    let settings = settings.to_owned();
-    let record = ResultRecord {
-        engine: "given".into(),
-        frames,
-        seconds: 0.0,
-        stale: false,
-        settings,
-        version: 0,
-        ..ResultRecord::default()
-    };
-    Edit::SetResult {
-        kind,
-        record: Some(record),
-    }
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf, absolute};
 use anyhow::{Context, Result, bail};
 
 use crate::Event;
-use crate::Kind;
+use crate::JobKind;
 use crate::Session;
 use ostra_core::job::JobId;
 use ostra_frames::{Frame, check_source, sources, sources_mut};
@@ -18,10 +18,10 @@ impl Session {
     pub(crate) fn relocate(&mut self, from: &Path, to: &Path) -> Result<JobId> {
         let project = self.snapshot()?;
         let (from, to) = (plain(from)?, plain(to)?);
-        Ok(self.start("Look for moved frames", Kind::Short, move |link| {
+        Ok(self.start("Look for moved frames", JobKind::Short, move |context| {
             let (mut edits, mut missing) = (Vec::new(), Vec::new());
             for (number, frame) in project.frames.iter().enumerate() {
-                link.progress.step(number, project.frames.len())?;
+                context.progress.step(number, project.frames.len())?;
                 match moved(frame, &from, &to)? {
                     Moved::To(value) => edits.push(Edit::SetFrame { frame: number, value }),
                     Moved::Missing(path) => missing.push(path),

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use super::scaled_results::{ScaledResults, Scaling};
 use crate::Event;
 use crate::Session;
-use crate::{Kind, Landing};
+use crate::{JobCompletion, JobKind};
 use ostra_cloud::measure::LengthUnit;
 use ostra_core::job::JobId;
 use ostra_geometry::{Sighting, triangulate};
@@ -30,9 +30,12 @@ impl Session {
             factor,
             version,
         };
-        Ok(self.start("Set scale", Kind::Long, move |link| {
-            let scaled = scaling.write(&link.progress)?;
-            Ok(Box::new(move |session: &mut Self| session.take_scale(&scaling, scaled)) as Landing)
+        Ok(self.start("Set scale", JobKind::Long, move |context| {
+            let scaled = scaling.write(&context.progress)?;
+            Ok(
+                Box::new(move |session: &mut Self| session.take_scale(&scaling, scaled))
+                    as JobCompletion,
+            )
         }))
     }
 
@@ -53,7 +56,9 @@ impl Session {
         self.events.push(Event::Notice(scaled.notice(scaling)));
         self.warn_all(scaled.warnings);
         if let Some((cloud, votes)) = scaled.cloud.map(|cloud| (cloud.cloud, cloud.votes)) {
-            self.cloud.put(Some(scaling.version), cloud, votes);
+            self.background
+                .cloud
+                .put(Some(scaling.version), cloud, votes);
             self.events.push(Event::CloudChanged);
         }
         Ok(())

@@ -7,7 +7,7 @@ use anyhow::{Context, Result};
 use rayon::prelude::*;
 
 use super::voted_before::geometry_digest;
-use crate::cloud::read_votes_on;
+use crate::voted_cloud::read_votes_on;
 use ostra_cloud::LabelledCloud;
 use ostra_cloud::fuse::Votes;
 use ostra_cloud::measure::LengthUnit;

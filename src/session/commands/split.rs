@@ -1,9 +1,8 @@
 use anyhow::{Context, Result, ensure};
 use glam::DVec2;
 
-use super::paint::label_name;
-use super::range::changed;
 use crate::RangeRequest;
+use crate::mask_edits::{changed, label_name};
 use ostra_core::job::Progress;
 use ostra_masks::{Click, Connectivity, LabelId, Prompt, Region, RunMask, components, nearer_part};
 use ostra_project::{Edit, FrameMask, Project};

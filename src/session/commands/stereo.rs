@@ -9,8 +9,8 @@ use sha2::{Digest, Sha256};
 use super::found_cameras::left_out;
 use crate::Session;
 use crate::engines::{identity, matcher};
-use crate::growing::Shown;
-use crate::jobs::Link;
+use crate::jobs::JobContext;
+use crate::live_preview::WatchedDepths;
 use ostra_compute::gpu::{Device, GpuError, Software};
 use ostra_core::job::Progress;
 use ostra_frames::cameras::{ModelEncoding, SparsePoints, read_sparse_model, write_colmap_model};
@@ -44,7 +44,7 @@ pub(super) struct StereoWork {
 ///
 /// # Errors
 /// Where no frame can have depth, a result cannot be kept, or it was stopped.
-pub(super) fn make_depths(work: StereoWork, link: &Link) -> Result<()> {
+pub(super) fn make_depths(work: StereoWork, context: &JobContext<Session>) -> Result<()> {
     let begun = Instant::now();
     let StereoWork {
         project,
@@ -66,12 +66,12 @@ pub(super) fn make_depths(work: StereoWork, link: &Link) -> Result<()> {
     folder.save_account(&account)?;
     let how = (&*store, &request, &options);
     let frames = &project.frames;
-    let shown = Shown {
+    let shown = WatchedDepths {
         depths: &folder,
         frames,
         pictures: &store,
         max_side: options.max_side,
-        link,
+        sink: context,
     };
     let estimate = |engine: &Engine| {
         estimate(
@@ -81,7 +81,7 @@ pub(super) fn make_depths(work: StereoWork, link: &Link) -> Result<()> {
             (&folder, &shown),
             how,
             engine,
-            &link.progress,
+            &context.progress,
         )
     };
     let mut of_device = Vec::new();
@@ -108,7 +108,7 @@ pub(super) fn make_depths(work: StereoWork, link: &Link) -> Result<()> {
         "no frame got depth: {}",
         warnings.first().map_or("", String::as_str)
     );
-    Ok(link.send(move |session: &mut Session| {
+    Ok(context.send(move |session: &mut Session| {
         session.take_depths(&project, &made, record, warnings)
     })?)
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use anyhow::{Result, ensure};
 
 use crate::suggestion::Reason;
-use crate::{Kind, Landing};
+use crate::{JobCompletion, JobKind};
 use crate::{Session, Suggestion};
 use ostra_cloud::SceneError;
 use ostra_cloud::fuse::{naming, readable};
@@ -33,13 +33,13 @@ impl Session {
             !project.masks.is_empty(),
             "no frame has a mask; prompt and track first"
         );
-        Ok(self.start("Suggest", Kind::Short, move |link| {
-            let (found, warning) = suggestions(&project, &store, &link.progress)?;
+        Ok(self.start("Suggest", JobKind::Short, move |context| {
+            let (found, warning) = suggestions(&project, &store, &context.progress)?;
             Ok(Box::new(move |session: &mut Self| {
                 session.suggestions = found;
                 session.warn_all(warning.into_iter().collect());
                 Ok(())
-            }) as Landing)
+            }) as JobCompletion)
         }))
     }
 

@@ -3,17 +3,17 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
-use super::fuse::{save_votes, stereo_version};
 use super::voted_before::VotedBefore;
+use crate::voted_cloud::save_votes;
 use ostra_cloud::fuse::{Coverage, OntoOptions, ProjectViews, SeenPoints, Votes, vote_seen};
 use ostra_cloud::ply::{Coloring, save_mesh};
 use ostra_cloud::volume::{VolumeOptions, reconstruct_surface};
 use ostra_cloud::{LabelledMesh, SceneError};
 use ostra_core::job::Progress;
-use ostra_frames::FrameStore;
+use ostra_frames::{Frame, FrameStore};
 use ostra_masks::LabelId;
-use ostra_project::store::{DepthFolder, mesh_path, mesh_votes_path};
-use ostra_project::{FuseRequest, Project};
+use ostra_project::store::{DepthFolder, mesh_path, mesh_votes_path, version_in_force};
+use ostra_project::{FuseRequest, Project, ResultKind};
 
 /// Memory for the voxels of a surface whose voxel size nobody gave.
 const DEFAULT_BYTES: usize = 256 << 20;
@@ -192,4 +192,11 @@ pub(super) fn save_surface(
 ) -> Result<()> {
     save_mesh(&mesh_path(root, version), mesh, Coloring::Picture, progress)?;
     save_votes(&mesh_votes_path(root, version), votes)
+}
+
+/// The version of the depth maps, where stereo made all that there are.
+pub(super) fn stereo_version(project: &Project) -> Option<u64> {
+    let measured = project.frames.iter().any(Frame::has_sensor_depth);
+    let made = project.frames.iter().any(|frame| frame.depth.is_some());
+    version_in_force(project, ResultKind::Depths).filter(|_| made && !measured)
 }

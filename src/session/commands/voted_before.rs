@@ -5,7 +5,7 @@ use std::time::SystemTime;
 use anyhow::{Context, Result};
 use sha2::{Digest, Sha256};
 
-use crate::cloud::read_votes_on;
+use crate::voted_cloud::read_votes_on;
 use ostra_cloud::fuse::{Fused, ProjectViews, Votes, vote_again};
 use ostra_cloud::ply::{read_mesh, read_ply};
 use ostra_cloud::{LabelledCloud, LabelledMesh};

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use super::making::{frame, perform};
 use crate::Event;
 use crate::Session;
-use crate::{Kind, Landing, jobs::Link};
+use crate::{JobCompletion, JobKind, jobs::JobContext};
 use ostra_project::OpenProject;
 use ostra_project::{Edit, Project};
 
@@ -31,7 +31,7 @@ fn count(session: &Session) -> usize {
 #[test]
 fn a_panic_in_a_job_is_its_failure() {
     let mut session = Session::new();
-    let job = session.start("Break", Kind::Long, |_| panic!("index 7 is out"));
+    let job = session.start("Break", JobKind::Long, |_| panic!("index 7 is out"));
     let events = settle(&mut session);
     assert_eq!(
         events[0],
@@ -56,13 +56,13 @@ fn pieces_are_taken_in_before_the_end() {
     session.set_waker(move || {
         wake.fetch_add(1, Ordering::Relaxed);
     });
-    let work = |link: &Link| {
+    let work = |context: &JobContext<Session>| {
         for k in 0..200 {
-            link.send(add(&k.to_string()))?;
+            context.send(add(&k.to_string()))?;
         }
-        Ok(Box::new(add("last")) as Landing)
+        Ok(Box::new(add("last")) as JobCompletion)
     };
-    session.start("Many", Kind::Long, work);
+    session.start("Many", JobKind::Long, work);
     let events = settle(&mut session);
     assert!(
         matches!(events.last(), Some(Event::Finished { .. })),
@@ -80,13 +80,13 @@ fn pieces_are_taken_in_before_the_end() {
 fn a_stopped_job_keeps_its_pieces() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(&folder);
-    let work = |link: &Link| {
-        link.send(add("piece"))?;
+    let work = |context: &JobContext<Session>| {
+        context.send(add("piece"))?;
         loop {
-            link.progress.step(1, 2)?;
+            context.progress.step(1, 2)?;
         }
     };
-    session.start("Endless", Kind::Long, work);
+    session.start("Endless", JobKind::Long, work);
     assert!(
         session
             .check_no_long_job()
@@ -110,14 +110,14 @@ fn a_stopped_job_keeps_its_pieces() {
 fn a_piece_that_is_refused_ends_the_job() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(&folder);
-    let work = |link: &Link| {
-        link.send(add("twice"))?;
-        link.send(add("twice"))?;
+    let work = |context: &JobContext<Session>| {
+        context.send(add("twice"))?;
+        context.send(add("twice"))?;
         loop {
-            link.progress.check()?;
+            context.progress.check()?;
         }
     };
-    session.start("Refused", Kind::Long, work);
+    session.start("Refused", JobKind::Long, work);
     let events = settle(&mut session);
     let failed = events.iter().find_map(|event| match event {
         Event::Failed { error, .. } => Some(error.as_str()),
@@ -136,7 +136,9 @@ fn what_a_closed_project_was_waiting_for_is_not_taken_in() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(&folder);
     let root = session.root().unwrap().to_owned();
-    session.start("Late", Kind::Long, |_| Ok(Box::new(add("late")) as Landing));
+    session.start("Late", JobKind::Long, |_| {
+        Ok(Box::new(add("late")) as JobCompletion)
+    });
     perform(&mut session, crate::Command::Close).unwrap();
     perform(&mut session, crate::Command::Open(root)).unwrap();
     assert_eq!(count(&session), 0);

@@ -117,8 +117,7 @@ fn what_is_deleted_stays_gone_until_it_is_let_in_or_given_again() {
         (tracked([2, 0, 0]).runs, 0),
         "no tracker brings it back"
     );
-    let given =
-        super::super::commands::by_hand(now(&session), 2, &tracked([1, 2, 0]).runs.decode());
+    let given = crate::mask_edits::by_hand(now(&session), 2, &tracked([1, 2, 0]).runs.decode());
     session.commit("Paint", given).unwrap();
     assert_eq!(
         now(&session)

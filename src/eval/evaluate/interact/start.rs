@@ -8,7 +8,7 @@ use super::{InteractOptions, InteractReport, Sequence, interact};
 use crate::demo::Watch;
 use ostra_core::job::{Progress, Stopped};
 use ostra_session::Event;
-use ostra_session::{Kind, Landing};
+use ostra_session::{JobCompletion, JobKind};
 use ostra_session::{Session, TrackSettings, engines};
 
 /// What a robot user is given.
@@ -37,9 +37,9 @@ pub fn evaluate_interaction(
 ) -> Result<(InteractReport, Vec<String>)> {
     let (request, (sender, receiver)) = (request.clone(), channel());
     let mut session = Session::new();
-    session.start("Interact", Kind::Long, move |link| {
-        let played = play(&request, &link.progress)?;
-        Ok(Box::new(move |_: &mut Session| Ok(sender.send(played)?)) as Landing)
+    session.start("Interact", JobKind::Long, move |context| {
+        let played = play(&request, &context.progress)?;
+        Ok(Box::new(move |_: &mut Session| Ok(sender.send(played)?)) as JobCompletion)
     });
     for event in session.settle(watch) {
         match event {

@@ -1,9 +1,12 @@
+use std::collections::BTreeMap;
+
 use proptest::prelude::*;
 
 use super::*;
 use ostra_core::job::JobId;
-use ostra_project::OpenProject;
+use ostra_masks::LabelId;
 use ostra_project::testing::{anchor, project, record, tracked};
+use ostra_project::{MaskOrigin, OpenProject, Project};
 
 /// A session in which the test brings a run's frames.
 fn running(folder: &tempfile::TempDir, project: Project) -> Session {
@@ -26,7 +29,7 @@ fn begin(session: &mut Session, job: u64, settings: &TrackSettings) {
         waiting: Vec::new(),
         saved: Instant::now(),
         pause_below: settings.pause_below,
-        doubt: None,
+        pause: None,
     });
 }
 

@@ -1,14 +1,33 @@
+//! Writes clouds, meshes, voxels and tables of traits.
+
 use std::path::Path;
 
 use anyhow::{Context, Result};
 
-pub use super::export_sources::Sources;
-use ostra_cloud::formats::{MeshFormat, VoxelFormat, save_origin};
+use super::export_inputs::{Sources, make_folder_of};
+use ostra_cloud::formats::{CloudFormat, MeshFormat, VoxelFormat, save_origin};
 use ostra_cloud::fuse::ProjectViews;
+use ostra_cloud::measure::{LengthUnit, MeasureOptions, measure, measure_angles, traits_csv};
 use ostra_cloud::ply::{Coloring, label_paths, read_mesh, save_per_label, twin_path};
 use ostra_cloud::{LabelledCloud, LabelledMesh, SceneError, fill_interior, voxelize};
 use ostra_core::job::Progress;
 use ostra_project::ExportRequest;
+use ostra_project::store::replace;
+
+/// Writes the cloud.
+pub(super) fn write_cloud(
+    path: &Path,
+    cloud: &LabelledCloud,
+    request: &ExportRequest,
+    progress: &Progress,
+) -> Result<()> {
+    progress.stage("write cloud")?;
+    let format = CloudFormat::of(path)?;
+    let save =
+        |path: &Path, cloud: &LabelledCloud, coloring| format.save(path, cloud, coloring, progress);
+    write_points(path, cloud, request, save)?;
+    Ok(CloudFormat::save_classes(path, cloud)?)
+}
 
 /// Writes the surface that was made with the cloud, under the label names of today: every triangle in one label. Returns
 /// warnings: where more triangles are left than were asked for, and what positions are relative to.
@@ -35,7 +54,7 @@ pub(super) fn write_mesh(
         .transpose()?;
     let (mesh, warning) = simple.unwrap_or((whole, None));
     progress.stage("write mesh")?;
-    super::make_folder_of(path)?;
+    make_folder_of(path)?;
     format.save(path, &mesh, Coloring::Picture, progress)?;
     if request.twin {
         format.save(&twin_path(path), &mesh, Coloring::Labels, progress)?;
@@ -106,13 +125,13 @@ pub(super) fn write_voxels(
 }
 
 /// Writes a cloud or voxels by `save`, read at the level asked for, then the twin and the parts that are asked for.
-pub(super) fn write_points(
+fn write_points(
     path: &Path,
     cloud: &LabelledCloud,
     request: &ExportRequest,
     save: impl Fn(&Path, &LabelledCloud, Coloring) -> Result<(), SceneError>,
 ) -> Result<()> {
-    super::make_folder_of(path)?;
+    make_folder_of(path)?;
     let coarse = request.level.map(|level| cloud.at_level(level));
     let cloud = coarse.as_ref().unwrap_or(cloud);
     save(path, cloud, Coloring::Picture)?;
@@ -125,4 +144,26 @@ pub(super) fn write_points(
         })?;
     }
     Ok(())
+}
+
+/// Measures every label of a cloud and the angles asked for, and writes the table, lengths in the unit asked for or else in the scene's.
+pub(super) fn write_traits(
+    path: &Path,
+    cloud: &LabelledCloud,
+    request: &ExportRequest,
+    of_scene: LengthUnit,
+    progress: &Progress,
+) -> Result<()> {
+    let options = MeasureOptions {
+        level: request.level,
+        ground: request.ground,
+        ..MeasureOptions::default()
+    };
+    let mut rows = measure(cloud, &options, progress)?;
+    rows.extend(measure_angles(cloud, &request.angles, &options, progress)?);
+    make_folder_of(path)?;
+    replace(
+        path,
+        traits_csv(&rows, request.unit.unwrap_or(of_scene)).as_bytes(),
+    )
 }

@@ -1,11 +1,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::Session;
-use super::jobs::Link;
-use crate::Event;
 use ostra_cloud::{LabelledCloud, SceneError};
-use ostra_core::job::JobId;
+use ostra_core::job::{JobId, Stopped};
 use ostra_frames::{Frame, FrameStore};
 use ostra_geometry::Pose;
 use ostra_reconstruct::stereo::{DepthEstimate, DepthStore, Stage, raster_image};
@@ -16,77 +13,85 @@ const POINTS: usize = 2_000_000;
 /// What a pixel's depth must be sure to, 0–255, to be shown before it was filtered.
 const SURE: u8 = 160;
 
-/// Points that a job has made or placed so far, to be looked at while it runs.
+/// Points that a job has made or placed so far, to be looked at while it runs. Not a query: the job sends them view by
+/// view, nothing asks for them.
 #[derive(Default)]
-pub(super) struct Growing {
+pub(crate) struct LivePreview {
     job: Option<JobId>,
     views: BTreeMap<usize, LabelledCloud>,
     cloud: Arc<LabelledCloud>,
     /// Views came since the cloud was put together.
-    news: bool,
+    has_news: bool,
 }
 
-impl Session {
-    /// The points of the depths that are being made or placed; `None` unless a job does so and has a view done.
-    #[must_use]
-    pub fn growing_cloud(&self) -> Option<&Arc<LabelledCloud>> {
-        let running = self
-            .jobs()
-            .iter()
-            .any(|job| Some(job.id) == self.growing.job);
-        Some(&self.growing.cloud).filter(|cloud| running && !cloud.is_empty())
+impl LivePreview {
+    /// The job whose points these are.
+    pub(crate) fn job(&self) -> Option<JobId> {
+        self.job
     }
 
-    /// Takes over the points of one view; those of another job go.
-    fn grow(&mut self, job: JobId, frame: usize, points: LabelledCloud) {
-        if self.growing.job != Some(job) {
-            self.growing = Growing {
+    /// The points that were [gathered](Self::gather).
+    pub(crate) fn cloud(&self) -> &Arc<LabelledCloud> {
+        &self.cloud
+    }
+
+    /// Adds the points of one view; those of another job go.
+    pub(crate) fn add(&mut self, job: JobId, frame: usize, points: LabelledCloud) {
+        if self.job != Some(job) {
+            *self = Self {
                 job: Some(job),
-                ..Growing::default()
+                ..Self::default()
             };
         }
-        self.growing.views.insert(frame, points);
-        self.growing.news = true;
+        self.views.insert(frame, points);
+        self.has_news = true;
     }
 
-    /// Puts together what came since the last time.
-    pub(super) fn gather_growing(&mut self) {
-        if !std::mem::take(&mut self.growing.news) {
-            return;
+    /// Puts together what came since the last time; returns whether anything did.
+    pub(crate) fn gather(&mut self) -> bool {
+        if !std::mem::take(&mut self.has_news) {
+            return false;
         }
         let mut cloud = LabelledCloud::default();
-        for view in self.growing.views.values() {
+        for view in self.views.values() {
             cloud.append(view);
         }
-        self.growing.cloud = Arc::new(cloud);
-        self.events.push(Event::CloudChanged);
+        self.cloud = Arc::new(cloud);
+        true
     }
 }
 
-/// Shows the session what a sensor sees in frames whose cameras come to be known.
-pub(super) struct Placed<'a> {
-    pub(super) frames: &'a [Frame],
-    pub(super) pictures: &'a FrameStore,
-    pub(super) link: &'a Link,
+/// The way from a job to the preview.
+pub(crate) trait PreviewSink: Sync {
+    /// Whether the preview is shown.
+    fn is_watched(&self) -> bool;
+
+    /// Adds the points of one view.
+    ///
+    /// # Errors
+    /// [`Stopped`] when nothing takes them any more.
+    fn show(&self, frame: usize, points: LabelledCloud) -> Result<(), Stopped>;
 }
 
-impl Placed<'_> {
-    /// Sends the points of a frame under a pose. A frame that cannot be read shows nothing: who finds the cameras reads it
-    /// too, and tells.
-    pub(super) fn show(&self, frame: usize, camera_from_world: &Pose) {
+/// Shows what a sensor sees in frames whose poses come to be known.
+pub(crate) struct PlacedFrames<'a> {
+    pub(crate) frames: &'a [Frame],
+    pub(crate) pictures: &'a FrameStore,
+    pub(crate) sink: &'a dyn PreviewSink,
+}
+
+impl PlacedFrames<'_> {
+    /// Shows the points of a frame under a pose. A frame that cannot be read shows nothing: the search for the cameras
+    /// reads it too, and reports that.
+    pub(crate) fn show(&self, frame: usize, camera_from_world: &Pose) {
         if let Some(points) = self
-            .link
+            .sink
             .is_watched()
             .then(|| self.points(frame, camera_from_world))
             .flatten()
         {
-            let job = self.link.job();
-            let grow = move |session: &mut Session| {
-                session.grow(job, frame, points);
-                Ok(())
-            };
             // A job that was stopped ends by itself.
-            let _ = self.link.send(grow);
+            let _ = self.sink.show(frame, points);
         }
     }
 
@@ -112,28 +117,25 @@ impl Placed<'_> {
     }
 }
 
-/// A store of depths that shows the session what comes into it.
-pub(super) struct Shown<'a> {
-    pub(super) depths: &'a dyn DepthStore,
-    pub(super) frames: &'a [Frame],
-    pub(super) pictures: &'a FrameStore,
-    pub(super) max_side: u32,
-    pub(super) link: &'a Link,
+/// A store of depths that shows what comes into it.
+pub(crate) struct WatchedDepths<'a> {
+    pub(crate) depths: &'a dyn DepthStore,
+    pub(crate) frames: &'a [Frame],
+    pub(crate) pictures: &'a FrameStore,
+    pub(crate) max_side: u32,
+    pub(crate) sink: &'a dyn PreviewSink,
 }
 
-impl DepthStore for Shown<'_> {
+impl DepthStore for WatchedDepths<'_> {
     fn load(&self, frame: usize, stage: Stage) -> Result<Option<Arc<DepthEstimate>>, SceneError> {
         self.depths.load(frame, stage)
     }
 
     fn save(&self, frame: usize, stage: Stage, estimate: DepthEstimate) -> Result<(), SceneError> {
-        if self.link.is_watched() {
+        if self.sink.is_watched() {
             let least = if let Stage::Round(_) = stage { SURE } else { 0 };
-            let (points, job) = (self.points(frame, &estimate, least)?, self.link.job());
-            self.link.send(move |session: &mut Session| {
-                session.grow(job, frame, points);
-                Ok(())
-            })?;
+            let points = self.points(frame, &estimate, least)?;
+            self.sink.show(frame, points)?;
         }
         self.depths.save(frame, stage, estimate)
     }
@@ -143,7 +145,7 @@ impl DepthStore for Shown<'_> {
     }
 }
 
-impl Shown<'_> {
+impl WatchedDepths<'_> {
     /// An evenly spread part of a view's points that are at least so sure.
     fn points(
         &self,

@@ -1,16 +1,15 @@
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::Arc;
 
+use anyhow::Result;
 use glam::DVec2;
 
-use super::Session;
-use super::jobs::{Kind, Landing};
+use super::cloud::Snapshot;
 use crate::Event;
+use crate::query::QueryKey;
 use ostra_cloud::LabelledCloud;
 use ostra_frames::cameras::SparsePoints;
-use ostra_project::ResultKind;
-use ostra_project::store::{load_links, load_outcomes, read_sparse, sparse_path, version_in_force};
+use ostra_project::store::{load_links, load_outcomes, read_sparse, sparse_path};
 use ostra_reconstruct::rgbd::FrameLink;
 use ostra_reconstruct::sfm::Outcome;
 
@@ -103,42 +102,29 @@ impl SparseModel {
     }
 }
 
-impl Session {
-    /// The sparse model of the project's cameras where they were found by structure from motion. It is loaded by a job
-    /// when it is first asked for: `None` until [`Event::SparseChanged`].
-    #[must_use]
-    pub fn sparse(&self) -> Option<&Arc<SparseModel>> {
-        let version = self
-            .project()
-            .and_then(|project| version_in_force(project, ResultKind::Cameras))?;
-        self.sparse.get(version)
-    }
+/// A version of the project's cameras.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct SparseKey {
+    pub(crate) version: u64,
+}
 
-    /// Starts to load the model that was asked for.
-    pub(super) fn load_wanted_sparse(&mut self) {
-        let Some(version) = self.sparse.next_wanted() else {
-            return;
-        };
-        let (Some(project), Some(root)) =
-            (self.project().cloned(), self.root().map(Path::to_owned))
-        else {
-            return;
-        };
-        self.start("Load sparse points", Kind::Background, move |_| {
-            let points = read_sparse(&root, &project)?;
-            let folder = sparse_path(&root, version);
-            let model = Arc::new(SparseModel::new(
-                points,
-                load_outcomes(&folder)?,
-                load_links(&folder)?,
-            ));
-            Ok(Box::new(move |session: &mut Self| {
-                session.sparse.put(version, model);
-                session.events.push(Event::SparseChanged);
-                Ok(())
-            }) as Landing)
-        });
-    }
+impl QueryKey for SparseKey {
+    const TITLE: &'static str = "Load sparse points";
+    const EVENT: Option<Event> = Some(Event::SparseChanged);
+}
+
+/// Reads what the cameras were found with.
+///
+/// # Errors
+/// When a file is damaged.
+pub(crate) fn load_sparse_model(snapshot: &Snapshot, key: &SparseKey) -> Result<SparseModel> {
+    let points = read_sparse(&snapshot.root, &snapshot.project)?;
+    let folder = sparse_path(&snapshot.root, key.version);
+    Ok(SparseModel::new(
+        points,
+        load_outcomes(&folder)?,
+        load_links(&folder)?,
+    ))
 }
 
 #[cfg(test)]

@@ -1,3 +1,6 @@
+//! Writes undistorted images with their masks and cameras, and depths.
+
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -6,18 +9,23 @@ use anyhow::{Context, Result};
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use rayon::prelude::*;
+use tiff::encoder::{TiffEncoder, colortype::Gray32Float};
 
-use ostra_core::disk;
+use super::export_inputs::make_folder_of;
+use super::masks::stems;
+use ostra_core::disk::{self, AtomicFile};
 use ostra_core::job::Progress;
 use ostra_frames::cameras::{ModelEncoding, SparsePoints, with_text_names, write_colmap_model};
-use ostra_frames::{Frame, FrameCamera, FrameError, FrameStore, Image, Orientation, PictureSource};
+use ostra_frames::{
+    DepthMap, Frame, FrameCamera, FrameError, FrameStore, Image, Orientation, PictureSource,
+};
 use ostra_masks::{RunMask, encode_palette_png};
 use ostra_project::Project;
 use ostra_reconstruct::sfm::{undistort_image, undistort_mask, undistorted_camera};
 
 /// Writes every frame that has a camera as a pinhole camera sees it: `images/` upright as PNG, `masks/` by nearest id,
 /// `sparse/` the cameras and points (COLMAP text). Frames whose image cannot be read are left out; a warning names them.
-pub fn write(
+pub(super) fn write_undistorted(
     folder: &Path,
     project: &Project,
     sparse: &SparsePoints,
@@ -35,7 +43,7 @@ pub fn write(
             ..project.clone()
         },
     );
-    let stems = super::masks::stems(project)?;
+    let stems = stems(project)?;
     let mut frames: Vec<Frame> = project
         .global_frames()
         .iter()
@@ -116,7 +124,7 @@ fn write_frame(
     };
     let mask = undistort_mask(&mask.decode(), camera, pinhole);
     let path = folder.join("masks").join(&to.name);
-    super::make_folder_of(&path)?;
+    make_folder_of(&path)?;
     disk::write(
         &path,
         &encode_palette_png(&RunMask::encode(&mask), &project.labels)?,
@@ -129,7 +137,7 @@ fn write_frame(
 ///
 /// # Errors
 /// The first of them, where no other frame was exported.
-pub fn left_out(
+fn left_out(
     folder: &Path,
     what: &str,
     unreadable: Vec<Option<FrameError>>,
@@ -149,7 +157,7 @@ pub fn left_out(
 }
 
 fn save_image(path: &Path, image: &Image) -> Result<()> {
-    super::make_folder_of(path)?;
+    make_folder_of(path)?;
     let bytes = bytemuck::cast_slice(&image.pixels);
     let mut png = Vec::new();
     let encoder = PngEncoder::new(&mut png);
@@ -164,4 +172,48 @@ fn cannot_write(path: &Path) -> String {
         "{}: cannot be written; check permissions and free space",
         path.display()
     )
+}
+
+/// Writes the depth of every frame that has any as a 32-bit float TIFF in world units, 0 = unknown. Depths that cannot be
+/// read are left out; a warning names them.
+pub(super) fn write_depths(
+    folder: &Path,
+    project: &Project,
+    store: &FrameStore,
+    progress: &Progress,
+) -> Result<Vec<String>> {
+    progress.stage("write depths")?;
+    let done = AtomicUsize::new(0);
+    let stems = stems(project)?;
+    let written = project.frames.par_iter().zip(&stems).map(|(frame, stem)| {
+        progress.step(done.fetch_add(1, Ordering::Relaxed), project.frames.len())?;
+        match store.depth(frame) {
+            Ok(Some(depth)) => {
+                write_tiff(&folder.join(format!("{stem}.tiff")), &depth).map(|()| (true, None))
+            }
+            Ok(None) => Ok((false, None)),
+            Err(error) => Ok((false, Some(error))),
+        }
+    });
+    let (written, unreadable): (Vec<bool>, Vec<Option<FrameError>>) =
+        written.collect::<Result<Vec<_>>>()?.into_iter().unzip();
+    Ok(
+        left_out(folder, "depth", unreadable, written.contains(&true))?
+            .into_iter()
+            .collect(),
+    )
+}
+
+fn write_tiff(path: &Path, depth: &DepthMap) -> Result<()> {
+    make_folder_of(path)?;
+    let failed = || cannot_write(path);
+    let mut file = AtomicFile::create(path).with_context(failed)?;
+    let mut out = BufWriter::new(file.as_file());
+    let mut encoder = TiffEncoder::new(&mut out).with_context(failed)?;
+    encoder
+        .write_image::<Gray32Float>(depth.width, depth.height, &depth.depths)
+        .with_context(failed)?;
+    out.flush().with_context(failed)?;
+    drop(out);
+    file.commit().with_context(failed)
 }

@@ -1,0 +1,29 @@
+//! Values that take time and that panels show: each file has the key of a [`Query`](crate::query::Query) and the pure
+//! function that makes its value.
+
+mod angles;
+mod cloud;
+mod conflicts;
+mod instances;
+mod prompt_preview;
+mod selection;
+mod sparse;
+mod surface;
+mod traits;
+mod vote_mismatch;
+
+pub use angles::Angles;
+pub(crate) use angles::{AnglesKey, find_angles};
+pub(crate) use cloud::{CloudKey, CloudQuery, CloudState, LoadedCloud, Snapshot, load_cloud};
+pub(crate) use conflicts::{Conflicts, ConflictsKey, find_conflicts};
+pub use instances::ProposedInstances;
+pub(crate) use instances::{InstancesKey, find_instances, propose_instances};
+pub(crate) use prompt_preview::{PromptTools, preview_prompt};
+pub(crate) use selection::{ChosenPoints, SelectionKey, choose_points};
+pub use sparse::SparseModel;
+pub(crate) use sparse::{SparseKey, load_sparse_model};
+pub use surface::Surface;
+pub(crate) use surface::{MeshKey, SurfaceKey, load_mesh, make_surface};
+pub use traits::MeasureWish;
+pub(crate) use traits::{MeasuredCloud, TraitsKey, measure_traits, under};
+pub(crate) use vote_mismatch::{VoteMismatchKey, find_vote_mismatch, mask_by_vote};

@@ -1,0 +1,51 @@
+use std::sync::Arc;
+
+use crate::PromptRequest;
+use crate::commands::answer;
+use crate::prepared::PreparedFrames;
+use crate::query::QueryKey;
+use ostra_core::job::Progress;
+use ostra_frames::FrameStore;
+use ostra_masks::{LabelId, LabelMask, RunMask, Segmenter};
+use ostra_project::Project;
+
+/// A prompt that was not sent yet.
+impl QueryKey for PromptRequest {
+    const TITLE: &'static str = "preview prompt";
+
+    /// Work on another prompt goes on: it prepares the frame for all.
+    fn is_obsolete(&self, _wanted: &Self) -> bool {
+        false
+    }
+}
+
+/// What a prompt is answered with.
+pub(crate) struct PromptTools {
+    pub(crate) segmenter: Arc<dyn Segmenter>,
+    pub(crate) prepared: Arc<PreparedFrames>,
+    pub(crate) store: Arc<FrameStore>,
+}
+
+/// The pixels that a prompt would get, as a mask of its label. `None` where it cannot be answered: that is reported when
+/// the prompt is sent.
+pub(crate) fn preview_prompt(
+    project: &Project,
+    request: &PromptRequest,
+    tools: &PromptTools,
+    progress: &Progress,
+) -> Option<Arc<RunMask>> {
+    let frame = project.frames.get(request.frame)?;
+    let segmenter = tools.segmenter.as_ref();
+    let ready = tools
+        .prepared
+        .get(segmenter, frame, &tools.store, progress)
+        .ok()?;
+    let region = answer(ready.as_ref(), project, request, progress).ok()?;
+    let id = |&inside: &bool| if inside { request.label } else { LabelId::NONE };
+    let ids = region.inside.iter().map(id).collect();
+    Some(Arc::new(RunMask::encode(&LabelMask {
+        width: region.width,
+        height: region.height,
+        ids,
+    })))
+}

@@ -1,0 +1,110 @@
+use anyhow::{Context, Result};
+
+use super::cloud::{CloudState, Snapshot};
+use crate::Event;
+use crate::jobs::JobKind;
+use crate::query::QueryKey;
+use crate::voted_cloud::{NOT_KEPT, read_votes_on, relabelled_mesh};
+use ostra_cloud::ply::read_mesh;
+use ostra_cloud::{LabelledMesh, voxel_faces, voxelize};
+use ostra_core::job::Progress;
+use ostra_project::store::{mesh_path, mesh_votes_path};
+
+/// What can be drawn of a result besides its points.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Surface {
+    /// The mesh, every triangle in one label.
+    Mesh,
+    /// The outer faces of the cubes that hold points, as large as those the mesh was made with.
+    Voxels,
+}
+
+/// The mesh of a version of the project's cloud, as it was made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct MeshKey {
+    pub(crate) version: u64,
+}
+
+impl QueryKey for MeshKey {
+    const TITLE: &'static str = "Load mesh";
+    const EVENT: Option<Event> = Some(Event::CloudChanged);
+
+    fn kind(&self) -> JobKind {
+        JobKind::Short
+    }
+}
+
+/// Reads the mesh.
+///
+/// # Errors
+/// When its file is missing or damaged.
+pub(crate) fn load_mesh(
+    snapshot: &Snapshot,
+    key: &MeshKey,
+    progress: &Progress,
+) -> Result<LabelledMesh> {
+    read_mesh(&mesh_path(&snapshot.root, key.version), progress).context(NOT_KEPT)
+}
+
+/// Triangles to be drawn, labelled as a state of the cloud is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct SurfaceKey {
+    pub(crate) cloud: CloudState,
+    pub(crate) surface: Surface,
+    /// Edge of the voxels, world units.
+    pub(crate) voxel: f64,
+}
+
+impl QueryKey for SurfaceKey {
+    const TITLE: &'static str = "Load surface";
+    const EVENT: Option<Event> = Some(Event::CloudChanged);
+
+    /// New labels of a surface that is shown already come by themselves.
+    fn kind(&self) -> JobKind {
+        if self.cloud.round > 0 {
+            JobKind::Background
+        } else {
+            JobKind::Short
+        }
+    }
+
+    /// The labels of an earlier round of voting stand until those of now are there.
+    fn serves(&self, wanted: &Self) -> bool {
+        self.cloud.version == wanted.cloud.version && self.surface == wanted.surface
+    }
+}
+
+/// Makes the triangles.
+///
+/// # Errors
+/// When a file of the result is missing or damaged.
+pub(crate) fn make_surface(
+    snapshot: &Snapshot,
+    key: &SurfaceKey,
+    progress: &Progress,
+) -> Result<LabelledMesh> {
+    let Snapshot {
+        project,
+        root,
+        store,
+        ..
+    } = snapshot;
+    let version = key.cloud.version;
+    match key.surface {
+        Surface::Mesh => {
+            let mesh = read_mesh(&mesh_path(root, version), progress).context(NOT_KEPT)?;
+            let path = mesh_votes_path(root, version);
+            let votes = read_votes_on(&path, mesh.vertices.len(), &project.frames);
+            let mesh = match votes.ok().filter(|_| key.cloud.round > 0) {
+                Some(votes) => relabelled_mesh(mesh, &votes, project, store, progress)?,
+                None => mesh,
+            };
+            Ok(mesh.split_at_labels())
+        }
+        Surface::Voxels => {
+            let voted = snapshot.voted_cloud(version, progress)?;
+            let voxels = voxelize(&voted.cloud, Some(&voted.votes), key.voxel)?;
+            Ok(voxel_faces(&voxels, key.voxel))
+        }
+    }
+}
