@@ -53,7 +53,7 @@ pub trait PreparedFrame: Send + Sync {
         progress: &Progress,
     ) -> Result<Region, MaskError>;
 
-    /// Things that nobody asked for, the surest first; `None` where the segmenter only answers prompts.
+    /// Things found without a prompt, the most confident first; `None` where the segmenter only answers prompts.
     ///
     /// # Errors
     /// [`MaskError::Stopped`], or what the engine says.
@@ -65,7 +65,7 @@ pub trait PreparedFrame: Send + Sync {
     fn bytes(&self) -> usize;
 }
 
-/// A thing that nobody asked for.
+/// A thing found without a prompt.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Proposal {
     /// Its pixels.

@@ -62,20 +62,36 @@ pub(super) fn yielding(label: LabelId, replaceable: &[LabelId], tree: &LabelTree
     yields
 }
 
-/// Puts a segmenter's answer for `label` into a frame's mask: the label's former pixels are cleared, the region is
-/// written. Pixels of other labels stay, unless these are ancestors of the label (a part takes from its parent) or named
-/// in `replaceable`. The pixel of an include click becomes the label whatever was there.
+/// A segmenter's answer for a label on a frame.
+#[derive(Debug, Clone, Copy)]
+pub struct LabelAnswer<'a> {
+    /// Its pixels.
+    pub region: &'a Region,
+    /// The label.
+    pub label: LabelId,
+    /// What was given for it.
+    pub prompt: &'a Prompt,
+    /// Other labels whose pixels it may take.
+    pub replaceable: &'a [LabelId],
+}
+
+/// Puts a segmenter's answer into a frame's mask: the label's former pixels are cleared, the region is written. Pixels of
+/// other labels stay, unless these are ancestors of the label (a part takes from its parent) or named in `replaceable`.
+/// The pixel of an include click becomes the label whatever was there.
 ///
 /// # Errors
 /// [`MaskError::Request`] when the region has another size than the mask.
 pub fn compose(
     mask: &mut LabelMask,
-    region: &Region,
-    label: LabelId,
-    prompt: &Prompt,
-    replaceable: &[LabelId],
+    answer: &LabelAnswer<'_>,
     tree: &LabelTree,
 ) -> Result<(), MaskError> {
+    let LabelAnswer {
+        region,
+        label,
+        prompt,
+        replaceable,
+    } = *answer;
     region.check_size(mask.width, mask.height)?;
     let yields = yielding(label, replaceable, tree);
     for (at, &inside) in mask.ids.iter_mut().zip(&region.inside) {
@@ -94,8 +110,8 @@ pub fn compose(
     Ok(())
 }
 
-/// The pixels that [`compose`] would keep from `label` because other labels hold them: what a segmenter is told is
-/// taken.
+/// The pixels that [`compose`] would keep from `label` because other labels hold them: what a segmenter may not
+/// take.
 #[must_use]
 pub fn taken_by_others(
     mask: &LabelMask,
@@ -186,7 +202,9 @@ mod tests {
             let click = Click { at_px: DVec2::new(click.0, click.1), include: click.2 };
             let prompt = Prompt { clicks: vec![click], ..Prompt::default() };
             let mut composed = mask.clone();
-            compose(&mut composed, &region, label, &prompt, &[LabelId(other)], &tree).unwrap();
+            let replaceable = &[LabelId(other)];
+            let answer = LabelAnswer { region: &region, label, prompt: &prompt, replaceable };
+            compose(&mut composed, &answer, &tree).unwrap();
             let taken = taken_by_others(&mask, label, &[LabelId(other)], &tree);
             for (at, (&before, &after)) in mask.ids.iter().zip(&composed.ids).enumerate() {
                 let concerned = before == LabelId::NONE
@@ -215,30 +233,21 @@ mod tests {
             height: 1,
             inside: vec![true; 4],
         };
+        let prompt = Prompt::default();
+        let whole = |label| LabelAnswer {
+            region: &all,
+            label,
+            prompt: &prompt,
+            replaceable: &[],
+        };
         let mut mask = LabelMask {
             width: 4,
             height: 1,
             ids: ids([1, 2, 5, 0]),
         };
-        compose(
-            &mut mask,
-            &all,
-            LabelId(2),
-            &Prompt::default(),
-            &[],
-            &tree(),
-        )
-        .unwrap();
+        compose(&mut mask, &whole(LabelId(2)), &tree()).unwrap();
         assert_eq!(mask.ids, ids([2, 2, 5, 2]));
-        compose(
-            &mut mask,
-            &all,
-            LabelId(1),
-            &Prompt::default(),
-            &[],
-            &tree(),
-        )
-        .unwrap();
+        compose(&mut mask, &whole(LabelId(1)), &tree()).unwrap();
         assert_eq!(mask.ids, ids([2, 2, 5, 2]));
     }
 }

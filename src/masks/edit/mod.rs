@@ -11,7 +11,7 @@ mod split;
 mod tidy;
 mod transfer;
 
-pub use assign::{PaintRule, assign, compose, erase, taken_by_others};
+pub use assign::{LabelAnswer, PaintRule, assign, compose, erase, taken_by_others};
 pub use brush::stroke;
 pub use interpolate::ShapeBlend;
 pub use polygon::{fill_polygons, polygon_spans};

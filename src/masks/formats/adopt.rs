@@ -56,10 +56,10 @@ impl Adoption {
         if let Some(known) = self.tree.by_name(newcomer.name) {
             return Ok(known.id);
         }
-        let wish = newcomer
+        let wanted = newcomer
             .id
             .filter(|&id| id != LabelId::NONE && self.tree.get(id).is_none());
-        let id = wish.unwrap_or_else(|| self.fresh_id());
+        let id = wanted.unwrap_or_else(|| self.fresh_id());
         let color = newcomer.color.unwrap_or_else(|| LabelTree::color_for(id));
         self.add(Label {
             id,

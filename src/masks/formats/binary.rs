@@ -9,7 +9,7 @@ use super::frame_matching::{
     Export, Imported, MaskFrame, NameIndex, nothing_fits, unmatched_warning,
 };
 use super::labels_json::{listed_labels, write_labels_json};
-use super::layers::{contested_warning, stacked};
+use super::layers::{Stacked, contested_warning, stacked};
 use super::png_decode::Stored;
 use super::png_values::{HowRead, PngValues, encode_png, reconcile_cut_outs};
 use crate::{LabelId, LabelTree, MaskError, RunMask};
@@ -55,11 +55,11 @@ pub(super) fn import(
     let read = in_parallel(&jobs, progress, |(frame, objects)| {
         frame_mask(&frames[*frame], objects, adoption.tree())
     })?;
-    let contested = read.iter().map(|(_, contested)| contested).sum();
+    let contested = read.iter().map(|one| one.contested).sum();
     let masks = jobs
         .iter()
         .map(|job| job.0)
-        .zip(read.into_iter().map(|(mask, _)| mask))
+        .zip(read.into_iter().map(|one| one.mask))
         .collect();
     let decided = unmatched_warning(&unmatched)
         .into_iter()
@@ -203,13 +203,9 @@ fn read_files(
     progress: &Progress,
 ) -> Result<BTreeMap<usize, Vec<(LabelId, Object)>>, MaskError> {
     let read_file = |label_file: &LabelFile<'_>| {
-        let MaskFrame {
-            name,
-            width,
-            height,
-        } = frames[label_file.frame];
         let path = &label_file.file.path;
-        let read = PngValues::read(path, Some((name, width, height)))?.into_ids(path, None)?;
+        let frame = &frames[label_file.frame];
+        let read = PngValues::read(path, Some(frame))?.into_ids(path, None)?;
         Ok((RunMask::encode(&read.mask), read.how))
     };
     let results = in_parallel(files, progress, |file| unless_stopped(read_file(file)))?;
@@ -275,12 +271,12 @@ fn frame_mask(
     frame: &MaskFrame<'_>,
     objects: &[(LabelId, Object)],
     tree: &LabelTree,
-) -> Result<(RunMask, usize), MaskError> {
+) -> Result<Stacked, MaskError> {
     let layers = objects
         .iter()
         .map(|(label, object)| (*label, object))
         .collect();
-    let (mask, contested) = stacked((frame.width, frame.height), layers, tree, |object, emit| {
+    stacked(frame, layers, tree, |object: &&Object, emit| {
         let mut start = 0;
         for &(value, length) in &object.mask.runs {
             let end = start + length as usize;
@@ -290,8 +286,7 @@ fn frame_mask(
             start = end;
         }
         Ok(())
-    })?;
-    Ok((RunMask::encode(&mask), contested))
+    })
 }
 
 /// A folder name per label: its name with characters that file systems refuse put as `_`; with its id behind where two

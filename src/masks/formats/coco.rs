@@ -40,7 +40,10 @@ pub(super) fn import(
     })?;
     let mut skipped = Skipped::default();
     let images = images_by_frame(&path, &dataset.images, frames, &mut skipped)?;
-    let (annotations, without_outline) = drawn_by_frame(&dataset, &images, &mut skipped);
+    let DrawnByFrame {
+        frames: annotations,
+        without_outline,
+    } = drawn_by_frame(&dataset, &images, &mut skipped);
     let mut adoption = Adoption::new(tree, LabelId::NONE);
     let used = annotations
         .values()
@@ -56,7 +59,7 @@ pub(super) fn import(
         .map_err(|error| invalid(&path, error.to_string()))?;
     let jobs: Vec<(usize, Vec<Drawn<'_>>)> = annotations.into_iter().collect();
     let read = in_parallel(&jobs, progress, |(frame, drawn)| {
-        frame_mask(&frames[*frame], drawn, (&labels, adoption.tree()), progress)
+        frame_mask(&frames[*frame], drawn, &labels, adoption.tree(), progress)
     })?;
     let mut masks = BTreeMap::new();
     let mut contested = 0;
@@ -102,12 +105,20 @@ pub(super) fn import(
     })
 }
 
-/// The annotations that have an outline, by frame, and how many have none.
+/// The annotations of a file.
+struct DrawnByFrame<'d> {
+    /// Those that have an outline, by frame.
+    frames: BTreeMap<usize, Vec<Drawn<'d>>>,
+    /// How many have none.
+    without_outline: usize,
+}
+
+/// Sorts the annotations by frame.
 fn drawn_by_frame<'d>(
     dataset: &'d Dataset,
     images: &Images<'_>,
     skipped: &mut Skipped,
-) -> (BTreeMap<usize, Vec<Drawn<'d>>>, usize) {
+) -> DrawnByFrame<'d> {
     let mut drawn: BTreeMap<usize, Vec<Drawn<'_>>> = BTreeMap::new();
     let mut without_outline = 0;
     let what = "annotations without image or category were left out";
@@ -131,7 +142,10 @@ fn drawn_by_frame<'d>(
             }
         }
     }
-    (drawn, without_outline)
+    DrawnByFrame {
+        frames: drawn,
+        without_outline,
+    }
 }
 
 /// The entries that could be read; the others are counted.
@@ -219,10 +233,6 @@ impl Images<'_> {
     }
 }
 
-#[expect(
-    clippy::too_many_lines,
-    reason = "under 80 lines before rustfmt's defaults; to be split"
-)]
 fn images_by_frame<'i>(
     path: &Path,
     images: &'i [Entry<ImageEntry>],
@@ -278,29 +288,10 @@ fn images_by_frame<'i>(
             found.unmatched.push(&image.file_name);
             continue;
         };
-        let size = (frames[frame].width, frames[frame].height);
-        match image.width.zip(image.height) {
-            None => skipped.add(
-                "images have no size; their outlines are taken to be in the frame's pixels",
-                place(),
-            ),
-            Some(its) if its != size => {
-                let fault = format!(
-                    "the image {} {}",
-                    place(),
-                    size_fault(its, frames[frame].name, size)
-                );
-                skipped.add(
-                    "images have another size than their frame and were left out",
-                    fault.clone(),
-                );
-                first_fault.get_or_insert(fault);
-                found.frame_of_id.insert(&image.id, None);
-                continue;
-            }
-            Some(_) => {}
-        }
-        found.frame_of_id.insert(&image.id, Some(frame));
+        let fault = size_fault_of(image, &frames[frame], skipped);
+        let usable = fault.is_none().then_some(frame);
+        found.frame_of_id.insert(&image.id, usable);
+        first_fault = first_fault.or(fault);
     }
     if let Some(fault) = first_fault.filter(|_| found.frames().is_empty()) {
         return Err(invalid(path, fault));
@@ -313,6 +304,33 @@ fn images_by_frame<'i>(
         ));
     }
     Ok(found)
+}
+
+/// What is wrong with the size of an image, where it is not that of its frame.
+fn size_fault_of(
+    image: &ImageEntry,
+    frame: &MaskFrame<'_>,
+    skipped: &mut Skipped,
+) -> Option<String> {
+    let place = format!("'{}'", image.file_name);
+    match image.width.zip(image.height) {
+        None => {
+            skipped.add(
+                "images have no size; their outlines are taken to be in the frame's pixels",
+                place,
+            );
+            None
+        }
+        Some((width, height)) if (width, height) != (frame.width, frame.height) => {
+            let fault = format!("the image {place} {}", size_fault(width, height, frame));
+            skipped.add(
+                "images have another size than their frame and were left out",
+                fault.clone(),
+            );
+            Some(fault)
+        }
+        Some(_) => None,
+    }
 }
 
 /// A file name of a COCO file as a path with `/`: Windows writes `\`, some tools write addresses or a leading `./`.
@@ -395,8 +413,7 @@ mod tests {
             height: 3,
         };
         let progress = Progress::default();
-        let read =
-            |progress| frame_mask(&frame, &drawn, (&labels, &LabelTree::default()), progress);
+        let read = |progress| frame_mask(&frame, &drawn, &labels, &LabelTree::default(), progress);
         assert!(read(&progress).is_ok());
         progress.stop();
         assert!(matches!(read(&progress), Err(MaskError::Stopped(_))));

@@ -35,7 +35,8 @@ pub(super) struct FrameMask {
 pub(super) fn frame_mask(
     frame: &MaskFrame<'_>,
     drawn: &[Drawn<'_>],
-    (labels, tree): (&BTreeMap<&Id, LabelId>, &LabelTree),
+    labels: &BTreeMap<&Id, LabelId>,
+    tree: &LabelTree,
     progress: &Progress,
 ) -> Result<FrameMask, MaskError> {
     let mut skipped = Skipped::default();
@@ -60,28 +61,18 @@ pub(super) fn frame_mask(
         }
     }
     let skipped = RefCell::new(skipped);
-    let (mask, contested) = stacked(
-        (frame.width, frame.height),
-        layers,
-        tree,
-        |(id, outline), emit| {
-            progress.check()?;
-            draw(
-                outline,
-                (frame.width, frame.height),
-                emit,
-                &mut |what, detail| {
-                    skipped
-                        .borrow_mut()
-                        .add(what, format!("annotation {id}{detail}"));
-                },
-            );
-            Ok(())
-        },
-    )?;
+    let stacked = stacked(frame, layers, tree, |(id, outline), emit| {
+        progress.check()?;
+        draw(outline, frame, emit, &mut |what, detail| {
+            skipped
+                .borrow_mut()
+                .add(what, format!("annotation {id}{detail}"));
+        });
+        Ok(())
+    })?;
     Ok(FrameMask {
-        mask: RunMask::encode(&mask),
-        contested,
+        mask: stacked.mask,
+        contested: stacked.contested,
         skipped: skipped.into_inner(),
     })
 }
@@ -102,7 +93,7 @@ pub(super) fn outline_of(annotation: &Annotation) -> Option<&Segmentation> {
 /// Hands out an object's pixels; `skip` is called with each part that cannot be used: its kind, and what is wrong.
 pub(super) fn draw(
     outline: &Segmentation,
-    size: (u32, u32),
+    frame: &MaskFrame<'_>,
     emit: &mut dyn FnMut(Range<usize>),
     skip: &mut dyn FnMut(&'static str, String),
 ) {
@@ -115,20 +106,21 @@ pub(super) fn draw(
         Segmentation::Polygons(polygons) => {
             polygons
                 .iter()
-                .filter(|polygon| draw_polygon(polygon, size, &mut emit, skip))
+                .filter(|polygon| draw_polygon(polygon, frame, &mut emit, skip))
                 .count()
                 > 0
         }
-        Segmentation::Polygon(polygon) => draw_polygon(polygon, size, &mut emit, skip),
+        Segmentation::Polygon(polygon) => draw_polygon(polygon, frame, &mut emit, skip),
         Segmentation::Runs { size: its, counts } => {
+            let (width, height) = (frame.width, frame.height);
             let spans = match counts {
-                _ if *its != [size.1, size.0] => Err(format!(
-                    "its region is {}×{} pixels, the image is {}×{}",
-                    its[1], its[0], size.0, size.1
+                _ if *its != [height, width] => Err(format!(
+                    "its region is {}×{} pixels, the image is {width}×{height}",
+                    its[1], its[0]
                 )),
-                Counts::Plain(counts) => rle::spans(counts, size.0, size.1, &mut emit),
+                Counts::Plain(counts) => rle::spans(counts, width, height, &mut emit),
                 Counts::Packed(text) => rle::unpacked(text)
-                    .and_then(|counts| rle::spans(&counts, size.0, size.1, &mut emit)),
+                    .and_then(|counts| rle::spans(&counts, width, height, &mut emit)),
             };
             match spans {
                 Ok(()) => true,
@@ -157,7 +149,7 @@ pub(super) fn draw(
 /// Returns whether the polygon can be used.
 pub(super) fn draw_polygon(
     polygon: &[Option<f64>],
-    (width, height): (u32, u32),
+    frame: &MaskFrame<'_>,
     emit: &mut dyn FnMut(Range<usize>),
     skip: &mut dyn FnMut(&'static str, String),
 ) -> bool {
@@ -185,7 +177,8 @@ pub(super) fn draw_polygon(
             ))
         })
         .collect();
-    let drawn = ring.is_some_and(|ring| polygon_spans(width, height, &[ring], emit).is_ok());
+    let drawn =
+        ring.is_some_and(|ring| polygon_spans(frame.width, frame.height, &[ring], emit).is_ok());
     if !drawn {
         skip(
             "polygons with a coordinate that is not a number or far outside were left out",

@@ -52,11 +52,11 @@ pub fn read_palette_png(path: &Path) -> Result<LabelMask, MaskError> {
     Ok(PngValues::read(path, None)?.into_ids(path, None)?.mask)
 }
 
-/// As [`read_palette_png`], of a frame (name, width, height): a mask of another size is refused by its header.
+/// As [`read_palette_png`], of a frame: a mask of another size is refused by its header.
 ///
 /// # Errors
 /// As [`read_palette_png`], and for another size.
-pub fn read_palette_png_of(path: &Path, frame: (&str, u32, u32)) -> Result<LabelMask, MaskError> {
+pub fn read_palette_png_of(path: &Path, frame: &MaskFrame<'_>) -> Result<LabelMask, MaskError> {
     Ok(PngValues::read(path, Some(frame))?
         .into_ids(path, None)?
         .mask)
@@ -88,8 +88,13 @@ pub(super) fn import(
     let read = read_files(&matched.pairs, frames, &listed, progress)?;
     let mut warnings: Vec<String> = listed.warning.clone().into_iter().collect();
     let (matched_frames, masks): (Vec<usize>, Vec<RunMask>) = read.masks.into_iter().unzip();
-    let masks = understood(dir, masks, &read.ids, (&listed, tree), &mut warnings)?;
-    let (masks, adoption) = with_labels(&masks, listed.tree.as_ref(), tree, &mut warnings)?;
+    let known = KnownLabels {
+        listed: &listed,
+        tree,
+    };
+    let masks = understood(dir, masks, &read.ids, &known, &mut warnings)?;
+    let Labelled { masks, adoption } =
+        with_labels(&masks, listed.tree.as_ref(), tree, &mut warnings)?;
     let unmatched: Vec<&str> = matched
         .unmatched
         .iter()
@@ -119,12 +124,7 @@ fn read_files(
 ) -> Result<ReadFiles, MaskError> {
     let colors = listed.tree.as_ref().map(ids_of_colors);
     let read_file = |&(frame, file): &(usize, &FoundFile)| {
-        let MaskFrame {
-            name,
-            width,
-            height,
-        } = frames[frame];
-        let values = PngValues::read(&file.path, Some((name, width, height)))?;
+        let values = PngValues::read(&file.path, Some(&frames[frame]))?;
         let read = values.into_ids(&file.path, colors.as_ref())?;
         Ok((RunMask::encode(&read.mask), read.how))
     };
@@ -162,14 +162,23 @@ fn read_files(
     })
 }
 
+/// The labels that ids may mean.
+struct KnownLabels<'a> {
+    /// Those of the folder.
+    listed: &'a Listed,
+    /// Those of the project.
+    tree: &'a LabelTree,
+}
+
 /// Masks with ids only: values that mean "void", or soft edges, are replaced or refused.
 fn understood(
     dir: &Path,
     mut masks: Vec<RunMask>,
     ids: &BTreeSet<LabelId>,
-    (listed, tree): (&Listed, &LabelTree),
+    labels: &KnownLabels<'_>,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<RunMask>, MaskError> {
+    let KnownLabels { listed, tree } = *labels;
     let highest = ids.last().copied().unwrap_or_default();
     match &listed.tree {
         Some(listed) => check_unlisted(dir, &masks, ids, listed)?,
@@ -281,13 +290,19 @@ fn named(ids: &[LabelId]) -> String {
     format!("{}{more}", first.join(", "))
 }
 
+/// Masks with the ids of labels.
+struct Labelled {
+    masks: Vec<RunMask>,
+    adoption: Adoption,
+}
+
 /// Masks as read, with the project's ids in place of the files' own.
 fn with_labels(
     masks: &[RunMask],
     listed: Option<&LabelTree>,
     tree: &LabelTree,
     warnings: &mut Vec<String>,
-) -> Result<(Vec<RunMask>, Adoption), MaskError> {
+) -> Result<Labelled, MaskError> {
     let mut found = ids_in(masks);
     let masks: Vec<RunMask> = match is_black_and_white(&found, listed) {
         true => masks.iter().map(white_as_one).collect(),
@@ -321,7 +336,7 @@ fn with_labels(
         .iter()
         .map(|mask| mask.map_ids(|id| new_ids.get(&id).copied().unwrap_or(id)))
         .collect();
-    Ok((masks, adoption))
+    Ok(Labelled { masks, adoption })
 }
 
 /// The error for a folder without PNG files; images of other kinds in it are named.

@@ -1,18 +1,25 @@
 use std::ops::Range;
 
-use crate::{LabelId, LabelMask, LabelTree, MaskError};
+use super::frame_matching::MaskFrame;
+use crate::{LabelId, LabelMask, LabelTree, MaskError, RunMask};
+
+/// Objects of one frame laid over each other.
+pub(super) struct Stacked {
+    pub mask: RunMask,
+    /// Pixels that two labels claimed of which neither is part of the other.
+    pub contested: usize,
+}
 
 /// Objects of one frame that may overlap, laid over each other: the deepest label of the tree wins, of equally deep ones
-/// the later. `draw` hands out the stretches of an object's pixels (places row by row). Returns the mask and how many
-/// pixels two labels claimed of which neither is part of the other.
+/// the later. `draw` hands out the stretches of an object's pixels (places row by row).
 pub(super) fn stacked<L>(
-    (width, height): (u32, u32),
+    frame: &MaskFrame<'_>,
     mut layers: Vec<(LabelId, L)>,
     tree: &LabelTree,
     draw: impl Fn(&L, &mut dyn FnMut(Range<usize>)) -> Result<(), MaskError>,
-) -> Result<(LabelMask, usize), MaskError> {
+) -> Result<Stacked, MaskError> {
     layers.sort_by_key(|(id, _)| tree.depth(*id));
-    let mut mask = LabelMask::empty(width, height);
+    let mut mask = LabelMask::empty(frame.width, frame.height);
     let mut contested = 0;
     for (id, layer) in &layers {
         let yields = tree.path(*id);
@@ -23,7 +30,10 @@ pub(super) fn stacked<L>(
             }
         })?;
     }
-    Ok((mask, contested))
+    Ok(Stacked {
+        mask: RunMask::encode(&mask),
+        contested,
+    })
 }
 
 /// The warning about pixels that two labels claimed.
@@ -53,8 +63,13 @@ mod tests {
             emit(pixels.clone());
             Ok(())
         };
-        let (mask, contested) = stacked((4, 1), layers, &tree, draw).unwrap();
-        assert_eq!(mask.ids, [2, 2, 3, 3].map(LabelId));
+        let frame = MaskFrame {
+            name: "a.jpg",
+            width: 4,
+            height: 1,
+        };
+        let Stacked { mask, contested } = stacked(&frame, layers, &tree, draw).unwrap();
+        assert_eq!(mask.decode().ids, [2, 2, 3, 3].map(LabelId));
         assert_eq!(contested, 1, "only label 3 over label 1");
     }
 }

@@ -1,6 +1,7 @@
 //! The values of a PNG as they are stored, before what they mean is known.
 
 use super::files::invalid;
+use super::frame_matching::MaskFrame;
 use crate::MaskError;
 use crate::run_mask::MAX_PIXELS;
 use png::{BitDepth, ColorType, Decoder, Limits, Transformations};
@@ -9,16 +10,16 @@ use std::io::BufReader;
 use std::path::Path;
 
 /// What is wrong with a mask that does not fit its frame.
-pub(super) fn size_fault(has: (u32, u32), frame: &str, needs: (u32, u32)) -> String {
-    let turned = match has == (needs.1, needs.0) {
+pub(super) fn size_fault(width: u32, height: u32, frame: &MaskFrame<'_>) -> String {
+    let turned = match (width, height) == (frame.height, frame.width) {
         true => {
             " (sides swapped: the image is shown turned by its EXIF orientation, the mask is not)"
         }
         false => "",
     };
     format!(
-        "is {}×{} pixels, its frame '{frame}' is {}×{}{turned}; save the mask at the frame's size",
-        has.0, has.1, needs.0, needs.1
+        "is {width}×{height} pixels, its frame '{}' is {}×{}{turned}; save the mask at the frame's size",
+        frame.name, frame.width, frame.height
     )
 }
 
@@ -64,7 +65,7 @@ pub(super) struct Packed {
 pub(super) fn decode(
     path: &Path,
     file: BufReader<File>,
-    expected: Option<(&str, u32, u32)>,
+    expected: Option<&MaskFrame<'_>>,
 ) -> Result<Packed, MaskError> {
     let broken = |error: png::DecodingError| {
         invalid(
@@ -79,13 +80,10 @@ pub(super) fn decode(
     decoder.set_transformations(Transformations::IDENTITY);
     let mut reader = decoder.read_info().map_err(broken)?;
     let (width, height) = reader.info().size();
-    if let Some((name, want_width, want_height)) = expected
-        && (width, height) != (want_width, want_height)
+    if let Some(frame) = expected
+        && (width, height) != (frame.width, frame.height)
     {
-        return Err(invalid(
-            path,
-            size_fault((width, height), name, (want_width, want_height)),
-        ));
+        return Err(invalid(path, size_fault(width, height, frame)));
     }
     let size = reader
         .output_buffer_size()

@@ -5,6 +5,7 @@ use std::path::Path;
 use png::{BitDepth, ColorType};
 
 use super::files::{invalid, io_error};
+use super::frame_matching::MaskFrame;
 use super::png_decode::{Pixels, Stored, decode};
 use crate::{LabelId, LabelMask, MaskError, RunMask};
 use ostra_core::disk;
@@ -109,9 +110,8 @@ pub(crate) fn reconcile_cut_outs<'r>(
 }
 
 impl PngValues {
-    /// Reads a PNG of any kind; when `expected` gives a frame (name, width, height), one of another size is refused by
-    /// its header.
-    pub(crate) fn read(path: &Path, expected: Option<(&str, u32, u32)>) -> Result<Self, MaskError> {
+    /// Reads a PNG of any kind; one of another size than the frame that is `expected` is refused by its header.
+    pub(crate) fn read(path: &Path, expected: Option<&MaskFrame<'_>>) -> Result<Self, MaskError> {
         let file = disk::open_regular(path).map_err(io_error(path))?;
         let packed = decode(path, BufReader::new(file), expected)?;
         let pixels = match packed.color {

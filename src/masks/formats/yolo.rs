@@ -12,7 +12,7 @@ use super::frame_matching::{
     Export, Imported, MaskFrame, NameIndex, nothing_fits, unmatched_warning,
 };
 use super::labels_json::{listed_labels, write_labels_json};
-use super::layers::{contested_warning, stacked};
+use super::layers::{Stacked, contested_warning, stacked};
 use super::yolo_names::{ClassNames, find_names, is_names_file, yaml};
 use crate::edit::polygon_spans;
 use crate::{LabelId, LabelTree, MaskError, RunMask, outlines};
@@ -39,10 +39,6 @@ struct FileLines {
 /// Reads `labels/FRAME.txt` (or `FRAME.txt`), one outline a line: class, then x and y of its corners as shares of width
 /// and height, filled by the even-odd rule. A class is a label by its name; without names class k is label k + 1. An
 /// empty file is a frame without any label. Outlines that cannot be used are left out and counted in the warnings.
-#[expect(
-    clippy::too_many_lines,
-    reason = "under 80 lines before rustfmt's defaults; to be split"
-)]
 pub(super) fn import(
     dir: &Path,
     frames: &[MaskFrame<'_>],
@@ -59,22 +55,10 @@ pub(super) fn import(
     if matched.pairs.is_empty() {
         return Err(nothing_fits(dir, &first.stem, frames));
     }
-    let results = in_parallel(&matched.pairs, progress, |&(_, file)| {
-        unless_stopped(read_lines(file))
-    })?;
-    let (mut files_lines, mut skipped, mut first_error) = (Vec::new(), Skipped::default(), None);
-    for (&(frame, _), result) in matched.pairs.iter().zip(results) {
-        match result {
-            Ok(lines) => files_lines.push((frame, lines)),
-            Err(error) => {
-                skipped.add_unreadable(&error);
-                first_error.get_or_insert(error);
-            }
-        }
-    }
-    if let Some(error) = first_error.filter(|_| files_lines.is_empty()) {
-        return Err(error);
-    }
+    let ReadFiles {
+        files: files_lines,
+        mut skipped,
+    } = read_files(&matched.pairs, progress)?;
     let folders = matched
         .pairs
         .iter()
@@ -96,11 +80,11 @@ pub(super) fn import(
     let read = in_parallel(&jobs, progress, |(frame, lines)| {
         frame_mask(&frames[*frame], lines, &labels, adoption.tree())
     })?;
-    let contested = read.iter().map(|(_, contested)| contested).sum();
+    let contested = read.iter().map(|one| one.contested).sum();
     let mut masks: BTreeMap<usize, RunMask> = jobs
         .iter()
         .map(|job| job.0)
-        .zip(read.into_iter().map(|(mask, _)| mask))
+        .zip(read.into_iter().map(|one| one.mask))
         .collect();
     let mut boxes = 0;
     for (frame, file) in files_lines {
@@ -246,6 +230,37 @@ fn adopted(
     })
 }
 
+/// What is read of the files.
+struct ReadFiles {
+    /// By frame; files that cannot be used are left out.
+    files: Vec<(usize, FileLines)>,
+    skipped: Skipped,
+}
+
+/// Reads the files that can be read.
+///
+/// # Errors
+/// The first file's error when none can be used.
+fn read_files(pairs: &[(usize, &FoundFile)], progress: &Progress) -> Result<ReadFiles, MaskError> {
+    let results = in_parallel(pairs, progress, |&(_, file)| {
+        unless_stopped(read_lines(file))
+    })?;
+    let (mut files, mut skipped, mut first_error) = (Vec::new(), Skipped::default(), None);
+    for (&(frame, _), result) in pairs.iter().zip(results) {
+        match result {
+            Ok(lines) => files.push((frame, lines)),
+            Err(error) => {
+                skipped.add_unreadable(&error);
+                first_error.get_or_insert(error);
+            }
+        }
+    }
+    match first_error.filter(|_| files.is_empty()) {
+        Some(error) => Err(error),
+        None => Ok(ReadFiles { files, skipped }),
+    }
+}
+
 /// Reads the outlines of a file.
 fn read_lines(file: &FoundFile) -> Result<FileLines, MaskError> {
     let text = read_text(&file.path)?;
@@ -320,22 +335,16 @@ fn frame_mask(
     lines: &[Line],
     labels: &BTreeMap<usize, LabelId>,
     tree: &LabelTree,
-) -> Result<(RunMask, usize), MaskError> {
+) -> Result<Stacked, MaskError> {
     let size = DVec2::new(f64::from(frame.width), f64::from(frame.height));
     let layers = lines
         .iter()
         .map(|line| (labels.get(&line.class).copied().unwrap_or_default(), line))
         .collect();
-    let (mask, contested) = stacked(
-        (frame.width, frame.height),
-        layers,
-        tree,
-        |line: &&Line, emit| {
-            let ring = line.ring.iter().map(|&corner| corner * size).collect();
-            polygon_spans(frame.width, frame.height, &[ring], emit)
-        },
-    )?;
-    Ok((RunMask::encode(&mask), contested))
+    stacked(frame, layers, tree, |line: &&Line, emit| {
+        let ring = line.ring.iter().map(|&corner| corner * size).collect();
+        polygon_spans(frame.width, frame.height, &[ring], emit)
+    })
 }
 
 fn lines(mask: &RunMask, classes: &BTreeMap<LabelId, usize>) -> String {

@@ -10,7 +10,7 @@ pub(super) const FEATURES: usize = 26;
 /// Features of a candidate; see [`features_of`] for their order.
 pub(super) type Features = [f32; FEATURES];
 
-/// The place of the agreement with the other candidates in [`Features`]; it can only be told once all are there.
+/// The place of the agreement with the other candidates in [`Features`]; it is known once all are there.
 const AGREEMENT: usize = 11;
 
 /// One way to answer a click.

@@ -85,7 +85,7 @@ pub(super) fn candidates(context: &ClickContext<'_>, options: &CandidateOptions)
 /// Candidates that take all of the clicked thing that looks like the clicked places.
 fn of_its_kind(context: &ClickContext<'_>, options: &CandidateOptions) -> Vec<Candidate> {
     let near = context.near(&[context.seed]);
-    let (_, geodesic) = leaning(context, &near, options.least_radius_px);
+    let Leaning { geodesic, .. } = leaning(context, &near, options.least_radius_px);
     let candidate = |found: Alike| {
         let features = features_of(context, &found.change, &found.odds, &geodesic, found.limit);
         Candidate {
@@ -123,7 +123,7 @@ impl<'a> Disc<'a> {
             }
         }
         let near = context.near(&disc);
-        let (odds, geodesic) = leaning(context, &near, radius);
+        let Leaning { odds, geodesic } = leaning(context, &near, radius);
         Self {
             context,
             radius,
@@ -186,8 +186,16 @@ impl<'a> Disc<'a> {
     }
 }
 
-/// Log odds per region that it belongs with the disc, from appearance and from geodesic distances.
-fn leaning(context: &ClickContext<'_>, near: &[f32], radius: f32) -> (Vec<f32>, Vec<f32>) {
+/// Log odds per region that it belongs with a disc.
+struct Leaning {
+    /// From appearance.
+    odds: Vec<f32>,
+    /// From geodesic distances.
+    geodesic: Vec<f32>,
+}
+
+/// How each region leans towards a disc.
+fn leaning(context: &ClickContext<'_>, near: &[f32], radius: f32) -> Leaning {
     let spread = 8.0 + 0.3 * radius;
     let closeness: Vec<f32> = near
         .iter()
@@ -208,7 +216,10 @@ fn leaning(context: &ClickContext<'_>, near: &[f32], radius: f32) -> (Vec<f32>, 
         .iter()
         .map(|&entry| odds[usize::from(entry)])
         .collect();
-    (of_region, (0..near.len()).map(lean).collect())
+    Leaning {
+        odds: of_region,
+        geodesic: (0..near.len()).map(lean).collect(),
+    }
 }
 
 /// Log odds per palette entry: the close regions (and a little what was joined before) against all others.

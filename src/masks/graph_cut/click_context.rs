@@ -89,7 +89,7 @@ impl<'a> ClickContext<'a> {
             .map(|(_, &apart)| apart)
             .fold(widest, f32::min)
             .max(4.0);
-        let of_thing = trusted(&graph.regions, (click, seed), &apart);
+        let of_thing = trusted(&graph.regions, click, seed, &apart);
         let off_depth = off_depth(graph, of_thing as usize, &apart);
         let has_depth = !graph.regions[of_thing as usize].ln_depth.is_nan();
         let same_thing = has_depth.then(|| same_thing(graph, of_thing, &roles, &off_depth));
@@ -175,7 +175,7 @@ fn step_cost(graph: &RegionGraph, edge: &Edge) -> f32 {
 
 /// The region whose depth tells where the clicked thing is: the clicked one, unless its depth was not measured and something
 /// that was stands before it close by. Who clicks into a hole of the depth means the thing, not what is behind it.
-fn trusted(regions: &[RegionStats], (click, seed): (Click, u32), apart: &[f32]) -> u32 {
+fn trusted(regions: &[RegionStats], click: Click, seed: u32, apart: &[f32]) -> u32 {
     const NEAR_PX: f32 = 14.0;
     const BEFORE: f32 = 0.06;
     let clicked = &regions[seed as usize];
@@ -267,26 +267,26 @@ mod tests {
             include,
         };
         assert_eq!(
-            trusted(&regions, (at(true), 0), &apart),
+            trusted(&regions, at(true), 0, &apart),
             2,
             "the nearest that was measured before it"
         );
         assert_eq!(
-            trusted(&regions, (at(false), 0), &apart),
+            trusted(&regions, at(false), 0, &apart),
             0,
             "an excluded wall is the wall"
         );
         assert_eq!(
-            trusted(&regions, (at(true), 1), &apart),
+            trusted(&regions, at(true), 1, &apart),
             1,
             "what was measured counts as it is"
         );
         assert_eq!(
-            trusted(&regions, (at(true), 0), &[0.0, 4.0, 40.0, 40.0, 2.0]),
+            trusted(&regions, at(true), 0, &[0.0, 4.0, 40.0, 40.0, 2.0]),
             0,
             "nothing near stands before it"
         );
         let unknown = [region(f32::NAN, false), region(0.7, true)];
-        assert_eq!(trusted(&unknown, (at(true), 0), &[0.0, 4.0]), 1);
+        assert_eq!(trusted(&unknown, at(true), 0, &[0.0, 4.0]), 1);
     }
 }

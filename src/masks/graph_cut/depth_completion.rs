@@ -1,4 +1,4 @@
-//! Depth maps mended by what the picture tells: holes filled, borders moved.
+//! Depth maps corrected by the image: holes filled, borders moved.
 
 use rayon::prelude::*;
 
@@ -16,7 +16,7 @@ const SPREAD_DELTA_E: f32 = 5.0;
 const LEAST: f32 = 12.0;
 /// Depths this near to each other are one surface, ln depth.
 const SAME: f32 = 0.03;
-/// Surfaces told apart around a pixel.
+/// Surfaces distinguished around a pixel.
 const SURFACES: usize = 6;
 
 /// What a pixel's own depth counts where borders are settled; a neighbour of the same colour counts up to 1.

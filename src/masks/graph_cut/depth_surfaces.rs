@@ -128,7 +128,7 @@ impl Surfaces {
         out
     }
 
-    /// How much finer than elsewhere each pixel's surroundings are to be told apart: [`FINE`] where something much
+    /// How much finer than elsewhere each pixel's surroundings are to be distinguished: [`FINE`] where something much
     /// farther away is near in the picture, 1 elsewhere.
     pub fn fineness(&self) -> Vec<f32> {
         const FINE: f32 = 14.0;
@@ -236,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_thin_is_told_apart_finely_and_the_wall_is_not() {
+    fn a_thin_stalk_is_resolved_finely_and_the_wall_is_not() {
         let fineness = stalk_before_a_wall().fineness();
         assert!(fineness[5 * 60 + 29] > 1.0);
         assert!(fineness[5 * 60 + 26] == 1.0 && fineness[5 * 60 + 5] == 1.0);

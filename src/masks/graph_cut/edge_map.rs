@@ -38,7 +38,14 @@ pub(super) fn edge_map(
         Some(surfaces) => surfaces.mean(lab, radius),
         None => box_mean(lab, width, height, radius),
     };
-    let (small, large) = (mean(1), mean(3));
+    let colours = Colours {
+        lab,
+        small: &mean(1),
+        large: &mean(3),
+        surfaces,
+        width,
+        height,
+    };
     let steps = |dx: usize, dy: usize| {
         let mut out = vec![Step::default(); lab.len()];
         out.par_chunks_exact_mut(width)
@@ -46,15 +53,7 @@ pub(super) fn edge_map(
             .for_each(|(y, out)| {
                 for (x, out) in out.iter_mut().enumerate() {
                     if x + dx < width && y + dy < height {
-                        *out = step_at(
-                            lab,
-                            &small,
-                            &large,
-                            surfaces,
-                            (x, y),
-                            (dx, dy),
-                            (width, height),
-                        );
+                        *out = colours.step_at([x, y], [dx, dy]);
                     }
                 }
             });
@@ -72,24 +71,44 @@ pub(super) fn edge_map(
     EdgeMap { right, down }
 }
 
-fn step_at(
-    lab: &[[f32; 3]],
-    small: &[[f32; 3]],
-    large: &[[f32; 3]],
-    surfaces: Option<&Surfaces>,
-    (x, y): (usize, usize),
-    (dx, dy): (usize, usize),
-    (width, height): (usize, usize),
-) -> Step {
-    // The pixel `along` steps to the far (positive) or near side of this place.
-    let shifted = |along: isize| {
-        let sx = (x as isize + dx as isize * along).clamp(0, width as isize - 1) as usize;
-        let sy = (y as isize + dy as isize * along).clamp(0, height as isize - 1) as usize;
-        sy * width + sx
-    };
-    // The farthest place up to `along` steps away that lies on the surface next to this place.
-    let shifted = |along: isize| {
-        let Some(surfaces) = surfaces else {
+/// The colours of an image at three scales.
+struct Colours<'a> {
+    lab: &'a [[f32; 3]],
+    /// Means over 3 and over 7 pixels.
+    small: &'a [[f32; 3]],
+    large: &'a [[f32; 3]],
+    surfaces: Option<&'a Surfaces>,
+    width: usize,
+    height: usize,
+}
+
+impl Colours<'_> {
+    /// The step between a pixel and its neighbour `towards`, columns and rows away.
+    fn step_at(&self, pixel: [usize; 2], towards: [usize; 2]) -> Step {
+        let step = |plane: &[[f32; 3]], near: isize, far: isize| {
+            let near = self.on_surface(pixel, towards, near);
+            let far = self.on_surface(pixel, towards, far);
+            squared_difference(plane[near], plane[far]).sqrt()
+        };
+        Step {
+            fine: step(self.lab, 0, 1),
+            strength: 0.5 * step(self.small, -1, 2) + 0.5 * step(self.large, -3, 4),
+        }
+    }
+
+    /// The pixel `along` steps to the far (positive) or near side of a place.
+    fn shifted(&self, [x, y]: [usize; 2], [dx, dy]: [usize; 2], along: isize) -> usize {
+        let shift = |at: usize, by: usize, end: usize| {
+            (at as isize + by as isize * along).clamp(0, end as isize - 1)
+        };
+        let (x, y) = (shift(x, dx, self.width), shift(y, dy, self.height));
+        y as usize * self.width + x as usize
+    }
+
+    /// The farthest pixel up to `along` steps away that lies on the surface next to a place.
+    fn on_surface(&self, pixel: [usize; 2], towards: [usize; 2], along: isize) -> usize {
+        let shifted = |along: isize| self.shifted(pixel, towards, along);
+        let Some(surfaces) = self.surfaces else {
             return shifted(along);
         };
         let base = shifted(along.signum().max(0));
@@ -102,14 +121,6 @@ fn step_at(
         } else {
             base
         }
-    };
-    let step = |plane: &[[f32; 3]], near, far| {
-        squared_difference(plane[shifted(near)], plane[shifted(far)]).sqrt()
-    };
-    let fine = step(lab, 0, 1);
-    Step {
-        fine,
-        strength: 0.5 * step(small, -1, 2) + 0.5 * step(large, -3, 4),
     }
 }
 

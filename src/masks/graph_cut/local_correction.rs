@@ -45,7 +45,7 @@ const OPTIONS: CorrectionOptions = CorrectionOptions {
     outline: 1.5,
 };
 
-/// Most colours that a likelihood is told from.
+/// Most colours that a likelihood is estimated from.
 const SAMPLES: usize = 100;
 /// Largest log odds by colour.
 const CLEAR: f32 = 3.0;
@@ -70,11 +70,27 @@ pub(super) fn corrected(
         answer.subtract(taken);
     }
     if answer.inside[at] != click.include && !taken.is_some_and(|taken| taken.inside[at]) {
-        for at in Site::new(image, factor as f32, &answer, click, earlier, taken)?.change() {
+        let correction = Correction {
+            mask: &answer,
+            click,
+            earlier,
+            taken,
+        };
+        for at in Site::new(image, factor as f32, &correction)?.change() {
             answer.inside[at] = click.include;
         }
     }
     Some(answer)
+}
+
+/// A click on a mask.
+#[derive(Clone, Copy)]
+struct Correction<'a> {
+    mask: &'a Region,
+    click: &'a Click,
+    earlier: &'a [Click],
+    /// Pixels that may not change.
+    taken: Option<&'a Region>,
 }
 
 /// The surroundings of a click; all but the window's places by its pixels, row by row.
@@ -95,14 +111,13 @@ struct Site {
 }
 
 impl Site {
-    fn new(
-        image: &Image,
-        unit_px: f32,
-        mask: &Region,
-        click: &Click,
-        earlier: &[Click],
-        taken: Option<&Region>,
-    ) -> Option<Self> {
+    fn new(image: &Image, unit_px: f32, correction: &Correction<'_>) -> Option<Self> {
+        let Correction {
+            mask,
+            click,
+            earlier,
+            taken,
+        } = *correction;
         let width = image.width as usize;
         let reach = f64::from(OPTIONS.reach_px * unit_px);
         let bounds = |at: f64, end: u32| {

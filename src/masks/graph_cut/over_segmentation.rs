@@ -47,7 +47,7 @@ pub(super) struct Border {
 /// What Ward's criterion needs of a region.
 #[derive(Debug, Clone, Copy, Default)]
 struct Node {
-    /// Pixels, each counted as often as its surroundings are to be told apart finer than elsewhere.
+    /// Pixels, each counted as often as its surroundings are to be distinguished finer than elsewhere.
     area: f32,
     lab: [f32; 3],
     at: [f32; 2],
@@ -73,26 +73,29 @@ pub(super) fn partition(
     let fineness = depth.map(|(_, surfaces)| surfaces.fineness());
     let mut of_pixel = specks(edges, depth.map(|(_, surfaces)| surfaces), width);
     let count = compact(&mut of_pixel);
-    let nodes = nodes_of(
-        &of_pixel,
-        count,
+    let pixels = Pixels {
         lab,
-        depth.map(|(depth, _)| depth),
-        fineness.as_deref(),
+        depth: depth.map(|(depth, _)| depth),
+        fineness: fineness.as_deref(),
         width,
-    );
+    };
+    let nodes = pixels.nodes(&of_pixel, count);
     let borders = borders_of(&of_pixel, edges, width);
     let fineness = fineness.map_or(lab.len() as f32, |fineness| fineness.iter().sum());
     let target = (fineness as usize / options.area_px).max(2);
-    let (of_speck, borders) = merge(nodes, borders, target, options);
+    let merged = merge(nodes, borders, target, options);
     of_pixel
         .par_iter_mut()
-        .for_each(|speck| *speck = of_speck[*speck as usize]);
-    let count = of_speck.iter().max().map_or(0, |&last| last as usize + 1);
+        .for_each(|speck| *speck = merged.of_node[*speck as usize]);
+    let count = merged
+        .of_node
+        .iter()
+        .max()
+        .map_or(0, |&last| last as usize + 1);
     Partition {
         of_pixel,
         count,
-        borders,
+        borders: merged.borders,
     }
 }
 
@@ -159,31 +162,37 @@ fn compact(numbers: &mut [u32]) -> usize {
     count as usize
 }
 
-fn nodes_of(
-    of_pixel: &[u32],
-    count: usize,
-    lab: &[[f32; 3]],
-    depth: Option<&DepthMap>,
-    fineness: Option<&[f32]>,
+/// What is known of the pixels of an image.
+struct Pixels<'a> {
+    lab: &'a [[f32; 3]],
+    depth: Option<&'a DepthMap>,
+    /// What each pixel counts.
+    fineness: Option<&'a [f32]>,
     width: usize,
-) -> Vec<Node> {
-    let mut nodes = vec![Node::default(); count];
-    for (at, &node) in of_pixel.iter().enumerate() {
-        let depth = depth
-            .map(|depth| depth.depths[at])
-            .filter(|&depth| known(depth));
-        let area = fineness.map_or(1.0, |fineness| fineness[at]);
-        let pixel = Node {
-            area,
-            lab: lab[at],
-            at: [(at % width) as f32, (at / width) as f32],
-            depth: depth.map_or(0.0, f32::ln),
-            depth_area: if depth.is_some() { area } else { 0.0 },
-        };
-        let node = &mut nodes[node as usize];
-        *node = joined(node, &pixel);
+}
+
+impl Pixels<'_> {
+    /// The sums over each of `count` groups of pixels.
+    fn nodes(&self, of_pixel: &[u32], count: usize) -> Vec<Node> {
+        let mut nodes = vec![Node::default(); count];
+        for (at, &node) in of_pixel.iter().enumerate() {
+            let depth = self
+                .depth
+                .map(|depth| depth.depths[at])
+                .filter(|&depth| known(depth));
+            let area = self.fineness.map_or(1.0, |fineness| fineness[at]);
+            let pixel = Node {
+                area,
+                lab: self.lab[at],
+                at: [(at % self.width) as f32, (at / self.width) as f32],
+                depth: depth.map_or(0.0, f32::ln),
+                depth_area: if depth.is_some() { area } else { 0.0 },
+            };
+            let node = &mut nodes[node as usize];
+            *node = joined(node, &pixel);
+        }
+        nodes
     }
-    nodes
 }
 
 fn joined(a: &Node, b: &Node) -> Node {
@@ -248,13 +257,20 @@ fn group(borders: &mut Vec<Border>) {
     });
 }
 
+/// What merging gave.
+struct Merged {
+    /// The region of each node.
+    of_node: Vec<u32>,
+    borders: Vec<Border>,
+}
+
 /// Merges down to `target` regions; the region of every node, and the borders left.
 fn merge(
     mut nodes: Vec<Node>,
     mut borders: Vec<Border>,
     target: usize,
     options: &RegionOptions,
-) -> (Vec<u32>, Vec<Border>) {
+) -> Merged {
     let mut of_node: Vec<u32> = (0..nodes.len() as u32).collect();
     while nodes.len() > target && !borders.is_empty() {
         let costs: Vec<f32> = borders
@@ -290,7 +306,7 @@ fn merge(
         borders.retain(|border| border.a != border.b);
         group(&mut borders);
     }
-    (of_node, borders)
+    Merged { of_node, borders }
 }
 
 fn cost(nodes: &[Node], border: &Border, options: &RegionOptions) -> f32 {

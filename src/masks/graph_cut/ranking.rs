@@ -30,8 +30,8 @@ pub enum Kind {
 /// Score weights: one row per [`Kind`], one weight per term.
 pub type Weights = [[f32; TERMS]; 6];
 
-/// Fitted by `tests/bench/segmenter_fit`: one row per [`Kind`], one weight per term. With depth: on a real shelf, views of made plants
-/// (seeds 2–11) and of made bricks. The last feature's is set by hand and to be kept when all are fitted again: without depth, a late
+/// Fitted by `tests/bench/segmenter_fit`: one row per [`Kind`], one weight per term. With depth: on a real shelf, views of synthetic
+/// plants (seeds 2–11) and bricks. The last feature's is set by hand and to be kept when all are fitted again: without depth, a late
 /// click rarely means a great part of the answer (−1 over [`SHARPNESS`] but for the first click), and a fit to the mean gain
 /// of all clicks hardly sees the few that take one away or bring one.
 #[rustfmt::skip]

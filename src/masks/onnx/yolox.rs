@@ -44,13 +44,13 @@ impl Yolox {
     }
 
     fn run(&self, image: &Image, scale: f64, progress: &Progress) -> Result<Vec<f32>, MaskError> {
-        let told = |error: NnError| MaskError::Network(error.to_string());
-        let input = Tensor::floats(&[1, 3, SIDE, SIDE], fed(image, scale)).map_err(told)?;
+        let failed = |error: NnError| MaskError::Network(error.to_string());
+        let input = Tensor::floats(&[1, 3, SIDE, SIDE], fed(image, scale)).map_err(failed)?;
         let is_wanted = || progress.check().is_ok();
         let given = self
             .network
             .run_while(&[("images", &input)], &is_wanted)
-            .map_err(told)?
+            .map_err(failed)?
             .ok_or(Stopped)?;
         let cells: usize = STRIDES.iter().map(|stride| (SIDE / stride).pow(2)).sum();
         let output = given

@@ -307,7 +307,7 @@ fn read_one(path: &Path, (project, frame): (&Project, usize), origin: Origin) ->
         return ReadMask::Gone;
     }
     let shown = &project.frames[frame];
-    let mask = match read_palette_png_of(path, (&shown.name, shown.width, shown.height)) {
+    let mask = match read_palette_png_of(path, &MaskFrame::from(shown)) {
         Ok(mask) => mask,
         Err(error) => {
             return ReadMask::Damaged(format!("cannot be read ({})", without_path(&error, path)));

@@ -13,8 +13,8 @@ use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::{
-    Click, LabelId, LabelMask, PreparedFrame, Prompt, Region, SegmentRequest, compose, erase,
-    landmarks, taken_by_others,
+    Click, LabelAnswer, LabelId, LabelMask, PreparedFrame, Prompt, Region, SegmentRequest, compose,
+    erase, landmarks, taken_by_others,
 };
 use ostra_project::{Edit, Project};
 
@@ -262,14 +262,13 @@ pub fn with_answer(
 ) -> Result<LabelMask> {
     let mut mask = mask_of(project, request.frame)?;
     let yielding = giving_way(project, &mask, request);
-    compose(
-        &mut mask,
+    let answer = LabelAnswer {
         region,
-        request.label,
-        &request.prompt,
-        &yielding,
-        &project.labels,
-    )?;
+        label: request.label,
+        prompt: &request.prompt,
+        replaceable: &yielding,
+    };
+    compose(&mut mask, &answer, &project.labels)?;
     Ok(mask)
 }
 

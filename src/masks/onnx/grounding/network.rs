@@ -21,6 +21,12 @@ pub struct GroundingDino {
     last: Mutex<Option<(NetworkInput, Arc<Answer>)>>,
 }
 
+/// What the network gives for every query.
+struct RawAnswer {
+    logits: Vec<f32>,
+    boxes: Vec<f32>,
+}
+
 /// Its name in the catalogue, on the command line and in the folder of networks.
 const NAME: &str = "grounding-dino";
 /// Least score where nothing is asked for.
@@ -84,7 +90,7 @@ impl GroundingDino {
         let answer = if let Some(answer) = self.known(&input, &caption, size_px) {
             answer
         } else {
-            let (logits, boxes) = self.run(&input, &caption, progress)?;
+            let RawAnswer { logits, boxes } = self.run(&input, &caption, progress)?;
             let answer = Arc::new(Answer {
                 caption,
                 logits,
@@ -118,7 +124,7 @@ impl GroundingDino {
         input: &NetworkInput,
         caption: &Caption,
         progress: &Progress,
-    ) -> Result<(Vec<f32>, Vec<f32>), MaskError> {
+    ) -> Result<RawAnswer, MaskError> {
         let failed = |error: NnError| MaskError::Network(error.to_string());
         let count = caption.ids.len();
         let image =
@@ -140,7 +146,10 @@ impl GroundingDino {
             && tokens == count
             && boxes.shape() == [1, queries, 4]
         {
-            return Ok((logits.as_floats().to_vec(), boxes.as_floats().to_vec()));
+            return Ok(RawAnswer {
+                logits: logits.as_floats().to_vec(),
+                boxes: boxes.as_floats().to_vec(),
+            });
         }
         let path = self.network.path().display();
         Err(MaskError::Network(format!(

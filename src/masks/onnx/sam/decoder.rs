@@ -11,6 +11,14 @@ pub(super) struct Decoder {
     cells: usize,
 }
 
+/// The shape of an embedding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct EmbeddingShape {
+    pub channels: usize,
+    /// Cells along each side.
+    pub cells: usize,
+}
+
 /// How a decoder is asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Dialect {
@@ -149,9 +157,12 @@ impl Decoder {
         }
     }
 
-    /// Channels and cells along each side of an embedding.
-    pub fn embedding(&self) -> (usize, usize) {
-        (self.channels, self.cells)
+    /// The shape of the embeddings that it takes.
+    pub fn embedding(&self) -> EmbeddingShape {
+        EmbeddingShape {
+            channels: self.channels,
+            cells: self.cells,
+        }
     }
 
     /// Logits along each side of a mask, padding included.

@@ -3,7 +3,9 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use super::decoder::{Answer, Answers, Decoder, Dialect, PointKind, Question, network_error};
+use super::decoder::{
+    Answer, Answers, Decoder, Dialect, EmbeddingShape, PointKind, Question, network_error,
+};
 use super::embedding::Embedding;
 use super::mask_logits::enlarged;
 use super::part::{Canvas, Part};
@@ -42,7 +44,7 @@ impl SamFrame {
             cells,
             ..
         } = *embedding;
-        if decoder.embedding() != (channels, cells) {
+        if decoder.embedding() != (EmbeddingShape { channels, cells }) {
             let what = format!(
                 "an embedding of {channels}×{cells}×{cells} is not of this network; make it anew"
             );
@@ -209,7 +211,7 @@ impl SamFrame {
 
 /// Bytes that a frame of this decoder holds.
 pub(super) fn bytes_of(decoder: &Decoder) -> usize {
-    let (channels, cells) = decoder.embedding();
+    let EmbeddingShape { channels, cells } = decoder.embedding();
     (channels * cells * cells + KNOWN * decoder.fine() * decoder.fine()) * size_of::<f32>()
 }
 

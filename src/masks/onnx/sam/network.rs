@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::decoder::{Decoder, Dialect, network_error};
+use super::decoder::{Decoder, Dialect, EmbeddingShape, network_error};
 use super::embedding::Embedding;
 use super::frame::{SamFrame, bytes_of};
 use super::part::{Canvas, Part};
@@ -119,7 +119,7 @@ impl Sam {
         else {
             return Err(Stopped.into());
         };
-        let (channels, cells) = self.decoder.embedding();
+        let EmbeddingShape { channels, cells } = self.decoder.embedding();
         let Some(embedding) = given
             .first()
             .filter(|given| given.shape() == [1, channels, cells, cells])
