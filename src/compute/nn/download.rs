@@ -1,120 +1,261 @@
-use std::ffi::OsStr;
-use std::fs;
-use std::io::{BufRead, BufReader, ErrorKind};
+use std::fs::{self, File, OpenOptions};
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
-use std::process::{ChildStderr, Command, Stdio};
-use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::time::Duration;
+use std::sync::Arc;
+use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};
+use std::time::{Duration, Instant};
+
+use ureq::http::{Response, StatusCode};
+use ureq::tls::{RootCerts, TlsConfig};
+use ureq::{Agent, Body};
 
 use super::error::NnError;
-use ostra_core::programs;
-use ostra_core::programs::ChildProcess;
 
-/// The protocols that `curl` may use, also after a redirect. The unit tests serve files without encryption.
-const PROTOCOLS: &str = if cfg!(test) { "=http,https" } else { "=https" };
+/// The unit tests serve files without encryption.
+const HTTPS_ONLY: bool = !cfg!(test);
+/// Longest time to reach a server.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(30);
+/// Longest time in which nothing arrives.
+const STALL_TIMEOUT: Duration = Duration::from_secs(60);
+/// Pause between two calls of the progress callback.
+const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
+/// Bytes that are passed to the file at a time.
+const CHUNK_BYTES: usize = 1 << 16;
+/// Chunks that may wait for the disk.
+const WAITING_CHUNKS: usize = 8;
 
-/// Gets a file of at most `limit` bytes from the net, unverified, with the system's `curl`. `told` hears how many bytes are there and whether to go on; what an
-/// interrupted or stopped run left in `into` with `.part` behind its name the next one continues.
+/// Downloads a file of at most `limit` bytes, unverified, by HTTPS only (redirects included), through the proxy that the
+/// environment names. `progress` receives the number of bytes present and returns whether to continue. An interrupted or
+/// stopped download stays next to `into` as `NAME.part`, and the next call continues it.
 ///
 /// # Errors
-/// [`NnError::Fetch`] without `curl`, where the address does not answer, or when stopped; [`NnError::Io`].
+/// [`NnError::Fetch`] where the address does not answer, or when stopped; [`NnError::Io`].
 pub fn fetch(
     url: &str,
     into: &Path,
     limit: u64,
-    told: &mut dyn FnMut(u64) -> bool,
+    progress: &mut dyn FnMut(u64) -> bool,
 ) -> Result<(), NnError> {
-    let part = with_suffix(into, ".part");
-    let mut curl = run(url, &part, limit, told)?;
-    if part.exists() && cannot_resume(&curl) && told(0) {
-        fs::remove_file(&part).map_err(|reason| NnError::Io {
-            path: part.clone(),
-            reason,
-        })?;
-        curl = run(url, &part, limit, told)?;
+    let download = Download {
+        url,
+        part: &with_suffix(into, ".part"),
+        limit,
+    };
+    if download.run(progress)? == Transfer::NotResumable {
+        fs::remove_file(download.part).map_err(|reason| download.io_error(reason))?;
+        if !progress(0) {
+            return Err(download.stopped());
+        }
+        download.run(progress)?;
     }
-    if !curl.is_well() {
-        let what = curl.said.trim_start_matches("curl: ").to_owned();
-        return Err(NnError::Fetch {
-            url: url.to_owned(),
-            what,
-            is_stopped: false,
-        });
-    }
-    fs::rename(&part, into).map_err(|reason| NnError::Io {
+    fs::rename(download.part, into).map_err(|reason| NnError::Io {
         path: into.to_owned(),
         reason,
     })
 }
 
-/// Whether the server cannot continue, or has nothing beyond what is there.
-fn cannot_resume(curl: &Ended) -> bool {
-    matches!(curl.code, Some(33 | 36)) || curl.code == Some(22) && curl.said.contains("416")
+/// One file on its way to the disk.
+struct Download<'a> {
+    url: &'a str,
+    /// Where the bytes go until all are there.
+    part: &'a Path,
+    limit: u64,
 }
 
-fn run(
-    url: &str,
-    part: &Path,
-    limit: u64,
-    told: &mut dyn FnMut(u64) -> bool,
-) -> Result<Ended, NnError> {
-    let failed = |what: String, is_stopped: bool| NnError::Fetch {
-        url: url.to_owned(),
-        what,
-        is_stopped,
-    };
-    let bytes = || fs::metadata(part).map_or(0, |file| file.len());
-    let mut curl = programs::command("curl").map_err(|error| failed(error.to_string(), false))?;
-    // `--disable`, which must come first, ignores ~/.curlrc: it may weaken what follows. Proxies are taken from the
-    // environment (https_proxy).
-    curl.args([
-        "--disable",
-        "--proto",
-        PROTOCOLS,
-        "--proto-redir",
-        PROTOCOLS,
-        "--max-filesize",
-        &limit.to_string(),
-    ])
-    .args([
-        "--fail",
-        "--location",
-        "--silent",
-        "--show-error",
-        "--connect-timeout",
-        "30",
-    ])
-    .args([
-        "--speed-limit",
-        "1",
-        "--speed-time",
-        "60",
-        "--continue-at",
-        "-",
-        "--output",
-    ])
-    .args([part.as_os_str(), OsStr::new("--url"), OsStr::new(url)]);
-    let mut is_too_long = false;
-    let mut goes_on = || {
-        is_too_long |= bytes() > limit;
-        !is_too_long && told(bytes())
-    };
-    let ended = watched(&mut curl, &mut goes_on).map_err(|error| match error.kind() {
-        ErrorKind::NotFound => failed("`curl` is not installed".to_owned(), false),
-        _ => failed(error.to_string(), false),
-    })?;
-    if is_too_long || bytes() > limit {
-        fs::remove_file(part).map_err(|reason| NnError::Io {
-            path: part.to_owned(),
-            reason,
-        })?;
-        return Err(failed(
-            format!("it is longer than the {limit} bytes that are expected"),
-            false,
-        ));
+/// How a transfer ended that did not fail.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Transfer {
+    Complete,
+    /// The server cannot continue at the end of the part file, or has nothing beyond it.
+    NotResumable,
+}
+
+/// What the thread that reads from the network sends.
+enum Message {
+    /// The server answered; its bytes belong at this offset of the file.
+    Started {
+        offset: u64,
+        /// Bytes that follow, where the server says so.
+        length: Option<u64>,
+    },
+    Chunk(Vec<u8>),
+    Ended(Result<Transfer, String>),
+}
+
+impl Download<'_> {
+    /// Continues the part file, or starts it.
+    fn run(&self, progress: &mut dyn FnMut(u64) -> bool) -> Result<Transfer, NnError> {
+        let mut bytes = fs::metadata(self.part).map_or(0, |file| file.len());
+        let (sender, messages) = sync_channel(WAITING_CHUNKS);
+        let (url, start) = (self.url.to_owned(), bytes);
+        // A thread of its own, because a stop must not wait for the network. It ends by itself once nothing receives what
+        // it sends, at the latest after the timeouts; it never touches the disk.
+        std::thread::Builder::new()
+            .name("download".into())
+            .spawn(move || {
+                let ended = transfer(&agent(HTTPS_ONLY), &url, start, &sender);
+                let _ = sender.send(Message::Ended(ended));
+            })
+            .map_err(|error| self.failed(error.to_string()))?;
+        let mut file = None;
+        let mut reported = Instant::now();
+        let ended = loop {
+            match messages.recv_timeout(PROGRESS_INTERVAL) {
+                Ok(Message::Started { offset, length }) => {
+                    self.check_length(offset.saturating_add(length.unwrap_or(0)))?;
+                    file = Some(self.open(offset)?);
+                    bytes = offset;
+                }
+                Ok(Message::Chunk(chunk)) => {
+                    self.check_length(bytes + chunk.len() as u64)?;
+                    if let Some(file) = &mut file {
+                        file.write_all(&chunk)
+                            .map_err(|reason| self.io_error(reason))?;
+                        bytes += chunk.len() as u64;
+                    }
+                }
+                Ok(Message::Ended(ended)) => break ended,
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break Err("the transfer failed".into()),
+            }
+            if reported.elapsed() >= PROGRESS_INTERVAL {
+                if !progress(bytes) {
+                    return Err(self.stopped());
+                }
+                reported = Instant::now();
+            }
+        };
+        progress(bytes);
+        ended.map_err(|what| self.failed(what))
     }
-    told(bytes());
-    ended.ok_or_else(|| failed("stopped".to_owned(), true))
+
+    fn open(&self, offset: u64) -> Result<File, NnError> {
+        let mut options = OpenOptions::new();
+        options.create(true);
+        if offset == 0 {
+            options.write(true).truncate(true);
+        } else {
+            options.append(true);
+        }
+        options
+            .open(self.part)
+            .map_err(|reason| self.io_error(reason))
+    }
+
+    /// Refuses a file of more bytes than are expected; nothing of it is kept.
+    fn check_length(&self, bytes: u64) -> Result<(), NnError> {
+        let limit = self.limit;
+        if bytes <= limit {
+            return Ok(());
+        }
+        if self.part.exists() {
+            fs::remove_file(self.part).map_err(|reason| self.io_error(reason))?;
+        }
+        Err(self.failed(format!(
+            "it is longer than the {limit} bytes that are expected"
+        )))
+    }
+
+    fn failed(&self, what: String) -> NnError {
+        NnError::Fetch {
+            url: self.url.to_owned(),
+            what,
+            is_stopped: false,
+        }
+    }
+
+    fn stopped(&self) -> NnError {
+        NnError::Fetch {
+            url: self.url.to_owned(),
+            what: "stopped".to_owned(),
+            is_stopped: true,
+        }
+    }
+
+    fn io_error(&self, reason: std::io::Error) -> NnError {
+        NnError::Io {
+            path: self.part.to_owned(),
+            reason,
+        }
+    }
+}
+
+/// Certificates are verified as the system does, so that those of a company's proxy are accepted too.
+fn agent(https_only: bool) -> Agent {
+    let tls = TlsConfig::builder()
+        .root_certs(RootCerts::PlatformVerifier)
+        .unversioned_rustls_crypto_provider(Arc::new(rustls::crypto::ring::default_provider()))
+        .build();
+    Agent::config_builder()
+        .https_only(https_only)
+        .http_status_as_error(false)
+        .timeout_connect(Some(CONNECT_TIMEOUT))
+        .timeout_per_read(Some(STALL_TIMEOUT))
+        .tls_config(tls)
+        .build()
+        .into()
+}
+
+/// Requests what follows the first `start` bytes and sends it on, until it is complete or nothing receives it any more.
+fn transfer(
+    agent: &Agent,
+    url: &str,
+    start: u64,
+    sender: &SyncSender<Message>,
+) -> Result<Transfer, String> {
+    let mut request = agent.get(url);
+    if start > 0 {
+        request = request.header("Range", format!("bytes={start}-"));
+    }
+    let response = request.call().map_err(|error| explain(&error))?;
+    let offset = match response.status() {
+        StatusCode::OK => 0,
+        StatusCode::PARTIAL_CONTENT if start > 0 && range_start(&response) == Some(start) => start,
+        StatusCode::PARTIAL_CONTENT | StatusCode::RANGE_NOT_SATISFIABLE if start > 0 => {
+            return Ok(Transfer::NotResumable);
+        }
+        status => return Err(format!("the server answers {status}")),
+    };
+    let body = response.into_body();
+    let length = body.content_length();
+    if sender.send(Message::Started { offset, length }).is_err() {
+        return Ok(Transfer::Complete);
+    }
+    let mut reader = body.into_reader();
+    let mut received = 0;
+    loop {
+        let mut chunk = vec![0; CHUNK_BYTES];
+        let count = reader.read(&mut chunk).map_err(|error| error.to_string())?;
+        if count == 0 {
+            break;
+        }
+        chunk.truncate(count);
+        received += count as u64;
+        if sender.send(Message::Chunk(chunk)).is_err() {
+            return Ok(Transfer::Complete);
+        }
+    }
+    match length {
+        Some(length) if received < length => Err("the connection broke off".into()),
+        _ => Ok(Transfer::Complete),
+    }
+}
+
+/// The first byte of a partial answer (`Content-Range: bytes START-END/SIZE`).
+fn range_start(response: &Response<Body>) -> Option<u64> {
+    let range = response.headers().get("Content-Range")?.to_str().ok()?;
+    let (start, _) = range.strip_prefix("bytes ")?.split_once('-')?;
+    start.parse().ok()
+}
+
+fn explain(error: &ureq::Error) -> String {
+    match error {
+        ureq::Error::RequireHttpsOnly(url) => {
+            format!("only https is allowed, redirects included, and this leads to {url}")
+        }
+        ureq::Error::HostNotFound => "the server's name is not known".into(),
+        error => error.to_string(),
+    }
 }
 
 /// A path with something behind the name of its file.
@@ -124,105 +265,21 @@ fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     PathBuf::from(name)
 }
 
-/// How often it is asked whether to go on.
-const ASKED_EVERY: Duration = Duration::from_millis(100);
-
-/// How a program ended.
-pub(super) struct Ended {
-    /// Its exit code; `None` where a signal ended it.
-    pub(super) code: Option<i32>,
-    /// The last line that it wrote to its standard error.
-    pub(super) said: String,
-}
-
-impl Ended {
-    pub(super) fn is_well(&self) -> bool {
-        self.code == Some(0)
-    }
-}
-
-/// Runs a program of the system to its end, or, with `None`, until `goes_on` says no.
-pub(super) fn watched(
-    command: &mut Command,
-    goes_on: &mut dyn FnMut() -> bool,
-) -> std::io::Result<Option<Ended>> {
-    let program = ChildProcess::spawn(
-        command
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped()),
-    )?;
-    let (ended, waited) = channel();
-    let stderr = program.take_stderr();
-    // Ends with the program, which then closes what it writes to.
-    std::thread::spawn(move || ended.send(last_line(stderr)));
-    let said = loop {
-        match waited.recv_timeout(ASKED_EVERY) {
-            Err(RecvTimeoutError::Timeout) if !goes_on() => {
-                program.kill()?;
-                program.wait()?;
-                return Ok(None);
-            }
-            Err(RecvTimeoutError::Timeout) => {}
-            said => break said.unwrap_or_default(),
-        }
-    };
-    Ok(Some(Ended {
-        code: program.wait()?.code(),
-        said,
-    }))
-}
-
-fn last_line(stderr: Option<ChildStderr>) -> String {
-    let lines = stderr
-        .into_iter()
-        .flat_map(|stderr| BufReader::new(stderr).lines().map_while(Result::ok));
-    lines.last().unwrap_or_default()
-}
-
 #[cfg(test)]
-#[cfg(unix)]
 mod tests {
     use super::*;
 
-    fn shell(script: &str) -> Command {
-        let mut command = ostra_core::programs::command("sh").unwrap();
-        command.args(["-c", script]);
-        command
-    }
-
     #[test]
-    fn a_program_tells_how_it_ended() {
-        let ended = watched(
-            &mut shell("echo first >&2; echo last >&2; exit 7"),
-            &mut || true,
-        )
-        .unwrap()
-        .unwrap();
-        assert_eq!(
-            (ended.code, ended.said.as_str(), ended.is_well()),
-            (Some(7), "last", false)
-        );
+    fn plain_http_is_refused_outside_of_unit_tests() {
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        listener.set_nonblocking(true).unwrap();
+        let url = format!("http://{}/file", listener.local_addr().unwrap());
+        let (sender, _messages) = sync_channel(1);
+        let error = transfer(&agent(true), &url, 0, &sender).unwrap_err();
         assert!(
-            watched(&mut shell("exit 0"), &mut || true)
-                .unwrap()
-                .unwrap()
-                .is_well()
+            error.contains("only https") && error.contains(&url),
+            "{error}"
         );
-        assert!(watched(&mut Command::new("no-program-of-this-name"), &mut || true).is_err());
-    }
-
-    #[test]
-    fn a_program_that_is_no_longer_wanted_is_ended() {
-        let begun = std::time::Instant::now();
-        assert!(
-            watched(&mut shell("exec sleep 60"), &mut || false)
-                .unwrap()
-                .is_none()
-        );
-        assert!(
-            begun.elapsed() < Duration::from_secs(30),
-            "it did not sleep to its end"
-        );
+        assert!(listener.accept().is_err(), "no connection was made");
     }
 }

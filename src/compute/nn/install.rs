@@ -1,19 +1,20 @@
-use std::fs;
+use std::fs::{self, File};
+use std::io::{Error, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
+
+use zip::ZipArchive;
 
 use super::add::{Added, add};
 use super::catalogue::{Catalogue, Entry, NetworkFile};
 use super::digests::sha256;
-use super::download::{fetch, watched};
+use super::download::fetch;
 use super::error::NnError;
 use super::runtime::library_name;
-use super::unzip::unzip;
-use ostra_core::programs;
 
 /// How much of a file is there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Fetched<'a> {
-    /// Name of the file, or what is asked for it.
+    /// Name of the file and its licence.
     pub what: &'a str,
     /// Bytes that are there.
     pub bytes: u64,
@@ -23,11 +24,13 @@ pub struct Fetched<'a> {
 
 /// Most bytes of a file whose length is not known.
 const MAX_BYTES: u64 = 4 << 30;
+/// Largest file that is taken from an archive, in bytes.
+const MAX_UNPACKED_BYTES: u64 = 1 << 30;
 /// Downloads that are under way lie here, within the folder of networks.
 const UNDER_WAY: &str = "downloads";
 
-/// Gets the files of a network (or the library of ONNX Runtime) from the net and adds them to `folder`. `told` hears how
-/// far it is and whether to go on; a stopped or broken download is continued by the next call.
+/// Downloads the files of a network (or the library of ONNX Runtime) and adds them to `folder`. `progress` receives how far
+/// it is and returns whether to continue; a stopped or broken download is continued by the next call.
 ///
 /// # Errors
 /// When the name is unknown, the network has no address (says how to get it), a download fails or is another file than the
@@ -36,7 +39,7 @@ pub fn install(
     catalogue: &Catalogue,
     folder: &Path,
     name: &str,
-    told: &mut dyn FnMut(Fetched<'_>) -> bool,
+    progress: &mut dyn FnMut(Fetched<'_>) -> bool,
 ) -> Result<Vec<Added>, NnError> {
     let entry = catalogue.entry(name)?;
     let downloads = folder.join(UNDER_WAY).join(name);
@@ -52,10 +55,10 @@ pub fn install(
         reason,
     })?;
     let files = if entry.is_library() {
-        vec![library(&downloads, told)?]
+        vec![library(&downloads, progress)?]
     } else {
         urls.into_iter()
-            .map(|(url, file)| download(entry, file, url, &downloads, told))
+            .map(|(url, file)| download(entry, file, url, &downloads, progress))
             .collect::<Result<_, _>>()?
     };
     let added = add(catalogue, folder, name, &files);
@@ -80,7 +83,7 @@ fn download(
     file: &NetworkFile,
     url: &str,
     downloads: &Path,
-    told: &mut dyn FnMut(Fetched<'_>) -> bool,
+    progress: &mut dyn FnMut(Fetched<'_>) -> bool,
 ) -> Result<PathBuf, NnError> {
     let Some(sha256) = file.sha256.as_deref() else {
         return Err(NnError::Request(format!(
@@ -99,7 +102,7 @@ fn download(
             what: &what,
         },
         &into,
-        told,
+        progress,
     )?;
     Ok(into)
 }
@@ -108,7 +111,7 @@ fn download(
 fn verified(
     wanted: &Wanted<'_>,
     into: &Path,
-    told: &mut dyn FnMut(Fetched<'_>) -> bool,
+    progress: &mut dyn FnMut(Fetched<'_>) -> bool,
 ) -> Result<(), NnError> {
     let Wanted {
         url, bytes, what, ..
@@ -116,7 +119,7 @@ fn verified(
     if !into.is_file() {
         let limit = bytes.unwrap_or(MAX_BYTES);
         fetch(url, into, limit, &mut |here| {
-            told(Fetched {
+            progress(Fetched {
                 what,
                 bytes: here,
                 of: bytes,
@@ -144,155 +147,104 @@ fn verify(wanted: &Wanted<'_>, path: &Path) -> Result<(), NnError> {
     })
 }
 
-/// ONNX Runtime's library, from its Python package: by `pip`, which knows the user's mirrors and proxies, else from its
-/// address. The package is verified before it is unpacked.
+/// ONNX Runtime's library, from the package that its makers publish. The package is verified before it is unpacked.
 fn library(
     downloads: &Path,
-    told: &mut dyn FnMut(Fetched<'_>) -> bool,
+    progress: &mut dyn FnMut(Fetched<'_>) -> bool,
 ) -> Result<PathBuf, NnError> {
-    let wheel = Wheel::for_this_system()?;
-    let what = format!("onnxruntime {VERSION}");
+    let package = RuntimePackage::for_this_system()?;
     let wanted = Wanted {
-        url: wheel.url,
-        sha256: wheel.sha256,
-        bytes: Some(wheel.bytes),
-        what: &what,
+        url: package.url,
+        sha256: package.sha256,
+        bytes: Some(package.bytes),
+        what: &format!("onnxruntime {VERSION}"),
     };
-    let into = downloads.join(wheel.file_name());
-    for python in ["python3", "python"] {
-        if !into.is_file() {
-            let what = format!("{what} by {python} -m pip");
-            by_pip(python, wheel, downloads, &mut || {
-                told(Fetched {
-                    what: &what,
-                    bytes: 0,
-                    of: None,
-                })
-            })?;
-        }
-    }
-    verified(&wanted, &into, told)?;
+    let into = downloads.join(package.file_name());
+    verified(&wanted, &into, progress)?;
     let library = downloads.join(library_name());
     let failed = |reason| NnError::Io {
         path: library.clone(),
         reason,
     };
-    let mut file = fs::File::create(&library).map_err(failed)?;
-    unzip(&into, wheel.library, &mut file).map_err(failed)?;
+    let mut file = File::create(&library).map_err(failed)?;
+    unpack(&into, package.library, &mut file).map_err(failed)?;
     Ok(library)
 }
 
-/// Lets pip download a package into `downloads`, where it can; what it downloads is not verified yet. Isolated (`-I`) and
-/// run in that folder, so that no module is taken from the current folder.
-fn by_pip(
-    python: &str,
-    wheel: &Wheel,
-    downloads: &Path,
-    goes_on: &mut dyn FnMut() -> bool,
-) -> Result<(), NnError> {
-    let Ok(mut pip) = programs::command(python) else {
-        return Ok(());
-    };
-    pip.args([
-        "-I",
-        "-m",
-        "pip",
-        "download",
-        "--quiet",
-        "--disable-pip-version-check",
-        "--only-binary",
-        ":all:",
-    ]);
-    pip.args([
-        "--no-deps",
-        "--python-version",
-        PYTHON_VERSION,
-        "--platform",
-        wheel.platform,
-        "--dest",
-    ]);
-    pip.arg(downloads)
-        .arg(format!("onnxruntime=={VERSION}"))
-        .current_dir(downloads);
-    let stopped = || NnError::Fetch {
-        url: python.to_owned(),
-        what: "stopped".to_owned(),
-        is_stopped: true,
-    };
-    match goes_on().then(|| watched(&mut pip, goes_on)) {
-        None | Some(Ok(None)) => Err(stopped()),
-        Some(Ok(Some(ended))) if ended.is_well() => Ok(()),
-        Some(_) => {
-            // What it may have begun is no download; the address is tried next, and says what is wrong.
-            let _ = fs::remove_file(downloads.join(wheel.file_name()));
-            Ok(())
-        }
+/// Writes the one file called `member` in the ZIP archive `archive` to `into`, whatever else the archive holds.
+///
+/// # Errors
+/// When the archive is damaged, has no such file, or the file is larger than 1 GiB.
+fn unpack(archive: &Path, member: &str, into: &mut impl Write) -> std::io::Result<()> {
+    let damaged = |what: &str| Error::new(ErrorKind::InvalidData, what.to_owned());
+    let mut archive = ZipArchive::new(File::open(archive)?)?;
+    let mut file = archive.by_name(member)?;
+    let size = file.size();
+    if size > MAX_UNPACKED_BYTES {
+        return Err(damaged("a file in it is too large"));
+    }
+    let written = std::io::copy(&mut file.by_ref().take(size + 1), into)?;
+    if written == size {
+        Ok(())
+    } else {
+        Err(damaged("a file in it has another length than it should"))
     }
 }
 
 /// Version of ONNX Runtime that is installed.
-pub(super) const VERSION: &str = "1.31.1";
+const VERSION: &str = "1.31.1";
 
-/// The Python package of ONNX Runtime for one system: a ZIP archive that holds the library.
+/// The package of ONNX Runtime for one system: a ZIP archive (a wheel) that holds the library.
 #[derive(Debug)]
-pub(super) struct Wheel {
+struct RuntimePackage {
     os: &'static str,
     arch: &'static str,
-    /// The system as pip calls it.
-    pub platform: &'static str,
     /// Address of the file, which holds the file's BLAKE2b digest.
-    pub url: &'static str,
-    pub bytes: u64,
-    pub sha256: &'static str,
+    url: &'static str,
+    bytes: u64,
+    sha256: &'static str,
     /// Name of the library within the archive.
-    pub library: &'static str,
+    library: &'static str,
 }
 
-/// Python version of the packages in [`WHEELS`]; the library in them does not depend on it.
-pub(super) const PYTHON_VERSION: &str = "3.12";
-
-/// The packages of the Python Package Index, with digests computed from the files that it served in November 2026.
-const WHEELS: [Wheel; 5] = [
-    Wheel {
+/// Packages of the Python Package Index, with digests computed from the files that it served in November 2026. Only the
+/// library is taken from them, which depends on no version of Python.
+const RUNTIME_PACKAGES: [RuntimePackage; 5] = [
+    RuntimePackage {
         os: "macos",
         arch: "aarch64",
-        platform: "macosx_14_0_arm64",
         url: "https://files.pythonhosted.org/packages/0e/f7/cecc0efeeea83bff2f7789ae1b80f27fa0f0210d6d9d66d1f0031a6b5e47/onnxruntime-1.31.1-cp312-cp312-macosx_14_0_arm64.whl",
         bytes: 20882125,
         sha256: "96dd2564b10ea7153ad9c207e7cd8e5917cb3ba521e0e0a62ac03486fdc8d56c",
         library: "onnxruntime/capi/libonnxruntime.1.31.1.dylib",
     },
-    Wheel {
+    RuntimePackage {
         os: "linux",
         arch: "aarch64",
-        platform: "manylinux_2_28_aarch64",
         url: "https://files.pythonhosted.org/packages/ba/e4/1ed1a7a5f4702d899091fa2b976d377995250c307326ec8dc9ae6378aa13/onnxruntime-1.31.1-cp312-cp312-manylinux_2_28_aarch64.whl",
         bytes: 21420803,
         sha256: "0b9a492176886992e0e875f06bc0367e333f5fff11711a2d642e18b02f3009cc",
         library: "onnxruntime/capi/libonnxruntime.so.1.31.1",
     },
-    Wheel {
+    RuntimePackage {
         os: "linux",
         arch: "x86_64",
-        platform: "manylinux_2_28_x86_64",
         url: "https://files.pythonhosted.org/packages/eb/27/c6a823bac55b2977bea2027c3ec9393a2c1002cb9a09eb40354563e02730/onnxruntime-1.31.1-cp312-cp312-manylinux_2_28_x86_64.whl",
         bytes: 23760988,
         sha256: "1f3dea47f2f0e5117c2404cea7d21fd253ae7836a3bf167a501cdfbb2600d536",
         library: "onnxruntime/capi/libonnxruntime.so.1.31.1",
     },
-    Wheel {
+    RuntimePackage {
         os: "windows",
         arch: "x86_64",
-        platform: "win_amd64",
         url: "https://files.pythonhosted.org/packages/45/b2/793b4051d8dc6acb379ead9b72050f0ffa283ca49a6904add2e218b83e2e/onnxruntime-1.31.1-cp312-cp312-win_amd64.whl",
         bytes: 14888466,
         sha256: "ae8a9a351efda685cc59a66226cdefaa37a126c1d66872ca23a2de9425326130",
         library: "onnxruntime/capi/onnxruntime.dll",
     },
-    Wheel {
+    RuntimePackage {
         os: "windows",
         arch: "aarch64",
-        platform: "win_arm64",
         url: "https://files.pythonhosted.org/packages/ed/72/09d635ab4b6137d8ac63d4911a37dad8b1ef15a77d20b65d7ed40fdca012/onnxruntime-1.31.1-cp312-cp312-win_arm64.whl",
         bytes: 14740724,
         sha256: "fe8b9ac1ae8e894e12c47ee82e4f6dfc1835768133687257866469fda80d0bf1",
@@ -300,14 +252,14 @@ const WHEELS: [Wheel; 5] = [
     },
 ];
 
-impl Wheel {
+impl RuntimePackage {
     /// The package for this system.
     ///
     /// # Errors
     /// [`NnError::Request`] where none is known; says what to do instead.
-    pub fn for_this_system() -> Result<&'static Self, NnError> {
+    fn for_this_system() -> Result<&'static Self, NnError> {
         let (os, arch) = (std::env::consts::OS, std::env::consts::ARCH);
-        WHEELS.iter().find(|wheel| (wheel.os, wheel.arch) == (os, arch)).ok_or_else(|| {
+        RUNTIME_PACKAGES.iter().find(|package| (package.os, package.arch) == (os, arch)).ok_or_else(|| {
             NnError::Request(format!(
                 "no verified file of ONNX Runtime is known for {os} on {arch}; install ONNX Runtime 1.24 or newer by other \
                  means and set ORT_DYLIB_PATH to its library, or run `ostra models add onnxruntime FILE`"
@@ -316,32 +268,81 @@ impl Wheel {
     }
 
     /// Name of the package's file.
-    pub fn file_name(&self) -> &'static str {
+    fn file_name(&self) -> &'static str {
         Path::new(self.url)
             .file_name()
             .and_then(|name| name.to_str())
-            .unwrap_or(self.platform)
+            .unwrap_or("onnxruntime.whl")
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::io::Cursor;
+
+    use zip::CompressionMethod;
+    use zip::write::SimpleFileOptions;
+
     use super::*;
 
     #[test]
     fn packages_are_fetched_by_https_and_have_whole_digests() {
-        for wheel in &WHEELS {
+        for package in &RUNTIME_PACKAGES {
             assert!(
-                wheel.url.starts_with("https://") && wheel.url.contains(VERSION),
+                package.url.starts_with("https://") && package.url.contains(VERSION),
                 "{}",
-                wheel.url
+                package.url
             );
             assert!(
-                wheel.sha256.len() == 64
-                    && wheel.sha256.bytes().all(|byte| byte.is_ascii_hexdigit())
+                package.sha256.len() == 64
+                    && package.sha256.bytes().all(|byte| byte.is_ascii_hexdigit())
             );
+            let platform = match (package.os, package.arch) {
+                ("macos", "aarch64") => "macosx_14_0_arm64",
+                ("linux", "aarch64") => "manylinux_2_28_aarch64",
+                ("linux", "x86_64") => "manylinux_2_28_x86_64",
+                ("windows", "x86_64") => "win_amd64",
+                ("windows", "aarch64") => "win_arm64",
+                other => panic!("{other:?}"),
+            };
             assert!(
-                wheel.file_name().ends_with(".whl") && wheel.file_name().contains(wheel.platform)
+                package.file_name().ends_with(".whl") && package.file_name().contains(platform)
+            );
+        }
+    }
+
+    /// An archive of one stored file whose directory says that it has `listed` bytes.
+    fn archive(name: &str, content: &[u8], listed: u32) -> Vec<u8> {
+        let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
+        let stored = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
+        zip.start_file(name, stored).unwrap();
+        zip.write_all(content).unwrap();
+        let mut bytes = zip.finish().unwrap().into_inner();
+        let entry = bytes.windows(4).position(|four| four == b"PK\x01\x02");
+        bytes[entry.unwrap() + 24..][..4].copy_from_slice(&listed.to_le_bytes());
+        bytes
+    }
+
+    #[test]
+    fn only_the_named_file_is_taken_and_damage_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.zip");
+        let taken = |zip: &[u8], member: &str| {
+            fs::write(&path, zip).unwrap();
+            let mut into = Vec::new();
+            unpack(&path, member, &mut into).map(|()| into)
+        };
+        let good = archive("x/lib.so", b"content", 7);
+        assert_eq!(taken(&good, "x/lib.so").unwrap(), b"content");
+        assert!(taken(&good, "lib.so").is_err(), "another name");
+        let longer = archive("x/lib.so", b"content", 6);
+        assert!(taken(&longer, "x/lib.so").is_err(), "longer than listed");
+        let large = archive("x/lib.so", b"content", u32::MAX);
+        assert!(taken(&large, "x/lib.so").is_err(), "too large");
+        for length in 0..good.len() - 2 {
+            assert!(
+                taken(&good[..length], "x/lib.so").is_err(),
+                "cut to {length} bytes"
             );
         }
     }

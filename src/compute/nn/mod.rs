@@ -11,7 +11,6 @@ mod installed;
 mod network;
 mod runtime;
 mod tensor;
-mod unzip;
 
 #[cfg(test)]
 mod tests;

@@ -2,22 +2,11 @@ use std::fs;
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
-use std::process::Command;
 
 use super::super::{Catalogue, NnError, check, install};
 use super::ready;
 use crate::nn::digests::sha256;
 use crate::nn::download::fetch;
-
-/// Whether the system has `curl`; where CI runs it must.
-fn curl() -> bool {
-    let there = Command::new("curl").arg("--version").output().is_ok();
-    assert!(there || std::env::var_os("CI").is_none(), "curl is missing");
-    if !there {
-        println!("skipped: curl is missing");
-    }
-    there
-}
 
 /// Serves a file over HTTP, from where it is asked for; the first answers break off after so many bytes. Gives its address.
 fn serve(file: Vec<u8>, breaks_at: &'static [usize]) -> String {
@@ -79,9 +68,6 @@ fn bytes(count: usize) -> Vec<u8> {
 
 #[test]
 fn a_broken_download_is_continued() {
-    if !curl() {
-        return;
-    }
     let (file, scratch) = (bytes(100_000), tempfile::tempdir().unwrap());
     let (url, into) = (
         serve(file.clone(), &[40_000, 30_000]),
@@ -117,9 +103,6 @@ fn a_broken_download_is_continued() {
 
 #[test]
 fn a_download_stops_when_asked_to() {
-    if !curl() {
-        return;
-    }
     let scratch = tempfile::tempdir().unwrap();
     // Nobody answers.
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -145,9 +128,6 @@ fn digest(bytes: &[u8]) -> String {
 
 #[test]
 fn a_file_that_is_longer_than_expected_is_not_kept() {
-    if !curl() {
-        return;
-    }
     let (url, scratch) = (serve(bytes(100_000), &[]), tempfile::tempdir().unwrap());
     let error = fetch(&url, &scratch.path().join("file"), 50_000, &mut |_| true).unwrap_err();
     assert!(
@@ -175,9 +155,6 @@ fn catalogue(url: &str, sha256: Option<&str>) -> Catalogue {
 #[test]
 fn a_network_is_fetched_checked_and_remembered() {
     let Some((_, folder)) = ready() else { return };
-    if !curl() {
-        return;
-    }
     let network = fs::read(folder.join("yolox_nano.onnx")).unwrap();
     let scratch = tempfile::tempdir().unwrap();
     let (url, target) = (serve(network.clone(), &[]), scratch.path().join("models"));
@@ -222,9 +199,6 @@ fn a_network_is_fetched_checked_and_remembered() {
 #[test]
 fn what_was_refused_is_not_taken_for_the_file_again() {
     let Some((_, folder)) = ready() else { return };
-    if !curl() {
-        return;
-    }
     let network = fs::read(folder.join("yolox_nano.onnx")).unwrap();
     let scratch = tempfile::tempdir().unwrap();
     let target = scratch.path().join("models");
@@ -271,9 +245,6 @@ fn what_has_no_address_says_how_to_get_it() {
 
 #[test]
 fn what_is_whole_already_is_fetched_anew_where_the_server_has_no_more() {
-    if !curl() {
-        return;
-    }
     let (file, scratch) = (bytes(5_000), tempfile::tempdir().unwrap());
     let (url, into) = (serve(file.clone(), &[]), scratch.path().join("file"));
     fs::write(scratch.path().join("file.part"), &file).unwrap();
