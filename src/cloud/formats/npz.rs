@@ -1,10 +1,13 @@
 //! NPZ: NumPy arrays in a ZIP archive.
 
 use std::collections::BTreeSet;
-use std::io::Write;
+use std::io::{Cursor, Write};
 use std::path::Path;
 
 use glam::IVec3;
+use npyz::{AutoSerialize, DType, Serialize, WriteOptions, WriterBuilder};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, System, ZipWriter};
 
 use super::labels::path_name;
 use super::vox::Places;
@@ -13,6 +16,12 @@ use crate::whole_file::{unplaced, write_whole};
 use crate::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::LabelId;
+
+/// Arrays that [`save`] writes.
+const ARRAYS: usize = 8;
+/// Bytes of an array's entries from which its place in the zip is written in the form for more than 4 GiB (Zip64); some
+/// are left for the array's head.
+const LARGE_BYTES: u64 = u32::MAX as u64 - 4096;
 
 /// Writes voxels as NumPy arrays in a zip: `indices` (int32, N×3: places along x, y, z), `labels` (uint16), `confidence`
 /// (float32), `colors` (uint8, N×3, sRGB), `origin` (float64, 3) and `voxel_size` (float64), so that a voxel's middle is
@@ -32,189 +41,93 @@ pub(super) fn save(
         .chain(voxels.labels.iter().copied())
         .collect();
     let names: Vec<String> = ids.iter().map(|&id| path_name(&voxels.tree, id)).collect();
-    let (count, kinds) = (voxels.len(), ids.len());
-    let shorts = |ids: &mut dyn Iterator<Item = LabelId>| {
-        ids.flat_map(|id| id.0.to_le_bytes()).collect::<Vec<u8>>()
+    let (count, kinds) = (voxels.len() as u64, ids.len() as u64);
+    let places = indices.iter().flat_map(IVec3::to_array);
+    let labels = voxels.labels.iter().map(|id| id.0);
+    let confidence = voxels.confidence.iter().copied();
+    let colors = coloring.of(voxels);
+    let colors = colors.as_flattened().iter().copied();
+    let origin = (origin + voxels.origin).to_array();
+    let mut npz = NpzWriter {
+        zip: ZipWriter::new(Cursor::new(Vec::new())),
+        arrays: 0,
+        progress,
     };
-    let places: Vec<u8> = indices
-        .iter()
-        .flat_map(IVec3::to_array)
-        .flat_map(i32::to_le_bytes)
-        .collect();
-    let labels = shorts(&mut voxels.labels.iter().copied());
-    let confidence: Vec<u8> = voxels
-        .confidence
-        .iter()
-        .flat_map(|share| share.to_le_bytes())
-        .collect();
-    let origin: Vec<u8> = (origin + voxels.origin)
-        .to_array()
-        .into_iter()
-        .flat_map(f64::to_le_bytes)
-        .collect();
-    let arrays = [
-        ("indices", array("<i4", &[count, 3], &places)),
-        ("labels", array("<u2", &[count], &labels)),
-        ("confidence", array("<f4", &[count], &confidence)),
-        (
-            "colors",
-            array("|u1", &[count, 3], coloring.of(voxels).as_flattened()),
-        ),
-        ("origin", array("<f8", &[3], &origin)),
-        ("voxel_size", array("<f8", &[], &voxel.to_le_bytes())),
-        (
-            "label_ids",
-            array("<u2", &[kinds], &shorts(&mut ids.into_iter())),
-        ),
-        ("label_names", texts(&names)),
-    ];
-    write_whole(path, |out| {
-        let mut zip = Zip::default();
-        for (at, (name, bytes)) in arrays.iter().enumerate() {
-            progress.step(at, arrays.len())?;
-            let head = zip
-                .add(&format!("{name}.npy"), bytes)
-                .ok_or_else(too_large)?;
-            out.write_all(&head)
-                .and_then(|()| out.write_all(bytes))
-                .map_err(unplaced)?;
-        }
-        out.write_all(&zip.end()).map_err(unplaced)
-    })
+    npz.add("indices", &[count, 3], places)?;
+    npz.add("labels", &[count], labels)?;
+    npz.add("confidence", &[count], confidence)?;
+    npz.add("colors", &[count, 3], colors)?;
+    npz.add("origin", &[3], origin)?;
+    npz.add("voxel_size", &[], [voxel])?;
+    npz.add("label_ids", &[kinds], ids.iter().map(|id| id.0))?;
+    npz.add_texts("label_names", &names)?;
+    let zip = npz.zip.finish().map_err(|error| unplaced(error.into()))?;
+    write_whole(path, |out| out.write_all(zip.get_ref()).map_err(unplaced))
 }
 
-fn too_large() -> SceneError {
-    SceneError::Request(
-        "the voxels take more than the 4 GiB that an NPZ can hold; fuse with a larger voxel size"
-            .into(),
-    )
+/// A zip file of arrays, in memory: after an error of the disk, [`ZipWriter`] would write on standard error.
+struct NpzWriter<'a> {
+    zip: ZipWriter<Cursor<Vec<u8>>>,
+    /// Arrays written so far.
+    arrays: usize,
+    progress: &'a Progress,
 }
 
-/// An array in NumPy's form (NEP 1, version 1.0), little-endian: `kind` as in `<f4`, the numbers of entries along each
-/// axis, and the entries' bytes with the last axis running fastest.
-fn array(kind: &str, shape: &[usize], entries: &[u8]) -> Vec<u8> {
-    let shape: String = shape.iter().map(|along| format!("{along},")).collect();
-    let mut head = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({shape}), }}");
-    // With the ten bytes before it and the line's end the entries begin at a multiple of 64.
-    let whole = (10 + head.len() + 1).next_multiple_of(64);
-    head.extend(std::iter::repeat_n(' ', whole - 10 - 1 - head.len()));
-    head.push('\n');
-    let mut bytes = Vec::with_capacity(whole + entries.len());
-    bytes.extend_from_slice(b"\x93NUMPY\x01\x00");
-    bytes.extend_from_slice(&((whole - 10) as u16).to_le_bytes());
-    bytes.extend_from_slice(head.as_bytes());
-    bytes.extend_from_slice(entries);
-    bytes
-}
-
-/// An array of texts: all as wide as the longest, four bytes a letter, ended by zeros.
-fn texts(texts: &[String]) -> Vec<u8> {
-    let width = texts
-        .iter()
-        .map(|text| text.chars().count())
-        .max()
-        .unwrap_or(0)
-        .max(1);
-    let padded = |text: &String| {
-        text.chars()
-            .map(u32::from)
-            .chain(std::iter::repeat(0))
-            .take(width)
-            .collect::<Vec<_>>()
-    };
-    let entries: Vec<u8> = texts
-        .iter()
-        .flat_map(padded)
-        .flat_map(u32::to_le_bytes)
-        .collect();
-    array(&format!("<U{width}"), &[texts.len()], &entries)
-}
-
-/// A zip file being written, its files stored as they are (APPNOTE.TXT, PKWARE). Without times, so that equal content
-/// gives equal bytes.
-#[derive(Default)]
-struct Zip {
-    directory: Vec<u8>,
-    files: u16,
-    written: u32,
-}
-
-impl Zip {
-    /// The bytes that stand before a file's content, which must follow at once; `None` beyond 4 GiB.
-    fn add(&mut self, name: &str, content: &[u8]) -> Option<Vec<u8>> {
-        let size = u32::try_from(content.len()).ok()?;
-        let mut shared = Vec::new();
-        // Version 2.0 needed, no flags, stored, midnight, 1 January 1980.
-        [20u16, 0, 0, 0, 0x21]
-            .iter()
-            .for_each(|number| shared.extend(number.to_le_bytes()));
-        [crc32(content), size, size]
-            .iter()
-            .for_each(|number| shared.extend(number.to_le_bytes()));
-        shared.extend((name.len() as u16).to_le_bytes());
-        shared.extend(0u16.to_le_bytes());
-        let head = [b"PK\x03\x04", &shared[..], name.as_bytes()].concat();
-        self.directory.extend_from_slice(b"PK\x01\x02\x14\x00");
-        self.directory.extend_from_slice(&shared);
-        // No comment, first disk, no attributes; then where the file begins.
-        self.directory.extend_from_slice(&[0; 10]);
-        self.directory.extend(self.written.to_le_bytes());
-        self.directory.extend_from_slice(name.as_bytes());
-        self.files += 1;
-        self.written = self
-            .written
-            .checked_add(head.len() as u32)?
-            .checked_add(size)?;
-        Some(head)
+impl NpzWriter<'_> {
+    /// Adds an array of `shape` entries along each axis, the last axis running fastest.
+    fn add<T: AutoSerialize>(
+        &mut self,
+        name: &str,
+        shape: &[u64],
+        entries: impl IntoIterator<Item = T>,
+    ) -> Result<(), SceneError> {
+        self.write(name, shape, T::default_dtype(), entries)
     }
 
-    /// The bytes that end the zip.
-    fn end(self) -> Vec<u8> {
-        let mut bytes = self.directory;
-        let length = bytes.len() as u32;
-        bytes.extend_from_slice(b"PK\x05\x06\0\0\0\0");
-        [self.files; 2]
-            .iter()
-            .for_each(|number| bytes.extend(number.to_le_bytes()));
-        [length, self.written]
-            .iter()
-            .for_each(|number| bytes.extend(number.to_le_bytes()));
-        bytes.extend_from_slice(&[0; 2]);
-        bytes
+    /// Adds an array of texts, all as wide as the longest: four bytes a letter, filled up with zeros.
+    fn add_texts(&mut self, name: &str, texts: &[String]) -> Result<(), SceneError> {
+        let letters = texts.iter().map(|text| text.chars().count());
+        let width = letters.max().unwrap_or(0).max(1);
+        let kind = format!("<U{width}")
+            .parse()
+            .map_err(|error| unplaced(std::io::Error::other(error)))?;
+        let shape = [texts.len() as u64];
+        self.write(name, &shape, DType::new_scalar(kind), texts.iter().cloned())
+    }
+
+    fn write<T: Serialize>(
+        &mut self,
+        name: &str,
+        shape: &[u64],
+        kind: DType,
+        entries: impl IntoIterator<Item = T>,
+    ) -> Result<(), SceneError> {
+        self.progress.step(self.arrays, ARRAYS)?;
+        self.arrays += 1;
+        let bytes = kind.num_bytes().unwrap_or(0) as u64 * shape.iter().product::<u64>();
+        // Nothing that depends on the time or the system, so that equal content gives equal bytes.
+        let stored = SimpleFileOptions::DEFAULT
+            .compression_method(CompressionMethod::Stored)
+            .system(System::Dos)
+            .large_file(bytes > LARGE_BYTES);
+        self.zip
+            .start_file(format!("{name}.npy"), stored)
+            .map_err(|error| unplaced(error.into()))?;
+        write_array(&mut self.zip, shape, kind, entries).map_err(unplaced)
     }
 }
 
-/// The checksum of zip and PNG (ITU-T V.42), reflected polynomial 0xedb88320.
-fn crc32(bytes: &[u8]) -> u32 {
-    const TABLE: [u32; 256] = table();
-    !bytes.iter().fold(!0, |crc: u32, &byte| {
-        TABLE[usize::from(crc as u8 ^ byte)] ^ (crc >> 8)
-    })
-}
-
-const fn table() -> [u32; 256] {
-    let mut table = [0; 256];
-    let mut byte = 0;
-    while byte < 256 {
-        let (mut crc, mut bit) = (byte as u32, 0);
-        while bit < 8 {
-            crc = if crc & 1 == 1 {
-                0xedb8_8320 ^ (crc >> 1)
-            } else {
-                crc >> 1
-            };
-            bit += 1;
-        }
-        table[byte] = crc;
-        byte += 1;
-    }
-    table
-}
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn checksum_of_the_standard() {
-        assert_eq!(super::crc32(b"123456789"), 0xcbf4_3926);
-    }
+fn write_array<T: Serialize>(
+    out: impl Write,
+    shape: &[u64],
+    kind: DType,
+    entries: impl IntoIterator<Item = T>,
+) -> std::io::Result<()> {
+    let array = WriteOptions::<T>::new()
+        .dtype(kind)
+        .shape(shape)
+        .writer(out);
+    let mut array = array.begin_nd()?;
+    array.extend(entries)?;
+    array.finish()
 }

@@ -61,7 +61,7 @@ fn array(bytes: &[u8]) -> Array {
     };
     (
         between("'descr': '", "'"),
-        between("'shape': ", ", }"),
+        between("'shape': ", ", }").replace(' ', ""),
         bytes[start..].to_vec(),
     )
 }
