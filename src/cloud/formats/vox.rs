@@ -1,9 +1,10 @@
 //! MagicaVoxel files, and the whole-number places of voxels.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::Write;
+use std::io::{BufWriter, Write};
 use std::path::Path;
 
+use dot_vox::{Color, Dict, DotVoxData, Frame, Model, SceneNode, ShapeModel, Size, Voxel};
 use glam::{DVec3, IVec3};
 
 use super::labels::{color_of, path_name};
@@ -18,9 +19,9 @@ const SIDE: i32 = 256;
 const COLORS: usize = 255;
 
 /// The voxels of one label in one cube of the grid.
-struct Model {
+struct LabelModel {
     name: String,
-    /// The palette's entry, from 1.
+    /// The palette's entry, from 0.
     color: u8,
     least: IVec3,
     size: IVec3,
@@ -45,28 +46,32 @@ pub(super) fn save(
     }
     let models = models(voxels, &ids, voxel)?;
     progress.check()?;
-    let mut children = Vec::new();
+    let mut data = DotVoxData {
+        version: 150,
+        index_map: Vec::new(),
+        models: Vec::with_capacity(models.len()),
+        palette: palette(voxels, &ids),
+        materials: Vec::new(),
+        scenes: scene_graph(&models),
+        layers: Vec::new(),
+    };
     for (at, model) in models.iter().enumerate() {
         progress.step(at, models.len())?;
-        children.extend(chunk(b"SIZE", &numbers(&model.size.to_array()), &[]));
-        children.extend(chunk(b"XYZI", &voxel_bytes(model), &[]));
+        data.models.push(vox_model(model));
     }
-    children.extend(graph(&models));
-    children.extend(chunk(b"RGBA", &palette(voxels, &ids), &[]));
-    let bytes = [
-        b"VOX ",
-        &numbers(&[150])[..],
-        &chunk(b"MAIN", &[], &children),
-    ]
-    .concat();
-    write_whole(path, |out| out.write_all(&bytes).map_err(unplaced))
+    write_whole(path, |out| {
+        let mut out = BufWriter::new(out);
+        data.write_vox(&mut out)
+            .and_then(|()| out.flush())
+            .map_err(unplaced)
+    })
 }
 
 fn models(
     voxels: &LabelledCloud,
     ids: &BTreeSet<LabelId>,
     voxel: f64,
-) -> Result<Vec<Model>, SceneError> {
+) -> Result<Vec<LabelModel>, SceneError> {
     let places = Places::of(voxels, voxel)?.indices;
     let upright = |at: &IVec3| IVec3::new(at.x, at.z, -at.y);
     let mut cubes: BTreeMap<(LabelId, [i32; 3]), Vec<IVec3>> = BTreeMap::new();
@@ -76,13 +81,13 @@ fn models(
             .or_default()
             .push(place);
     }
-    let color: BTreeMap<LabelId, u8> = ids.iter().copied().zip(1..=u8::MAX).collect();
+    let color: BTreeMap<LabelId, u8> = ids.iter().copied().zip(0..).collect();
     let model = |((id, _), places): ((LabelId, [i32; 3]), Vec<IVec3>)| {
         let bound =
             |of: fn(IVec3, IVec3) -> IVec3| places.iter().copied().reduce(of).unwrap_or_default();
         let least = bound(IVec3::min);
         let size = bound(IVec3::max) - least + 1;
-        Model {
+        LabelModel {
             name: path_name(&voxels.tree, id),
             color: color[&id],
             least,
@@ -93,18 +98,22 @@ fn models(
     Ok(cubes.into_iter().map(model).collect())
 }
 
-fn voxel_bytes(model: &Model) -> Vec<u8> {
-    let mut bytes = numbers(&[model.places.len() as i32]);
-    for place in &model.places {
-        bytes.extend((*place - model.least).to_array().map(|along| along as u8));
-        bytes.push(model.color);
+fn vox_model(model: &LabelModel) -> Model {
+    let voxel = |place: &IVec3| {
+        let [x, y, z] = (place - model.least).to_array().map(|along| along as u8);
+        let i = model.color;
+        Voxel { x, y, z, i }
+    };
+    let [x, y, z] = model.size.to_array().map(|along| along as u32);
+    Model {
+        size: Size { x, y, z },
+        voxels: model.places.iter().map(voxel).collect(),
     }
-    bytes
 }
 
 /// The scene: a transform and a group at the top, below them a transform (with the label's name and the model's place)
 /// and a shape for each model. What is shown stands on the ground in the middle.
-fn graph(models: &[Model]) -> Vec<u8> {
+fn scene_graph(models: &[LabelModel]) -> Vec<SceneNode> {
     let least = models
         .iter()
         .map(|model| model.least)
@@ -116,72 +125,44 @@ fn graph(models: &[Model]) -> Vec<u8> {
         .reduce(IVec3::max)
         .unwrap_or_default();
     let ground = ((least + most) / 2).with_z(least.z);
-    let mut bytes = transform(0, &[], 1, IVec3::ZERO);
-    let nodes: Vec<i32> = (0..models.len() as i32).map(|at| 2 + 2 * at).collect();
-    let group = [
-        numbers(&[1]),
-        dictionary(&[]),
-        numbers(&[nodes.len() as i32]),
-        numbers(&nodes),
-    ]
-    .concat();
-    bytes.extend(chunk(b"nGRP", &group, &[]));
-    for ((&node, model), at) in nodes.iter().zip(models).zip(0..) {
+    // A node's number is its place in the list.
+    let mut nodes = vec![
+        transform(Dict::default(), 1, IVec3::ZERO),
+        SceneNode::Group {
+            attributes: Dict::default(),
+            children: (0..models.len() as u32).map(|at| 2 + 2 * at).collect(),
+        },
+    ];
+    for (model, model_id) in models.iter().zip(0..) {
         // A model is placed by its middle.
         let place = model.least + model.size / 2 - ground;
-        bytes.extend(transform(node, &[("_name", &model.name)], node + 1, place));
-        let shape = [
-            numbers(&[node + 1]),
-            dictionary(&[]),
-            numbers(&[1, at]),
-            dictionary(&[]),
-        ]
-        .concat();
-        bytes.extend(chunk(b"nSHP", &shape, &[]));
+        let name = Dict::from_iter([("_name".to_owned(), model.name.clone())]);
+        nodes.push(transform(name, nodes.len() as u32 + 1, place));
+        nodes.push(SceneNode::Shape {
+            attributes: Dict::default(),
+            models: vec![ShapeModel {
+                model_id,
+                attributes: Dict::default(),
+            }],
+        });
     }
-    bytes
+    nodes
 }
 
-fn transform(node: i32, attributes: &[(&str, &str)], child: i32, place: IVec3) -> Vec<u8> {
+fn transform(attributes: Dict, child: u32, place: IVec3) -> SceneNode {
     let place = format!("{} {} {}", place.x, place.y, place.z);
-    // The reserved -1, layer 0, one frame.
-    let rest = [numbers(&[child, -1, 0, 1]), dictionary(&[("_t", &place)])].concat();
-    chunk(
-        b"nTRN",
-        &[numbers(&[node]), dictionary(attributes), rest].concat(),
-        &[],
-    )
+    SceneNode::Transform {
+        attributes,
+        frames: vec![Frame::new(Dict::from_iter([("_t".to_owned(), place)]))],
+        child,
+        layer_id: 0,
+    }
 }
 
-fn palette(voxels: &LabelledCloud, ids: &BTreeSet<LabelId>) -> Vec<u8> {
+fn palette(voxels: &LabelledCloud, ids: &BTreeSet<LabelId>) -> Vec<Color> {
     let colors = ids.iter().map(|&id| color_of(&voxels.tree, id));
     let filled = colors.chain(std::iter::repeat([0; 3])).take(COLORS + 1);
-    filled
-        .flat_map(|[red, green, blue]| [red, green, blue, 255])
-        .collect()
-}
-
-fn chunk(id: &[u8; 4], content: &[u8], children: &[u8]) -> Vec<u8> {
-    [
-        id,
-        &numbers(&[content.len() as i32, children.len() as i32])[..],
-        content,
-        children,
-    ]
-    .concat()
-}
-
-fn numbers(numbers: &[i32]) -> Vec<u8> {
-    numbers.iter().copied().flat_map(i32::to_le_bytes).collect()
-}
-
-fn dictionary(pairs: &[(&str, &str)]) -> Vec<u8> {
-    let text = |text: &str| [&numbers(&[text.len() as i32])[..], text.as_bytes()].concat();
-    let mut bytes = numbers(&[pairs.len() as i32]);
-    pairs
-        .iter()
-        .for_each(|(key, value)| bytes.extend([text(key), text(value)].concat()));
-    bytes
+    filled.map(|[r, g, b]| Color { r, g, b, a: 255 }).collect()
 }
 
 /// Where voxels lie in their grid.
