@@ -1,11 +1,11 @@
 use std::collections::BTreeMap;
-use std::io::IsTerminal;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, anyhow, bail};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::print::{printable, say, say_aside, warn};
 use super::stop;
@@ -174,10 +174,12 @@ fn report(events: Vec<Event>) -> Result<()> {
     outcome
 }
 
-/// One line that is overwritten on a terminal, a plain line every few seconds elsewhere.
+/// One line that is redrawn on a terminal, a plain line every few seconds elsewhere.
 #[derive(Default)]
 pub(super) struct ProgressLines {
     shown: Option<(String, Instant)>,
+    /// The line on a terminal.
+    bar: Option<ProgressBar>,
 }
 
 impl ProgressLines {
@@ -195,8 +197,9 @@ impl ProgressLines {
 
     /// Clears the line.
     pub(super) fn end(&mut self) {
-        if self.shown.take().is_some() && std::io::stderr().is_terminal() {
-            say_aside("\r\x1b[2K");
+        self.shown = None;
+        if let Some(bar) = self.bar.take() {
+            bar.finish_and_clear();
         }
     }
 
@@ -212,7 +215,8 @@ impl ProgressLines {
             total => format!("{stage} {}/{total}", report.done),
         };
         let text = printable(&text);
-        let terminal = std::io::stderr().is_terminal();
+        // Not one that cannot move its cursor (`TERM=dumb`).
+        let terminal = !ProgressDrawTarget::stderr().is_hidden();
         let pause = if terminal {
             Duration::from_millis(90)
         } else {
@@ -226,12 +230,23 @@ impl ProgressLines {
             });
         if due {
             if terminal {
-                say_aside(&format!("\r\x1b[2K{text}"));
+                self.bar
+                    .get_or_insert_with(terminal_line)
+                    .set_message(text.clone());
             } else {
                 say_aside(&format!("{text}\n"));
             }
             self.shown = Some((text, Instant::now()));
         }
+    }
+}
+
+/// A line that is cut where the terminal ends.
+fn terminal_line() -> ProgressBar {
+    let line = ProgressBar::no_length();
+    match ProgressStyle::with_template("{wide_msg}") {
+        Ok(style) => line.with_style(style),
+        Err(_) => line,
     }
 }
 
