@@ -18,12 +18,12 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use tempfile::TempDir;
 
-#[path = "../support/mod.rs"]
+#[path = "../support/data.rs"]
 #[expect(
     dead_code,
     reason = "the benches share it with the integration tests and use a part"
 )]
-mod support;
+mod data;
 
 /// Pictures, and how they are measured.
 struct Set {
@@ -69,7 +69,7 @@ const SETS: [Set; 4] = [
 ];
 
 fn main() {
-    let Some(data) = support::data_dir() else {
+    let Ok(data) = data::find_data() else {
         return;
     };
     let is_named = |set: &Set| std::env::args().any(|word| word == set.name);

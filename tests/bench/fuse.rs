@@ -18,23 +18,24 @@ use ostra_core::job::Progress;
 use ostra_frames::Frame;
 use ostra_masks::{LabelId, LabelMask, LabelTree};
 
-#[path = "../support/mod.rs"]
+#[path = "../support/data.rs"]
 #[expect(
     dead_code,
     reason = "the benches share it with the integration tests and use a part"
 )]
-mod support;
+mod data;
+#[path = "../support/data_set.rs"]
+mod data_set;
 
 /// Pictures and depths kept while fusing: so few that every pass decodes anew.
 const CACHE_BYTES: usize = 32 << 20;
 
 fn main() {
-    let Some(data) = support::data_dir() else {
+    let Ok(data) = data::find_data() else {
         return;
     };
     let set = data.join("redkitchen_rgbd_a");
-    let mut recording =
-        support::recording::Recording::open(&set, "color", Some("depth"), None, CACHE_BYTES);
+    let mut recording = data_set::DataSet::open(&set, "color", Some("depth"), None, CACHE_BYTES);
     recording.masks = recording
         .frames
         .iter()
@@ -66,7 +67,7 @@ fn mask(frame: &Frame, shift: u32) -> Arc<LabelMask> {
     })
 }
 
-fn bench_fuse(recording: &support::recording::Recording) -> Fused {
+fn bench_fuse(recording: &data_set::DataSet) -> Fused {
     let options = FuseOptions {
         voxel: Some(0.01),
         ..FuseOptions::default()

@@ -23,29 +23,26 @@ use ostra_masks::{LabelId, LabelMask, LabelTree};
 use ostra_project::FuseRequest;
 use ostra_session::{Command, NewProject, PaintRequest, Session};
 
-#[path = "../support/mod.rs"]
+#[path = "../support/data.rs"]
 #[expect(
     dead_code,
     reason = "the benches share it with the integration tests and use a part"
 )]
-mod support;
+mod data;
+#[path = "../support/data_set.rs"]
+mod data_set;
 
 const POINTS: u32 = 1_000_000;
 const CACHE_BYTES: usize = 64 << 20;
 const CHANGED: usize = 7;
 
 fn main() {
-    let Some(data) = support::data_dir() else {
+    let Ok(data) = data::find_data() else {
         return;
     };
     let set = data.join("apc_shelf_rgbd_labels");
-    let mut shelf = support::recording::Recording::open(
-        &set,
-        "color",
-        Some("depth"),
-        Some("labels"),
-        CACHE_BYTES,
-    );
+    let mut shelf =
+        data_set::DataSet::open(&set, "color", Some("depth"), Some("labels"), CACHE_BYTES);
     let (cloud, votes) = million(&shelf);
     println!(
         "{} points seen by {} frames, peak {} MB",
@@ -149,7 +146,7 @@ fn in_the_program(set: &Path) {
 }
 
 /// The first million of the shelf's points, with their votes.
-fn million(shelf: &support::recording::Recording) -> (LabelledCloud, Votes) {
+fn million(shelf: &data_set::DataSet) -> (LabelledCloud, Votes) {
     let options = FuseOptions {
         voxel: Some(0.0008),
         ..FuseOptions::default()

@@ -16,24 +16,25 @@ use ostra_cloud::volume::{VolumeOptions, reconstruct_surface};
 use ostra_core::job::Progress;
 use ostra_masks::{LabelId, LabelMask, LabelTree};
 
-#[path = "../support/mod.rs"]
+#[path = "../support/data.rs"]
 #[expect(
     dead_code,
     reason = "the benches share it with the integration tests and use a part"
 )]
-mod support;
+mod data;
+#[path = "../support/data_set.rs"]
+mod data_set;
 
 /// Pictures and depths kept: so few that every pass decodes anew.
 const CACHE_BYTES: usize = 32 << 20;
 const FRAMES: usize = 50;
 
 fn main() {
-    let Some(data) = support::data_dir() else {
+    let Ok(data) = data::find_data() else {
         return;
     };
     let set = data.join("redkitchen_rgbd_a");
-    let mut recording =
-        support::recording::Recording::open(&set, "color", Some("depth"), None, CACHE_BYTES);
+    let mut recording = data_set::DataSet::open(&set, "color", Some("depth"), None, CACHE_BYTES);
     recording.frames.truncate(FRAMES);
     let masks = recording.frames.iter().map(|frame| {
         let ids = (0..frame.width * frame.height)

@@ -16,8 +16,8 @@ use ostra_project::{FrameMask, MaskOrigin, Project};
 use ostra_session::Pictures;
 use ostra_view::Coloring;
 
+use crate::data::find_data;
 use crate::desk::Desk;
-use crate::support;
 
 type Scene = (&'static str, fn() -> Desk, fn(&mut Desk));
 
@@ -127,7 +127,7 @@ fn show(
 /// The real shelf with its true masks, where the data is; the made-up project where it is not.
 fn shelf() -> Desk {
     let mut desk = Desk::sample();
-    let Some(dir) = support::data_dir().map(|dir| dir.join("apc_shelf_rgbd_labels")) else {
+    let Ok(dir) = find_data().map(|dir| dir.join("apc_shelf_rgbd_labels")) else {
         return desk;
     };
     let (progress, depth) = (Progress::default(), Some(dir.join("depth")));

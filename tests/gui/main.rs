@@ -1,9 +1,12 @@
 //! Integration tests: the window's panels, by accessible role and label.
 
 #[cfg(test)]
-#[path = "../support/mod.rs"]
-#[expect(dead_code, reason = "only part of what the tests share is used here")]
-mod support;
+#[path = "../support/data.rs"]
+#[expect(
+    dead_code,
+    reason = "the accuracy tests use the rest of what the tests share"
+)]
+mod data;
 
 #[cfg(test)]
 mod asking;

@@ -14,8 +14,9 @@ use ostra_session::{
     AdoptRequest, CloudChange, CloudCorrection, Command, RangeChange, RangeRequest, Session,
 };
 
-use super::command_line::{done, refused};
-use super::session::perform;
+use super::recording::refused;
+use crate::program::done;
+use crate::session::perform;
 
 /// The made plant, clicked and fused with all that is seen, in small pictures.
 fn plant(out: &Path) -> Session {

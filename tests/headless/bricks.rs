@@ -11,8 +11,9 @@ use ostra_project::{FuseRequest, ResultKind};
 use ostra_session::{Command, InstancesRequest, Session};
 use serde_json::Value;
 
-use super::command_line::{done, refused};
-use super::session::perform;
+use super::recording::refused;
+use crate::program::done;
+use crate::session::perform;
 
 /// The demo of the scene, in small pictures where tests have no time for large ones.
 fn demo(out: &Path, more: &[&str]) -> Value {

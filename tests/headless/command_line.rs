@@ -1,152 +1,15 @@
 //! The program as a process: what scripts depend on.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
 
-use image::{GrayImage, ImageBuffer, Luma, RgbImage};
+use image::{GrayImage, ImageBuffer, Luma};
 use ostra_cloud::ply::{Coloring, read_ply, save_ply};
 use ostra_core::job::Progress;
 use ostra_masks::{LabelId, read_palette_png};
 use serde_json::Value;
-use tempfile::TempDir;
 
-pub(super) fn ostra(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_ostra"))
-        .args(args)
-        .env_remove("DISPLAY")
-        .env_remove("WAYLAND_DISPLAY")
-        .output()
-        .unwrap()
-}
-
-pub(super) fn done(args: &[&str]) -> String {
-    let output = ostra(args);
-    assert!(
-        output.status.success(),
-        "{args:?}: {}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    String::from_utf8(output.stdout).unwrap()
-}
-
-/// Runs what must fail: exit code 1 and one line that starts with the program's name.
-pub(super) fn refused(args: &[&str]) -> String {
-    let output = ostra(args);
-    let text = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{args:?}: {text}");
-    let errors: Vec<&str> = text
-        .lines()
-        .filter(|line| line.starts_with("ostra: "))
-        .collect();
-    assert_eq!(errors.len(), 1, "{args:?} says one line: {text}");
-    errors[0].to_owned()
-}
-
-/// A recording of four 64×48 frames: a red square at 1 m before a grey wall at 2 m, cameras side by side.
-pub(super) struct Recording {
-    dir: TempDir,
-}
-
-impl Recording {
-    pub(super) fn new() -> Self {
-        let dir = TempDir::new().unwrap();
-        for folder in ["color", "depth", "sparse"] {
-            std::fs::create_dir(dir.path().join(folder)).unwrap();
-        }
-        let mut images = String::new();
-        for k in 0..4_u32 {
-            // The camera is k · 2 cm to the right; f = 60 px: the square moves by 1.2 px a frame.
-            let left = 20.0 - 1.2 * f64::from(k);
-            let inside =
-                |x: u32, y: u32| (f64::from(x) + 0.5 - left).abs() < 8.0 && (14..34).contains(&y);
-            let color = RgbImage::from_fn(64, 48, |x, y| {
-                if inside(x, y) {
-                    image::Rgb([210, 40, 30])
-                } else {
-                    image::Rgb([90, 90, 96 + (x + 7 * k) as u8 % 3])
-                }
-            });
-            color
-                .save(dir.path().join(format!("color/{k}.png")))
-                .unwrap();
-            let depth: ImageBuffer<Luma<u16>, Vec<u16>> = ImageBuffer::from_fn(64, 48, |x, y| {
-                Luma([if inside(x, y) { 1000 } else { 2000 }])
-            });
-            depth
-                .save(dir.path().join(format!("depth/{k}.png")))
-                .unwrap();
-            images += &format!(
-                "{} 1 0 0 0 {} 0 0 1 {k}.png\n\n",
-                k + 1,
-                -0.02 * f64::from(k)
-            );
-        }
-        std::fs::write(
-            dir.path().join("sparse/cameras.txt"),
-            "1 PINHOLE 64 48 60 60 32 24\n",
-        )
-        .unwrap();
-        std::fs::write(dir.path().join("sparse/images.txt"), images).unwrap();
-        std::fs::write(dir.path().join("sparse/points3D.txt"), "").unwrap();
-        Self { dir }
-    }
-
-    pub(super) fn path(&self, name: &str) -> String {
-        self.dir.path().join(name).to_str().unwrap().to_owned()
-    }
-
-    /// True masks: the square is 16 × 20 pixels on every frame.
-    pub(super) fn truth(&self) -> String {
-        let truth = self.path("truth");
-        std::fs::create_dir(&truth).unwrap();
-        for k in 0..4_u32 {
-            let left = 20.0 - 1.2 * f64::from(k);
-            let mask = GrayImage::from_fn(64, 48, |x, y| {
-                Luma([
-                    u8::from((f64::from(x) + 0.5 - left).abs() < 8.0 && (14..34).contains(&y))
-                        * 255,
-                ])
-            });
-            mask.save(format!("{truth}/{k}.png")).unwrap();
-        }
-        truth
-    }
-
-    pub(super) fn project(&self) -> String {
-        let project = self.path("project");
-        let [color, depth, sparse] = ["color", "depth", "sparse"].map(|name| self.path(name));
-        done(&[
-            "new",
-            &project,
-            "--frames",
-            &color,
-            "--depth",
-            &depth,
-            "--cameras",
-            &sparse,
-        ]);
-        project
-    }
-}
-
-/// Every file below a folder with its bytes.
-pub(super) fn contents(dir: &Path) -> Vec<(PathBuf, Vec<u8>)> {
-    let mut all = Vec::new();
-    let mut folders = vec![dir.to_owned()];
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                let bytes = std::fs::read(&path).unwrap();
-                all.push((path, bytes));
-            }
-        }
-    }
-    all.sort();
-    all
-}
+use super::recording::{Recording, refused};
+use crate::program::{contents, done, ostra};
 
 #[test]
 fn the_whole_way_on_the_command_line() {

@@ -19,7 +19,7 @@ use ostra_tracking::{
     constrain::{ConstrainOptions, ConstrainedTracker},
 };
 
-use super::session::perform;
+use crate::session::perform;
 
 /// A plant seen from 8 places, with depth, cameras and true masks of its classes.
 struct Recording {

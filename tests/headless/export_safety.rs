@@ -5,7 +5,8 @@ use std::process::{Command, Stdio};
 
 use serde_json::{Value, json};
 
-use super::command_line::{Recording, contents, done, ostra, refused};
+use super::recording::{Recording, refused};
+use crate::program::{contents, done, ostra};
 
 /// A project with masks and a cloud; its label has a name outside ASCII.
 fn fused(recording: &Recording) -> String {

@@ -5,7 +5,7 @@ use std::path::Path;
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameFolder, FrameStore, OpenRequest, Opened, open};
 
-use crate::support::film::{self, Making, has_ffmpeg};
+use crate::film::{self, Making, has_ffmpeg};
 
 const COUNT: u64 = 80;
 const SIZE: (u32, u32) = (96, 64);

@@ -7,8 +7,6 @@ use ostra_frames::{
     FrameFolder, FrameStore, OpenRequest, Opened, missing_sources, open, open_more,
 };
 
-use crate::support::data_dir;
-
 fn request(frames: impl Into<PathBuf>, depth: Option<PathBuf>) -> OpenRequest {
     OpenRequest {
         sources: vec![FrameFolder {
@@ -55,56 +53,6 @@ fn depth_picture(path: &Path, width: u32, height: u32) {
         }])
     });
     steps.save(path).unwrap();
-}
-
-#[test]
-fn a_real_rgbd_folder_opens_with_depth_in_metres() {
-    let Some(data) = data_dir() else { return };
-    let root = data.join("redkitchen_rgbd_a");
-    let opened = opened(&request(root.join("color"), Some(root.join("depth"))));
-    assert_eq!((opened.frames.len(), opened.warnings.len()), (167, 0));
-    assert!(
-        opened
-            .frames
-            .iter()
-            .all(|frame| frame.depth.is_some() && (frame.width, frame.height) == (640, 480))
-    );
-    assert_eq!(names(&opened)[..2], ["000000.jpg", "000003.jpg"]);
-    let store = FrameStore::new(64 << 20);
-    let depth = store.depth(&opened.frames[0]).unwrap().unwrap();
-    let known: Vec<f32> = depth.depths.iter().copied().filter(|d| *d > 0.0).collect();
-    assert!(known.len() > depth.depths.len() / 2);
-    assert!(
-        known.iter().all(|d| (0.3..10.0).contains(d)),
-        "a kitchen is metres deep"
-    );
-}
-
-#[test]
-fn real_folders_of_pictures_decode() {
-    let Some(data) = data_dir() else { return };
-    let folders = [
-        ("banana/images", 16),
-        ("sceaux_castle/images", 11),
-        ("romi_virtual_plant_labels/images", 18),
-    ];
-    let store = FrameStore::new(64 << 20);
-    for (folder, count) in folders {
-        let opened = opened(&request(data.join(folder), None));
-        assert_eq!(opened.frames.len(), count, "{folder}");
-        let image = store.image(&opened.frames[count - 1]).unwrap();
-        assert_eq!(
-            (image.width, image.height),
-            (
-                opened.frames[count - 1].width,
-                opened.frames[count - 1].height
-            )
-        );
-        assert_eq!(
-            image.pixels.len(),
-            image.width as usize * image.height as usize
-        );
-    }
 }
 
 #[test]

@@ -11,7 +11,8 @@ use ostra_frames::{FrameFolder, FrameStore, OpenRequest, Opened, open};
 use serde_json::Value;
 use tiff::encoder::{TiffEncoder, colortype};
 
-use super::command_line::{Recording, done, refused};
+use super::recording::{Recording, refused};
+use crate::program::done;
 
 /// Runs the program and returns what it writes to the standard error stream; it must succeed.
 fn warned(args: &[&str]) -> String {

@@ -8,9 +8,9 @@ use ostra_project::{ReconstructMethod, ReconstructRequest};
 use ostra_session::Event;
 use ostra_session::{Command, Session};
 
-use super::command_line::contents;
 use super::scale::{HEIGHT, Photos, WIDTH, done_with_both};
-use super::session::perform;
+use crate::program::contents;
+use crate::session::perform;
 
 /// The sparse model that a project has now, without what became of each frame.
 fn model(project: &str) -> Vec<(PathBuf, Vec<u8>)> {

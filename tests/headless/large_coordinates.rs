@@ -8,7 +8,8 @@ use ostra_cloud::ply::{read_mesh, read_ply};
 use ostra_core::job::Progress;
 use serde_json::Value;
 
-use super::command_line::{Recording, done};
+use super::recording::Recording;
+use crate::program::done;
 
 /// Off the voxels' borders, where the last digit would decide.
 const NEAR: DVec3 = DVec3::new(0.00371, 0.00371, 0.00371);

@@ -8,8 +8,9 @@ use image::{ImageBuffer, ImageEncoder, Luma, Rgb, RgbImage};
 use ostra_session::{Command, Session};
 
 use super::frames::exif;
-use super::session::perform;
-use super::sfm::{Project, ostra};
+use crate::program::ostra;
+use crate::project::Project;
+use crate::session::perform;
 
 /// Frames in each recording.
 const FRAMES: u32 = 4;

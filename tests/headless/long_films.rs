@@ -19,7 +19,7 @@ use ostra_project::MaskOrigin;
 use ostra_session::Event;
 use ostra_session::{Command, NewProject, PaintRequest, Session, TrackSettings};
 
-use crate::support::film::{Making, has_ffmpeg, make_film};
+use crate::film::{Making, has_ffmpeg, make_film};
 
 const ROOT: &str = "OSTRA_TEST_TRACKED_ROOT";
 const DISK_RADIUS: f64 = 20.0;

@@ -1,25 +1,26 @@
-//! Tests of everything below the window, on real data and as a process: one module a subject.
+//! Tests of everything below the window, most of them of the program as a process: one module a subject.
 
 #[cfg(test)]
-#[path = "../support/mod.rs"]
-mod support;
+#[path = "../support/film.rs"]
+mod film;
+#[cfg(test)]
+#[path = "../support/program.rs"]
+mod program;
+#[cfg(test)]
+#[path = "../support/project.rs"]
+mod project;
+#[cfg(test)]
+#[path = "../support/session.rs"]
+mod session;
 
 #[cfg(test)]
 mod adopt;
 #[cfg(test)]
 mod architecture;
 #[cfg(test)]
-mod bedroom;
-#[cfg(test)]
 mod bricks;
 #[cfg(test)]
-mod cameras;
-#[cfg(test)]
-mod carry;
-#[cfg(test)]
 mod command_line;
-#[cfg(test)]
-mod constrain;
 #[cfg(test)]
 mod constrain_networks;
 #[cfg(test)]
@@ -37,15 +38,7 @@ mod exports;
 #[cfg(test)]
 mod films;
 #[cfg(test)]
-mod floors;
-#[cfg(test)]
-mod flow;
-#[cfg(test)]
-mod following;
-#[cfg(test)]
 mod frames;
-#[cfg(test)]
-mod fuse;
 #[cfg(test)]
 mod image_inputs;
 #[cfg(test)]
@@ -63,29 +56,15 @@ mod long_films;
 #[cfg(test)]
 mod mask_inputs;
 #[cfg(test)]
-mod masks;
-#[cfg(test)]
 mod ranges;
 #[cfg(test)]
-mod rgbd;
+mod recording;
+#[cfg(test)]
+mod repeated;
 #[cfg(test)]
 mod scale;
 #[cfg(test)]
-mod segmenter;
-#[cfg(test)]
-mod session;
-#[cfg(test)]
-mod sfm;
-#[cfg(test)]
-mod sfm_failures;
-#[cfg(test)]
-mod sfm_learned;
-#[cfg(test)]
-mod shared;
-#[cfg(test)]
 mod shots;
-#[cfg(test)]
-mod stereo;
 #[cfg(test)]
 mod stereo_made;
 #[cfg(test)]
@@ -102,5 +81,3 @@ mod two_processes;
 mod untrusted_projects;
 #[cfg(test)]
 mod video_seeking;
-#[cfg(test)]
-mod words;

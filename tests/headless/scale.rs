@@ -13,9 +13,10 @@ use ostra_project::{ScaleEnd, ScaleRequest};
 use ostra_session::{Command, Session};
 use tempfile::TempDir;
 
-use super::command_line::{Recording, contents, done, refused};
-use super::session::perform;
-use super::sfm::ostra;
+use super::recording::{Recording, refused};
+use crate::program::ostra;
+use crate::program::{contents, done};
+use crate::session::perform;
 
 pub(super) const WIDTH: u32 = 240;
 pub(super) const HEIGHT: u32 = 180;

@@ -3,8 +3,9 @@
 use std::path::Path;
 use std::process::Command;
 
-use super::command_line::{Recording, done, refused};
-use crate::support::film::has_ffmpeg;
+use super::recording::{Recording, refused};
+use crate::film::has_ffmpeg;
+use crate::program::done;
 
 /// A project whose red thing is labelled on all four frames, voted on.
 fn voted(recording: &Recording) -> String {

@@ -12,7 +12,7 @@ use ostra_eval::synthetic::{Scene, SceneOptions, TruthOptions};
 use ostra_masks::LabelId;
 use tempfile::TempDir;
 
-use super::sfm::Project;
+use crate::project::Project;
 
 fn depth_of(file: &Path) -> Vec<f32> {
     let mut file = tiff::decoder::Decoder::new(std::fs::File::open(file).unwrap()).unwrap();

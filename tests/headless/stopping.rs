@@ -10,7 +10,8 @@ use ostra_core::disk::is_temporary;
 use ostra_core::job::Progress;
 use serde_json::{Value, json};
 
-use super::command_line::{Recording, contents, done, refused};
+use super::recording::{Recording, refused};
+use crate::program::{contents, done};
 
 /// A project with masks, a cloud and a surface.
 fn fused(recording: &Recording) -> String {

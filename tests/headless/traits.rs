@@ -14,7 +14,7 @@ use ostra_frames::{FrameFolder, OpenRequest};
 use ostra_project::{ExportRequest, FuseRequest};
 use ostra_session::{Command, MeasureWish, NewProject, Session};
 
-use super::session::perform;
+use crate::session::perform;
 
 /// A session on the recording of a made scene with its true masks, fused without background.
 fn fused(scene: &Scene, folder: &Path) -> Session {

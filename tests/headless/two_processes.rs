@@ -6,7 +6,8 @@ use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
-use super::command_line::{Recording, done, refused};
+use super::recording::{Recording, refused};
+use crate::program::done;
 
 /// Starts the commands at once; the exit codes and what they said on standard error.
 fn together(commands: &[Vec<&str>]) -> Vec<(Option<i32>, String)> {

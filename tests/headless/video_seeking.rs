@@ -6,7 +6,7 @@ use std::process::Command;
 use ostra_core::job::Progress;
 use ostra_frames::{FrameFolder, FrameStore, OpenRequest, Opened, open};
 
-use crate::support::film::{Making, has_ffmpeg, make_film};
+use crate::film::{Making, has_ffmpeg, make_film};
 
 const SIZE: (u32, u32) = (64, 48);
 const COUNT: u64 = 150;

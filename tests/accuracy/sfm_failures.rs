@@ -11,8 +11,10 @@ use ostra_session::{Command as Request, Session};
 use ostra_session::{Event, JobView};
 use tempfile::TempDir;
 
-use super::sfm::{Project, cameras, ostra};
-use crate::support::data_dir;
+use super::sfm::cameras;
+use crate::data::data_dir;
+use crate::program::ostra;
+use crate::project::Project;
 
 const WIDTH: u32 = 480;
 const HEIGHT: u32 = 320;
@@ -24,12 +26,11 @@ struct Pictures {
 }
 
 impl Pictures {
-    /// `None` where there is no real data.
-    fn new() -> Option<Self> {
-        Some(Self {
+    fn new() -> Self {
+        Self {
             dir: TempDir::new().unwrap(),
-            data: data_dir()?,
-        })
+            data: data_dir(),
+        }
     }
 
     fn folder(&self) -> &Path {
@@ -148,11 +149,8 @@ fn left_out(said: &str) -> usize {
         .count()
 }
 
-#[test]
 fn pictures_of_different_things_are_refused_with_the_two_nearest() {
-    let Some(pictures) = Pictures::new() else {
-        return;
-    };
+    let pictures = Pictures::new();
     let things = [
         ("strecha_fountain_P11/images", "fountain.png"),
         ("sceaux_castle/images", "castle.png"),
@@ -185,11 +183,8 @@ fn first_in(folder: &Path) -> PathBuf {
     files.swap_remove(0)
 }
 
-#[test]
 fn copies_of_one_picture_are_told_from_a_movement() {
-    let Some(pictures) = Pictures::new() else {
-        return;
-    };
+    let pictures = Pictures::new();
     for name in ["a.png", "b.png", "c.png"] {
         pictures.put("strecha_fountain_P11/images/0004.jpg", name);
     }
@@ -203,11 +198,8 @@ fn copies_of_one_picture_are_told_from_a_movement() {
     assert!(why.contains("move sideways between pictures"), "{why}");
 }
 
-#[test]
 fn a_camera_that_only_turned_is_told_so() {
-    let Some(pictures) = Pictures::new() else {
-        return;
-    };
+    let pictures = Pictures::new();
     pictures.turned(5, 1.08, 5.0);
     for more in [&[][..], &["--intrinsics", "518.4,518.4,240,160"]] {
         let why = no_cameras(pictures.folder(), more);
@@ -219,12 +211,9 @@ fn a_camera_that_only_turned_is_told_so() {
 }
 
 /// The guess is 1.2 picture widths.
-#[test]
 fn a_camera_that_only_turned_is_told_so_far_from_the_guessed_focal_length() {
     for focal in [0.7, 0.9, 1.8] {
-        let Some(pictures) = Pictures::new() else {
-            return;
-        };
+        let pictures = Pictures::new();
         pictures.turned(6, focal, 5.0);
         let why = no_cameras(pictures.folder(), &[]);
         assert!(
@@ -234,11 +223,8 @@ fn a_camera_that_only_turned_is_told_so_far_from_the_guessed_focal_length() {
     }
 }
 
-#[test]
 fn of_two_scenes_the_larger_is_kept_and_the_other_told() {
-    let Some(pictures) = Pictures::new() else {
-        return;
-    };
+    let pictures = Pictures::new();
     pictures.fountain(5);
     for k in 0..3 {
         pictures.put(
@@ -266,11 +252,8 @@ fn of_two_scenes_the_larger_is_kept_and_the_other_told() {
     assert_eq!(left_out(&said), 3, "{said}");
 }
 
-#[test]
 fn a_cut_off_image_is_named_from_the_start() {
-    let Some(pictures) = Pictures::new() else {
-        return;
-    };
+    let pictures = Pictures::new();
     pictures.fountain(2);
     pictures.put("strecha_fountain_P11/images/0002.jpg", "cut.jpg");
     let whole = std::fs::read(pictures.path("cut.jpg")).unwrap();
@@ -294,11 +277,8 @@ fn a_cut_off_image_is_named_from_the_start() {
     );
 }
 
-#[test]
 fn pictures_that_go_bad_or_show_nothing_are_told_and_the_others_placed() {
-    let Some(pictures) = Pictures::new() else {
-        return;
-    };
+    let pictures = Pictures::new();
     pictures.fountain(4);
     pictures.black("black.png");
     for name in ["cut.jpg", "garbage.jpg", "gone.jpg", "resized.png"] {
@@ -333,11 +313,8 @@ fn pictures_that_go_bad_or_show_nothing_are_told_and_the_others_placed() {
     assert_eq!(left_out(&said), 5, "{said}");
 }
 
-#[test]
 fn one_picture_is_too_few_and_two_are_enough() {
-    let Some(pictures) = Pictures::new() else {
-        return;
-    };
+    let pictures = Pictures::new();
     pictures.fountain(1);
     let why = no_cameras(pictures.folder(), &[]);
     assert!(
@@ -363,11 +340,8 @@ fn one_picture_is_too_few_and_two_are_enough() {
     assert_eq!(project.placed(), 2);
 }
 
-#[test]
 fn pictures_of_a_few_pixels_and_black_ones_do_no_harm() {
-    let Some(pictures) = Pictures::new() else {
-        return;
-    };
+    let pictures = Pictures::new();
     for k in 0..4 {
         let small = image::imageops::thumbnail(
             &pictures.small("strecha_fountain_P11/images/0004.jpg"),
@@ -387,11 +361,8 @@ fn pictures_of_a_few_pixels_and_black_ones_do_no_harm() {
     no_cameras(pictures.folder(), &[]);
 }
 
-#[test]
 fn pictures_without_features_are_told_so() {
-    let Some(pictures) = Pictures::new() else {
-        return;
-    };
+    let pictures = Pictures::new();
     (0..3).for_each(|k| pictures.black(&format!("{k}.png")));
     let why = no_cameras(pictures.folder(), &[]);
     assert!(
@@ -400,19 +371,14 @@ fn pictures_without_features_are_told_so() {
     );
 }
 
-#[test]
 fn unrelated_pictures_added_to_a_model_change_nothing_of_it() {
-    let Some(pictures) = Pictures::new() else {
-        return;
-    };
+    let pictures = Pictures::new();
     pictures.fountain(5);
     let project = Project::new(pictures.folder(), &[]);
     project.reconstruct(&[]);
     let before = cameras(&project);
     assert_eq!(before.len(), 5);
-    let Some(others) = Pictures::new() else {
-        return;
-    };
+    let others = Pictures::new();
     let names = ["castle.png", "kitchen.png", "black.png"];
     for (folder, name) in [
         ("sceaux_castle/images", names[0]),
@@ -484,11 +450,8 @@ fn stopped_with(session: &mut Session, enough: usize) -> usize {
         .count()
 }
 
-#[test]
 fn a_run_that_is_stopped_keeps_what_it_placed_but_replaces_nothing_larger() {
-    let Some(pictures) = Pictures::new() else {
-        return;
-    };
+    let pictures = Pictures::new();
     pictures.fountain(11);
     let project = Project::new(pictures.folder(), &[]);
     let mut session = Session::new();
@@ -516,4 +479,8 @@ fn a_run_that_is_stopped_keeps_what_it_placed_but_replaces_nothing_larger() {
     assert_eq!(project.placed(), kept);
     let said = project.reconstruct(&[]);
     assert_eq!((project.placed(), left_out(&said)), (11, 0), "{said}");
+}
+
+crate::registry::tests! {
+    Data: pictures_of_different_things_are_refused_with_the_two_nearest, copies_of_one_picture_are_told_from_a_movement, a_camera_that_only_turned_is_told_so, a_camera_that_only_turned_is_told_so_far_from_the_guessed_focal_length, of_two_scenes_the_larger_is_kept_and_the_other_told, a_cut_off_image_is_named_from_the_start, pictures_that_go_bad_or_show_nothing_are_told_and_the_others_placed, one_picture_is_too_few_and_two_are_enough, pictures_of_a_few_pixels_and_black_ones_do_no_harm, pictures_without_features_are_told_so, unrelated_pictures_added_to_a_model_change_nothing_of_it, a_run_that_is_stopped_keeps_what_it_placed_but_replaces_nothing_larger;
 }

@@ -11,7 +11,7 @@ use ostra_frames::{DepthMap, Frame, FrameFolder, FrameStore, Image, OpenRequest,
 use ostra_masks::{LabelMask, read_palette_png};
 
 /// A data set opened through the library, ready to be fused.
-pub struct Recording {
+pub struct DataSet {
     /// Its frames, with the cameras of `sparse/`.
     pub frames: Vec<Frame>,
     /// The mask of each frame, where there is one.
@@ -19,7 +19,7 @@ pub struct Recording {
     store: FrameStore,
 }
 
-impl Recording {
+impl DataSet {
     /// Opens the pictures of a data set's folder, with the folder of depths and of masks where given; pictures and
     /// depths are kept up to `cache_bytes`.
     pub fn open(
@@ -56,7 +56,7 @@ impl Recording {
     }
 }
 
-impl Views for Recording {
+impl Views for DataSet {
     fn frames(&self) -> &[Frame] {
         &self.frames
     }

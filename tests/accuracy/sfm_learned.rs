@@ -1,62 +1,13 @@
 //! Structure from motion by learned features, as a user runs it: networks are installed, checked, used and refused.
 
-use std::ffi::OsStr;
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::path::Path;
 
 use serde_json::Value;
 use tempfile::TempDir;
 
-use super::sfm::Project;
-use crate::support::{data_dir, models_dir};
-
-/// Frames, networks and ONNX Runtime.
-pub(super) struct Needs {
-    pub(super) set: PathBuf,
-    pub(super) networks: PathBuf,
-    pub(super) runtime: PathBuf,
-}
-
-impl Needs {
-    /// `None`, after a printed line, where something is missing, which is a failure when `CI` is set.
-    pub(super) fn find(set: &str) -> Option<Self> {
-        let (set, networks) = (data_dir()?.join(set), models_dir()?);
-        let named = std::env::var_os("ORT_DYLIB_PATH").filter(|path| !path.is_empty());
-        assert!(
-            named.is_some() || std::env::var_os("CI").is_none(),
-            "ORT_DYLIB_PATH names no ONNX Runtime"
-        );
-        if named.is_none() {
-            eprintln!("skipped: ORT_DYLIB_PATH names no ONNX Runtime");
-        }
-        Some(Self {
-            set,
-            networks,
-            runtime: named?.into(),
-        })
-    }
-}
-
-/// Runs the program with a data folder of its own; its exit status and both outputs.
-pub(super) fn ostra<S: AsRef<OsStr>>(
-    data: &Path,
-    runtime: Option<&Path>,
-    args: &[S],
-) -> (Option<i32>, String, String) {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ostra"));
-    command.args(args).env("XDG_DATA_HOME", data);
-    match runtime {
-        Some(library) => command.env("ORT_DYLIB_PATH", library),
-        None => command.env_remove("ORT_DYLIB_PATH"),
-    };
-    let output = command.output().unwrap();
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    (
-        output.status.code(),
-        text(&output.stdout),
-        text(&output.stderr),
-    )
-}
+use super::networks::{Needs, ostra, refused};
+use crate::data::data_dir;
+use crate::project::Project;
 
 /// The line of a network in the list.
 fn listed(data: &Path, name: &str) -> String {
@@ -69,19 +20,8 @@ fn listed(data: &Path, name: &str) -> String {
         .to_owned()
 }
 
-/// What a command says that must fail in one line.
-pub(super) fn refused(data: &Path, runtime: Option<&Path>, args: &[&str]) -> String {
-    let (code, out, err) = ostra(data, runtime, args);
-    assert_eq!(code, Some(1), "{args:?}: {out}{err}");
-    assert_eq!(err.trim_end().lines().count(), 1, "{args:?}: {err}");
-    err
-}
-
-#[test]
 fn learned_features_are_refused_until_their_networks_are_there() {
-    let Some(set) = data_dir().map(|data| data.join("strecha_fountain_P11")) else {
-        return;
-    };
+    let set = data_dir().join("strecha_fountain_P11");
     let data = TempDir::new().unwrap();
     let project = Project::new(&set.join("images"), &[]);
     let root = project.root();
@@ -133,11 +73,8 @@ fn learned_features_are_refused_until_their_networks_are_there() {
     );
 }
 
-#[test]
 fn fountain_with_learned_features() {
-    let Some(needs) = Needs::find("strecha_fountain_P11") else {
-        return;
-    };
+    let needs = Needs::of("strecha_fountain_P11");
     let data = TempDir::new().unwrap();
     let run = |args: &[&str]| {
         let (code, out, err) = ostra(data.path(), Some(&needs.runtime), args);
@@ -190,4 +127,9 @@ fn fountain_with_learned_features() {
         errors["result"]
     );
     assert!(centre <= 0.5);
+}
+
+crate::registry::tests! {
+    Data: learned_features_are_refused_until_their_networks_are_there;
+    Networks: fountain_with_learned_features;
 }

@@ -6,8 +6,8 @@ use ostra_masks::{LabelId, read_palette_png};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use super::sfm::Project;
-use super::sfm_learned::{Needs, ostra, refused};
+use super::networks::{Needs, ostra, refused};
+use crate::project::Project;
 
 /// A project of the bananas' photos, and a data folder of its own.
 struct Bananas {
@@ -17,14 +17,14 @@ struct Bananas {
 }
 
 impl Bananas {
-    fn new() -> Option<Self> {
-        let needs = Needs::find("banana")?;
+    fn new() -> Self {
+        let needs = Needs::of("banana");
         let project = Project::new(&needs.set.join("images"), &[]);
-        Some(Self {
+        Self {
             needs,
             data: TempDir::new().unwrap(),
             project,
-        })
+        }
     }
 
     fn ground(&self, words: &str) -> Vec<String> {
@@ -65,11 +65,8 @@ impl Bananas {
     }
 }
 
-#[test]
 fn bananas_are_found_by_their_name() {
-    let Some(bananas) = Bananas::new() else {
-        return;
-    };
+    let bananas = Bananas::new();
     let said = bananas.refused(&bananas.ground("banana"));
     assert!(
         said.contains("yolox") && said.contains("ostra models add"),
@@ -119,4 +116,8 @@ fn bananas_are_found_by_their_name() {
         (0.01..0.4).contains(&share),
         "the bunch is a part of the picture: {share}"
     );
+}
+
+crate::registry::tests! {
+    Networks: bananas_are_found_by_their_name;
 }

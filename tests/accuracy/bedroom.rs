@@ -8,8 +8,8 @@ use ostra_masks::{LabelId, read_palette_png};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use super::command_line::done;
-use crate::support::data_dir;
+use crate::data::data_dir;
+use crate::program::done;
 
 const LABELS: [&str; 2] = ["girl", "boy"];
 const BOY: u16 = 2;
@@ -134,9 +134,8 @@ fn counts(project: &Path, script: &Script) -> BTreeMap<String, Count> {
     counts
 }
 
-#[test]
 fn two_children_are_kept_apart_with_six_corrections() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let script: Script = serde_json::from_str(include_str!("bedroom.json")).unwrap();
     assert_eq!(script.corrections.len(), 6);
     let folder = tempfile::tempdir().unwrap();
@@ -165,4 +164,8 @@ fn two_children_are_kept_apart_with_six_corrections() {
         after["boy"].found() >= before["boy"].found() + 0.3,
         "corrections are carried on"
     );
+}
+
+crate::registry::tests! {
+    Data: two_children_are_kept_apart_with_six_corrections;
 }

@@ -9,7 +9,7 @@ use ostra_frames::cameras::{
 use ostra_frames::{Frame, FrameFolder, OpenRequest, open};
 use ostra_geometry::{Alignment, Pose, TrajectoryError};
 
-use crate::support::data_dir;
+use crate::data::data_dir;
 
 const SETS: [(&str, &str); 5] = [
     ("apc_shelf_rgbd_labels", "color"),
@@ -73,9 +73,8 @@ fn stated(folder: &Path) -> Vec<(Vec<f64>, Vec<f64>)> {
         .collect()
 }
 
-#[test]
 fn colmap_models_say_what_the_sets_state() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     for (set, pictures) in SETS {
         let folder = data.join(set);
         let frames = with_cameras(folder.join(pictures), &folder);
@@ -105,9 +104,8 @@ fn colmap_models_say_what_the_sets_state() {
     }
 }
 
-#[test]
 fn middlebury_parameters_equal_the_colmap_model() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let folder = data.join("middlebury_templeSparseRing");
     let model = with_cameras(folder.join("images"), &folder.join("sparse"));
     let parameters = with_cameras(folder.join("images"), &folder.join("templeSR_par.txt"));
@@ -126,9 +124,8 @@ fn middlebury_parameters_equal_the_colmap_model() {
     }
 }
 
-#[test]
 fn real_models_are_written_and_read_again() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     for (set, pictures) in SETS {
         let folder = data.join(set);
         let frames = with_cameras(folder.join(pictures), &folder);
@@ -137,4 +134,8 @@ fn real_models_are_written_and_read_again() {
         write_colmap_model(out.path(), &frames, &sparse, ModelEncoding::Text).unwrap();
         assert_eq!(with_cameras(folder.join(pictures), out.path()), frames);
     }
+}
+
+crate::registry::tests! {
+    Data: colmap_models_say_what_the_sets_state, middlebury_parameters_equal_the_colmap_model, real_models_are_written_and_read_again;
 }

@@ -11,8 +11,9 @@ use ostra_session::{Command, Session};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use super::sfm::{Project, ostra};
-use crate::support::data_dir;
+use crate::data::data_dir;
+use crate::program::ostra;
+use crate::project::Project;
 
 /// A project of the first pictures of a set with its true cameras.
 fn project(set: &Path, frames: usize) -> Project {
@@ -108,9 +109,8 @@ fn shares(score: &Value) -> (Vec<f64>, f64) {
     )
 }
 
-#[test]
 fn dtu_with_true_cameras() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("dtu_scan24");
     let project = project(&set, 12);
     let said = stereo(&project, 640);
@@ -122,9 +122,8 @@ fn dtu_with_true_cameras() {
     assert!(score["result_points"].as_f64().unwrap() <= 1.5 * 288_970.0);
 }
 
-#[test]
 fn fountain_with_true_cameras() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("strecha_fountain_P11");
     let project = project(&set, 11);
     stereo(&project, 640);
@@ -259,9 +258,8 @@ fn rounds(root: &str) -> Vec<(PathBuf, SystemTime)> {
         .collect()
 }
 
-#[test]
 fn a_stopped_run_goes_on_where_it_was_and_comes_to_the_same() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("strecha_fountain_P11");
     let whole = project(&set, 5);
     let mut session = opened(&whole);
@@ -293,9 +291,8 @@ fn a_stopped_run_goes_on_where_it_was_and_comes_to_the_same() {
     assert!(once == twice, "the same depth maps, byte for byte");
 }
 
-#[test]
 fn a_killed_run_goes_on_and_comes_to_the_same() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("strecha_fountain_P11");
     let (whole, killed) = (project(&set, 4), project(&set, 4));
     let args = |root: &str| {
@@ -328,9 +325,8 @@ fn a_killed_run_goes_on_and_comes_to_the_same() {
 }
 
 /// Whoever looks on sees points as soon as a view is done, and none once the job is.
-#[test]
 fn a_cloud_grows_while_depth_is_made() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let project = project(&data.join("dtu_scan24"), 4);
     let mut session = opened(&project);
     let (tell, told) = std::sync::mpsc::channel();
@@ -355,9 +351,8 @@ fn a_cloud_grows_while_depth_is_made() {
     );
 }
 
-#[test]
 fn what_cannot_have_depth_is_told_and_the_rest_is_done() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("strecha_fountain_P11");
     let pictures = TempDir::new().unwrap();
     for k in 0..5 {
@@ -388,9 +383,8 @@ fn what_cannot_have_depth_is_told_and_the_rest_is_done() {
     assert_eq!(depths, [true, true, true, false, false]);
 }
 
-#[test]
 fn two_views_are_enough_and_one_is_not() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("strecha_fountain_P11");
     let two = project(&set, 2);
     let said = stereo(&two, 200);
@@ -415,9 +409,8 @@ fn two_views_are_enough_and_one_is_not() {
     );
 }
 
-#[test]
 fn depths_are_scaled_with_the_scene_and_made_anew_where_cameras_change() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("strecha_fountain_P11");
     let project = project(&set, 3);
     stereo(&project, 200);
@@ -467,4 +460,8 @@ fn depths_are_scaled_with_the_scene_and_made_anew_where_cameras_change() {
         "{said}"
     );
     assert_eq!(project.info()["results"]["cloud"]["stale"], true);
+}
+
+crate::registry::tests! {
+    Data: dtu_with_true_cameras, fountain_with_true_cameras, a_stopped_run_goes_on_where_it_was_and_comes_to_the_same, a_killed_run_goes_on_and_comes_to_the_same, a_cloud_grows_while_depth_is_made, what_cannot_have_depth_is_told_and_the_rest_is_done, two_views_are_enough_and_one_is_not, depths_are_scaled_with_the_scene_and_made_anew_where_cameras_change;
 }

@@ -1,10 +1,9 @@
 //! The shared folders that real-data tests read.
 
-use crate::support::{data_dir, models_dir};
+use crate::data::{data_dir, models_dir};
 
-#[test]
 fn each_data_set_says_what_it_is() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     for entry in std::fs::read_dir(data).unwrap() {
         let path = entry.unwrap().path();
         assert!(
@@ -15,9 +14,8 @@ fn each_data_set_says_what_it_is() {
     }
 }
 
-#[test]
 fn no_network_is_an_empty_file() {
-    let Some(models) = models_dir() else { return };
+    let models = models_dir();
     for entry in std::fs::read_dir(models).unwrap() {
         let path = entry.unwrap().path();
         assert!(
@@ -26,4 +24,9 @@ fn no_network_is_an_empty_file() {
             path.display()
         );
     }
+}
+
+crate::registry::tests! {
+    Data: each_data_set_says_what_it_is;
+    Models: no_network_is_an_empty_file;
 }

@@ -9,7 +9,7 @@ use ostra_masks::{
     export_masks, import_masks, read_palette_png,
 };
 
-use crate::support::data_dir;
+use crate::data::data_dir;
 
 const CLIP: &str = "davis2016/Annotations/scooter-black";
 const SIZE: (u32, u32) = (854, 480);
@@ -52,9 +52,8 @@ fn shifted(mask: &LabelMask, by: usize) -> LabelMask {
     moved
 }
 
-#[test]
 fn a_shifted_truth_scores_as_computed_elsewhere() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let names = frame_names();
     let masks = imported(&data.join(CLIP), MaskFormat::Davis, &names);
     let options = ScoreOptions {
@@ -94,9 +93,8 @@ fn a_shifted_truth_scores_as_computed_elsewhere() {
     }
 }
 
-#[test]
 fn real_masks_survive_every_format() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let names = frame_names();
     let masks = imported(&data.join(CLIP), MaskFormat::Davis, &names);
     let mut tree = LabelTree::default();
@@ -124,11 +122,14 @@ fn real_masks_survive_every_format() {
     }
 }
 
-#[test]
 fn the_deepest_point_of_a_real_object_is_on_it() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let mask = read_palette_png(&data.join(CLIP).join("00000.png")).unwrap();
     let object = mask.region(LabelId(255));
     let (x, y) = deepest_point(&object).unwrap();
     assert!(object.at(x, y) && object.eroded(15.0).at(x, y));
+}
+
+crate::registry::tests! {
+    Data: a_shifted_truth_scores_as_computed_elsewhere, real_masks_survive_every_format, the_deepest_point_of_a_real_object_is_on_it;
 }

@@ -16,8 +16,8 @@ use ostra_masks::{
 use ostra_tracking::XFeatCells;
 use ostra_tracking::flow::{Describer, FlowTracker};
 
-use super::sfm_learned::{Needs, ostra};
-use crate::support::data_dir;
+use super::networks::{Needs, ostra};
+use crate::data::data_dir;
 
 const CLIPS: [&str; 7] = [
     "blackswan",
@@ -116,9 +116,8 @@ fn scores(tracker: &FlowTracker, data: &Path, clip: &str, every: usize) -> (f64,
     (score.j, score.f)
 }
 
-#[test]
 fn the_first_true_mask_is_carried_through_seven_films() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let of_clips: Vec<(f64, f64)> = CLIPS
         .iter()
         .map(|clip| scores(&FlowTracker::default(), &data, clip, usize::MAX))
@@ -138,9 +137,8 @@ fn the_first_true_mask_is_carried_through_seven_films() {
 
 /// A running dog whose tail, ears and legs are a few pixels wide; with motion at half size J was 0.818 here, without votes of
 /// both neighbours 0.865.
-#[test]
 fn thin_parts_are_kept_between_anchors() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let (j, f) = scores(&FlowTracker::default(), &data, "libby", 4);
     println!("libby, true masks on every fourth frame: J {j:.3}, F {f:.3}");
     assert!(j >= 0.875 && f >= 0.93, "J {j:.3}, F {f:.3}");
@@ -148,9 +146,8 @@ fn thin_parts_are_kept_between_anchors() {
 
 /// A bicycle, whose tracked masks are wrong by pieces of some ten pixels to a side: a click mends one of these and leaves the
 /// rest. Answered as clicks that build a mask, four of ten lower the IoU, and by more than the others raise it.
-#[test]
 fn a_click_on_a_tracked_mask_betters_it() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let Carried {
         request,
         truths,
@@ -205,12 +202,9 @@ fn a_click_on_a_tracked_mask_betters_it() {
 }
 
 /// Over all seven films the mean J grows by 0.022 and F by 0.028 (`cargo bench --bench flow -- --memory`).
-#[test]
 fn what_is_remembered_by_learned_features_is_found_again() {
-    let Some(Needs { networks, .. }) = Needs::find("davis2016") else {
-        return;
-    };
-    let Some(data) = data_dir() else { return };
+    let Needs { networks, .. } = Needs::of("davis2016");
+    let data = data_dir();
     let folder = tempfile::tempdir().unwrap();
     let file = networks.join("xfeat.onnx").to_string_lossy().into_owned();
     let runtime = std::env::var_os("ORT_DYLIB_PATH").unwrap();
@@ -234,4 +228,9 @@ fn what_is_remembered_by_learned_features_is_found_again() {
             "{clip}: J {without:.3} without, {with:.3} with memory"
         );
     }
+}
+
+crate::registry::tests! {
+    Data: the_first_true_mask_is_carried_through_seven_films, thin_parts_are_kept_between_anchors, a_click_on_a_tracked_mask_betters_it;
+    Networks: what_is_remembered_by_learned_features_is_found_again;
 }

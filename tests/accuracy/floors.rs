@@ -14,8 +14,9 @@ use ostra_masks::{LabelId, LabelMask, Prompt, Region, read_palette_png};
 use ostra_project::FuseRequest;
 use ostra_session::{Command, NewProject, PromptRequest, Session};
 
-use super::session::{new_project, perform, track};
-use crate::support::data_dir;
+use crate::data::data_dir;
+use crate::session::perform;
+use crate::shelf::{new_project, track};
 
 fn score(truth: &LabelledCloud, result: &LabelledCloud, options: &CloudScoreOptions) -> LabelScore {
     score_cloud(truth, result, options, &Progress::default())
@@ -24,7 +25,6 @@ fn score(truth: &LabelledCloud, result: &LabelledCloud, options: &CloudScoreOpti
 }
 
 /// The default demo as a user runs it: eight clicks an organ class at most.
-#[test]
 fn the_demo_by_eight_clicks_a_class() {
     let out = tempfile::tempdir().unwrap();
     let folder = out.path().join("demo");
@@ -106,7 +106,6 @@ fn assert_cloud(cloud: &serde_json::Value, ious: [(&str, f64); 3], accuracy: f64
 }
 
 /// The same from pictures alone: cameras and depths are made too. The aim is an accuracy of 0.95.
-#[test]
 fn the_demo_from_pictures_alone() {
     let report = demo_report("mvs");
     assert_cloud(
@@ -118,7 +117,6 @@ fn the_demo_from_pictures_alone() {
 }
 
 /// The same from pictures and a sensor's depth, whose poses are not known.
-#[test]
 fn the_demo_without_cameras() {
     let report = demo_report("rgbd");
     assert_cloud(
@@ -130,7 +128,6 @@ fn the_demo_without_cameras() {
 }
 
 /// The same job by true masks on four anchors in place of clicks: what carrying and voting lose.
-#[test]
 fn the_demo_by_true_masks_on_the_anchors() {
     let dir = tempfile::tempdir().unwrap();
     let scene = Scene::build(&SceneOptions::default()).unwrap();
@@ -200,18 +197,16 @@ fn the_demo_by_true_masks_on_the_anchors() {
 
 /// All clicks on the frame that shows every one of the objects well: a frame that was clicked is an anchor, which trackers add
 /// nothing to.
-#[test]
 fn the_shelf_by_two_clicks_an_object() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let (cloud_iou, mask_iou) = shelf(&data, |truths, _| shows_all(truths));
     assert!(cloud_iou >= 0.77, "3-D IoU {cloud_iou}");
     assert!(mask_iou >= 0.67, "mask IoU {mask_iou}");
 }
 
 /// Each object on the frame that shows most of it: the frames of the others lack it.
-#[test]
 fn the_shelf_by_clicks_on_three_frames() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let largest = |truths: &[LabelMask], id| {
         (0..truths.len())
             .max_by_key(|&at| truths[at].region(id).area())
@@ -323,4 +318,9 @@ fn click_twice(session: &mut Session, frame: usize, label: LabelId, truth: &Regi
         )
         .unwrap();
     }
+}
+
+crate::registry::tests! {
+    Nothing: the_demo_by_eight_clicks_a_class, the_demo_from_pictures_alone, the_demo_without_cameras, the_demo_by_true_masks_on_the_anchors;
+    Data: the_shelf_by_two_clicks_an_object, the_shelf_by_clicks_on_three_frames;
 }

@@ -6,44 +6,14 @@ use std::path::Path;
 use glam::DVec2;
 use ostra_cloud::ply::{read_mesh, read_ply};
 use ostra_core::job::Progress;
-use ostra_frames::{FrameFolder, OpenRequest};
 use ostra_masks::{Click, LabelId, Prompt, deepest_point, read_palette_png};
 use ostra_project::{ExportRequest, FuseRequest, MaskOrigin, ReconstructRequest, ResultKind};
 use ostra_session::Event;
-use ostra_session::{Command, NewProject, PromptRequest, Session, TrackSettings};
+use ostra_session::{Command, PromptRequest, Session};
 
-use super::command_line::{Recording, done, refused};
-use crate::support::data_dir;
-
-/// Carries out a command to its end.
-pub fn perform(session: &mut Session, command: Command) -> anyhow::Result<Vec<Event>> {
-    session.act(command)?;
-    let events = session.settle(|_| ControlFlow::Continue(()));
-    for event in &events {
-        if let Event::Failed { error, .. } = event {
-            anyhow::bail!("{error}");
-        }
-    }
-    Ok(events)
-}
-
-pub fn new_project(data: &Path, root: &Path) -> Command {
-    let shelf = data.join("apc_shelf_rgbd_labels");
-    let sources = vec![FrameFolder {
-        frames: shelf.join("color"),
-        depth: Some(shelf.join("depth")),
-    }];
-    let open = OpenRequest {
-        sources,
-        ..OpenRequest::default()
-    };
-    Command::New(NewProject {
-        root: root.into(),
-        open,
-        cameras: Some(shelf.join("sparse")),
-        intrinsics: None,
-    })
-}
+use crate::data::data_dir;
+use crate::session::perform;
+use crate::shelf::{new_project, track};
 
 /// A click on the deepest point of each true object on frame 0, and one on frame 8.
 fn clicks(data: &Path) -> Vec<PromptRequest> {
@@ -71,10 +41,6 @@ fn clicks(data: &Path) -> Vec<PromptRequest> {
         }
     }
     clicks
-}
-
-pub fn track() -> Command {
-    Command::Track(TrackSettings::default())
 }
 
 fn fuse() -> Command {
@@ -113,9 +79,8 @@ fn way_through(data: &Path, root: &Path) -> Session {
     session
 }
 
-#[test]
 fn the_way_through_can_be_undone_repeated_and_opened_again() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let folder = tempfile::tempdir().unwrap();
     let root = folder.path().join("shelf");
     let mut session = way_through(&data, &root);
@@ -352,9 +317,8 @@ fn undone_and_redone(session: &mut Session, end: &ostra_project::Project) {
     assert!(std::fs::read(&cloud_file).unwrap() == first);
 }
 
-#[test]
 fn a_stopped_tracking_keeps_what_it_has() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let folder = tempfile::tempdir().unwrap();
     let mut session = Session::new();
     perform(
@@ -406,24 +370,6 @@ fn a_stopped_tracking_keeps_what_it_has() {
     );
 }
 
-#[test]
-fn the_steps_that_a_project_lists_make_it_again_elsewhere() {
-    let recording = Recording::new();
-    let project = recording.project();
-    done(&["label", &project, "thing"]);
-    done(&[
-        "prompt", &project, "--frame", "1", "--label", "thing", "--click", "20,24",
-    ]);
-    let (steps, again) = (recording.path("steps.jsonl"), recording.path("again"));
-    let text = std::fs::read_to_string(format!("{project}/recipe.jsonl")).unwrap();
-    std::fs::write(&steps, text.replacen(&project, &again, 1)).unwrap();
-    done(&["run", &steps]);
-    let described = |project: &str| {
-        let info: serde_json::Value =
-            serde_json::from_str(&done(&["info", project, "--json"])).unwrap();
-        (info["labels"].clone(), info["frames"].clone())
-    };
-    assert_eq!(described(&again), described(&project));
-    std::fs::write(&steps, "{\"new\":\n").unwrap();
-    assert!(refused(&["run", &steps]).contains("is no recipe"));
+crate::registry::tests! {
+    Data: the_way_through_can_be_undone_repeated_and_opened_again, a_stopped_tracking_keeps_what_it_has;
 }

@@ -13,8 +13,8 @@ use ostra_session::Event;
 use ostra_session::{Command, Session, Surface};
 
 use super::correct::{JOKES, TISSUES, truth, wrongly_labelled};
-use super::session::perform;
-use crate::support::data_dir;
+use crate::data::data_dir;
+use crate::session::perform;
 
 /// Imports the true masks of some frames.
 fn put_right(session: &mut Session, data: &Path, folder: &Path, frames: std::ops::Range<usize>) {
@@ -72,9 +72,8 @@ fn fuse() -> Command {
     })
 }
 
-#[test]
 fn labels_of_the_cloud_follow_the_masks_and_are_those_of_a_new_fusion() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let folder = tempfile::tempdir().unwrap();
     let mut session = wrongly_labelled(&data, folder.path());
     let file = session.root().unwrap().join("cloud.ply");
@@ -227,4 +226,8 @@ fn opened_again(session: &mut Session, before: &LabelledCloud) {
     );
     perform(session, Command::Undo).unwrap();
     assert_eq!(followed(session).labels, before.labels);
+}
+
+crate::registry::tests! {
+    Data: labels_of_the_cloud_follow_the_masks_and_are_those_of_a_new_fusion;
 }

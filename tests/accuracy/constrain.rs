@@ -8,7 +8,7 @@ use ostra_eval::synthetic::{Scene, SceneOptions};
 use ostra_masks::{LabelTree, RunMask, encode_palette_png, read_palette_png};
 use serde_json::Value;
 
-use crate::support::data_dir;
+use crate::data::data_dir;
 
 /// What the program said on standard output and standard error.
 fn done(words: &[&str], folder: &Path) -> (String, String) {
@@ -57,7 +57,6 @@ fn tracked(folder: &Path, new: &[&str], truth: &Path, constrain: bool) -> (f64, 
     (score["j"].as_f64().unwrap(), told)
 }
 
-#[test]
 fn flow_on_a_made_recording_gains_by_it() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -103,9 +102,8 @@ fn flow_on_a_made_recording_gains_by_it() {
     assert_eq!(info["frames"][7]["mask"], "tracked");
 }
 
-#[test]
 fn flow_on_a_real_shelf_gains_by_it() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("apc_shelf_rgbd_labels");
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -127,7 +125,6 @@ fn flow_on_a_real_shelf_gains_by_it() {
     assert!(held > free, "J {free:.3}, constrained {held:.3}");
 }
 
-#[test]
 fn without_depth_and_cameras_it_says_what_to_add() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
@@ -163,4 +160,9 @@ fn without_depth_and_cameras_it_says_what_to_add() {
         told.contains("--constrain needs frames with depth and cameras"),
         "{told}"
     );
+}
+
+crate::registry::tests! {
+    Nothing: flow_on_a_made_recording_gains_by_it, without_depth_and_cameras_it_says_what_to_add;
+    Data: flow_on_a_real_shelf_gains_by_it;
 }

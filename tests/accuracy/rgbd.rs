@@ -7,9 +7,10 @@ use ostra_frames::{DepthSource, Frame, FrameStore};
 use ostra_session::{Command, Session};
 use serde_json::Value;
 
-use super::session::perform;
-use super::sfm::{Project, ostra};
-use crate::support::data_dir;
+use crate::data::data_dir;
+use crate::program::ostra;
+use crate::project::Project;
+use crate::session::perform;
 
 const INTRINSICS: [&str; 2] = ["--intrinsics", "585,585,320.5,240.5"];
 
@@ -29,9 +30,8 @@ fn refused(project: &Project, more: &[&str]) -> String {
 ///
 /// The recording's pictures do not lie on its depths: its sensor's colour camera has a focal length of some 525 px and stands
 /// 2.5 cm aside, where 585 px were given, which are the depth camera's.
-#[test]
 fn a_kitchen_without_cameras() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("redkitchen_rgbd_a");
     let project = recording(&set, &INTRINSICS);
     let said = project.done(&["reconstruct", &project.root()]);
@@ -192,9 +192,8 @@ fn share_that_meets([source, target]: [&Frame; 2], store: &FrameStore) -> f64 {
     offs.iter().filter(|off| **off < 0.012).count() as f64 / offs.len().max(1) as f64
 }
 
-#[test]
 fn every_third_frame_is_registered_and_the_others_placed_beside_them() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("redkitchen_rgbd_a");
     let project = recording(&set, &[&["--to", "30"], &INTRINSICS[..]].concat());
     let root = project.root();
@@ -211,13 +210,16 @@ fn every_third_frame_is_registered_and_the_others_placed_beside_them() {
     assert_eq!(project.placed(), 31);
 }
 
-#[test]
 fn what_registration_needs_is_said() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("redkitchen_rgbd_a");
     let pictures = Project::new(&set.join("color"), &["--to", "5"]);
     assert!(refused(&pictures, &[]).contains("--depth"));
     assert!(refused(&recording(&set, &["--to", "5"]), &[]).contains("--intrinsics"));
     let labelled = recording(&set, &[&["--to", "5"], &INTRINSICS[..]].concat());
     assert!(refused(&labelled, &["--only-labelled"]).contains("--only-labelled"));
+}
+
+crate::registry::tests! {
+    Data: a_kitchen_without_cameras, every_third_frame_is_registered_and_the_others_placed_beside_them, what_registration_needs_is_said;
 }

@@ -10,7 +10,7 @@ use ostra_masks::graph_cut::BuiltinSegmenter;
 use ostra_masks::{Prompt, Region, SegmentRequest, Segmenter};
 use rayon::prelude::*;
 
-use crate::support::data_dir;
+use crate::data::data_dir;
 
 /// Clicks at most.
 const CAP: usize = 20;
@@ -81,9 +81,8 @@ fn iou(a: &Region, b: &Region) -> f64 {
     both as f64 / pairs().filter(|(a, b)| **a || **b).count() as f64
 }
 
-#[test]
 fn a_robot_user_needs_few_clicks_and_in_the_mean_no_further_one_harms() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let runs: Vec<Vec<f64>> = frames(&data.join("davis2016"))
         .par_iter()
         .map(play)
@@ -114,4 +113,8 @@ fn a_robot_user_needs_few_clicks_and_in_the_mean_no_further_one_harms() {
         means.is_sorted(),
         "a further click lowers the mean: {means:?}"
     );
+}
+
+crate::registry::tests! {
+    Data: a_robot_user_needs_few_clicks_and_in_the_mean_no_further_one_harms;
 }

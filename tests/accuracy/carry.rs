@@ -10,7 +10,7 @@ use ostra_frames::{Frame, FrameFolder, FrameStore, OpenRequest, open};
 use ostra_masks::{Direction, LabelId, LabelMask, TrackRequest, Tracker, read_palette_png};
 use ostra_tracking::carry::GeometryTracker;
 
-use crate::support::data_dir;
+use crate::data::data_dir;
 
 /// The masks that the tracker brings to all frames from the true mask of one.
 fn carried(frames: &[Frame], anchor: usize, mask: LabelMask) -> BTreeMap<usize, LabelMask> {
@@ -52,9 +52,8 @@ fn mean_iou(results: &BTreeMap<usize, LabelMask>, truths: &[LabelMask], label: L
     results.iter().map(iou).sum::<f64>() / results.len() as f64
 }
 
-#[test]
 fn one_true_mask_of_a_real_shelf_reaches_the_other_frames() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("apc_shelf_rgbd_labels");
     let source = FrameFolder {
         frames: set.join("color"),
@@ -84,7 +83,6 @@ fn one_true_mask_of_a_real_shelf_reaches_the_other_frames() {
     );
 }
 
-#[test]
 fn the_made_plant_keeps_its_organs_across_the_arc() {
     let options = SceneOptions {
         views: 12,
@@ -122,4 +120,9 @@ fn the_made_plant_keeps_its_organs_across_the_arc() {
         println!("made plant, {class}: IoU {iou:.3}");
         assert!(iou >= floor, "{class}: {iou:.3}");
     }
+}
+
+crate::registry::tests! {
+    Nothing: the_made_plant_keeps_its_organs_across_the_arc;
+    Data: one_true_mask_of_a_real_shelf_reaches_the_other_frames;
 }

@@ -15,8 +15,8 @@ use ostra_frames::{DepthMap, Frame, Image, Orientation, PictureSource};
 use ostra_geometry::Camera;
 use ostra_masks::{LabelId, LabelMask, LabelTree};
 
-use crate::support::data_dir;
-use crate::support::recording::Recording;
+use crate::data::data_dir;
+use crate::data_set::DataSet;
 
 const CACHE_BYTES: usize = 64 << 20;
 
@@ -37,26 +37,23 @@ fn within(distance: f64) -> CloudScoreOptions {
     }
 }
 
-fn shelf() -> Option<(Recording, LabelledCloud)> {
-    let set = data_dir()?.join("apc_shelf_rgbd_labels");
+fn shelf() -> (DataSet, LabelledCloud) {
+    let set = data_dir().join("apc_shelf_rgbd_labels");
     let truth = read_ply(
         &set.join("reference_labelled_cloud.ply"),
         &Progress::default(),
     )
     .unwrap()
     .cloud;
-    Some((
-        Recording::open(&set, "color", Some("depth"), Some("labels"), CACHE_BYTES),
+    (
+        DataSet::open(&set, "color", Some("depth"), Some("labels"), CACHE_BYTES),
         truth,
-    ))
+    )
 }
 
 /// The vote by true masks gives the labels of the reference cloud.
-#[test]
 fn shelf_by_true_masks() {
-    let Some((shelf, truth)) = shelf() else {
-        return;
-    };
+    let (shelf, truth) = shelf();
     let result = fused(&shelf, &FuseOptions::default());
     println!("{:?}", result.report);
     assert_eq!(
@@ -86,9 +83,8 @@ fn bytes(fused: &Fused) -> (Vec<u8>, Vec<u8>) {
     (cloud, votes)
 }
 
-#[test]
 fn the_same_bytes_with_any_number_of_threads() {
-    let Some((shelf, _)) = shelf() else { return };
+    let (shelf, _) = shelf();
     let options = FuseOptions {
         voxel: Some(0.004),
         drop_unlabelled: true,
@@ -106,9 +102,8 @@ fn the_same_bytes_with_any_number_of_threads() {
     assert!(one == with(5), "one thread and five");
 }
 
-#[test]
 fn a_mask_taken_back_and_given_again() {
-    let Some((shelf, _)) = shelf() else { return };
+    let (shelf, _) = shelf();
     let whole = fused(
         &shelf,
         &FuseOptions {
@@ -125,18 +120,18 @@ fn a_mask_taken_back_and_given_again() {
     assert!(votes == whole.votes && again == whole.cloud);
 }
 
-fn plant() -> Option<(Recording, LabelledCloud)> {
-    let set = data_dir()?.join("romi_virtual_plant_labels");
+fn plant() -> (DataSet, LabelledCloud) {
+    let set = data_dir().join("romi_virtual_plant_labels");
     let truth = read_ply(&set.join("gt_labelled_cloud.ply"), &Progress::default())
         .unwrap()
         .cloud;
-    Some((
-        Recording::open(&set, "images", None, Some("labels"), CACHE_BYTES),
+    (
+        DataSet::open(&set, "images", None, Some("labels"), CACHE_BYTES),
         truth,
-    ))
+    )
 }
 
-fn onto(views: &Recording, cloud: &LabelledCloud) -> LabelledCloud {
+fn onto(views: &DataSet, cloud: &LabelledCloud) -> LabelledCloud {
     vote_onto(
         cloud,
         views,
@@ -149,11 +144,8 @@ fn onto(views: &Recording, cloud: &LabelledCloud) -> LabelledCloud {
 }
 
 /// Masks of organs 1 to 3 pixels thin vote on a given cloud. The floor is the first honest run.
-#[test]
 fn plant_organs_onto_a_given_cloud() {
-    let Some((plant, truth)) = plant() else {
-        return;
-    };
+    let (plant, truth) = plant();
     let labels = score(&truth, &onto(&plant, &truth), &within(0.001)).labels;
     assert!(labels.mean_iou > 0.885, "mean IoU {}", labels.mean_iou);
     assert!(labels.accuracy > 0.955, "accuracy {}", labels.accuracy);
@@ -161,11 +153,8 @@ fn plant_organs_onto_a_given_cloud() {
 
 /// The set's principal point is half a pixel off: its pictures were rendered about their middle, which is 448, not
 /// 448.5. With the true one the same masks give more, so half a pixel within the vote would show here.
-#[test]
 fn plant_organs_with_the_principal_point_in_the_middle() {
-    let Some((mut plant, truth)) = plant() else {
-        return;
-    };
+    let (mut plant, truth) = plant();
     for frame in &mut plant.frames {
         let camera = &mut frame.camera.as_mut().unwrap().intrinsics;
         *camera = Camera {
@@ -261,7 +250,6 @@ fn tiller(noise: Option<SensorNoise>) -> (Vec<f64>, f64) {
     )
 }
 
-#[test]
 fn tiller_by_true_masks() {
     let (iou, accuracy) = tiller(None);
     assert!(
@@ -271,7 +259,6 @@ fn tiller_by_true_masks() {
     assert!(accuracy > 0.99, "{accuracy}");
 }
 
-#[test]
 fn tiller_from_a_noisy_sensor_by_true_masks() {
     let (iou, accuracy) = tiller(Some(SensorNoise::default()));
     assert!(
@@ -310,7 +297,6 @@ fn lie(fused: &Fused, truth: &Neighbours, eyes: &[glam::Vec3]) -> Lie {
     lie
 }
 
-#[test]
 fn the_noise_filter_takes_what_lies_off_and_leaves_what_is_true() {
     let scene = Scene::build(&SceneOptions {
         noise: Some(SensorNoise::default()),
@@ -356,4 +342,9 @@ fn the_noise_filter_takes_what_lies_off_and_leaves_what_is_true() {
         dropped.background + dropped.contour,
         all.cloud.len() - filtered.cloud.len()
     );
+}
+
+crate::registry::tests! {
+    Nothing: tiller_by_true_masks, tiller_from_a_noisy_sensor_by_true_masks, the_noise_filter_takes_what_lies_off_and_leaves_what_is_true;
+    Data: shelf_by_true_masks, the_same_bytes_with_any_number_of_threads, a_mask_taken_back_and_given_again, plant_organs_onto_a_given_cloud, plant_organs_with_the_principal_point_in_the_middle;
 }

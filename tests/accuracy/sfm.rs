@@ -1,7 +1,7 @@
 //! Structure from motion as a user runs it, on real pictures: floors that may only rise, and what it says when it fails.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
 use image::imageops::FilterType;
 use ostra_frames::cameras::{CameraKey, GivenCameras};
@@ -9,76 +9,28 @@ use ostra_geometry::{Alignment, Pose, Similarity};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::support::data_dir;
-
-pub(super) fn ostra<S: AsRef<std::ffi::OsStr>>(args: &[S]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_ostra"))
-        .args(args)
-        .output()
-        .unwrap()
-}
-
-/// A project in a folder of its own.
-pub(super) struct Project {
-    dir: TempDir,
-}
+use crate::data::data_dir;
+use crate::project::Project;
 
 impl Project {
-    pub(super) fn new(frames: &Path, more: &[&str]) -> Self {
-        let project = Self {
-            dir: TempDir::new().unwrap(),
-        };
-        let root = project.root();
-        let args = ["new", &root, "--frames", frames.to_str().unwrap()];
-        project.done(&[&args[..], more].concat());
-        project
-    }
-
-    pub(super) fn root(&self) -> String {
-        self.dir.path().join("project").display().to_string()
-    }
-
-    /// Runs the program; both outputs.
-    pub(super) fn done(&self, args: &[&str]) -> String {
-        let output = ostra(args);
-        let text = format!(
-            "{}{}",
-            String::from_utf8_lossy(&output.stdout),
-            String::from_utf8_lossy(&output.stderr)
-        );
-        assert!(output.status.success(), "{args:?}: {text}");
-        text
-    }
-
-    pub(super) fn reconstruct(&self, more: &[&str]) -> String {
+    pub fn reconstruct(&self, more: &[&str]) -> String {
         let root = self.root();
         self.done(&[&["reconstruct", &root, "--method", "sfm"][..], more].concat())
     }
 
-    pub(super) fn info(&self) -> Value {
-        // Warnings follow.
-        serde_json::from_str(
-            self.done(&["info", &self.root(), "--json"])
-                .lines()
-                .next()
-                .unwrap(),
-        )
-        .unwrap()
-    }
-
-    pub(super) fn placed(&self) -> usize {
+    pub fn placed(&self) -> usize {
         self.info()["results"]["cameras"]["frames"]
             .as_u64()
             .unwrap() as usize
     }
 
     /// Cameras against the truth after Sim(3).
-    pub(super) fn errors(&self, truth: &Path) -> Value {
+    pub fn errors(&self, truth: &Path) -> Value {
         self.errors_after(&["--align", "sim3"], truth)
     }
 
     /// Cameras against the truth after an alignment.
-    pub(super) fn errors_after(&self, align: &[&str], truth: &Path) -> Value {
+    pub fn errors_after(&self, align: &[&str], truth: &Path) -> Value {
         let out = self.dir.path().join("cameras");
         self.done(&["export", &self.root(), "--cameras", out.to_str().unwrap()]);
         let eval = [
@@ -108,9 +60,8 @@ fn accuracy(name: &str, errors: &Value) -> (f64, f64) {
     (centre, rotation)
 }
 
-#[test]
 fn fountain_with_given_intrinsics() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("strecha_fountain_P11");
     let project = Project::new(
         &set.join("images"),
@@ -122,9 +73,8 @@ fn fountain_with_given_intrinsics() {
     assert!(centre <= 0.05 && rotation <= 0.05);
 }
 
-#[test]
 fn fountain_with_unknown_intrinsics() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("strecha_fountain_P11");
     let project = Project::new(&set.join("images"), &[]);
     project.reconstruct(&[]);
@@ -133,9 +83,8 @@ fn fountain_with_unknown_intrinsics() {
     assert!(centre <= 0.12 && rotation <= 0.6);
 }
 
-#[test]
 fn dtu_with_given_intrinsics() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("dtu_scan24");
     let project = Project::new(
         &set.join("images"),
@@ -147,9 +96,8 @@ fn dtu_with_given_intrinsics() {
     assert!(centre <= 0.2 && rotation <= 0.15);
 }
 
-#[test]
 fn dtu_with_unknown_intrinsics() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("dtu_scan24");
     let project = Project::new(&set.join("images"), &[]);
     project.reconstruct(&[]);
@@ -158,18 +106,16 @@ fn dtu_with_unknown_intrinsics() {
     assert!(centre <= 0.3);
 }
 
-#[test]
 fn a_castle_without_any_truth_registers_whole() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let project = Project::new(&data.join("sceaux_castle/images"), &[]);
     let said = project.reconstruct(&[]);
     assert_eq!(project.placed(), 11, "{said}");
 }
 
 /// The arm's set points are good to some millimetres on a circle of 300 mm.
-#[test]
 fn a_thin_plant_turned_before_a_camera() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("romi_real_plant");
     let project = Project::new(&set.join("images"), &[]);
     let said = project.reconstruct(&[]);
@@ -247,9 +193,8 @@ fn poses(path: &Path) -> Vec<(String, Pose)> {
 }
 
 /// 56 of 167 frames make the map, the others are placed in it; colour only.
-#[test]
 fn every_third_frame_of_a_kitchen_makes_the_map() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("redkitchen_rgbd_a");
     for (name, more) in [
         ("given", vec!["--cameras", "sparse"]),
@@ -282,9 +227,8 @@ fn every_third_frame_of_a_kitchen_makes_the_map() {
     }
 }
 
-#[test]
 fn close_ups_are_added_to_a_standing_model() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("strecha_fountain_P11");
     let dir = TempDir::new().unwrap();
     let (small, crops) = (dir.path().join("small"), dir.path().join("crops"));
@@ -332,9 +276,8 @@ fn close_ups_are_added_to_a_standing_model() {
 }
 
 /// Half of the pictures as they are, half cropped and turned: two cameras of different size and orientation.
-#[test]
 fn two_cameras_in_one_set() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let dir = TempDir::new().unwrap();
     let mut files: Vec<PathBuf> = std::fs::read_dir(data.join("banana/images"))
         .unwrap()
@@ -374,8 +317,8 @@ fn two_cameras_in_one_set() {
 }
 
 /// Pictures of the fountain, 384 pixels wide.
-fn small_fountain(numbers: &[usize]) -> Option<TempDir> {
-    let images = data_dir()?.join("strecha_fountain_P11/images");
+fn small_fountain(numbers: &[usize]) -> TempDir {
+    let images = data_dir().join("strecha_fountain_P11/images");
     let dir = TempDir::new().unwrap();
     for number in numbers {
         let image = image::open(images.join(format!("{number:04}.jpg"))).unwrap();
@@ -384,14 +327,11 @@ fn small_fountain(numbers: &[usize]) -> Option<TempDir> {
             .save(dir.path().join(format!("{number:04}.png")))
             .unwrap();
     }
-    Some(dir)
+    dir
 }
 
-#[test]
 fn the_model_is_the_same_for_any_number_of_threads() {
-    let Some(pictures) = small_fountain(&[2, 3, 4, 5, 6]) else {
-        return;
-    };
+    let pictures = small_fountain(&[2, 3, 4, 5, 6]);
     let model = |threads: &str| {
         let project = Project::new(pictures.path(), &[]);
         let run = Command::new(env!("CARGO_BIN_EXE_ostra"))
@@ -407,11 +347,8 @@ fn the_model_is_the_same_for_any_number_of_threads() {
     assert!(model("1") == model("3"));
 }
 
-#[test]
 fn a_known_length_gives_the_unit() {
-    let Some(pictures) = small_fountain(&[2, 3, 4, 5]) else {
-        return;
-    };
+    let pictures = small_fountain(&[2, 3, 4, 5]);
     let project = Project::new(pictures.path(), &[]);
     project.reconstruct(&[]);
     let out = project.dir.path().join("before");
@@ -507,9 +444,8 @@ fn two_points(model: &Path) -> ([Sightings; 2], f64) {
     (ends, position(left.0).distance(position(right.0)))
 }
 
-#[test]
 fn depth_gives_the_scale() {
-    let Some(data) = data_dir() else { return };
+    let data = data_dir();
     let set = data.join("redkitchen_rgbd_a");
     let depth = set.join("depth").display().to_string();
     let more = [
@@ -551,11 +487,8 @@ fn depth_gives_the_scale() {
     assert!((scale - 1.0).abs() < 0.03, "{scale}");
 }
 
-#[test]
 fn undistorted_pictures_come_with_pinhole_cameras() {
-    let Some(pictures) = small_fountain(&[3, 4, 5]) else {
-        return;
-    };
+    let pictures = small_fountain(&[3, 4, 5]);
     let project = Project::new(pictures.path(), &[]);
     project.reconstruct(&[]);
     let out = project.dir.path().join("plain");
@@ -577,4 +510,8 @@ fn undistorted_pictures_come_with_pinhole_cameras() {
         image::image_dimensions(out.join("images/0004.png")).unwrap(),
         (384, 256)
     );
+}
+
+crate::registry::tests! {
+    Data: fountain_with_given_intrinsics, fountain_with_unknown_intrinsics, dtu_with_given_intrinsics, dtu_with_unknown_intrinsics, a_castle_without_any_truth_registers_whole, a_thin_plant_turned_before_a_camera, every_third_frame_of_a_kitchen_makes_the_map, close_ups_are_added_to_a_standing_model, two_cameras_in_one_set, the_model_is_the_same_for_any_number_of_threads, a_known_length_gives_the_unit, depth_gives_the_scale, undistorted_pictures_come_with_pinhole_cameras;
 }

@@ -1,0 +1,72 @@
+//! The tier of tests on real data: floors of accuracy that may only rise, whole demos, long runs.
+//!
+//! `cargo test --test accuracy [-- FILTER]`. Data sets are read from `../shared/data` or `OSTRA_DATA`, networks from
+//! `../shared/models` or `OSTRA_MODELS`, run by the library that `ORT_DYLIB_PATH` names. A test without its data is
+//! reported as ignored with the reason, and fails when `CI` is set.
+
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "tests may panic, and print the figures that they measure"
+)]
+
+#[path = "../support/data.rs"]
+mod data;
+#[path = "../support/data_set.rs"]
+mod data_set;
+#[path = "../support/program.rs"]
+mod program;
+#[path = "../support/project.rs"]
+mod project;
+#[path = "../support/session.rs"]
+mod session;
+
+mod bedroom;
+mod cameras;
+mod carry;
+mod constrain;
+mod correct;
+mod floors;
+mod flow;
+mod following;
+mod frames;
+mod fuse;
+mod masks;
+mod networks;
+mod registry;
+mod rgbd;
+mod segmenter;
+mod sfm;
+mod sfm_failures;
+mod sfm_learned;
+mod shared;
+mod shelf;
+mod stereo;
+mod whole_job;
+mod words;
+
+fn main() -> std::process::ExitCode {
+    let modules = [
+        bedroom::tests(),
+        cameras::tests(),
+        carry::tests(),
+        constrain::tests(),
+        correct::tests(),
+        floors::tests(),
+        flow::tests(),
+        following::tests(),
+        frames::tests(),
+        fuse::tests(),
+        masks::tests(),
+        rgbd::tests(),
+        segmenter::tests(),
+        whole_job::tests(),
+        sfm::tests(),
+        sfm_failures::tests(),
+        sfm_learned::tests(),
+        shared::tests(),
+        stereo::tests(),
+        words::tests(),
+    ];
+    registry::run(modules.into_iter().flatten().collect())
+}
