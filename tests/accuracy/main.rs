@@ -14,6 +14,8 @@
 mod data;
 #[path = "../support/data_set.rs"]
 mod data_set;
+#[path = "../support/film.rs"]
+mod film;
 #[path = "../support/program.rs"]
 mod program;
 #[path = "../support/project.rs"]
@@ -26,11 +28,13 @@ mod cameras;
 mod carry;
 mod constrain;
 mod correct;
+mod films;
 mod floors;
 mod flow;
 mod following;
 mod frames;
 mod fuse;
+mod long_films;
 mod masks;
 mod networks;
 mod registry;
@@ -42,6 +46,7 @@ mod sfm_learned;
 mod shared;
 mod shelf;
 mod stereo;
+mod video_seeking;
 mod whole_job;
 mod words;
 
@@ -67,6 +72,9 @@ fn main() -> std::process::ExitCode {
         shared::tests(),
         stereo::tests(),
         words::tests(),
+        long_films::tests(),
+        video_seeking::tests(),
+        films::tests(),
     ];
     registry::run(modules.into_iter().flatten().collect())
 }

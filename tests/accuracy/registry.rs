@@ -7,11 +7,14 @@ use std::time::{Duration, Instant};
 use libtest_mimic::{Arguments, Trial};
 
 use crate::data::{find_data, find_models, find_onnx_runtime};
+use crate::film::has_ffmpeg;
 
 /// What a test needs besides the repository.
 #[derive(Debug, Clone, Copy)]
 pub enum Needs {
     Nothing,
+    /// The program ffmpeg.
+    Ffmpeg,
     /// Real data sets.
     Data,
     /// Networks' weights, as files.
@@ -25,6 +28,7 @@ impl Needs {
     fn missing(self) -> Option<String> {
         match self {
             Self::Nothing => None,
+            Self::Ffmpeg => (!has_ffmpeg()).then(|| "ffmpeg is missing: install it".to_owned()),
             Self::Data => find_data().err(),
             Self::Models => find_models().err(),
             Self::Networks => find_data()

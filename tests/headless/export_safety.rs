@@ -424,6 +424,7 @@ print("all read")
 "#;
 
 #[test]
+#[ignore = "needs python3 with plyfile, open3d, trimesh, pycolmap, laspy, lazrs, pycocotools: add --include-ignored"]
 #[expect(
     clippy::too_many_lines,
     reason = "under 80 lines before rustfmt's defaults; to be split"
@@ -431,17 +432,10 @@ print("all read")
 fn common_libraries_read_every_export() {
     let modules = "import plyfile, open3d, trimesh, pycolmap, laspy, lazrs, pycocotools";
     let python = |args: &[&str]| Command::new("python3").args(args).output();
-    let present = python(&["-c", modules]).is_ok_and(|output| output.status.success());
-    if !present {
-        assert!(
-            std::env::var_os("CI").is_none(),
-            "python3 with plyfile, open3d, trimesh, pycolmap, laspy[lazrs], pycocotools"
-        );
-        eprintln!(
-            "skipped: python3 lacks one of plyfile, open3d, trimesh, pycolmap, laspy, lazrs, pycocotools"
-        );
-        return;
-    }
+    assert!(
+        python(&["-c", modules]).is_ok_and(|output| output.status.success()),
+        "python3 cannot {modules}"
+    );
     let recording = Recording::new();
     let project = fused(&recording);
     let out = recording.path("out");

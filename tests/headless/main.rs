@@ -1,9 +1,6 @@
 //! Tests of everything below the window, most of them of the program as a process: one module a subject.
 
 #[cfg(test)]
-#[path = "../support/film.rs"]
-mod film;
-#[cfg(test)]
 #[path = "../support/program.rs"]
 mod program;
 #[cfg(test)]
@@ -36,8 +33,6 @@ mod export_safety;
 #[cfg(test)]
 mod exports;
 #[cfg(test)]
-mod films;
-#[cfg(test)]
 mod frames;
 #[cfg(test)]
 mod image_inputs;
@@ -51,8 +46,6 @@ mod kills;
 mod large_coordinates;
 #[cfg(test)]
 mod layouts;
-#[cfg(test)]
-mod long_films;
 #[cfg(test)]
 mod mask_inputs;
 #[cfg(test)]
@@ -79,5 +72,3 @@ mod traits;
 mod two_processes;
 #[cfg(test)]
 mod untrusted_projects;
-#[cfg(test)]
-mod video_seeking;

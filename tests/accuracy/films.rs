@@ -5,7 +5,7 @@ use std::path::Path;
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameFolder, FrameStore, OpenRequest, Opened, open};
 
-use crate::film::{self, Making, has_ffmpeg};
+use crate::film::{self, Making};
 
 const COUNT: u64 = 80;
 const SIZE: (u32, u32) = (96, 64);
@@ -53,11 +53,7 @@ fn open_film(path: &Path) -> Opened {
     open(&request, &Progress::default()).unwrap()
 }
 
-#[test]
 fn every_index_gives_its_picture_in_any_order_and_container() {
-    if !has_ffmpeg() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let kinds = [
         (
@@ -103,11 +99,7 @@ fn every_index_gives_its_picture_in_any_order_and_container() {
     }
 }
 
-#[test]
 fn threads_that_read_one_film_at_once_get_the_right_pictures() {
-    if !has_ffmpeg() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("film.mp4");
     make_film(
@@ -130,11 +122,7 @@ fn threads_that_read_one_film_at_once_get_the_right_pictures() {
     });
 }
 
-#[test]
 fn a_cut_film_is_read_as_far_as_it_goes_and_a_broken_one_is_refused() {
-    if !has_ffmpeg() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let (path, cut) = (
         folder.path().join("whole.mp4"),
@@ -180,4 +168,8 @@ fn a_cut_film_is_read_as_far_as_it_goes_and_a_broken_one_is_refused() {
             .to_string()
             .contains("whole.mp4: is not there")
     );
+}
+
+crate::registry::tests! {
+    Ffmpeg: every_index_gives_its_picture_in_any_order_and_container, threads_that_read_one_film_at_once_get_the_right_pictures, a_cut_film_is_read_as_far_as_it_goes_and_a_broken_one_is_refused;
 }

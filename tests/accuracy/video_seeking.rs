@@ -6,7 +6,7 @@ use std::process::Command;
 use ostra_core::job::Progress;
 use ostra_frames::{FrameFolder, FrameStore, OpenRequest, Opened, open};
 
-use crate::film::{Making, has_ffmpeg, make_film};
+use crate::film::{Making, make_film};
 
 const SIZE: (u32, u32) = (64, 48);
 const COUNT: u64 = 150;
@@ -173,11 +173,7 @@ const KINDS: [(&str, &str); 16] = [
     ("mpeg4.mkv", "-c:v mpeg4 -q:v 3 -bf 2 -g 40"),
 ];
 
-#[test]
 fn frames_by_seeking_and_in_order_are_those_of_a_linear_decode() {
-    if !has_ffmpeg() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     for (name, options) in KINDS
         .into_iter()
@@ -198,11 +194,7 @@ fn frames_by_seeking_and_in_order_are_those_of_a_linear_decode() {
     }
 }
 
-#[test]
 fn frames_of_equal_times_are_distinguished() {
-    if !has_ffmpeg() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("3000_a_second.mkv");
     // Matroska counts milliseconds: two or three frames have the same time.
@@ -221,11 +213,7 @@ fn frames_of_equal_times_are_distinguished() {
     assert_eq!(opened.frames.len() as u64, COUNT);
 }
 
-#[test]
 fn a_damaged_stream_is_reported_and_gives_the_frames_of_a_linear_decode() {
-    if !has_ffmpeg() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     for (name, options) in [
         ("damaged.mkv", "-c:v libx264 -g 70 -bf 2 -pix_fmt yuv420p"),
@@ -260,12 +248,8 @@ fn a_damaged_stream_is_reported_and_gives_the_frames_of_a_linear_decode() {
     }
 }
 
-#[test]
 #[cfg(unix)]
 fn a_turned_video_and_odd_names_are_read() {
-    if !has_ffmpeg() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let options = "-metadata:s:v:0 rotate=90 -c:v libx264 -g 70 -pix_fmt yuv420p";
     for name in ["-y.mp4", "a%03d.mp4", "http:x*.mp4", "turned?.mp4"] {
@@ -291,11 +275,7 @@ fn a_turned_video_and_odd_names_are_read() {
     }
 }
 
-#[test]
 fn files_that_refer_to_other_files_are_not_followed() {
-    if !has_ffmpeg() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let secret = folder.path().join("secret.mp4");
     let options = "-c:v libx264 -pix_fmt yuv420p";
@@ -356,11 +336,7 @@ fn files_that_refer_to_other_files_are_not_followed() {
     }
 }
 
-#[test]
 fn relative_paths_and_addresses_are_refused() {
-    if !has_ffmpeg() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("video.mp4");
     let options = "-c:v libx264 -pix_fmt yuv420p";
@@ -394,4 +370,8 @@ fn relative_paths_and_addresses_are_refused() {
             "{error}"
         );
     }
+}
+
+crate::registry::tests! {
+    Ffmpeg: frames_by_seeking_and_in_order_are_those_of_a_linear_decode, frames_of_equal_times_are_distinguished, a_damaged_stream_is_reported_and_gives_the_frames_of_a_linear_decode, a_turned_video_and_odd_names_are_read, files_that_refer_to_other_files_are_not_followed, relative_paths_and_addresses_are_refused;
 }
