@@ -20,7 +20,7 @@ use ostra_reconstruct::sfm::onnx::{
     XFeat, XFeatOptions,
 };
 use ostra_reconstruct::sfm::{FeatureExtractor, FeatureMatcher, Sift, SiftOptions};
-use ostra_tracking::flow::{Describer, FlowTracker};
+use ostra_tracking::flow::{DenseFeatures, FlowTracker};
 use ostra_tracking::{
     bodies::GeometrySegmenter,
     carry::GeometryTracker,
@@ -294,9 +294,9 @@ pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tr
 
 /// The flow tracker, which remembers by XFeat where that can be used.
 pub(super) fn flow_tracker() -> FlowTracker {
-    let describer = is_usable("xfeat").then(|| Arc::new(KeptXFeat) as Arc<dyn Describer>);
+    let features = is_usable("xfeat").then(|| Arc::new(KeptXFeat) as Arc<dyn DenseFeatures>);
     FlowTracker {
-        describer,
+        features,
         ..FlowTracker::default()
     }
 }

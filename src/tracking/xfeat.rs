@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use crate::flow::{Describer, Description};
+use crate::flow::{DenseFeatures, FeatureMap};
 use ostra_compute::nn::{Network, NnError, Tensor, load};
 use ostra_masks::MaskError;
 
@@ -30,8 +30,8 @@ impl XFeatCells {
     }
 }
 
-impl Describer for XFeatCells {
-    fn describe(&self, grey: &[f32], size: (usize, usize)) -> Result<Description, MaskError> {
+impl DenseFeatures for XFeatCells {
+    fn feature_map(&self, grey: &[f32], size: (usize, usize)) -> Result<FeatureMap, MaskError> {
         let told = |error: NnError| MaskError::Network(error.to_string());
         let (width, height) = (
             size.0.next_multiple_of(MULTIPLE),
@@ -46,16 +46,16 @@ impl Describer for XFeatCells {
         let (columns, rows) = (width / CELL_PX, height / CELL_PX);
         let features = given
             .iter()
-            .find(|output| output.shape() == [1, Description::DIM, rows, columns]);
+            .find(|output| output.shape() == [1, FeatureMap::DIM, rows, columns]);
         let path = self.network.path().display();
         let unfit = || {
             MaskError::Network(format!(
                 "{path}: does not give {} values per cell",
-                Description::DIM
+                FeatureMap::DIM
             ))
         };
         let planes = features.ok_or_else(unfit)?.as_floats();
-        Ok(Description::of_planes(
+        Ok(FeatureMap::of_planes(
             planes,
             (columns, rows),
             size,

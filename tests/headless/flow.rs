@@ -13,7 +13,7 @@ use ostra_masks::{
 };
 use ostra_masks::{FramePair, score_pairs};
 use ostra_tracking::XFeatCells;
-use ostra_tracking::flow::{Describer, FlowTracker};
+use ostra_tracking::flow::{DenseFeatures, FlowTracker};
 
 use super::sfm_learned::{Needs, ostra};
 use crate::support::data_dir;
@@ -221,7 +221,7 @@ fn what_is_remembered_by_learned_features_is_found_again() {
     assert_eq!(code, Some(0), "{err}");
     let cells = XFeatCells::load(&folder.path().join("ostra/models")).unwrap();
     let remembering = FlowTracker {
-        describer: Some(Arc::new(cells) as Arc<dyn Describer>),
+        features: Some(Arc::new(cells) as Arc<dyn DenseFeatures>),
         ..FlowTracker::default()
     };
     for clip in ["blackswan", "car-shadow", "dance-twirl"] {

@@ -223,27 +223,10 @@ fn together(nothing: &mut [f32], objects: &mut [&mut [f32]]) {
     }
 }
 
-/// For every pixel the number of the most probable; the lower of equals.
-pub(super) fn winners(probabilities: &[f32], pixels: usize) -> Vec<usize> {
-    let of = |at: usize| {
-        let values = probabilities[at..].iter().step_by(pixels);
-        values
-            .enumerate()
-            .fold((0, f32::MIN), |best, (number, &value)| {
-                if value > best.1 {
-                    (number, value)
-                } else {
-                    best
-                }
-            })
-            .0
-    };
-    (0..pixels).into_par_iter().map(of).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::propagate::most_probable;
 
     #[test]
     fn sizes_are_whole_cells_and_one_pixel() {
@@ -330,6 +313,12 @@ mod tests {
         let odds = |value: f64| value / (1.0 - value);
         let expected = odds(of_second) / odds(of_first);
         assert!((f64::from(found[22] / found[2]) / expected - 1.0).abs() < 1e-4);
-        assert_eq!(winners(&found, 2), [11, 11]);
+        assert_eq!(
+            most_probable(&found, 2)
+                .iter()
+                .map(|&(number, _)| number)
+                .collect::<Vec<_>>(),
+            [11, 11]
+        );
     }
 }

@@ -3,14 +3,17 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::network::{Features, LongMemory, Memory, Networks, OBJECTS, Running, Seen, told};
-use super::picture::{fed, nearest, probabilities, shown_size, winners};
-use crate::propagate::{Propagated, Propagator, track};
+use super::picture::{fed, nearest, probabilities, shown_size};
+use crate::propagate::{
+    Answer, KeyframeUse, LabelProbabilities, LookAhead, MaskPropagator, PassFrame, Section,
+    most_probable, propagate, shown_labels,
+};
 use ostra_compute::nn::{Network, NnError, Tensor, load};
 use ostra_core::job::Progress;
 use ostra_frames::Image;
-use ostra_masks::{LabelId, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker};
+use ostra_masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker};
 
-/// Settings of a walk of [`Deaot`] through pictures.
+/// Settings of [`Deaot`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeaotOptions {
     /// Longest side of what the network sees, px; larger pictures are shrunk to it. Time grows with its fourth power.
@@ -33,7 +36,7 @@ impl Default for DeaotOptions {
     }
 }
 
-/// DeAOT: carries masks of any number of labels through films, ten at once. Clones share the networks.
+/// DeAOT: carries masks of any number of labels through a video, ten at once. Clones share the networks.
 #[derive(Debug, Clone)]
 pub struct Deaot {
     networks: Arc<Networks>,
@@ -62,9 +65,9 @@ impl Deaot {
         })
     }
 
-    /// A walk through pictures that remembers nothing yet.
-    pub(super) fn walk<'a>(&'a self, progress: &'a Progress) -> Walk<'a> {
-        Walk::new(self.networks.running(progress), self.options)
+    /// A pass through frames that remembers nothing yet.
+    pub(super) fn pass<'a>(&'a self, progress: &'a Progress) -> DeaotPass<'a> {
+        DeaotPass::new(self.networks.running(progress), self.options)
     }
 }
 
@@ -79,16 +82,15 @@ impl Tracker for Deaot {
         emit: &mut dyn FnMut(TrackedFrame),
         progress: &Progress,
     ) -> Result<Vec<String>, MaskError> {
-        track(request, emit, progress, &|| -> Box<dyn Propagator + '_> {
-            Box::new(self.walk(progress))
-        })
+        let make = |_: &Section| -> Box<dyn MaskPropagator + '_> { Box::new(self.pass(progress)) };
+        propagate(request, KeyframeUse::Sequence, emit, progress, &make)
     }
 }
 
-/// A walk through pictures: labels are numbered as they appear, every ten are a group of their own, and the groups'
+/// A pass through frames: labels are numbered as they appear, every ten are a group of their own, and the groups'
 /// answers are brought together.
 #[derive(Debug)]
-pub(super) struct Walk<'a> {
+pub(super) struct DeaotPass<'a> {
     networks: Running<'a>,
     options: DeaotOptions,
     /// Columns and rows that the network sees, as of the first picture: what is remembered lies on one grid of cells.
@@ -96,7 +98,7 @@ pub(super) struct Walk<'a> {
     /// The label of every number, from 1.
     labels: Vec<LabelId>,
     groups: Vec<Group>,
-    /// The picture that was propagated to last; remembered only when the walk goes on, for its mask may be told.
+    /// The picture that was propagated to last; remembered only when the pass goes on, for its mask may be given.
     last: Option<Last>,
 }
 
@@ -110,7 +112,7 @@ struct Last {
     numbers: Vec<usize>,
 }
 
-impl<'a> Walk<'a> {
+impl<'a> DeaotPass<'a> {
     pub fn new(networks: Running<'a>, options: DeaotOptions) -> Self {
         Self {
             networks,
@@ -158,7 +160,10 @@ impl<'a> Walk<'a> {
         let logits: Vec<_> = seen.iter().map(|seen| &seen.logits).collect();
         let size = (image.width as usize, image.height as usize);
         let probabilities = probabilities(&logits, self.labels.len(), size);
-        let numbers = winners(&probabilities, size.0 * size.1);
+        let numbers: Vec<usize> = most_probable(&probabilities, size.0 * size.1)
+            .into_iter()
+            .map(|(number, _)| number)
+            .collect();
         Ok((
             Last {
                 image: image.clone(),
@@ -187,32 +192,32 @@ impl<'a> Walk<'a> {
         Ok(())
     }
 
-    /// The picture's features and the number of every pixel where `mask` tells nothing: labels that it shows lie nowhere
+    /// The picture's features and the number of every pixel where the mask says nothing: labels that it shows lie nowhere
     /// else, the others where they are seen.
     fn around(
         &mut self,
         image: &Image,
-        told: &BTreeSet<LabelId>,
+        given: &BTreeSet<LabelId>,
     ) -> Result<(Features, Vec<usize>), MaskError> {
         let last = match self.last.take() {
             Some(last) if last.image == *image => last,
             other => {
                 self.last = other;
-                if self.labels.iter().all(|label| told.contains(label)) {
+                if self.labels.iter().all(|label| given.contains(label)) {
                     self.keep_last()?;
                     return Ok((self.features(image)?, vec![0; image.pixels.len()]));
                 }
                 self.look(image)?.0
             }
         };
-        let is_told: Vec<bool> = self
+        let is_given: Vec<bool> = self
             .labels
             .iter()
-            .map(|label| told.contains(label))
+            .map(|label| given.contains(label))
             .collect();
         let numbers = last.numbers.into_iter();
         let others = numbers.map(|number| {
-            if number > 0 && is_told[number - 1] {
+            if number > 0 && is_given[number - 1] {
                 0
             } else {
                 number
@@ -230,16 +235,8 @@ impl<'a> Walk<'a> {
         }) + 1
     }
 
-    /// Labels ascending, and which number each has.
-    fn order(&self) -> Vec<(LabelId, usize)> {
-        let mut order: Vec<(LabelId, usize)> = self.labels.iter().copied().zip(1..).collect();
-        order.sort_unstable();
-        order
-    }
-}
-
-impl Propagator for Walk<'_> {
-    fn remember(&mut self, image: &Image, mask: &LabelMask) -> Result<(), MaskError> {
+    /// Takes the labels of `mask` on `image` as given. Labels that it does not show keep what is remembered of them.
+    pub fn remember(&mut self, image: &Image, mask: &LabelMask) -> Result<(), MaskError> {
         check(image)?;
         if (mask.width, mask.height) != (image.width, image.height)
             || mask.ids.len() != image.pixels.len()
@@ -252,13 +249,12 @@ impl Propagator for Walk<'_> {
                 "the mask is {a}, its picture {b}; make the mask anew"
             )));
         }
-        let mut told: BTreeSet<LabelId> = mask.ids.iter().copied().collect();
-        told.remove(&LabelId::NONE);
-        if told.is_empty() {
+        let given = shown_labels(mask);
+        if given.is_empty() {
             return Ok(());
         }
-        let (features, mut numbers) = self.around(image, &told)?;
-        let of_label: Vec<(LabelId, usize)> = told
+        let (features, mut numbers) = self.around(image, &given)?;
+        let of_label: Vec<(LabelId, usize)> = given
             .into_iter()
             .map(|label| (label, self.number(label)))
             .collect();
@@ -284,35 +280,36 @@ impl Propagator for Walk<'_> {
         Ok(())
     }
 
-    fn propagate(&mut self, image: &Image) -> Result<Propagated, MaskError> {
+    /// Where the labels are in the next image of the pass.
+    pub fn propagate(&mut self, image: &Image) -> Result<LabelProbabilities, MaskError> {
         if self.groups.is_empty() {
             return Err(MaskError::Request(
                 "there is no mask to carry; prompt or import one first".into(),
             ));
         }
         let (last, by_number) = self.look(image)?;
-        let order = self.order();
-        let propagated = Propagated {
-            labels: order.iter().map(|&(label, _)| label).collect(),
-            width: image.width as usize,
-            height: image.height as usize,
-            probabilities: in_order(by_number, &order, image.pixels.len()),
-        };
         self.last = Some(last);
-        Ok(propagated)
+        let size = (image.width as usize, image.height as usize);
+        Ok(LabelProbabilities::sorted(&self.labels, size, by_number))
     }
 }
 
-/// Planes of numbers as planes of labels.
-fn in_order(by_number: Vec<f32>, order: &[(LabelId, usize)], pixels: usize) -> Vec<f32> {
-    if order.is_sorted_by_key(|&(_, number)| number) {
-        return by_number;
+impl MaskPropagator for DeaotPass<'_> {
+    fn start_pass(&mut self, _direction: Direction) {
+        *self = Self::new(self.networks, self.options);
     }
-    let numbers = std::iter::once(0).chain(order.iter().map(|&(_, number)| number));
-    numbers
-        .flat_map(|number| &by_number[number * pixels..][..pixels])
-        .copied()
-        .collect()
+
+    fn add_keyframe(&mut self, frame: &PassFrame, mask: &LabelMask) -> Result<(), MaskError> {
+        self.remember(&frame.image, mask)
+    }
+
+    fn carry_to(
+        &mut self,
+        frame: &PassFrame,
+        _ahead: &mut LookAhead<'_, '_>,
+    ) -> Result<Answer, MaskError> {
+        Ok(Answer::most_probable(self.propagate(&frame.image)?))
+    }
 }
 
 fn check(image: &Image) -> Result<(), MaskError> {

@@ -1,11 +1,11 @@
 use glam::{Affine2, Vec2};
 
 use super::cells::Cells;
-use super::colors::ColorModel;
+use super::change::Change;
 use super::locate::Looks;
-use super::motion::{Change, Step, similarity};
+use super::motion::{Step, similarity};
 use super::options::FlowOptions;
-use super::picture::Picture;
+use super::picture::{ColorModel, Picture};
 use super::plane::{Plane, median};
 use ostra_masks::cut::{Borders, Window};
 use ostra_masks::{Connectivity, LabelId, Region, components, squared_distance_to};

@@ -1,46 +1,40 @@
 use rayon::prelude::*;
 
-use super::evidence::{Beyond, Sight, evidence};
+use super::change::Change;
+use super::evidence::{FrameAhead, Sight, evidence};
 use super::memory::Memory;
-use super::motion::Change;
 use super::object::{Evidence, Object, Prediction};
 use super::options::FlowOptions;
 use super::picture::Picture;
+use crate::propagate::{Answer, shown_labels};
 use ostra_core::job::{Progress, Stopped};
-use ostra_masks::{LabelId, LabelMask, Region, WalkedFrame};
+use ostra_masks::{LabelId, LabelMask, Region};
 
-/// Objects carried from an anchor, frame after frame.
-pub(super) struct Walk<'a> {
+/// Objects carried from a keyframe, frame after frame.
+pub(super) struct TrackedObjects<'a> {
     options: &'a FlowOptions,
     objects: Vec<Object>,
     memory: Memory,
 }
 
-impl<'a> Walk<'a> {
-    /// From an anchor's mask at the working size.
+impl<'a> TrackedObjects<'a> {
+    /// From a keyframe's mask at the working size.
     pub fn new(options: &'a FlowOptions, picture: &Picture, mask: &LabelMask) -> Self {
-        let mut labels: Vec<LabelId> = mask
-            .ids
-            .iter()
-            .copied()
-            .filter(|&id| id != LabelId::NONE)
-            .collect();
-        labels.sort_unstable();
-        labels.dedup();
+        let labels: Vec<LabelId> = shown_labels(mask).into_iter().collect();
         let objects = labels
             .into_par_iter()
             .map(|id| Object::new(id, mask.region(id), picture))
             .collect();
-        let mut walk = Self {
+        let mut tracked = Self {
             options,
             objects,
             memory: Memory::default(),
         };
-        walk.remember(picture, mask);
-        walk
+        tracked.remember(picture, mask);
+        tracked
     }
 
-    /// Takes the colours and cells of another anchor into account.
+    /// Takes the colours and cells of another keyframe into account.
     pub fn learn(&mut self, picture: &Picture, mask: &LabelMask) {
         self.remember(picture, mask);
         for object in &mut self.objects {
@@ -52,19 +46,19 @@ impl<'a> Walk<'a> {
     }
 
     fn remember(&mut self, picture: &Picture, mask: &LabelMask) {
-        if let Some(description) = &picture.description {
-            self.memory.learn(description, mask);
+        if let Some(feature_map) = &picture.feature_map {
+            self.memory.learn(feature_map, mask);
         }
     }
 
-    /// Carries all objects to the next frame; their mask there, at the working size. After a stop the walk is at no
+    /// Carries all objects to the next frame; their mask there, at the working size. After a stop they are at no
     /// frame any more.
     pub fn advance(
         &mut self,
         mut change: Change,
-        beyond: Option<&Beyond<'_>>,
+        beyond: Option<&FrameAhead<'_>>,
         progress: &Progress,
-    ) -> Result<WalkedFrame, Stopped> {
+    ) -> Result<Answer, Stopped> {
         let options = self.options;
         change.find_background(
             &self
@@ -75,9 +69,9 @@ impl<'a> Walk<'a> {
         );
         let recalled = change
             .next
-            .description
+            .feature_map
             .as_ref()
-            .map(|description| self.memory.recall(description));
+            .map(|feature_map| self.memory.recall(feature_map));
         let known = self.objects.par_iter_mut().map(|object| {
             progress.check()?;
             let prediction = object.predict(&change, options);
@@ -132,7 +126,12 @@ impl<'a> Walk<'a> {
             .iter()
             .map(|object| (object.id, object.confidence()))
             .collect();
-        Ok(WalkedFrame { mask, confidence })
+        Ok(Answer {
+            mask,
+            confidence,
+            known: self.objects.iter().map(|object| object.id).collect(),
+            probabilities: None,
+        })
     }
 }
 

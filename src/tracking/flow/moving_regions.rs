@@ -2,8 +2,8 @@ use std::sync::Arc;
 
 use glam::Vec2;
 
+use super::change::Change;
 use super::dis::Finest;
-use super::motion::Change;
 use super::options::FlowOptions;
 use super::picture::{Picture, enlarged_mask, reduced_mask, working_size};
 use super::plane::Plane;
