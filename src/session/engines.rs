@@ -22,9 +22,9 @@ use ostra_reconstruct::sfm::onnx::{
 use ostra_reconstruct::sfm::{FeatureExtractor, FeatureMatcher, Sift, SiftOptions};
 use ostra_tracking::flow::{DenseFeatures, FlowTracker};
 use ostra_tracking::{
-    bodies::GeometrySegmenter,
-    carry::GeometryTracker,
-    constrain::{ConstrainOptions, ConstrainedTracker},
+    geometric_consistency::{ConsistencyOptions, ConsistencyTracker},
+    reprojection::GeometryTracker,
+    supervoxels::GeometrySegmenter,
 };
 
 /// What an engine is for.
@@ -286,9 +286,9 @@ pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tr
         any,
         "--constrain needs frames with depth and cameras; add or reconstruct both first, or track without it"
     );
-    Ok(Box::new(ConstrainedTracker {
+    Ok(Box::new(ConsistencyTracker {
         tracker,
-        options: ConstrainOptions::default(),
+        options: ConsistencyOptions::default(),
     }))
 }
 

@@ -27,7 +27,7 @@ use ostra_frames::{FrameStore, take_video_damage};
 use ostra_masks::RunMask;
 use ostra_project::OpenProject;
 use ostra_project::{Edit, Project};
-use ostra_tracking::bodies::GeometrySegmenter;
+use ostra_tracking::supervoxels::GeometrySegmenter;
 
 /// Bytes of decoded pictures and depths kept.
 pub(super) const PIXEL_BYTES: usize = 256 << 20;

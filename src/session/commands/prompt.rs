@@ -17,7 +17,7 @@ use ostra_masks::{
     landmarks, taken_by_others,
 };
 use ostra_project::{Edit, Project};
-use ostra_tracking::bodies::GeometrySegmenter;
+use ostra_tracking::supervoxels::GeometrySegmenter;
 
 impl Session {
     pub(crate) fn prompt(&mut self, request: &PromptRequest) -> Result<Option<JobId>> {

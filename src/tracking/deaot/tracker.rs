@@ -2,8 +2,9 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::network::{Features, LongMemory, Memory, Networks, OBJECTS, Running, Seen, told};
+use super::network::{Features, LongMemory, Memory, Networks, OBJECTS, Running, Seen};
 use super::picture::{fed, nearest, probabilities, shown_size};
+use crate::networks::network_error;
 use crate::propagate::{
     Answer, KeyframeUse, LabelProbabilities, LookAhead, MaskPropagator, PassFrame, Section,
     most_probable, propagate, shown_labels,
@@ -144,7 +145,8 @@ impl<'a> DeaotPass<'a> {
     fn features(&mut self, image: &Image) -> Result<Features, MaskError> {
         check(image)?;
         let shown = self.shown(image);
-        self.networks.encode(&fed(image, shown).map_err(told)?)
+        self.networks
+            .encode(&fed(image, shown).map_err(network_error)?)
     }
 
     /// Finds the objects in the next picture, with the probabilities of nothing and of every number.
@@ -365,7 +367,7 @@ impl Group {
         (features, numbers, shown): (&Features, &[usize], (usize, usize)),
     ) -> Result<(), MaskError> {
         self.short = networks.remember(features, &one_hot(numbers, self.first, shown)?)?;
-        self.long.push(&self.short, true).map_err(told)?;
+        self.long.push(&self.short, true).map_err(network_error)?;
         self.since = 0;
         Ok(())
     }
@@ -390,7 +392,7 @@ impl Group {
     ) -> Result<(), MaskError> {
         self.short = networks.identify(seen, &one_hot(numbers, self.first, shown)?)?;
         if self.since >= options.remembered_every {
-            self.long.push(&self.short, false).map_err(told)?;
+            self.long.push(&self.short, false).map_err(network_error)?;
             self.since = 0;
         }
         Ok(())
@@ -411,7 +413,7 @@ fn one_hot(
             .unwrap_or(0);
         planes[channel * numbers.len() + at] = 1.0;
     }
-    Tensor::floats(&[1, OBJECTS + 1, rows, columns], planes).map_err(told)
+    Tensor::floats(&[1, OBJECTS + 1, rows, columns], planes).map_err(network_error)
 }
 
 #[cfg(test)]

@@ -82,7 +82,7 @@ const TEMPERATURE: f32 = 0.05;
 const STRANGE: f32 = 0.75;
 const KNOWN: f32 = 0.95;
 
-/// The cells of anchors with what they show: space-time memory with given features (after Oh, Lee, Xu, Kim, "Video Object
+/// The cells of keyframes with what they show: space-time memory with given features (after Oh, Lee, Xu, Kim, "Video Object
 /// Segmentation using Space-Time Memory Networks", ICCV 2019).
 #[derive(Debug, Clone, Default)]
 pub(super) struct Memory {

@@ -226,7 +226,7 @@ fn masks_go_both_ways_from_any_anchor_and_meet() {
         film.iou(&from_the_middle, 0, LEFT) > 0.9 && film.iou(&from_the_middle, 19, RIGHT) > 0.9
     );
     let mut request = film.request(&[0, 19]);
-    // The second anchor shows the object larger than the first: masks between lie between.
+    // The second keyframe shows the object larger than the first: masks between lie between.
     let grown = film.truth[19].region(LEFT).dilated(4.0);
     let mask = Arc::make_mut(request.anchors.get_mut(&19).unwrap());
     for (id, _) in mask

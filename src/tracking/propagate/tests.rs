@@ -229,7 +229,7 @@ fn nearest_keyframes_outside_the_range_are_read() {
     let mut sequence = Sequence::new(10, &anchors);
     (sequence.request.from, sequence.request.to) = (4, 5);
     let outcome = sequence.track();
-    // Label B comes from the last anchor that shows it.
+    // Label B comes from the last keyframe that shows it.
     assert_eq!(outcome.asked, "r1B r2A p3 p4 p5 r8A p7 p6 p5 p4");
     assert_eq!(outcome.frames(), "4~ 5~ 5 4");
     assert_eq!(outcome.last(4).mask, mask(&[(A, 0..4), (B, 8..9)]));

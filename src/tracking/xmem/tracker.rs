@@ -4,8 +4,9 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::fit::Fit;
-use super::group::{Group, XMemOptions};
+use super::memory::{Group, XMemOptions};
 use super::networks::{Networks, Seen};
+use crate::networks::odds;
 use crate::propagate::{
     Answer, KeyframeUse, LabelProbabilities, LookAhead, MaskPropagator, PassFrame, Section,
     propagate, shown_labels,
@@ -236,6 +237,8 @@ impl MaskPropagator for XMemPass<'_> {
 
 /// Pixels that a thread takes at once.
 const BLOCK: usize = 4096;
+/// How far probabilities are kept from 0 and 1.
+const MARGIN: f32 = 1e-7;
 
 /// Soft aggregation (Oh et al.: "Video Object Segmentation using Space-Time Memory Networks", ICCV 2019): from the
 /// probability of each object alone, `[objects][area]`, to that of nothing and of each among all, `[1 + objects][area]`,
@@ -259,20 +262,16 @@ fn aggregated(alone: &[f32], area: usize) -> Vec<f32> {
 /// Of `count` pixels `[1 + objects][count]`: odds of nothing and of each object, over their sum.
 fn shares(alone: &[f32], area: usize, first: usize, count: usize) -> Vec<f32> {
     let maps = 1 + alone.len() / area;
-    let odds = |p: f32| {
-        let p = p.clamp(1e-7, 1.0 - 1e-7);
-        p / (1.0 - p)
-    };
     let mut out = vec![1.0; maps * count];
     for at in 0..count {
         let mut sum = 0.0;
         for map in 1..maps {
             let p = alone[(map - 1) * area + first + at];
             out[at] *= 1.0 - p;
-            out[map * count + at] = odds(p);
+            out[map * count + at] = odds(p, MARGIN);
             sum += out[map * count + at];
         }
-        out[at] = odds(out[at]);
+        out[at] = odds(out[at], MARGIN);
         sum += out[at];
         (0..maps).for_each(|map| out[map * count + at] /= sum);
     }

@@ -43,11 +43,11 @@ fn masks_go_both_ways_from_an_anchor() {
         return;
     };
     let (folder, progress) = (tempfile::tempdir().unwrap(), Progress::default());
-    let anchor = mask(&[(1, 26, 51), (2, 70, 100)]);
+    let keyframe = mask(&[(1, 26, 51), (2, 70, 100)]);
     let request = TrackRequest {
         frames: Arc::new(frames(folder.path(), 4)),
         store: Arc::new(FrameStore::new(1 << 20)),
-        anchors: BTreeMap::from([(2, Arc::new(anchor.clone()))]),
+        anchors: BTreeMap::from([(2, Arc::new(keyframe.clone()))]),
         from: 0,
         to: 4,
         direction: Direction::Both,
@@ -65,7 +65,7 @@ fn masks_go_both_ways_from_an_anchor() {
     let mut expected = BTreeMap::new();
     for way in [[3, 4], [1, 0]] {
         let mut pass = deaot.pass(&progress);
-        pass.remember(&picture(2), &anchor).unwrap();
+        pass.remember(&picture(2), &keyframe).unwrap();
         for at in way {
             expected.insert(at as usize, winner(&pass.propagate(&picture(at)).unwrap()));
         }

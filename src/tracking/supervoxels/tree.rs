@@ -3,7 +3,7 @@ use std::collections::BinaryHeap;
 
 use rustc_hash::FxHashMap;
 
-use super::supervoxels::{Judgement, Supervoxels};
+use super::segmentation::{BoundaryWeights, Supervoxels};
 
 /// What a thing is joined to over a clear border must have this share of its size to be another thing.
 const LEAST_SHARE: f32 = 0.5;
@@ -57,7 +57,7 @@ struct Joining {
 }
 
 impl Tree {
-    pub fn of(parts: &Supervoxels, judgement: Judgement) -> Self {
+    pub fn of(parts: &Supervoxels, judgement: BoundaryWeights) -> Self {
         let count = parts.len();
         let mut joining = Joining {
             borders: vec![FxHashMap::default(); count],
@@ -181,7 +181,7 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::bodies::supervoxels::Border;
+    use crate::supervoxels::segmentation::Border;
 
     #[test]
     fn a_thing_ends_where_something_else_would_join_it() {
@@ -201,7 +201,7 @@ mod tests {
         };
         let tree = Tree::of(
             &parts,
-            Judgement {
+            BoundaryWeights {
                 groove_deg: 30.0,
                 color: 80.0,
             },

@@ -2,8 +2,8 @@
 //! `geometry` that takes a thing by what most of those ways agree on.
 
 mod frame;
+mod segmentation;
 mod segmenter;
-mod supervoxels;
 mod surfaces;
 mod tree;
 mod voxels;

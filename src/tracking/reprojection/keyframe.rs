@@ -3,19 +3,19 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use glam::Vec3;
 
-use super::bleed::Bleeding;
+use super::depth_leak::DepthLeak;
+use super::depth_view::{DepthView, DepthViews, PosedCamera, Reprojection};
 use super::draw::Completion;
-use super::options::{CarryOptions, Tolerance};
-use super::viewpoint::{Passage, Stand, Viewpoint, Views};
+use super::options::{ReprojectionOptions, Tolerance};
 use ostra_core::job::Progress;
 use ostra_frames::DepthMap;
 use ostra_masks::{LabelId, LabelMask, MaskError};
 
 /// A frame whose mask is held fixed, ready to be asked.
 #[derive(Debug)]
-pub struct Anchor {
+pub struct Keyframe {
     /// With holes of the depth filled from other frames.
-    pub view: Viewpoint,
+    pub view: DepthView,
     pub mask: Arc<LabelMask>,
     /// Labels of the mask, in order.
     pub labels: Vec<LabelId>,
@@ -23,13 +23,13 @@ pub struct Anchor {
     pub trust: Vec<f32>,
 }
 
-impl Anchor {
+impl Keyframe {
     /// `filled` is the depth of `own` with holes filled.
     pub fn new(
-        own: Viewpoint,
+        own: DepthView,
         filled: DepthMap,
         mask: Arc<LabelMask>,
-        options: &CarryOptions,
+        options: &ReprojectionOptions,
     ) -> Self {
         let mut trust = border_trust(&mask, options);
         for (at, trust) in trust.iter_mut().enumerate() {
@@ -41,7 +41,7 @@ impl Anchor {
             *trust *= filled * facing(&own, at).max(options.grazing_weight);
         }
         Self {
-            view: Viewpoint {
+            view: DepthView {
                 depth: Arc::new(filled),
                 ..own
             },
@@ -51,7 +51,7 @@ impl Anchor {
         }
     }
 
-    /// Whether its showing `seen` somewhere says anything of `label` there. An anchor without the label speaks against it
+    /// Whether its showing `seen` somewhere says anything of `label` there. A keyframe without the label speaks against it
     /// only where it shows another one: nobody may have looked for the label there.
     pub fn bears_on(&self, label: LabelId, seen: LabelId) -> bool {
         seen != LabelId::NONE || label == LabelId::NONE || self.labels.binary_search(&label).is_ok()
@@ -67,8 +67,8 @@ pub fn labels_of(mask: &LabelMask) -> Vec<LabelId> {
         .collect()
 }
 
-/// Weights that grow from the border of labels inwards and outwards: there mask, picture and depth are a few pixels apart.
-fn border_trust(mask: &LabelMask, options: &CarryOptions) -> Vec<f32> {
+/// Weights that grow from the border of labels inwards and outwards: there mask, image and depth are a few pixels apart.
+fn border_trust(mask: &LabelMask, options: &ReprojectionOptions) -> Vec<f32> {
     let border = options.border_px;
     let weight = |d: u8| {
         options.border_weight
@@ -127,7 +127,7 @@ fn border_distance(mask: &LabelMask, most: u8) -> Vec<u8> {
 }
 
 /// Cosine of the angle between a surface and the view of it, from the slope of the depth; 1 where no slope is known.
-fn facing(view: &Viewpoint, at: usize) -> f32 {
+fn facing(view: &DepthView, at: usize) -> f32 {
     let (width, height) = (view.width(), view.height());
     let depth = &view.depth.depths;
     let (x, y, here) = (at % width, at / width, depth[at]);
@@ -141,37 +141,37 @@ fn facing(view: &Viewpoint, at: usize) -> f32 {
             0.0
         }
     };
-    let focal = view.stand.camera.focal_px.as_vec2();
+    let focal = view.posed.camera.focal_px.as_vec2();
     let across = focal.x * slope(depth[at - 1], depth[at + 1]);
     let down = focal.y * slope(depth[at - width], depth[at + width]);
     (1.0 + across * across + down * down).sqrt().recip()
 }
 
-/// An anchor as the request gives it, before its depth is loaded.
+/// A keyframe as the request gives it, before its depth is loaded.
 #[derive(Debug)]
-pub struct GivenAnchor<'a> {
+pub struct GivenKeyframe<'a> {
     pub frame: usize,
-    pub stand: Stand,
+    pub posed: PosedCamera,
     /// Labels of its mask, in order.
     pub labels: Vec<LabelId>,
     pub mask: &'a Arc<LabelMask>,
 }
 
-/// Bytes of anchors kept ready, about.
+/// Bytes of keyframes kept ready, about.
 const BUDGET_BYTES: usize = 192 << 20;
 
-type Slot = Arc<Mutex<Option<Arc<Anchor>>>>;
+type Slot = Arc<Mutex<Option<Arc<Keyframe>>>>;
 
-/// Anchors that were made ready, the latest kept. Each is made by one thread while others wait for it.
+/// Keyframes that were made ready, the latest kept. Each is made by one thread while others wait for it.
 #[derive(Debug)]
-pub struct ReadyAnchors<'a> {
-    views: &'a Views<'a>,
-    options: &'a CarryOptions,
+pub struct KeyframeCache<'a> {
+    views: &'a DepthViews<'a>,
+    options: &'a ReprojectionOptions,
     slots: Mutex<(BTreeMap<usize, Slot>, VecDeque<usize>)>,
 }
 
-impl<'a> ReadyAnchors<'a> {
-    pub fn new(views: &'a Views<'a>, options: &'a CarryOptions) -> Self {
+impl<'a> KeyframeCache<'a> {
+    pub fn new(views: &'a DepthViews<'a>, options: &'a ReprojectionOptions) -> Self {
         Self {
             views,
             options,
@@ -179,23 +179,23 @@ impl<'a> ReadyAnchors<'a> {
         }
     }
 
-    /// The anchor, made ready now if it is not; `None` where its depth cannot be read.
+    /// The keyframe, made ready now if it is not; `None` where its depth cannot be read.
     pub fn get(
         &self,
-        given: &GivenAnchor<'_>,
+        given: &GivenKeyframe<'_>,
         progress: &Progress,
-    ) -> Result<Option<Arc<Anchor>>, MaskError> {
+    ) -> Result<Option<Arc<Keyframe>>, MaskError> {
         let slot = self.slot(given.frame, given.mask.ids.len());
         let mut slot = lock(&slot);
-        if let Some(anchor) = &*slot {
-            return Ok(Some(anchor.clone()));
+        if let Some(keyframe) = &*slot {
+            return Ok(Some(keyframe.clone()));
         }
-        let anchor = self.make(given, progress)?.map(Arc::new);
-        slot.clone_from(&anchor);
-        Ok(anchor)
+        let keyframe = self.make(given, progress)?.map(Arc::new);
+        slot.clone_from(&keyframe);
+        Ok(keyframe)
     }
 
-    /// The place of an anchor; the oldest are given up for a new one.
+    /// The place of a keyframe; the oldest are given up for a new one.
     fn slot(&self, frame: usize, pixels: usize) -> Slot {
         let mut slots = lock(&self.slots);
         let (of_frame, order) = &mut *slots;
@@ -212,26 +212,26 @@ impl<'a> ReadyAnchors<'a> {
         of_frame.entry(frame).or_default().clone()
     }
 
-    /// Fills the holes in the anchor's depth from other frames that can be read, and where what lies behind its labels
+    /// Fills the holes in the keyframe's depth from other frames that can be read, and where what lies behind its labels
     /// shines through.
     fn make(
         &self,
-        given: &GivenAnchor<'_>,
+        given: &GivenKeyframe<'_>,
         progress: &Progress,
-    ) -> Result<Option<Anchor>, MaskError> {
+    ) -> Result<Option<Keyframe>, MaskError> {
         let Some(seen) = self.views.load(given.frame)? else {
             return Ok(None);
         };
         let tolerance = Tolerance::most(&seen, self.options);
-        let bleeding = Bleeding::find(&seen, given.mask, tolerance);
-        let own = Viewpoint {
-            depth: Arc::new(bleeding.stanched(&seen.depth)),
+        let leak = DepthLeak::find(&seen, given.mask, tolerance);
+        let own = DepthView {
+            depth: Arc::new(leak.without_leaks(&seen.depth)),
             ..seen
         };
         let mut completion = Completion::new(&own, tolerance);
         let others = self
             .views
-            .stands()
+            .posed_cameras()
             .filter(|&(frame, _)| frame != given.frame);
         for filler in fillers_for(&own, others, self.options.fillers) {
             if let Some(filler) = self.views.load(filler)? {
@@ -239,8 +239,8 @@ impl<'a> ReadyAnchors<'a> {
             }
         }
         let mut filled = completion.finish();
-        bleeding.check(&mut filled);
-        Ok(Some(Anchor::new(
+        leak.check(&mut filled);
+        Ok(Some(Keyframe::new(
             own,
             filled,
             given.mask.clone(),
@@ -256,13 +256,17 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// Points of a frame looked for in another one, along each side.
 const GRID: usize = 16;
 
-/// The anchors to ask about a target, as places in `anchors`: for every label the `most` that see most of the target,
+/// The keyframes to ask about a target, as places in `keyframes`: for every label the `most` that see most of the target,
 /// from the nearest and from the most similar direction.
-pub fn anchors_for(target: &Viewpoint, anchors: &[(Stand, &[LabelId])], most: usize) -> Vec<usize> {
+pub fn keyframes_for(
+    target: &DepthView,
+    anchors: &[(PosedCamera, &[LabelId])],
+    most: usize,
+) -> Vec<usize> {
     let points = target.grid(GRID);
     let overlap: Vec<f32> = anchors
         .iter()
-        .map(|(stand, _)| overlap(&target.stand, &points, stand))
+        .map(|(posed, _)| overlap(&target.posed, &points, posed))
         .collect();
     let mut of_label: BTreeMap<LabelId, Vec<usize>> = BTreeMap::new();
     for place in (0..anchors.len()).filter(|&place| overlap[place] > 0.0) {
@@ -283,13 +287,13 @@ pub fn anchors_for(target: &Viewpoint, anchors: &[(Stand, &[LabelId])], most: us
 /// Of all frames up to `most` that see the same surfaces as `view`, from the most similar direction to the most
 /// different: a hole is often seen well from far aside.
 pub fn fillers_for(
-    view: &Viewpoint,
-    frames: impl Iterator<Item = (usize, Stand)>,
+    view: &DepthView,
+    frames: impl Iterator<Item = (usize, PosedCamera)>,
     most: usize,
 ) -> Vec<usize> {
     let points = view.grid(GRID);
     let mut seen: Vec<(f32, usize)> = frames
-        .map(|(frame, stand)| (overlap(&view.stand, &points, &stand), frame))
+        .map(|(frame, posed)| (overlap(&view.posed, &points, &posed), frame))
         .filter(|&(o, _)| o > 0.3)
         .collect();
     seen.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -297,14 +301,14 @@ pub fn fillers_for(
     (0..count).map(|i| seen[i * seen.len() / count].1).collect()
 }
 
-/// Share of a frame's points that lie in another one's picture, weighted by how alike the directions of view are and by
+/// Share of a frame's points that lie in another one's image, weighted by how alike the directions of view are and by
 /// nearness.
-fn overlap(from: &Stand, points: &[Vec3], to: &Stand) -> f32 {
-    let passage = Passage::new(from, to);
+fn overlap(from: &PosedCamera, points: &[Vec3], to: &PosedCamera) -> f32 {
+    let reprojection = Reprojection::new(from, to);
     let weight = |&point: &Vec3| {
-        let moved = passage.transform(point);
-        passage.pixel(moved)?;
-        let alike = passage.turn(point).normalize().dot(moved.normalize());
+        let moved = reprojection.transform(point);
+        reprojection.pixel(moved)?;
+        let alike = reprojection.turn(point).normalize().dot(moved.normalize());
         Some(alike.max(0.0) * (point.z / moved.z).min(1.0))
     };
     points.iter().filter_map(weight).sum::<f32>() / points.len().max(1) as f32
@@ -326,19 +330,19 @@ mod tests {
         assert_eq!(row, [3, 2, 1, 0, 0, 1, 2, 3, 3]);
         let trust = border_trust(
             &mask,
-            &CarryOptions {
+            &ReprojectionOptions {
                 border_weight: 0.25,
                 border_px: 3,
-                ..CarryOptions::default()
+                ..ReprojectionOptions::default()
             },
         );
         assert_eq!((trust[18], trust[21], trust[20]), (1.0, 0.25, 0.5));
         assert!(
             border_trust(
                 &mask,
-                &CarryOptions {
+                &ReprojectionOptions {
                     border_px: 0,
-                    ..CarryOptions::default()
+                    ..ReprojectionOptions::default()
                 }
             )
             .iter()

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3, Vec3};
 use super::frame::FrameBodies;
 use super::segmenter::GeometrySegmenter;
 use super::surfaces::Surfaces;
-use crate::carry::{Stand, Viewpoint, rays_of};
+use crate::reprojection::{DepthView, PosedCamera, rays_of};
 use ostra_core::job::Progress;
 use ostra_frames::{
     DepthMap, DepthSource, Frame, FrameCamera, FrameStore, Image, Orientation, PictureSource,
@@ -111,7 +111,7 @@ fn seen(eye: Vec3, ray: Vec3) -> (u8, f32) {
 }
 
 /// A camera above the table, looking down a little at the boxes; `aside` moves it.
-fn view(aside: f64) -> (Viewpoint, Arc<Image>, Vec<u8>) {
+fn view(aside: f64) -> (DepthView, Arc<Image>, Vec<u8>) {
     let camera = Camera::pinhole(SIZE.0, SIZE.1, 150.0, 150.0, 80.0, 60.0);
     let turn = glam::DQuat::from_rotation_x(0.35);
     let centre = DVec3::new(aside, -0.55, 0.0);
@@ -136,14 +136,14 @@ fn view(aside: f64) -> (Viewpoint, Arc<Image>, Vec<u8>) {
         height: SIZE.1,
         pixels: vec![[128, 128, 128]; hits.len()],
     };
-    let stand = Stand {
+    let posed = PosedCamera {
         camera,
         camera_from_world: pose,
     };
     let ids = hits.iter().map(|hit| hit.0).collect();
     (
-        Viewpoint {
-            stand,
+        DepthView {
+            posed,
             depth: Arc::new(depth),
             rays: Arc::new(rays),
         },
@@ -186,8 +186,8 @@ fn recorded(folder: &Path, number: usize, aside: f64) -> Frame {
             camera: None,
         }),
         camera: Some(FrameCamera::given(
-            view.stand.camera,
-            Some(view.stand.camera_from_world),
+            view.posed.camera,
+            Some(view.posed.camera_from_world),
         )),
     }
 }
@@ -199,7 +199,7 @@ fn frame() -> (FrameBodies, Vec<u8>) {
 fn frame_over(picture: Arc<dyn PreparedFrame>) -> (FrameBodies, Vec<u8>) {
     let seen: Vec<_> = [0.0, -0.25, -0.12, 0.12, 0.25].map(view).into();
     let ids = seen[0].2.clone();
-    let views: Vec<(Viewpoint, Arc<Image>)> = seen
+    let views: Vec<(DepthView, Arc<Image>)> = seen
         .into_iter()
         .map(|(view, image, _)| (view, image))
         .collect();

@@ -3,17 +3,20 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::hold::{ConstrainOptions, Held, hold};
-use crate::carry::{Testimony, Witnesses};
+use super::check_mask::{CheckedMask, ConsistencyOptions, check_mask};
+use crate::reprojection::{KeyframeViews, ReprojectedLabels};
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::Frame;
 use ostra_masks::{
     Direction, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker, WalkedFrame,
 };
 
-/// One way of a tracker over the frames, held against geometry frame by frame. Where an object strayed, the tracker is
-/// stopped and begins anew with the mended mask as an anchor.
-pub struct Walk<'a> {
+/// One pass of a tracker over the frames, checked against geometry frame by frame. Where an object drifted away, the tracker is
+/// stopped and begins again with the corrected mask as a keyframe.
+///
+/// This is not the propagation driver's pass: it leads a whole [`Tracker`], any of them and those without passes too, which reads
+/// the frames itself and is only watched through what it hands on.
+pub struct CheckedPass<'a> {
     tracker: &'a dyn Tracker,
     /// Forward or backward; with the mended masks that the tracker began anew from.
     request: TrackRequest,
@@ -23,9 +26,9 @@ pub struct Walk<'a> {
     passed: BTreeSet<usize>,
     /// The frame on which the tracker began anew last.
     seeded: Option<usize>,
-    witnesses: &'a Witnesses<'a>,
-    ahead: Ahead<'a>,
-    options: &'a ConstrainOptions,
+    keyframe_views: &'a KeyframeViews<'a>,
+    ahead: EvidenceAhead<'a>,
+    options: &'a ConsistencyOptions,
     progress: &'a Progress,
 }
 
@@ -33,7 +36,7 @@ pub struct Walk<'a> {
 pub struct Answer {
     pub frame: usize,
     pub walked: WalkedFrame,
-    /// Frames since the walk last began, at an anchor or at a mended mask.
+    /// Frames since the walk last began, at a keyframe or at a mended mask.
     pub steps: usize,
 }
 
@@ -48,23 +51,23 @@ enum End {
     Through(Vec<String>),
 }
 
-impl<'a> Walk<'a> {
+impl<'a> CheckedPass<'a> {
     /// A walk to `targets`, which are not empty; `request` goes one way.
     pub fn new(
         tracker: &'a dyn Tracker,
         request: TrackRequest,
         targets: BTreeSet<usize>,
-        (witnesses, options): (&'a Witnesses<'a>, &'a ConstrainOptions),
+        (keyframe_views, options): (&'a KeyframeViews<'a>, &'a ConsistencyOptions),
         progress: &'a Progress,
     ) -> Self {
-        let ahead = Ahead::new(witnesses);
+        let ahead = EvidenceAhead::new(keyframe_views);
         Self {
             tracker,
             request,
             pending: targets,
             passed: BTreeSet::new(),
             seeded: None,
-            witnesses,
+            keyframe_views,
             ahead,
             options,
             progress,
@@ -77,12 +80,12 @@ impl<'a> Walk<'a> {
     /// What the tracker says that does not even begin; [`MaskError::Stopped`].
     pub fn follow(
         mut self,
-        account: &mut Account,
+        report: &mut ConsistencyReport,
         found: &mut Found<'_>,
     ) -> Result<Vec<String>, MaskError> {
         loop {
-            match self.stretch(account, found) {
-                Ok(End::Seed(frame, mask)) => self.seed(frame, mask, account),
+            match self.stretch(report, found) {
+                Ok(End::Seed(frame, mask)) => self.seed(frame, mask, report),
                 Ok(End::Through(warnings)) => return Ok(warnings),
                 Err(error) if self.seeded.is_none() || matches!(error, MaskError::Stopped(_)) => {
                     return Err(error);
@@ -92,23 +95,27 @@ impl<'a> Walk<'a> {
         }
     }
 
-    fn seed(&mut self, frame: usize, mask: LabelMask, account: &mut Account) {
+    fn seed(&mut self, frame: usize, mask: LabelMask, report: &mut ConsistencyReport) {
         self.request.anchors.insert(frame, Arc::new(mask));
         self.seeded = Some(frame);
-        account.seeded.insert(frame);
+        report.seeded.insert(frame);
         // A tracker that is stopped does not tell of them.
-        account.passed.append(&mut self.passed);
+        report.passed.append(&mut self.passed);
         self.request.from = self.pending.first().copied().unwrap_or(frame);
         self.request.to = self.pending.last().copied().unwrap_or(frame);
     }
 
     /// Lets the tracker go until an object strayed.
-    fn stretch(&mut self, account: &mut Account, found: &mut Found<'_>) -> Result<End, MaskError> {
+    fn stretch(
+        &mut self,
+        report: &mut ConsistencyReport,
+        found: &mut Found<'_>,
+    ) -> Result<End, MaskError> {
         let (tracker, request, part) = (self.tracker, self.request.clone(), self.progress.part());
         let mut taken: Result<Option<End>, MaskError> = Ok(None);
         let mut emit = |tracked: TrackedFrame| {
             if matches!(taken, Ok(None)) {
-                taken = self.take(tracked, account, found);
+                taken = self.take(tracked, report, found);
             }
             if !matches!(taken, Ok(None)) {
                 part.stop();
@@ -124,7 +131,7 @@ impl<'a> Walk<'a> {
     fn take(
         &mut self,
         tracked: TrackedFrame,
-        account: &mut Account,
+        report: &mut ConsistencyReport,
         found: &mut Found<'_>,
     ) -> Result<Option<End>, MaskError> {
         let TrackedFrame {
@@ -138,22 +145,24 @@ impl<'a> Walk<'a> {
         }
         self.pass(frame);
         let (tracked, steps) = (WalkedFrame { mask, confidence }, self.steps(frame));
-        let held = match self.testimony(frame, account)? {
-            Some(testimony) => {
+        let held = match self.evidence(frame, report)? {
+            Some(evidence) => {
                 let carried = || {
-                    let carried = self.witnesses.carry_to(frame, &testimony, self.progress)?;
+                    let carried = self
+                        .keyframe_views
+                        .carry_to(frame, &evidence, self.progress)?;
                     Ok(carried.map(|carried| carried.mask))
                 };
-                let held = hold(tracked, &testimony, self.options, carried)?;
-                account.note(frame, held.mended);
+                let held = check_mask(tracked, &evidence, self.options, carried)?;
+                report.note(frame, held.mended);
                 held
             }
-            None => Held::untouched(tracked),
+            None => CheckedMask::untouched(tracked),
         };
         let is_rested = self
             .seeded
             .is_none_or(|last| last.abs_diff(frame) > self.options.rest);
-        let begins_anew = held.has_strayed && is_rested && !self.pending.is_empty();
+        let begins_anew = held.has_drifted && is_rested && !self.pending.is_empty();
         let seed = begins_anew.then(|| End::Seed(frame, held.walked.mask.clone()));
         found(Answer {
             frame,
@@ -164,11 +173,11 @@ impl<'a> Walk<'a> {
     }
 
     /// What geometry says of a frame; `None`, which the account tells, where that cannot be had.
-    fn testimony(
+    fn evidence(
         &mut self,
         frame: usize,
-        account: &mut Account,
-    ) -> Result<Option<Testimony>, MaskError> {
+        report: &mut ConsistencyReport,
+    ) -> Result<Option<ReprojectedLabels>, MaskError> {
         let told = match self.request.direction {
             Direction::Backward => {
                 self.ahead
@@ -180,13 +189,13 @@ impl<'a> Walk<'a> {
         };
         match told {
             Err(MaskError::Stopped(stopped)) => return Err(stopped.into()),
-            Ok(Some(testimony)) => return Ok(Some(testimony)),
+            Ok(Some(evidence)) => return Ok(Some(evidence)),
             Ok(None) => {}
             Err(error) => {
-                account.unread = account.unread.take().or_else(|| Some(error.to_string()));
+                report.unread = report.unread.take().or_else(|| Some(error.to_string()));
             }
         }
-        account.left.insert(frame);
+        report.left.insert(frame);
         Ok(None)
     }
 
@@ -222,16 +231,16 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// What anchors say of the frames of a walk, asked for a few frames at once: one for each thread.
-struct Ahead<'a> {
-    witnesses: &'a Witnesses<'a>,
-    ready: BTreeMap<usize, Result<Option<Testimony>, MaskError>>,
+/// What keyframes say of the frames of a walk, asked for a few frames at once: one for each thread.
+struct EvidenceAhead<'a> {
+    keyframe_views: &'a KeyframeViews<'a>,
+    ready: BTreeMap<usize, Result<Option<ReprojectedLabels>, MaskError>>,
 }
 
-impl<'a> Ahead<'a> {
-    pub fn new(witnesses: &'a Witnesses<'a>) -> Self {
+impl<'a> EvidenceAhead<'a> {
+    pub fn new(keyframe_views: &'a KeyframeViews<'a>) -> Self {
         Self {
-            witnesses,
+            keyframe_views,
             ready: BTreeMap::new(),
         }
     }
@@ -240,18 +249,18 @@ impl<'a> Ahead<'a> {
     /// or it cannot be read.
     ///
     /// # Errors
-    /// As [`Witnesses::tell_of`].
+    /// As [`KeyframeViews::evidence_for`].
     pub fn take(
         &mut self,
         frame: usize,
         next: impl Iterator<Item = usize>,
         progress: &Progress,
-    ) -> Result<Option<Testimony>, MaskError> {
-        if !self.witnesses.can_tell_of(frame) {
+    ) -> Result<Option<ReprojectedLabels>, MaskError> {
+        if !self.keyframe_views.can_give_evidence_for(frame) {
             return Ok(None);
         }
         if !self.ready.contains_key(&frame) {
-            let next = next.filter(|&frame| self.witnesses.can_tell_of(frame));
+            let next = next.filter(|&frame| self.keyframe_views.can_give_evidence_for(frame));
             let frames: Vec<usize> = [frame]
                 .into_iter()
                 .chain(next)
@@ -259,7 +268,7 @@ impl<'a> Ahead<'a> {
                 .collect();
             let told = frames
                 .into_par_iter()
-                .map(|frame| (frame, self.witnesses.tell_of(frame, progress)));
+                .map(|frame| (frame, self.keyframe_views.evidence_for(frame, progress)));
             self.ready = told.collect();
         }
         Ok(self.ready.remove(&frame).transpose()?.flatten())
@@ -271,7 +280,7 @@ const NAMED: usize = 4;
 
 /// What geometry did to a tracker's masks.
 #[derive(Debug, Default)]
-pub struct Account {
+pub struct ConsistencyReport {
     /// Frames held against it.
     pub held: BTreeSet<usize>,
     /// Pixels mended, by frame; where two walks came by, in the worse one.
@@ -286,7 +295,7 @@ pub struct Account {
     pub unread: Option<String>,
 }
 
-impl Account {
+impl ConsistencyReport {
     /// Notes what was mended on a frame.
     pub fn note(&mut self, frame: usize, mended: usize) {
         self.held.insert(frame);

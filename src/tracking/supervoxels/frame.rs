@@ -3,7 +3,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use glam::DVec2;
 
 use super::surfaces::{Surfaces, VoxelClick, VoxelSet};
-use crate::carry::{CarryOptions, Completion, PixelBox, Tolerance, Viewpoint, belonging, passing};
+use crate::reprojection::{
+    Completion, DepthView, PixelBox, ReprojectionOptions, Tolerance, edge_affinity, label_scores,
+};
 use ostra_cloud::SceneError;
 use ostra_core::job::Progress;
 use ostra_frames::Image;
@@ -15,10 +17,10 @@ use ostra_masks::{
 const NEAR_PX: i64 = 40;
 /// Pixels this near to a click go with it in any case.
 const AT_PX: f64 = 3.0;
-/// Things narrower than so many sides of a voxel are left to the picture.
+/// Things narrower than so many sides of a voxel are left to the image.
 const LEAST_SIDES: f32 = 3.0;
 
-/// A frame whose pixels know what hangs together in space, and what the picture alone would answer.
+/// A frame whose pixels know what hangs together in space, and what the image alone would answer.
 pub struct FrameBodies {
     surfaces: Arc<Surfaces>,
     picture: Arc<dyn PreparedFrame>,
@@ -26,7 +28,7 @@ pub struct FrameBodies {
     /// Its depths, holes filled with what other frames see there; 0 where none is known.
     depths: Vec<f32>,
     tolerance: Tolerance,
-    options: CarryOptions,
+    options: ReprojectionOptions,
     focal_px: f32,
     /// The voxel that each pixel sees.
     seen: Vec<Option<u32>>,
@@ -44,21 +46,21 @@ struct Answered {
 }
 
 impl FrameBodies {
-    /// The first of `views` is the frame itself, `picture` the same frame as its picture alone shows it.
+    /// The first of `views` is the frame itself, `image` the same frame as its image alone shows it.
     pub fn new(
         surfaces: Arc<Surfaces>,
-        views: &[(Viewpoint, Arc<Image>)],
+        views: &[(DepthView, Arc<Image>)],
         picture: Arc<dyn PreparedFrame>,
         progress: &Progress,
     ) -> Result<Self, SceneError> {
         let (view, image) = &views[0];
-        let options = CarryOptions::default();
+        let options = ReprojectionOptions::default();
         let tolerance = Tolerance::most(view, &options);
         let mut completion = Completion::new(view, tolerance);
         for (other, _) in &views[1..] {
             completion.add(other, progress)?;
         }
-        let full = Viewpoint {
+        let full = DepthView {
             depth: Arc::new(completion.finish()),
             ..view.clone()
         };
@@ -67,7 +69,7 @@ impl FrameBodies {
         let seen = (0..image.pixels.len()).map(voxel).collect();
         let (depths, focal_px) = (
             full.depth.depths.clone(),
-            view.stand.camera.focal_px.x as f32,
+            view.posed.camera.focal_px.x as f32,
         );
         Ok(Self {
             surfaces,
@@ -192,7 +194,7 @@ impl FrameBodies {
             return region;
         };
         let within = within.grown(self.options.margin_px, width, height);
-        let passing = passing(
+        let edge_affinity = edge_affinity(
             &self.image,
             &self.depths,
             within,
@@ -207,7 +209,7 @@ impl FrameBodies {
         let places = (within.top..within.bottom)
             .flat_map(|y| y * width + within.left..y * width + within.right);
         let votes: Vec<[f32; 2]> = places.clone().map(vote).collect();
-        for (at, share) in places.zip(belonging(&votes, passing, &self.options)) {
+        for (at, share) in places.zip(label_scores(&votes, edge_affinity, &self.options)) {
             region.inside[at] = share > 0.0;
         }
         region
@@ -264,7 +266,7 @@ impl PreparedFrame for FrameBodies {
         if let Some(taken) = taken {
             answer.subtract(taken);
         }
-        // Where space says otherwise than a click, the picture puts right what lies at the click; where space knows nothing
+        // Where space says otherwise than a click, the image puts right what lies at the click; where space knows nothing
         // near it, all that space does not see.
         for (at, click) in prompt.clicks.iter().enumerate() {
             let pixel = click.pixel_in(answer.width, answer.height);

@@ -1,27 +1,27 @@
-use super::viewpoint::{Passage, Viewpoint};
+use super::depth_view::{DepthView, Reprojection};
 
 /// How masks are carried through geometry.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CarryOptions {
+pub struct ReprojectionOptions {
     /// How much two depths of one surface may differ, in medians of the differences between two frames; ≥ 1.
     pub noise_factor: f32,
     /// Least of that, as a share of the depth at the scene's median depth; > 0.
     pub least_tolerance: f32,
     /// Most of that, as a share of the depth at the scene's median depth; < 0.1.
     pub most_tolerance: f32,
-    /// Anchors asked per label and frame; ≥ 1.
-    pub anchors: usize,
-    /// Frames that fill the holes in an anchor's depth; 0 = none.
+    /// Keyframes asked per label and frame; ≥ 1.
+    pub keyframes: usize,
+    /// Frames that fill the holes in a keyframe's depth; 0 = none.
     pub fillers: usize,
     /// Weight of a vote where a surface is seen at a grazing angle, 0–1; 1 where it is faced.
     pub grazing_weight: f32,
-    /// Weight of a vote on the border of an anchor's mask, 0–1; 1 from `border_px` inside or outside.
+    /// Weight of a vote on the border of a keyframe's mask, 0–1; 1 from `border_px` inside or outside.
     pub border_weight: f32,
     /// Width of the border that is trusted less, in pixels; 0–8.
     pub border_px: u8,
-    /// Weight of an anchor's surface that is drawn where the target has no depth, 0–1.
+    /// Weight of a keyframe's surface that is drawn where the target has no depth, 0–1.
     pub drawn_weight: f32,
-    /// The same for a surface in a hole of the anchor's own depth, 0–1.
+    /// The same for a surface in a hole of the keyframe's own depth, 0–1.
     pub filled_weight: f32,
     /// How far votes spread over an even surface, in pixels; > 0.
     pub reach_px: f32,
@@ -37,13 +37,13 @@ pub struct CarryOptions {
     pub margin_px: usize,
 }
 
-impl Default for CarryOptions {
+impl Default for ReprojectionOptions {
     fn default() -> Self {
         Self {
             noise_factor: 3.0,
             least_tolerance: 0.005,
             most_tolerance: 0.04,
-            anchors: 3,
+            keyframes: 3,
             fillers: 8,
             grazing_weight: 0.1,
             border_weight: 0.2,
@@ -82,20 +82,20 @@ impl Tolerance {
     }
 
     /// The most that the options allow.
-    pub fn most(view: &Viewpoint, options: &CarryOptions) -> Self {
+    pub fn most(view: &DepthView, options: &ReprojectionOptions) -> Self {
         Self::new(options.most_tolerance, view.median_depth().unwrap_or(1.0))
     }
 
     /// From how much the depths of two frames differ where they see the same place: three times the median, within the
     /// limits of the options; the upper limit where they see too little of the same.
-    pub fn measured(from: &Viewpoint, to: &Viewpoint, options: &CarryOptions) -> Self {
+    pub fn measured(from: &DepthView, to: &DepthView, options: &ReprojectionOptions) -> Self {
         let unit = Self::new(1.0, from.median_depth().unwrap_or(1.0));
-        let passage = Passage::new(&from.stand, &to.stand);
+        let reprojection = Reprojection::new(&from.posed, &to.posed);
         let mut differences: Vec<f32> = (0..from.rays.len())
             .step_by(STRIDE)
             .filter_map(|at| {
-                let moved = passage.transform(from.point(at)?);
-                let px = passage.pixel(moved)?;
+                let moved = reprojection.transform(from.point(at)?);
+                let px = reprojection.pixel(moved)?;
                 let depth = to.depth.depths[px.y as usize * to.width() + px.x as usize];
                 let difference = (depth - moved.z).abs();
                 (depth > 0.0 && difference < GATE * moved.z).then(|| difference / unit.at(moved.z))

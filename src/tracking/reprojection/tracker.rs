@@ -2,20 +2,20 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
-use super::options::CarryOptions;
-use super::viewpoint::Views;
-use super::witnesses::Witnesses;
+use super::depth_view::DepthViews;
+use super::keyframe_views::KeyframeViews;
+use super::options::ReprojectionOptions;
 use ostra_cloud::fuse::naming;
 use ostra_core::job::Progress;
 use ostra_masks::{MaskError, TrackRequest, TrackedFrame, Tracker, WalkedFrame};
 
-/// Carries masks between the frames of a static scene that have depth and cameras: what an anchor's mask says of a
+/// Carries masks between the frames of a static scene that have depth and cameras: what a keyframe's mask says of a
 /// surface, it says of it in every frame that sees it, whatever lies between them. The next step that the authors of the
 /// OSTRA method (Xu, Zhao, Tang, Gan, *A One Stop 3D Target Reconstruction and multilevel Segmentation Method*) name.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct GeometryTracker {
     /// How masks are carried.
-    pub options: CarryOptions,
+    pub options: ReprojectionOptions,
 }
 
 impl Tracker for GeometryTracker {
@@ -30,7 +30,7 @@ impl Tracker for GeometryTracker {
         progress: &Progress,
     ) -> Result<Vec<String>, MaskError> {
         progress.stage("track")?;
-        let views = Views::new(&request.frames, &request.store);
+        let views = DepthViews::new(&request.frames, &request.store);
         let run = Run::new(&self.options, request, &views, progress)?;
         let missed = run.carry_all(emit)?;
         Ok(run.warnings(&missed))
@@ -40,12 +40,12 @@ impl Tracker for GeometryTracker {
 /// One run of the tracker over a request.
 pub struct Run<'a> {
     request: &'a TrackRequest,
-    views: &'a Views<'a>,
+    views: &'a DepthViews<'a>,
     progress: &'a Progress,
-    witnesses: Witnesses<'a>,
+    keyframe_views: KeyframeViews<'a>,
     /// Frames to carry to.
     targets: Vec<usize>,
-    /// Anchors and frames without depth or camera.
+    /// Keyframes and frames without depth or camera.
     left_out: Vec<usize>,
     done: AtomicUsize,
 }
@@ -53,20 +53,20 @@ pub struct Run<'a> {
 impl<'a> Run<'a> {
     /// Checks the request.
     pub fn new(
-        options: &'a CarryOptions,
+        options: &'a ReprojectionOptions,
         request: &'a TrackRequest,
-        views: &'a Views<'a>,
+        views: &'a DepthViews<'a>,
         progress: &'a Progress,
     ) -> Result<Self, MaskError> {
         request.check()?;
-        let mut witnesses = Witnesses::new(options, request, views);
-        check_anchors(&witnesses)?;
+        let mut keyframe_views = KeyframeViews::new(options, request, views);
+        check_keyframes(&keyframe_views)?;
         let others =
             (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame));
         let (targets, without): (Vec<usize>, Vec<usize>) = others
-            .filter(|&frame| witnesses.reach(frame))
-            .partition(|&frame| witnesses.can_tell_of(frame));
-        let mut left_out = std::mem::take(&mut witnesses.left_out);
+            .filter(|&frame| keyframe_views.reach(frame))
+            .partition(|&frame| keyframe_views.can_give_evidence_for(frame));
+        let mut left_out = std::mem::take(&mut keyframe_views.left_out);
         left_out.extend(without);
         if targets.is_empty() {
             return Err(MaskError::Request(format!(
@@ -79,7 +79,7 @@ impl<'a> Run<'a> {
             request,
             views,
             progress,
-            witnesses,
+            keyframe_views,
             targets,
             left_out,
             done,
@@ -87,7 +87,7 @@ impl<'a> Run<'a> {
     }
 
     /// Carries to all targets, handing them on in order; what was finished is handed on even if a later one fails. Gives the
-    /// targets that nothing could be carried to: they, or all anchors that could tell of them, cannot be read.
+    /// targets that nothing could be carried to: they, or all keyframes that could tell of them, cannot be read.
     ///
     /// # Errors
     /// What reading says where nothing could be carried to any target; [`MaskError::Stopped`].
@@ -137,10 +137,10 @@ impl<'a> Run<'a> {
         lines.into_iter().flatten().collect()
     }
 
-    /// `None` where the frame, or all anchors that could tell of it, cannot be read.
+    /// `None` where the frame, or all keyframes that could tell of it, cannot be read.
     fn carry_to(&self, frame: usize) -> Result<Option<TrackedFrame>, MaskError> {
-        let carried = match self.witnesses.tell_of(frame, self.progress)? {
-            Some(votes) => self.witnesses.carry_to(frame, &votes, self.progress)?,
+        let carried = match self.keyframe_views.evidence_for(frame, self.progress)? {
+            Some(votes) => self.keyframe_views.carry_to(frame, &votes, self.progress)?,
             None => None,
         };
         let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
@@ -155,8 +155,8 @@ impl<'a> Run<'a> {
     }
 }
 
-fn check_anchors(witnesses: &Witnesses<'_>) -> Result<(), MaskError> {
-    if witnesses.are_mute() {
+fn check_keyframes(keyframe_views: &KeyframeViews<'_>) -> Result<(), MaskError> {
+    if keyframe_views.have_no_labels() {
         return Err(MaskError::Request(
             "the geometry tracker needs depth and a camera on a frame with a mask; \
              give them (--depth, --cameras) or choose another tracker"

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::supervoxels::{Judgement, Supervoxels};
+use super::segmentation::{BoundaryWeights, Supervoxels};
 use super::tree::Tree;
 use super::voxels::Voxels;
-use crate::carry::Viewpoint;
+use crate::reprojection::DepthView;
 use ostra_cloud::SceneError;
 use ostra_core::job::Progress;
 use ostra_frames::Image;
@@ -25,11 +25,11 @@ const LARGEST_SHARE: f32 = 0.35;
 /// all the others rarely does.
 pub struct Surfaces {
     pub voxels: Voxels,
-    partings: Vec<Parting>,
+    partings: Vec<Partition>,
 }
 
 impl Surfaces {
-    pub fn of(views: &[(Viewpoint, Arc<Image>)], progress: &Progress) -> Result<Self, SceneError> {
+    pub fn of(views: &[(DepthView, Arc<Image>)], progress: &Progress) -> Result<Self, SceneError> {
         let least_views = if views.len() > 2 { 2 } else { 1 };
         let voxels = Voxels::of(views, side(views), least_views, progress)?;
         let mut partings = Vec::new();
@@ -37,7 +37,7 @@ impl Surfaces {
             let normals = voxels.normals(neighbours, progress)?;
             let parting = |sides: f32| {
                 let parts = Supervoxels::of(&voxels, &normals, sides * voxels.side, progress)?;
-                Ok(Parting::new(parts, voxels.side))
+                Ok(Partition::new(parts, voxels.side))
             };
             partings.extend(
                 STEP_SIDES
@@ -75,14 +75,14 @@ impl Surfaces {
     }
 
     pub fn bytes(&self) -> usize {
-        self.voxels.bytes() + self.partings.iter().map(Parting::bytes).sum::<usize>()
+        self.voxels.bytes() + self.partings.iter().map(Partition::bytes).sum::<usize>()
     }
 }
 
 /// The median over the frames of how wide so many pixels are at a frame's median depth.
-fn side(views: &[(Viewpoint, Arc<Image>)]) -> f32 {
-    let width = |(view, _): &(Viewpoint, Arc<Image>)| {
-        Some(SIDE_PX * view.median_depth()? / view.stand.camera.focal_px.x as f32)
+fn side(views: &[(DepthView, Arc<Image>)]) -> f32 {
+    let width = |(view, _): &(DepthView, Arc<Image>)| {
+        Some(SIDE_PX * view.median_depth()? / view.posed.camera.focal_px.x as f32)
     };
     let mut widths: Vec<f32> = views.iter().filter_map(width).collect();
     widths.sort_by(f32::total_cmp);
@@ -90,16 +90,16 @@ fn side(views: &[(Viewpoint, Arc<Image>)]) -> f32 {
 }
 
 /// Ways to judge borders; each gives another tree.
-const JUDGEMENTS: [Judgement; 3] = [
-    Judgement {
+const JUDGEMENTS: [BoundaryWeights; 3] = [
+    BoundaryWeights {
         groove_deg: 30.0,
         color: 80.0,
     },
-    Judgement {
+    BoundaryWeights {
         groove_deg: 20.0,
         color: 160.0,
     },
-    Judgement {
+    BoundaryWeights {
         groove_deg: 45.0,
         color: 40.0,
     },
@@ -127,14 +127,14 @@ pub struct VoxelClick {
 }
 
 /// One way to part surfaces into supervoxels, and these into things.
-struct Parting {
+struct Partition {
     parts: Supervoxels,
     trees: Vec<Tree>,
     /// For every supervoxel its neighbours and the way to them, world units.
     ways: Vec<Vec<(u32, f32)>>,
 }
 
-impl Parting {
+impl Partition {
     /// `side` is that of the voxels.
     pub fn new(parts: Supervoxels, side: f32) -> Self {
         let mut ways = vec![Vec::new(); parts.len()];
@@ -154,7 +154,7 @@ impl Parting {
     /// The voxels that clicks may mean, one answer for each tree, strength and way to take out what exclude clicks mean: as far
     /// as they reach, and all that hangs together with them more than with the include clicks.
     pub fn answers(&self, clicks: &[VoxelClick]) -> Vec<VoxelSet> {
-        let around: Vec<Around> = clicks.iter().map(|click| self.around(click)).collect();
+        let around: Vec<ClickDistances> = clicks.iter().map(|click| self.around(click)).collect();
         let mut near = vec![f32::INFINITY; self.parts.len()];
         for included in around.iter().filter(|around| around.click.include) {
             near.iter_mut()
@@ -194,9 +194,9 @@ impl Parting {
         })
     }
 
-    fn around(&self, click: &VoxelClick) -> Around {
+    fn around(&self, click: &VoxelClick) -> ClickDistances {
         let part = self.parts.of_voxel[click.voxel as usize];
-        Around {
+        ClickDistances {
             click: *click,
             part,
             ways: self.ways_from(part),
@@ -235,7 +235,7 @@ impl Parting {
 }
 
 /// A click with the ways from it to all supervoxels.
-struct Around {
+struct ClickDistances {
     click: VoxelClick,
     part: u32,
     ways: Vec<f32>,
@@ -243,14 +243,16 @@ struct Around {
 
 /// Which supervoxels clicks take; `thing` gives those of the thing that one belongs to, `near` are the shortest ways to the
 /// include clicks.
-fn taken(thing: impl Fn(u32) -> Vec<u32>, clicks: &[Around], near: &[f32]) -> Vec<bool> {
+fn taken(thing: impl Fn(u32) -> Vec<u32>, clicks: &[ClickDistances], near: &[f32]) -> Vec<bool> {
     let mut inside = vec![false; near.len()];
-    for Around { click, part, ways } in clicks.iter().filter(|around| around.click.include) {
+    for ClickDistances { click, part, ways } in clicks.iter().filter(|around| around.click.include)
+    {
         for part in thing(*part) {
             inside[part as usize] |= ways[part as usize] <= INCLUDED_REACH * click.depth;
         }
     }
-    for Around { click, part, ways } in clicks.iter().filter(|around| !around.click.include) {
+    for ClickDistances { click, part, ways } in clicks.iter().filter(|around| !around.click.include)
+    {
         if inside[*part as usize] {
             let lead = (near[*part as usize] - 2.0 * EXCLUDED_REACH * click.depth).max(0.0);
             inside
@@ -259,7 +261,7 @@ fn taken(thing: impl Fn(u32) -> Vec<u32>, clicks: &[Around], near: &[f32]) -> Ve
                 .for_each(|(inside, (near, far))| *inside &= *near < far + lead);
         }
     }
-    for Around { click, part, .. } in clicks {
+    for ClickDistances { click, part, .. } in clicks {
         inside[*part as usize] = click.include;
     }
     inside

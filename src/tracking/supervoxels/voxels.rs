@@ -4,7 +4,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-use crate::carry::Viewpoint;
+use crate::reprojection::DepthView;
 use ostra_cloud::SceneError;
 use ostra_cloud::points::{NormalOptions, estimate_normals};
 use ostra_core::job::Progress;
@@ -36,7 +36,7 @@ struct Sums {
 impl Voxels {
     /// Cubes of edge `side` (world units) in which at least `least_views` of the frames see something.
     pub fn of(
-        views: &[(Viewpoint, Arc<Image>)],
+        views: &[(DepthView, Arc<Image>)],
         side: f32,
         least_views: u32,
         progress: &Progress,
@@ -127,7 +127,7 @@ fn cell(place: Vec3, side: f32) -> [i32; 3] {
 }
 
 fn cells_of(
-    (view, image): &(Viewpoint, Arc<Image>),
+    (view, image): &(DepthView, Arc<Image>),
     side: f32,
     progress: &Progress,
 ) -> Result<FxHashMap<[i32; 3], Sums>, SceneError> {
@@ -135,7 +135,7 @@ fn cells_of(
     let mut cells: FxHashMap<[i32; 3], Sums> = FxHashMap::default();
     let (world, eye) = (
         view.to_world(),
-        view.stand.camera_from_world.centre().as_vec3(),
+        view.posed.camera_from_world.centre().as_vec3(),
     );
     for (at, &pixel) in image.pixels.iter().enumerate() {
         let Some(place) = view.point(at).map(&world) else {

@@ -182,14 +182,14 @@ pub struct Border {
 
 /// How much bends and colours count.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Judgement {
+pub struct BoundaryWeights {
     /// A groove bent by this much more than nothing is a full border, degrees.
     pub groove_deg: f32,
     /// A difference of colour that is a full border, ΔE.
     pub color: f32,
 }
 
-impl Judgement {
+impl BoundaryWeights {
     /// How likely one thing ends and another begins at a border, from 0; 1 is a full border. A groove is where things meet, a
     /// ridge is mostly one thing's own edge (Stein, Schoeler, Papon, Wörgötter, "Object partitioning using local convexity",
     /// CVPR 2014).
@@ -235,7 +235,7 @@ mod tests {
             "{groove} {ridge}"
         );
         assert_eq!(bend_deg((left, Vec3::ZERO), (right, away)), 0.0);
-        let judgement = Judgement {
+        let judgement = BoundaryWeights {
             groove_deg: 30.0,
             color: 80.0,
         };

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::{DQuat, DVec3};
 
-use super::{CarryOptions, GeometryTracker};
+use super::{GeometryTracker, ReprojectionOptions};
 use ostra_core::job::Progress;
 use ostra_frames::{DepthSource, Frame, FrameCamera, FrameStore, Orientation, PictureSource};
 use ostra_geometry::{Camera, Distortion, Pose};
@@ -224,7 +224,7 @@ fn what_is_hidden_is_not_labelled() {
 
 #[test]
 fn holes_in_the_depth_are_filled() {
-    // No depth on the left half of the box in the target, nor on its right part in the anchor.
+    // No depth on the left half of the box in the target, nor on its right part in the keyframe.
     let hole = |k: usize, x: u32, _| if k == 1 { x < 48 } else { x > 60 };
     let room = Room::new(&[0.0, 0.1, 0.05, -0.05], Distortion::None, hole);
     let (tracked, _) = track(&room.request([(0, room.truth[0].clone())])).unwrap();
@@ -254,7 +254,7 @@ fn the_direction_is_kept() {
     };
     assert_eq!(frames(Direction::Forward), [2, 3]);
     assert_eq!(frames(Direction::Backward), [0]);
-    // An anchor outside the range is used, in the direction asked for only.
+    // A keyframe outside the range is used, in the direction asked for only.
     let mut request = room.request([(0, room.only(0, &[BOX])), (3, room.only(3, &[PLATE]))]);
     (request.from, request.to, request.direction) = (1, 2, Direction::Forward);
     let (tracked, _) = track(&request).unwrap();
@@ -325,7 +325,7 @@ fn frames_that_cannot_be_read_are_named_in_one_line_and_left_out() {
             .sensor_path()
             .unwrap()
     };
-    // The depth of a target that fills holes too, the picture of a target, the depth of an anchor.
+    // The depth of a target that fills holes too, the image of a target, the depth of a keyframe.
     for path in [depth(1), room.frames[3].picture.path(), depth(5)] {
         std::fs::write(path, "").unwrap();
     }
@@ -386,7 +386,7 @@ fn a_stop_is_noticed() {
     let request = room.request([(0, room.truth[0].clone())]);
     progress.stop();
     let tracker = GeometryTracker {
-        options: CarryOptions::default(),
+        options: ReprojectionOptions::default(),
     };
     assert!(matches!(
         tracker.track(&request, &mut |_| {}, &progress),

@@ -1,29 +1,29 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::hold::ConstrainOptions;
-use super::walk::{Account, Answer, Found, Walk};
-use crate::carry::{Views, Witnesses};
+use super::check_mask::ConsistencyOptions;
+use super::checked_pass::{Answer, CheckedPass, ConsistencyReport, Found};
+use crate::reprojection::{DepthViews, KeyframeViews};
 use ostra_core::job::{Progress, Stopped};
 use ostra_masks::{
     Direction, LabelId, LabelMask, MaskError, RunMask, TrackRequest, TrackedFrame, Tracker,
     WalkedFrame, merged,
 };
 
-/// Any tracker, its masks held against the anchors' masks carried through geometry: the positional relations that the
+/// Any tracker, its masks held against the keyframes' masks carried through geometry: the positional relations that the
 /// authors of the OSTRA method (Xu, Zhao, Tang, Gan, *A One Stop 3D Target Reconstruction and multilevel Segmentation
-/// Method*) wish for to constrain it. Where a frame has depth and a camera and its surface is one that anchors see, their
+/// Method*) wish for to constrain it. Where a frame has depth and a camera and its surface is one that keyframes see, their
 /// label counts, but for borders of a few pixels; an object that is mostly elsewhere (swapped with another, drifted away,
-/// lost) is given to the tracker anew on that frame. Geometry abstains where no anchor sees the frame's surface, as where
+/// lost) is given to the tracker anew on that frame. Geometry abstains where no keyframe sees the frame's surface, as where
 /// an object moved, and on frames without depth or camera.
-pub struct ConstrainedTracker {
+pub struct ConsistencyTracker {
     /// The tracker.
     pub tracker: Box<dyn Tracker>,
     /// How its masks are held.
-    pub options: ConstrainOptions,
+    pub options: ConsistencyOptions,
 }
 
-impl Tracker for ConstrainedTracker {
+impl Tracker for ConsistencyTracker {
     fn name(&self) -> &'static str {
         self.tracker.name()
     }
@@ -40,10 +40,10 @@ impl Tracker for ConstrainedTracker {
             anchors: chosen(request),
             ..request.clone()
         };
-        let views = Views::new(&carried.frames, &carried.store);
-        let witnesses = Witnesses::new(&self.options.carry, &carried, &views);
-        check(request, &witnesses)?;
-        let geometry = (&witnesses, &self.options);
+        let views = DepthViews::new(&carried.frames, &carried.store);
+        let keyframe_views = KeyframeViews::new(&self.options.carry, &carried, &views);
+        check(request, &keyframe_views)?;
+        let geometry = (&keyframe_views, &self.options);
         let mut lines = Run {
             tracker: &*self.tracker,
             request,
@@ -56,7 +56,7 @@ impl Tracker for ConstrainedTracker {
     }
 }
 
-/// The anchors' masks with the labels that are tracked only.
+/// The keyframes' masks with the labels that are tracked only.
 fn chosen(request: &TrackRequest) -> BTreeMap<usize, Arc<LabelMask>> {
     let Some(chosen) = &request.labels else {
         return request.anchors.clone();
@@ -82,8 +82,8 @@ fn chosen(request: &TrackRequest) -> BTreeMap<usize, Arc<LabelMask>> {
 }
 
 /// Refuses what geometry can say nothing of.
-fn check(request: &TrackRequest, witnesses: &Witnesses<'_>) -> Result<(), MaskError> {
-    if witnesses.are_mute() {
+fn check(request: &TrackRequest, keyframe_views: &KeyframeViews<'_>) -> Result<(), MaskError> {
+    if keyframe_views.have_no_labels() {
         return Err(MaskError::Request(
             "masks can only be constrained where a frame with a mask has depth and a camera; give them (--depth, \
              --cameras, or reconstruct), or track without --constrain"
@@ -92,7 +92,7 @@ fn check(request: &TrackRequest, witnesses: &Witnesses<'_>) -> Result<(), MaskEr
     }
     let mut targets =
         (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame));
-    if !targets.any(|frame| witnesses.can_tell_of(frame)) {
+    if !targets.any(|frame| keyframe_views.can_give_evidence_for(frame)) {
         return Err(MaskError::Request(format!(
             "no frame from {} to {} besides the anchors has depth and a camera by which its mask could be constrained; \
              give them, or track without --constrain",
@@ -106,7 +106,7 @@ fn check(request: &TrackRequest, witnesses: &Witnesses<'_>) -> Result<(), MaskEr
 pub struct Run<'a> {
     pub tracker: &'a dyn Tracker,
     pub request: &'a TrackRequest,
-    pub geometry: (&'a Witnesses<'a>, &'a ConstrainOptions),
+    pub geometry: (&'a KeyframeViews<'a>, &'a ConsistencyOptions),
     pub progress: &'a Progress,
 }
 
@@ -125,7 +125,7 @@ impl Run<'_> {
             self.targets(Direction::Backward),
         );
         let total = forward.len() + backward.len();
-        let (mut account, mut done) = (Account::default(), 0);
+        let (mut report, mut done) = (ConsistencyReport::default(), 0);
         let mut kept: BTreeMap<usize, Kept> = BTreeMap::new();
         let mut hand_on =
             |frame: usize, walked: WalkedFrame, preliminary: bool| -> Result<(), Stopped> {
@@ -138,10 +138,10 @@ impl Run<'_> {
                 done += 1;
                 self.progress.step(done.min(total), total)
             };
-        let first = self.walk(
+        let first = self.run_pass(
             Direction::Forward,
             &forward,
-            &mut account,
+            &mut report,
             &mut |Answer {
                       frame,
                       walked,
@@ -162,10 +162,10 @@ impl Run<'_> {
             },
         );
         let first = unless_stopped(first)?;
-        let second = self.walk(
+        let second = self.run_pass(
             Direction::Backward,
             &backward,
-            &mut account,
+            &mut report,
             &mut |Answer {
                       frame,
                       walked,
@@ -193,7 +193,7 @@ impl Run<'_> {
                 false,
             )?;
         }
-        let mut lines = account.lines(&self.request.frames);
+        let mut lines = report.lines(&self.request.frames);
         for ended in [first, second] {
             match ended {
                 Err(error) if done == 0 => return Err(error),
@@ -203,7 +203,7 @@ impl Run<'_> {
         Ok(lines)
     }
 
-    /// The frames asked for that have an anchor on the side that a walk comes from.
+    /// The frames asked for that have a keyframe on the side that a walk comes from.
     fn targets(&self, way: Direction) -> BTreeSet<usize> {
         let TrackRequest {
             anchors,
@@ -221,11 +221,11 @@ impl Run<'_> {
         others.filter(is_reached).collect()
     }
 
-    fn walk(
+    fn run_pass(
         &self,
         way: Direction,
         targets: &BTreeSet<usize>,
-        account: &mut Account,
+        report: &mut ConsistencyReport,
         found: &mut Found<'_>,
     ) -> Result<Vec<String>, MaskError> {
         if targets.is_empty() {
@@ -235,14 +235,14 @@ impl Run<'_> {
             direction: way,
             ..self.request.clone()
         };
-        Walk::new(
+        CheckedPass::new(
             self.tracker,
             request,
             targets.clone(),
             self.geometry,
             self.progress,
         )
-        .follow(account, found)
+        .follow(report, found)
     }
 }
 

@@ -2,31 +2,31 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use rayon::prelude::*;
 
-use crate::carry::{CarryOptions, Testimony};
+use crate::reprojection::{ReprojectedLabels, ReprojectionOptions};
 use ostra_cloud::doubt::{Sighted, mask_has_near};
 use ostra_masks::{Connectivity, LabelId, LabelMask, MaskError, Region, WalkedFrame, components};
 
 /// How masks are held against geometry.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ConstrainOptions {
-    /// How the anchors' masks are carried.
-    pub carry: CarryOptions,
-    /// Share of the anchors' weights that a label must win for geometry to be sure of it; 0.5–1.
+pub struct ConsistencyOptions {
+    /// How the keyframes' masks are carried.
+    pub carry: ReprojectionOptions,
+    /// Share of the keyframes' weights that a label must win for geometry to be sure of it; 0.5–1.
     pub sure_share: f32,
-    /// What these weights must sum to at least; 1 = one anchor that faces the surface from as near; > 0.
+    /// What these weights must sum to at least; 1 = one keyframe that faces the surface from as near; > 0.
     pub least_weight: f32,
     /// Borders that differ by no more are the tracker's, in pixels.
     pub border_px: u32,
-    /// Contradictions of fewer connected pixels are let pass, and objects contradicted in fewer have not strayed.
+    /// Conflicts of fewer connected pixels are let pass, and objects contradicted in fewer have not strayed.
     pub least_area: usize,
     /// Frames that a walk goes on after an object was given to it anew, before it is given one again.
     pub rest: usize,
 }
 
-impl Default for ConstrainOptions {
+impl Default for ConsistencyOptions {
     fn default() -> Self {
         Self {
-            carry: CarryOptions::default(),
+            carry: ReprojectionOptions::default(),
             sure_share: 0.75,
             least_weight: 1e-3,
             border_px: 3,
@@ -37,21 +37,21 @@ impl Default for ConstrainOptions {
 }
 
 /// A tracker's answer after it was held against geometry.
-pub struct Held {
+pub struct CheckedMask {
     pub walked: WalkedFrame,
     /// Pixels that have another label now.
     pub mended: usize,
     /// Whether an object is mostly elsewhere than the tracker had it.
-    pub has_strayed: bool,
+    pub has_drifted: bool,
 }
 
-impl Held {
+impl CheckedMask {
     /// An answer that stands.
     pub fn untouched(walked: WalkedFrame) -> Self {
         Self {
             walked,
             mended: 0,
-            has_strayed: false,
+            has_drifted: false,
         }
     }
 }
@@ -61,23 +61,23 @@ impl Held {
 ///
 /// # Errors
 /// What `carried` says.
-pub fn hold(
+pub fn check_mask(
     tracked: WalkedFrame,
-    testimony: &Testimony,
-    options: &ConstrainOptions,
+    evidence: &ReprojectedLabels,
+    options: &ConsistencyOptions,
     carried: impl FnOnce() -> Result<Option<LabelMask>, MaskError>,
-) -> Result<Held, MaskError> {
-    let sighted = judge(testimony, &tracked.mask, options);
-    let found = Contradictions::find(&tracked.mask, &sighted, options);
+) -> Result<CheckedMask, MaskError> {
+    let sighted = judge(evidence, &tracked.mask, options);
+    let found = Conflicts::find(&tracked.mask, &sighted, options);
     if found.touched.is_empty() {
-        return Ok(Held::untouched(tracked));
+        return Ok(CheckedMask::untouched(tracked));
     }
     let mut mask = tracked.mask.clone();
     for (id, given) in mask.ids.iter_mut().zip(&found.given) {
         *id = given.unwrap_or(*id);
     }
     spread(&mut mask, &tracked.mask, &sighted, &found, options);
-    if !found.strayed.is_empty()
+    if !found.drifted.is_empty()
         && let Some(carried) = carried()?
     {
         complete(&mut mask, &carried, &sighted, &found);
@@ -89,17 +89,17 @@ pub fn hold(
         .filter(|(now, before)| now != before)
         .count();
     let confidence = confidence(&mask, &sighted, &found.touched, tracked.confidence);
-    Ok(Held {
+    Ok(CheckedMask {
         walked: WalkedFrame { mask, confidence },
         mended,
-        has_strayed: !found.strayed.is_empty(),
+        has_drifted: !found.drifted.is_empty(),
     })
 }
 
 /// Gives objects that strayed the pixels without a label in which they are carried, unless geometry is sure of another.
-fn complete(mask: &mut LabelMask, carried: &LabelMask, sighted: &Sighted, found: &Contradictions) {
+fn complete(mask: &mut LabelMask, carried: &LabelMask, sighted: &Sighted, found: &Conflicts) {
     for ((id, &carried), verdict) in mask.ids.iter_mut().zip(&carried.ids).zip(&sighted.labels) {
-        if *id == LabelId::NONE && verdict.is_none() && found.strayed.contains_key(&carried) {
+        if *id == LabelId::NONE && verdict.is_none() && found.drifted.contains_key(&carried) {
             *id = carried;
         }
     }
@@ -134,9 +134,13 @@ fn confidence(
 }
 
 /// What geometry is sure of in each pixel of a tracker's mask; `None` where it abstains, as it does of objects that moved.
-fn judge(testimony: &Testimony, tracked: &LabelMask, options: &ConstrainOptions) -> Sighted {
+fn judge(
+    evidence: &ReprojectedLabels,
+    tracked: &LabelMask,
+    options: &ConsistencyOptions,
+) -> Sighted {
     let verdict = |(at, &held): (usize, &LabelId)| {
-        testimony.verdict(at, held, options.sure_share, options.least_weight)
+        evidence.verdict(at, held, options.sure_share, options.least_weight)
     };
     let labels: Vec<Option<LabelId>> = tracked.ids.par_iter().enumerate().map(verdict).collect();
     let mut sighted = Sighted {
@@ -144,7 +148,7 @@ fn judge(testimony: &Testimony, tracked: &LabelMask, options: &ConstrainOptions)
         height: tracked.height,
         labels,
     };
-    let moved = moved(testimony, tracked, &sighted, options);
+    let moved = moved(evidence, tracked, &sighted, options);
     if !moved.is_empty() {
         for (verdict, held) in sighted.labels.iter_mut().zip(&tracked.ids) {
             *verdict = verdict.filter(|label| !moved.contains(label) && !moved.contains(held));
@@ -153,19 +157,19 @@ fn judge(testimony: &Testimony, tracked: &LabelMask, options: &ConstrainOptions)
     sighted
 }
 
-/// Labels that the tracker sees where nothing was when the anchors were taken, more than geometry finds them in place.
+/// Labels that the tracker sees where nothing was when the keyframes were taken, more than geometry finds them in place.
 fn moved(
-    testimony: &Testimony,
+    evidence: &ReprojectedLabels,
     tracked: &LabelMask,
     sighted: &Sighted,
-    options: &ConstrainOptions,
+    options: &ConsistencyOptions,
 ) -> BTreeSet<LabelId> {
     let mut counts: BTreeMap<LabelId, [usize; 2]> = BTreeMap::new();
     for (at, (&held, verdict)) in tracked.ids.iter().zip(&sighted.labels).enumerate() {
         if let Some(label) = verdict.filter(|&label| label != LabelId::NONE) {
             counts.entry(label).or_default()[1] += 1;
         }
-        if held != LabelId::NONE && testimony.is_new(at) {
+        if held != LabelId::NONE && evidence.is_new(at) {
             counts.entry(held).or_default()[0] += 1;
         }
     }
@@ -179,21 +183,21 @@ fn moved(
 }
 
 /// Where geometry contradicts a mask, but for borders that lie a little aside.
-struct Contradictions {
+struct Conflicts {
     /// For each contradicted pixel the label that geometry gives it, 0 = nothing; `None` elsewhere.
     pub given: Vec<Option<LabelId>>,
     /// Labels whose pixels were taken away or given.
     pub touched: BTreeSet<LabelId>,
     /// Objects that geometry has mostly elsewhere (swapped with others, drifted away or lost), with what most of their
     /// pixels are given.
-    pub strayed: BTreeMap<LabelId, LabelId>,
+    pub drifted: BTreeMap<LabelId, LabelId>,
 }
 
 /// A label in a mask, and the other one that geometry has there.
 type Pair = (LabelId, LabelId);
 
-impl Contradictions {
-    pub fn find(mask: &LabelMask, sighted: &Sighted, options: &ConstrainOptions) -> Self {
+impl Conflicts {
+    pub fn find(mask: &LabelMask, sighted: &Sighted, options: &ConsistencyOptions) -> Self {
         let is_core: Vec<bool> = (0..mask.ids.len())
             .into_par_iter()
             .map(|at| is_beyond_borders(mask, sighted, at, options.border_px))
@@ -204,7 +208,7 @@ impl Contradictions {
             .filter(|&at| is_core[at])
             .filter_map(pair)
             .for_each(|pair| *cores.entry(pair).or_default() += 1);
-        let strayed = strayed(mask, sighted, &cores, options);
+        let drifted = drifted(mask, sighted, &cores, options);
         let (mut given, mut touched) = (vec![None; mask.ids.len()], BTreeSet::new());
         for &(held, label) in cores.keys() {
             let inside = (0..mask.ids.len())
@@ -224,8 +228,8 @@ impl Contradictions {
                 .iter()
                 .zip(&is_core)
                 .for_each(|(&at, &core)| of_patches[at as usize] += usize::from(core));
-            let has_strayed = strayed.contains_key(&held) || strayed.contains_key(&label);
-            let least = if has_strayed { 1 } else { options.least_area };
+            let has_drifted = drifted.contains_key(&held) || drifted.contains_key(&label);
+            let least = if has_drifted { 1 } else { options.least_area };
             for (given, &patch) in given.iter_mut().zip(&patches.labels) {
                 if patch > 0 && of_patches[patch as usize] >= least {
                     *given = Some(label);
@@ -237,7 +241,7 @@ impl Contradictions {
         Self {
             given,
             touched,
-            strayed,
+            drifted,
         }
     }
 }
@@ -253,11 +257,11 @@ fn is_beyond_borders(mask: &LabelMask, sighted: &Sighted, at: usize, border_px: 
 }
 
 /// Labels contradicted in more pixels than mask and geometry agree in, with the label that takes most of theirs.
-fn strayed(
+fn drifted(
     mask: &LabelMask,
     sighted: &Sighted,
     cores: &BTreeMap<Pair, usize>,
-    options: &ConstrainOptions,
+    options: &ConsistencyOptions,
 ) -> BTreeMap<LabelId, LabelId> {
     let mut agreed: BTreeMap<LabelId, usize> = BTreeMap::new();
     let both = mask
@@ -270,7 +274,7 @@ fn strayed(
         .keys()
         .flat_map(|&(held, label)| [held, label])
         .collect();
-    let has_strayed = |label: &LabelId| {
+    let has_drifted = |label: &LabelId| {
         let of_label = cores
             .iter()
             .filter(|&(&(held, given), _)| held == *label || given == *label);
@@ -286,7 +290,7 @@ fn strayed(
     let labels = labels
         .into_iter()
         .filter(|&label| label != LabelId::NONE)
-        .filter(has_strayed);
+        .filter(has_drifted);
     labels.map(|label| (label, taken_by(label))).collect()
 }
 
@@ -297,8 +301,8 @@ fn spread(
     mask: &mut LabelMask,
     tracked: &LabelMask,
     sighted: &Sighted,
-    found: &Contradictions,
-    options: &ConstrainOptions,
+    found: &Conflicts,
+    options: &ConsistencyOptions,
 ) {
     let (width, count) = (mask.width as usize, mask.ids.len());
     let mut steps = vec![u32::MAX; count];
@@ -308,7 +312,7 @@ fn spread(
     open.iter().for_each(|&at| steps[at] = 0);
     while let Some(at) = open.pop_front() {
         let object = tracked.ids[at];
-        if steps[at] >= options.border_px && !found.strayed.contains_key(&object) {
+        if steps[at] >= options.border_px && !found.drifted.contains_key(&object) {
             continue;
         }
         let beside = [
@@ -326,7 +330,7 @@ fn spread(
         }
     }
     let detached = (0..count).filter(|&at| steps[at] == u32::MAX);
-    for (at, &label) in detached.filter_map(|at| Some((at, found.strayed.get(&tracked.ids[at])?))) {
+    for (at, &label) in detached.filter_map(|at| Some((at, found.drifted.get(&tracked.ids[at])?))) {
         mask.ids[at] = label;
     }
 }

@@ -1,18 +1,18 @@
 use std::collections::BTreeMap;
 
-use super::options::{CarryOptions, Tolerance};
-use super::viewpoint::{PixelBox, Viewpoint};
+use super::depth_view::{DepthView, PixelBox};
+use super::options::{ReprojectionOptions, Tolerance};
 use super::vote::Votes;
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::Image;
 use ostra_masks::{LabelId, LabelMask};
 
-/// The mask of a target and how sure each label in it is, 0–1. `depths` are its own with what anchors show in its holes.
+/// The mask of a target and how sure each label in it is, 0–1. `depths` are its own with what keyframes show in its holes.
 pub fn decide(
     votes: &Votes,
-    (target, depths): (&Viewpoint, &[f32]),
+    (target, depths): (&DepthView, &[f32]),
     image: &Image,
-    options: &CarryOptions,
+    options: &ReprojectionOptions,
     progress: &Progress,
 ) -> Result<(LabelMask, BTreeMap<LabelId, f32>), Stopped> {
     let mut mask = LabelMask::empty(image.width, image.height);
@@ -28,7 +28,7 @@ pub fn decide(
     let Some(all) = boxes.values().copied().reduce(|a, b| a.union(&b)) else {
         return Ok((mask, BTreeMap::new()));
     };
-    let passing = passing(
+    let edge_affinity = edge_affinity(
         image,
         depths,
         all,
@@ -37,14 +37,14 @@ pub fn decide(
     );
     for (label, within) in boxes {
         progress.check()?;
-        let part = passing.part(
+        let part = edge_affinity.part(
             within.left - all.left,
             within.top - all.top,
             within.width(),
             within.height(),
         );
-        let belonging = belonging(&votes.of(label, within), part, options);
-        lay_over(&belonging, label, within, &mut mask, &mut best);
+        let label_scores = label_scores(&votes.of(label, within), part, options);
+        lay_over(&label_scores, label, within, &mut mask, &mut best);
     }
     let confidence = confidence(&mask, &best);
     Ok((mask, confidence))
@@ -52,14 +52,14 @@ pub fn decide(
 
 /// Gives the label the pixels that belong to it more than to the labels before.
 fn lay_over(
-    belonging: &[f32],
+    label_scores: &[f32],
     label: LabelId,
     within: PixelBox,
     mask: &mut LabelMask,
     best: &mut [f32],
 ) {
     let full = mask.width as usize;
-    for (y, row) in (within.top..within.bottom).zip(belonging.chunks_exact(within.width())) {
+    for (y, row) in (within.top..within.bottom).zip(label_scores.chunks_exact(within.width())) {
         for (at, &share) in (y * full + within.left..).zip(row) {
             if share > best[at] {
                 (mask.ids[at], best[at]) = (label, share);
@@ -88,9 +88,13 @@ fn confidence(mask: &LabelMask, best: &[f32]) -> BTreeMap<LabelId, f32> {
 
 /// For each pixel of a box how far it belongs to a label, −1 to 1, from the balance and weight of its votes and of those
 /// that reach it over even surfaces; −1 where none do.
-pub fn belonging(votes: &[[f32; 2]], passing: Passing, options: &CarryOptions) -> Vec<f32> {
+pub fn label_scores(
+    votes: &[[f32; 2]],
+    edge_affinity: EdgeAffinity,
+    options: &ReprojectionOptions,
+) -> Vec<f32> {
     let mut spread = votes.to_vec();
-    smooth(&mut spread, passing);
+    smooth(&mut spread, edge_affinity);
     let decide = |(own, spread): (&[f32; 2], &[f32; 2])| {
         let balance = options.own_weight * own[0] + spread[0];
         let weight = options.own_weight * own[1] + spread[1];
@@ -107,13 +111,13 @@ pub fn belonging(votes: &[[f32; 2]], passing: Passing, options: &CarryOptions) -
 const COLORS: usize = 3 * 255 + 1;
 
 /// How votes pass between the pixels of a box: less over edges of colour and jumps of depth.
-pub fn passing(
+pub fn edge_affinity(
     image: &Image,
     depths: &[f32],
     within: PixelBox,
     tolerance: &Tolerance,
-    options: &CarryOptions,
-) -> Passing {
+    options: &ReprojectionOptions,
+) -> EdgeAffinity {
     let even = shares(0.0, options);
     let jump = shares(options.depth_edge_px, options);
     let depths = bridged(depths, image.width as usize);
@@ -146,7 +150,7 @@ pub fn passing(
             }
         }
     }
-    Passing {
+    EdgeAffinity {
         width,
         across,
         down,
@@ -181,7 +185,7 @@ fn bridged(depths: &[f32], width: usize) -> Vec<f32> {
 }
 
 /// By difference of colour how much passes over a step that is `extra_px` longer.
-fn shares(extra_px: f32, options: &CarryOptions) -> [f32; COLORS] {
+fn shares(extra_px: f32, options: &ReprojectionOptions) -> [f32; COLORS] {
     let rate = -(2f32.sqrt()) / (options.reach_px * first_round_share());
     std::array::from_fn(|difference| {
         let color = options.color_edge_px * difference as f32 / 255.0;
@@ -192,7 +196,7 @@ fn shares(extra_px: f32, options: &CarryOptions) -> [f32; COLORS] {
 /// How much of a value passes from a pixel to the next, for every pair of neighbours in a box: 1 on an even surface with
 /// unlimited reach, less over edges.
 #[derive(Debug, Clone)]
-pub struct Passing {
+pub struct EdgeAffinity {
     pub width: usize,
     /// From the pixel before in the row; the first of a row is unused.
     pub across: Vec<f32>,
@@ -200,7 +204,7 @@ pub struct Passing {
     pub down: Vec<f32>,
 }
 
-impl Passing {
+impl EdgeAffinity {
     /// The part in a smaller box, whose first pixel is in column `left`, row `top`.
     pub fn part(&self, left: usize, top: usize, width: usize, height: usize) -> Self {
         let rows = |all: &[f32]| -> Vec<f32> {
@@ -226,19 +230,19 @@ fn first_round_share() -> f32 {
 }
 
 /// Smooths pairs of values along what looks alike: the recursive filter of E. Gastal and M. Oliveira, *Domain transform for
-/// edge-aware image and video processing*, SIGGRAPH 2011. `passing` is that of the first round.
-fn smooth(values: &mut [[f32; 2]], mut passing: Passing) {
+/// edge-aware image and video processing*, SIGGRAPH 2011. `edge_affinity` is that of the first round.
+fn smooth(values: &mut [[f32; 2]], mut edge_affinity: EdgeAffinity) {
     for round in 0..ROUNDS {
         if round > 0 {
             // Half the reach: e^(−2d) is the square of e^(−d).
-            passing
+            edge_affinity
                 .across
                 .iter_mut()
-                .chain(&mut passing.down)
+                .chain(&mut edge_affinity.down)
                 .for_each(|share| *share *= *share);
         }
-        along_rows(values, &passing);
-        along_columns(values, &passing);
+        along_rows(values, &edge_affinity);
+        along_columns(values, &edge_affinity);
     }
 }
 
@@ -247,10 +251,10 @@ fn blend(to: &mut [f32; 2], from: [f32; 2], share: f32) {
     to[1] += share * (from[1] - to[1]);
 }
 
-fn along_rows(values: &mut [[f32; 2]], passing: &Passing) {
+fn along_rows(values: &mut [[f32; 2]], edge_affinity: &EdgeAffinity) {
     for (row, share) in values
-        .chunks_exact_mut(passing.width)
-        .zip(passing.across.chunks_exact(passing.width))
+        .chunks_exact_mut(edge_affinity.width)
+        .zip(edge_affinity.across.chunks_exact(edge_affinity.width))
     {
         for x in 1..row.len() {
             let from = row[x - 1];
@@ -263,15 +267,15 @@ fn along_rows(values: &mut [[f32; 2]], passing: &Passing) {
     }
 }
 
-fn along_columns(values: &mut [[f32; 2]], passing: &Passing) {
-    let width = passing.width;
+fn along_columns(values: &mut [[f32; 2]], edge_affinity: &EdgeAffinity) {
+    let width = edge_affinity.width;
     let rows = values.len() / width;
     for y in 1..rows {
         let (above, below) = values.split_at_mut(y * width);
         for ((from, to), share) in above[(y - 1) * width..]
             .iter()
             .zip(below)
-            .zip(&passing.down[y * width..])
+            .zip(&edge_affinity.down[y * width..])
         {
             blend(to, *from, *share);
         }
@@ -281,7 +285,7 @@ fn along_columns(values: &mut [[f32; 2]], passing: &Passing) {
         for ((to, from), share) in above[(y - 1) * width..]
             .iter_mut()
             .zip(below)
-            .zip(&passing.down[y * width..])
+            .zip(&edge_affinity.down[y * width..])
         {
             blend(to, *from, *share);
         }
@@ -302,8 +306,8 @@ mod tests {
         assert_eq!(bridged(&[0.0; 4], 2), [0.0; 4]);
     }
 
-    fn even(width: usize, height: usize, share: f32) -> Passing {
-        Passing {
+    fn even(width: usize, height: usize, share: f32) -> EdgeAffinity {
+        EdgeAffinity {
             width,
             across: vec![share; width * height],
             down: vec![share; width * height],
@@ -330,14 +334,14 @@ mod tests {
     fn nothing_passes_over_an_edge() {
         let mut values = vec![[0.0, 0.0]; 40];
         values[0] = [1.0, 1.0];
-        let mut passing = even(10, 4, 0.9);
-        passing
+        let mut edge_affinity = even(10, 4, 0.9);
+        edge_affinity
             .across
             .iter_mut()
             .skip(5)
             .step_by(10)
             .for_each(|share| *share = 0.0);
-        smooth(&mut values, passing);
+        smooth(&mut values, edge_affinity);
         assert!((0..40).all(|i| (values[i][0] > 0.0) == (i % 10 < 5)));
     }
 }

@@ -1,5 +1,5 @@
+use super::depth_view::{DepthView, PixelBox};
 use super::options::Tolerance;
-use super::viewpoint::{PixelBox, Viewpoint};
 use ostra_frames::DepthMap;
 use ostra_masks::{LabelId, LabelMask};
 
@@ -14,7 +14,7 @@ const REACH: usize = 16;
 
 /// What lies behind a label and shines through where depth, as stereo's does, lost a thin part or its rim.
 #[derive(Debug)]
-pub struct Bleeding {
+pub struct DepthLeak {
     /// Depths told at the pixels of labels that stand before them, by pixel; 0 elsewhere.
     shown: Vec<f32>,
     limits: Limits,
@@ -45,11 +45,11 @@ impl Limits {
     }
 }
 
-impl Bleeding {
+impl DepthLeak {
     /// Patches of a label that go on as one surface outside it, while other parts of the label near them stand before
     /// that surface.
-    pub fn find(view: &Viewpoint, mask: &LabelMask, tolerance: Tolerance) -> Self {
-        let focal = view.stand.camera.focal_px.x as f32;
+    pub fn find(view: &DepthView, mask: &LabelMask, tolerance: Tolerance) -> Self {
+        let focal = view.posed.camera.focal_px.x as f32;
         let limits = Limits { tolerance, focal };
         let patches = patches(view, mask, &limits);
         let mut shown = vec![0.0; mask.ids.len()];
@@ -76,7 +76,7 @@ impl Bleeding {
     }
 
     /// The depth without what shines through.
-    pub fn stanched(&self, depth: &DepthMap) -> DepthMap {
+    pub fn without_leaks(&self, depth: &DepthMap) -> DepthMap {
         let kept = depth
             .depths
             .iter()
@@ -98,7 +98,7 @@ impl Bleeding {
     }
 }
 
-fn patches(view: &Viewpoint, mask: &LabelMask, limits: &Limits) -> Vec<Patch> {
+fn patches(view: &DepthView, mask: &LabelMask, limits: &Limits) -> Vec<Patch> {
     let depths = &view.depth.depths;
     let mut seen = vec![false; depths.len()];
     let mut patches = Vec::new();
@@ -112,7 +112,7 @@ fn patches(view: &Viewpoint, mask: &LabelMask, limits: &Limits) -> Vec<Patch> {
 
 /// The patch that a pixel lies in.
 fn patch(
-    view: &Viewpoint,
+    view: &DepthView,
     mask: &LabelMask,
     limits: &Limits,
     start: usize,
@@ -152,7 +152,7 @@ fn patch(
 }
 
 /// The next pixel with depth to one of four sides, and how many steps away.
-fn beside(view: &Viewpoint, mask: &LabelMask, at: usize, side: usize) -> Option<(usize, usize)> {
+fn beside(view: &DepthView, mask: &LabelMask, at: usize, side: usize) -> Option<(usize, usize)> {
     let (width, height) = (view.width(), view.height());
     let (x, y) = (at % width, at / width);
     let label = mask.ids[at];
@@ -178,11 +178,11 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::carry::viewpoint::Stand;
+    use crate::reprojection::depth_view::PosedCamera;
     use ostra_geometry::{Camera, Pose};
 
     /// A leaf at depth 1 before a wall at depth 2, 30 pixels long and four wide, whose depth is lost from `lost` on.
-    fn leaf_before_wall(lost: usize) -> (Viewpoint, LabelMask) {
+    fn leaf_before_wall(lost: usize) -> (DepthView, LabelMask) {
         let (width, height) = (60, 20);
         let is_leaf =
             |at: usize| (10..40).contains(&(at % width)) && (8..12).contains(&(at / width));
@@ -202,13 +202,13 @@ mod tests {
         (0..width * height)
             .filter(|&at| is_leaf(at))
             .for_each(|at| mask.ids[at] = LabelId(3));
-        let stand = Stand {
+        let posed = PosedCamera {
             camera: Camera::pinhole(60, 20, 60.0, 60.0, 30.0, 10.0),
             camera_from_world: Pose::IDENTITY,
         };
         (
-            Viewpoint {
-                stand,
+            DepthView {
+                posed,
                 depth: Arc::new(depth),
                 rays: Arc::default(),
             },
@@ -219,14 +219,14 @@ mod tests {
     #[test]
     fn the_wall_in_a_lost_tip_is_no_leaf() {
         let (view, mask) = leaf_before_wall(30);
-        let bleeding = Bleeding::find(&view, &mask, Tolerance::new(0.02, 1.5));
-        let stanched = bleeding.stanched(&view.depth);
+        let leak = DepthLeak::find(&view, &mask, Tolerance::new(0.02, 1.5));
+        let without_leaks = leak.without_leaks(&view.depth);
         let lost = |at: usize| mask.ids[at] != LabelId::NONE && at % 60 >= 30;
         let is_right = |(at, (&now, &before)): (usize, (&f32, &f32))| {
             now == if lost(at) { 0.0 } else { before }
         };
         assert!(
-            stanched
+            without_leaks
                 .depths
                 .iter()
                 .zip(&view.depth.depths)
@@ -235,9 +235,9 @@ mod tests {
         );
         let mut filled = DepthMap {
             depths: vec![1.9; 1200],
-            ..stanched
+            ..without_leaks
         };
-        bleeding.check(&mut filled);
+        leak.check(&mut filled);
         assert_eq!(
             (filled.depths[10 * 60 + 35], filled.depths[10 * 60 + 25]),
             (0.0, 1.9)
@@ -247,7 +247,7 @@ mod tests {
     #[test]
     fn what_lies_flat_on_a_wall_keeps_its_depth() {
         let (view, mask) = leaf_before_wall(0);
-        let bleeding = Bleeding::find(&view, &mask, Tolerance::new(0.02, 1.5));
-        assert_eq!(bleeding.stanched(&view.depth), *view.depth);
+        let leak = DepthLeak::find(&view, &mask, Tolerance::new(0.02, 1.5));
+        assert_eq!(leak.without_leaks(&view.depth), *view.depth);
     }
 }

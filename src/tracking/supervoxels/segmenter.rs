@@ -2,7 +2,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::frame::FrameBodies;
 use super::surfaces::Surfaces;
-use crate::carry::{Viewpoint, Views, fillers_for};
+use crate::reprojection::{DepthView, DepthViews, fillers_for};
 use ostra_cloud::SceneError;
 use ostra_core::job::Progress;
 use ostra_frames::{DepthMap, Frame, FrameStore, Image};
@@ -14,7 +14,7 @@ const MOST_VIEWS: usize = 16;
 const LEAST_VIEWS: usize = 3;
 
 /// Numbers of frames, and what they show.
-type Seen = (Vec<usize>, Vec<(Viewpoint, Arc<Image>)>);
+type Seen = (Vec<usize>, Vec<(DepthView, Arc<Image>)>);
 
 /// The segmenter `geometry`: takes what hangs together in space, over all frames around the clicked one, by clicks on one
 /// frame with depth and camera. What is thin, boxes, and frames without others around them are left to another segmenter;
@@ -28,7 +28,7 @@ pub struct GeometrySegmenter {
 }
 
 impl GeometrySegmenter {
-    /// For some frames of one scene; `picture` is the segmenter that knows single pictures.
+    /// For some frames of one scene; `image` is the segmenter that knows single images.
     #[must_use]
     pub fn new(
         frames: Arc<Vec<Frame>>,
@@ -50,11 +50,11 @@ impl GeometrySegmenter {
     }
 
     /// A frame and those that see the same, the frame first, with their numbers; `None` where too few can be read.
-    fn views_of(&self, views: &Views<'_>, frame: usize) -> Result<Option<Seen>, MaskError> {
-        if views.stand(frame).is_none() {
+    fn views_of(&self, views: &DepthViews<'_>, frame: usize) -> Result<Option<Seen>, MaskError> {
+        if views.posed_camera(frame).is_none() {
             return Ok(None);
         }
-        let others = views.stands().filter(|&(other, _)| other != frame);
+        let others = views.posed_cameras().filter(|&(other, _)| other != frame);
         let (Some(own), Some(image)) = (views.load(frame)?, views.image(frame)?) else {
             return Ok(None);
         };
@@ -73,7 +73,7 @@ impl GeometrySegmenter {
     fn surfaces(
         &self,
         of: &[usize],
-        views: &[(Viewpoint, Arc<Image>)],
+        views: &[(DepthView, Arc<Image>)],
         progress: &Progress,
     ) -> Result<Arc<Surfaces>, SceneError> {
         let mut made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
@@ -91,7 +91,7 @@ impl GeometrySegmenter {
         picture: &Arc<dyn PreparedFrame>,
         progress: &Progress,
     ) -> Result<Option<FrameBodies>, SceneError> {
-        let views = Views::new(&self.frames, &self.store);
+        let views = DepthViews::new(&self.frames, &self.store);
         let Some((of, loaded)) = self.views_of(&views, frame)? else {
             return Ok(None);
         };

@@ -1,28 +1,28 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::anchor::Anchor;
+use super::depth_view::{DepthView, PixelBox, Reprojection};
 use super::draw::{Drawn, draw};
-use super::options::{CarryOptions, Tolerance};
-use super::viewpoint::{Passage, PixelBox, Viewpoint};
+use super::keyframe::Keyframe;
+use super::options::{ReprojectionOptions, Tolerance};
 use ostra_core::job::{Progress, Stopped};
 use ostra_masks::LabelId;
 
-/// What the chosen anchors say of one target.
+/// What the chosen keyframes say of one target.
 #[derive(Debug)]
 pub struct Votes {
     pub width: usize,
     pub height: usize,
-    pub of_anchors: Vec<(Arc<Anchor>, Sightings)>,
+    pub of_keyframes: Vec<(Arc<Keyframe>, ViewLabels)>,
 }
 
 impl Votes {
     /// For each label that some pixel was given, the box around those pixels.
     pub fn boxes(&self) -> BTreeMap<LabelId, PixelBox> {
         let mut boxes: BTreeMap<LabelId, PixelBox> = BTreeMap::new();
-        for (_, sightings) in &self.of_anchors {
+        for (_, view_labels) in &self.of_keyframes {
             for at in 0..self.width * self.height {
-                let Some((label, _)) = sightings
+                let Some((label, _)) = view_labels
                     .at(at)
                     .filter(|&(label, _)| label != LabelId::NONE)
                 else {
@@ -41,10 +41,10 @@ impl Votes {
     /// The weights for `shown` being at a pixel, and all, by those that bear on `label` there.
     pub fn at(&self, pixel: usize, label: LabelId, shown: LabelId) -> [f32; 2] {
         let mut sums = [0.0; 2];
-        for (anchor, sightings) in &self.of_anchors {
-            if let Some((seen, by)) = sightings
+        for (keyframe, view_labels) in &self.of_keyframes {
+            if let Some((seen, by)) = view_labels
                 .at(pixel)
-                .filter(|&(seen, _)| anchor.bears_on(label, seen))
+                .filter(|&(seen, _)| keyframe.bears_on(label, seen))
             {
                 sums[0] += if seen == shown { by } else { 0.0 };
                 sums[1] += by;
@@ -56,14 +56,14 @@ impl Votes {
     /// For each pixel of a box the weights for `label` less those against it, and their sum.
     pub fn of(&self, label: LabelId, within: PixelBox) -> Vec<[f32; 2]> {
         let mut votes = vec![[0.0; 2]; within.width() * within.height()];
-        for (anchor, sightings) in &self.of_anchors {
+        for (keyframe, view_labels) in &self.of_keyframes {
             for (y, row) in (within.top..within.bottom).zip(votes.chunks_exact_mut(within.width()))
             {
                 for (x, [balance, weight]) in (within.left..within.right).zip(row) {
-                    let Some((seen, by)) = sightings.at(y * self.width + x) else {
+                    let Some((seen, by)) = view_labels.at(y * self.width + x) else {
                         continue;
                     };
-                    if anchor.bears_on(label, seen) {
+                    if keyframe.bears_on(label, seen) {
                         *balance += if seen == label { by } else { -by };
                         *weight += by;
                     }
@@ -74,30 +74,30 @@ impl Votes {
     }
 }
 
-/// What an anchor says of a target: pixels with depth are looked up in the anchor, which answers where its depth agrees;
-/// where the target has no depth the anchor's surfaces are drawn into it, and into the holes of `drawn`.
+/// What a keyframe says of a target: pixels with depth are looked up in the keyframe, which answers where its depth agrees;
+/// where the target has no depth the keyframe's surfaces are drawn into it, and into the holes of `drawn`.
 pub fn ask(
-    anchor: &Anchor,
-    target: &Viewpoint,
+    keyframe: &Keyframe,
+    target: &DepthView,
     tolerance: &Tolerance,
     drawn: &mut [f32],
-    options: &CarryOptions,
+    options: &ReprojectionOptions,
     progress: &Progress,
-) -> Result<Sightings, Stopped> {
-    let mut sightings = Sightings::none(target.rays.len());
-    look_up(anchor, target, tolerance, &mut sightings, progress)?;
-    draw_in_holes(anchor, target, drawn, options, &mut sightings, progress)?;
-    Ok(sightings)
+) -> Result<ViewLabels, Stopped> {
+    let mut view_labels = ViewLabels::none(target.rays.len());
+    look_up(keyframe, target, tolerance, &mut view_labels, progress)?;
+    draw_in_holes(keyframe, target, drawn, options, &mut view_labels, progress)?;
+    Ok(view_labels)
 }
 
 fn look_up(
-    anchor: &Anchor,
-    target: &Viewpoint,
+    keyframe: &Keyframe,
+    target: &DepthView,
     tolerance: &Tolerance,
-    sightings: &mut Sightings,
+    view_labels: &mut ViewLabels,
     progress: &Progress,
 ) -> Result<(), Stopped> {
-    let passage = Passage::new(&target.stand, &anchor.view.stand);
+    let reprojection = Reprojection::new(&target.posed, &keyframe.view.posed);
     for at in 0..target.rays.len() {
         if at % 16384 == 0 {
             progress.check()?;
@@ -105,21 +105,21 @@ fn look_up(
         let Some(point) = target.point(at) else {
             continue;
         };
-        let moved = passage.transform(point);
-        let Some(px) = passage.pixel(moved) else {
+        let moved = reprojection.transform(point);
+        let Some(px) = reprojection.pixel(moved) else {
             continue;
         };
         let (x, y) = (px.x as usize, px.y as usize);
-        match surface_at(&anchor.view, x, y, moved.z, tolerance) {
+        match surface_at(&keyframe.view, x, y, moved.z, tolerance) {
             Found::Surface(hit, agreement) => {
                 let nearness = (point.z / moved.z).min(1.0);
-                sightings.set(
+                view_labels.set(
                     at,
-                    anchor.mask.ids[hit],
-                    agreement * nearness * anchor.trust[hit],
+                    keyframe.mask.ids[hit],
+                    agreement * nearness * keyframe.trust[hit],
                 );
             }
-            Found::Behind => sightings.set_through(at),
+            Found::Behind => view_labels.set_through(at),
             Found::Nothing => {}
         }
     }
@@ -127,15 +127,15 @@ fn look_up(
 }
 
 fn draw_in_holes(
-    anchor: &Anchor,
-    target: &Viewpoint,
+    keyframe: &Keyframe,
+    target: &DepthView,
     depths: &mut [f32],
-    options: &CarryOptions,
-    sightings: &mut Sightings,
+    options: &ReprojectionOptions,
+    view_labels: &mut ViewLabels,
     progress: &Progress,
 ) -> Result<(), Stopped> {
     let mut canvas = vec![Drawn::NOTHING; target.rays.len()];
-    draw(&anchor.view, target, &mut canvas, progress)?;
+    draw(&keyframe.view, target, &mut canvas, progress)?;
     for (at, drawn) in canvas.iter().enumerate() {
         if drawn.depth < f32::INFINITY && target.depth.depths[at] <= 0.0 {
             let from = drawn.from as usize;
@@ -144,10 +144,10 @@ fn draw_in_holes(
             } else {
                 drawn.depth
             };
-            sightings.set(
+            view_labels.set(
                 at,
-                anchor.mask.ids[from],
-                options.drawn_weight * anchor.trust[from],
+                keyframe.mask.ids[from],
+                options.drawn_weight * keyframe.trust[from],
             );
         }
     }
@@ -165,8 +165,8 @@ enum Found {
 }
 
 /// The pixel in or beside (`x`, `y`) whose surface lies at depth `z`. Looking at the neighbours too makes slanted surfaces
-/// count, and outlines, where depth and picture are a pixel apart.
-fn surface_at(view: &Viewpoint, x: usize, y: usize, z: f32, tolerance: &Tolerance) -> Found {
+/// count, and outlines, where depth and image are a pixel apart.
+fn surface_at(view: &DepthView, x: usize, y: usize, z: f32, tolerance: &Tolerance) -> Found {
     let (width, height) = (view.width(), view.height());
     let limit = tolerance.at(z);
     let depth = &view.depth.depths;
@@ -198,18 +198,18 @@ fn surface_at(view: &Viewpoint, x: usize, y: usize, z: f32, tolerance: &Toleranc
     }
 }
 
-/// What one anchor says of every pixel of a target: a label and how far it is to be trusted.
+/// What one keyframe says of every pixel of a target: a label and how far it is to be trusted.
 #[derive(Debug, Clone)]
-pub struct Sightings {
+pub struct ViewLabels {
     packed: Vec<u32>,
 }
 
 /// Weights are kept in steps of one by this.
 const STEPS: f32 = 65535.0;
-/// The anchor sees something farther away through the pixel's place: a label without weight.
+/// The keyframe sees something farther away through the pixel's place: a label without weight.
 const THROUGH: u32 = 0xffff_0000;
 
-impl Sightings {
+impl ViewLabels {
     /// Nothing said of any pixel.
     pub fn none(pixels: usize) -> Self {
         Self {
@@ -217,8 +217,8 @@ impl Sightings {
         }
     }
 
-    /// The label that the anchor gives a pixel (0 = nothing there), with a weight above 0 up to 1; `None` where the
-    /// anchor does not see it.
+    /// The label that the keyframe gives a pixel (0 = nothing there), with a weight above 0 up to 1; `None` where the
+    /// keyframe does not see it.
     pub fn at(&self, pixel: usize) -> Option<(LabelId, f32)> {
         let packed = self.packed[pixel];
         (packed & 0xffff != 0).then(|| {
@@ -229,12 +229,12 @@ impl Sightings {
         })
     }
 
-    /// Whether the anchor sees through the place of the pixel's surface to something behind it.
+    /// Whether the keyframe sees through the place of the pixel's surface to something behind it.
     pub fn is_through(&self, pixel: usize) -> bool {
         self.packed[pixel] == THROUGH
     }
 
-    /// Sets that the anchor sees through the place of a pixel's surface.
+    /// Sets that the keyframe sees through the place of a pixel's surface.
     pub fn set_through(&mut self, pixel: usize) {
         self.packed[pixel] = THROUGH;
     }
@@ -252,17 +252,17 @@ mod tests {
 
     #[test]
     fn what_is_said_and_what_is_seen_through_are_told_apart() {
-        let mut sightings = Sightings::none(3);
-        sightings.set(0, LabelId(u16::MAX), 1e-9);
-        sightings.set_through(1);
+        let mut view_labels = ViewLabels::none(3);
+        view_labels.set(0, LabelId(u16::MAX), 1e-9);
+        view_labels.set_through(1);
         assert!(
-            sightings
+            view_labels
                 .at(0)
                 .is_some_and(|(label, weight)| label == LabelId(u16::MAX) && weight > 0.0)
         );
-        assert_eq!((sightings.at(1), sightings.at(2)), (None, None));
+        assert_eq!((view_labels.at(1), view_labels.at(2)), (None, None));
         assert_eq!(
-            [0, 1, 2].map(|pixel| sightings.is_through(pixel)),
+            [0, 1, 2].map(|pixel| view_labels.is_through(pixel)),
             [false, true, false]
         );
     }

@@ -10,27 +10,27 @@ use ostra_masks::MaskError;
 
 /// Where a frame was taken from, and through what.
 #[derive(Debug, Clone, Copy)]
-pub struct Stand {
+pub struct PosedCamera {
     pub camera: Camera,
     pub camera_from_world: Pose,
 }
 
 /// A frame's camera and depth, with the ray of every pixel.
 #[derive(Debug, Clone)]
-pub struct Viewpoint {
-    pub stand: Stand,
+pub struct DepthView {
+    pub posed: PosedCamera,
     pub depth: Arc<DepthMap>,
     /// The point on the plane z = 1 that each pixel sees, row by row.
     pub rays: Arc<Vec<Vec2>>,
 }
 
-impl Viewpoint {
+impl DepthView {
     pub fn width(&self) -> usize {
-        self.stand.camera.width as usize
+        self.posed.camera.width as usize
     }
 
     pub fn height(&self) -> usize {
-        self.stand.camera.height as usize
+        self.posed.camera.height as usize
     }
 
     /// The point seen at a pixel, in camera space; `None` where depth or ray is unknown.
@@ -42,7 +42,7 @@ impl Viewpoint {
 
     /// From camera space to world space.
     pub fn to_world(&self) -> impl Fn(Vec3) -> Vec3 + Sync {
-        let pose = self.stand.camera_from_world.inverse();
+        let pose = self.posed.camera_from_world.inverse();
         let (rotation, translation) = (
             Mat3::from_quat(pose.rotation.as_quat()),
             pose.translation.as_vec3(),
@@ -77,7 +77,7 @@ impl Viewpoint {
 
 /// From one camera's space to another camera's pixels.
 #[derive(Debug, Clone)]
-pub struct Passage {
+pub struct Reprojection {
     rotation: Mat3,
     translation: Vec3,
     lens: Lens,
@@ -90,8 +90,8 @@ enum Lens {
     Distorted(Camera),
 }
 
-impl Passage {
-    pub fn new(from: &Stand, to: &Stand) -> Self {
+impl Reprojection {
+    pub fn new(from: &PosedCamera, to: &PosedCamera) -> Self {
         let pose = to
             .camera_from_world
             .compose(&from.camera_from_world.inverse());
@@ -121,7 +121,7 @@ impl Passage {
         self.rotation * direction
     }
 
-    /// Where a point of the other camera's space is seen, also beside the picture; `None` behind the camera.
+    /// Where a point of the other camera's space is seen, also beside the image; `None` behind the camera.
     pub fn project(&self, point: Vec3) -> Option<Vec2> {
         if point.z <= 0.0 {
             return None;
@@ -134,7 +134,7 @@ impl Passage {
         }
     }
 
-    /// [`Self::project`] within the picture only.
+    /// [`Self::project`] within the image only.
     pub fn pixel(&self, point: Vec3) -> Option<Vec2> {
         let at = self.project(point)?;
         (at.x >= 0.0 && at.y >= 0.0 && at.x < self.size.x && at.y < self.size.y).then_some(at)
@@ -147,7 +147,7 @@ const TABLES: usize = 4;
 /// The frames of a request as viewpoints; pixels are loaded on demand. Frames whose image or depth cannot be read are
 /// noted.
 #[derive(Debug)]
-pub struct Views<'a> {
+pub struct DepthViews<'a> {
     frames: &'a [Frame],
     store: &'a FrameStore,
     tables: Mutex<Vec<(Camera, Arc<Vec<Vec2>>)>>,
@@ -155,7 +155,7 @@ pub struct Views<'a> {
     unread: Mutex<BTreeMap<usize, FrameError>>,
 }
 
-impl<'a> Views<'a> {
+impl<'a> DepthViews<'a> {
     pub fn new(frames: &'a [Frame], store: &'a FrameStore) -> Self {
         Self {
             frames,
@@ -166,38 +166,38 @@ impl<'a> Views<'a> {
     }
 
     /// Camera and pose of a frame that has depth too; `None` where one is missing.
-    pub fn stand(&self, frame: usize) -> Option<Stand> {
+    pub fn posed_camera(&self, frame: usize) -> Option<PosedCamera> {
         let frame = &self.frames[frame];
         frame.depth.as_ref()?;
         let (&camera, &camera_from_world) = frame.posed_camera()?;
-        Some(Stand {
+        Some(PosedCamera {
             camera,
             camera_from_world,
         })
     }
 
     /// All frames that have depth and camera.
-    pub fn stands(&self) -> impl Iterator<Item = (usize, Stand)> {
-        (0..self.frames.len()).filter_map(|frame| Some((frame, self.stand(frame)?)))
+    pub fn posed_cameras(&self) -> impl Iterator<Item = (usize, PosedCamera)> {
+        (0..self.frames.len()).filter_map(|frame| Some((frame, self.posed_camera(frame)?)))
     }
 
-    /// A frame that has a [`Self::stand`], with its depth; `None` where that cannot be read.
+    /// A frame that has a [`Self::posed`], with its depth; `None` where that cannot be read.
     ///
     /// # Errors
-    /// [`MaskError::Request`] where camera and picture differ in size; [`MaskError::Stopped`].
-    pub fn load(&self, frame: usize) -> Result<Option<Viewpoint>, MaskError> {
+    /// [`MaskError::Request`] where camera and image differ in size; [`MaskError::Stopped`].
+    pub fn load(&self, frame: usize) -> Result<Option<DepthView>, MaskError> {
         let of = &self.frames[frame];
         let Some(depth) = self.noted(frame, self.store.depth(of))? else {
             return Ok(None);
         };
-        let (Some(stand), Some(depth)) = (self.stand(frame), depth) else {
+        let (Some(posed), Some(depth)) = (self.posed_camera(frame), depth) else {
             return Err(MaskError::Request(format!(
                 "{} has no depth or no camera",
                 of.name
             )));
         };
         let sizes = [
-            (stand.camera.width, stand.camera.height),
+            (posed.camera.width, posed.camera.height),
             (depth.width, depth.height),
         ];
         if let Some((width, height)) = sizes
@@ -210,14 +210,14 @@ impl<'a> Views<'a> {
             );
             return Err(MaskError::Request(format!("{text}; give them in one size")));
         }
-        Ok(Some(Viewpoint {
-            stand,
+        Ok(Some(DepthView {
+            posed,
             depth,
-            rays: self.rays(&stand.camera),
+            rays: self.rays(&posed.camera),
         }))
     }
 
-    /// The picture of a frame; `None` where it cannot be read.
+    /// The image of a frame; `None` where it cannot be read.
     ///
     /// # Errors
     /// [`MaskError::Stopped`].
@@ -289,7 +289,7 @@ pub fn rays_of(camera: &Camera) -> Vec<Vec2> {
     rays
 }
 
-/// Columns and rows of a picture, from the first to before the last.
+/// Columns and rows of a image, from the first to before the last.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PixelBox {
     pub left: usize,
@@ -299,7 +299,7 @@ pub struct PixelBox {
 }
 
 impl PixelBox {
-    /// Around one pixel.
+    /// ClickDistances one pixel.
     pub fn pixel(x: usize, y: usize) -> Self {
         Self {
             left: x,
@@ -317,7 +317,7 @@ impl PixelBox {
         self.bottom - self.top
     }
 
-    /// Around both.
+    /// ClickDistances both.
     pub fn union(&self, other: &Self) -> Self {
         Self {
             left: self.left.min(other.left),
@@ -335,7 +335,7 @@ impl PixelBox {
             && other.top < self.bottom
     }
 
-    /// Wider by `margin` on each side, within a picture.
+    /// Wider by `margin` on each side, within a image.
     pub fn grown(&self, margin: usize, width: usize, height: usize) -> Self {
         Self {
             left: self.left.saturating_sub(margin),

@@ -1,7 +1,7 @@
 use glam::{Vec2, Vec3};
 
+use super::depth_view::{DepthView, Reprojection};
 use super::options::Tolerance;
-use super::viewpoint::{Passage, Viewpoint};
 use ostra_core::job::{Progress, Stopped};
 use ostra_frames::DepthMap;
 
@@ -37,18 +37,18 @@ struct Seen {
 /// Draws the surfaces of `source` as `target` sees them into `canvas` (a pixel each of the target), the nearest on top;
 /// surfaces that turn their backs are left out.
 pub fn draw(
-    source: &Viewpoint,
-    target: &Viewpoint,
+    source: &DepthView,
+    target: &DepthView,
     canvas: &mut [Drawn],
     progress: &Progress,
 ) -> Result<(), Stopped> {
-    let passage = Passage::new(&source.stand, &target.stand);
+    let reprojection = Reprojection::new(&source.posed, &target.posed);
     let (width, height) = (source.width(), source.height());
-    let zoom = (target.stand.camera.focal_px.x / source.stand.camera.focal_px.x) as f32;
+    let zoom = (target.posed.camera.focal_px.x / source.posed.camera.focal_px.x) as f32;
     let see = |at: usize| {
         let point: Vec3 = source.point(at)?;
-        let moved = passage.transform(point);
-        let at_px = passage.project(moved).filter(|at| at.is_finite())?;
+        let moved = reprojection.transform(point);
+        let at_px = reprojection.project(moved).filter(|at| at.is_finite())?;
         Some(Seen {
             at_px,
             depth: moved.z,
@@ -98,7 +98,7 @@ fn footprint(seen: Seen, right: Option<Seen>, below: Option<Seen>, zoom: f32) ->
     Some((half + 0.25).min(Vec2::splat(LARGEST_HALF)))
 }
 
-fn fill(canvas: &mut [Drawn], target: &Viewpoint, seen: Seen, half: Vec2, from: u32) {
+fn fill(canvas: &mut [Drawn], target: &DepthView, seen: Seen, half: Vec2, from: u32) {
     let (low, high) = (seen.at_px - half, seen.at_px + half);
     let (width, height) = (target.width(), target.height());
     if high.x < 0.0 || high.y < 0.0 || low.x >= width as f32 || low.y >= height as f32 {
@@ -122,7 +122,7 @@ fn fill(canvas: &mut [Drawn], target: &Viewpoint, seen: Seen, half: Vec2, from: 
 /// that sees it).
 #[derive(Debug)]
 pub struct Completion<'a> {
-    view: &'a Viewpoint,
+    view: &'a DepthView,
     tolerance: Tolerance,
     /// Pixels without depth, in order.
     holes: Vec<u32>,
@@ -131,7 +131,7 @@ pub struct Completion<'a> {
 }
 
 impl<'a> Completion<'a> {
-    pub fn new(view: &'a Viewpoint, tolerance: Tolerance) -> Self {
+    pub fn new(view: &'a DepthView, tolerance: Tolerance) -> Self {
         let depths = view.depth.depths.iter().zip(0..);
         let holes: Vec<u32> = depths
             .filter(|&(&depth, _)| depth <= 0.0)
@@ -147,7 +147,7 @@ impl<'a> Completion<'a> {
     }
 
     /// Draws another frame's surfaces.
-    pub fn add(&mut self, source: &Viewpoint, progress: &Progress) -> Result<(), Stopped> {
+    pub fn add(&mut self, source: &DepthView, progress: &Progress) -> Result<(), Stopped> {
         let mut canvas = vec![Drawn::NOTHING; self.view.rays.len()];
         draw(source, self.view, &mut canvas, progress)?;
         for (&hole, drawn) in self.holes.iter().zip(&mut self.drawn) {
