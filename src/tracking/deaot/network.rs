@@ -3,7 +3,7 @@ use ostra_compute::nn::{Network, NnError, Tensor};
 use ostra_core::job::Progress;
 use ostra_masks::MaskError;
 
-/// The four networks, shared by all walks through pictures.
+/// The four networks, shared by all passes through pictures.
 #[derive(Debug)]
 pub(super) struct Networks {
     encoder: Network,
@@ -13,7 +13,7 @@ pub(super) struct Networks {
     names: Names,
 }
 
-/// Objects told apart in one run; a run's first channel is of nothing.
+/// Objects distinguished in one run; a run's first channel is of nothing.
 pub(super) const OBJECTS: usize = 10;
 
 /// Names of inputs and outputs, layer by layer.

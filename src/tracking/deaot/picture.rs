@@ -285,7 +285,7 @@ mod tests {
         let found = probabilities(&[&first, &second], 11, (2, 1));
         let sum: f32 = found.iter().step_by(2).sum();
         assert!((sum - 1.0).abs() < 1e-5);
-        // Ten objects with logits 1, 0 … 0 beside nothing, one with 2 beside nothing.
+        // Ten objects with logits 1, 0 … 0 next to nothing, one with 2 next to nothing.
         let (of_first, of_second) = (
             1f64.exp() / (10.0 + 1f64.exp()),
             2f64.exp() / (1.0 + 2f64.exp()),

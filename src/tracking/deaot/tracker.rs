@@ -183,13 +183,9 @@ impl<'a> DeaotPass<'a> {
             return Ok(());
         };
         let shown = self.shown(&last.image);
-        let numbers = nearest(
-            &last.numbers,
-            (last.image.width as usize, last.image.height as usize),
-            shown,
-        );
+        let numbers = NumberMap::new(&last.numbers, &last.image, shown);
         for (group, seen) in self.groups.iter_mut().zip(last.seen) {
-            group.keep(self.networks, seen, (&numbers, shown), &self.options)?;
+            group.keep(self.networks, seen, &numbers, &self.options)?;
         }
         Ok(())
     }
@@ -266,18 +262,18 @@ impl<'a> DeaotPass<'a> {
             }
         }
         let shown = self.shown(image);
-        let numbers = nearest(
-            &numbers,
-            (image.width as usize, image.height as usize),
-            shown,
-        );
-        let picture = (&features, numbers.as_slice(), shown);
+        let numbers = NumberMap::new(&numbers, image, shown);
         for group in &mut self.groups {
-            group.remember(self.networks, picture)?;
+            group.remember(self.networks, &features, &numbers)?;
         }
         for at in self.groups.len()..self.labels.len().div_ceil(OBJECTS) {
-            self.groups
-                .push(Group::new(self.networks, at, picture, &self.options)?);
+            self.groups.push(Group::new(
+                self.networks,
+                at,
+                &features,
+                &numbers,
+                &self.options,
+            )?);
         }
         Ok(())
     }
@@ -329,7 +325,26 @@ fn check(image: &Image) -> Result<(), MaskError> {
     )))
 }
 
-/// What is remembered of up to ten objects that are told apart in one run.
+/// The number of the object in every pixel that the network sees, row by row; 0 is nothing.
+pub(super) struct NumberMap {
+    numbers: Vec<usize>,
+    columns: usize,
+    rows: usize,
+}
+
+impl NumberMap {
+    /// From the numbers in the pixels of an image.
+    fn new(numbers: &[usize], image: &Image, shown: (usize, usize)) -> Self {
+        let size = (image.width as usize, image.height as usize);
+        Self {
+            numbers: nearest(numbers, size, shown),
+            columns: shown.0,
+            rows: shown.1,
+        }
+    }
+}
+
+/// What is remembered of up to ten objects that are distinguished in one run.
 #[derive(Debug)]
 pub(super) struct Group {
     /// Number of its first object; 0 is nothing.
@@ -341,17 +356,16 @@ pub(super) struct Group {
 }
 
 impl Group {
-    /// Of group `at`, from 0, and a picture in which its objects are given; `numbers` row by row at the network's size
-    /// of `shown` (columns, rows).
+    /// Of group `at`, from 0, and an image in which its objects are given.
     pub fn new(
         networks: Running<'_>,
         at: usize,
-        picture: (&Features, &[usize], (usize, usize)),
+        features: &Features,
+        given: &NumberMap,
         options: &DeaotOptions,
     ) -> Result<Self, MaskError> {
         let first = at * OBJECTS + 1;
-        let (features, numbers, shown) = picture;
-        let short = networks.remember(features, &one_hot(numbers, first, shown)?)?;
+        let short = networks.remember(features, &one_hot(given, first)?)?;
         Ok(Self {
             first,
             long: LongMemory::new(&short, options.most_remembered),
@@ -364,9 +378,10 @@ impl Group {
     pub fn remember(
         &mut self,
         networks: Running<'_>,
-        (features, numbers, shown): (&Features, &[usize], (usize, usize)),
+        features: &Features,
+        given: &NumberMap,
     ) -> Result<(), MaskError> {
-        self.short = networks.remember(features, &one_hot(numbers, self.first, shown)?)?;
+        self.short = networks.remember(features, &one_hot(given, self.first)?)?;
         self.long.push(&self.short, true).map_err(network_error)?;
         self.since = 0;
         Ok(())
@@ -387,10 +402,10 @@ impl Group {
         &mut self,
         networks: Running<'_>,
         seen: Seen,
-        (numbers, shown): (&[usize], (usize, usize)),
+        found: &NumberMap,
         options: &DeaotOptions,
     ) -> Result<(), MaskError> {
-        self.short = networks.identify(seen, &one_hot(numbers, self.first, shown)?)?;
+        self.short = networks.identify(seen, &one_hot(found, self.first)?)?;
         if self.since >= options.remembered_every {
             self.long.push(&self.short, false).map_err(network_error)?;
             self.since = 0;
@@ -400,11 +415,12 @@ impl Group {
 }
 
 /// `[1, 11, rows, columns]`: one where a channel's object is; what is not of this group is nothing.
-fn one_hot(
-    numbers: &[usize],
-    first: usize,
-    (columns, rows): (usize, usize),
-) -> Result<Tensor, MaskError> {
+fn one_hot(map: &NumberMap, first: usize) -> Result<Tensor, MaskError> {
+    let NumberMap {
+        numbers,
+        columns,
+        rows,
+    } = map;
     let mut planes = vec![0.0; (OBJECTS + 1) * numbers.len()];
     for (at, &number) in numbers.iter().enumerate() {
         let channel = (number + 1)
@@ -413,7 +429,7 @@ fn one_hot(
             .unwrap_or(0);
         planes[channel * numbers.len() + at] = 1.0;
     }
-    Tensor::floats(&[1, OBJECTS + 1, rows, columns], planes).map_err(network_error)
+    Tensor::floats(&[1, OBJECTS + 1, *rows, *columns], planes).map_err(network_error)
 }
 
 #[cfg(test)]
@@ -422,7 +438,12 @@ mod tests {
 
     #[test]
     fn objects_of_other_groups_are_nothing() {
-        let mask = one_hot(&[0, 1, 10, 11, 12, 20, 21], 11, (7, 1)).unwrap();
+        let map = NumberMap {
+            numbers: vec![0, 1, 10, 11, 12, 20, 21],
+            columns: 7,
+            rows: 1,
+        };
+        let mask = one_hot(&map, 11).unwrap();
         let channel = |at: usize| {
             (0..=OBJECTS)
                 .filter(|channel| mask.as_floats()[channel * 7 + at] > 0.0)

@@ -120,7 +120,7 @@ pub(super) fn evidence(
 }
 
 /// What the patches of the last frame and of the one beyond say: of where flow comes from, and of where the object does if
-/// it goes on as it moves now. `None` where the frame beyond does not show the object: nobody may have looked for it there.
+/// it goes on as it moves now. `None` where the frame beyond does not show the object: it may not have been looked for there.
 fn votes_of_both(
     object: &Object,
     prediction: &Prediction,

@@ -18,7 +18,7 @@ const CELLS_ACROSS: f32 = 10.0;
 const MOST_CELLS: usize = 48;
 /// Frames over which the area is remembered.
 const REMEMBERED: usize = 10;
-/// How often a cut that grew too much is made anew, and by how much the odds fall each time.
+/// How often a cut that grew too much is made again, and by how much the odds fall each time.
 const TRIES: usize = 6;
 const FALL: f32 = 0.3;
 /// What trust a pixel keeps that was taken for background, and gains as part of the object.
@@ -35,7 +35,7 @@ const SEARCH_GROWTH: f32 = 0.1;
 const WIDEST_SEARCH: f32 = 3.0;
 /// How far the shape is expected where an object that was hidden seems to come back, 0–1.
 const REAPPEARS: f32 = 0.6;
-/// Power of a step's share in the confidence, fitted on the seven films of `davis2016`: with it the confidence is their IoU
+/// Power of a step's share in the confidence, fitted on the seven videos of `davis2016`: with it the confidence is their IoU
 /// on average.
 const FADE: f32 = 0.05;
 

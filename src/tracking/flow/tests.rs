@@ -1,4 +1,4 @@
-//! The tracker on small films made here: textured things before a textured wall.
+//! The tracker on small videos made here: textured things before a textured wall.
 
 use std::collections::BTreeMap;
 use std::ops::Range;

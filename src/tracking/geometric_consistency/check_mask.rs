@@ -6,7 +6,7 @@ use crate::reprojection::{ReprojectedLabels, ReprojectionOptions};
 use ostra_cloud::doubt::{Sighted, mask_has_near};
 use ostra_masks::{Connectivity, LabelId, LabelMask, MaskError, Region, WalkedFrame, components};
 
-/// How masks are held against geometry.
+/// How masks are checked against geometry.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConsistencyOptions {
     /// How the keyframes' masks are carried.
@@ -17,9 +17,9 @@ pub struct ConsistencyOptions {
     pub least_weight: f32,
     /// Borders that differ by no more are the tracker's, in pixels.
     pub border_px: u32,
-    /// Conflicts of fewer connected pixels are let pass, and objects contradicted in fewer have not strayed.
+    /// Conflicts of fewer connected pixels are let pass, and objects contradicted in fewer have not drifted away.
     pub least_area: usize,
-    /// Frames that a walk goes on after an object was given to it anew, before it is given one again.
+    /// Frames that a pass goes on after an object was given to it again, before it is given one again.
     pub rest: usize,
 }
 
@@ -36,7 +36,7 @@ impl Default for ConsistencyOptions {
     }
 }
 
-/// A tracker's answer after it was held against geometry.
+/// A tracker's answer after it was checked against geometry.
 pub struct CheckedMask {
     pub walked: WalkedFrame,
     /// Pixels that have another label now.
@@ -56,8 +56,8 @@ impl CheckedMask {
     }
 }
 
-/// Holds a tracker's answer against geometry. `carried` makes the mask of the frame by geometry alone, which shows where
-/// objects that strayed are seen, also beside what is sure; it is asked for only where there are any.
+/// Checks a tracker's answer against geometry. `carried` makes the mask of the frame by geometry alone, which shows where
+/// objects that drifted away are seen, also next to what is sure; it is asked for only where there are any.
 ///
 /// # Errors
 /// What `carried` says.
@@ -96,7 +96,7 @@ pub fn check_mask(
     })
 }
 
-/// Gives objects that strayed the pixels without a label in which they are carried, unless geometry is sure of another.
+/// Gives objects that drifted away the pixels without a label in which they are carried, unless geometry is sure of another.
 fn complete(mask: &mut LabelMask, carried: &LabelMask, sighted: &Sighted, found: &Conflicts) {
     for ((id, &carried), verdict) in mask.ids.iter_mut().zip(&carried.ids).zip(&sighted.labels) {
         if *id == LabelId::NONE && verdict.is_none() && found.drifted.contains_key(&carried) {
@@ -105,7 +105,7 @@ fn complete(mask: &mut LabelMask, carried: &LabelMask, sighted: &Sighted, found:
     }
 }
 
-/// What is shown, as sure as the tracker was of it; what was mended, by the share of its pixels that geometry confirms.
+/// What is shown, as sure as the tracker was of it; what was corrected, by the share of its pixels that geometry confirms.
 fn confidence(
     mask: &LabelMask,
     sighted: &Sighted,
@@ -295,7 +295,7 @@ fn drifted(
 }
 
 /// Takes pixels of which geometry is not sure along with the nearest ones of the same object of which it is: a few steps
-/// into objects that were mended, anywhere in those that strayed, whose detached parts take what most of the object takes.
+/// into objects that were corrected, anywhere in those that drifted away, whose detached parts take what most of the object takes.
 /// `mask` is what became of `tracked` so far.
 fn spread(
     mask: &mut LabelMask,

@@ -11,6 +11,13 @@ use ostra_masks::{
     Direction, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker, WalkedFrame,
 };
 
+/// What masks are checked against, and how.
+#[derive(Clone, Copy)]
+pub struct Geometry<'a> {
+    pub keyframe_views: &'a KeyframeViews<'a>,
+    pub options: &'a ConsistencyOptions,
+}
+
 /// One pass of a tracker over the frames, checked against geometry frame by frame. Where an object drifted away, the tracker is
 /// stopped and begins again with the corrected mask as a keyframe.
 ///
@@ -18,13 +25,13 @@ use ostra_masks::{
 /// the frames itself and is only watched through what it hands on.
 pub struct CheckedPass<'a> {
     tracker: &'a dyn Tracker,
-    /// Forward or backward; with the mended masks that the tracker began anew from.
+    /// Forward or backward; with the corrected masks that the tracker began again from.
     request: TrackRequest,
     /// Frames still to come.
     pending: BTreeSet<usize>,
     /// Frames that the tracker passed over since it began.
     passed: BTreeSet<usize>,
-    /// The frame on which the tracker began anew last.
+    /// The frame on which the tracker began again last.
     seeded: Option<usize>,
     keyframe_views: &'a KeyframeViews<'a>,
     ahead: EvidenceAhead<'a>,
@@ -32,34 +39,38 @@ pub struct CheckedPass<'a> {
     progress: &'a Progress,
 }
 
-/// What a walk says of a frame.
+/// What a pass says of a frame.
 pub struct Answer {
     pub frame: usize,
     pub walked: WalkedFrame,
-    /// Frames since the walk last began, at a keyframe or at a mended mask.
+    /// Frames since the pass last began, at a keyframe or at a corrected mask.
     pub steps: usize,
 }
 
-/// Takes the answers of a walk.
+/// Takes the answers of a pass.
 pub type Found<'a> = dyn FnMut(Answer) -> Result<(), Stopped> + 'a;
 
 /// How the tracker ended.
 enum End {
-    /// It was stopped at a frame, to begin anew from this mask there.
+    /// It was stopped at a frame, to begin again from this mask there.
     Seed(usize, LabelMask),
     /// It is through, with these warnings.
     Through(Vec<String>),
 }
 
 impl<'a> CheckedPass<'a> {
-    /// A walk to `targets`, which are not empty; `request` goes one way.
+    /// A pass to `targets`, which are not empty; `request` goes one way.
     pub fn new(
         tracker: &'a dyn Tracker,
         request: TrackRequest,
         targets: BTreeSet<usize>,
-        (keyframe_views, options): (&'a KeyframeViews<'a>, &'a ConsistencyOptions),
+        geometry: Geometry<'a>,
         progress: &'a Progress,
     ) -> Self {
+        let Geometry {
+            keyframe_views,
+            options,
+        } = geometry;
         let ahead = EvidenceAhead::new(keyframe_views);
         Self {
             tracker,
@@ -74,7 +85,7 @@ impl<'a> CheckedPass<'a> {
         }
     }
 
-    /// Walks to the end; the tracker's warnings. Where it cannot go on after it began anew, the reason is among them.
+    /// Runs to the end; the tracker's warnings. Where it cannot go on after it began again, the reason is among them.
     ///
     /// # Errors
     /// What the tracker says that does not even begin; [`MaskError::Stopped`].
@@ -105,7 +116,7 @@ impl<'a> CheckedPass<'a> {
         self.request.to = self.pending.last().copied().unwrap_or(frame);
     }
 
-    /// Lets the tracker go until an object strayed.
+    /// Lets the tracker go until an object drifted away.
     fn stretch(
         &mut self,
         report: &mut ConsistencyReport,
@@ -172,7 +183,7 @@ impl<'a> CheckedPass<'a> {
         Ok(seed)
     }
 
-    /// What geometry says of a frame; `None`, which the account tells, where that cannot be had.
+    /// What geometry says of a frame; `None`, which the report names, where that cannot be had.
     fn evidence(
         &mut self,
         frame: usize,
@@ -220,7 +231,7 @@ impl<'a> CheckedPass<'a> {
         self.passed.extend(passed);
     }
 
-    /// Frames to where the walk last began.
+    /// Frames to where the pass last began.
     fn steps(&self, frame: usize) -> usize {
         let anchors = &self.request.anchors;
         let begun = match self.request.direction {
@@ -231,7 +242,7 @@ impl<'a> CheckedPass<'a> {
     }
 }
 
-/// What keyframes say of the frames of a walk, asked for a few frames at once: one for each thread.
+/// What keyframes say of the frames of a pass, asked for a few frames at once: one for each thread.
 struct EvidenceAhead<'a> {
     keyframe_views: &'a KeyframeViews<'a>,
     ready: BTreeMap<usize, Result<Option<ReprojectedLabels>, MaskError>>,
@@ -281,13 +292,13 @@ const NAMED: usize = 4;
 /// What geometry did to a tracker's masks.
 #[derive(Debug, Default)]
 pub struct ConsistencyReport {
-    /// Frames held against it.
+    /// Frames checked against it.
     pub held: BTreeSet<usize>,
-    /// Pixels mended, by frame; where two walks came by, in the worse one.
+    /// Pixels corrected, by frame; where two passes came by, in the worse one.
     pub mended: BTreeMap<usize, usize>,
-    /// Frames on which objects were given to the tracker anew.
+    /// Frames on which objects were given to the tracker again.
     pub seeded: BTreeSet<usize>,
-    /// Frames that the tracker passed over before it began anew.
+    /// Frames that the tracker passed over before it began again.
     pub passed: BTreeSet<usize>,
     /// Frames left to the tracker: without depth or camera, or none that could be read.
     pub left: BTreeSet<usize>,
@@ -296,7 +307,7 @@ pub struct ConsistencyReport {
 }
 
 impl ConsistencyReport {
-    /// Notes what was mended on a frame.
+    /// Notes what was corrected on a frame.
     pub fn note(&mut self, frame: usize, mended: usize) {
         self.held.insert(frame);
         if mended > 0 {

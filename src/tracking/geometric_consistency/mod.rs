@@ -1,5 +1,5 @@
-//! Any tracker's masks held against the keyframes' masks carried through geometry: what contradicts is mended, and an
-//! object that strayed is given to the tracker anew.
+//! Any tracker's masks checked against the keyframes' masks carried through geometry: what contradicts is corrected, and an
+//! object that drifted away is given to the tracker again.
 
 mod check_mask;
 mod checked_pass;

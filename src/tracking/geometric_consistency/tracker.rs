@@ -2,7 +2,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::check_mask::ConsistencyOptions;
-use super::checked_pass::{Answer, CheckedPass, ConsistencyReport, Found};
+use super::checked_pass::{Answer, CheckedPass, ConsistencyReport, Found, Geometry};
 use crate::reprojection::{DepthViews, KeyframeViews};
 use ostra_core::job::{Progress, Stopped};
 use ostra_masks::{
@@ -10,11 +10,11 @@ use ostra_masks::{
     WalkedFrame, merged,
 };
 
-/// Any tracker, its masks held against the keyframes' masks carried through geometry: the positional relations that the
+/// Any tracker, its masks checked against the keyframes' masks carried through geometry: the positional relations that the
 /// authors of the OSTRA method (Xu, Zhao, Tang, Gan, *A One Stop 3D Target Reconstruction and multilevel Segmentation
 /// Method*) wish for to constrain it. Where a frame has depth and a camera and its surface is one that keyframes see, their
 /// label counts, but for borders of a few pixels; an object that is mostly elsewhere (swapped with another, drifted away,
-/// lost) is given to the tracker anew on that frame. Geometry abstains where no keyframe sees the frame's surface, as where
+/// lost) is given to the tracker again on that frame. Geometry abstains where no keyframe sees the frame's surface, as where
 /// an object moved, and on frames without depth or camera.
 pub struct ConsistencyTracker {
     /// The tracker.
@@ -43,7 +43,10 @@ impl Tracker for ConsistencyTracker {
         let views = DepthViews::new(&carried.frames, &carried.store);
         let keyframe_views = KeyframeViews::new(&self.options.carry, &carried, &views);
         check(request, &keyframe_views)?;
-        let geometry = (&keyframe_views, &self.options);
+        let geometry = Geometry {
+            keyframe_views: &keyframe_views,
+            options: &self.options,
+        };
         let mut lines = Run {
             tracker: &*self.tracker,
             request,
@@ -102,15 +105,15 @@ fn check(request: &TrackRequest, keyframe_views: &KeyframeViews<'_>) -> Result<(
     Ok(())
 }
 
-/// A tracking run of one walk or two; where two come by, they are merged.
+/// A tracking run of one pass or two; where two come by, they are merged.
 pub struct Run<'a> {
     pub tracker: &'a dyn Tracker,
     pub request: &'a TrackRequest,
-    pub geometry: (&'a KeyframeViews<'a>, &'a ConsistencyOptions),
+    pub geometry: Geometry<'a>,
     pub progress: &'a Progress,
 }
 
-/// An answer of the walk forwards, kept until the walk backwards comes by.
+/// An answer of the pass forwards, kept until the pass backwards comes by.
 struct Kept {
     runs: RunMask,
     confidence: BTreeMap<LabelId, f32>,
@@ -176,7 +179,7 @@ impl Run<'_> {
             },
         );
         let second = unless_stopped(second)?;
-        // The walk backwards did not reach them.
+        // The pass backwards did not reach them.
         for (
             frame,
             Kept {
@@ -203,7 +206,7 @@ impl Run<'_> {
         Ok(lines)
     }
 
-    /// The frames asked for that have a keyframe on the side that a walk comes from.
+    /// The frames asked for that have a keyframe on the side that a pass comes from.
     fn targets(&self, way: Direction) -> BTreeSet<usize> {
         let TrackRequest {
             anchors,

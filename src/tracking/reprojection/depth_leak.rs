@@ -5,7 +5,7 @@ use ostra_masks::{LabelId, LabelMask};
 
 /// Depth may change by this many times its change on a plane seen at 45° from pixel to pixel, within one surface.
 const STEEPEST: f32 = 4.0;
-/// Pixels without depth that may lie between a label's patch and what is beside it.
+/// Pixels without depth that may lie between a label's patch and what is next to it.
 const WALK: usize = 3;
 /// Only patches narrower than about twice this are taken for lost rims and tips, pixels.
 const HALF_WIDTH: usize = 4;

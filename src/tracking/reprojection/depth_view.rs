@@ -121,7 +121,7 @@ impl Reprojection {
         self.rotation * direction
     }
 
-    /// Where a point of the other camera's space is seen, also beside the image; `None` behind the camera.
+    /// Where a point of the other camera's space is seen, also next to the image; `None` behind the camera.
     pub fn project(&self, point: Vec3) -> Option<Vec2> {
         if point.z <= 0.0 {
             return None;

@@ -52,7 +52,7 @@ impl Keyframe {
     }
 
     /// Whether its showing `seen` somewhere says anything of `label` there. A keyframe without the label speaks against it
-    /// only where it shows another one: nobody may have looked for the label there.
+    /// only where it shows another one: the label may not have been looked for there.
     pub fn bears_on(&self, label: LabelId, seen: LabelId) -> bool {
         seen != LabelId::NONE || label == LabelId::NONE || self.labels.binary_search(&label).is_ok()
     }

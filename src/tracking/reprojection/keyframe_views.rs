@@ -2,7 +2,7 @@ use super::decide::decide;
 use super::depth_view::{DepthView, DepthViews, PosedCamera};
 use super::keyframe::{GivenKeyframe, KeyframeCache, keyframes_for, labels_of};
 use super::options::{ReprojectionOptions, Tolerance};
-use super::vote::{Votes, ask};
+use super::vote::{Question, Votes, ask};
 use ostra_core::job::Progress;
 use ostra_masks::{Direction, LabelId, MaskError, TrackRequest, WalkedFrame};
 
@@ -96,15 +96,14 @@ impl<'a> KeyframeViews<'a> {
             let Some(keyframe) = self.ready.get(allowed[place], progress)? else {
                 continue;
             };
-            let tolerance = Tolerance::measured(&target, &keyframe.view, self.options);
-            let view_labels = ask(
-                &keyframe,
-                &target,
-                &tolerance,
-                &mut depths,
-                self.options,
+            let question = Question {
+                keyframe: &keyframe,
+                target: &target,
+                tolerance: Tolerance::measured(&target, &keyframe.view, self.options),
+                options: self.options,
                 progress,
-            )?;
+            };
+            let view_labels = ask(&question, &mut depths)?;
             votes.of_keyframes.push((keyframe, view_labels));
         }
         let is_silent = votes.of_keyframes.is_empty() && !chosen.is_empty();

@@ -29,7 +29,7 @@ pub struct ReprojectionOptions {
     pub color_edge_px: f32,
     /// Extra length of a step over a jump in depth, in pixels.
     pub depth_edge_px: f32,
-    /// Weight of a pixel's own votes beside those that are spread to it; ≥ 0.
+    /// Weight of a pixel's own votes next to those that are spread to it; ≥ 0.
     pub own_weight: f32,
     /// Least weight that decides a pixel; 0–1.
     pub least_weight: f32,

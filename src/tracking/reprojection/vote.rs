@@ -74,33 +74,30 @@ impl Votes {
     }
 }
 
+/// A keyframe that is asked about a target.
+pub struct Question<'a> {
+    pub keyframe: &'a Keyframe,
+    pub target: &'a DepthView,
+    pub tolerance: Tolerance,
+    pub options: &'a ReprojectionOptions,
+    pub progress: &'a Progress,
+}
+
 /// What a keyframe says of a target: pixels with depth are looked up in the keyframe, which answers where its depth agrees;
 /// where the target has no depth the keyframe's surfaces are drawn into it, and into the holes of `drawn`.
-pub fn ask(
-    keyframe: &Keyframe,
-    target: &DepthView,
-    tolerance: &Tolerance,
-    drawn: &mut [f32],
-    options: &ReprojectionOptions,
-    progress: &Progress,
-) -> Result<ViewLabels, Stopped> {
-    let mut view_labels = ViewLabels::none(target.rays.len());
-    look_up(keyframe, target, tolerance, &mut view_labels, progress)?;
-    draw_in_holes(keyframe, target, drawn, options, &mut view_labels, progress)?;
+pub fn ask(question: &Question<'_>, drawn: &mut [f32]) -> Result<ViewLabels, Stopped> {
+    let mut view_labels = ViewLabels::none(question.target.rays.len());
+    look_up(question, &mut view_labels)?;
+    draw_in_holes(question, drawn, &mut view_labels)?;
     Ok(view_labels)
 }
 
-fn look_up(
-    keyframe: &Keyframe,
-    target: &DepthView,
-    tolerance: &Tolerance,
-    view_labels: &mut ViewLabels,
-    progress: &Progress,
-) -> Result<(), Stopped> {
+fn look_up(question: &Question<'_>, view_labels: &mut ViewLabels) -> Result<(), Stopped> {
+    let (keyframe, target) = (question.keyframe, question.target);
     let reprojection = Reprojection::new(&target.posed, &keyframe.view.posed);
     for at in 0..target.rays.len() {
         if at % 16384 == 0 {
-            progress.check()?;
+            question.progress.check()?;
         }
         let Some(point) = target.point(at) else {
             continue;
@@ -110,7 +107,7 @@ fn look_up(
             continue;
         };
         let (x, y) = (px.x as usize, px.y as usize);
-        match surface_at(&keyframe.view, x, y, moved.z, tolerance) {
+        match surface_at(&keyframe.view, x, y, moved.z, &question.tolerance) {
             Found::Surface(hit, agreement) => {
                 let nearness = (point.z / moved.z).min(1.0);
                 view_labels.set(
@@ -127,15 +124,13 @@ fn look_up(
 }
 
 fn draw_in_holes(
-    keyframe: &Keyframe,
-    target: &DepthView,
+    question: &Question<'_>,
     depths: &mut [f32],
-    options: &ReprojectionOptions,
     view_labels: &mut ViewLabels,
-    progress: &Progress,
 ) -> Result<(), Stopped> {
+    let (keyframe, target) = (question.keyframe, question.target);
     let mut canvas = vec![Drawn::NOTHING; target.rays.len()];
-    draw(&keyframe.view, target, &mut canvas, progress)?;
+    draw(&keyframe.view, target, &mut canvas, question.progress)?;
     for (at, drawn) in canvas.iter().enumerate() {
         if drawn.depth < f32::INFINITY && target.depth.depths[at] <= 0.0 {
             let from = drawn.from as usize;
@@ -147,7 +142,7 @@ fn draw_in_holes(
             view_labels.set(
                 at,
                 keyframe.mask.ids[from],
-                options.drawn_weight * keyframe.trust[from],
+                question.options.drawn_weight * keyframe.trust[from],
             );
         }
     }
@@ -164,7 +159,7 @@ enum Found {
     Nothing,
 }
 
-/// The pixel in or beside (`x`, `y`) whose surface lies at depth `z`. Looking at the neighbours too makes slanted surfaces
+/// The pixel in or next to (`x`, `y`) whose surface lies at depth `z`. Looking at the neighbours too makes slanted surfaces
 /// count, and outlines, where depth and image are a pixel apart.
 fn surface_at(view: &DepthView, x: usize, y: usize, z: f32, tolerance: &Tolerance) -> Found {
     let (width, height) = (view.width(), view.height());

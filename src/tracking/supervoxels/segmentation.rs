@@ -8,7 +8,7 @@ use ostra_core::job::Progress;
 
 /// Rounds in which voxels choose their supervoxel.
 const ROUNDS: usize = 6;
-/// Weight of a difference of colour (ΔE) beside one seed step of distance and one of normals.
+/// Weight of a difference of colour (ΔE) next to one seed step of distance and one of normals.
 const COLOR_WEIGHT: f32 = 0.02;
 /// How far voxels that touch may be apart, in sides.
 const TOUCH: f32 = 1.9;
@@ -75,7 +75,7 @@ struct Means {
 }
 
 impl Means {
-    /// Of those with members; `of_voxel` is numbered anew without the others.
+    /// Of those with members; `of_voxel` is numbered again without the others.
     fn of(voxels: &Voxels, normals: &[Vec3], of_voxel: &mut [u32]) -> Self {
         let mut numbers: FxHashMap<u32, u32> = FxHashMap::default();
         let (mut sizes, mut sums): (Vec<u32>, Vec<[Vec3; 3]>) = (Vec::new(), Vec::new());

@@ -97,7 +97,7 @@ impl Voxels {
         self.of_cell.get(&cell(place, self.side)).copied()
     }
 
-    /// Every two voxels beside each other, corners included, no farther apart than `reach` sides.
+    /// Every two voxels next to each other, corners included, no farther apart than `reach` sides.
     pub fn pairs(&self, reach: f32) -> Vec<(u32, u32)> {
         let limit = (reach * self.side).powi(2);
         let beside = |index: u32| {

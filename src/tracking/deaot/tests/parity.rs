@@ -1,4 +1,4 @@
-//! Every logit and mask beside the official implementation on the same random weights (`tests/parity/deaot.py`).
+//! Every logit and mask next to the official implementation on the same random weights (`tests/parity/deaot.py`).
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

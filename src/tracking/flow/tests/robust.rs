@@ -165,7 +165,7 @@ fn masks_between_anchors_lie_between() {
     );
 }
 
-/// A disk as a walk shows it.
+/// A disk as a pass shows it.
 fn walked(x: f32, y: f32, radius: f32, sure: f32) -> WalkedFrame {
     let inside = |at: usize| {
         Vec2::new((at % 40) as f32, (at / 40) as f32).distance(Vec2::new(x, y)) < radius

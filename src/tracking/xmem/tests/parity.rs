@@ -1,4 +1,4 @@
-//! The networks, memory and all around them, beside the answers of the official code on the same weights.
+//! The networks, memory and all around them, next to the answers of the official code on the same weights.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
