@@ -22,11 +22,11 @@ use ostra_reconstruct::sfm::onnx::{
     XFeat, XFeatOptions,
 };
 use ostra_reconstruct::sfm::{FeatureExtractor, FeatureMatcher, Sift, SiftOptions};
-use ostra_tracking::flow::{Describer, FlowTracker};
+use ostra_tracking::flow::{DenseFeatures, FlowTracker};
 use ostra_tracking::{
-    bodies::GeometrySegmenter,
-    carry::GeometryTracker,
-    constrain::{ConstrainOptions, ConstrainedTracker},
+    geometric_consistency::{ConsistencyOptions, ConsistencyTracker},
+    reprojection::GeometryTracker,
+    supervoxels::GeometrySegmenter,
 };
 
 /// The segmenter of this name; `auto` is the best that is installed, `geometry` the one of the frames to be
@@ -155,17 +155,17 @@ pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tr
         any,
         "--constrain needs frames with depth and cameras; add or reconstruct both first, or track without it"
     );
-    Ok(Box::new(ConstrainedTracker {
+    Ok(Box::new(ConsistencyTracker {
         tracker,
-        options: ConstrainOptions::default(),
+        options: ConsistencyOptions::default(),
     }))
 }
 
 /// The flow tracker, which remembers by XFeat where that can be used.
 pub(crate) fn flow_tracker() -> FlowTracker {
-    let describer = is_usable("xfeat").then(|| Arc::new(KeptXFeat) as Arc<dyn Describer>);
+    let features = is_usable("xfeat").then(|| Arc::new(KeptXFeat) as Arc<dyn DenseFeatures>);
     FlowTracker {
-        describer,
+        features,
         ..FlowTracker::default()
     }
 }

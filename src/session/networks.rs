@@ -12,7 +12,7 @@ use ostra_masks::{
 };
 use ostra_tracking::XFeatCells;
 use ostra_tracking::deaot::Deaot;
-use ostra_tracking::flow::{Describer, Description};
+use ostra_tracking::flow::{DenseFeatures, FeatureMap};
 use ostra_tracking::xmem::XMem;
 
 /// A network that is loaded when it is first needed, on the thread that needs it, and kept for the life of the program.
@@ -86,15 +86,15 @@ pub(crate) fn grounding_dino() -> Result<Arc<dyn TextGrounder>, MaskError> {
     Ok(GROUNDING_DINO.get(|| GroundingDino::load(&models_folder()?))?)
 }
 
-/// XFeat, loaded when it first describes a picture.
+/// XFeat, loaded when it is first asked for features.
 #[derive(Debug)]
 pub(crate) struct KeptXFeat;
 
-impl Describer for KeptXFeat {
-    fn describe(&self, grey: &[f32], size: (usize, usize)) -> Result<Description, MaskError> {
+impl DenseFeatures for KeptXFeat {
+    fn feature_map(&self, grey: &[f32], size: (usize, usize)) -> Result<FeatureMap, MaskError> {
         XFEAT
             .get(|| XFeatCells::load(&models_folder()?))?
-            .describe(grey, size)
+            .feature_map(grey, size)
     }
 }
 

@@ -10,7 +10,7 @@ use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::graph_cut::settled;
 use ostra_masks::{PreparedFrame, Segmenter};
-use ostra_tracking::bodies::GeometrySegmenter;
+use ostra_tracking::supervoxels::GeometrySegmenter;
 
 /// Bytes of frames prepared for prompts.
 const PREPARED_BYTES: usize = 384 << 20;

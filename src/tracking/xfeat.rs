@@ -1,6 +1,7 @@
 use std::path::Path;
 
-use crate::flow::{Describer, Description};
+use crate::flow::{DenseFeatures, FeatureMap};
+use crate::networks::network_error;
 use ostra_compute::nn::{Network, NnError, Tensor, load};
 use ostra_masks::MaskError;
 
@@ -30,9 +31,8 @@ impl XFeatCells {
     }
 }
 
-impl Describer for XFeatCells {
-    fn describe(&self, grey: &[f32], size: (usize, usize)) -> Result<Description, MaskError> {
-        let told = |error: NnError| MaskError::Network(error.to_string());
+impl DenseFeatures for XFeatCells {
+    fn feature_map(&self, grey: &[f32], size: (usize, usize)) -> Result<FeatureMap, MaskError> {
         let (width, height) = (
             size.0.next_multiple_of(MULTIPLE),
             size.1.next_multiple_of(MULTIPLE),
@@ -41,21 +41,24 @@ impl Describer for XFeatCells {
         let shown = (0..width * height)
             .map(|at| (at / width).min(size.1 - 1) * size.0 + (at % width).min(size.0 - 1));
         let input = Tensor::floats(&[1, 1, height, width], shown.map(|at| grey[at]).collect())
-            .map_err(told)?;
-        let given = self.network.run(&[("input", &input)]).map_err(told)?;
+            .map_err(network_error)?;
+        let given = self
+            .network
+            .run(&[("input", &input)])
+            .map_err(network_error)?;
         let (columns, rows) = (width / CELL_PX, height / CELL_PX);
         let features = given
             .iter()
-            .find(|output| output.shape() == [1, Description::DIM, rows, columns]);
+            .find(|output| output.shape() == [1, FeatureMap::DIM, rows, columns]);
         let path = self.network.path().display();
         let unfit = || {
             MaskError::Network(format!(
                 "{path}: does not give {} values per cell",
-                Description::DIM
+                FeatureMap::DIM
             ))
         };
         let planes = features.ok_or_else(unfit)?.as_floats();
-        Ok(Description::of_planes(
+        Ok(FeatureMap::of_planes(
             planes,
             (columns, rows),
             size,

@@ -8,7 +8,7 @@ use ostra_eval::synthetic::{Scene, SceneOptions};
 use ostra_frames::cameras::GivenCameras;
 use ostra_frames::{Frame, FrameFolder, FrameStore, OpenRequest, open};
 use ostra_masks::{Direction, LabelId, LabelMask, TrackRequest, Tracker, read_palette_png};
-use ostra_tracking::carry::GeometryTracker;
+use ostra_tracking::reprojection::GeometryTracker;
 
 use crate::data::data_dir;
 

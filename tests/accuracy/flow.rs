@@ -14,7 +14,7 @@ use ostra_masks::{
     TrackedFrame, Tracker,
 };
 use ostra_tracking::XFeatCells;
-use ostra_tracking::flow::{Describer, FlowTracker};
+use ostra_tracking::flow::{DenseFeatures, FlowTracker};
 
 use super::networks::{Needs, ostra};
 use crate::data::data_dir;
@@ -216,7 +216,7 @@ fn what_is_remembered_by_learned_features_is_found_again() {
     assert_eq!(code, Some(0), "{err}");
     let cells = XFeatCells::load(&folder.path().join("ostra/models")).unwrap();
     let remembering = FlowTracker {
-        describer: Some(Arc::new(cells) as Arc<dyn Describer>),
+        features: Some(Arc::new(cells) as Arc<dyn DenseFeatures>),
         ..FlowTracker::default()
     };
     for clip in ["blackswan", "car-shadow", "dance-twirl"] {

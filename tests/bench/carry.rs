@@ -13,7 +13,7 @@ use ostra_core::job::Progress;
 use ostra_frames::cameras::GivenCameras;
 use ostra_frames::{FrameFolder, FrameStore, OpenRequest, open};
 use ostra_masks::{Direction, LabelId, LabelMask, TrackRequest, Tracker};
-use ostra_tracking::carry::GeometryTracker;
+use ostra_tracking::reprojection::GeometryTracker;
 
 #[expect(clippy::print_stdout, reason = "a bench speaks to the user")]
 fn main() -> Result<(), Box<dyn Error>> {

@@ -18,7 +18,7 @@ use ostra_eval::mask_score::{FramePair, score_pairs};
 use ostra_frames::{FrameFolder, FrameStore, OpenRequest, open};
 use ostra_masks::{Direction, LabelId, LabelMask, RunMask, TrackRequest, TrackedFrame, Tracker};
 use ostra_tracking::XFeatCells;
-use ostra_tracking::flow::{Describer, FlowTracker};
+use ostra_tracking::flow::{DenseFeatures, FlowTracker};
 
 #[expect(clippy::print_stdout, reason = "a bench speaks to the user")]
 fn main() -> Result<(), Box<dyn Error>> {
@@ -33,12 +33,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         _ => usize::MAX,
     };
     let has_memory = words.iter().any(|word| word == "--memory");
-    let describer = has_memory
+    let features = has_memory
         .then(|| XFeatCells::load(&models_folder()?))
         .transpose()?;
-    let describer = describer.map(|cells| Arc::new(cells) as Arc<dyn Describer>);
+    let features = features.map(|cells| Arc::new(cells) as Arc<dyn DenseFeatures>);
     let tracker = FlowTracker {
-        describer,
+        features,
         ..FlowTracker::default()
     };
     let named: Vec<String> = words

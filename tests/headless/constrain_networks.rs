@@ -15,8 +15,8 @@ use ostra_session::{Command, NewProject, Session};
 use ostra_tracking::deaot::Deaot;
 use ostra_tracking::xmem::XMem;
 use ostra_tracking::{
-    carry::GeometryTracker,
-    constrain::{ConstrainOptions, ConstrainedTracker},
+    geometric_consistency::{ConsistencyOptions, ConsistencyTracker},
+    reprojection::GeometryTracker,
 };
 
 use crate::session::perform;
@@ -167,11 +167,11 @@ fn gains_by_geometry<T: Tracker + 'static>(tracker: T) {
         tracker: Arc::clone(&tracker),
         begun: Arc::clone(&begun),
     };
-    let options = ConstrainOptions {
+    let options = ConsistencyOptions {
         rest: 2,
-        ..ConstrainOptions::default()
+        ..ConsistencyOptions::default()
     };
-    let constrained = ConstrainedTracker {
+    let constrained = ConsistencyTracker {
         tracker: Box::new(noting),
         options,
     };

@@ -1,8 +1,9 @@
+use crate::networks::{check_signature, run};
 use ostra_compute::nn::{Network, NnError, Tensor};
-use ostra_core::job::{Progress, Stopped};
+use ostra_core::job::Progress;
 use ostra_masks::MaskError;
 
-/// The four networks, shared by all walks through pictures.
+/// The four networks, shared by all passes through pictures.
 #[derive(Debug)]
 pub(super) struct Networks {
     encoder: Network,
@@ -12,7 +13,7 @@ pub(super) struct Networks {
     names: Names,
 }
 
-/// Objects told apart in one run; a run's first channel is of nothing.
+/// Objects distinguished in one run; a run's first channel is of nothing.
 pub(super) const OBJECTS: usize = 10;
 
 /// Names of inputs and outputs, layer by layer.
@@ -65,14 +66,14 @@ impl Networks {
             .map(|[.., identity]| identity.as_str())
             .collect();
         let traces: Vec<&str> = names.traces.iter().map(String::as_str).collect();
-        check(&encoder, &["image"], &FEATURES)?;
-        check(&remember, &["embedding", "mask"], &memory)?;
-        check(
+        check_signature(&encoder, &["image"], &FEATURES)?;
+        check_signature(&remember, &["embedding", "mask"], &memory)?;
+        check_signature(
             &propagate,
             &[&FEATURES[..], &asked].concat(),
             &[&["logits"], &traces[..]].concat(),
         )?;
-        check(&identify, &[&["mask"], &traces[..]].concat(), &identities)?;
+        check_signature(&identify, &[&["mask"], &traces[..]].concat(), &identities)?;
         Ok(Self {
             encoder,
             remember,
@@ -104,12 +105,7 @@ impl<'a> Running<'a> {
     }
 
     fn run(self, network: &'a Network, fed: &[(&str, &Tensor)]) -> Result<Given<'a>, MaskError> {
-        self.progress.check()?;
-        let is_wanted = || self.progress.check().is_ok();
-        let given = network
-            .run_while(fed, &is_wanted)
-            .map_err(told)?
-            .ok_or(Stopped)?;
+        let given = run(network, fed, self.progress)?;
         Ok(Given {
             network,
             tensors: given.into_iter().map(Some).collect(),
@@ -227,31 +223,6 @@ impl Names {
     }
 }
 
-/// Refuses a network that takes something else or does not give what is read.
-fn check(network: &Network, inputs: &[&str], outputs: &[&str]) -> Result<(), NnError> {
-    let signature = network.signature();
-    let takes = signature.inputs.len() == inputs.len()
-        && signature
-            .inputs
-            .iter()
-            .all(|port| inputs.contains(&&*port.name));
-    let gives = outputs
-        .iter()
-        .all(|name| signature.outputs.iter().any(|port| port.name == *name));
-    if takes && gives {
-        return Ok(());
-    }
-    let what = format!(
-        "expected the inputs {} and the outputs {}",
-        inputs.join(", "),
-        outputs.join(", ")
-    );
-    Err(NnError::Mismatch {
-        path: network.path().to_owned(),
-        what,
-    })
-}
-
 /// What a run gave, by name.
 struct Given<'a> {
     network: &'a Network,
@@ -278,12 +249,6 @@ impl Given<'_> {
             self.network.path().display()
         ))
     }
-}
-
-/// What a network says, as masks tell it.
-#[expect(clippy::needless_pass_by_value, reason = "`map_err` hands it over")]
-pub(super) fn told(error: NnError) -> MaskError {
-    MaskError::Network(error.to_string())
 }
 
 /// Key, value and identity.

@@ -1,6 +1,7 @@
 use rayon::prelude::*;
 
 use super::network::OBJECTS;
+use crate::networks::{LinearSample, corner_aligned_samples, odds};
 use ostra_compute::nn::{NnError, Tensor};
 use ostra_core::image::blend;
 use ostra_frames::Image;
@@ -101,8 +102,8 @@ pub(super) fn nearest(
         .collect()
 }
 
-/// Bounds of probabilities where groups of objects are brought together.
-const SURE: (f32, f32) = (1e-5, 1.0 - 1e-5);
+/// How far probabilities are kept from 0 and 1 where groups of objects are brought together.
+const MARGIN: f32 = 1e-5;
 
 /// Probabilities `[1 + objects][height][width]` of nothing and of every object at a picture's size of (columns, rows),
 /// from the logits of every group of ten. Where there are several groups, nothing is where none sees an object, and
@@ -139,8 +140,8 @@ pub(super) fn probabilities(groups: &[&Tensor], objects: usize, size: (usize, us
 struct Enlarged<'a> {
     logits: &'a [f32],
     from: (usize, usize),
-    columns: Vec<(usize, f32)>,
-    rows: Vec<(usize, f32)>,
+    columns: Vec<LinearSample>,
+    rows: Vec<LinearSample>,
 }
 
 impl<'a> Enlarged<'a> {
@@ -149,23 +150,20 @@ impl<'a> Enlarged<'a> {
         Self {
             logits: logits.as_floats(),
             from,
-            columns: places(from.0, width),
-            rows: places(from.1, height),
+            columns: corner_aligned_samples(from.0, width),
+            rows: corner_aligned_samples(from.1, height),
         }
     }
 
     fn line(&self, channel: usize, y: usize, out: &mut [f32]) {
         let (columns, rows) = self.from;
-        let (row, share) = self.rows[y];
+        let row = self.rows[y];
         let plane = &self.logits[channel * columns * rows..][..columns * rows];
-        let (above, below) = (
-            &plane[row * columns..],
-            &plane[(row + 1).min(rows - 1) * columns..],
-        );
-        for (out, &(at, aside)) in out.iter_mut().zip(&self.columns) {
-            let next = (at + 1).min(columns - 1);
-            let between = |line: &[f32]| blend(line[at], line[next], aside);
-            *out = blend(between(above), between(below), share);
+        let (above, below) = (&plane[row.first * columns..], &plane[row.next * columns..]);
+        for (out, column) in out.iter_mut().zip(&self.columns) {
+            let between =
+                |line: &[f32]| blend(line[column.first], line[column.next], column.weight);
+            *out = blend(between(above), between(below), row.weight);
         }
     }
 
@@ -191,32 +189,13 @@ impl<'a> Enlarged<'a> {
     }
 }
 
-/// For each of `to` samples, the one of `from` before it and how far it lies beyond.
-fn places(from: usize, to: usize) -> Vec<(usize, f32)> {
-    let scale = if to > 1 {
-        (from - 1) as f32 / (to - 1) as f32
-    } else {
-        0.0
-    };
-    let one = |at: usize| {
-        let place = at as f32 * scale;
-        let first = (place as usize).min(from - 1);
-        (first, place - first as f32)
-    };
-    (0..to).map(one).collect()
-}
-
 /// Turns what the groups say of one row into odds, and these into probabilities.
 fn together(nothing: &mut [f32], objects: &mut [&mut [f32]]) {
-    let odds = |value: f32| {
-        let sure = value.clamp(SURE.0, SURE.1);
-        sure / (1.0 - sure)
-    };
     for (x, nothing) in nothing.iter_mut().enumerate() {
-        *nothing = odds(*nothing);
+        *nothing = odds(*nothing, MARGIN);
         let mut sum = *nothing;
         for line in objects.iter_mut() {
-            line[x] = odds(line[x]);
+            line[x] = odds(line[x], MARGIN);
             sum += line[x];
         }
         *nothing /= sum;
@@ -224,27 +203,10 @@ fn together(nothing: &mut [f32], objects: &mut [&mut [f32]]) {
     }
 }
 
-/// For every pixel the number of the most probable; the lower of equals.
-pub(super) fn winners(probabilities: &[f32], pixels: usize) -> Vec<usize> {
-    let of = |at: usize| {
-        let values = probabilities[at..].iter().step_by(pixels);
-        values
-            .enumerate()
-            .fold((0, f32::MIN), |best, (number, &value)| {
-                if value > best.1 {
-                    (number, value)
-                } else {
-                    best
-                }
-            })
-            .0
-    };
-    (0..pixels).into_par_iter().map(of).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::propagate::most_probable;
 
     #[test]
     fn sizes_are_whole_cells_and_one_pixel() {
@@ -323,7 +285,7 @@ mod tests {
         let found = probabilities(&[&first, &second], 11, (2, 1));
         let sum: f32 = found.iter().step_by(2).sum();
         assert!((sum - 1.0).abs() < 1e-5);
-        // Ten objects with logits 1, 0 … 0 beside nothing, one with 2 beside nothing.
+        // Ten objects with logits 1, 0 … 0 next to nothing, one with 2 next to nothing.
         let (of_first, of_second) = (
             1f64.exp() / (10.0 + 1f64.exp()),
             2f64.exp() / (1.0 + 2f64.exp()),
@@ -331,6 +293,12 @@ mod tests {
         let odds = |value: f64| value / (1.0 - value);
         let expected = odds(of_second) / odds(of_first);
         assert!((f64::from(found[22] / found[2]) / expected - 1.0).abs() < 1e-4);
-        assert_eq!(winners(&found, 2), [11, 11]);
+        assert_eq!(
+            most_probable(&found, 2)
+                .iter()
+                .map(|&(number, _)| number)
+                .collect::<Vec<_>>(),
+            [11, 11]
+        );
     }
 }

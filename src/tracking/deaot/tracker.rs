@@ -2,15 +2,19 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::network::{Features, LongMemory, Memory, Networks, OBJECTS, Running, Seen, told};
-use super::picture::{fed, nearest, probabilities, shown_size, winners};
-use crate::propagate::{Propagated, Propagator, track};
+use super::network::{Features, LongMemory, Memory, Networks, OBJECTS, Running, Seen};
+use super::picture::{fed, nearest, probabilities, shown_size};
+use crate::networks::network_error;
+use crate::propagate::{
+    Answer, KeyframeUse, LabelProbabilities, LookAhead, MaskPropagator, PassFrame, Section,
+    most_probable, propagate, shown_labels,
+};
 use ostra_compute::nn::{Network, NnError, Tensor, load};
 use ostra_core::job::Progress;
 use ostra_frames::Image;
-use ostra_masks::{LabelId, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker};
+use ostra_masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker};
 
-/// Settings of a walk of [`Deaot`] through pictures.
+/// Settings of [`Deaot`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeaotOptions {
     /// Longest side of what the network sees, px; larger pictures are shrunk to it. Time grows with its fourth power.
@@ -33,7 +37,7 @@ impl Default for DeaotOptions {
     }
 }
 
-/// DeAOT: carries masks of any number of labels through films, ten at once. Clones share the networks.
+/// DeAOT: carries masks of any number of labels through a video, ten at once. Clones share the networks.
 #[derive(Debug, Clone)]
 pub struct Deaot {
     networks: Arc<Networks>,
@@ -62,9 +66,9 @@ impl Deaot {
         })
     }
 
-    /// A walk through pictures that remembers nothing yet.
-    pub(super) fn walk<'a>(&'a self, progress: &'a Progress) -> Walk<'a> {
-        Walk::new(self.networks.running(progress), self.options)
+    /// A pass through frames that remembers nothing yet.
+    pub(super) fn pass<'a>(&'a self, progress: &'a Progress) -> DeaotPass<'a> {
+        DeaotPass::new(self.networks.running(progress), self.options)
     }
 }
 
@@ -79,16 +83,15 @@ impl Tracker for Deaot {
         emit: &mut dyn FnMut(TrackedFrame),
         progress: &Progress,
     ) -> Result<Vec<String>, MaskError> {
-        track(request, emit, progress, &|| -> Box<dyn Propagator + '_> {
-            Box::new(self.walk(progress))
-        })
+        let make = |_: &Section| -> Box<dyn MaskPropagator + '_> { Box::new(self.pass(progress)) };
+        propagate(request, KeyframeUse::Sequence, emit, progress, &make)
     }
 }
 
-/// A walk through pictures: labels are numbered as they appear, every ten are a group of their own, and the groups'
+/// A pass through frames: labels are numbered as they appear, every ten are a group of their own, and the groups'
 /// answers are brought together.
 #[derive(Debug)]
-pub(super) struct Walk<'a> {
+pub(super) struct DeaotPass<'a> {
     networks: Running<'a>,
     options: DeaotOptions,
     /// Columns and rows that the network sees, as of the first picture: what is remembered lies on one grid of cells.
@@ -96,7 +99,7 @@ pub(super) struct Walk<'a> {
     /// The label of every number, from 1.
     labels: Vec<LabelId>,
     groups: Vec<Group>,
-    /// The picture that was propagated to last; remembered only when the walk goes on, for its mask may be told.
+    /// The picture that was propagated to last; remembered only when the pass goes on, for its mask may be given.
     last: Option<Last>,
 }
 
@@ -110,7 +113,7 @@ struct Last {
     numbers: Vec<usize>,
 }
 
-impl<'a> Walk<'a> {
+impl<'a> DeaotPass<'a> {
     pub fn new(networks: Running<'a>, options: DeaotOptions) -> Self {
         Self {
             networks,
@@ -142,7 +145,8 @@ impl<'a> Walk<'a> {
     fn features(&mut self, image: &Image) -> Result<Features, MaskError> {
         check(image)?;
         let shown = self.shown(image);
-        self.networks.encode(&fed(image, shown).map_err(told)?)
+        self.networks
+            .encode(&fed(image, shown).map_err(network_error)?)
     }
 
     /// Finds the objects in the next picture, with the probabilities of nothing and of every number.
@@ -158,7 +162,10 @@ impl<'a> Walk<'a> {
         let logits: Vec<_> = seen.iter().map(|seen| &seen.logits).collect();
         let size = (image.width as usize, image.height as usize);
         let probabilities = probabilities(&logits, self.labels.len(), size);
-        let numbers = winners(&probabilities, size.0 * size.1);
+        let numbers: Vec<usize> = most_probable(&probabilities, size.0 * size.1)
+            .into_iter()
+            .map(|(number, _)| number)
+            .collect();
         Ok((
             Last {
                 image: image.clone(),
@@ -176,43 +183,39 @@ impl<'a> Walk<'a> {
             return Ok(());
         };
         let shown = self.shown(&last.image);
-        let numbers = nearest(
-            &last.numbers,
-            (last.image.width as usize, last.image.height as usize),
-            shown,
-        );
+        let numbers = NumberMap::new(&last.numbers, &last.image, shown);
         for (group, seen) in self.groups.iter_mut().zip(last.seen) {
-            group.keep(self.networks, seen, (&numbers, shown), &self.options)?;
+            group.keep(self.networks, seen, &numbers, &self.options)?;
         }
         Ok(())
     }
 
-    /// The picture's features and the number of every pixel where `mask` tells nothing: labels that it shows lie nowhere
+    /// The picture's features and the number of every pixel where the mask says nothing: labels that it shows lie nowhere
     /// else, the others where they are seen.
     fn around(
         &mut self,
         image: &Image,
-        told: &BTreeSet<LabelId>,
+        given: &BTreeSet<LabelId>,
     ) -> Result<(Features, Vec<usize>), MaskError> {
         let last = match self.last.take() {
             Some(last) if last.image == *image => last,
             other => {
                 self.last = other;
-                if self.labels.iter().all(|label| told.contains(label)) {
+                if self.labels.iter().all(|label| given.contains(label)) {
                     self.keep_last()?;
                     return Ok((self.features(image)?, vec![0; image.pixels.len()]));
                 }
                 self.look(image)?.0
             }
         };
-        let is_told: Vec<bool> = self
+        let is_given: Vec<bool> = self
             .labels
             .iter()
-            .map(|label| told.contains(label))
+            .map(|label| given.contains(label))
             .collect();
         let numbers = last.numbers.into_iter();
         let others = numbers.map(|number| {
-            if number > 0 && is_told[number - 1] {
+            if number > 0 && is_given[number - 1] {
                 0
             } else {
                 number
@@ -230,16 +233,8 @@ impl<'a> Walk<'a> {
         }) + 1
     }
 
-    /// Labels ascending, and which number each has.
-    fn order(&self) -> Vec<(LabelId, usize)> {
-        let mut order: Vec<(LabelId, usize)> = self.labels.iter().copied().zip(1..).collect();
-        order.sort_unstable();
-        order
-    }
-}
-
-impl Propagator for Walk<'_> {
-    fn remember(&mut self, image: &Image, mask: &LabelMask) -> Result<(), MaskError> {
+    /// Takes the labels of `mask` on `image` as given. Labels that it does not show keep what is remembered of them.
+    pub fn remember(&mut self, image: &Image, mask: &LabelMask) -> Result<(), MaskError> {
         check(image)?;
         if (mask.width, mask.height) != (image.width, image.height)
             || mask.ids.len() != image.pixels.len()
@@ -252,13 +247,12 @@ impl Propagator for Walk<'_> {
                 "the mask is {a}, its picture {b}; make the mask anew"
             )));
         }
-        let mut told: BTreeSet<LabelId> = mask.ids.iter().copied().collect();
-        told.remove(&LabelId::NONE);
-        if told.is_empty() {
+        let given = shown_labels(mask);
+        if given.is_empty() {
             return Ok(());
         }
-        let (features, mut numbers) = self.around(image, &told)?;
-        let of_label: Vec<(LabelId, usize)> = told
+        let (features, mut numbers) = self.around(image, &given)?;
+        let of_label: Vec<(LabelId, usize)> = given
             .into_iter()
             .map(|label| (label, self.number(label)))
             .collect();
@@ -268,51 +262,52 @@ impl Propagator for Walk<'_> {
             }
         }
         let shown = self.shown(image);
-        let numbers = nearest(
-            &numbers,
-            (image.width as usize, image.height as usize),
-            shown,
-        );
-        let picture = (&features, numbers.as_slice(), shown);
+        let numbers = NumberMap::new(&numbers, image, shown);
         for group in &mut self.groups {
-            group.remember(self.networks, picture)?;
+            group.remember(self.networks, &features, &numbers)?;
         }
         for at in self.groups.len()..self.labels.len().div_ceil(OBJECTS) {
-            self.groups
-                .push(Group::new(self.networks, at, picture, &self.options)?);
+            self.groups.push(Group::new(
+                self.networks,
+                at,
+                &features,
+                &numbers,
+                &self.options,
+            )?);
         }
         Ok(())
     }
 
-    fn propagate(&mut self, image: &Image) -> Result<Propagated, MaskError> {
+    /// Where the labels are in the next image of the pass.
+    pub fn propagate(&mut self, image: &Image) -> Result<LabelProbabilities, MaskError> {
         if self.groups.is_empty() {
             return Err(MaskError::Request(
                 "there is no mask to carry; prompt or import one first".into(),
             ));
         }
         let (last, by_number) = self.look(image)?;
-        let order = self.order();
-        let propagated = Propagated {
-            labels: order.iter().map(|&(label, _)| label).collect(),
-            width: image.width as usize,
-            height: image.height as usize,
-            probabilities: in_order(by_number, &order, image.pixels.len()),
-        };
         self.last = Some(last);
-        Ok(propagated)
+        let size = (image.width as usize, image.height as usize);
+        Ok(LabelProbabilities::sorted(&self.labels, size, by_number))
     }
 }
 
-/// Planes of numbers as planes of labels.
-fn in_order(by_number: Vec<f32>, order: &[(LabelId, usize)], pixels: usize) -> Vec<f32> {
-    if order.is_sorted_by_key(|&(_, number)| number) {
-        return by_number;
+impl MaskPropagator for DeaotPass<'_> {
+    fn start_pass(&mut self, _direction: Direction) {
+        *self = Self::new(self.networks, self.options);
     }
-    let numbers = std::iter::once(0).chain(order.iter().map(|&(_, number)| number));
-    numbers
-        .flat_map(|number| &by_number[number * pixels..][..pixels])
-        .copied()
-        .collect()
+
+    fn add_keyframe(&mut self, frame: &PassFrame, mask: &LabelMask) -> Result<(), MaskError> {
+        self.remember(&frame.image, mask)
+    }
+
+    fn carry_to(
+        &mut self,
+        frame: &PassFrame,
+        _ahead: &mut LookAhead<'_, '_>,
+    ) -> Result<Answer, MaskError> {
+        Ok(Answer::most_probable(self.propagate(&frame.image)?))
+    }
 }
 
 fn check(image: &Image) -> Result<(), MaskError> {
@@ -330,7 +325,26 @@ fn check(image: &Image) -> Result<(), MaskError> {
     )))
 }
 
-/// What is remembered of up to ten objects that are told apart in one run.
+/// The number of the object in every pixel that the network sees, row by row; 0 is nothing.
+pub(super) struct NumberMap {
+    numbers: Vec<usize>,
+    columns: usize,
+    rows: usize,
+}
+
+impl NumberMap {
+    /// From the numbers in the pixels of an image.
+    fn new(numbers: &[usize], image: &Image, shown: (usize, usize)) -> Self {
+        let size = (image.width as usize, image.height as usize);
+        Self {
+            numbers: nearest(numbers, size, shown),
+            columns: shown.0,
+            rows: shown.1,
+        }
+    }
+}
+
+/// What is remembered of up to ten objects that are distinguished in one run.
 #[derive(Debug)]
 pub(super) struct Group {
     /// Number of its first object; 0 is nothing.
@@ -342,17 +356,16 @@ pub(super) struct Group {
 }
 
 impl Group {
-    /// Of group `at`, from 0, and a picture in which its objects are given; `numbers` row by row at the network's size
-    /// of `shown` (columns, rows).
+    /// Of group `at`, from 0, and an image in which its objects are given.
     pub fn new(
         networks: Running<'_>,
         at: usize,
-        picture: (&Features, &[usize], (usize, usize)),
+        features: &Features,
+        given: &NumberMap,
         options: &DeaotOptions,
     ) -> Result<Self, MaskError> {
         let first = at * OBJECTS + 1;
-        let (features, numbers, shown) = picture;
-        let short = networks.remember(features, &one_hot(numbers, first, shown)?)?;
+        let short = networks.remember(features, &one_hot(given, first)?)?;
         Ok(Self {
             first,
             long: LongMemory::new(&short, options.most_remembered),
@@ -365,10 +378,11 @@ impl Group {
     pub fn remember(
         &mut self,
         networks: Running<'_>,
-        (features, numbers, shown): (&Features, &[usize], (usize, usize)),
+        features: &Features,
+        given: &NumberMap,
     ) -> Result<(), MaskError> {
-        self.short = networks.remember(features, &one_hot(numbers, self.first, shown)?)?;
-        self.long.push(&self.short, true).map_err(told)?;
+        self.short = networks.remember(features, &one_hot(given, self.first)?)?;
+        self.long.push(&self.short, true).map_err(network_error)?;
         self.since = 0;
         Ok(())
     }
@@ -388,12 +402,12 @@ impl Group {
         &mut self,
         networks: Running<'_>,
         seen: Seen,
-        (numbers, shown): (&[usize], (usize, usize)),
+        found: &NumberMap,
         options: &DeaotOptions,
     ) -> Result<(), MaskError> {
-        self.short = networks.identify(seen, &one_hot(numbers, self.first, shown)?)?;
+        self.short = networks.identify(seen, &one_hot(found, self.first)?)?;
         if self.since >= options.remembered_every {
-            self.long.push(&self.short, false).map_err(told)?;
+            self.long.push(&self.short, false).map_err(network_error)?;
             self.since = 0;
         }
         Ok(())
@@ -401,11 +415,12 @@ impl Group {
 }
 
 /// `[1, 11, rows, columns]`: one where a channel's object is; what is not of this group is nothing.
-fn one_hot(
-    numbers: &[usize],
-    first: usize,
-    (columns, rows): (usize, usize),
-) -> Result<Tensor, MaskError> {
+fn one_hot(map: &NumberMap, first: usize) -> Result<Tensor, MaskError> {
+    let NumberMap {
+        numbers,
+        columns,
+        rows,
+    } = map;
     let mut planes = vec![0.0; (OBJECTS + 1) * numbers.len()];
     for (at, &number) in numbers.iter().enumerate() {
         let channel = (number + 1)
@@ -414,7 +429,7 @@ fn one_hot(
             .unwrap_or(0);
         planes[channel * numbers.len() + at] = 1.0;
     }
-    Tensor::floats(&[1, OBJECTS + 1, rows, columns], planes).map_err(told)
+    Tensor::floats(&[1, OBJECTS + 1, *rows, *columns], planes).map_err(network_error)
 }
 
 #[cfg(test)]
@@ -423,7 +438,12 @@ mod tests {
 
     #[test]
     fn objects_of_other_groups_are_nothing() {
-        let mask = one_hot(&[0, 1, 10, 11, 12, 20, 21], 11, (7, 1)).unwrap();
+        let map = NumberMap {
+            numbers: vec![0, 1, 10, 11, 12, 20, 21],
+            columns: 7,
+            rows: 1,
+        };
+        let mask = one_hot(&map, 11).unwrap();
         let channel = |at: usize| {
             (0..=OBJECTS)
                 .filter(|channel| mask.as_floats()[channel * 7 + at] > 0.0)

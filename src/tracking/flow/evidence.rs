@@ -1,7 +1,7 @@
 use glam::{Affine2, Vec2};
 
+use super::change::Change;
 use super::memory::Recalled;
-use super::motion::Change;
 use super::object::{Evidence, Object, Prediction, SHAPE};
 use super::options::FlowOptions;
 use super::plane::{Plane, median};
@@ -26,7 +26,7 @@ const STRAY: f32 = 0.05;
 /// What is seen of the next frame and around it.
 pub(super) struct Sight<'a> {
     pub change: &'a Change,
-    pub beyond: Option<&'a Beyond<'a>>,
+    pub beyond: Option<&'a FrameAhead<'a>>,
     pub recalled: Option<&'a Recalled>,
 }
 
@@ -120,11 +120,11 @@ pub(super) fn evidence(
 }
 
 /// What the patches of the last frame and of the one beyond say: of where flow comes from, and of where the object does if
-/// it goes on as it moves now. `None` where the frame beyond does not show the object: nobody may have looked for it there.
+/// it goes on as it moves now. `None` where the frame beyond does not show the object: it may not have been looked for there.
 fn votes_of_both(
     object: &Object,
     prediction: &Prediction,
-    (change, beyond): (&Change, &Beyond<'_>),
+    (change, beyond): (&Change, &FrameAhead<'_>),
     window: Window,
 ) -> Option<Vec<Vote>> {
     let there = beyond.mask.region(object.id);
@@ -244,11 +244,11 @@ fn motion_odds<'a>(
     }
 }
 
-/// The frame after the next with its mask, which it has from the anchor beyond it or is that anchor's.
-pub(super) struct Beyond<'a> {
+/// The frame after the next with its mask, which comes from the keyframe on that side or is that keyframe's.
+pub(super) struct FrameAhead<'a> {
     /// From the next frame to it.
     pub change: &'a Change,
     pub mask: LabelMask,
-    /// How much its mask counts beside the last frame's, 0–1.
+    /// How much its mask counts next to the last frame's, 0–1.
     pub share: f32,
 }

@@ -5,7 +5,7 @@ use super::cells::{Cells, FEATURES, ODDS};
 use super::plane::Plane;
 use ostra_core::image::bilinear_weights;
 
-/// Weights of what the object looked like of late and in its anchor, of its colours, and of distance.
+/// Weights of what the object looked like of late and in its keyframe, of its colours, and of distance.
 const LAST: f32 = 1.0;
 const FIRST: f32 = 0.3;
 const COLORS: f32 = 1.5;
@@ -28,11 +28,11 @@ struct Template {
     weights: Vec<f32>,
 }
 
-/// An object's looks: in its anchor and of late.
+/// An object's looks: in its keyframe and of late.
 pub(super) struct Looks {
     first: Template,
     last: Template,
-    /// Size of the object relative to the anchor's.
+    /// Size of the object relative to the keyframe's.
     size: f32,
     /// How it stood out and how much it differed where it was last seen; `None` at first.
     usual: Option<Fit>,
@@ -45,7 +45,7 @@ struct Fit {
     contrast: f32,
     /// Mean squared difference of features from the look of late.
     difference: f32,
-    /// From the look in the anchor.
+    /// From the look in the keyframe.
     first: f32,
 }
 

@@ -6,20 +6,21 @@ use rayon::prelude::*;
 use wide::f32x8;
 
 use super::plane::Plane;
+use crate::propagate::shown_labels;
 use ostra_masks::{LabelId, LabelMask, MaskError};
 
-/// Describes a picture cell by cell, so that a part of a thing is described alike in every picture of it.
-pub trait Describer: Debug + Send + Sync {
-    /// Descriptions of a picture's cells; `grey` is row by row, 0–1, and `size` its columns and rows.
+/// Computes features of an image cell by cell, alike for the same part of a thing in every image of it.
+pub trait DenseFeatures: Debug + Send + Sync {
+    /// The features of the cells; `grey` is row by row, 0–1, and `size` its columns and rows.
     ///
     /// # Errors
     /// [`MaskError::Network`] where a network behind it fails.
-    fn describe(&self, grey: &[f32], size: (usize, usize)) -> Result<Description, MaskError>;
+    fn feature_map(&self, grey: &[f32], size: (usize, usize)) -> Result<FeatureMap, MaskError>;
 }
 
-/// What the cells of a picture look like.
+/// The features of the cells of an image.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Description {
+pub struct FeatureMap {
     /// Cells along the picture.
     pub columns: usize,
     /// Cells down the picture.
@@ -30,7 +31,7 @@ pub struct Description {
     pub values: Vec<[f32x8; 8]>,
 }
 
-impl Description {
+impl FeatureMap {
     /// Values per cell.
     pub const DIM: usize = 64;
 
@@ -81,7 +82,7 @@ const TEMPERATURE: f32 = 0.05;
 const STRANGE: f32 = 0.75;
 const KNOWN: f32 = 0.95;
 
-/// The cells of anchors with what they show: space-time memory with given features (after Oh, Lee, Xu, Kim, "Video Object
+/// The cells of keyframes with what they show: space-time memory with given features (after Oh, Lee, Xu, Kim, "Video Object
 /// Segmentation using Space-Time Memory Networks", ICCV 2019).
 #[derive(Debug, Clone, Default)]
 pub(super) struct Memory {
@@ -92,38 +93,30 @@ pub(super) struct Memory {
 
 /// What the memory says of a picture.
 pub(super) struct Recalled {
-    description: Arc<Description>,
+    feature_map: Arc<FeatureMap>,
     /// By label and cell: natural logarithm of the odds, 0 = nothing known.
     odds: Vec<(LabelId, Plane)>,
 }
 
 impl Memory {
     /// Remembers a picture's cells with its mask.
-    pub fn learn(&mut self, description: &Description, mask: &LabelMask) {
+    pub fn learn(&mut self, feature_map: &FeatureMap, mask: &LabelMask) {
         let known = self.keys.len();
-        self.keys.extend_from_slice(&description.values);
-        let mut labels: Vec<LabelId> = mask
-            .ids
-            .iter()
-            .copied()
-            .filter(|&id| id != LabelId::NONE)
-            .collect();
-        labels.sort_unstable();
-        labels.dedup();
-        for id in labels {
+        self.keys.extend_from_slice(&feature_map.values);
+        for id in shown_labels(mask) {
             if !self.shares.iter().any(|(of, _)| *of == id) {
                 self.shares.push((id, vec![0.0; known]));
             }
         }
         for (id, shares) in &mut self.shares {
-            shares.extend(shares_of(description, mask, *id));
+            shares.extend(shares_of(feature_map, mask, *id));
         }
     }
 
     /// What the cells of a picture recall.
-    pub fn recall(&self, description: &Arc<Description>) -> Recalled {
-        let (columns, rows) = (description.columns, description.rows);
-        let recalled: Vec<Vec<f32>> = description
+    pub fn recall(&self, feature_map: &Arc<FeatureMap>) -> Recalled {
+        let (columns, rows) = (feature_map.columns, feature_map.rows);
+        let recalled: Vec<Vec<f32>> = feature_map
             .values
             .par_iter()
             .map(|cell| self.odds_of(cell))
@@ -140,7 +133,7 @@ impl Memory {
             .map(|(place, (id, _))| (*id, plane(place)))
             .collect();
         Recalled {
-            description: Arc::clone(description),
+            feature_map: Arc::clone(feature_map),
             odds,
         }
     }
@@ -174,7 +167,7 @@ impl Recalled {
             .iter()
             .find(|(id, _)| *id == label)
             .map(|(_, plane)| plane);
-        move |at| plane.map_or(0.0, |plane| self.description.sample(plane, at))
+        move |at| plane.map_or(0.0, |plane| self.feature_map.sample(plane, at))
     }
 }
 
@@ -197,20 +190,20 @@ fn most_alike(keys: &[[f32x8; 8]], cell: &[f32x8; 8]) -> Vec<(f32, usize)> {
 }
 
 /// The share of each cell's pixels that carry a label.
-fn shares_of(description: &Description, mask: &LabelMask, id: LabelId) -> Vec<f32> {
+fn shares_of(feature_map: &FeatureMap, mask: &LabelMask, id: LabelId) -> Vec<f32> {
     let (width, height) = (mask.width as usize, mask.height as usize);
-    let side = description.cell_px;
+    let side = feature_map.cell_px;
     let share = |cell: usize| {
         let (left, top) = (
-            cell % description.columns * side,
-            cell / description.columns * side,
+            cell % feature_map.columns * side,
+            cell / feature_map.columns * side,
         );
         let (right, bottom) = ((left + side).min(width), (top + side).min(height));
         let pixels = (top..bottom).flat_map(|y| (left..right).map(move |x| y * width + x));
         let inside = pixels.filter(|&at| mask.ids[at] == id).count();
         inside as f32 / ((right - left) * (bottom - top)).max(1) as f32
     };
-    (0..description.values.len()).map(share).collect()
+    (0..feature_map.values.len()).map(share).collect()
 }
 
 #[cfg(test)]
@@ -218,13 +211,13 @@ mod tests {
     use super::*;
 
     /// Two rows of four cells, each alike only to those of the same number.
-    fn described(numbers: [usize; 8]) -> Arc<Description> {
-        let mut planes = vec![0.0; Description::DIM * 8];
+    fn described(numbers: [usize; 8]) -> Arc<FeatureMap> {
+        let mut planes = vec![0.0; FeatureMap::DIM * 8];
         numbers
             .iter()
             .enumerate()
             .for_each(|(cell, number)| planes[number * 8 + cell] = 3.0);
-        Arc::new(Description::of_planes(&planes, (4, 2), (31, 16), 8))
+        Arc::new(FeatureMap::of_planes(&planes, (4, 2), (31, 16), 8))
     }
 
     #[test]

@@ -1,13 +1,6 @@
-use std::sync::Arc;
-
 use glam::{Affine2, Mat2, Vec2};
 use rand::RngExt;
 use rand_pcg::Pcg32;
-
-use super::dis::{Finest, flow_between};
-use super::picture::Picture;
-use super::plane::{Flow, Plane, median};
-use ostra_masks::Region;
 
 /// A position and where it goes.
 #[derive(Debug, Clone, Copy)]
@@ -173,101 +166,6 @@ fn solved(mut system: [[f64; TERMS + 1]; TERMS]) -> Option<[f64; TERMS]> {
 
 fn draw<const N: usize>(steps: &[Step], dice: &mut Pcg32) -> Option<[Step; N]> {
     (steps.len() >= N).then(|| std::array::from_fn(|_| steps[dice.random_range(0..steps.len())]))
-}
-
-/// Pixels whose motion is looked at to find the background's.
-const MOST_STEPS: usize = 1500;
-
-/// Largest miss of the background's motion, in pixels.
-const AGREES_PX: f32 = 2.0;
-
-/// Two neighbouring frames and how pixels move between them.
-pub(super) struct Change {
-    pub last: Arc<Picture>,
-    pub next: Arc<Picture>,
-    /// From the last frame to the next, and back.
-    pub forward: Arc<Flow>,
-    pub backward: Arc<Flow>,
-    /// By pixel of the next frame: how well both flows agree, 0–1.
-    pub reliable: Plane,
-    /// How the background moves, from the next frame back to the last; `None` where it shows nowhere.
-    pub background: Option<PlaneMotion>,
-    /// Median miss of the background's motion, in pixels.
-    pub background_noise: f32,
-}
-
-impl Change {
-    /// Measures the flow both ways.
-    pub fn new(last: Arc<Picture>, next: Arc<Picture>, finest: Finest) -> Self {
-        let flow = |from: &Picture, to: &Picture| {
-            Arc::new(flow_between(&from.pyramid, &to.pyramid, finest))
-        };
-        let (forward, backward) = rayon::join(|| flow(&last, &next), || flow(&next, &last));
-        Self::of_flows((last, next), forward, backward)
-    }
-
-    /// Of the flow from the last frame to the next, and back.
-    pub fn of_flows(
-        (last, next): (Arc<Picture>, Arc<Picture>),
-        forward: Arc<Flow>,
-        backward: Arc<Flow>,
-    ) -> Self {
-        let reliable = Plane::from_fn(next.width, next.height, |x, y| {
-            let vector = backward.at(x, y);
-            let miss = (vector + forward.sample(Vec2::new(x as f32, y as f32) + vector)).length();
-            (-(miss / (1.0 + 0.1 * vector.length())).powi(2)).exp()
-        });
-        Self {
-            last,
-            next,
-            forward,
-            backward,
-            reliable,
-            background: None,
-            background_noise: 0.0,
-        }
-    }
-
-    /// Finds the background's motion from pixels that no object is expected near.
-    pub fn find_background(&mut self, expected: &[&Plane]) {
-        let (width, height) = (self.next.width, self.next.height);
-        let mut hidden = Region::empty(width as u32, height as u32);
-        for plane in expected {
-            hidden
-                .inside
-                .iter_mut()
-                .zip(&plane.values)
-                .for_each(|(hidden, &value)| *hidden |= value > 0.2);
-        }
-        let hidden = hidden.dilated(4.0);
-        let open = |sure: f32| -> Vec<usize> {
-            (0..width * height)
-                .filter(|&at| !hidden.inside[at] && self.reliable.values[at] >= sure)
-                .collect()
-        };
-        let mut open_places = open(0.5);
-        if open_places.len() <= 200 {
-            open_places = open(0.0);
-        }
-        if open_places.len() <= 200 {
-            return;
-        }
-        let every = open_places.len().div_ceil(MOST_STEPS);
-        let step = |&at: &usize| {
-            let from = Vec2::new((at % width) as f32, (at / width) as f32);
-            Step {
-                from,
-                to: from + self.backward.vectors[at],
-            }
-        };
-        let steps: Vec<Step> = open_places.iter().step_by(every).map(step).collect();
-        let centre = Vec2::new(width as f32, height as f32) / 2.0;
-        self.background = PlaneMotion::of(&steps, centre, AGREES_PX);
-        if let Some(motion) = self.background {
-            let miss = |step: &Step| motion.displacement(step.from).distance(step.to - step.from);
-            self.background_noise = median(steps.iter().map(miss));
-        }
-    }
 }
 
 #[cfg(test)]

@@ -1,11 +1,11 @@
 use glam::{Affine2, Vec2};
 
 use super::cells::Cells;
-use super::colors::ColorModel;
+use super::change::Change;
 use super::locate::Looks;
-use super::motion::{Change, Step, similarity};
+use super::motion::{Step, similarity};
 use super::options::FlowOptions;
-use super::picture::Picture;
+use super::picture::{ColorModel, Picture};
 use super::plane::{Plane, median};
 use ostra_masks::cut::{Borders, Window};
 use ostra_masks::{Connectivity, LabelId, Region, components, squared_distance_to};
@@ -18,7 +18,7 @@ const CELLS_ACROSS: f32 = 10.0;
 const MOST_CELLS: usize = 48;
 /// Frames over which the area is remembered.
 const REMEMBERED: usize = 10;
-/// How often a cut that grew too much is made anew, and by how much the odds fall each time.
+/// How often a cut that grew too much is made again, and by how much the odds fall each time.
 const TRIES: usize = 6;
 const FALL: f32 = 0.3;
 /// What trust a pixel keeps that was taken for background, and gains as part of the object.
@@ -28,14 +28,14 @@ const GAINED: f32 = 0.1;
 const LOST: f32 = 0.1;
 /// Less than this of the area of late is too little to tell how the object moves.
 const ENOUGH: f32 = 0.4;
-/// Frames from the anchor on over which its shape counts, where flow cannot be trusted, falls to 1/e.
+/// Frames from the keyframe on over which its shape counts, where flow cannot be trusted, falls to 1/e.
 const NEAR_STEPS: f32 = 5.0;
 /// By how much of itself the search grows with every frame in which the object is not well seen.
 const SEARCH_GROWTH: f32 = 0.1;
 const WIDEST_SEARCH: f32 = 3.0;
 /// How far the shape is expected where an object that was hidden seems to come back, 0–1.
 const REAPPEARS: f32 = 0.6;
-/// Power of a step's share in the confidence, fitted on the seven films of `davis2016`: with it the confidence is their IoU
+/// Power of a step's share in the confidence, fitted on the seven videos of `davis2016`: with it the confidence is their IoU
 /// on average.
 const FADE: f32 = 0.05;
 
@@ -43,7 +43,7 @@ const FADE: f32 = 0.05;
 pub(super) struct Object {
     pub id: LabelId,
     mask: Region,
-    /// How sure it is, 0–1, that each pixel came from the object in the anchor.
+    /// How sure it is, 0–1, that each pixel came from the object in the keyframe.
     trust: Plane,
     /// Where the object is expected, 0–1, also where something hides it.
     expected: Plane,
@@ -55,15 +55,15 @@ pub(super) struct Object {
     /// How it moved last.
     motion: Affine2,
     areas: Vec<f32>,
-    /// Frames since the anchor.
+    /// Frames since the keyframe.
     steps: usize,
     /// Frames since the object was last well seen, its shape then, and where that shape's centre was.
     hidden: usize,
     shape: Plane,
     shape_centre: Vec2,
-    /// Product of the confidences of all steps since the anchor.
+    /// Product of the confidences of all steps since the keyframe.
     faith: f32,
-    /// How alike the mask's colours are to the anchor's, 0–1.
+    /// How alike the mask's colours are to the keyframe's, 0–1.
     likeness: f32,
 }
 
@@ -80,7 +80,7 @@ pub(super) struct Prediction {
 }
 
 impl Object {
-    /// The object of an anchor; its region is at the working size and not empty.
+    /// The object of a keyframe; its region is at the working size and not empty.
     pub fn new(id: LabelId, region: Region, picture: &Picture) -> Self {
         let shape = Plane::of_mask(picture.width, picture.height, &region.inside);
         let colors = colors_of(picture, &region);
@@ -113,7 +113,7 @@ impl Object {
         }
     }
 
-    /// Takes the colours of another anchor into account.
+    /// Takes the colours of another keyframe into account.
     pub fn also_looks_like(&mut self, picture: &Picture, region: &Region) {
         self.first_colors.learn(&colors_of(picture, region), 0.5);
     }
@@ -122,13 +122,13 @@ impl Object {
         &self.mask
     }
 
-    /// How near the anchor still is, 1 at it and falling to 0.
+    /// How near the keyframe still is, 1 at it and falling to 0.
     pub fn nearness(&self) -> f32 {
         (-(self.steps as f32) / NEAR_STEPS).exp()
     }
 
-    /// How sure it is that the mask is right, 0–1; within a hundred frames of the anchor about the IoU to be expected, from
-    /// there on only an order. Errors add up along the way; where the colours are no longer the anchor's, something else
+    /// How sure it is that the mask is right, 0–1; within a hundred frames of the keyframe about the IoU to be expected, from
+    /// there on only an order. Errors add up along the way; where the colours are no longer the keyframe's, something else
     /// was taken. 0 where the object is not seen.
     pub fn confidence(&self) -> f32 {
         self.faith * self.likeness
@@ -154,7 +154,7 @@ impl Object {
         median(self.areas.iter().copied()).max(1.0)
     }
 
-    /// Odds by colour bin: in the anchors, and of late.
+    /// Odds by colour bin: in the keyframes, and of late.
     pub fn color_odds(&self) -> (Vec<f32>, Vec<f32>) {
         (self.first_colors.odds(), self.last_colors.odds())
     }

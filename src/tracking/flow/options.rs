@@ -1,19 +1,19 @@
 /// How the flow tracker works. Weights are natural logarithms of odds; lengths in pixels of the working size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FlowOptions {
-    /// Longer side of the pictures worked on from one anchor, in pixels; larger ones are reduced.
+    /// Longer side of the pictures worked on from one keyframe, in pixels; larger ones are reduced.
     pub most_side: u32,
-    /// The same between two anchors, where few frames are corrected and outlines shall be right.
+    /// The same between two keyframes, where few frames are corrected and outlines shall be right.
     pub most_side_between: u32,
     /// Weight of where the flow says that the object came from.
     pub flow_weight: f32,
     /// How much a pixel whose flow cannot be trusted speaks against the object.
     pub doubt_weight: f32,
-    /// Weight of the expected shape where the flow cannot be trusted, next to an anchor.
+    /// Weight of the expected shape where the flow cannot be trusted, next to a keyframe.
     pub shape_weight: f32,
     /// Weight of the distance from where the object is expected.
     pub place_weight: f32,
-    /// Weight of the object's colours in the anchors.
+    /// Weight of the object's colours in the keyframes.
     pub first_color_weight: f32,
     /// Weight of the object's colours of late.
     pub last_color_weight: f32,
@@ -21,9 +21,9 @@ pub struct FlowOptions {
     pub color_rate: f32,
     /// Weight of moving like the object rather than like the background.
     pub motion_weight: f32,
-    /// Weight of what the cells of the anchors that look most alike show, where pictures are described.
+    /// Weight of what the cells of the keyframes that look most alike show, where pictures are described.
     pub memory_weight: f32,
-    /// Weight of what patches of both neighbouring frames show that look alike, between two anchors.
+    /// Weight of what patches of both neighbouring frames show that look alike, between two keyframes.
     pub vote_weight: f32,
     /// Price of the outline per pixel side on even colour.
     pub outline_weight: f32,

@@ -1,17 +1,16 @@
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Weak};
 
 use glam::Vec2;
 use rayon::prelude::*;
 
-use super::colors::bin_of;
 use super::dis::PATCH;
-use super::memory::{Describer, Description};
+use super::memory::{DenseFeatures, FeatureMap};
 use super::plane::{Plane, Pyramid, corners};
-use ostra_core::job::Progress;
-use ostra_frames::{FrameError, Image};
+use crate::propagate::PassFrame;
+use ostra_frames::Image;
 use ostra_masks::lab::lab_of_pixel;
-use ostra_masks::{LabelId, LabelMask, MaskError, TrackRequest};
+use ostra_masks::{LabelId, LabelMask, MaskError};
 
 /// A frame's picture as the tracker works on it.
 pub(super) struct Picture {
@@ -23,8 +22,8 @@ pub(super) struct Picture {
     pub bins: Vec<u16>,
     /// Grey levels, for optical flow.
     pub pyramid: Pyramid,
-    /// What its cells look like, where something describes them.
-    pub description: Option<Arc<Description>>,
+    /// Features of its cells, where a network computes them.
+    pub feature_map: Option<Arc<FeatureMap>>,
 }
 
 /// The size at which a frame is worked on: its longer side has at most `most_side` pixels.
@@ -66,18 +65,18 @@ impl Picture {
             lab,
             bins,
             pyramid,
-            description: None,
+            feature_map: None,
         }
     }
 
-    /// The same with its cells described.
-    pub fn described(mut self, describer: &dyn Describer) -> Result<Self, MaskError> {
+    /// The same with the features of its cells.
+    pub fn with_feature_map(mut self, features: &dyn DenseFeatures) -> Result<Self, MaskError> {
         let grey = self.pyramid.levels[0]
             .pixels()
             .map(|grey| grey / 255.0)
             .collect::<Vec<f32>>();
-        self.description = Some(Arc::new(
-            describer.describe(&grey, (self.width, self.height))?,
+        self.feature_map = Some(Arc::new(
+            features.feature_map(&grey, (self.width, self.height))?,
         ));
         Ok(self)
     }
@@ -215,135 +214,141 @@ impl Resampling {
     }
 }
 
-/// Frames that a walk backwards loads together, in rising order: a film is decoded forwards only.
-const BLOCK: usize = 16;
-
-/// The most unread frames that a warning names.
-const NAMED: usize = 5;
-
-/// The pictures of a request, each at the size that is asked for. Frames that cannot be read are noted and passed over.
-pub(super) struct Pictures<'a> {
-    request: &'a TrackRequest,
-    progress: &'a Progress,
-    describer: Option<&'a dyn Describer>,
-    /// Those that somebody may still hold, by frame.
+/// The pictures of frames at one size.
+pub(super) struct PictureCache<'a> {
+    size: (usize, usize),
+    features: Option<&'a dyn DenseFeatures>,
+    /// Those that are still in use, by frame.
     made: BTreeMap<usize, Weak<Picture>>,
-    unread: BTreeMap<usize, FrameError>,
 }
 
-impl<'a> Pictures<'a> {
-    /// The pictures of this request's frames.
-    pub fn new(
-        request: &'a TrackRequest,
-        describer: Option<&'a dyn Describer>,
-        progress: &'a Progress,
-    ) -> Self {
+impl<'a> PictureCache<'a> {
+    pub fn new(size: (usize, usize), features: Option<&'a dyn DenseFeatures>) -> Self {
         Self {
-            request,
-            progress,
-            describer,
+            size,
+            features,
             made: BTreeMap::new(),
-            unread: BTreeMap::new(),
         }
     }
 
-    /// A frame's picture, the same one as long as somebody holds it; `None` where it cannot be read.
-    pub fn load(
-        &mut self,
-        frame: usize,
-        size: (usize, usize),
-    ) -> Result<Option<Arc<Picture>>, MaskError> {
-        self.progress.check()?;
-        let held = self.made.get(&frame).and_then(Weak::upgrade);
-        if let Some(picture) = held.filter(|picture| (picture.width, picture.height) == size) {
-            return Ok(Some(picture));
+    /// A frame's picture, the same one as long as it is in use.
+    ///
+    /// # Errors
+    /// [`MaskError::Network`] where its features cannot be computed.
+    pub fn get(&mut self, frame: &PassFrame) -> Result<Arc<Picture>, MaskError> {
+        if let Some(picture) = self.made.get(&frame.index).and_then(Weak::upgrade) {
+            return Ok(picture);
         }
-        let image = match self.request.store.image(&self.request.frames[frame]) {
-            Ok(image) => image,
-            Err(error) => {
-                self.unread.insert(frame, error);
-                return Ok(None);
-            }
-        };
-        let picture = Picture::new(&image, size);
-        let picture = Arc::new(match self.describer {
-            Some(describer) => picture.described(describer)?,
+        let picture = Picture::new(&frame.image, self.size);
+        let picture = Arc::new(match self.features {
+            Some(features) => picture.with_feature_map(features)?,
             None => picture,
         });
         self.made.retain(|_, picture| picture.strong_count() > 0);
-        self.made.insert(frame, Arc::downgrade(&picture));
-        Ok(Some(picture))
-    }
-
-    /// The first of the frames that could not be read, as an error.
-    pub fn failure(&mut self) -> Option<MaskError> {
-        self.unread.pop_first().map(|(_, error)| error.into())
-    }
-
-    /// One line that names the frames which could not be read.
-    pub fn warnings(&self) -> Vec<String> {
-        let Some(first) = self.unread.values().next() else {
-            return Vec::new();
-        };
-        let names: Vec<&str> = self
-            .unread
-            .keys()
-            .map(|&frame| self.request.frames[frame].name.as_str())
-            .collect();
-        let more = names.len().checked_sub(NAMED).filter(|&more| more > 0);
-        let more = more.map_or_else(String::new, |more| format!(" and {more} more"));
-        let named = names[..names.len().min(NAMED)].join(", ");
-        vec![format!(
-            "{} frames cannot be read and were stepped over: {named}{more} ({first})",
-            names.len()
-        )]
+        self.made.insert(frame.index, Arc::downgrade(&picture));
+        Ok(picture)
     }
 }
 
-/// The pictures along a walk, in its order.
-pub(super) struct Route {
-    size: (usize, usize),
-    /// How many frames are loaded together.
-    block: usize,
-    coming: VecDeque<usize>,
-    loaded: VecDeque<(usize, Arc<Picture>)>,
+const LIGHT: usize = 16;
+const CHROMA: usize = 24;
+const BINS: usize = LIGHT * CHROMA * CHROMA;
+/// Share of a colour that neither side has shown.
+const UNSEEN: f32 = 1e-4;
+/// Largest odds, natural logarithm.
+const MOST: f32 = 3.0;
+
+/// The bin of a Lab colour.
+pub(super) fn bin_of([l, a, b]: [f32; 3]) -> u16 {
+    let bin = |value: f32, least: f32, range: f32, bins: usize| {
+        (((value - least) / range * bins as f32).max(0.0) as usize).min(bins - 1)
+    };
+    let (l, a, b) = (
+        bin(l, 0.0, 100.0, LIGHT),
+        bin(a, -80.0, 160.0, CHROMA),
+        bin(b, -80.0, 160.0, CHROMA),
+    );
+    ((l * CHROMA + a) * CHROMA + b) as u16
 }
 
-impl Route {
-    /// From the frame next to `start` to `last`, which lies before or after it.
-    pub fn new(start: usize, last: usize, size: (usize, usize)) -> Self {
-        let forwards = last > start;
-        let coming = if forwards {
-            (start + 1..=last).collect()
-        } else {
-            (last..start).rev().collect()
-        };
+/// How often an object and its surroundings show each colour: smoothed histograms over Lab.
+#[derive(Clone)]
+pub(super) struct ColorModel {
+    object: Vec<f32>,
+    around: Vec<f32>,
+}
+
+impl ColorModel {
+    /// From the pixels' bins; `is_object` and `is_around` tell which pixels count.
+    pub fn new(bins: &[u16], is_object: &[bool], is_around: &[bool]) -> Self {
         Self {
-            size,
-            block: if forwards { 1 } else { BLOCK },
-            coming,
-            loaded: VecDeque::new(),
+            object: histogram(bins, is_object),
+            around: histogram(bins, is_around),
         }
     }
 
-    /// The next frame that can be read, with its picture; `None` at the end.
-    pub fn next(
-        &mut self,
-        pictures: &mut Pictures<'_>,
-    ) -> Result<Option<(usize, Arc<Picture>)>, MaskError> {
-        while self.loaded.is_empty() && !self.coming.is_empty() {
-            let mut block: Vec<usize> = self
-                .coming
-                .drain(..self.block.min(self.coming.len()))
-                .collect();
-            block.sort_unstable();
-            for frame in block {
-                let picture = pictures.load(frame, self.size)?;
-                self.loaded.extend(picture.map(|picture| (frame, picture)));
-            }
+    /// Natural logarithm of the odds that each bin's colour is the object's, −3 to 3.
+    pub fn odds(&self) -> Vec<f32> {
+        let odds = |(&object, &around): (&f32, &f32)| {
+            ((object + UNSEEN) / (around + UNSEEN))
+                .ln()
+                .clamp(-MOST, MOST)
+        };
+        self.object.iter().zip(&self.around).map(odds).collect()
+    }
+
+    /// Moves this share of the way to another model.
+    pub fn learn(&mut self, other: &Self, share: f32) {
+        let blend = |mine: &mut [f32], other: &[f32]| {
+            mine.iter_mut()
+                .zip(other)
+                .for_each(|(mine, other)| *mine += share * (other - *mine));
+        };
+        blend(&mut self.object, &other.object);
+        blend(&mut self.around, &other.around);
+    }
+
+    /// How alike the object's colours are in two models, 0–1 (Bhattacharyya's coefficient).
+    pub fn likeness(&self, other: &Self) -> f32 {
+        self.object
+            .iter()
+            .zip(&other.object)
+            .map(|(a, b)| (a * b).sqrt())
+            .sum::<f32>()
+            .min(1.0)
+    }
+}
+
+/// Shares of the bins, smoothed; all 0 where nothing counts.
+fn histogram(bins: &[u16], counts: &[bool]) -> Vec<f32> {
+    let mut shares = vec![0.0; BINS];
+    let mut total = 0.0f32;
+    for (&bin, _) in bins.iter().zip(counts).filter(|(_, counts)| **counts) {
+        shares[usize::from(bin)] += 1.0;
+        total += 1.0;
+    }
+    for (step, length) in [(1, CHROMA), (CHROMA, CHROMA), (CHROMA * CHROMA, LIGHT)] {
+        smooth(&mut shares, step, length);
+    }
+    shares.iter_mut().for_each(|share| *share /= total.max(1.0));
+    shares
+}
+
+/// Weights 1 2 1 along one axis, the ends repeated.
+fn smooth(values: &mut [f32], step: usize, length: usize) {
+    for first in (0..values.len()).filter(|at| (at / step).is_multiple_of(length)) {
+        let mut before = values[first];
+        for at in 0..length {
+            let place = first + at * step;
+            let here = values[place];
+            let after = if at + 1 < length {
+                values[place + step]
+            } else {
+                here
+            };
+            values[place] = (before + 2.0 * here + after) / 4.0;
+            before = here;
         }
-        // A block of several lies in rising order and is walked from its end.
-        Ok(self.loaded.pop_back())
     }
 }
 
@@ -359,5 +364,25 @@ mod tests {
             (target[0][0] - 1.0).abs() < 1e-6 && (target[1][0] - 7.0).abs() < 1e-6,
             "{target:?}"
         );
+    }
+
+    #[test]
+    fn colours_of_the_object_have_good_odds() {
+        let (red, blue, green) = (
+            bin_of([50.0, 60.0, 40.0]),
+            bin_of([30.0, 20.0, -60.0]),
+            bin_of([60.0, -50.0, 50.0]),
+        );
+        let bins = [red, red, blue, blue];
+        let model = ColorModel::new(
+            &bins,
+            &[true, true, false, false],
+            &[false, false, true, true],
+        );
+        let odds = model.odds();
+        assert!(odds[usize::from(red)] > 2.0 && odds[usize::from(blue)] < -2.0);
+        assert!(odds[usize::from(green)].abs() < 1e-3);
+        assert!((model.likeness(&model) - 1.0).abs() < 1e-5);
+        assert!((model.object.iter().sum::<f32>() - 1.0).abs() < 1e-5);
     }
 }

@@ -1,4 +1,4 @@
-//! The tracker on small films made here: textured things before a textured wall.
+//! The tracker on small videos made here: textured things before a textured wall.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -11,8 +11,9 @@ use rand_pcg::Pcg32;
 use super::FlowTracker;
 use super::dis::{Finest, flow_between};
 use super::plane::Plane;
-use crate::flow::picture::Pictures;
+use crate::flow::picture::PictureCache;
 use crate::flow::plane::Pyramid;
+use crate::propagate::PassFrame;
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore, Orientation, PictureSource};
 use ostra_masks::{Direction, LabelId, LabelMask, TrackRequest, TrackedFrame, Tracker};
@@ -225,7 +226,7 @@ fn masks_go_both_ways_from_any_anchor_and_meet() {
         film.iou(&from_the_middle, 0, LEFT) > 0.9 && film.iou(&from_the_middle, 19, RIGHT) > 0.9
     );
     let mut request = film.request(&[0, 19]);
-    // The second anchor shows the object larger than the first: masks between lie between.
+    // The second keyframe shows the object larger than the first: masks between lie between.
     let grown = film.truth[19].region(LEFT).dilated(4.0);
     let mask = Arc::make_mut(request.anchors.get_mut(&19).unwrap());
     for (id, _) in mask
@@ -429,25 +430,27 @@ fn a_range_is_kept_to_and_a_stop_keeps_what_is_done() {
 }
 
 #[test]
-fn a_picture_is_made_once_as_long_as_somebody_holds_it() {
+fn a_picture_is_made_once_as_long_as_it_is_in_use() {
     let film = Film::new(2, &two_disks(), 0..0);
-    let (request, progress) = (film.request(&[0]), Progress::default());
+    let request = film.request(&[0]);
     let size = (
         film.frames[1].width as usize,
         film.frames[1].height as usize,
     );
-    let mut pictures = Pictures::new(&request, None, &progress);
-    let held = pictures.load(1, size).unwrap().unwrap();
-    assert!(Arc::ptr_eq(
-        &held,
-        &pictures.load(1, size).unwrap().unwrap()
-    ));
-    let small = pictures.load(1, (size.0 / 2, size.1 / 2)).unwrap().unwrap();
+    let frame = |index: usize| PassFrame {
+        index,
+        image: request.store.image(&request.frames[index]).unwrap(),
+    };
+    let mut pictures = PictureCache::new(size, None);
+    let held = pictures.get(&frame(1)).unwrap();
+    assert!(Arc::ptr_eq(&held, &pictures.get(&frame(1)).unwrap()));
+    let mut smaller = PictureCache::new((size.0 / 2, size.1 / 2), None);
+    let small = smaller.get(&frame(1)).unwrap();
     assert_eq!((small.width, small.height), (size.0 / 2, size.1 / 2));
     let watched = Arc::downgrade(&held);
     drop(held);
     assert!(
         watched.upgrade().is_none(),
-        "who loads it holds it, nobody else"
+        "only those who use a picture hold it"
     );
 }

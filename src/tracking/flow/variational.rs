@@ -6,7 +6,7 @@ use super::plane::{Flow, Level, interpolated};
 const EVEN: f32 = 20.0;
 const GREY: f32 = 5.0;
 const SLOPE: f32 = 10.0;
-/// Rounds in which the robust weights are taken anew, and sweeps within one.
+/// Rounds in which the robust weights are taken again, and sweeps within one.
 const ROUNDS: usize = 3;
 const SWEEPS: usize = 5;
 /// Over-relaxation.

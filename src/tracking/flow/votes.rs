@@ -13,7 +13,7 @@ const BELL: [f32; 2 * HALF + 1] = [1.0, 4.0, 6.0, 4.0, 1.0];
 const BELL_SUM: f32 = 16.0;
 /// Difference of colour by which a patch counts less, in units of Lab.
 const SPREAD: f32 = 6.0;
-/// Weight of a and b beside lightness.
+/// Weight of a and b next to lightness.
 const CHROMA: f32 = 1.5;
 /// Distance by which a patch counts less, as a share of the reach.
 const NEAR: f32 = 0.67;

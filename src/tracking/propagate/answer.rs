@@ -2,54 +2,93 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
 
-use ostra_frames::Image;
-use ostra_masks::{LabelId, LabelMask, MaskError, RunMask};
+use ostra_masks::{LabelId, LabelMask, RunMask};
 
-/// A network that carries masks from one picture to the next, in one direction; made anew for each walk through the frames.
-pub(crate) trait Propagator {
-    /// Takes the labels of `mask` on `image` as given: the first picture of the walk, a later anchor, or one on which labels
-    /// appear for the first time. Labels that `mask` does not show keep what was remembered of them.
-    fn remember(&mut self, image: &Image, mask: &LabelMask) -> Result<(), MaskError>;
-
-    /// The next picture of the walk.
-    fn propagate(&mut self, image: &Image) -> Result<Propagated, MaskError>;
-}
-
-/// Where a network sees the labels in a picture.
+/// How probable each label is in every pixel of a frame, as a network says.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Propagated {
+pub(crate) struct LabelProbabilities {
     /// The labels, ascending.
     pub labels: Vec<LabelId>,
-    /// Size of the maps, px: the picture's own size.
+    /// Size of the maps, px: the image's own size.
     pub width: usize,
     pub height: usize,
     /// `[1 + labels][height][width]`, row by row: the probability of nothing, then of each label; they sum to 1.
     pub probabilities: Vec<f32>,
 }
 
-/// What one walk says of a frame.
-pub(super) struct Answer {
-    pub mask: LabelMask,
-    /// Of nothing and of each label that the mask shows, the mean probability where it shows it.
-    pub confidence: BTreeMap<LabelId, f32>,
-    /// The labels that the walk knows: of others it says nothing.
-    pub known: BTreeSet<LabelId>,
+impl LabelProbabilities {
+    /// From maps of nothing and of each of `labels`, which are in any order.
+    pub fn sorted(labels: &[LabelId], size: (usize, usize), maps: Vec<f32>) -> Self {
+        let (width, height) = size;
+        let area = width * height;
+        let mut order: Vec<usize> = (0..labels.len()).collect();
+        order.sort_by_key(|&at| labels[at]);
+        let probabilities = if order.is_sorted() {
+            maps
+        } else {
+            let places = std::iter::once(0).chain(order.iter().map(|at| at + 1));
+            places
+                .flat_map(|place| &maps[place * area..][..area])
+                .copied()
+                .collect()
+        };
+        Self {
+            labels: order.iter().map(|&at| labels[at]).collect(),
+            width,
+            height,
+            probabilities,
+        }
+    }
+
+    /// Of a label, or of nothing, in a pixel; 0 for a label that is not among them.
+    fn at(&self, label: LabelId, pixel: usize) -> f32 {
+        let area = self.width * self.height;
+        match self.labels.binary_search(&label) {
+            Ok(place) => self.probabilities[(1 + place) * area + pixel],
+            Err(_) if label == LabelId::NONE => self.probabilities[pixel],
+            Err(_) => 0.0,
+        }
+    }
+}
+
+/// The most probable map of every pixel, with its value; of equals the first.
+pub(crate) fn most_probable(maps: &[f32], area: usize) -> Vec<(usize, f32)> {
+    let blocks = (0..area).into_par_iter().step_by(BLOCK).map(|first| {
+        let pixels = first..(first + BLOCK).min(area);
+        pixels
+            .map(|at| best(maps[at..].iter().step_by(area)))
+            .collect::<Vec<_>>()
+    });
+    blocks.flatten_iter().collect()
+}
+
+fn best<'a>(probabilities: impl Iterator<Item = &'a f32>) -> (usize, f32) {
+    probabilities
+        .enumerate()
+        .fold((0, f32::NEG_INFINITY), |best, (map, &p)| {
+            if p > best.1 { (map, p) } else { best }
+        })
 }
 
 /// Pixels that a thread takes at once.
 const BLOCK: usize = 1 << 14;
 
+/// What one pass says of a frame.
+pub(crate) struct Answer {
+    /// At the size that the engine works at.
+    pub mask: LabelMask,
+    /// How sure the pass is of each label, 0–1; may name nothing ([`LabelId::NONE`]) and labels that the mask does not show.
+    pub confidence: BTreeMap<LabelId, f32>,
+    /// The labels that the pass knows: of others it says nothing.
+    pub known: BTreeSet<LabelId>,
+    /// Where the engine gives them.
+    pub probabilities: Option<LabelProbabilities>,
+}
+
 impl Answer {
-    /// The most probable label of every pixel; of equals the first.
-    pub fn new(given: &Propagated) -> Self {
-        let area = given.width * given.height;
-        let blocks = (0..area).into_par_iter().step_by(BLOCK).map(|first| {
-            let pixels = first..(first + BLOCK).min(area);
-            pixels
-                .map(|at| best(given.probabilities[at..].iter().step_by(area)))
-                .collect::<Vec<_>>()
-        });
-        let best: Vec<(usize, f32)> = blocks.flatten_iter().collect();
+    /// The most probable label of every pixel; as sure as these are on average.
+    pub fn most_probable(given: LabelProbabilities) -> Self {
+        let best = most_probable(&given.probabilities, given.width * given.height);
         let id = |map: usize| {
             if map == 0 {
                 LabelId::NONE
@@ -66,102 +105,106 @@ impl Answer {
         let confidence = shown
             .map(|(map, &(sum, count))| (id(map), (sum / count as f64) as f32))
             .collect();
-        let ids = best.iter().map(|&(map, _)| id(map)).collect();
         let mask = LabelMask {
             width: given.width as u32,
             height: given.height as u32,
-            ids,
+            ids: best.iter().map(|&(map, _)| id(map)).collect(),
         };
         Self {
             mask,
             confidence,
             known: given.labels.iter().copied().collect(),
+            probabilities: Some(given),
         }
     }
 
-    /// Of the labels that the mask shows.
-    pub fn confidences(&self) -> BTreeMap<LabelId, f32> {
-        self.confidence
-            .iter()
-            .filter(|(label, _)| **label != LabelId::NONE)
-            .map(|(&label, &sure)| (label, sure))
-            .collect()
-    }
-}
-
-fn best<'a>(probabilities: impl Iterator<Item = &'a f32>) -> (usize, f32) {
-    probabilities
-        .enumerate()
-        .fold((0, f32::NEG_INFINITY), |best, (map, &p)| {
-            if p > best.1 { (map, p) } else { best }
-        })
-}
-
-/// One answer out of those of two walks that met on a frame, `first` counting `nearness` of 1 and `second` the rest. Where
-/// they differ, the label that is the more probable counts; the first walk's is taken to be as probable everywhere as it is
-/// on average. What a walk does not know it says nothing of.
-pub(super) fn merged(first: &Answer, second: &Answer, given: &Propagated, nearness: f32) -> Answer {
-    let area = given.width * given.height;
-    let known = first.known.union(&second.known).copied().collect();
-    let pairs = first.mask.ids.par_iter().zip(&second.mask.ids).enumerate();
-    let ids = pairs.map(|(at, (&a, &b))| {
-        if a == b || !second.knows(a) && b == LabelId::NONE {
-            return a;
-        }
-        if !first.knows(b) && a == LabelId::NONE {
-            return b;
-        }
-        let there = |label: LabelId| match given.labels.binary_search(&label) {
-            Ok(place) => given.probabilities[(1 + place) * area + at],
-            Err(_) if label == LabelId::NONE => given.probabilities[at],
-            Err(_) => 0.0,
-        };
-        let for_a = nearness * first.sure(a) + (1.0 - nearness) * there(a);
-        if for_a >= (1.0 - nearness) * there(b) {
-            a
-        } else {
-            b
-        }
-    });
-    let mask = LabelMask {
-        ids: ids.collect(),
-        ..first.mask
-    };
-    let agreed = RunMask::encode(&first.mask).ious(&RunMask::encode(&second.mask));
-    let shown = labels(&mask);
-    let confidence: BTreeMap<LabelId, f32> = shown
-        .into_iter()
-        .map(|label| {
-            let sure = match (first.knows(label), second.knows(label)) {
-                (true, true) => {
-                    let mean = nearness * first.sure(label) + (1.0 - nearness) * second.sure(label);
-                    mean * (0.5 + 0.5 * agreed.get(&label).copied().unwrap_or(0.0) as f32)
-                }
-                (true, false) => first.sure(label),
-                (false, _) => second.sure(label),
+    /// One answer out of those of two passes that met on a frame, this one counting `nearness` of 1 and `second` the rest.
+    /// Where they differ, the label that is the more probable counts; this pass's is taken to be as probable everywhere as it
+    /// is on average, as only the second has its probabilities still. What a pass does not know it says nothing of.
+    pub fn merged(&self, second: &Self, nearness: f32) -> Self {
+        let pairs = self.mask.ids.par_iter().zip(&second.mask.ids).enumerate();
+        let ids = pairs.map(|(at, (&a, &b))| {
+            if a == b || !second.knows(a) && b == LabelId::NONE {
+                return a;
+            }
+            if !self.knows(b) && a == LabelId::NONE {
+                return b;
+            }
+            let there = |label: LabelId| {
+                let given = second.probabilities.as_ref();
+                given.map_or(0.0, |given| given.at(label, at))
             };
-            (label, sure)
-        })
-        .collect();
-    Answer {
-        mask,
-        confidence,
-        known,
+            let for_a = nearness * self.confidence_of(a) + (1.0 - nearness) * there(a);
+            if for_a >= (1.0 - nearness) * there(b) {
+                a
+            } else {
+                b
+            }
+        });
+        let mask = LabelMask {
+            ids: ids.collect(),
+            ..self.mask
+        };
+        let agreed = RunMask::encode(&self.mask).ious(&RunMask::encode(&second.mask));
+        let confidence = |label: LabelId| match (self.knows(label), second.knows(label)) {
+            (true, true) => {
+                let mean = nearness * self.confidence_of(label)
+                    + (1.0 - nearness) * second.confidence_of(label);
+                mean * (0.5 + 0.5 * agreed.get(&label).copied().unwrap_or(0.0) as f32)
+            }
+            (true, false) => self.confidence_of(label),
+            (false, _) => second.confidence_of(label),
+        };
+        let shown = shown_labels(&mask).into_iter();
+        Self {
+            confidence: shown.map(|label| (label, confidence(label))).collect(),
+            mask,
+            known: self.known.union(&second.known).copied().collect(),
+            probabilities: None,
+        }
     }
-}
 
-impl Answer {
     fn knows(&self, label: LabelId) -> bool {
         label == LabelId::NONE || self.known.contains(&label)
     }
 
-    fn sure(&self, label: LabelId) -> f32 {
+    fn confidence_of(&self, label: LabelId) -> f32 {
         self.confidence.get(&label).copied().unwrap_or(0.0)
     }
 }
 
+/// An answer of the pass forwards, kept small until the pass backwards comes by.
+pub(super) struct KeptAnswer {
+    runs: RunMask,
+    confidence: BTreeMap<LabelId, f32>,
+    known: BTreeSet<LabelId>,
+}
+
+impl KeptAnswer {
+    pub fn new(answer: Answer) -> Self {
+        Self {
+            runs: RunMask::encode(&answer.mask),
+            confidence: answer.confidence,
+            known: answer.known,
+        }
+    }
+
+    pub fn mask(&self) -> LabelMask {
+        self.runs.decode()
+    }
+
+    pub fn unpacked(self) -> Answer {
+        Answer {
+            mask: self.runs.decode(),
+            confidence: self.confidence,
+            known: self.known,
+            probabilities: None,
+        }
+    }
+}
+
 /// The labels that a mask shows.
-pub(super) fn labels(mask: &LabelMask) -> BTreeSet<LabelId> {
+pub(crate) fn shown_labels(mask: &LabelMask) -> BTreeSet<LabelId> {
     let mut last = LabelId::NONE;
     let mut labels = BTreeSet::new();
     for &id in mask.ids.iter().filter(|&&id| id != LabelId::NONE) {

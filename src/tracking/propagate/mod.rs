@@ -1,11 +1,18 @@
-//! Trackers made of networks that carry masks from one picture to the next: the seam `Propagator`, and what leads one
-//! forwards and backwards from anchors and merges both ways.
+//! One driver for every engine that carries masks from frame to frame (optical flow, XMem, DeAOT), each behind the trait
+//! [`MaskPropagator`].
+//!
+//! The driver ([`propagate`]) plans which frames are passed through in which order ([`PropagationPlan`]), reads their images
+//! (in blocks where a pass runs backwards), leaves out frames that cannot be read, merges the answers of two passes that meet,
+//! reports progress and ends when the user stops it. An engine only carries masks from the frame before to the next.
 
 mod answer;
-mod pictures;
+mod driver;
+mod frames;
+mod plan;
 #[cfg(test)]
 mod tests;
-mod track;
 
-pub(crate) use answer::{Propagated, Propagator};
-pub(crate) use track::track;
+pub(crate) use answer::{Answer, LabelProbabilities, most_probable, shown_labels};
+pub(crate) use driver::{MaskPropagator, propagate};
+pub(crate) use frames::{LookAhead, PassFrame};
+pub(crate) use plan::{KeyframeUse, Section};

@@ -1,11 +1,13 @@
-//! The tracker around a propagator that needs no network: what it was told stays where it is.
+//! The driver with an engine that needs no network: what it is given stays where it is.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::{Propagated, Propagator, track};
-use crate::propagate::answer::labels;
+use super::{
+    Answer, KeyframeUse, LabelProbabilities, LookAhead, MaskPropagator, PassFrame, Section,
+    propagate, shown_labels,
+};
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore, Image, Orientation, PictureSource};
 use ostra_masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest, TrackedFrame};
@@ -14,25 +16,29 @@ const WIDTH: u32 = 12;
 const HEIGHT: u32 = 4;
 const A: LabelId = LabelId(3);
 const B: LabelId = LabelId(5);
-/// How sure the propagator is.
+/// How sure the engine is.
 const SURE: f32 = 0.75;
 
-/// Notes what it is asked, as `r4 p5 …`; frames are told by their colour.
+/// Notes what it is asked, as `r4 p5 …`; frames are distinguished by their colour.
 struct Still<'a> {
     asked: &'a RefCell<Vec<String>>,
     known: BTreeMap<LabelId, Vec<bool>>,
 }
 
-impl Propagator for Still<'_> {
-    fn remember(&mut self, image: &Image, mask: &LabelMask) -> Result<(), MaskError> {
-        let shown = labels(mask);
-        let told: String = shown
+impl MaskPropagator for Still<'_> {
+    fn start_pass(&mut self, _direction: Direction) {
+        self.known.clear();
+    }
+
+    fn add_keyframe(&mut self, frame: &PassFrame, mask: &LabelMask) -> Result<(), MaskError> {
+        let shown = shown_labels(mask);
+        let given: String = shown
             .iter()
             .map(|label| if *label == A { 'A' } else { 'B' })
             .collect();
         self.asked
             .borrow_mut()
-            .push(format!("r{}{told}", image.pixels[0][0]));
+            .push(format!("r{}{given}", frame.image.pixels[0][0]));
         self.known.extend(
             shown
                 .into_iter()
@@ -41,7 +47,12 @@ impl Propagator for Still<'_> {
         Ok(())
     }
 
-    fn propagate(&mut self, image: &Image) -> Result<Propagated, MaskError> {
+    fn carry_to(
+        &mut self,
+        frame: &PassFrame,
+        _ahead: &mut LookAhead<'_, '_>,
+    ) -> Result<Answer, MaskError> {
+        let image: &Image = &frame.image;
         self.asked
             .borrow_mut()
             .push(format!("p{}", image.pixels[0][0]));
@@ -56,17 +67,16 @@ impl Propagator for Still<'_> {
                 .map_or(0, |place| 1 + place);
             probabilities[there * area + at] = SURE;
         }
-        let labels = self.known.keys().copied().collect();
-        Ok(Propagated {
-            labels,
+        Ok(Answer::most_probable(LabelProbabilities {
+            labels: self.known.keys().copied().collect(),
             width: image.width as usize,
             height: image.height as usize,
             probabilities,
-        })
+        }))
     }
 }
 
-struct Film {
+struct Sequence {
     folder: tempfile::TempDir,
     request: TrackRequest,
 }
@@ -79,7 +89,7 @@ struct Outcome {
     ended: Result<Vec<String>, MaskError>,
 }
 
-impl Film {
+impl Sequence {
     fn new(count: usize, anchors: &[(usize, LabelMask)]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let frame = |at: usize| {
@@ -128,13 +138,19 @@ impl Film {
                 progress.stop();
             }
         };
-        let make = || -> Box<dyn Propagator + '_> {
+        let make = |_: &Section| -> Box<dyn MaskPropagator + '_> {
             Box::new(Still {
                 asked: &asked,
                 known: BTreeMap::new(),
             })
         };
-        let ended = track(&self.request, &mut emit, &progress, &make);
+        let ended = propagate(
+            &self.request,
+            KeyframeUse::Sequence,
+            &mut emit,
+            &progress,
+            &make,
+        );
         let asked = asked.borrow().join(" ");
         Outcome {
             asked,
@@ -180,20 +196,20 @@ fn mask(parts: &[(LabelId, std::ops::Range<u32>)]) -> LabelMask {
 }
 
 #[test]
-fn walks_go_both_ways_and_take_over_anchors() {
-    let mut film = Film::new(9, &[(3, mask(&[(A, 0..4)])), (6, mask(&[(A, 0..4)]))]);
-    let outcome = film.track();
+fn passes_go_both_ways_and_take_over_keyframes() {
+    let mut sequence = Sequence::new(9, &[(3, mask(&[(A, 0..4)])), (6, mask(&[(A, 0..4)]))]);
+    let outcome = sequence.track();
     assert_eq!(outcome.asked, "r3A p4 p5 r6A p7 p8 r6A p5 p4 r3A p2 p1 p0");
     assert_eq!(outcome.frames(), "4~ 5~ 7 8 5 4 2 1 0");
     assert!(outcome.ended.unwrap().is_empty());
-    film.request.direction = Direction::Forward;
-    let outcome = film.track();
+    sequence.request.direction = Direction::Forward;
+    let outcome = sequence.track();
     assert_eq!(
         (outcome.asked.as_str(), outcome.frames().as_str()),
         ("r3A p4 p5 r6A p7 p8", "4 5 7 8")
     );
-    film.request.direction = Direction::Backward;
-    let outcome = film.track();
+    sequence.request.direction = Direction::Backward;
+    let outcome = sequence.track();
     assert_eq!(
         (outcome.asked.as_str(), outcome.frames().as_str()),
         ("r6A p5 p4 r3A p2 p1 p0", "5 4 2 1 0")
@@ -203,29 +219,33 @@ fn walks_go_both_ways_and_take_over_anchors() {
 }
 
 #[test]
-fn nearest_anchors_beside_the_range_are_read() {
+fn nearest_keyframes_outside_the_range_are_read() {
     let anchors = [
         (0, mask(&[(A, 0..2)])),
         (1, mask(&[(B, 8..9)])),
         (2, mask(&[(A, 0..4)])),
         (8, mask(&[(A, 0..4)])),
     ];
-    let mut film = Film::new(10, &anchors);
-    (film.request.from, film.request.to) = (4, 5);
-    let outcome = film.track();
-    // Label B comes from the last anchor that shows it.
+    let mut sequence = Sequence::new(10, &anchors);
+    (sequence.request.from, sequence.request.to) = (4, 5);
+    let outcome = sequence.track();
+    // Label B comes from the last keyframe that shows it.
     assert_eq!(outcome.asked, "r1B r2A p3 p4 p5 r8A p7 p6 p5 p4");
     assert_eq!(outcome.frames(), "4~ 5~ 5 4");
     assert_eq!(outcome.last(4).mask, mask(&[(A, 0..4), (B, 8..9)]));
-    (film.request.from, film.request.to, film.request.direction) = (9, 9, Direction::Backward);
-    let text = film.track().ended.unwrap_err().to_string();
+    (
+        sequence.request.from,
+        sequence.request.to,
+        sequence.request.direction,
+    ) = (9, 9, Direction::Backward);
+    let text = sequence.track().ended.unwrap_err().to_string();
     assert!(text.contains("side of an anchor"), "{text}");
 }
 
 #[test]
-fn label_of_a_later_anchor_is_added_there_and_carried_back() {
-    let film = Film::new(7, &[(0, mask(&[(A, 0..4)])), (4, mask(&[(B, 8..10)]))]);
-    let outcome = film.track();
+fn label_of_a_later_keyframe_is_added_there_and_carried_back() {
+    let sequence = Sequence::new(7, &[(0, mask(&[(A, 0..4)])), (4, mask(&[(B, 8..10)]))]);
+    let outcome = sequence.track();
     assert_eq!(outcome.asked, "r0A p1 p2 p3 r4B p5 p6 r4B p3 p2 p1");
     assert_eq!(
         outcome.given[1].mask,
@@ -243,9 +263,9 @@ fn label_of_a_later_anchor_is_added_there_and_carried_back() {
 }
 
 #[test]
-fn nearer_anchor_counts_more_between_two() {
-    let film = Film::new(11, &[(0, mask(&[(A, 0..4)])), (10, mask(&[(A, 4..8)]))]);
-    let outcome = film.track();
+fn nearer_keyframe_counts_more_between_two() {
+    let sequence = Sequence::new(11, &[(0, mask(&[(A, 0..4)])), (10, mask(&[(A, 4..8)]))]);
+    let outcome = sequence.track();
     assert_eq!(outcome.last(2).mask, mask(&[(A, 0..4)]));
     assert_eq!(outcome.last(8).mask, mask(&[(A, 4..8)]));
     // The walks share no pixel: half of what one that all agree on would be.
@@ -261,8 +281,8 @@ fn nearer_anchor_counts_more_between_two() {
 
 #[test]
 fn stop_keeps_what_is_done() {
-    let film = Film::new(9, &[(0, mask(&[(A, 0..4)]))]);
-    let outcome = film.track_until(3);
+    let sequence = Sequence::new(9, &[(0, mask(&[(A, 0..4)]))]);
+    let outcome = sequence.track_until(3);
     assert!(matches!(outcome.ended, Err(MaskError::Stopped(_))));
     assert_eq!(
         (outcome.frames().as_str(), outcome.asked.as_str()),
@@ -271,18 +291,19 @@ fn stop_keeps_what_is_done() {
 }
 
 #[test]
-fn only_wanted_labels_are_followed() {
-    let mut film = Film::new(
+fn only_requested_labels_are_tracked() {
+    let mut sequence = Sequence::new(
         5,
         &[(0, mask(&[(A, 0..4), (B, 6..8)])), (4, mask(&[(A, 0..4)]))],
     );
-    film.request.labels = Some(BTreeSet::from([B]));
-    let outcome = film.track();
+    sequence.request.labels = Some(BTreeSet::from([B]));
+    let outcome = sequence.track();
     assert_eq!(outcome.asked, "r0B p1 p2 p3", "the other anchor shows none");
     assert_eq!(outcome.last(3).mask, mask(&[(B, 6..8)]));
-    film.request.labels = Some(BTreeSet::from([LabelId(9)]));
+    sequence.request.labels = Some(BTreeSet::from([LabelId(9)]));
     assert!(
-        film.track()
+        sequence
+            .track()
             .ended
             .unwrap_err()
             .to_string()
@@ -291,11 +312,11 @@ fn only_wanted_labels_are_followed() {
 }
 
 #[test]
-fn pictures_of_another_size_are_walked_by_themselves_or_named() {
-    let mut film = Film::new(6, &[(0, mask(&[(A, 0..4)]))]);
-    let mut frames = film.request.frames.to_vec();
+fn images_of_another_size_have_their_own_passes_or_are_named() {
+    let mut sequence = Sequence::new(6, &[(0, mask(&[(A, 0..4)]))]);
+    let mut frames = sequence.request.frames.to_vec();
     for at in [2, 4] {
-        let path = film.folder.path().join(format!("large-{at}.png"));
+        let path = sequence.folder.path().join(format!("large-{at}.png"));
         image::RgbImage::from_pixel(20, 10, image::Rgb([at as u8; 3]))
             .save(&path)
             .unwrap();
@@ -305,8 +326,8 @@ fn pictures_of_another_size_are_walked_by_themselves_or_named() {
         };
         (frames[at].width, frames[at].height) = (20, 10);
     }
-    film.request.frames = Arc::new(frames);
-    let outcome = film.track();
+    sequence.request.frames = Arc::new(frames);
+    let outcome = sequence.track();
     assert_eq!(outcome.asked, "r0A p1 p3 p5");
     let warnings = outcome.ended.unwrap().join(" ");
     assert!(
@@ -316,8 +337,8 @@ fn pictures_of_another_size_are_walked_by_themselves_or_named() {
     );
     let mut large = LabelMask::empty(20, 10);
     large.ids[7] = B;
-    film.request.anchors.insert(4, Arc::new(large));
-    let outcome = film.track();
+    sequence.request.anchors.insert(4, Arc::new(large));
+    let outcome = sequence.track();
     assert_eq!(outcome.asked, "r0A p1 p3 p5 r4B p2");
     assert!(outcome.ended.as_ref().unwrap().is_empty());
     assert_eq!(
@@ -327,12 +348,13 @@ fn pictures_of_another_size_are_walked_by_themselves_or_named() {
 }
 
 #[test]
-fn unreadable_pictures_are_stepped_over_and_named() {
-    let film = Film::new(5, &[(0, mask(&[(A, 0..4)])), (4, mask(&[(A, 0..4)]))]);
-    let remove =
-        |at: usize| std::fs::remove_file(film.folder.path().join(format!("{at:02}.png"))).unwrap();
+fn unreadable_frames_are_left_out_and_named() {
+    let sequence = Sequence::new(5, &[(0, mask(&[(A, 0..4)])), (4, mask(&[(A, 0..4)]))]);
+    let remove = |at: usize| {
+        std::fs::remove_file(sequence.folder.path().join(format!("{at:02}.png"))).unwrap()
+    };
     [2, 4].into_iter().for_each(remove);
-    let outcome = film.track();
+    let outcome = sequence.track();
     assert_eq!(
         outcome.asked, "r0A p1 p3",
         "nothing starts from an anchor that cannot be read"
@@ -344,17 +366,17 @@ fn unreadable_pictures_are_stepped_over_and_named() {
         "{warnings}"
     );
     [0, 1, 3].into_iter().for_each(remove);
-    let mut gone = film;
+    let mut gone = sequence;
     gone.request.store = Arc::new(FrameStore::new(1 << 20));
     assert!(matches!(gone.track().ended, Err(MaskError::Frame(_))));
 }
 
 #[test]
-fn frames_behind_an_unreadable_anchor_are_named() {
-    let mut film = Film::new(5, &[(0, mask(&[(A, 0..4)])), (3, mask(&[(A, 0..4)]))]);
-    std::fs::remove_file(film.folder.path().join("00.png")).unwrap();
-    film.request.direction = Direction::Forward;
-    let outcome = film.track();
+fn frames_after_an_unreadable_keyframe_are_named() {
+    let mut sequence = Sequence::new(5, &[(0, mask(&[(A, 0..4)])), (3, mask(&[(A, 0..4)]))]);
+    std::fs::remove_file(sequence.folder.path().join("00.png")).unwrap();
+    sequence.request.direction = Direction::Forward;
+    let outcome = sequence.track();
     assert_eq!(outcome.frames(), "4");
     let warnings = outcome.ended.unwrap().join(" ");
     assert!(

@@ -1,5 +1,6 @@
 use rayon::prelude::*;
 
+use crate::networks::half_pixel_samples;
 use ostra_frames::Image;
 use ostra_masks::onnx::resized_planes;
 use ostra_masks::{LabelId, LabelMask};
@@ -109,23 +110,24 @@ impl Fit {
     /// Maps `[any][rows][columns]` of what the networks see, at the size of the picture, between pixels linearly.
     pub fn enlarged(&self, maps: &[f32]) -> Vec<f32> {
         let (columns, rows) = (
-            between(self.picture.0, self.shown.0),
-            between(self.picture.1, self.shown.1),
+            half_pixel_samples(self.shown.0, self.picture.0),
+            half_pixel_samples(self.shown.1, self.picture.1),
         );
         let mut out = vec![0.0; maps.len() / self.area() * self.picture.0 * self.picture.1];
         out.par_chunks_mut(self.picture.0)
             .enumerate()
             .for_each(|(line, out)| {
                 let map = &maps[line / self.picture.1 * self.area()..][..self.area()];
-                let (upper, below) = rows[line % self.picture.1];
+                let sample = rows[line % self.picture.1];
                 let row = |at: usize| {
                     &map[(self.corner.1 + at) * self.padded.0 + self.corner.0..][..self.shown.0]
                 };
-                let (first, second) = (row(upper), row((upper + 1).min(self.shown.1 - 1)));
-                for (out, &(left, right)) in out.iter_mut().zip(&columns) {
-                    let next = (left + 1).min(self.shown.0 - 1);
-                    let across = |row: &[f32]| row[left] + right * (row[next] - row[left]);
-                    *out = across(first) + below * (across(second) - across(first));
+                let (first, second) = (row(sample.first), row(sample.next));
+                for (out, column) in out.iter_mut().zip(&columns) {
+                    let across = |row: &[f32]| {
+                        row[column.first] + column.weight * (row[column.next] - row[column.first])
+                    };
+                    *out = across(first) + sample.weight * (across(second) - across(first));
                 }
             });
         out
@@ -140,16 +142,6 @@ impl Fit {
             .take(shown.1);
         rows.map(move |row| &mut row[corner.0..][..shown.0])
     }
-}
-
-/// By one of `to` samples the first of the two of `from` that lie around it, and the weight of the second.
-fn between(to: usize, from: usize) -> Vec<(usize, f32)> {
-    let one = |at: usize| {
-        let place = ((at as f64 + 0.5) * from as f64 / to as f64 - 0.5).max(0.0);
-        let first = (place as usize).min(from - 1);
-        (first, (place - first as f64) as f32)
-    };
-    (0..to).map(one).collect()
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
-use super::elements::{Elements, Widths};
 use super::fit::Fit;
-use super::group::transpose;
+use super::memory::{Elements, Widths, transpose};
+use crate::networks::{check_signature, mismatch, network_error, run};
 use ostra_compute::nn::{Network, NnError, Tensor};
-use ostra_core::job::{Progress, Stopped};
+use ostra_core::job::Progress;
 use ostra_frames::Image;
 use ostra_masks::MaskError;
 
@@ -42,12 +42,13 @@ impl Networks {
     /// # Errors
     /// [`NnError::Mismatch`] where they do not take what is fed.
     pub fn new([key_encoder, value_encoder, decoder]: [Network; 3]) -> Result<Self, NnError> {
-        takes(&key_encoder, &["image"])?;
-        takes(
+        check_signature(&key_encoder, &["image"], &[])?;
+        check_signature(
             &value_encoder,
             &["image", "f16", "hidden", "masks", "others"],
+            &[],
         )?;
-        takes(&decoder, &["f16", "f8", "f4", "readout", "hidden"])?;
+        check_signature(&decoder, &["f16", "f8", "f4", "readout", "hidden"], &[])?;
         let (value, hidden) = (
             channels(&decoder, "readout")?,
             channels(&decoder, "hidden")?,
@@ -70,7 +71,8 @@ impl Networks {
     /// Looks at a picture.
     pub fn see(&self, image: &Image, fit: Fit, progress: &Progress) -> Result<Seen, MaskError> {
         let (columns, rows) = fit.padded;
-        let image = Tensor::floats(&[1, 3, rows, columns], fit.planes(image)).map_err(told)?;
+        let image =
+            Tensor::floats(&[1, 3, rows, columns], fit.planes(image)).map_err(network_error)?;
         let given = run(&self.key_encoder, &[("image", &image)], progress)?;
         let [key, shrinkage, selection, f16, f8, f4] = outputs(&self.key_encoder, given)?;
         let (columns, rows) = fit.cells();
@@ -121,9 +123,9 @@ impl Networks {
         for (readout, hidden) in parts {
             let count = hidden.len() / (self.hidden * size);
             let readout = Tensor::floats(&[count, self.value, rows, columns], readout.to_vec())
-                .map_err(told)?;
+                .map_err(network_error)?;
             let hidden = Tensor::floats(&[count, self.hidden, rows, columns], hidden.to_vec())
-                .map_err(told)?;
+                .map_err(network_error)?;
             let fed = [
                 ("f16", f16),
                 ("f8", f8),
@@ -162,10 +164,10 @@ impl Networks {
         for ((masks, others), hidden) in parts.zip(hidden.chunks(OBJECTS * self.hidden * size)) {
             let count = masks.len() / area;
             let shape = [count, 1, seen.fit.padded.1, seen.fit.padded.0];
-            let masks = Tensor::floats(&shape, masks.to_vec()).map_err(told)?;
-            let others = Tensor::floats(&shape, others.to_vec()).map_err(told)?;
+            let masks = Tensor::floats(&shape, masks.to_vec()).map_err(network_error)?;
+            let others = Tensor::floats(&shape, others.to_vec()).map_err(network_error)?;
             let hidden = Tensor::floats(&[count, self.hidden, rows, columns], hidden.to_vec())
-                .map_err(told)?;
+                .map_err(network_error)?;
             let fed = [
                 ("image", &seen.image),
                 ("f16", &seen.features[0]),
@@ -247,17 +249,6 @@ fn others(masks: &[f32], area: usize) -> Vec<f32> {
     out
 }
 
-fn run(
-    network: &Network,
-    fed: &[(&str, &Tensor)],
-    progress: &Progress,
-) -> Result<Vec<Tensor>, MaskError> {
-    let given = network
-        .run_while(fed, &|| progress.check().is_ok())
-        .map_err(told)?;
-    given.ok_or_else(|| Stopped.into())
-}
-
 fn outputs<const N: usize>(
     network: &Network,
     given: Vec<Tensor>,
@@ -269,23 +260,6 @@ fn unusable(network: &Network) -> MaskError {
     let path = network.path().display();
     MaskError::Network(format!(
         "{path}: gives something else than assets/export/xmem.py makes; export it again"
-    ))
-}
-
-#[expect(clippy::needless_pass_by_value, reason = "`map_err` hands it over")]
-fn told(error: NnError) -> MaskError {
-    MaskError::Network(error.to_string())
-}
-
-fn takes(network: &Network, names: &[&str]) -> Result<(), NnError> {
-    let there = &network.signature().inputs;
-    let is_there = |name: &&str| there.iter().any(|port| port.name == **name);
-    if there.len() == names.len() && names.iter().all(is_there) {
-        return Ok(());
-    }
-    Err(mismatch(
-        network,
-        &format!("expected the inputs {}", names.join(", ")),
     ))
 }
 
@@ -301,12 +275,5 @@ fn channels(network: &Network, name: &str) -> Result<usize, NnError> {
             network,
             &format!("expected the input `{name}` f32 [any, channels, any, any]"),
         )),
-    }
-}
-
-fn mismatch(network: &Network, what: &str) -> NnError {
-    NnError::Mismatch {
-        path: network.path().to_owned(),
-        what: what.to_owned(),
     }
 }

@@ -4,15 +4,19 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::fit::Fit;
-use super::group::{Group, XMemOptions};
+use super::memory::{Group, XMemOptions};
 use super::networks::{Networks, Seen};
-use crate::propagate::{Propagated, Propagator, track};
+use crate::networks::odds;
+use crate::propagate::{
+    Answer, KeyframeUse, LabelProbabilities, LookAhead, MaskPropagator, PassFrame, Section,
+    propagate, shown_labels,
+};
 use ostra_compute::nn::{Network, NnError, load};
 use ostra_core::job::Progress;
 use ostra_frames::Image;
-use ostra_masks::{LabelId, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker};
+use ostra_masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker};
 
-/// XMem: carries masks of any number of labels through films, with a memory that does not grow. Clones share the networks.
+/// XMem: carries masks of any number of labels through a video, with a memory that does not grow. Clones share the networks.
 #[derive(Debug, Clone)]
 pub struct XMem {
     pub(super) networks: Arc<Networks>,
@@ -41,8 +45,9 @@ impl XMem {
         })
     }
 
-    pub(super) fn walk<'a>(&'a self, progress: &'a Progress) -> Walk<'a> {
-        Walk::new(&self.networks, &self.options, progress)
+    /// A pass through frames that remembers nothing yet.
+    pub(super) fn pass<'a>(&'a self, progress: &'a Progress) -> XMemPass<'a> {
+        XMemPass::new(&self.networks, &self.options, progress)
     }
 }
 
@@ -57,14 +62,13 @@ impl Tracker for XMem {
         emit: &mut dyn FnMut(TrackedFrame),
         progress: &Progress,
     ) -> Result<Vec<String>, MaskError> {
-        track(request, emit, progress, &|| -> Box<dyn Propagator + '_> {
-            Box::new(self.walk(progress))
-        })
+        let make = |_: &Section| -> Box<dyn MaskPropagator + '_> { Box::new(self.pass(progress)) };
+        propagate(request, KeyframeUse::Sequence, emit, progress, &make)
     }
 }
 
-/// Objects followed through pictures of one size.
-pub(super) struct Walk<'a> {
+/// Objects tracked through images of one size.
+pub(super) struct XMemPass<'a> {
     networks: &'a Networks,
     options: &'a XMemOptions,
     progress: &'a Progress,
@@ -78,7 +82,7 @@ pub(super) struct Walk<'a> {
     since: usize,
 }
 
-impl<'a> Walk<'a> {
+impl<'a> XMemPass<'a> {
     pub fn new(networks: &'a Networks, options: &'a XMemOptions, progress: &'a Progress) -> Self {
         Self {
             networks,
@@ -100,6 +104,48 @@ impl<'a> Walk<'a> {
     fn see(&self, image: &Image) -> Result<Seen, MaskError> {
         let fit = Fit::new(image.width, image.height, self.options.short_side);
         self.networks.see(image, fit, self.progress)
+    }
+
+    /// Takes the labels of `mask` on `image` as given. Labels that it does not show keep what is remembered of them.
+    pub fn remember(&mut self, image: &Image, mask: &LabelMask) -> Result<(), MaskError> {
+        let mut shown = shown_labels(mask);
+        if shown.is_empty() && self.objects.is_empty() {
+            return Ok(());
+        }
+        let seen = self.see(image)?;
+        let are_all_given = self.objects.iter().all(|object| shown.contains(object));
+        let predicted = if are_all_given {
+            None
+        } else {
+            Some(self.segment(&seen)?.0)
+        };
+        shown.retain(|label| !self.objects.contains(label));
+        self.objects.extend(shown);
+        self.hidden.resize(
+            self.objects.len() * self.networks.hidden * seen.cells.len(),
+            0.0,
+        );
+        let given = self.given_masks(&seen, mask, predicted.as_deref());
+        let area = seen.fit.area();
+        self.memorise(&seen, &aggregated(&given, area)[area..])
+    }
+
+    /// Where the labels are in the next image of the pass.
+    pub fn propagate(&mut self, image: &Image) -> Result<LabelProbabilities, MaskError> {
+        let seen = self.see(image)?;
+        let area = seen.fit.area();
+        let (probabilities, hidden) = self.segment(&seen)?;
+        self.since += 1;
+        if self.since >= self.options.remember_every {
+            self.memorise(&seen, &probabilities[area..])?;
+        } else {
+            self.hidden = hidden;
+        }
+        Ok(LabelProbabilities::sorted(
+            &self.objects,
+            seen.fit.picture,
+            seen.fit.enlarged(&probabilities),
+        ))
     }
 
     /// Probabilities `[1 + objects][area]` of the picture, and sensory memory renewed by it.
@@ -145,94 +191,54 @@ impl<'a> Walk<'a> {
 
     /// Where objects are, `[objects][area]`, as the mask says; those that it does not show are where they were predicted
     /// (`[1 + objects known before][area]`), less what it gives to others.
-    fn as_told(&self, seen: &Seen, mask: &LabelMask, predicted: Option<&[f32]>) -> Vec<f32> {
+    fn given_masks(&self, seen: &Seen, mask: &LabelMask, predicted: Option<&[f32]>) -> Vec<f32> {
         let area = seen.fit.area();
         let mut maps = seen.fit.one_hot(mask, &self.objects);
         let Some(predicted) = predicted else {
             return maps;
         };
-        let mut is_told = vec![false; area];
+        let mut is_given = vec![false; area];
         for map in maps.chunks_exact(area) {
-            is_told
+            is_given
                 .iter_mut()
                 .zip(map)
-                .for_each(|(told, value)| *told |= *value > 0.5);
+                .for_each(|(given, value)| *given |= *value > 0.5);
         }
         let known = maps
             .chunks_exact_mut(area)
             .zip(&self.objects)
             .zip(predicted[area..].chunks_exact(area));
         for ((map, _), predicted) in known.filter(|((_, object), _)| !mask.ids.contains(object)) {
-            for ((out, value), told) in map.iter_mut().zip(predicted).zip(&is_told) {
-                *out = if *told { 0.0 } else { *value };
+            for ((out, value), given) in map.iter_mut().zip(predicted).zip(&is_given) {
+                *out = if *given { 0.0 } else { *value };
             }
         }
         maps
     }
 }
 
-impl Propagator for Walk<'_> {
-    fn remember(&mut self, image: &Image, mask: &LabelMask) -> Result<(), MaskError> {
-        let mut shown: Vec<LabelId> = mask
-            .ids
-            .iter()
-            .copied()
-            .filter(|&id| id != LabelId::NONE)
-            .collect();
-        shown.sort_unstable();
-        shown.dedup();
-        if shown.is_empty() && self.objects.is_empty() {
-            return Ok(());
-        }
-        let seen = self.see(image)?;
-        let is_all_told = self
-            .objects
-            .iter()
-            .all(|object| shown.binary_search(object).is_ok());
-        let predicted = if is_all_told {
-            None
-        } else {
-            Some(self.segment(&seen)?.0)
-        };
-        shown.retain(|label| !self.objects.contains(label));
-        self.objects.extend(shown);
-        self.hidden.resize(
-            self.objects.len() * self.networks.hidden * seen.cells.len(),
-            0.0,
-        );
-        let told = self.as_told(&seen, mask, predicted.as_deref());
-        let area = seen.fit.area();
-        self.memorise(&seen, &aggregated(&told, area)[area..])
+impl MaskPropagator for XMemPass<'_> {
+    fn start_pass(&mut self, _direction: Direction) {
+        *self = Self::new(self.networks, self.options, self.progress);
     }
 
-    fn propagate(&mut self, image: &Image) -> Result<Propagated, MaskError> {
-        let seen = self.see(image)?;
-        let area = seen.fit.area();
-        let (probabilities, hidden) = self.segment(&seen)?;
-        self.since += 1;
-        if self.since >= self.options.remember_every {
-            self.memorise(&seen, &probabilities[area..])?;
-        } else {
-            self.hidden = hidden;
-        }
-        let mut order: Vec<usize> = (0..self.objects.len()).collect();
-        order.sort_by_key(|&at| self.objects[at]);
-        let maps = std::iter::once(0).chain(order.iter().map(|at| at + 1));
-        let sorted: Vec<f32> = maps
-            .flat_map(|map| &probabilities[map * area..][..area])
-            .copied()
-            .collect();
-        Ok(Propagated {
-            labels: order.iter().map(|&at| self.objects[at]).collect(),
-            width: seen.fit.picture.0,
-            height: seen.fit.picture.1,
-            probabilities: seen.fit.enlarged(&sorted),
-        })
+    fn add_keyframe(&mut self, frame: &PassFrame, mask: &LabelMask) -> Result<(), MaskError> {
+        self.remember(&frame.image, mask)
+    }
+
+    fn carry_to(
+        &mut self,
+        frame: &PassFrame,
+        _ahead: &mut LookAhead<'_, '_>,
+    ) -> Result<Answer, MaskError> {
+        Ok(Answer::most_probable(self.propagate(&frame.image)?))
     }
 }
 
 /// Pixels that a thread takes at once.
 const BLOCK: usize = 4096;
+/// How far probabilities are kept from 0 and 1.
+const MARGIN: f32 = 1e-7;
 
 /// Soft aggregation (Oh et al.: "Video Object Segmentation using Space-Time Memory Networks", ICCV 2019): from the
 /// probability of each object alone, `[objects][area]`, to that of nothing and of each among all, `[1 + objects][area]`,
@@ -256,20 +262,16 @@ fn aggregated(alone: &[f32], area: usize) -> Vec<f32> {
 /// Of `count` pixels `[1 + objects][count]`: odds of nothing and of each object, over their sum.
 fn shares(alone: &[f32], area: usize, first: usize, count: usize) -> Vec<f32> {
     let maps = 1 + alone.len() / area;
-    let odds = |p: f32| {
-        let p = p.clamp(1e-7, 1.0 - 1e-7);
-        p / (1.0 - p)
-    };
     let mut out = vec![1.0; maps * count];
     for at in 0..count {
         let mut sum = 0.0;
         for map in 1..maps {
             let p = alone[(map - 1) * area + first + at];
             out[at] *= 1.0 - p;
-            out[map * count + at] = odds(p);
+            out[map * count + at] = odds(p, MARGIN);
             sum += out[map * count + at];
         }
-        out[at] = odds(out[at]);
+        out[at] = odds(out[at], MARGIN);
         sum += out[at];
         (0..maps).for_each(|map| out[map * count + at] /= sum);
     }

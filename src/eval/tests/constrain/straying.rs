@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex};
 use super::made::Made;
 use ostra_core::job::Progress;
 use ostra_masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker};
-use ostra_tracking::constrain::{ConstrainOptions, ConstrainedTracker};
+use ostra_tracking::geometric_consistency::{ConsistencyOptions, ConsistencyTracker};
 
 /// What becomes of a true mask, a number of frames after the tracker went wrong.
 pub type Error = Box<dyn Fn(&LabelMask, usize) -> LabelMask + Send + Sync>;
@@ -136,7 +136,7 @@ pub fn constrained(
     made: &Made,
     at: usize,
     error: Error,
-) -> (ConstrainedTracker, Arc<Mutex<Vec<usize>>>) {
+) -> (ConsistencyTracker, Arc<Mutex<Vec<usize>>>) {
     let begun = Arc::default();
     let tracker = Straying {
         truth: Arc::clone(&made.truth),
@@ -145,9 +145,9 @@ pub fn constrained(
         begun: Arc::clone(&begun),
     };
     (
-        ConstrainedTracker {
+        ConsistencyTracker {
             tracker: Box::new(tracker),
-            options: ConstrainOptions::default(),
+            options: ConsistencyOptions::default(),
         },
         begun,
     )

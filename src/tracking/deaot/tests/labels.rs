@@ -2,7 +2,7 @@
 
 use super::super::DeaotOptions;
 use super::{runtime, tiny_networks};
-use crate::propagate::{Propagated, Propagator};
+use crate::propagate::LabelProbabilities;
 use ostra_core::job::Progress;
 use ostra_frames::Image;
 use ostra_masks::{LabelId, LabelMask, MaskError};
@@ -41,7 +41,7 @@ pub(super) fn mask(labels: &[(u16, u32, u32)]) -> LabelMask {
     mask
 }
 
-fn difference(a: &Propagated, b: &Propagated) -> f32 {
+fn difference(a: &LabelProbabilities, b: &LabelProbabilities) -> f32 {
     let pairs = a.probabilities.iter().zip(&b.probabilities);
     pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
 }
@@ -52,20 +52,20 @@ fn labels_come_ascending_whichever_was_told_first() {
         return;
     };
     let progress = Progress::default();
-    let walk = |first: u16, second: u16| {
-        let mut walk = deaot.walk(&progress);
-        walk.remember(&picture(0), &mask(&[(first, 20, 45)]))
+    let pass = |first: u16, second: u16| {
+        let mut pass = deaot.pass(&progress);
+        pass.remember(&picture(0), &mask(&[(first, 20, 45)]))
             .unwrap();
-        walk.propagate(&picture(1)).unwrap();
-        walk.remember(&picture(1), &mask(&[(second, 70, 100)]))
+        pass.propagate(&picture(1)).unwrap();
+        pass.remember(&picture(1), &mask(&[(second, 70, 100)]))
             .unwrap();
-        walk.propagate(&picture(2)).unwrap()
+        pass.propagate(&picture(2)).unwrap()
     };
-    let (ascending, descending) = (walk(4, 9), walk(9, 4));
+    let (ascending, descending) = (pass(4, 9), pass(9, 4));
     assert_eq!(ascending.labels, [LabelId(4), LabelId(9)]);
     assert_eq!(descending.labels, ascending.labels);
     let plane = (WIDTH * HEIGHT) as usize;
-    let planes = |of: &Propagated| -> Vec<Vec<f32>> {
+    let planes = |of: &LabelProbabilities| -> Vec<Vec<f32>> {
         of.probabilities
             .chunks_exact(plane)
             .map(<[f32]>::to_vec)
@@ -92,21 +92,21 @@ fn mask_told_before_or_after_the_picture_is_answered_is_the_same() {
     };
     let progress = Progress::default();
     let told = mask(&[(2, 60, 90)]);
-    let walk = |is_answered: bool| {
-        let mut walk = deaot.walk(&progress);
-        walk.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
+    let pass = |is_answered: bool| {
+        let mut pass = deaot.pass(&progress);
+        pass.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
         // The fifth picture would be remembered for long, had nothing been told.
-        (1..5).for_each(|at| drop(walk.propagate(&picture(at)).unwrap()));
+        (1..5).for_each(|at| drop(pass.propagate(&picture(at)).unwrap()));
         if is_answered {
-            walk.propagate(&picture(5)).unwrap();
+            pass.propagate(&picture(5)).unwrap();
         }
-        walk.remember(&picture(5), &told).unwrap();
+        pass.remember(&picture(5), &told).unwrap();
         (6..8)
-            .map(|at| walk.propagate(&picture(at)).unwrap())
+            .map(|at| pass.propagate(&picture(at)).unwrap())
             .next_back()
             .unwrap()
     };
-    assert_eq!(walk(true), walk(false));
+    assert_eq!(pass(true), pass(false));
 }
 
 #[test]
@@ -115,28 +115,28 @@ fn correction_counts_and_an_empty_mask_does_not() {
         return;
     };
     let progress = Progress::default();
-    let walk = |told: Option<LabelMask>| {
-        let mut walk = deaot.walk(&progress);
-        walk.remember(&picture(0), &mask(&[(1, 20, 45), (2, 60, 80)]))
+    let pass = |told: Option<LabelMask>| {
+        let mut pass = deaot.pass(&progress);
+        pass.remember(&picture(0), &mask(&[(1, 20, 45), (2, 60, 80)]))
             .unwrap();
-        walk.propagate(&picture(1)).unwrap();
+        pass.propagate(&picture(1)).unwrap();
         told.into_iter()
-            .for_each(|told| walk.remember(&picture(1), &told).unwrap());
-        walk.propagate(&picture(2)).unwrap()
+            .for_each(|told| pass.remember(&picture(1), &told).unwrap());
+        pass.propagate(&picture(2)).unwrap()
     };
-    let plain = walk(None);
+    let plain = pass(None);
     assert_eq!(
-        walk(Some(mask(&[]))),
+        pass(Some(mask(&[]))),
         plain,
         "labels that are not shown stay"
     );
-    let corrected = walk(Some(mask(&[(1, 80, 105), (2, 0, 20)])));
+    let corrected = pass(Some(mask(&[(1, 80, 105), (2, 0, 20)])));
     assert!(
         difference(&plain, &corrected) > 0.01,
         "{}",
         difference(&plain, &corrected)
     );
-    let of_one = walk(Some(mask(&[(1, 80, 105)])));
+    let of_one = pass(Some(mask(&[(1, 80, 105)])));
     assert!(
         difference(&of_one, &corrected) > 0.01,
         "what is not told of the other is as it was seen"
@@ -149,20 +149,20 @@ fn bound_of_the_memory_changes_nothing_until_it_is_reached() {
         return;
     }
     let progress = Progress::default();
-    let walk = |most_remembered: usize| -> Vec<Propagated> {
+    let pass = |most_remembered: usize| -> Vec<LabelProbabilities> {
         let options = DeaotOptions {
             remembered_every: 1,
             most_remembered,
             ..DeaotOptions::default()
         };
         let deaot = tiny_networks(options).unwrap();
-        let mut walk = deaot.walk(&progress);
-        walk.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
+        let mut pass = deaot.pass(&progress);
+        pass.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
         (1..7)
-            .map(|at| walk.propagate(&picture(at)).unwrap())
+            .map(|at| pass.propagate(&picture(at)).unwrap())
             .collect()
     };
-    let (bounded, free) = (walk(4), walk(100));
+    let (bounded, free) = (pass(4), pass(100));
     assert_eq!(bounded[..4], free[..4]);
     assert!(difference(&bounded[5], &free[5]) > 1e-4);
 }
@@ -177,20 +177,20 @@ fn each_picture_is_answered_at_its_own_size() {
         return;
     };
     let progress = Progress::default();
-    let mut walk = deaot.walk(&progress);
-    walk.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
+    let mut pass = deaot.pass(&progress);
+    pass.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
     let turned = Image {
         width: HEIGHT,
         height: WIDTH,
         pixels: picture(1).pixels,
     };
-    let found = walk.propagate(&turned).unwrap();
+    let found = pass.propagate(&turned).unwrap();
     assert_eq!(
         (found.width, found.height),
         (HEIGHT as usize, WIDTH as usize)
     );
     assert_eq!(found.probabilities.len(), 2 * turned.pixels.len());
-    assert_eq!(walk.propagate(&picture(2)).unwrap().width, WIDTH as usize);
+    assert_eq!(pass.propagate(&picture(2)).unwrap().width, WIDTH as usize);
 }
 
 #[test]
@@ -199,15 +199,15 @@ fn what_does_not_fit_is_refused() {
         return;
     };
     let progress = Progress::default();
-    let mut walk = deaot.walk(&progress);
-    let error = walk.propagate(&picture(0)).unwrap_err();
+    let mut pass = deaot.pass(&progress);
+    let error = pass.propagate(&picture(0)).unwrap_err();
     assert!(error.to_string().contains("no mask to carry"), "{error}");
-    walk.remember(&picture(0), &mask(&[])).unwrap();
+    pass.remember(&picture(0), &mask(&[])).unwrap();
     assert!(
-        walk.propagate(&picture(1)).is_err(),
+        pass.propagate(&picture(1)).is_err(),
         "an empty mask gives nothing to carry"
     );
-    let error = walk
+    let error = pass
         .remember(&picture(0), &LabelMask::empty(WIDTH, 3))
         .unwrap_err();
     assert!(error.to_string().contains("110×3"), "{error}");
@@ -215,7 +215,7 @@ fn what_does_not_fit_is_refused() {
         pixels: Vec::new(),
         ..picture(0)
     };
-    assert!(walk.remember(&cut, &mask(&[(1, 0, 9)])).is_err());
+    assert!(pass.remember(&cut, &mask(&[(1, 0, 9)])).is_err());
 }
 
 #[test]
@@ -224,11 +224,11 @@ fn a_stopped_walk_ends() {
         return;
     };
     let progress = Progress::default();
-    let mut walk = deaot.walk(&progress);
-    walk.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
+    let mut pass = deaot.pass(&progress);
+    pass.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
     progress.stop();
     assert!(matches!(
-        walk.propagate(&picture(1)),
+        pass.propagate(&picture(1)),
         Err(MaskError::Stopped(_))
     ));
 }

@@ -8,7 +8,7 @@ mod tracker;
 use std::path::{Path, PathBuf};
 
 use super::{Deaot, DeaotOptions};
-use crate::propagate::Propagated;
+use crate::propagate::LabelProbabilities;
 use ostra_compute::nn::{Network, Runtime};
 use ostra_masks::{LabelId, LabelMask};
 
@@ -44,7 +44,7 @@ fn tiny_networks(options: DeaotOptions) -> Option<Deaot> {
 }
 
 /// The most probable label of every pixel.
-fn winner(of: &Propagated) -> LabelMask {
+fn winner(of: &LabelProbabilities) -> LabelMask {
     let pixels = of.width * of.height;
     let labels = [&[LabelId::NONE], of.labels.as_slice()].concat();
     let value = |number: usize, at: usize| of.probabilities[number * pixels + at];

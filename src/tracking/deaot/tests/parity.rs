@@ -1,4 +1,4 @@
-//! Every logit and mask beside the official implementation on the same random weights (`tests/parity/deaot.py`).
+//! Every logit and mask next to the official implementation on the same random weights (`tests/parity/deaot.py`).
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -8,8 +8,7 @@ use serde::Deserialize;
 use super::super::network::OBJECTS;
 use super::super::{Deaot, DeaotOptions};
 use super::{networks, tiny};
-use crate::deaot::tracker::Walk;
-use crate::propagate::Propagator;
+use crate::deaot::tracker::DeaotPass;
 use ostra_core::job::Progress;
 use ostra_frames::Image;
 use ostra_masks::{LabelId, LabelMask};
@@ -58,7 +57,7 @@ struct Folder {
     values: Vec<f32>,
 }
 
-/// How far a walk is from the reference.
+/// How far a pass is from the reference.
 #[derive(Debug, Default)]
 struct Difference {
     /// Largest of a logit, in standard deviations.
@@ -115,20 +114,20 @@ impl Folder {
     }
 
     /// Walks as the reference did, through pictures changed by `seen`.
-    fn walk(&self, deaot: &Deaot, case: &Case, seen: fn(Image) -> Image) -> Difference {
+    fn pass(&self, deaot: &Deaot, case: &Case, seen: fn(Image) -> Image) -> Difference {
         let progress = Progress::default();
-        let mut walk = deaot.walk(&progress);
+        let mut pass = deaot.pass(&progress);
         let mut difference = Difference::default();
         for at in 0..self.reference.frames {
             let image = seen(self.picture(at));
             if let Some(expected) = at.checked_sub(1).map(|before| &case.frames[before]) {
-                let propagated = walk.propagate(&image).unwrap();
-                self.compare_logits(case, expected, &walk, &mut difference);
+                let propagated = pass.propagate(&image).unwrap();
+                self.compare_logits(case, expected, &pass, &mut difference);
                 let found = super::winner(&propagated);
                 compare_masks(&self.mask(&expected.mask), &found, &mut difference);
             }
             if let Some(told) = case.told.get(&at) {
-                walk.remember(&image, &self.mask(told)).unwrap();
+                pass.remember(&image, &self.mask(told)).unwrap();
             }
         }
         difference
@@ -138,10 +137,10 @@ impl Folder {
         &self,
         case: &Case,
         expected: &FrameReference,
-        walk: &Walk<'_>,
+        pass: &DeaotPass<'_>,
         difference: &mut Difference,
     ) {
-        let found = walk.last_logits();
+        let found = pass.last_logits();
         assert!(expected.groups.is_empty() || expected.groups.len() == found.len());
         for (place, found) in expected.groups.iter().zip(&found) {
             let [_, rows, columns] = place.shape;
@@ -184,7 +183,7 @@ fn every_logit_and_mask_is_that_of_the_reference() {
         return;
     };
     for case in &folder.reference.cases {
-        let found = folder.walk(&deaot, case, |image| image);
+        let found = folder.pass(&deaot, case, |image| image);
         println!(
             "{}: {found:?}, deviation {:.2}, {} pictures",
             case.name,
@@ -209,7 +208,7 @@ fn blue_for_red_half_a_pixel_and_no_memory_are_noticed() {
         return;
     };
     let case = &folder.reference.cases[0];
-    let swapped = folder.walk(&deaot, case, |mut image| {
+    let swapped = folder.pass(&deaot, case, |mut image| {
         image.pixels.iter_mut().for_each(|pixel| pixel.reverse());
         image
     });
@@ -217,7 +216,7 @@ fn blue_for_red_half_a_pixel_and_no_memory_are_noticed() {
         swapped.logits > 10.0 * TOLERANCE,
         "blue for red: {swapped:?}"
     );
-    let shifted = folder.walk(&deaot, case, |mut image| {
+    let shifted = folder.pass(&deaot, case, |mut image| {
         for row in image.pixels.chunks_exact_mut(image.width as usize) {
             for x in 1..row.len() {
                 row[x - 1] =
@@ -234,7 +233,7 @@ fn blue_for_red_half_a_pixel_and_no_memory_are_noticed() {
         remembered_every: usize::MAX,
         ..deaot.options
     };
-    let forgotten = folder.walk(&deaot, case, |image| image);
+    let forgotten = folder.pass(&deaot, case, |image| image);
     println!(
         "faults: {:.2}, {:.2}, {:.2}",
         swapped.logits, shifted.logits, forgotten.logits

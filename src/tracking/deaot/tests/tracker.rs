@@ -7,7 +7,6 @@ use std::sync::Arc;
 use super::super::DeaotOptions;
 use super::labels::{mask, picture};
 use super::{tiny_networks, winner};
-use crate::propagate::Propagator;
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore, Orientation, PictureSource};
 use ostra_masks::{Direction, LabelMask, TrackRequest, Tracker};
@@ -44,11 +43,11 @@ fn masks_go_both_ways_from_an_anchor() {
         return;
     };
     let (folder, progress) = (tempfile::tempdir().unwrap(), Progress::default());
-    let anchor = mask(&[(1, 26, 51), (2, 70, 100)]);
+    let keyframe = mask(&[(1, 26, 51), (2, 70, 100)]);
     let request = TrackRequest {
         frames: Arc::new(frames(folder.path(), 4)),
         store: Arc::new(FrameStore::new(1 << 20)),
-        anchors: BTreeMap::from([(2, Arc::new(anchor.clone()))]),
+        anchors: BTreeMap::from([(2, Arc::new(keyframe.clone()))]),
         from: 0,
         to: 4,
         direction: Direction::Both,
@@ -65,10 +64,10 @@ fn masks_go_both_ways_from_an_anchor() {
     assert!(warnings.is_empty(), "{warnings:?}");
     let mut expected = BTreeMap::new();
     for way in [[3, 4], [1, 0]] {
-        let mut walk = deaot.walk(&progress);
-        walk.remember(&picture(2), &anchor).unwrap();
+        let mut pass = deaot.pass(&progress);
+        pass.remember(&picture(2), &keyframe).unwrap();
         for at in way {
-            expected.insert(at as usize, winner(&walk.propagate(&picture(at)).unwrap()));
+            expected.insert(at as usize, winner(&pass.propagate(&picture(at)).unwrap()));
         }
     }
     assert_eq!(found, expected);

@@ -1,4 +1,4 @@
-//! Films with frames that cannot be read, walks backwards, and what lies between anchors.
+//! Films with frames that cannot be read, walks backwards, and what lies between keyframes.
 
 use proptest::prelude::*;
 
@@ -52,12 +52,12 @@ fn backward_goes_to_earlier_frames_alone_in_falling_order() {
 
 #[test]
 fn a_frame_that_cannot_be_read_is_stepped_over_and_named() {
-    for (anchor, last) in [(0, 19), (19, 0)] {
+    for (keyframe, last) in [(0, 19), (19, 0)] {
         let film = Film::new(20, &two_disks(), 0..0);
         damage(&film, 6, &[7, 12]);
-        let (tracked, warnings) = told(&film.request(&[anchor]));
+        let (tracked, warnings) = told(&film.request(&[keyframe]));
         let expected: Vec<usize> = (0..20)
-            .filter(|frame| ![anchor, 6, 7, 12].contains(frame))
+            .filter(|frame| ![keyframe, 6, 7, 12].contains(frame))
             .collect();
         assert_eq!(tracked.keys().copied().collect::<Vec<_>>(), expected);
         assert!(film.iou(&tracked, last, LEFT) > 0.85 && film.iou(&tracked, last, RIGHT) > 0.85);
@@ -136,7 +136,7 @@ fn an_anchor_that_cannot_be_read_leaves_its_side_to_the_other() {
 fn masks_between_anchors_lie_between() {
     let film = Film::new(21, &two_disks(), 0..0);
     let mut request = film.request(&[0, 20]);
-    // The second anchor shows the object larger than the first.
+    // The second keyframe shows the object larger than the first.
     let grown = film.truth[20].region(LEFT).dilated(3.0);
     let mask = Arc::make_mut(request.anchors.get_mut(&20).unwrap());
     mask.ids
@@ -165,7 +165,7 @@ fn masks_between_anchors_lie_between() {
     );
 }
 
-/// A disk as a walk shows it.
+/// A disk as a pass shows it.
 fn walked(x: f32, y: f32, radius: f32, sure: f32) -> WalkedFrame {
     let inside = |at: usize| {
         Vec2::new((at % 40) as f32, (at / 40) as f32).distance(Vec2::new(x, y)) < radius

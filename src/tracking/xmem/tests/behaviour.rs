@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use super::super::XMem;
 use super::{networks, tiny};
-use crate::propagate::Propagator;
 use ostra_compute::nn::NnError;
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore, Image, Orientation, PictureSource};
@@ -63,12 +62,12 @@ fn dozen_labels_are_followed_in_any_order() {
     let Some(xmem) = small() else { return };
     let progress = Progress::default();
     let follow = |mask: &LabelMask| {
-        let mut walk = xmem.walk(&progress);
-        walk.remember(&picture(0), mask).unwrap();
+        let mut pass = xmem.pass(&progress);
+        pass.remember(&picture(0), mask).unwrap();
         for at in 1..7 {
-            walk.propagate(&picture(at)).unwrap();
+            pass.propagate(&picture(at)).unwrap();
         }
-        walk.propagate(&picture(7)).unwrap()
+        pass.propagate(&picture(7)).unwrap()
     };
     let (forth, back) = (follow(&boxes(1..=12)), follow(&boxes((1..=12).rev())));
     assert_eq!(forth.labels, (1..=12).map(LabelId).collect::<Vec<_>>());
@@ -91,8 +90,8 @@ fn dozen_labels_are_followed_in_any_order() {
 fn memory_does_not_grow_and_later_labels_have_their_own() {
     let Some(xmem) = small() else { return };
     let progress = Progress::default();
-    let mut walk = xmem.walk(&progress);
-    walk.remember(&picture(0), &boxes(1..=2)).unwrap();
+    let mut pass = xmem.pass(&progress);
+    pass.remember(&picture(0), &boxes(1..=2)).unwrap();
     let cells = (SIDE / 16 * SIDE / 16) as usize;
     for at in 1..100 {
         if at == 9 {
@@ -102,24 +101,24 @@ fn memory_does_not_grow_and_later_labels_have_their_own() {
                 .iter_mut()
                 .filter(|id| id.0 < 3)
                 .for_each(|id| *id = LabelId::NONE);
-            walk.remember(&picture(at), &later).unwrap();
-            assert_eq!(walk.sizes()[1], (cells, 0));
+            pass.remember(&picture(at), &later).unwrap();
+            assert_eq!(pass.sizes()[1], (cells, 0));
             continue;
         }
-        let answer = walk.propagate(&picture(at)).unwrap();
+        let answer = pass.propagate(&picture(at)).unwrap();
         assert_eq!(answer.labels.len(), if at < 9 { 2 } else { 3 });
-        for (working, long_term) in walk.sizes() {
+        for (working, long_term) in pass.sizes() {
             assert!(
                 working < 4 * cells && long_term <= 30,
                 "frame {at}: {working} {long_term}"
             );
         }
     }
-    assert_eq!(walk.sizes().len(), 2);
+    assert_eq!(pass.sizes().len(), 2);
     assert!(
-        walk.sizes().iter().all(|(_, long_term)| *long_term > 8),
+        pass.sizes().iter().all(|(_, long_term)| *long_term > 8),
         "both were consolidated: {:?}",
-        walk.sizes()
+        pass.sizes()
     );
 }
 
@@ -170,9 +169,9 @@ fn film_is_tracked_and_stopped() {
         [3, 4, 5, 1, 0]
     );
     let progress = Progress::default();
-    let mut walk = xmem.walk(&progress);
-    walk.remember(&picture(2), &request.anchors[&2]).unwrap();
-    let answer = walk.propagate(&picture(3)).unwrap();
+    let mut pass = xmem.pass(&progress);
+    pass.remember(&picture(2), &request.anchors[&2]).unwrap();
+    let answer = pass.propagate(&picture(3)).unwrap();
     let area = (SIDE * SIDE) as usize;
     for (at, id) in given[0].mask.ids.iter().enumerate() {
         let place = answer
@@ -193,7 +192,7 @@ fn film_is_tracked_and_stopped() {
     }
     progress.stop();
     assert!(matches!(
-        walk.propagate(&picture(4)),
+        pass.propagate(&picture(4)),
         Err(MaskError::Stopped(_))
     ));
 }

@@ -1,4 +1,4 @@
-//! The networks, memory and all around them, beside the answers of the official code on the same weights.
+//! The networks, memory and all around them, next to the answers of the official code on the same weights.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use serde::Deserialize;
 use super::super::fit::Fit;
 use super::super::{XMem, XMemOptions};
 use super::{networks, tiny};
-use crate::propagate::{Propagated, Propagator};
+use crate::propagate::LabelProbabilities;
 use ostra_core::job::Progress;
 use ostra_frames::Image;
 use ostra_masks::{LabelId, LabelMask};
@@ -157,7 +157,7 @@ impl Folder {
     /// Follows a case through pictures.
     fn follow(&self, xmem: &XMem, case: &Case, pictures: &[Image]) -> Differences {
         let progress = Progress::default();
-        let mut walk = xmem.walk(&progress);
+        let mut pass = xmem.pass(&progress);
         let (given, expected) = (self.masks(&case.given_masks), self.masks(&case.masks));
         let mut found = Differences {
             probability: 0.0,
@@ -167,10 +167,10 @@ impl Folder {
         };
         for (at, picture) in pictures.iter().enumerate() {
             if let Some(told) = case.given.iter().position(|&frame| frame == at) {
-                walk.remember(picture, &given[told]).unwrap();
+                pass.remember(picture, &given[told]).unwrap();
                 continue;
             }
-            let answer = walk.propagate(picture).unwrap();
+            let answer = pass.propagate(picture).unwrap();
             let equal = found.compare(&labels(&answer), &expected[at].ids, answer.labels.len());
             print!("frame {at}: {equal:.5} of the pixels are equal");
             if let Some(known) = case.probabilities.iter().find(|known| known.frame == at) {
@@ -186,7 +186,7 @@ impl Folder {
             }
             println!();
         }
-        found.sizes = walk.sizes();
+        found.sizes = pass.sizes();
         found
     }
 }
@@ -213,7 +213,7 @@ impl Differences {
     }
 }
 
-fn labels(answer: &Propagated) -> Vec<LabelId> {
+fn labels(answer: &LabelProbabilities) -> Vec<LabelId> {
     let area = answer.width * answer.height;
     let best = |at: usize| {
         let maps = 0..=answer.labels.len();

@@ -1,0 +1,238 @@
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use glam::Vec2;
+
+use super::dis::{Finest, flow_between};
+use super::motion::{PlaneMotion, Step};
+use super::picture::Picture;
+use super::plane::{Flow, Plane, median};
+use ostra_masks::Region;
+
+/// Pixels whose motion is looked at to find the background's.
+const MOST_STEPS: usize = 1500;
+
+/// Largest miss of the background's motion, in pixels.
+const AGREES_PX: f32 = 2.0;
+
+/// Two neighbouring frames and how pixels move between them.
+pub(super) struct Change {
+    pub last: Arc<Picture>,
+    pub next: Arc<Picture>,
+    /// From the last frame to the next, and back.
+    pub forward: Arc<Flow>,
+    pub backward: Arc<Flow>,
+    /// By pixel of the next frame: how well both flows agree, 0–1.
+    pub reliable: Plane,
+    /// How the background moves, from the next frame back to the last; `None` where it shows nowhere.
+    pub background: Option<PlaneMotion>,
+    /// Median miss of the background's motion, in pixels.
+    pub background_noise: f32,
+}
+
+impl Change {
+    /// Measures the flow both ways.
+    pub fn new(last: Arc<Picture>, next: Arc<Picture>, finest: Finest) -> Self {
+        let flow = |from: &Picture, to: &Picture| {
+            Arc::new(flow_between(&from.pyramid, &to.pyramid, finest))
+        };
+        let (forward, backward) = rayon::join(|| flow(&last, &next), || flow(&next, &last));
+        Self::of_flows(last, next, forward, backward)
+    }
+
+    /// Of the flow from the last frame to the next, and back.
+    pub fn of_flows(
+        last: Arc<Picture>,
+        next: Arc<Picture>,
+        forward: Arc<Flow>,
+        backward: Arc<Flow>,
+    ) -> Self {
+        let reliable = Plane::from_fn(next.width, next.height, |x, y| {
+            let vector = backward.at(x, y);
+            let miss = (vector + forward.sample(Vec2::new(x as f32, y as f32) + vector)).length();
+            (-(miss / (1.0 + 0.1 * vector.length())).powi(2)).exp()
+        });
+        Self {
+            last,
+            next,
+            forward,
+            backward,
+            reliable,
+            background: None,
+            background_noise: 0.0,
+        }
+    }
+
+    /// Finds the background's motion from pixels that no object is expected near.
+    pub fn find_background(&mut self, expected: &[&Plane]) {
+        let (width, height) = (self.next.width, self.next.height);
+        let mut hidden = Region::empty(width as u32, height as u32);
+        for plane in expected {
+            hidden
+                .inside
+                .iter_mut()
+                .zip(&plane.values)
+                .for_each(|(hidden, &value)| *hidden |= value > 0.2);
+        }
+        let hidden = hidden.dilated(4.0);
+        let open = |sure: f32| -> Vec<usize> {
+            (0..width * height)
+                .filter(|&at| !hidden.inside[at] && self.reliable.values[at] >= sure)
+                .collect()
+        };
+        let mut open_places = open(0.5);
+        if open_places.len() <= 200 {
+            open_places = open(0.0);
+        }
+        if open_places.len() <= 200 {
+            return;
+        }
+        let every = open_places.len().div_ceil(MOST_STEPS);
+        let step = |&at: &usize| {
+            let from = Vec2::new((at % width) as f32, (at / width) as f32);
+            Step {
+                from,
+                to: from + self.backward.vectors[at],
+            }
+        };
+        let steps: Vec<Step> = open_places.iter().step_by(every).map(step).collect();
+        let centre = Vec2::new(width as f32, height as f32) / 2.0;
+        self.background = PlaneMotion::of(&steps, centre, AGREES_PX);
+        if let Some(motion) = self.background {
+            let miss = |step: &Step| motion.displacement(step.from).distance(step.to - step.from);
+            self.background_noise = median(steps.iter().map(miss));
+        }
+    }
+}
+
+/// How pixels move between frames, of the latest steps of a pass: the pass from the other side needs them again, the last one
+/// first.
+#[derive(Default)]
+pub(super) struct FlowCache {
+    /// How many steps are kept.
+    most: usize,
+    steps: VecDeque<KeptFlow>,
+}
+
+struct KeptFlow {
+    last: Arc<Picture>,
+    next: Arc<Picture>,
+    forward: Arc<Flow>,
+    backward: Arc<Flow>,
+}
+
+impl KeptFlow {
+    fn of(change: &Change) -> Self {
+        let Change {
+            last,
+            next,
+            forward,
+            backward,
+            ..
+        } = change;
+        let [last, next] = [last, next].map(Arc::clone);
+        let [forward, backward] = [forward, backward].map(Arc::clone);
+        Self {
+            last,
+            next,
+            forward,
+            backward,
+        }
+    }
+
+    fn reversed(self) -> Change {
+        Change::of_flows(self.next, self.last, self.backward, self.forward)
+    }
+}
+
+impl FlowCache {
+    /// Keeps this many steps at most.
+    pub fn keeping(most: usize) -> Self {
+        Self {
+            most,
+            steps: VecDeque::new(),
+        }
+    }
+
+    /// For the way back: what is kept stays until it is asked for, and no more is.
+    pub fn keep_no_more(&mut self) {
+        self.most = 0;
+    }
+
+    /// From one frame to the next; measured, unless the step the other way is kept, which is given away.
+    pub fn change(&mut self, last: &Arc<Picture>, next: &Arc<Picture>, finest: Finest) -> Change {
+        let is_way_back =
+            |step: &KeptFlow| Arc::ptr_eq(&step.last, next) && Arc::ptr_eq(&step.next, last);
+        if let Some(back) = self
+            .steps
+            .iter()
+            .rposition(is_way_back)
+            .and_then(|at| self.steps.remove(at))
+        {
+            return back.reversed();
+        }
+        let change = Change::new(Arc::clone(last), Arc::clone(next), finest);
+        if self.most > 0 {
+            if self.steps.len() == self.most {
+                self.steps.pop_front();
+            }
+            self.steps.push_back(KeptFlow::of(&change));
+        }
+        change
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ostra_frames::Image;
+
+    const SIDE: u32 = 48;
+
+    fn picture(shift: u32) -> Arc<Picture> {
+        let grain = |x: u32, y: u32| {
+            (((x / 3 * 7349) ^ (y / 3 * 9151)).wrapping_mul(0x9E37_79B1) >> 24) as u8
+        };
+        let pixels = (0..SIDE * SIDE)
+            .map(|at| [grain(at % SIDE + shift, at / SIDE); 3])
+            .collect();
+        let image = Image {
+            width: SIDE,
+            height: SIDE,
+            pixels,
+        };
+        Arc::new(Picture::new(&image, (SIDE as usize, SIDE as usize)))
+    }
+
+    #[test]
+    fn the_way_back_is_what_would_be_measured_and_is_measured_once() {
+        let frames = [0, 2, 4, 6].map(picture);
+        let mut flows = FlowCache::keeping(2);
+        let there: Vec<Change> = frames
+            .windows(2)
+            .map(|two| flows.change(&two[0], &two[1], Finest::Full))
+            .collect();
+        flows.keep_no_more();
+        // In the order of a pass that first comes to a step that is not kept.
+        for (at, is_kept) in [(0, false), (2, true), (1, true)] {
+            let back = flows.change(&frames[at + 1], &frames[at], Finest::Full);
+            assert_eq!(
+                Arc::ptr_eq(&back.forward, &there[at].backward),
+                is_kept,
+                "the two latest steps are kept"
+            );
+            assert_eq!(Arc::ptr_eq(&back.backward, &there[at].forward), is_kept);
+            let measured = Change::new(
+                Arc::clone(&frames[at + 1]),
+                Arc::clone(&frames[at]),
+                Finest::Full,
+            );
+            assert_eq!(
+                (&back.forward, &back.backward),
+                (&measured.forward, &measured.backward)
+            );
+            assert_eq!(back.reliable, measured.reliable);
+        }
+        assert!(flows.steps.is_empty());
+    }
+}

@@ -1,0 +1,173 @@
+use std::sync::Arc;
+
+use glam::Vec2;
+
+use super::change::Change;
+use super::dis::Finest;
+use super::options::FlowOptions;
+use super::picture::{Picture, enlarged_mask, reduced_mask, working_size};
+use super::plane::Plane;
+use ostra_frames::Image;
+use ostra_masks::unexplained::{Apartness, Unexplained, explained, parts};
+use ostra_masks::{LabelId, LabelMask, Region};
+
+/// Least motion against the background's, in pixels of the working size.
+const LEAST_PX: f32 = 1.5;
+/// The same in misses of the background's own motion.
+const LEAST_NOISES: f32 = 5.0;
+/// Least agreement of forward and backward flow.
+const LEAST_RELIABLE: f32 = 0.3;
+
+/// Areas of a picture that carry no label and move unlike the background towards another picture of the same size a
+/// few frames away.
+#[must_use]
+pub fn moving_apart(
+    picture: &Image,
+    other: &Image,
+    mask: &LabelMask,
+    options: &FlowOptions,
+) -> Vec<Unexplained> {
+    let sized = |image: &Image| (image.width, image.height) == (mask.width, mask.height);
+    if !(sized(picture) && sized(other)) {
+        return Vec::new();
+    }
+    let size = working_size(mask.width, mask.height, options.most_side);
+    let known = explained(&reduced_mask(mask, size));
+    let mut change = Change::new(
+        Arc::new(Picture::new(other, size)),
+        Arc::new(Picture::new(picture, size)),
+        Finest::Half,
+    );
+    change.find_background(&[&Plane::of_mask(size.0, size.1, &known.inside)]);
+    let Some(background) = change.background else {
+        return Vec::new();
+    };
+    let least = LEAST_PX.max(LEAST_NOISES * change.background_noise);
+    let against = Plane::from_fn(size.0, size.1, |x, y| {
+        let at = Vec2::new(x as f32, y as f32);
+        let trusted = change.reliable.values[y * size.0 + x] >= LEAST_RELIABLE;
+        if trusted {
+            change
+                .backward
+                .at(x, y)
+                .distance(background.displacement(at))
+        } else {
+            0.0
+        }
+    });
+    let moves = against
+        .values
+        .iter()
+        .zip(&known.inside)
+        .map(|(&motion, &known)| motion >= least && !known)
+        .collect();
+    let moving = Region {
+        width: size.0 as u32,
+        height: size.1 as u32,
+        inside: moves,
+    };
+    let solid = moving.dilated(2.0).eroded(4.0).dilated(2.0);
+    let strength = |part: &Region| {
+        let inside = against
+            .values
+            .iter()
+            .zip(&part.inside)
+            .filter(|(_, inside)| **inside);
+        inside.map(|(&motion, _)| motion / least).sum::<f32>() / part.inside.len() as f32
+    };
+    let at_full_size = |part: &Region| {
+        let ids = part
+            .inside
+            .iter()
+            .map(|&inside| LabelId(u16::from(inside)))
+            .collect();
+        let mask = LabelMask {
+            width: part.width,
+            height: part.height,
+            ids,
+        };
+        enlarged_mask(&mask, picture.width, picture.height).region(LabelId(1))
+    };
+    let found = parts(&solid).map(|part| Unexplained {
+        why: Apartness::Moves,
+        strength: strength(&part),
+        region: at_full_size(&part),
+    });
+    found.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A grainy ground that slides, and a grainy box that goes its own way.
+    fn picture(shift: i32, box_at: (i32, i32)) -> Image {
+        let grain = |x: i32, y: i32, salt: i32| {
+            let cell = (x / 5)
+                .wrapping_mul(7_349)
+                .wrapping_add((y / 5).wrapping_mul(9_151))
+                .wrapping_add(salt);
+            (cell.wrapping_mul(cell) >> 7 & 127) as u8
+        };
+        let pixels = (0..240 * 320).map(|at| {
+            let (x, y) = (at % 320, at / 320);
+            let (u, v) = (x - box_at.0, y - box_at.1);
+            let inside = (0..60).contains(&u) && (0..50).contains(&v);
+            let value = if inside {
+                90 + grain(u, v, 5)
+            } else {
+                grain(x + 1000 + shift, y + 500, 0)
+            };
+            [value, value, if inside { 255 - value } else { value }]
+        });
+        Image {
+            width: 320,
+            height: 240,
+            pixels: pixels.collect(),
+        }
+    }
+
+    #[test]
+    fn what_goes_its_own_way_is_found_unless_a_label_explains_it() {
+        let (now, later) = (picture(0, (120, 90)), picture(3, (128, 96)));
+        let mut mask = LabelMask::empty(320, 240);
+        let found = moving_apart(&now, &later, &mask, &FlowOptions::default());
+        assert_eq!(
+            found.len(),
+            1,
+            "{:?}",
+            found
+                .iter()
+                .map(|one| one.region.area())
+                .collect::<Vec<_>>()
+        );
+        let inside = |x: usize, y: usize| (120..180).contains(&x) && (90..140).contains(&y);
+        let truth = Region {
+            width: 320,
+            height: 240,
+            inside: (0..320 * 240)
+                .map(|at| inside(at % 320, at / 320))
+                .collect(),
+        };
+        let iou = found[0].region.iou(&truth);
+        assert!(iou > 0.7, "{iou}");
+        for (id, _) in mask
+            .ids
+            .iter_mut()
+            .zip(&truth.inside)
+            .filter(|(_, inside)| **inside)
+        {
+            *id = LabelId(1);
+        }
+        assert!(moving_apart(&now, &later, &mask, &FlowOptions::default()).is_empty());
+        assert!(
+            moving_apart(
+                &now,
+                &picture(3, (120 - 3, 90)),
+                &LabelMask::empty(320, 240),
+                &FlowOptions::default()
+            )
+            .is_empty()
+        );
+    }
+}

@@ -1,0 +1,336 @@
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+
+use rayon::prelude::*;
+
+use crate::reprojection::{ReprojectedLabels, ReprojectionOptions};
+use ostra_cloud::doubt::{Sighted, mask_has_near};
+use ostra_masks::{Connectivity, LabelId, LabelMask, MaskError, Region, WalkedFrame, components};
+
+/// How masks are checked against geometry.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ConsistencyOptions {
+    /// How the keyframes' masks are carried.
+    pub carry: ReprojectionOptions,
+    /// Share of the keyframes' weights that a label must win for geometry to be sure of it; 0.5–1.
+    pub sure_share: f32,
+    /// What these weights must sum to at least; 1 = one keyframe that faces the surface from as near; > 0.
+    pub least_weight: f32,
+    /// Borders that differ by no more are the tracker's, in pixels.
+    pub border_px: u32,
+    /// Conflicts of fewer connected pixels are let pass, and objects contradicted in fewer have not drifted away.
+    pub least_area: usize,
+    /// Frames that a pass goes on after an object was given to it again, before it is given one again.
+    pub rest: usize,
+}
+
+impl Default for ConsistencyOptions {
+    fn default() -> Self {
+        Self {
+            carry: ReprojectionOptions::default(),
+            sure_share: 0.75,
+            least_weight: 1e-3,
+            border_px: 3,
+            least_area: 25,
+            rest: 5,
+        }
+    }
+}
+
+/// A tracker's answer after it was checked against geometry.
+pub struct CheckedMask {
+    pub walked: WalkedFrame,
+    /// Pixels that have another label now.
+    pub mended: usize,
+    /// Whether an object is mostly elsewhere than the tracker had it.
+    pub has_drifted: bool,
+}
+
+impl CheckedMask {
+    /// An answer that stands.
+    pub fn untouched(walked: WalkedFrame) -> Self {
+        Self {
+            walked,
+            mended: 0,
+            has_drifted: false,
+        }
+    }
+}
+
+/// Checks a tracker's answer against geometry. `carried` makes the mask of the frame by geometry alone, which shows where
+/// objects that drifted away are seen, also next to what is sure; it is asked for only where there are any.
+///
+/// # Errors
+/// What `carried` says.
+pub fn check_mask(
+    tracked: WalkedFrame,
+    evidence: &ReprojectedLabels,
+    options: &ConsistencyOptions,
+    carried: impl FnOnce() -> Result<Option<LabelMask>, MaskError>,
+) -> Result<CheckedMask, MaskError> {
+    let sighted = judge(evidence, &tracked.mask, options);
+    let found = Conflicts::find(&tracked.mask, &sighted, options);
+    if found.touched.is_empty() {
+        return Ok(CheckedMask::untouched(tracked));
+    }
+    let mut mask = tracked.mask.clone();
+    for (id, given) in mask.ids.iter_mut().zip(&found.given) {
+        *id = given.unwrap_or(*id);
+    }
+    spread(&mut mask, &tracked.mask, &sighted, &found, options);
+    if !found.drifted.is_empty()
+        && let Some(carried) = carried()?
+    {
+        complete(&mut mask, &carried, &sighted, &found);
+    }
+    let mended = mask
+        .ids
+        .iter()
+        .zip(&tracked.mask.ids)
+        .filter(|(now, before)| now != before)
+        .count();
+    let confidence = confidence(&mask, &sighted, &found.touched, tracked.confidence);
+    Ok(CheckedMask {
+        walked: WalkedFrame { mask, confidence },
+        mended,
+        has_drifted: !found.drifted.is_empty(),
+    })
+}
+
+/// Gives objects that drifted away the pixels without a label in which they are carried, unless geometry is sure of another.
+fn complete(mask: &mut LabelMask, carried: &LabelMask, sighted: &Sighted, found: &Conflicts) {
+    for ((id, &carried), verdict) in mask.ids.iter_mut().zip(&carried.ids).zip(&sighted.labels) {
+        if *id == LabelId::NONE && verdict.is_none() && found.drifted.contains_key(&carried) {
+            *id = carried;
+        }
+    }
+}
+
+/// What is shown, as sure as the tracker was of it; what was corrected, by the share of its pixels that geometry confirms.
+fn confidence(
+    mask: &LabelMask,
+    sighted: &Sighted,
+    touched: &BTreeSet<LabelId>,
+    tracked: BTreeMap<LabelId, f32>,
+) -> BTreeMap<LabelId, f32> {
+    let mut counts: BTreeMap<LabelId, [usize; 2]> = BTreeMap::new();
+    for (&label, &verdict) in mask
+        .ids
+        .iter()
+        .zip(&sighted.labels)
+        .filter(|&(label, _)| touched.contains(label))
+    {
+        let [confirmed, all] = counts.entry(label).or_default();
+        *confirmed += usize::from(verdict == Some(label));
+        *all += 1;
+    }
+    let mut confidence = tracked;
+    confidence.retain(|label, _| !touched.contains(label));
+    confidence.extend(
+        counts
+            .into_iter()
+            .map(|(label, [confirmed, all])| (label, confirmed as f32 / all as f32)),
+    );
+    confidence
+}
+
+/// What geometry is sure of in each pixel of a tracker's mask; `None` where it abstains, as it does of objects that moved.
+fn judge(
+    evidence: &ReprojectedLabels,
+    tracked: &LabelMask,
+    options: &ConsistencyOptions,
+) -> Sighted {
+    let verdict = |(at, &held): (usize, &LabelId)| {
+        evidence.verdict(at, held, options.sure_share, options.least_weight)
+    };
+    let labels: Vec<Option<LabelId>> = tracked.ids.par_iter().enumerate().map(verdict).collect();
+    let mut sighted = Sighted {
+        width: tracked.width,
+        height: tracked.height,
+        labels,
+    };
+    let moved = moved(evidence, tracked, &sighted, options);
+    if !moved.is_empty() {
+        for (verdict, held) in sighted.labels.iter_mut().zip(&tracked.ids) {
+            *verdict = verdict.filter(|label| !moved.contains(label) && !moved.contains(held));
+        }
+    }
+    sighted
+}
+
+/// Labels that the tracker sees where nothing was when the keyframes were taken, more than geometry finds them in place.
+fn moved(
+    evidence: &ReprojectedLabels,
+    tracked: &LabelMask,
+    sighted: &Sighted,
+    options: &ConsistencyOptions,
+) -> BTreeSet<LabelId> {
+    let mut counts: BTreeMap<LabelId, [usize; 2]> = BTreeMap::new();
+    for (at, (&held, verdict)) in tracked.ids.iter().zip(&sighted.labels).enumerate() {
+        if let Some(label) = verdict.filter(|&label| label != LabelId::NONE) {
+            counts.entry(label).or_default()[1] += 1;
+        }
+        if held != LabelId::NONE && evidence.is_new(at) {
+            counts.entry(held).or_default()[0] += 1;
+        }
+    }
+    let has_moved =
+        |&(_, [new, in_place]): &(LabelId, [usize; 2])| new >= options.least_area && new > in_place;
+    counts
+        .into_iter()
+        .filter(has_moved)
+        .map(|(label, _)| label)
+        .collect()
+}
+
+/// Where geometry contradicts a mask, but for borders that lie a little aside.
+struct Conflicts {
+    /// For each contradicted pixel the label that geometry gives it, 0 = nothing; `None` elsewhere.
+    pub given: Vec<Option<LabelId>>,
+    /// Labels whose pixels were taken away or given.
+    pub touched: BTreeSet<LabelId>,
+    /// Objects that geometry has mostly elsewhere (swapped with others, drifted away or lost), with what most of their
+    /// pixels are given.
+    pub drifted: BTreeMap<LabelId, LabelId>,
+}
+
+/// A label in a mask, and the other one that geometry has there.
+type Pair = (LabelId, LabelId);
+
+impl Conflicts {
+    pub fn find(mask: &LabelMask, sighted: &Sighted, options: &ConsistencyOptions) -> Self {
+        let is_core: Vec<bool> = (0..mask.ids.len())
+            .into_par_iter()
+            .map(|at| is_beyond_borders(mask, sighted, at, options.border_px))
+            .collect();
+        let pair = |at: usize| Some((mask.ids[at], sighted.labels[at]?));
+        let mut cores: BTreeMap<Pair, usize> = BTreeMap::new();
+        (0..is_core.len())
+            .filter(|&at| is_core[at])
+            .filter_map(pair)
+            .for_each(|pair| *cores.entry(pair).or_default() += 1);
+        let drifted = drifted(mask, sighted, &cores, options);
+        let (mut given, mut touched) = (vec![None; mask.ids.len()], BTreeSet::new());
+        for &(held, label) in cores.keys() {
+            let inside = (0..mask.ids.len())
+                .map(|at| pair(at) == Some((held, label)))
+                .collect();
+            let patches = components(
+                &Region {
+                    width: mask.width,
+                    height: mask.height,
+                    inside,
+                },
+                Connectivity::Eight,
+            );
+            let mut of_patches = vec![0; patches.areas.len() + 1];
+            patches
+                .labels
+                .iter()
+                .zip(&is_core)
+                .for_each(|(&at, &core)| of_patches[at as usize] += usize::from(core));
+            let has_drifted = drifted.contains_key(&held) || drifted.contains_key(&label);
+            let least = if has_drifted { 1 } else { options.least_area };
+            for (given, &patch) in given.iter_mut().zip(&patches.labels) {
+                if patch > 0 && of_patches[patch as usize] >= least {
+                    *given = Some(label);
+                    touched.extend([held, label]);
+                }
+            }
+        }
+        touched.remove(&LabelId::NONE);
+        Self {
+            given,
+            touched,
+            drifted,
+        }
+    }
+}
+
+/// Whether mask and geometry differ in a pixel, and either has the other's label nowhere near.
+fn is_beyond_borders(mask: &LabelMask, sighted: &Sighted, at: usize, border_px: u32) -> bool {
+    let held = mask.ids[at];
+    sighted.labels[at].is_some_and(|label| {
+        label != held
+            && (!mask_has_near(mask, at, border_px, label)
+                || !sighted.has_near(at, border_px, held))
+    })
+}
+
+/// Labels contradicted in more pixels than mask and geometry agree in, with the label that takes most of theirs.
+fn drifted(
+    mask: &LabelMask,
+    sighted: &Sighted,
+    cores: &BTreeMap<Pair, usize>,
+    options: &ConsistencyOptions,
+) -> BTreeMap<LabelId, LabelId> {
+    let mut agreed: BTreeMap<LabelId, usize> = BTreeMap::new();
+    let both = mask
+        .ids
+        .iter()
+        .zip(&sighted.labels)
+        .filter(|&(&held, &label)| label == Some(held));
+    both.for_each(|(&held, _)| *agreed.entry(held).or_default() += 1);
+    let labels: BTreeSet<LabelId> = cores
+        .keys()
+        .flat_map(|&(held, label)| [held, label])
+        .collect();
+    let has_drifted = |label: &LabelId| {
+        let of_label = cores
+            .iter()
+            .filter(|&(&(held, given), _)| held == *label || given == *label);
+        let contradicted: usize = of_label.map(|(_, count)| count).sum();
+        contradicted >= options.least_area && contradicted > agreed.get(label).copied().unwrap_or(0)
+    };
+    let taken_by = |label: LabelId| {
+        let taken = cores.iter().filter(|&(&(held, _), _)| held == label);
+        taken
+            .max_by_key(|&(_, count)| count)
+            .map_or(LabelId::NONE, |(&(_, given), _)| given)
+    };
+    let labels = labels
+        .into_iter()
+        .filter(|&label| label != LabelId::NONE)
+        .filter(has_drifted);
+    labels.map(|label| (label, taken_by(label))).collect()
+}
+
+/// Takes pixels of which geometry is not sure along with the nearest ones of the same object of which it is: a few steps
+/// into objects that were corrected, anywhere in those that drifted away, whose detached parts take what most of the object takes.
+/// `mask` is what became of `tracked` so far.
+fn spread(
+    mask: &mut LabelMask,
+    tracked: &LabelMask,
+    sighted: &Sighted,
+    found: &Conflicts,
+    options: &ConsistencyOptions,
+) {
+    let (width, count) = (mask.width as usize, mask.ids.len());
+    let mut steps = vec![u32::MAX; count];
+    let is_start =
+        |&at: &usize| found.touched.contains(&tracked.ids[at]) && sighted.labels[at].is_some();
+    let mut open: VecDeque<usize> = (0..count).filter(is_start).collect();
+    open.iter().for_each(|&at| steps[at] = 0);
+    while let Some(at) = open.pop_front() {
+        let object = tracked.ids[at];
+        if steps[at] >= options.border_px && !found.drifted.contains_key(&object) {
+            continue;
+        }
+        let beside = [
+            (at % width > 0).then(|| at - 1),
+            (at % width + 1 < width).then(|| at + 1),
+            at.checked_sub(width),
+            (at + width < count).then(|| at + width),
+        ];
+        for next in beside.into_iter().flatten() {
+            if tracked.ids[next] == object && steps[next] == u32::MAX {
+                steps[next] = steps[at] + 1;
+                mask.ids[next] = mask.ids[at];
+                open.push_back(next);
+            }
+        }
+    }
+    let detached = (0..count).filter(|&at| steps[at] == u32::MAX);
+    for (at, &label) in detached.filter_map(|at| Some((at, found.drifted.get(&tracked.ids[at])?))) {
+        mask.ids[at] = label;
+    }
+}

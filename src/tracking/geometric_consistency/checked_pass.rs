@@ -1,0 +1,371 @@
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::check_mask::{CheckedMask, ConsistencyOptions, check_mask};
+use crate::reprojection::{KeyframeViews, ReprojectedLabels};
+use ostra_core::job::{Progress, Stopped};
+use ostra_frames::Frame;
+use ostra_masks::{
+    Direction, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker, WalkedFrame,
+};
+
+/// What masks are checked against, and how.
+#[derive(Clone, Copy)]
+pub struct Geometry<'a> {
+    pub keyframe_views: &'a KeyframeViews<'a>,
+    pub options: &'a ConsistencyOptions,
+}
+
+/// One pass of a tracker over the frames, checked against geometry frame by frame. Where an object drifted away, the tracker is
+/// stopped and begins again with the corrected mask as a keyframe.
+///
+/// This is not the propagation driver's pass: it leads a whole [`Tracker`], any of them and those without passes too, which reads
+/// the frames itself and is only watched through what it hands on.
+pub struct CheckedPass<'a> {
+    tracker: &'a dyn Tracker,
+    /// Forward or backward; with the corrected masks that the tracker began again from.
+    request: TrackRequest,
+    /// Frames still to come.
+    pending: BTreeSet<usize>,
+    /// Frames that the tracker passed over since it began.
+    passed: BTreeSet<usize>,
+    /// The frame on which the tracker began again last.
+    seeded: Option<usize>,
+    keyframe_views: &'a KeyframeViews<'a>,
+    ahead: EvidenceAhead<'a>,
+    options: &'a ConsistencyOptions,
+    progress: &'a Progress,
+}
+
+/// What a pass says of a frame.
+pub struct Answer {
+    pub frame: usize,
+    pub walked: WalkedFrame,
+    /// Frames since the pass last began, at a keyframe or at a corrected mask.
+    pub steps: usize,
+}
+
+/// Takes the answers of a pass.
+pub type Found<'a> = dyn FnMut(Answer) -> Result<(), Stopped> + 'a;
+
+/// How the tracker ended.
+enum End {
+    /// It was stopped at a frame, to begin again from this mask there.
+    Seed(usize, LabelMask),
+    /// It is through, with these warnings.
+    Through(Vec<String>),
+}
+
+impl<'a> CheckedPass<'a> {
+    /// A pass to `targets`, which are not empty; `request` goes one way.
+    pub fn new(
+        tracker: &'a dyn Tracker,
+        request: TrackRequest,
+        targets: BTreeSet<usize>,
+        geometry: Geometry<'a>,
+        progress: &'a Progress,
+    ) -> Self {
+        let Geometry {
+            keyframe_views,
+            options,
+        } = geometry;
+        let ahead = EvidenceAhead::new(keyframe_views);
+        Self {
+            tracker,
+            request,
+            pending: targets,
+            passed: BTreeSet::new(),
+            seeded: None,
+            keyframe_views,
+            ahead,
+            options,
+            progress,
+        }
+    }
+
+    /// Runs to the end; the tracker's warnings. Where it cannot go on after it began again, the reason is among them.
+    ///
+    /// # Errors
+    /// What the tracker says that does not even begin; [`MaskError::Stopped`].
+    pub fn follow(
+        mut self,
+        report: &mut ConsistencyReport,
+        found: &mut Found<'_>,
+    ) -> Result<Vec<String>, MaskError> {
+        loop {
+            match self.stretch(report, found) {
+                Ok(End::Seed(frame, mask)) => self.seed(frame, mask, report),
+                Ok(End::Through(warnings)) => return Ok(warnings),
+                Err(error) if self.seeded.is_none() || matches!(error, MaskError::Stopped(_)) => {
+                    return Err(error);
+                }
+                Err(error) => return Ok(vec![error.to_string()]),
+            }
+        }
+    }
+
+    fn seed(&mut self, frame: usize, mask: LabelMask, report: &mut ConsistencyReport) {
+        self.request.anchors.insert(frame, Arc::new(mask));
+        self.seeded = Some(frame);
+        report.seeded.insert(frame);
+        // A tracker that is stopped does not tell of them.
+        report.passed.append(&mut self.passed);
+        self.request.from = self.pending.first().copied().unwrap_or(frame);
+        self.request.to = self.pending.last().copied().unwrap_or(frame);
+    }
+
+    /// Lets the tracker go until an object drifted away.
+    fn stretch(
+        &mut self,
+        report: &mut ConsistencyReport,
+        found: &mut Found<'_>,
+    ) -> Result<End, MaskError> {
+        let (tracker, request, part) = (self.tracker, self.request.clone(), self.progress.part());
+        let mut taken: Result<Option<End>, MaskError> = Ok(None);
+        let mut emit = |tracked: TrackedFrame| {
+            if matches!(taken, Ok(None)) {
+                taken = self.take(tracked, report, found);
+            }
+            if !matches!(taken, Ok(None)) {
+                part.stop();
+            }
+        };
+        let ended = tracker.track(&request, &mut emit, &part);
+        match taken? {
+            Some(seed) => Ok(seed),
+            None => ended.map(End::Through),
+        }
+    }
+
+    fn take(
+        &mut self,
+        tracked: TrackedFrame,
+        report: &mut ConsistencyReport,
+        found: &mut Found<'_>,
+    ) -> Result<Option<End>, MaskError> {
+        let TrackedFrame {
+            frame,
+            mask,
+            confidence,
+            preliminary,
+        } = tracked;
+        if preliminary || !self.pending.contains(&frame) {
+            return Ok(None);
+        }
+        self.pass(frame);
+        let (tracked, steps) = (WalkedFrame { mask, confidence }, self.steps(frame));
+        let held = match self.evidence(frame, report)? {
+            Some(evidence) => {
+                let carried = || {
+                    let carried = self
+                        .keyframe_views
+                        .carry_to(frame, &evidence, self.progress)?;
+                    Ok(carried.map(|carried| carried.mask))
+                };
+                let held = check_mask(tracked, &evidence, self.options, carried)?;
+                report.note(frame, held.mended);
+                held
+            }
+            None => CheckedMask::untouched(tracked),
+        };
+        let is_rested = self
+            .seeded
+            .is_none_or(|last| last.abs_diff(frame) > self.options.rest);
+        let begins_anew = held.has_drifted && is_rested && !self.pending.is_empty();
+        let seed = begins_anew.then(|| End::Seed(frame, held.walked.mask.clone()));
+        found(Answer {
+            frame,
+            walked: held.walked,
+            steps,
+        })?;
+        Ok(seed)
+    }
+
+    /// What geometry says of a frame; `None`, which the report names, where that cannot be had.
+    fn evidence(
+        &mut self,
+        frame: usize,
+        report: &mut ConsistencyReport,
+    ) -> Result<Option<ReprojectedLabels>, MaskError> {
+        let told = match self.request.direction {
+            Direction::Backward => {
+                self.ahead
+                    .take(frame, self.pending.iter().rev().copied(), self.progress)
+            }
+            _ => self
+                .ahead
+                .take(frame, self.pending.iter().copied(), self.progress),
+        };
+        match told {
+            Err(MaskError::Stopped(stopped)) => return Err(stopped.into()),
+            Ok(Some(evidence)) => return Ok(Some(evidence)),
+            Ok(None) => {}
+            Err(error) => {
+                report.unread = report.unread.take().or_else(|| Some(error.to_string()));
+            }
+        }
+        report.left.insert(frame);
+        Ok(None)
+    }
+
+    /// Frames of the same size that lie before this one on the way will not come any more: they could not be read.
+    fn pass(&mut self, frame: usize) {
+        let frames = &self.request.frames;
+        let size = |frame: usize| (frames[frame].width, frames[frame].height);
+        let is_forward = self.request.direction != Direction::Backward;
+        let is_later = |other: usize| {
+            if is_forward {
+                other > frame
+            } else {
+                other < frame
+            }
+        };
+        let (pending, passed): (BTreeSet<usize>, BTreeSet<usize>) =
+            std::mem::take(&mut self.pending)
+                .into_iter()
+                .filter(|&other| other != frame)
+                .partition(|&other| is_later(other) || size(other) != size(frame));
+        self.pending = pending;
+        self.passed.extend(passed);
+    }
+
+    /// Frames to where the pass last began.
+    fn steps(&self, frame: usize) -> usize {
+        let anchors = &self.request.anchors;
+        let begun = match self.request.direction {
+            Direction::Backward => anchors.range(frame..).next(),
+            _ => anchors.range(..frame).next_back(),
+        };
+        begun.map_or(1, |(begun, _)| begun.abs_diff(frame))
+    }
+}
+
+/// What keyframes say of the frames of a pass, asked for a few frames at once: one for each thread.
+struct EvidenceAhead<'a> {
+    keyframe_views: &'a KeyframeViews<'a>,
+    ready: BTreeMap<usize, Result<Option<ReprojectedLabels>, MaskError>>,
+}
+
+impl<'a> EvidenceAhead<'a> {
+    pub fn new(keyframe_views: &'a KeyframeViews<'a>) -> Self {
+        Self {
+            keyframe_views,
+            ready: BTreeMap::new(),
+        }
+    }
+
+    /// What they say of a frame, with the frames that will be asked for next; `None` where they cannot be asked
+    /// or it cannot be read.
+    ///
+    /// # Errors
+    /// As [`KeyframeViews::evidence_for`].
+    pub fn take(
+        &mut self,
+        frame: usize,
+        next: impl Iterator<Item = usize>,
+        progress: &Progress,
+    ) -> Result<Option<ReprojectedLabels>, MaskError> {
+        if !self.keyframe_views.can_give_evidence_for(frame) {
+            return Ok(None);
+        }
+        if !self.ready.contains_key(&frame) {
+            let next = next.filter(|&frame| self.keyframe_views.can_give_evidence_for(frame));
+            let frames: Vec<usize> = [frame]
+                .into_iter()
+                .chain(next)
+                .take(rayon::current_num_threads())
+                .collect();
+            let told = frames
+                .into_par_iter()
+                .map(|frame| (frame, self.keyframe_views.evidence_for(frame, progress)));
+            self.ready = told.collect();
+        }
+        Ok(self.ready.remove(&frame).transpose()?.flatten())
+    }
+}
+
+/// Names listed in a message.
+const NAMED: usize = 4;
+
+/// What geometry did to a tracker's masks.
+#[derive(Debug, Default)]
+pub struct ConsistencyReport {
+    /// Frames checked against it.
+    pub held: BTreeSet<usize>,
+    /// Pixels corrected, by frame; where two passes came by, in the worse one.
+    pub mended: BTreeMap<usize, usize>,
+    /// Frames on which objects were given to the tracker again.
+    pub seeded: BTreeSet<usize>,
+    /// Frames that the tracker passed over before it began again.
+    pub passed: BTreeSet<usize>,
+    /// Frames left to the tracker: without depth or camera, or none that could be read.
+    pub left: BTreeSet<usize>,
+    /// What the first of the frames that could not be read says.
+    pub unread: Option<String>,
+}
+
+impl ConsistencyReport {
+    /// Notes what was corrected on a frame.
+    pub fn note(&mut self, frame: usize, mended: usize) {
+        self.held.insert(frame);
+        if mended > 0 {
+            let most = self.mended.entry(frame).or_default();
+            *most = mended.max(*most);
+        }
+    }
+
+    /// The lines that tell of it.
+    pub fn lines(&self, frames: &[Frame]) -> Vec<String> {
+        let held = self.held.len();
+        let mut lines = Vec::new();
+        if self.mended.is_empty() {
+            lines.push(format!(
+                "geometry contradicts no mask of the {held} frames that were held against it"
+            ));
+        } else {
+            let pixels: usize = self.mended.values().sum();
+            let names = names(self.mended.keys(), frames);
+            let count = self.mended.len();
+            lines.push(format!(
+                "geometry mended {pixels} pixels in {count} of {held} frames: {names}"
+            ));
+        }
+        if !self.seeded.is_empty() {
+            let names = names(self.seeded.iter(), frames);
+            lines.push(format!(
+                "objects that strayed were given to the tracker anew on {names}"
+            ));
+        }
+        if !self.left.is_empty() {
+            let (count, names) = (self.left.len(), names(self.left.iter(), frames));
+            lines.push(format!(
+                "{count} frames were left to the tracker for want of depth or a camera: {names}"
+            ));
+        }
+        if !self.passed.is_empty() {
+            lines.push(format!(
+                "the tracker gave no mask for {}",
+                names(self.passed.iter(), frames)
+            ));
+        }
+        lines.extend(self.unread.clone());
+        lines
+    }
+}
+
+/// The first few frames by name, and how many more there are.
+fn names<'a>(of: impl ExactSizeIterator<Item = &'a usize>, frames: &[Frame]) -> String {
+    let more = of.len().saturating_sub(NAMED);
+    let named: Vec<&str> = of
+        .take(NAMED)
+        .map(|&frame| frames[frame].name.as_str())
+        .collect();
+    let more = if more > 0 {
+        format!(" and {more} more")
+    } else {
+        String::new()
+    };
+    named.join(", ") + &more
+}

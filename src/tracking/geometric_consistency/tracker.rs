@@ -1,0 +1,275 @@
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use super::check_mask::ConsistencyOptions;
+use super::checked_pass::{Answer, CheckedPass, ConsistencyReport, Found, Geometry};
+use crate::reprojection::{DepthViews, KeyframeViews};
+use ostra_core::job::{Progress, Stopped};
+use ostra_masks::{
+    Direction, LabelId, LabelMask, MaskError, RunMask, TrackRequest, TrackedFrame, Tracker,
+    WalkedFrame, merged,
+};
+
+/// Any tracker, its masks checked against the keyframes' masks carried through geometry: the positional relations that the
+/// authors of the OSTRA method (Xu, Zhao, Tang, Gan, *A One Stop 3D Target Reconstruction and multilevel Segmentation
+/// Method*) wish for to constrain it. Where a frame has depth and a camera and its surface is one that keyframes see, their
+/// label counts, but for borders of a few pixels; an object that is mostly elsewhere (swapped with another, drifted away,
+/// lost) is given to the tracker again on that frame. Geometry abstains where no keyframe sees the frame's surface, as where
+/// an object moved, and on frames without depth or camera.
+pub struct ConsistencyTracker {
+    /// The tracker.
+    pub tracker: Box<dyn Tracker>,
+    /// How its masks are held.
+    pub options: ConsistencyOptions,
+}
+
+impl Tracker for ConsistencyTracker {
+    fn name(&self) -> &'static str {
+        self.tracker.name()
+    }
+
+    fn track(
+        &self,
+        request: &TrackRequest,
+        emit: &mut dyn FnMut(TrackedFrame),
+        progress: &Progress,
+    ) -> Result<Vec<String>, MaskError> {
+        progress.stage("track")?;
+        request.check()?;
+        let carried = TrackRequest {
+            anchors: chosen(request),
+            ..request.clone()
+        };
+        let views = DepthViews::new(&carried.frames, &carried.store);
+        let keyframe_views = KeyframeViews::new(&self.options.carry, &carried, &views);
+        check(request, &keyframe_views)?;
+        let geometry = Geometry {
+            keyframe_views: &keyframe_views,
+            options: &self.options,
+        };
+        let mut lines = Run {
+            tracker: &*self.tracker,
+            request,
+            geometry,
+            progress,
+        }
+        .track(emit)?;
+        lines.extend(views.warning());
+        Ok(lines)
+    }
+}
+
+/// The keyframes' masks with the labels that are tracked only.
+fn chosen(request: &TrackRequest) -> BTreeMap<usize, Arc<LabelMask>> {
+    let Some(chosen) = &request.labels else {
+        return request.anchors.clone();
+    };
+    let only = |mask: &LabelMask| {
+        let ids = mask.ids.iter().map(|id| {
+            if chosen.contains(id) {
+                *id
+            } else {
+                LabelId::NONE
+            }
+        });
+        LabelMask {
+            ids: ids.collect(),
+            ..*mask
+        }
+    };
+    request
+        .anchors
+        .iter()
+        .map(|(&frame, mask)| (frame, Arc::new(only(mask))))
+        .collect()
+}
+
+/// Refuses what geometry can say nothing of.
+fn check(request: &TrackRequest, keyframe_views: &KeyframeViews<'_>) -> Result<(), MaskError> {
+    if keyframe_views.have_no_labels() {
+        return Err(MaskError::Request(
+            "masks can only be constrained where a frame with a mask has depth and a camera; give them (--depth, \
+             --cameras, or reconstruct), or track without --constrain"
+                .into(),
+        ));
+    }
+    let mut targets =
+        (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame));
+    if !targets.any(|frame| keyframe_views.can_give_evidence_for(frame)) {
+        return Err(MaskError::Request(format!(
+            "no frame from {} to {} besides the anchors has depth and a camera by which its mask could be constrained; \
+             give them, or track without --constrain",
+            request.from, request.to
+        )));
+    }
+    Ok(())
+}
+
+/// A tracking run of one pass or two; where two come by, they are merged.
+pub struct Run<'a> {
+    pub tracker: &'a dyn Tracker,
+    pub request: &'a TrackRequest,
+    pub geometry: Geometry<'a>,
+    pub progress: &'a Progress,
+}
+
+/// An answer of the pass forwards, kept until the pass backwards comes by.
+struct Kept {
+    runs: RunMask,
+    confidence: BTreeMap<LabelId, f32>,
+    steps: usize,
+}
+
+impl Run<'_> {
+    /// Tracks; what geometry did and the tracker's warnings.
+    pub fn track(&self, emit: &mut dyn FnMut(TrackedFrame)) -> Result<Vec<String>, MaskError> {
+        let (forward, backward) = (
+            self.targets(Direction::Forward),
+            self.targets(Direction::Backward),
+        );
+        let total = forward.len() + backward.len();
+        let (mut report, mut done) = (ConsistencyReport::default(), 0);
+        let mut kept: BTreeMap<usize, Kept> = BTreeMap::new();
+        let mut hand_on =
+            |frame: usize, walked: WalkedFrame, preliminary: bool| -> Result<(), Stopped> {
+                emit(TrackedFrame {
+                    frame,
+                    mask: walked.mask,
+                    confidence: walked.confidence,
+                    preliminary,
+                });
+                done += 1;
+                self.progress.step(done.min(total), total)
+            };
+        let first = self.run_pass(
+            Direction::Forward,
+            &forward,
+            &mut report,
+            &mut |Answer {
+                      frame,
+                      walked,
+                      steps,
+                  }| {
+                if backward.contains(&frame) {
+                    let runs = RunMask::encode(&walked.mask);
+                    kept.insert(
+                        frame,
+                        Kept {
+                            runs,
+                            confidence: walked.confidence.clone(),
+                            steps,
+                        },
+                    );
+                }
+                hand_on(frame, walked, backward.contains(&frame))
+            },
+        );
+        let first = unless_stopped(first)?;
+        let second = self.run_pass(
+            Direction::Backward,
+            &backward,
+            &mut report,
+            &mut |Answer {
+                      frame,
+                      walked,
+                      steps,
+                  }| {
+                let met = kept.remove(&frame).map(|kept| kept.met_by(&walked, steps));
+                hand_on(frame, met.unwrap_or(walked), false)
+            },
+        );
+        let second = unless_stopped(second)?;
+        // The pass backwards did not reach them.
+        for (
+            frame,
+            Kept {
+                runs, confidence, ..
+            },
+        ) in kept
+        {
+            hand_on(
+                frame,
+                WalkedFrame {
+                    mask: runs.decode(),
+                    confidence,
+                },
+                false,
+            )?;
+        }
+        let mut lines = report.lines(&self.request.frames);
+        for ended in [first, second] {
+            match ended {
+                Err(error) if done == 0 => return Err(error),
+                ended => lines.extend(ended.unwrap_or_else(|error| vec![error.to_string()])),
+            }
+        }
+        Ok(lines)
+    }
+
+    /// The frames asked for that have a keyframe on the side that a pass comes from.
+    fn targets(&self, way: Direction) -> BTreeSet<usize> {
+        let TrackRequest {
+            anchors,
+            from,
+            to,
+            direction,
+            ..
+        } = self.request;
+        let is_walked = *direction == Direction::Both || *direction == way;
+        let is_reached = |frame: &usize| match way {
+            Direction::Backward => anchors.range(frame..).next().is_some(),
+            _ => anchors.range(..frame).next().is_some(),
+        };
+        let others = (*from..=*to).filter(|frame| is_walked && !anchors.contains_key(frame));
+        others.filter(is_reached).collect()
+    }
+
+    fn run_pass(
+        &self,
+        way: Direction,
+        targets: &BTreeSet<usize>,
+        report: &mut ConsistencyReport,
+        found: &mut Found<'_>,
+    ) -> Result<Vec<String>, MaskError> {
+        if targets.is_empty() {
+            return Ok(Vec::new());
+        }
+        let request = TrackRequest {
+            direction: way,
+            ..self.request.clone()
+        };
+        CheckedPass::new(
+            self.tracker,
+            request,
+            targets.clone(),
+            self.geometry,
+            self.progress,
+        )
+        .follow(report, found)
+    }
+}
+
+/// A stop ends all; where one walk fails, the other may still answer.
+fn unless_stopped(
+    ended: Result<Vec<String>, MaskError>,
+) -> Result<Result<Vec<String>, MaskError>, Stopped> {
+    match ended {
+        Err(MaskError::Stopped(stopped)) => Err(stopped),
+        ended => Ok(ended),
+    }
+}
+
+impl Kept {
+    /// Merged with what the other walk says, `steps` after it began.
+    fn met_by(self, other: &WalkedFrame, steps: usize) -> WalkedFrame {
+        let nearness = steps as f32 / (steps + self.steps) as f32;
+        merged(
+            &WalkedFrame {
+                mask: self.runs.decode(),
+                confidence: self.confidence,
+            },
+            other,
+            nearness,
+        )
+    }
+}

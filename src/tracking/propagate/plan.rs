@@ -1,0 +1,345 @@
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use super::answer::shown_labels;
+use ostra_masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest};
+
+/// How an engine uses the keyframes of a request.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum KeyframeUse {
+    /// Every pass starts at one keyframe and ends before the next. Images may differ in size.
+    Interval,
+    /// A pass runs through all frames of one image size and takes over every keyframe it comes to, so that the engine's memory
+    /// holds all of them.
+    Sequence,
+}
+
+/// Which frames an engine is led through, section by section.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct PropagationPlan {
+    pub sections: Vec<Section>,
+    /// Frames that were asked for, but whose images differ in size from those of all keyframes.
+    pub other_sizes: Vec<usize>,
+}
+
+/// Frames with the keyframes that their masks come from: an interval, or all frames of one image size.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) struct Section {
+    pub keyframes: BTreeMap<usize, Arc<LabelMask>>,
+    pub forward: Pass,
+    pub backward: Pass,
+}
+
+/// One way through the frames of a section.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(crate) struct Pass {
+    /// Frames in the order of the pass; the first is a keyframe. Empty where the section has no such pass.
+    pub frames: Vec<usize>,
+    /// The frames among them whose masks are handed on.
+    pub targets: BTreeSet<usize>,
+    /// The keyframe at the other end of an interval, from which an engine may learn before it gets there.
+    pub far_keyframe: Option<usize>,
+    /// The frame after the last one, which an engine may look ahead to where its mask is known.
+    pub beyond: Option<usize>,
+}
+
+/// The keyframes on both sides of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct KeyframeInterval {
+    pub before: usize,
+    pub after: usize,
+}
+
+impl PropagationPlan {
+    /// The sections of a request.
+    ///
+    /// # Errors
+    /// [`MaskError::Request`] where no frame can be reached.
+    pub fn new(request: &TrackRequest, keyframe_use: KeyframeUse) -> Result<Self, MaskError> {
+        let plan = match keyframe_use {
+            KeyframeUse::Interval => Self::intervals(request),
+            KeyframeUse::Sequence => Self::sequences(request)?,
+        };
+        if plan.steps() == 0 {
+            return Err(MaskError::Request(format!(
+                "no frame from {} to {} lies on the side of an anchor that masks are carried to; choose another range or \
+                 direction",
+                request.from, request.to
+            )));
+        }
+        Ok(plan)
+    }
+
+    /// Frames that are passed through, counted once a pass.
+    pub fn steps(&self) -> usize {
+        let passes = self.sections.iter().flat_map(Section::passes);
+        passes.map(|pass| pass.frames.len()).sum()
+    }
+
+    /// The frames whose masks are handed on.
+    pub fn targets(&self) -> impl Iterator<Item = usize> {
+        let sections = self.sections.iter();
+        sections.flat_map(|section| {
+            section
+                .forward
+                .targets
+                .union(&section.backward.targets)
+                .copied()
+        })
+    }
+
+    /// One section for every run of frames between the same keyframes.
+    fn intervals(request: &TrackRequest) -> Self {
+        let mut intervals: Vec<RequestedInterval> = Vec::new();
+        let is_asked = |frame: &usize| !request.anchors.contains_key(frame);
+        for frame in (request.from..=request.to).filter(is_asked) {
+            let mut before = request
+                .anchors
+                .range(..frame)
+                .next_back()
+                .map(|(&at, _)| at);
+            let mut after = request.anchors.range(frame..).next().map(|(&at, _)| at);
+            before = before.filter(|_| request.direction != Direction::Backward);
+            after = after.filter(|_| request.direction != Direction::Forward);
+            match intervals.last_mut() {
+                Some(interval) if interval.to + 1 == frame => interval.to = frame,
+                _ if before.is_some() || after.is_some() => intervals.push(RequestedInterval {
+                    from: frame,
+                    to: frame,
+                    before,
+                    after,
+                }),
+                _ => {}
+            }
+        }
+        Self {
+            sections: intervals
+                .iter()
+                .map(|interval| interval.section(request))
+                .collect(),
+            other_sizes: Vec::new(),
+        }
+    }
+
+    /// One section for every image size that a keyframe has.
+    fn sequences(request: &TrackRequest) -> Result<Self, MaskError> {
+        let size = |frame: usize| (request.frames[frame].width, request.frames[frame].height);
+        let mut by_size: BTreeMap<(u32, u32), BTreeMap<usize, Arc<LabelMask>>> = BTreeMap::new();
+        for (&at, mask) in &request.anchors {
+            if let Some(mask) = with_labels(mask, request.labels.as_ref()) {
+                by_size.entry(size(at)).or_default().insert(at, mask);
+            }
+        }
+        if by_size.is_empty() {
+            return Err(MaskError::Request(
+                "no mask shows a label that is to be tracked; prompt or import one first".into(),
+            ));
+        }
+        let asked =
+            (request.from..=request.to).filter(|frame| !request.anchors.contains_key(frame));
+        let (asked, others): (BTreeSet<usize>, BTreeSet<usize>) =
+            asked.partition(|&at| by_size.contains_key(&size(at)));
+        let mut sections = Vec::new();
+        for (of, keyframes) in by_size {
+            let mut frames: Vec<usize> = (0..request.frames.len())
+                .filter(|&frame| size(frame) == of)
+                .collect();
+            let pass = |direction: Direction, frames: &[usize]| {
+                let is_wanted = [Direction::Both, direction].contains(&request.direction);
+                is_wanted
+                    .then(|| Pass::through(frames, &keyframes, &asked))
+                    .unwrap_or_default()
+            };
+            let forward = pass(Direction::Forward, &frames);
+            frames.reverse();
+            let backward = pass(Direction::Backward, &frames);
+            sections.push(Section {
+                keyframes,
+                forward,
+                backward,
+            });
+        }
+        Ok(Self {
+            sections,
+            other_sizes: others.into_iter().collect(),
+        })
+    }
+}
+
+/// Frames in a row that were asked for and lie between the same keyframes.
+struct RequestedInterval {
+    from: usize,
+    to: usize,
+    /// The keyframes that their masks come from.
+    before: Option<usize>,
+    after: Option<usize>,
+}
+
+impl RequestedInterval {
+    fn section(&self, request: &TrackRequest) -> Section {
+        let keyframe = |&at: &usize| (at, Arc::clone(&request.anchors[&at]));
+        let forward = self.before.map(|before| Pass {
+            frames: (before..=self.to).collect(),
+            targets: (self.from..=self.to).collect(),
+            far_keyframe: self.after,
+            beyond: self.after.filter(|&after| after == self.to + 1),
+        });
+        let backward = self.after.map(|after| Pass {
+            frames: (self.from..=after).rev().collect(),
+            targets: (self.from..=self.to).collect(),
+            far_keyframe: self.before,
+            beyond: self.before.and_then(|_| self.from.checked_sub(1)),
+        });
+        Section {
+            keyframes: self
+                .before
+                .iter()
+                .chain(&self.after)
+                .map(keyframe)
+                .collect(),
+            forward: forward.unwrap_or_default(),
+            backward: backward.unwrap_or_default(),
+        }
+    }
+}
+
+impl Section {
+    /// The pass in a direction.
+    pub(super) fn pass(&self, direction: Direction) -> &Pass {
+        match direction {
+            Direction::Backward => &self.backward,
+            Direction::Forward | Direction::Both => &self.forward,
+        }
+    }
+
+    fn passes(&self) -> [&Pass; 2] {
+        [&self.forward, &self.backward]
+    }
+
+    /// Whether both a keyframe before and one after are passed on from.
+    pub fn has_both_passes(&self) -> bool {
+        self.passes().iter().all(|pass| !pass.frames.is_empty())
+    }
+
+    /// The keyframes around a frame that is none; `None` where one side has none.
+    pub(super) fn interval_at(&self, frame: usize) -> Option<KeyframeInterval> {
+        let (&before, _) = self.keyframes.range(..frame).next_back()?;
+        let (&after, _) = self.keyframes.range(frame + 1..).next()?;
+        Some(KeyframeInterval { before, after })
+    }
+}
+
+impl Pass {
+    /// Along `frames` to those of the `asked` that come after a keyframe. It starts at the keyframes before them: for each
+    /// label at the last one that shows it.
+    fn through(
+        frames: &[usize],
+        keyframes: &BTreeMap<usize, Arc<LabelMask>>,
+        asked: &BTreeSet<usize>,
+    ) -> Self {
+        let mut last_shown: BTreeMap<LabelId, usize> = BTreeMap::new();
+        let mut targets = BTreeSet::new();
+        let (mut last_start, mut last_target) = (0, 0);
+        for (place, frame) in frames.iter().enumerate() {
+            match keyframes.get(frame) {
+                Some(mask) if targets.is_empty() => {
+                    last_shown.extend(shown_labels(mask).into_iter().map(|label| (label, place)));
+                    last_start = place;
+                }
+                None if !last_shown.is_empty() && asked.contains(frame) => {
+                    targets.insert(*frame);
+                    last_target = place;
+                }
+                _ => {}
+            }
+        }
+        if targets.is_empty() {
+            return Self::default();
+        }
+        let starts: BTreeSet<usize> = last_shown.into_values().collect();
+        let places = starts.into_iter().chain(last_start + 1..=last_target);
+        Self {
+            frames: places.map(|place| frames[place]).collect(),
+            targets,
+            ..Self::default()
+        }
+    }
+}
+
+impl KeyframeInterval {
+    /// How near the keyframe before is to a frame, from 1 at it to 0 at the keyframe after.
+    pub fn nearness(self, frame: usize) -> f32 {
+        (self.after as f32 - frame as f32) / (self.after - self.before) as f32
+    }
+
+    /// How much the mask of frame `other`, which comes from one keyframe, counts next to that of frame `own`, which comes from
+    /// the other, 0–1: as each is near its keyframe.
+    pub fn share_of(self, other: usize, own: usize) -> f32 {
+        let (of_other, of_own) = (self.nearness(other), self.nearness(own));
+        let (other, own) = if other < own {
+            (of_other, 1.0 - of_own)
+        } else {
+            (1.0 - of_other, of_own)
+        };
+        other / (other + own)
+    }
+}
+
+/// A mask with the chosen labels only; `None` where it shows none of them.
+fn with_labels(
+    mask: &Arc<LabelMask>,
+    chosen: Option<&BTreeSet<LabelId>>,
+) -> Option<Arc<LabelMask>> {
+    let shown = shown_labels(mask);
+    let is_chosen = |id: &LabelId| chosen.is_none_or(|chosen| chosen.contains(id));
+    if shown.iter().all(is_chosen) {
+        return (!shown.is_empty()).then(|| Arc::clone(mask));
+    }
+    if !shown.iter().any(is_chosen) {
+        return None;
+    }
+    let kept = |id: &LabelId| if is_chosen(id) { *id } else { LabelId::NONE };
+    Some(Arc::new(LabelMask {
+        ids: mask.ids.iter().map(kept).collect(),
+        ..**mask
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn section(keyframes: &[usize]) -> Section {
+        let keyframe = |&at: &usize| (at, Arc::new(LabelMask::empty(1, 1)));
+        Section {
+            keyframes: keyframes.iter().map(keyframe).collect(),
+            forward: Pass::default(),
+            backward: Pass::default(),
+        }
+    }
+
+    #[test]
+    fn of_two_frames_the_one_nearer_to_its_keyframe_counts_more() {
+        let interval = section(&[10, 18]).interval_at(11).unwrap();
+        assert_eq!(
+            interval,
+            KeyframeInterval {
+                before: 10,
+                after: 18
+            }
+        );
+        assert_eq!(
+            [10, 14, 18].map(|frame| interval.nearness(frame)),
+            [1.0, 0.5, 0.0]
+        );
+        assert_eq!(interval.share_of(10, 12), 0.8);
+        assert_eq!(interval.share_of(13, 15), 0.5);
+        assert_eq!(interval.share_of(18, 16), 0.8);
+        let one_frame = section(&[10, 12]).interval_at(11).unwrap();
+        assert_eq!(
+            [one_frame.share_of(10, 12), one_frame.share_of(12, 10)],
+            [0.5; 2]
+        );
+        assert_eq!(section(&[10]).interval_at(13), None);
+    }
+}

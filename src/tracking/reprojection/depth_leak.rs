@@ -1,0 +1,253 @@
+use super::depth_view::{DepthView, PixelBox};
+use super::options::Tolerance;
+use ostra_core::statistics::upper_median;
+use ostra_frames::DepthMap;
+use ostra_masks::{LabelId, LabelMask};
+
+/// Depth may change by this many times its change on a plane seen at 45° from pixel to pixel, within one surface.
+const STEEPEST: f32 = 4.0;
+/// Pixels without depth that may lie between a label's patch and what is next to it.
+const WALK: usize = 3;
+/// Only patches narrower than about twice this are taken for lost rims and tips, pixels.
+const HALF_WIDTH: usize = 4;
+/// A patch belongs to a label's parts at most this far away, pixels.
+const REACH: usize = 16;
+
+/// What lies behind a label and shines through where depth, as stereo's does, lost a thin part or its rim.
+#[derive(Debug)]
+pub struct DepthLeak {
+    /// Depths told at the pixels of labels that stand before them, by pixel; 0 elsewhere.
+    shown: Vec<f32>,
+    limits: Limits,
+}
+
+/// When two depths are no one surface.
+#[derive(Debug, Clone, Copy)]
+struct Limits {
+    tolerance: Tolerance,
+    focal: f32,
+}
+
+/// Pixels of one label that are one surface.
+struct Patch {
+    label: LabelId,
+    around: PixelBox,
+    depth: f32,
+    /// Places of its outline where the surface goes on without the label.
+    leaks: usize,
+    /// Places of its outline where something lies farther behind.
+    fronts: usize,
+    pixels: Vec<usize>,
+}
+
+impl Limits {
+    fn jump(&self, depth: f32, pixels: usize) -> f32 {
+        self.tolerance.at(depth) + STEEPEST * depth / self.focal * pixels as f32
+    }
+}
+
+impl DepthLeak {
+    /// Patches of a label that go on as one surface outside it, while other parts of the label near them stand before
+    /// that surface.
+    pub fn find(view: &DepthView, mask: &LabelMask, tolerance: Tolerance) -> Self {
+        let focal = view.posed.camera.focal_px.x as f32;
+        let limits = Limits { tolerance, focal };
+        let patches = patches(view, mask, &limits);
+        let mut shown = vec![0.0; mask.ids.len()];
+        let (front, doubtful): (Vec<&Patch>, Vec<&Patch>) =
+            patches.iter().partition(|patch| patch.fronts > patch.leaks);
+        for patch in doubtful
+            .into_iter()
+            .filter(|patch| patch.pixels.len() <= HALF_WIDTH * patch.leaks)
+        {
+            let around = patch.around.grown(REACH, view.width(), view.height());
+            let stands_before = |other: &&Patch| {
+                other.label == patch.label
+                    && other.depth < patch.depth - limits.jump(patch.depth, 1)
+                    && other.around.meets(&around)
+            };
+            if front.iter().any(stands_before) {
+                patch
+                    .pixels
+                    .iter()
+                    .for_each(|&at| shown[at] = view.depth.depths[at]);
+            }
+        }
+        Self { shown, limits }
+    }
+
+    /// The depth without what shines through.
+    pub fn without_leaks(&self, depth: &DepthMap) -> DepthMap {
+        let kept = depth
+            .depths
+            .iter()
+            .zip(&self.shown)
+            .map(|(&depth, &shown)| if shown > 0.0 { 0.0 } else { depth });
+        DepthMap {
+            depths: kept.collect(),
+            ..*depth
+        }
+    }
+
+    /// Forgets what was put in its place but stands no nearer.
+    pub fn check(&self, filled: &mut DepthMap) {
+        for (depth, &shown) in filled.depths.iter_mut().zip(&self.shown) {
+            if shown > 0.0 && *depth > shown - self.limits.jump(shown, 1) {
+                *depth = 0.0;
+            }
+        }
+    }
+}
+
+fn patches(view: &DepthView, mask: &LabelMask, limits: &Limits) -> Vec<Patch> {
+    let depths = &view.depth.depths;
+    let mut seen = vec![false; depths.len()];
+    let mut patches = Vec::new();
+    for start in 0..depths.len() {
+        if !seen[start] && mask.ids[start] != LabelId::NONE && depths[start] > 0.0 {
+            patches.push(patch(view, mask, limits, start, &mut seen));
+        }
+    }
+    patches
+}
+
+/// The patch that a pixel lies in.
+fn patch(
+    view: &DepthView,
+    mask: &LabelMask,
+    limits: &Limits,
+    start: usize,
+    seen: &mut [bool],
+) -> Patch {
+    let (width, depths, label) = (view.width(), &view.depth.depths, mask.ids[start]);
+    let around = PixelBox::pixel(start % width, start / width);
+    let mut patch = Patch {
+        label,
+        around,
+        depth: 0.0,
+        leaks: 0,
+        fronts: 0,
+        pixels: vec![start],
+    };
+    seen[start] = true;
+    let mut next = 0;
+    while let Some(&at) = patch.pixels.get(next) {
+        next += 1;
+        patch.around = patch.around.union(&PixelBox::pixel(at % width, at / width));
+        for (to, steps) in (0..4).filter_map(|side| beside(view, mask, at, side)) {
+            let step = depths[to] - depths[at];
+            let goes_on = step.abs() <= limits.jump(depths[at], steps);
+            if mask.ids[to] != label {
+                patch.leaks += usize::from(goes_on);
+                patch.fronts += usize::from(!goes_on && step > 0.0);
+            } else if goes_on && steps == 1 && !seen[to] {
+                seen[to] = true;
+                patch.pixels.push(to);
+            }
+        }
+    }
+    let mut known: Vec<f32> = patch.pixels.iter().map(|&at| depths[at]).collect();
+    patch.depth = upper_median(&mut known).unwrap_or(0.0);
+    patch
+}
+
+/// The next pixel with depth to one of four sides, and how many steps away.
+fn beside(view: &DepthView, mask: &LabelMask, at: usize, side: usize) -> Option<(usize, usize)> {
+    let (width, height) = (view.width(), view.height());
+    let (x, y) = (at % width, at / width);
+    let label = mask.ids[at];
+    for steps in 1..=WALK {
+        let to = match side {
+            0 => (x + steps < width).then(|| at + steps),
+            1 => (x >= steps).then(|| at - steps),
+            2 => (y + steps < height).then(|| at + steps * width),
+            _ => (y >= steps).then(|| at - steps * width),
+        }?;
+        if view.depth.depths[to] > 0.0 {
+            return Some((to, steps));
+        }
+        if steps == 1 && mask.ids[to] == label {
+            return None;
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::reprojection::depth_view::PosedCamera;
+    use ostra_geometry::{Camera, Pose};
+
+    /// A leaf at depth 1 before a wall at depth 2, 30 pixels long and four wide, whose depth is lost from `lost` on.
+    fn leaf_before_wall(lost: usize) -> (DepthView, LabelMask) {
+        let (width, height) = (60, 20);
+        let is_leaf =
+            |at: usize| (10..40).contains(&(at % width)) && (8..12).contains(&(at / width));
+        let depth = |at: usize| {
+            if is_leaf(at) && at % width < lost {
+                1.0
+            } else {
+                2.0
+            }
+        };
+        let depth = DepthMap {
+            width: 60,
+            height: 20,
+            depths: (0..width * height).map(depth).collect(),
+        };
+        let mut mask = LabelMask::empty(60, 20);
+        (0..width * height)
+            .filter(|&at| is_leaf(at))
+            .for_each(|at| mask.ids[at] = LabelId(3));
+        let posed = PosedCamera {
+            camera: Camera::pinhole(60, 20, 60.0, 60.0, 30.0, 10.0),
+            camera_from_world: Pose::IDENTITY,
+        };
+        (
+            DepthView {
+                posed,
+                depth: Arc::new(depth),
+                rays: Arc::default(),
+            },
+            mask,
+        )
+    }
+
+    #[test]
+    fn the_wall_in_a_lost_tip_is_no_leaf() {
+        let (view, mask) = leaf_before_wall(30);
+        let leak = DepthLeak::find(&view, &mask, Tolerance::new(0.02, 1.5));
+        let without_leaks = leak.without_leaks(&view.depth);
+        let lost = |at: usize| mask.ids[at] != LabelId::NONE && at % 60 >= 30;
+        let is_right = |(at, (&now, &before)): (usize, (&f32, &f32))| {
+            now == if lost(at) { 0.0 } else { before }
+        };
+        assert!(
+            without_leaks
+                .depths
+                .iter()
+                .zip(&view.depth.depths)
+                .enumerate()
+                .all(is_right)
+        );
+        let mut filled = DepthMap {
+            depths: vec![1.9; 1200],
+            ..without_leaks
+        };
+        leak.check(&mut filled);
+        assert_eq!(
+            (filled.depths[10 * 60 + 35], filled.depths[10 * 60 + 25]),
+            (0.0, 1.9)
+        );
+    }
+
+    #[test]
+    fn what_lies_flat_on_a_wall_keeps_its_depth() {
+        let (view, mask) = leaf_before_wall(0);
+        let leak = DepthLeak::find(&view, &mask, Tolerance::new(0.02, 1.5));
+        assert_eq!(leak.without_leaks(&view.depth), *view.depth);
+    }
+}

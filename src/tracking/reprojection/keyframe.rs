@@ -1,0 +1,353 @@
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use glam::Vec3;
+
+use super::depth_leak::DepthLeak;
+use super::depth_view::{DepthView, DepthViews, PosedCamera, Reprojection};
+use super::draw::Completion;
+use super::options::{ReprojectionOptions, Tolerance};
+use ostra_core::job::Progress;
+use ostra_frames::DepthMap;
+use ostra_masks::{LabelId, LabelMask, MaskError};
+
+/// A frame whose mask is held fixed, ready to be asked.
+#[derive(Debug)]
+pub struct Keyframe {
+    /// With holes of the depth filled from other frames.
+    pub view: DepthView,
+    pub mask: Arc<LabelMask>,
+    /// Labels of the mask, in order.
+    pub labels: Vec<LabelId>,
+    /// How far each pixel's label is to be trusted, 0–1.
+    pub trust: Vec<f32>,
+}
+
+impl Keyframe {
+    /// `filled` is the depth of `own` with holes filled.
+    pub fn new(
+        own: DepthView,
+        filled: DepthMap,
+        mask: Arc<LabelMask>,
+        options: &ReprojectionOptions,
+    ) -> Self {
+        let mut trust = border_trust(&mask, options);
+        for (at, trust) in trust.iter_mut().enumerate() {
+            let filled = if own.depth.depths[at] > 0.0 {
+                1.0
+            } else {
+                options.filled_weight
+            };
+            *trust *= filled * facing(&own, at).max(options.grazing_weight);
+        }
+        Self {
+            view: DepthView {
+                depth: Arc::new(filled),
+                ..own
+            },
+            labels: labels_of(&mask),
+            mask,
+            trust,
+        }
+    }
+
+    /// Whether its showing `seen` somewhere says anything of `label` there. A keyframe without the label speaks against it
+    /// only where it shows another one: the label may not have been looked for there.
+    pub fn bears_on(&self, label: LabelId, seen: LabelId) -> bool {
+        seen != LabelId::NONE || label == LabelId::NONE || self.labels.binary_search(&label).is_ok()
+    }
+}
+
+/// The labels in a mask, in order, without 0.
+pub fn labels_of(mask: &LabelMask) -> Vec<LabelId> {
+    let runs = mask.ids.chunk_by(|a, b| a == b).map(|run| run[0]);
+    runs.filter(|&id| id != LabelId::NONE)
+        .collect::<BTreeSet<_>>()
+        .into_iter()
+        .collect()
+}
+
+/// Weights that grow from the border of labels inwards and outwards: there mask, image and depth are a few pixels apart.
+fn border_trust(mask: &LabelMask, options: &ReprojectionOptions) -> Vec<f32> {
+    let border = options.border_px;
+    let weight = |d: u8| {
+        options.border_weight
+            + (1.0 - options.border_weight) * f32::from(d) / f32::from(border.max(1))
+    };
+    let weights: [f32; 256] =
+        std::array::from_fn(|d| if border == 0 { 1.0 } else { weight(d as u8) });
+    border_distance(mask, border)
+        .into_iter()
+        .map(|d| weights[usize::from(d)])
+        .collect()
+}
+
+/// Steps to the nearest pixel that has a neighbour of another label, up to `most`.
+fn border_distance(mask: &LabelMask, most: u8) -> Vec<u8> {
+    let width = mask.width as usize;
+    let mut distance = vec![most; mask.ids.len()];
+    for at in 0..mask.ids.len() {
+        let right = ((at + 1) % width != 0).then_some(at + 1);
+        let below = (at + width < mask.ids.len()).then_some(at + width);
+        for next in [right, below]
+            .into_iter()
+            .flatten()
+            .filter(|&next| mask.ids[next] != mask.ids[at])
+        {
+            (distance[at], distance[next]) = (0, 0);
+        }
+    }
+    for at in 0..distance.len() {
+        let left = if at % width == 0 {
+            most
+        } else {
+            distance[at - 1]
+        };
+        let above = if at < width {
+            most
+        } else {
+            distance[at - width]
+        };
+        distance[at] = distance[at].min(left.min(above).saturating_add(1));
+    }
+    for at in (0..distance.len()).rev() {
+        let right = if (at + 1) % width == 0 {
+            most
+        } else {
+            distance[at + 1]
+        };
+        let below = if at + width >= distance.len() {
+            most
+        } else {
+            distance[at + width]
+        };
+        distance[at] = distance[at].min(right.min(below).saturating_add(1));
+    }
+    distance
+}
+
+/// Cosine of the angle between a surface and the view of it, from the slope of the depth; 1 where no slope is known.
+fn facing(view: &DepthView, at: usize) -> f32 {
+    let (width, height) = (view.width(), view.height());
+    let depth = &view.depth.depths;
+    let (x, y, here) = (at % width, at / width, depth[at]);
+    if x == 0 || y == 0 || x + 1 >= width || y + 1 >= height || here <= 0.0 {
+        return 1.0;
+    }
+    let slope = |a: f32, b: f32| {
+        if a > 0.0 && b > 0.0 {
+            0.5 * (b - a) / here
+        } else {
+            0.0
+        }
+    };
+    let focal = view.posed.camera.focal_px.as_vec2();
+    let across = focal.x * slope(depth[at - 1], depth[at + 1]);
+    let down = focal.y * slope(depth[at - width], depth[at + width]);
+    (1.0 + across * across + down * down).sqrt().recip()
+}
+
+/// A keyframe as the request gives it, before its depth is loaded.
+#[derive(Debug)]
+pub struct GivenKeyframe<'a> {
+    pub frame: usize,
+    pub posed: PosedCamera,
+    /// Labels of its mask, in order.
+    pub labels: Vec<LabelId>,
+    pub mask: &'a Arc<LabelMask>,
+}
+
+/// Bytes of keyframes kept ready, about.
+const BUDGET_BYTES: usize = 192 << 20;
+
+type Slot = Arc<Mutex<Option<Arc<Keyframe>>>>;
+
+/// Keyframes that were made ready, the latest kept. Each is made by one thread while others wait for it.
+#[derive(Debug)]
+pub struct KeyframeCache<'a> {
+    views: &'a DepthViews<'a>,
+    options: &'a ReprojectionOptions,
+    slots: Mutex<(BTreeMap<usize, Slot>, VecDeque<usize>)>,
+}
+
+impl<'a> KeyframeCache<'a> {
+    pub fn new(views: &'a DepthViews<'a>, options: &'a ReprojectionOptions) -> Self {
+        Self {
+            views,
+            options,
+            slots: Mutex::default(),
+        }
+    }
+
+    /// The keyframe, made ready now if it is not; `None` where its depth cannot be read.
+    pub fn get(
+        &self,
+        given: &GivenKeyframe<'_>,
+        progress: &Progress,
+    ) -> Result<Option<Arc<Keyframe>>, MaskError> {
+        let slot = self.slot(given.frame, given.mask.ids.len());
+        let mut slot = lock(&slot);
+        if let Some(keyframe) = &*slot {
+            return Ok(Some(keyframe.clone()));
+        }
+        let keyframe = self.make(given, progress)?.map(Arc::new);
+        slot.clone_from(&keyframe);
+        Ok(keyframe)
+    }
+
+    /// The place of a keyframe; the oldest are given up for a new one.
+    fn slot(&self, frame: usize, pixels: usize) -> Slot {
+        let mut slots = lock(&self.slots);
+        let (of_frame, order) = &mut *slots;
+        if let Some(slot) = of_frame.get(&frame) {
+            return slot.clone();
+        }
+        let most = BUDGET_BYTES / (2 * size_of::<f32>() * pixels.max(1));
+        while order.len() >= most.max(4) {
+            order
+                .pop_front()
+                .and_then(|oldest| of_frame.remove(&oldest));
+        }
+        order.push_back(frame);
+        of_frame.entry(frame).or_default().clone()
+    }
+
+    /// Fills the holes in the keyframe's depth from other frames that can be read, and where what lies behind its labels
+    /// shines through.
+    fn make(
+        &self,
+        given: &GivenKeyframe<'_>,
+        progress: &Progress,
+    ) -> Result<Option<Keyframe>, MaskError> {
+        let Some(seen) = self.views.load(given.frame)? else {
+            return Ok(None);
+        };
+        let tolerance = Tolerance::most(&seen, self.options);
+        let leak = DepthLeak::find(&seen, given.mask, tolerance);
+        let own = DepthView {
+            depth: Arc::new(leak.without_leaks(&seen.depth)),
+            ..seen
+        };
+        let mut completion = Completion::new(&own, tolerance);
+        let others = self
+            .views
+            .posed_cameras()
+            .filter(|&(frame, _)| frame != given.frame);
+        for filler in fillers_for(&own, others, self.options.fillers) {
+            if let Some(filler) = self.views.load(filler)? {
+                completion.add(&filler, progress)?;
+            }
+        }
+        let mut filled = completion.finish();
+        leak.check(&mut filled);
+        Ok(Some(Keyframe::new(
+            own,
+            filled,
+            given.mask.clone(),
+            self.options,
+        )))
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Points of a frame looked for in another one, along each side.
+const GRID: usize = 16;
+
+/// The keyframes to ask about a target, as places in `keyframes`: for every label the `most` that see most of the target,
+/// from the nearest and from the most similar direction.
+pub fn keyframes_for(
+    target: &DepthView,
+    anchors: &[(PosedCamera, &[LabelId])],
+    most: usize,
+) -> Vec<usize> {
+    let points = target.grid(GRID);
+    let overlap: Vec<f32> = anchors
+        .iter()
+        .map(|(posed, _)| overlap(&target.posed, &points, posed))
+        .collect();
+    let mut of_label: BTreeMap<LabelId, Vec<usize>> = BTreeMap::new();
+    for place in (0..anchors.len()).filter(|&place| overlap[place] > 0.0) {
+        for &label in anchors[place].1 {
+            of_label.entry(label).or_default().push(place);
+        }
+    }
+    let mut chosen: Vec<usize> = Vec::new();
+    for mut places in of_label.into_values() {
+        places.sort_by(|&a, &b| overlap[b].total_cmp(&overlap[a]).then(a.cmp(&b)));
+        chosen.extend(places.iter().take(most));
+    }
+    chosen.sort_unstable();
+    chosen.dedup();
+    chosen
+}
+
+/// Of all frames up to `most` that see the same surfaces as `view`, from the most similar direction to the most
+/// different: a hole is often seen well from far aside.
+pub fn fillers_for(
+    view: &DepthView,
+    frames: impl Iterator<Item = (usize, PosedCamera)>,
+    most: usize,
+) -> Vec<usize> {
+    let points = view.grid(GRID);
+    let mut seen: Vec<(f32, usize)> = frames
+        .map(|(frame, posed)| (overlap(&view.posed, &points, &posed), frame))
+        .filter(|&(o, _)| o > 0.3)
+        .collect();
+    seen.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let count = most.min(seen.len());
+    (0..count).map(|i| seen[i * seen.len() / count].1).collect()
+}
+
+/// Share of a frame's points that lie in another one's image, weighted by how alike the directions of view are and by
+/// nearness.
+fn overlap(from: &PosedCamera, points: &[Vec3], to: &PosedCamera) -> f32 {
+    let reprojection = Reprojection::new(from, to);
+    let weight = |&point: &Vec3| {
+        let moved = reprojection.transform(point);
+        reprojection.pixel(moved)?;
+        let alike = reprojection.turn(point).normalize().dot(moved.normalize());
+        Some(alike.max(0.0) * (point.z / moved.z).min(1.0))
+    };
+    points.iter().filter_map(weight).sum::<f32>() / points.len().max(1) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn borders_are_trusted_less() {
+        let mut mask = LabelMask::empty(9, 5);
+        mask.ids
+            .iter_mut()
+            .enumerate()
+            .filter(|(at, _)| at % 9 < 4)
+            .for_each(|(_, id)| *id = LabelId(7));
+        let row: Vec<u8> = border_distance(&mask, 3)[18..27].to_vec();
+        assert_eq!(row, [3, 2, 1, 0, 0, 1, 2, 3, 3]);
+        let trust = border_trust(
+            &mask,
+            &ReprojectionOptions {
+                border_weight: 0.25,
+                border_px: 3,
+                ..ReprojectionOptions::default()
+            },
+        );
+        assert_eq!((trust[18], trust[21], trust[20]), (1.0, 0.25, 0.5));
+        assert!(
+            border_trust(
+                &mask,
+                &ReprojectionOptions {
+                    border_px: 0,
+                    ..ReprojectionOptions::default()
+                }
+            )
+            .iter()
+            .all(|&t| t == 1.0)
+        );
+        assert_eq!(labels_of(&mask), [LabelId(7)]);
+    }
+}

@@ -1,0 +1,25 @@
+//! Masks carried through geometry: the `geometry` tracker for frames with depth and cameras.
+
+mod decide;
+mod depth_leak;
+mod depth_view;
+mod draw;
+mod keyframe;
+mod keyframe_views;
+mod options;
+mod tracker;
+mod vote;
+
+pub(super) use decide::{edge_affinity, label_scores};
+pub(super) use depth_view::{DepthView, DepthViews, PixelBox};
+#[cfg(test)]
+pub(super) use depth_view::{PosedCamera, rays_of};
+pub(super) use draw::Completion;
+pub(super) use keyframe::fillers_for;
+pub(super) use keyframe_views::{KeyframeViews, ReprojectedLabels};
+pub use options::ReprojectionOptions;
+pub(super) use options::Tolerance;
+pub use tracker::GeometryTracker;
+
+#[cfg(test)]
+mod tests;

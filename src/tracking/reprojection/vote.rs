@@ -1,0 +1,264 @@
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use super::depth_view::{DepthView, PixelBox, Reprojection};
+use super::draw::{Drawn, draw};
+use super::keyframe::Keyframe;
+use super::options::{ReprojectionOptions, Tolerance};
+use ostra_core::job::{Progress, Stopped};
+use ostra_masks::LabelId;
+
+/// What the chosen keyframes say of one target.
+#[derive(Debug)]
+pub struct Votes {
+    pub width: usize,
+    pub height: usize,
+    pub of_keyframes: Vec<(Arc<Keyframe>, ViewLabels)>,
+}
+
+impl Votes {
+    /// For each label that some pixel was given, the box around those pixels.
+    pub fn boxes(&self) -> BTreeMap<LabelId, PixelBox> {
+        let mut boxes: BTreeMap<LabelId, PixelBox> = BTreeMap::new();
+        for (_, view_labels) in &self.of_keyframes {
+            for at in 0..self.width * self.height {
+                let Some((label, _)) = view_labels
+                    .at(at)
+                    .filter(|&(label, _)| label != LabelId::NONE)
+                else {
+                    continue;
+                };
+                let pixel = PixelBox::pixel(at % self.width, at / self.width);
+                boxes
+                    .entry(label)
+                    .and_modify(|around| *around = around.union(&pixel))
+                    .or_insert(pixel);
+            }
+        }
+        boxes
+    }
+
+    /// The weights for `shown` being at a pixel, and all, by those that bear on `label` there.
+    pub fn at(&self, pixel: usize, label: LabelId, shown: LabelId) -> [f32; 2] {
+        let mut sums = [0.0; 2];
+        for (keyframe, view_labels) in &self.of_keyframes {
+            if let Some((seen, by)) = view_labels
+                .at(pixel)
+                .filter(|&(seen, _)| keyframe.bears_on(label, seen))
+            {
+                sums[0] += if seen == shown { by } else { 0.0 };
+                sums[1] += by;
+            }
+        }
+        sums
+    }
+
+    /// For each pixel of a box the weights for `label` less those against it, and their sum.
+    pub fn of(&self, label: LabelId, within: PixelBox) -> Vec<[f32; 2]> {
+        let mut votes = vec![[0.0; 2]; within.width() * within.height()];
+        for (keyframe, view_labels) in &self.of_keyframes {
+            for (y, row) in (within.top..within.bottom).zip(votes.chunks_exact_mut(within.width()))
+            {
+                for (x, [balance, weight]) in (within.left..within.right).zip(row) {
+                    let Some((seen, by)) = view_labels.at(y * self.width + x) else {
+                        continue;
+                    };
+                    if keyframe.bears_on(label, seen) {
+                        *balance += if seen == label { by } else { -by };
+                        *weight += by;
+                    }
+                }
+            }
+        }
+        votes
+    }
+}
+
+/// A keyframe that is asked about a target.
+pub struct Question<'a> {
+    pub keyframe: &'a Keyframe,
+    pub target: &'a DepthView,
+    pub tolerance: Tolerance,
+    pub options: &'a ReprojectionOptions,
+    pub progress: &'a Progress,
+}
+
+/// What a keyframe says of a target: pixels with depth are looked up in the keyframe, which answers where its depth agrees;
+/// where the target has no depth the keyframe's surfaces are drawn into it, and into the holes of `drawn`.
+pub fn ask(question: &Question<'_>, drawn: &mut [f32]) -> Result<ViewLabels, Stopped> {
+    let mut view_labels = ViewLabels::none(question.target.rays.len());
+    look_up(question, &mut view_labels)?;
+    draw_in_holes(question, drawn, &mut view_labels)?;
+    Ok(view_labels)
+}
+
+fn look_up(question: &Question<'_>, view_labels: &mut ViewLabels) -> Result<(), Stopped> {
+    let (keyframe, target) = (question.keyframe, question.target);
+    let reprojection = Reprojection::new(&target.posed, &keyframe.view.posed);
+    for at in 0..target.rays.len() {
+        if at % 16384 == 0 {
+            question.progress.check()?;
+        }
+        let Some(point) = target.point(at) else {
+            continue;
+        };
+        let moved = reprojection.transform(point);
+        let Some(px) = reprojection.pixel(moved) else {
+            continue;
+        };
+        let (x, y) = (px.x as usize, px.y as usize);
+        match surface_at(&keyframe.view, x, y, moved.z, &question.tolerance) {
+            Found::Surface(hit, agreement) => {
+                let nearness = (point.z / moved.z).min(1.0);
+                view_labels.set(
+                    at,
+                    keyframe.mask.ids[hit],
+                    agreement * nearness * keyframe.trust[hit],
+                );
+            }
+            Found::Behind => view_labels.set_through(at),
+            Found::Nothing => {}
+        }
+    }
+    Ok(())
+}
+
+fn draw_in_holes(
+    question: &Question<'_>,
+    depths: &mut [f32],
+    view_labels: &mut ViewLabels,
+) -> Result<(), Stopped> {
+    let (keyframe, target) = (question.keyframe, question.target);
+    let mut canvas = vec![Drawn::NOTHING; target.rays.len()];
+    draw(&keyframe.view, target, &mut canvas, question.progress)?;
+    for (at, drawn) in canvas.iter().enumerate() {
+        if drawn.depth < f32::INFINITY && target.depth.depths[at] <= 0.0 {
+            let from = drawn.from as usize;
+            depths[at] = if depths[at] > 0.0 {
+                depths[at].min(drawn.depth)
+            } else {
+                drawn.depth
+            };
+            view_labels.set(
+                at,
+                keyframe.mask.ids[from],
+                question.options.drawn_weight * keyframe.trust[from],
+            );
+        }
+    }
+    Ok(())
+}
+
+/// What a view has at the place of another one's surface.
+enum Found {
+    /// The pixel that shows it, and how well its depth agrees, 0–1.
+    Surface(usize, f32),
+    /// Only what lies farther away: the place is empty.
+    Behind,
+    /// Something before it, or no depth.
+    Nothing,
+}
+
+/// The pixel in or next to (`x`, `y`) whose surface lies at depth `z`. Looking at the neighbours too makes slanted surfaces
+/// count, and outlines, where depth and image are a pixel apart.
+fn surface_at(view: &DepthView, x: usize, y: usize, z: f32, tolerance: &Tolerance) -> Found {
+    let (width, height) = (view.width(), view.height());
+    let limit = tolerance.at(z);
+    let depth = &view.depth.depths;
+    let off = |at: usize| {
+        if depth[at] > 0.0 {
+            (depth[at] - z).abs()
+        } else {
+            f32::INFINITY
+        }
+    };
+    let here = y * width + x;
+    let (mut best, mut least, mut share) = (here, off(here), 1.0);
+    let mut is_behind = true;
+    if least > limit {
+        let columns = x.saturating_sub(1)..(x + 2).min(width);
+        let rows = y.saturating_sub(1)..(y + 2).min(height);
+        for at in rows.flat_map(|row| columns.clone().map(move |column| row * width + column)) {
+            is_behind &= depth[at] > z + limit;
+            if off(at) < least {
+                (best, least, share) = (at, off(at), 0.5);
+            }
+        }
+    }
+    let ratio = least / limit;
+    match (ratio <= 1.0, is_behind) {
+        (true, _) => Found::Surface(best, share * (1.0 - 0.75 * ratio * ratio)),
+        (false, true) => Found::Behind,
+        (false, false) => Found::Nothing,
+    }
+}
+
+/// What one keyframe says of every pixel of a target: a label and how far it is to be trusted.
+#[derive(Debug, Clone)]
+pub struct ViewLabels {
+    packed: Vec<u32>,
+}
+
+/// Weights are kept in steps of one by this.
+const STEPS: f32 = 65535.0;
+/// The keyframe sees something farther away through the pixel's place: a label without weight.
+const THROUGH: u32 = 0xffff_0000;
+
+impl ViewLabels {
+    /// Nothing said of any pixel.
+    pub fn none(pixels: usize) -> Self {
+        Self {
+            packed: vec![0; pixels],
+        }
+    }
+
+    /// The label that the keyframe gives a pixel (0 = nothing there), with a weight above 0 up to 1; `None` where the
+    /// keyframe does not see it.
+    pub fn at(&self, pixel: usize) -> Option<(LabelId, f32)> {
+        let packed = self.packed[pixel];
+        (packed & 0xffff != 0).then(|| {
+            (
+                LabelId((packed >> 16) as u16),
+                (packed & 0xffff) as f32 / STEPS,
+            )
+        })
+    }
+
+    /// Whether the keyframe sees through the place of the pixel's surface to something behind it.
+    pub fn is_through(&self, pixel: usize) -> bool {
+        self.packed[pixel] == THROUGH
+    }
+
+    /// Sets that the keyframe sees through the place of a pixel's surface.
+    pub fn set_through(&mut self, pixel: usize) {
+        self.packed[pixel] = THROUGH;
+    }
+
+    /// Sets what is said of a pixel.
+    pub fn set(&mut self, pixel: usize, label: LabelId, weight: f32) {
+        let steps = (weight.clamp(0.0, 1.0) * STEPS).max(1.0) as u32;
+        self.packed[pixel] = u32::from(label.0) << 16 | steps;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_said_and_what_is_seen_through_are_told_apart() {
+        let mut view_labels = ViewLabels::none(3);
+        view_labels.set(0, LabelId(u16::MAX), 1e-9);
+        view_labels.set_through(1);
+        assert!(
+            view_labels
+                .at(0)
+                .is_some_and(|(label, weight)| label == LabelId(u16::MAX) && weight > 0.0)
+        );
+        assert_eq!((view_labels.at(1), view_labels.at(2)), (None, None));
+        assert_eq!(
+            [0, 1, 2].map(|pixel| view_labels.is_through(pixel)),
+            [false, true, false]
+        );
+    }
+}

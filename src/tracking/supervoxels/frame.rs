@@ -1,0 +1,303 @@
+use std::sync::{Arc, Mutex, PoisonError};
+
+use glam::DVec2;
+
+use super::surfaces::{Surfaces, VoxelClick, VoxelSet};
+use crate::reprojection::{
+    Completion, DepthView, PixelBox, ReprojectionOptions, Tolerance, edge_affinity, label_scores,
+};
+use ostra_cloud::SceneError;
+use ostra_core::job::Progress;
+use ostra_frames::Image;
+use ostra_masks::{
+    Click, MaskError, PreparedFrame, Prompt, Region, SegmentRequest, squared_depth_in,
+};
+
+/// How far from a click the surface that it means may be seen, pixels.
+const NEAR_PX: i64 = 40;
+/// Pixels this near to a click go with it in any case.
+const AT_PX: f64 = 3.0;
+/// Things narrower than so many sides of a voxel are left to the image.
+const LEAST_SIDES: f32 = 3.0;
+
+/// A frame whose pixels know what hangs together in space, and what the image alone would answer.
+pub struct FrameBodies {
+    surfaces: Arc<Surfaces>,
+    picture: Arc<dyn PreparedFrame>,
+    image: Arc<Image>,
+    /// Its depths, holes filled with what other frames see there; 0 where none is known.
+    depths: Vec<f32>,
+    tolerance: Tolerance,
+    options: ReprojectionOptions,
+    focal_px: f32,
+    /// The voxel that each pixel sees.
+    seen: Vec<Option<u32>>,
+    /// The clicks answered last, in order: most are asked again with one more.
+    answered: Mutex<Vec<Answered>>,
+}
+
+/// A click after others.
+struct Answered {
+    click: Click,
+    /// `None` where no known surface lies near it.
+    given: Option<VoxelClick>,
+    /// What it and those before it ask for; `None` where no answer is a thing.
+    region: Option<Arc<Region>>,
+}
+
+impl FrameBodies {
+    /// The first of `views` is the frame itself, `image` the same frame as its image alone shows it.
+    pub fn new(
+        surfaces: Arc<Surfaces>,
+        views: &[(DepthView, Arc<Image>)],
+        picture: Arc<dyn PreparedFrame>,
+        progress: &Progress,
+    ) -> Result<Self, SceneError> {
+        let (view, image) = &views[0];
+        let options = ReprojectionOptions::default();
+        let tolerance = Tolerance::most(view, &options);
+        let mut completion = Completion::new(view, tolerance);
+        for (other, _) in &views[1..] {
+            completion.add(other, progress)?;
+        }
+        let full = DepthView {
+            depth: Arc::new(completion.finish()),
+            ..view.clone()
+        };
+        let world = full.to_world();
+        let voxel = |at: usize| surfaces.voxels.at(world(full.point(at)?));
+        let seen = (0..image.pixels.len()).map(voxel).collect();
+        let (depths, focal_px) = (
+            full.depth.depths.clone(),
+            view.posed.camera.focal_px.x as f32,
+        );
+        Ok(Self {
+            surfaces,
+            picture,
+            image: image.clone(),
+            depths,
+            tolerance,
+            options,
+            focal_px,
+            seen,
+            answered: Mutex::default(),
+        })
+    }
+
+    /// The pixels that clicks ask for; `None` where no include click lies near a known surface, or on something thin.
+    fn solid(&self, clicks: &[Click]) -> Option<Region> {
+        let kept = || self.answered.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut answered = std::mem::take(&mut *kept());
+        let known = answered
+            .iter()
+            .zip(clicks)
+            .take_while(|(answered, click)| answered.click == **click)
+            .count();
+        for (at, &click) in clicks.iter().enumerate().skip(known) {
+            answered.truncate(at);
+            let next = self.next(&answered, click);
+            answered.push(next);
+        }
+        let region = answered[..clicks.len()]
+            .last()
+            .and_then(|last| last.region.clone());
+        *kept() = answered;
+        region
+            .filter(|region| self.is_broad(region))
+            .map(Arc::unwrap_or_clone)
+    }
+
+    /// What a further click asks for.
+    fn next(&self, before: &[Answered], click: Click) -> Answered {
+        let region = before
+            .last()
+            .map_or_else(|| Some(self.nothing()), |last| last.region.clone());
+        let Some((region, (at, voxel))) = region.clone().zip(self.surface_at(&click)) else {
+            return Answered {
+                click,
+                given: None,
+                region,
+            };
+        };
+        let from = if click.include {
+            &region.inverted()
+        } else {
+            &region
+        };
+        let depth_px = (squared_depth_in(from)[at] as f32).sqrt();
+        let is_first = click.include && region.is_empty();
+        let depth = if is_first {
+            f32::INFINITY
+        } else {
+            depth_px * self.depths[at] / self.focal_px
+        };
+        let given = VoxelClick {
+            voxel,
+            include: click.include,
+            depth,
+        };
+        let all: Vec<VoxelClick> = before
+            .iter()
+            .filter_map(|before| before.given)
+            .chain([given])
+            .collect();
+        let region = match all.iter().any(|given| given.include) {
+            true => self
+                .surfaces
+                .answer(&all)
+                .map(|voxels| Arc::new(self.region(&voxels))),
+            false => Some(region),
+        };
+        Answered {
+            click,
+            given: Some(given),
+            region,
+        }
+    }
+
+    fn nothing(&self) -> Arc<Region> {
+        Arc::new(Region::empty(self.image.width, self.image.height))
+    }
+
+    fn is_broad(&self, region: &Region) -> bool {
+        let least = 0.5 * LEAST_SIDES * self.surfaces.voxels.side * self.focal_px;
+        let depths = squared_depth_in(region);
+        depths
+            .iter()
+            .zip(&self.depths)
+            .any(|(&squared, depth)| (squared as f32).sqrt() * depth > least)
+    }
+
+    /// The nearest pixel to a click that sees a voxel, with it.
+    fn surface_at(&self, click: &Click) -> Option<(usize, u32)> {
+        let (width, height) = (i64::from(self.image.width), i64::from(self.image.height));
+        let (x, y) = (click.at_px.x.floor() as i64, click.at_px.y.floor() as i64);
+        let near = |at: i64, limit: i64| (at - NEAR_PX).max(0)..(at + NEAR_PX + 1).min(limit);
+        let around =
+            near(y, height).flat_map(|row| near(x, width).map(move |column| (column, row)));
+        let known = around.filter_map(|(column, row)| {
+            let at = (row * width + column) as usize;
+            Some(((column - x).pow(2) + (row - y).pow(2), at, self.seen[at]?))
+        });
+        known.min().map(|(_, at, voxel)| (at, voxel))
+    }
+
+    /// The pixels of voxels; those that see none are decided by colours and depths around them.
+    fn region(&self, voxels: &VoxelSet) -> Region {
+        let (width, height) = (self.image.width as usize, self.image.height as usize);
+        let mut region = Region::empty(self.image.width, self.image.height);
+        let is_in = |at: &usize| self.seen[*at].is_some_and(|voxel| voxels.has(voxel));
+        let pixels = (0..self.seen.len())
+            .filter(is_in)
+            .map(|at| PixelBox::pixel(at % width, at / width));
+        let Some(within) = pixels.reduce(|a, b| a.union(&b)) else {
+            return region;
+        };
+        let within = within.grown(self.options.margin_px, width, height);
+        let edge_affinity = edge_affinity(
+            &self.image,
+            &self.depths,
+            within,
+            &self.tolerance,
+            &self.options,
+        );
+        let vote = |at: usize| match self.seen[at] {
+            None => [0.0, 0.0],
+            Some(voxel) if voxels.has(voxel) => [1.0, 1.0],
+            Some(_) => [-1.0, 1.0],
+        };
+        let places = (within.top..within.bottom)
+            .flat_map(|y| y * width + within.left..y * width + within.right);
+        let votes: Vec<[f32; 2]> = places.clone().map(vote).collect();
+        for (at, share) in places.zip(label_scores(&votes, edge_affinity, &self.options)) {
+            region.inside[at] = share > 0.0;
+        }
+        region
+    }
+
+    /// Whether a pixel lies right at a click.
+    fn is_at(&self, click: &Click, pixel: usize) -> bool {
+        let width = self.image.width as usize;
+        let centre = DVec2::new((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
+        centre.distance(click.at_px) <= AT_PX
+    }
+
+    /// Where `before` became `after`, the same in `previous`.
+    fn changed(previous: &Region, before: &Region, after: &Region) -> Region {
+        let change = |(at, &was): (usize, &bool)| {
+            if was == after.inside[at] {
+                previous.inside[at]
+            } else {
+                !was
+            }
+        };
+        Region {
+            inside: before.inside.iter().enumerate().map(change).collect(),
+            ..*after
+        }
+    }
+}
+
+impl PreparedFrame for FrameBodies {
+    fn segment(
+        &self,
+        request: &SegmentRequest<'_>,
+        progress: &Progress,
+    ) -> Result<Region, MaskError> {
+        let SegmentRequest {
+            prompt,
+            previous,
+            taken,
+        } = *request;
+        let Some(after) = self
+            .solid(&prompt.clicks)
+            .filter(|_| prompt.boxes.is_empty())
+        else {
+            return self.picture.segment(request, progress);
+        };
+        let before = previous.and_then(|previous| {
+            let (_, clicks) = prompt.clicks.split_last()?;
+            Some((previous, self.solid(clicks)?))
+        });
+        let mut answer = match before {
+            Some((previous, before)) => Self::changed(previous, &before, &after),
+            None => after,
+        };
+        if let Some(taken) = taken {
+            answer.subtract(taken);
+        }
+        // Where space says otherwise than a click, the image puts right what lies at the click; where space knows nothing
+        // near it, all that space does not see.
+        for (at, click) in prompt.clicks.iter().enumerate() {
+            let pixel = click.pixel_in(answer.width, answer.height);
+            if pixel.is_none_or(|pixel| answer.inside[pixel] != click.include) {
+                let prompt = Prompt {
+                    clicks: prompt.clicks[..=at].to_vec(),
+                    ..Prompt::default()
+                };
+                let request = SegmentRequest {
+                    prompt: &prompt,
+                    previous: Some(&answer),
+                    taken,
+                };
+                let asked = self.picture.segment(&request, progress)?;
+                let is_unknown = self.surface_at(click).is_none();
+                let is_free =
+                    |at: usize| self.is_at(click, at) || is_unknown && self.seen[at].is_none();
+                for (at, inside) in answer
+                    .inside
+                    .iter_mut()
+                    .enumerate()
+                    .filter(|(at, _)| is_free(*at))
+                {
+                    *inside = asked.inside[at];
+                }
+            }
+        }
+        Ok(answer)
+    }
+
+    fn bytes(&self) -> usize {
+        self.surfaces.bytes() + self.picture.bytes() + self.seen.len() * 12
+    }
+}

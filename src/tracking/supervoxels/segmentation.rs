@@ -1,0 +1,256 @@
+use glam::{IVec3, Vec3};
+use rayon::prelude::*;
+use rustc_hash::FxHashMap;
+
+use super::voxels::Voxels;
+use ostra_cloud::SceneError;
+use ostra_core::job::Progress;
+
+/// Rounds in which voxels choose their supervoxel.
+const ROUNDS: usize = 6;
+/// Weight of a difference of colour (ΔE) next to one seed step of distance and one of normals.
+const COLOR_WEIGHT: f32 = 0.02;
+/// How far voxels that touch may be apart, in sides.
+const TOUCH: f32 = 1.9;
+
+/// Small parts of the surfaces, even in place, direction and colour: supervoxels (Papon, Abramov, Schoeler, Wörgötter,
+/// "Voxel cloud connectivity segmentation – supervoxels for point clouds", CVPR 2013).
+pub struct Supervoxels {
+    /// The supervoxel of each voxel.
+    pub of_voxel: Vec<u32>,
+    /// Mean of the voxels of each, world space.
+    pub places: Vec<Vec3>,
+    /// Voxels in each.
+    pub sizes: Vec<u32>,
+    /// Where two of them touch, in order.
+    pub borders: Vec<Border>,
+}
+
+impl Supervoxels {
+    /// Supervoxels about `step` (world units) across; `normals` are the voxels' own.
+    pub fn of(
+        voxels: &Voxels,
+        normals: &[Vec3],
+        step: f32,
+        progress: &Progress,
+    ) -> Result<Self, SceneError> {
+        let mut of_voxel = seeds(voxels, step);
+        for _ in 0..ROUNDS {
+            progress.check()?;
+            of_voxel = Means::of(voxels, normals, &mut of_voxel).choose(voxels, normals, step);
+        }
+        let means = Means::of(voxels, normals, &mut of_voxel);
+        let borders = means.borders(&of_voxel, &voxels.pairs(TOUCH));
+        Ok(Self {
+            of_voxel,
+            places: means.places,
+            sizes: means.sizes,
+            borders,
+        })
+    }
+
+    pub fn len(&self) -> usize {
+        self.places.len()
+    }
+}
+
+/// One supervoxel for each cube of edge `step`.
+fn seeds(voxels: &Voxels, step: f32) -> Vec<u32> {
+    let mut found: FxHashMap<[i32; 3], u32> = FxHashMap::default();
+    let seed = |place: &Vec3| {
+        let next = found.len() as u32;
+        *found
+            .entry((place / step).floor().as_ivec3().to_array())
+            .or_insert(next)
+    };
+    voxels.places.iter().map(seed).collect()
+}
+
+/// What the members of each supervoxel have in common.
+struct Means {
+    places: Vec<Vec3>,
+    normals: Vec<Vec3>,
+    colors: Vec<Vec3>,
+    sizes: Vec<u32>,
+}
+
+impl Means {
+    /// Of those with members; `of_voxel` is numbered again without the others.
+    fn of(voxels: &Voxels, normals: &[Vec3], of_voxel: &mut [u32]) -> Self {
+        let mut numbers: FxHashMap<u32, u32> = FxHashMap::default();
+        let (mut sizes, mut sums): (Vec<u32>, Vec<[Vec3; 3]>) = (Vec::new(), Vec::new());
+        for (at, of) in of_voxel.iter_mut().enumerate() {
+            let number = *numbers.entry(*of).or_insert(sizes.len() as u32);
+            if number as usize == sizes.len() {
+                sizes.push(0);
+                sums.push([Vec3::ZERO; 3]);
+            }
+            *of = number;
+            sizes[number as usize] += 1;
+            let own = [voxels.places[at], normals[at], voxels.colors[at]];
+            sums[number as usize]
+                .iter_mut()
+                .zip(own)
+                .for_each(|(sum, own)| *sum += own);
+        }
+        let mean = |which: usize| {
+            sums.iter()
+                .zip(&sizes)
+                .map(move |(sums, &size)| sums[which] / size as f32)
+        };
+        let normals = mean(1).map(Vec3::normalize_or_zero).collect();
+        Self {
+            places: mean(0).collect(),
+            normals,
+            colors: mean(2).collect(),
+            sizes,
+        }
+    }
+
+    /// For every voxel the likest supervoxel around it.
+    fn choose(&self, voxels: &Voxels, normals: &[Vec3], step: f32) -> Vec<u32> {
+        let cell = |place: Vec3| (place / step).floor().as_ivec3();
+        let mut around: FxHashMap<[i32; 3], Vec<u32>> = FxHashMap::default();
+        for (place, index) in self.places.iter().zip(0..) {
+            around
+                .entry(cell(*place).to_array())
+                .or_default()
+                .push(index);
+        }
+        let unlike = |at: usize, of: usize| {
+            (voxels.places[at] - self.places[of]).length_squared() / (step * step)
+                + (normals[at] - self.normals[of]).length_squared()
+                + (voxels.colors[at] - self.colors[of]).length_squared()
+                    * COLOR_WEIGHT
+                    * COLOR_WEIGHT
+        };
+        let likest = |at: usize| {
+            let middle = cell(voxels.places[at]);
+            let cells = (0..27)
+                .map(|i| (middle + IVec3::new(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1)).to_array());
+            let near = cells.filter_map(|cell| around.get(&cell)).flatten();
+            near.map(|&of| (unlike(at, of as usize), of))
+                .min_by(|a, b| a.0.total_cmp(&b.0))
+                .map_or(0, |(_, of)| of)
+        };
+        (0..voxels.len()).into_par_iter().map(likest).collect()
+    }
+
+    fn borders(&self, of_voxel: &[u32], touching: &[(u32, u32)]) -> Vec<Border> {
+        let mut lengths: FxHashMap<(u32, u32), f32> = FxHashMap::default();
+        for &(p, q) in touching {
+            let (a, b) = (of_voxel[p as usize], of_voxel[q as usize]);
+            if a != b {
+                *lengths.entry((a.min(b), a.max(b))).or_default() += 1.0;
+            }
+        }
+        let border = |((a, b), length)| {
+            let side = |of: u32| (self.places[of as usize], self.normals[of as usize]);
+            let color =
+                (self.colors[a as usize] - self.colors[b as usize]) * Vec3::new(0.5, 1.0, 1.0);
+            Border {
+                a,
+                b,
+                length,
+                bend_deg: bend_deg(side(a), side(b)),
+                color: color.length(),
+            }
+        };
+        let mut borders: Vec<Border> = lengths.into_iter().map(border).collect();
+        borders.sort_unstable_by_key(|border| (border.a, border.b));
+        borders
+    }
+}
+
+/// Angles between normals that say nothing, degrees.
+const EVEN_DEG: f32 = 10.0;
+/// A ridge bent by this much more counts as a full border.
+const RIDGE_DEG: f32 = 200.0;
+
+/// Where two supervoxels touch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Border {
+    pub a: u32,
+    pub b: u32,
+    /// Pairs of voxels that touch.
+    pub length: f32,
+    /// Angle between the normals, degrees: above 0 over a ridge, below in a groove.
+    pub bend_deg: f32,
+    /// Difference of colour, ΔE with half the lightness: shade falls within one thing.
+    pub color: f32,
+}
+
+/// How much bends and colours count.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BoundaryWeights {
+    /// A groove bent by this much more than nothing is a full border, degrees.
+    pub groove_deg: f32,
+    /// A difference of colour that is a full border, ΔE.
+    pub color: f32,
+}
+
+impl BoundaryWeights {
+    /// How likely one thing ends and another begins at a border, from 0; 1 is a full border. A groove is where things meet, a
+    /// ridge is mostly one thing's own edge (Stein, Schoeler, Papon, Wörgötter, "Object partitioning using local convexity",
+    /// CVPR 2014).
+    pub fn strength(&self, border: &Border) -> f32 {
+        let bend = (border.bend_deg.abs() - EVEN_DEG).max(0.0);
+        let shape = if border.bend_deg < 0.0 {
+            (bend / self.groove_deg).min(1.0)
+        } else {
+            bend / RIDGE_DEG
+        };
+        shape + border.color / self.color
+    }
+}
+
+/// Angle between the normals of two places, degrees, below 0 in a groove; 0 where one has no normal.
+fn bend_deg((place_a, normal_a): (Vec3, Vec3), (place_b, normal_b): (Vec3, Vec3)) -> f32 {
+    if normal_a == Vec3::ZERO || normal_b == Vec3::ZERO {
+        return 0.0;
+    }
+    let bend = normal_a.angle_between(normal_b).to_degrees();
+    if (normal_a - normal_b).dot(place_a - place_b) < 0.0 {
+        -bend
+    } else {
+        bend
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_groove_parts_and_a_ridge_does_not() {
+        let (left, right) = (Vec3::NEG_X, Vec3::X);
+        let (leaning, away) = (
+            Vec3::new(1.0, 0.0, 1.0).normalize(),
+            Vec3::new(-1.0, 0.0, 1.0).normalize(),
+        );
+        let groove = bend_deg((left, leaning), (right, away));
+        let ridge = bend_deg((left, away), (right, leaning));
+        assert!(
+            (groove + 90.0).abs() < 0.1 && (ridge - 90.0).abs() < 0.1,
+            "{groove} {ridge}"
+        );
+        assert_eq!(bend_deg((left, Vec3::ZERO), (right, away)), 0.0);
+        let judgement = BoundaryWeights {
+            groove_deg: 30.0,
+            color: 80.0,
+        };
+        let strength = |bend_deg, color| {
+            judgement.strength(&Border {
+                a: 0,
+                b: 1,
+                length: 1.0,
+                bend_deg,
+                color,
+            })
+        };
+        assert_eq!(strength(groove, 0.0), 1.0);
+        assert!(
+            strength(ridge, 0.0) < 0.5 && strength(9.0, 0.0) == 0.0 && strength(0.0, 40.0) == 0.5
+        );
+    }
+}
