@@ -46,7 +46,7 @@ impl Session {
     }
 
     fn next<K: QueryKey, V>(&mut self, slot: Slot<K, V>) -> Option<K> {
-        slot(&mut self.background).next(&self.jobs)
+        slot(&mut self.background).next(&mut self.jobs)
     }
 
     /// Starts the job of a query that works on a snapshot of the project, where it is due.

@@ -247,6 +247,12 @@ impl<S: 'static> Jobs<S> {
         self.iter().filter(|job| job.id == id).for_each(Job::stop);
     }
 
+    /// Asks a job to stop, and drops what it still brings.
+    pub fn discard(&mut self, id: JobId) {
+        let job = self.iter_mut().find(|job| job.id == id);
+        job.into_iter().for_each(Job::discard);
+    }
+
     /// All running jobs, oldest first.
     pub fn iter(&self) -> impl Iterator<Item = &Job<S>> {
         self.running.iter()

@@ -151,14 +151,14 @@ impl<K: QueryKey, V> Query<K, V> {
         };
     }
 
-    /// The key that a job is to be started for now; each is returned once. Stops work that has become obsolete.
-    pub(crate) fn next<S: 'static>(&mut self, jobs: &Jobs<S>) -> Option<K> {
+    /// The key that a job is to be started for now; each is returned once. Discards work that has become obsolete.
+    pub(crate) fn next<S: 'static>(&mut self, jobs: &mut Jobs<S>) -> Option<K> {
         let asked = self.asked.borrow().clone()?;
         if let Some(running) = &mut self.running {
             if jobs.is_working(running.job) {
                 if !running.is_obsolete && running.key.is_obsolete(&asked) {
                     running.is_obsolete = true;
-                    jobs.stop(running.job);
+                    jobs.discard(running.job);
                 }
                 return None;
             }

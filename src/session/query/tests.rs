@@ -49,7 +49,7 @@ impl Bench {
                 completion(&mut self.query).unwrap();
             }
         }
-        let key = self.query.next(&self.jobs)?;
+        let key = self.query.next(&mut self.jobs)?;
         let (end, ended) = channel();
         self.end = Some(end);
         let job = self.jobs.start(Key::TITLE, key.kind(), move |context| {
