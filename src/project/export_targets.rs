@@ -8,7 +8,6 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use anyhow::{Context, Result, bail};
 
 use crate::Project;
-use crate::export_claim::{Claim, WHOLE_FOLDER, is_being_written, lock_folder};
 use crate::export_record::{ExportRecord, FileId, Known, RECORD, Stamp, files_below, name_below};
 use ostra_core::disk;
 
