@@ -6,24 +6,35 @@ mod edit;
 pub mod export_record;
 pub mod export_targets;
 mod history;
+mod interpolate;
+mod label_choice;
+pub mod label_edits;
 mod marks;
+pub mod mask_edits;
 mod open_project;
 mod origin;
 mod project;
+pub mod prompt;
+pub mod range;
+mod requests;
 mod results;
-mod scene_requests;
+pub mod reusable_votes;
+mod split;
 mod stale;
 pub mod store;
+pub mod suggestion;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
 
 pub use coordinates::scale_between;
 pub use edit::Edit;
 pub use history::{Change, History, Step};
+pub use label_choice::LabelChoice;
 pub use open_project::OpenProject;
 pub use origin::{make_relative, origin_near};
 pub use project::{Estimate, FrameMask, Marks, MaskOrigin, Project};
-pub use results::{Coordinates, ResultKind, ResultRecord};
-pub use scene_requests::{
-    ExportRequest, FuseRequest, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest,
+pub use requests::{
+    ExportRequest, FuseRequest, PromptRequest, RangeChange, RangeRequest, ReconstructMethod,
+    ReconstructRequest, ScaleEnd, ScaleRequest,
 };
+pub use results::{Coordinates, ResultKind, ResultRecord};

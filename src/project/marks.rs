@@ -2,7 +2,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::{Edit, FrameMask, Marks, Project};
-use ostra_frames::FrameSet;
 use ostra_masks::{LabelId, RunMask, hold};
 
 impl Project {

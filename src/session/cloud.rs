@@ -1,20 +1,18 @@
 use std::cell::Cell;
-use std::fs::File;
-use std::io::BufReader;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result};
 
 use super::Session;
 use super::jobs::{Kind, Landing};
 use crate::Event;
 use ostra_cloud::LabelledCloud;
-use ostra_cloud::fuse::{Votes, read_votes};
+use ostra_cloud::fuse::Votes;
 use ostra_cloud::ply::read_ply;
 use ostra_core::job::JobId;
-use ostra_frames::Frame;
 use ostra_project::ResultKind;
+pub(super) use ostra_project::reusable_votes::read_votes_on;
 use ostra_project::store::{cloud_path, mesh_path, version_in_force, votes_path};
 
 /// The labelled cloud that was loaded or made last.
@@ -203,33 +201,4 @@ impl Session {
             }) as Landing)
         }))
     }
-}
-
-/// Reads the votes on a cloud or mesh of so many points.
-///
-/// # Errors
-/// When the file is missing or damaged, or belongs to other points or frames: a program may have replaced one of the files.
-pub(super) fn read_votes_on(path: &Path, points: usize, frames: &[Frame]) -> Result<Votes> {
-    let votes = read_votes_file(path)?;
-    ensure!(
-        votes.len() == points,
-        "{}: has votes on {} points, but there are {points}; fuse again",
-        path.display(),
-        votes.len()
-    );
-    let unknown = votes.frames().find(|&frame| frame >= frames.len());
-    if let Some(frame) = unknown {
-        bail!(
-            "{}: names frame {frame}, but the project has {} frames; fuse again",
-            path.display(),
-            frames.len()
-        );
-    }
-    Ok(votes)
-}
-
-fn read_votes_file(path: &Path) -> Result<Votes> {
-    let file = File::open(path).with_context(|| format!("{}: cannot be read", path.display()))?;
-    read_votes(BufReader::new(file))
-        .with_context(|| format!("{}: is damaged; fuse again", path.display()))
 }

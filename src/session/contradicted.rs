@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use super::Session;
 use super::cloud::CloudState;
-use super::commands::by_vote;
+use super::commands::mask_by_vote;
 use super::jobs::{Kind, Landing};
 use ostra_cloud::LabelledCloud;
 use ostra_cloud::doubt::contradiction;
@@ -12,6 +12,7 @@ use ostra_core::job::JobId;
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::{LabelId, Region, RunMask};
 use ostra_project::Project;
+use ostra_project::reusable_votes::MaskByVote;
 
 /// Where the vote of all contradicts the mask of one frame.
 #[derive(Default)]
@@ -57,9 +58,15 @@ impl Compared {
         &self,
         project: &Project,
         store: &FrameStore,
-        cloud: (&LabelledCloud, &Votes),
+        (cloud, votes): (&LabelledCloud, &Votes),
     ) -> anyhow::Result<Region> {
-        let (voted, _) = by_vote((project, store), cloud, self.frame, &[])?;
+        let by_vote = MaskByVote {
+            cloud,
+            votes,
+            frame: self.frame,
+            labels: &[],
+        };
+        let voted = mask_by_vote(project, store, &by_vote)?.mask;
         let voted = Arc::new(RunMask::encode(&voted));
         let voted = project.in_play(self.frame, &project.with_locks(self.frame, voted));
         Ok(contradiction(&self.mask.decode(), &voted.decode()))

@@ -11,6 +11,7 @@ use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_frames::FrameStore;
 use ostra_masks::{LabelId, RunMask};
+use ostra_project::reusable_votes::can_revote;
 use ostra_project::store::version_in_force;
 use ostra_project::{Project, ResultKind};
 
@@ -111,7 +112,7 @@ impl Session {
         };
         let seen = (revision, Arc::downgrade(&votes));
         let is_seen = |(of, votes): &(u64, Weak<Votes>)| *of == seen.0 && votes.ptr_eq(&seen.1);
-        if !can_vote_again(&cloud, &votes) || self.following.seen.as_ref().is_some_and(is_seen) {
+        if !can_revote(cloud.len(), &votes) || self.following.seen.as_ref().is_some_and(is_seen) {
             return;
         }
         self.following.seen = Some(seen);
@@ -179,10 +180,6 @@ fn is_stale(project: &Project) -> bool {
         .is_some_and(|record| record.stale)
 }
 
-fn can_vote_again(cloud: &LabelledCloud, votes: &Votes) -> bool {
-    votes.has_voters() && votes.len() == cloud.len()
-}
-
 /// The project's cloud with the labels of the masks now, for work that must not depend on whether a window let it follow; as
 /// it is where it is not known who voted.
 ///
@@ -193,7 +190,7 @@ pub(super) fn cloud_of_now(
     (cloud, votes): (Arc<LabelledCloud>, Arc<Votes>),
     progress: &Progress,
 ) -> Result<(Arc<LabelledCloud>, Arc<Votes>), SceneError> {
-    if !is_stale(of.0) || !can_vote_again(&cloud, &votes) {
+    if !is_stale(of.0) || !can_revote(cloud.len(), &votes) {
         return Ok((cloud, votes));
     }
     let voters: Vec<usize> = votes.frames().collect();

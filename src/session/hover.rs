@@ -1,12 +1,12 @@
 use std::sync::Arc;
 
-use super::commands::answer;
 use super::jobs::{Kind, Landing};
 use super::{PromptRequest, Session, engines};
 use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_masks::{LabelId, LabelMask, PreparedFrame, RunMask};
 use ostra_project::Project;
+use ostra_project::prompt::PromptMeaning;
 
 /// A prompt that nobody sent yet, and what it would give.
 #[derive(Default)]
@@ -82,7 +82,8 @@ fn shown_alone(
     request: &PromptRequest,
     progress: &Progress,
 ) -> Option<RunMask> {
-    let region = answer(ready, project, request, progress).ok()?;
+    let meaning = PromptMeaning::new(project, request).ok()?;
+    let region = meaning.segment(ready, progress).ok()?;
     let id = |&inside: &bool| if inside { request.label } else { LabelId::NONE };
     let ids = region.inside.iter().map(id).collect();
     Some(RunMask::encode(&LabelMask {

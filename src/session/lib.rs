@@ -36,7 +36,6 @@ mod recipe;
 mod selected;
 mod session;
 mod sparse;
-mod suggestion;
 mod surfaces;
 #[cfg(test)]
 mod tests;
@@ -52,17 +51,17 @@ pub use grounding::{FoundThing, Grounding};
 pub use instances_request::InstancesRequest;
 pub use jobs::{Kind, Landing};
 pub use mask_requests::{
-    GroundRequest, PaintRequest, PromptRequest, PullRequest, RangeChange, RangeRequest,
-    TakeRequest, TidyRequest, TraceRequest,
+    GroundRequest, PaintRequest, PullRequest, TakeRequest, TidyRequest, TraceRequest,
 };
 pub use measuring::MeasureWish;
 pub use models::{ModelRequest, ModelTask, add_model, check_model, install_model, list_models};
 pub use ostra_compute::nn::{Added, CheckedFile, Fetched, Installed, Proof, Provider, Row};
+pub use ostra_project::suggestion::{Reason, Suggestion};
+pub use ostra_project::{PromptRequest, RangeChange, RangeRequest};
 pub use pictures::Pictures;
 pub use prepared::PreparedFrames;
 pub use proposed::ProposedInstances;
 pub use recent::Recent;
 pub use session::Session;
 pub use sparse::SparseModel;
-pub use suggestion::{Reason, Suggestion};
 pub use surfaces::Surface;

@@ -285,7 +285,7 @@ fn circles_below(folder: &Path) -> Vec<String> {
 }
 
 /// Files that still stand in circles, by crate. A number may only fall; the last one takes this table with it.
-const LEFT: &[(&str, usize)] = &[("geometry", 2), ("masks", 21), ("session", 36)];
+const LEFT: &[(&str, usize)] = &[("geometry", 2), ("masks", 21), ("session", 29)];
 
 #[test]
 fn no_more_files_of_a_crate_import_each_other() {

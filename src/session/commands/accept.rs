@@ -3,17 +3,17 @@ use std::sync::Arc;
 use anyhow::{Context, Result, ensure};
 
 use super::correct::without_depth;
-use super::paint::{by_hand, mask_of};
+use super::paint::by_hand;
 use crate::Session;
 use crate::following::cloud_of_now;
 use crate::surfaces::load_cloud;
 use crate::{Kind, Landing};
-use ostra_cloud::doubt::voted_mask;
-use ostra_cloud::fuse::{Votes, readable};
-use ostra_cloud::{LabelledCloud, SceneError};
+use ostra_cloud::SceneError;
+use ostra_cloud::fuse::readable;
 use ostra_core::job::JobId;
 use ostra_frames::FrameStore;
 use ostra_masks::{LabelId, LabelMask};
+use ostra_project::reusable_votes::MaskByVote;
 use ostra_project::store::version_in_force;
 use ostra_project::{Project, ResultKind};
 
@@ -35,7 +35,13 @@ impl Session {
                 None => load_cloud(&root, version, &project.frames, &link.progress)?,
             };
             let (cloud, votes) = cloud_of_now((&project, &store), loaded, &link.progress)?;
-            let (voted, warning) = by_vote((&project, &store), (&cloud, &votes), number, &labels)?;
+            let by_vote = MaskByVote {
+                cloud: &cloud,
+                votes: &votes,
+                frame: number,
+                labels: &labels,
+            };
+            let voted = mask_by_vote(&project, &store, &by_vote)?;
             Ok(Box::new(move |session: &mut Self| {
                 let now = session.snapshot()?;
                 ensure!(
@@ -44,40 +50,32 @@ impl Session {
                 );
                 session.commit(
                     &format!("Accept the vote on frame {number}"),
-                    by_hand(&now, number, &voted),
+                    by_hand(&now, number, &voted.mask),
                 )?;
-                session.warn_all(warning.into_iter().collect());
+                session.warn_all(voted.warning.into_iter().collect());
                 Ok(())
             }) as Landing)
         }))
     }
 }
 
-/// The mask that the vote of all frames gives a frame, for some labels or (none named) for all. A depth that
-/// cannot be read is left aside, as if the frame had none; a warning says so.
-pub(crate) fn by_vote(
-    (project, store): (&Project, &FrameStore),
-    cloud: (&LabelledCloud, &Votes),
-    number: usize,
-    labels: &[LabelId],
-) -> Result<(LabelMask, Option<String>)> {
-    let frame = project.frame(number)?;
-    let (depth, own) = (
-        readable(store.depth(frame).map_err(SceneError::from))?,
-        mask_of(project, number)?,
-    );
-    let warning = if depth.is_none() {
-        without_depth(&[frame.name.as_str()])
-    } else {
-        None
-    };
-    let depth = depth.flatten();
-    let mut voted = voted_mask(cloud, (number, frame), depth.as_deref(), &own, labels)?;
-    for (id, own) in voted.ids.iter_mut().zip(&own.ids) {
-        // A label that was taken out since the vote stays out.
-        if *id != LabelId::NONE && project.labels.get(*id).is_none() {
-            *id = *own;
-        }
-    }
-    Ok((voted, warning))
+/// A mask, and a warning where the frame's depth cannot be read and is left out.
+pub(crate) struct VotedMask {
+    pub(crate) mask: LabelMask,
+    pub(crate) warning: Option<String>,
+}
+
+/// Reads the frame's depth and projects the labels into it. A depth that cannot be read is left out, as if the frame had
+/// none; a warning says so.
+pub(crate) fn mask_by_vote(
+    project: &Project,
+    store: &FrameStore,
+    by_vote: &MaskByVote<'_>,
+) -> Result<VotedMask> {
+    let frame = project.frame(by_vote.frame)?;
+    let depth = readable(store.depth(frame).map_err(SceneError::from))?;
+    let unread = [frame.name.as_str()];
+    let warning = depth.is_none().then(|| without_depth(&unread)).flatten();
+    let mask = by_vote.project(project, depth.flatten().as_deref())?;
+    Ok(VotedMask { mask, warning })
 }

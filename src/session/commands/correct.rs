@@ -7,7 +7,6 @@ use anyhow::{Context, Result, ensure};
 use super::fuse::save_votes;
 use super::paint::{anchor_of, label_name, mask_of};
 use super::surface::save_surface;
-use super::voted_before::VotedBefore;
 use crate::Event;
 use crate::following::cloud_of_now;
 use crate::{CloudCorrection, Session};
@@ -21,6 +20,7 @@ use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_frames::FrameStore;
 use ostra_masks::{LabelId, LabelMask, Region, RunMask};
+use ostra_project::reusable_votes::{ReusableVotes, VotedCloud};
 use ostra_project::store::{cloud_path, keep_mesh, sync_folder, version_in_force, votes_path};
 use ostra_project::{Edit, FrameMask, MaskOrigin, Project, ResultKind, ResultRecord};
 
@@ -51,7 +51,7 @@ impl From<Vec<Edit>> for Corrected {
 pub(super) struct Correcting {
     pub(super) project: Arc<Project>,
     /// The cloud in force and who voted for its points.
-    before: VotedBefore,
+    before: ReusableVotes,
     root: PathBuf,
     store: Arc<FrameStore>,
     selector: Option<Arc<Selector>>,
@@ -89,7 +89,8 @@ impl Session {
             .and_then(|(cloud, _)| self.selector_of(cloud));
         let root = self.opened()?.root().to_owned();
         let next_version = self.opened()?.next_version()?;
-        let before = VotedBefore::in_force(&project, &root, loaded)
+        let loaded = loaded.map(|(cloud, votes)| VotedCloud { cloud, votes });
+        let before = ReusableVotes::in_force(&project, &root, loaded)
             .context("there is no cloud yet; fuse first")?;
         let correcting = Correcting {
             project,
@@ -155,7 +156,7 @@ impl Correcting {
             .context("it is not known who voted; fuse again")?;
         Ok(cloud_of_now(
             (&self.project, &self.store),
-            loaded,
+            (loaded.cloud, loaded.votes),
             progress,
         )?)
     }

@@ -6,7 +6,6 @@ use std::time::Instant;
 use anyhow::{Context, Result, ensure};
 
 use super::surface::{Made, Sources};
-use super::voted_before::{VotedBefore, geometry_digest};
 use crate::Event;
 use crate::Session;
 use crate::{Kind, Landing};
@@ -20,6 +19,7 @@ use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_frames::{DepthSource, Frame, FrameStore};
 use ostra_masks::Label;
+use ostra_project::reusable_votes::{ReusableVotes, VotedCloud, geometry_digest};
 use ostra_project::store::{DepthFolder, cloud_path, sync_folder, version_in_force, votes_path};
 use ostra_project::{Coordinates, Edit, FuseRequest, Project, ResultKind, ResultRecord};
 use ostra_reconstruct::stereo::{DenseCloud, FusionOptions, ViewOutcome, fuse_depths};
@@ -40,11 +40,12 @@ impl Session {
         let store = Arc::clone(&self.store);
         let loaded = self
             .cloud
-            .in_force(version_in_force(&project, ResultKind::Cloud));
+            .in_force(version_in_force(&project, ResultKind::Cloud))
+            .map(|(cloud, votes)| VotedCloud { cloud, votes });
         Ok(self.start("Fuse", Kind::Long, move |link| {
             let begun = Instant::now();
             let geometry = geometry_digest(&project, &request)?;
-            let before = VotedBefore::find(&project, &root, &request, &geometry, loaded);
+            let before = ReusableVotes::find(&project, &root, &request, &geometry, loaded);
             let onto = OntoScale::of(&project, &request)?;
             let scaled = before
                 .as_ref()
@@ -134,7 +135,7 @@ fn make(
     root: &Path,
     project: &Project,
     request: &FuseRequest,
-    (before, onto): (Option<&VotedBefore>, &OntoScale),
+    (before, onto): (Option<&ReusableVotes>, &OntoScale),
     progress: &Progress,
 ) -> Result<(Fused, String)> {
     let masks = |frame: usize| {

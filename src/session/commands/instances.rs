@@ -5,7 +5,6 @@ use glam::Vec3;
 
 use super::correct::Correcting;
 use super::paint::label_name;
-use super::range::changed;
 use crate::{InstancesRequest, Session};
 use ostra_cloud::LabelledCloud;
 use ostra_cloud::fuse::Votes;
@@ -13,6 +12,7 @@ use ostra_cloud::instances::{Instances, find_instances, split_mask};
 use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_masks::{Label, LabelId, LabelTree, RunMask};
+use ostra_project::mask_edits::changed;
 use ostra_project::{Edit, Project};
 
 impl Session {

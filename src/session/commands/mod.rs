@@ -2,9 +2,7 @@
 
 mod accept;
 mod adopt;
-mod blend;
 mod cameras;
-mod choice;
 mod correct;
 mod depths;
 mod export;
@@ -17,7 +15,6 @@ mod ground;
 mod instances;
 mod labels;
 mod masks;
-mod merge_labels;
 mod models;
 mod open;
 mod paint;
@@ -28,7 +25,6 @@ mod reconstruct;
 mod relocate;
 mod scale;
 mod scaled_results;
-mod split;
 mod stereo;
 mod suggest;
 mod surface;
@@ -38,14 +34,8 @@ mod track;
 mod traits;
 mod undistorted;
 mod undo;
-mod voted_before;
 
-pub(super) use accept::by_vote;
-pub use choice::LabelChoice;
+pub(super) use accept::mask_by_vote;
 use folders::make_folder_of;
 pub(super) use instances::{FoundInstances, found_instances};
-#[cfg(test)]
-pub(super) use paint::by_hand;
-pub use paint::{anchor, mask_of};
-pub use prompt::{answer, corrects, with_answer};
 pub use track::{TrackRun, carried, track_request};

@@ -1,17 +1,16 @@
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, bail};
 
 use crate::{Kind, Landing};
 use crate::{PaintRequest, PullRequest, Session};
 use ostra_core::job::JobId;
 use ostra_frames::Frame;
-use ostra_masks::{
-    LabelId, LabelMask, PaintRule, Region, RunMask, assign, erase, fill_polygons, pull,
-    snapped_stroke, stroke,
+use ostra_masks::{PaintRule, Region, assign, erase, fill_polygons, pull, snapped_stroke, stroke};
+pub(super) use ostra_project::mask_edits::{
+    anchor_of, by_hand, check_unlocked, label_name, mask_of,
 };
-use ostra_project::{Edit, FrameMask, MaskOrigin, Project};
+use ostra_project::{Edit, MaskOrigin};
 
 impl Session {
     /// Paints at once, but for a brush that stops at edges: it needs the picture, which is read by a job.
@@ -130,29 +129,6 @@ impl Session {
     }
 }
 
-/// The edits that give a frame the mask that the user made there: it becomes an anchor, locked labels stay as they are,
-/// and a label that the mask shows is there again.
-pub fn by_hand(project: &Project, frame: usize, mask: &LabelMask) -> Vec<Edit> {
-    let runs = project.with_locks(frame, Arc::new(RunMask::encode(mask)));
-    let mut edits = vec![Edit::SetMask {
-        frame,
-        mask: Some(anchor_of(runs)),
-    }];
-    edits.extend(project.there_again(&edits));
-    edits
-}
-
-/// Fails when the label is not there or locked on the frame.
-pub fn check_unlocked(project: &Project, frame: usize, label: LabelId) -> Result<()> {
-    let name = label_name(project, label)?;
-    let locked = project.locked_on(frame).contains(&label);
-    ensure!(
-        !locked,
-        "label '{name}' is locked on frame {frame}; unlock it there first"
-    );
-    Ok(())
-}
-
 /// What becomes of other labels' pixels.
 pub fn rule(replace: bool) -> PaintRule {
     if replace {
@@ -169,35 +145,4 @@ fn painted(frame: &Frame, request: &PaintRequest) -> Result<Region> {
     } else {
         stroke(width, height, &request.points_px, request.radius_px)?
     })
-}
-
-/// A frame's mask as pixels; nothing anywhere when it has none.
-pub fn mask_of(project: &Project, frame: usize) -> Result<LabelMask> {
-    let of = project.frame(frame)?;
-    let mask = project.masks.get(&frame).map(|mask| mask.runs.decode());
-    Ok(mask.unwrap_or_else(|| LabelMask::empty(of.width, of.height)))
-}
-
-/// The name of a label that must be there.
-pub fn label_name(project: &Project, id: LabelId) -> Result<&str> {
-    let label = project
-        .labels
-        .get(id)
-        .with_context(|| format!("there is no label {}; make it first", id.0))?;
-    Ok(&label.name)
-}
-
-/// The mask as an anchor holds it.
-pub fn anchor(mask: &LabelMask) -> FrameMask {
-    anchor_of(Arc::new(RunMask::encode(mask)))
-}
-
-/// Runs as an anchor holds them.
-pub fn anchor_of(runs: Arc<RunMask>) -> FrameMask {
-    FrameMask {
-        runs,
-        origin: MaskOrigin::Anchor,
-        stale: false,
-        confidence: BTreeMap::new(),
-    }
 }

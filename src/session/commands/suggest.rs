@@ -3,9 +3,8 @@ use std::sync::Arc;
 
 use anyhow::{Result, ensure};
 
-use crate::suggestion::Reason;
 use crate::{Kind, Landing};
-use crate::{Session, Suggestion};
+use crate::{Reason, Session, Suggestion};
 use ostra_cloud::SceneError;
 use ostra_cloud::fuse::{naming, readable};
 use ostra_core::job::JobId;

@@ -4,7 +4,6 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail, ensure};
 
-use super::choice::LabelChoice;
 use super::paint::label_name;
 use crate::Event;
 use crate::{Kind, Landing};
@@ -12,7 +11,7 @@ use crate::{Session, TrackSettings, engines};
 use ostra_core::job::JobId;
 use ostra_frames::FrameStore;
 use ostra_masks::{LabelId, RunMask, TrackRequest, TrackedFrame};
-use ostra_project::{Edit, FrameMask, MaskOrigin, Project, ResultKind, ResultRecord};
+use ostra_project::{Edit, FrameMask, LabelChoice, MaskOrigin, Project, ResultKind, ResultRecord};
 
 /// Tracked frames are gathered this long before they are saved together.
 const GATHERED: Duration = Duration::from_millis(300);
@@ -80,7 +79,7 @@ impl Session {
                 format!("Track {only} with {engine}")
             },
             settings: describe(settings, &only),
-            choice: LabelChoice::new(settings),
+            choice: LabelChoice::new(&settings.labels, settings.replace),
             begun: Instant::now(),
             made_from: project,
             done: BTreeSet::new(),
@@ -242,7 +241,9 @@ pub fn track_request(
         bail!("no frame has a mask to carry; prompt or paint one first");
     }
     let (frames, store) = (Arc::clone(&project.frames), Arc::clone(store));
-    let labels = LabelChoice::new(settings).labels().cloned();
+    let labels = LabelChoice::new(&settings.labels, settings.replace)
+        .labels()
+        .cloned();
     Ok(TrackRequest {
         frames,
         store,

@@ -1,0 +1,99 @@
+//! Masks as a project holds them, and the edits that change the mask of one frame.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use anyhow::{Context, Result, ensure};
+
+use crate::{Edit, FrameMask, MaskOrigin, Project};
+use ostra_masks::{LabelId, LabelMask, RunMask};
+
+/// The edits that give a frame a mask of the user's: the frame becomes an anchor, locked labels stay as they are, and
+/// labels that the mask shows are no longer marked as absent.
+pub fn by_hand(project: &Project, frame: usize, mask: &LabelMask) -> Vec<Edit> {
+    let runs = project.with_locks(frame, Arc::new(RunMask::encode(mask)));
+    let mut edits = vec![Edit::SetMask {
+        frame,
+        mask: Some(anchor_of(runs)),
+    }];
+    edits.extend(project.there_again(&edits));
+    edits
+}
+
+/// Refuses a label that is locked on the frame.
+///
+/// # Errors
+/// When the label is missing or locked there.
+pub fn check_unlocked(project: &Project, frame: usize, label: LabelId) -> Result<()> {
+    let name = label_name(project, label)?;
+    let locked = project.locked_on(frame).contains(&label);
+    ensure!(
+        !locked,
+        "label '{name}' is locked on frame {frame}; unlock it there first"
+    );
+    Ok(())
+}
+
+/// A frame's mask as pixels; no label anywhere when it has none.
+///
+/// # Errors
+/// When there is no such frame.
+pub fn mask_of(project: &Project, frame: usize) -> Result<LabelMask> {
+    let of = project.frame(frame)?;
+    let mask = project.masks.get(&frame).map(|mask| mask.runs.decode());
+    Ok(mask.unwrap_or_else(|| LabelMask::empty(of.width, of.height)))
+}
+
+/// The name of a label.
+///
+/// # Errors
+/// When there is no such label.
+pub fn label_name(project: &Project, id: LabelId) -> Result<&str> {
+    let label = project
+        .labels
+        .get(id)
+        .with_context(|| format!("there is no label {}; make it first", id.0))?;
+    Ok(&label.name)
+}
+
+/// An anchor with this mask.
+pub fn anchor(mask: &LabelMask) -> FrameMask {
+    anchor_of(Arc::new(RunMask::encode(mask)))
+}
+
+/// An anchor with these runs.
+pub fn anchor_of(runs: Arc<RunMask>) -> FrameMask {
+    FrameMask {
+        runs,
+        origin: MaskOrigin::Anchor,
+        stale: false,
+        confidence: BTreeMap::new(),
+    }
+}
+
+/// The edit that gives a frame other runs, with locked labels as they are; `None` when nothing changes. An anchor stays an
+/// anchor.
+pub fn changed(
+    project: &Project,
+    frame: usize,
+    mask: &FrameMask,
+    runs: RunMask,
+    set_confidence: impl FnOnce(&mut BTreeMap<LabelId, f32>),
+) -> Option<Edit> {
+    let runs = project.with_locks(frame, Arc::new(runs));
+    if runs == mask.runs {
+        return None;
+    }
+    let mut confidence = mask.confidence.clone();
+    if mask.origin == MaskOrigin::Tracked {
+        set_confidence(&mut confidence);
+    }
+    Some(Edit::SetMask {
+        frame,
+        mask: Some(FrameMask {
+            runs,
+            confidence,
+            ..mask.clone()
+        }),
+    })
+}
