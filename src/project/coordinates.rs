@@ -1,47 +1,8 @@
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 
-use crate::{Project, ResultKind, ResultRecord};
+use crate::{Coordinates, Project, ResultKind, ResultRecord};
 use ostra_cloud::measure::LengthUnit;
 use ostra_frames::{DepthSource, Frame};
-
-/// What the positions of a result are measured in: results with equal coordinates fit each other.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Coordinates {
-    /// Version of the result that the axes were chosen with; [`Self::OF_GIVEN_CAMERAS`] where they were given.
-    pub world: u64,
-    /// What lengths were multiplied by since the axes were chosen, by setting the scale.
-    pub scale: f64,
-    /// Unit of lengths.
-    pub unit: LengthUnit,
-}
-
-impl Coordinates {
-    /// The world that given cameras stand in.
-    pub const OF_GIVEN_CAMERAS: u64 = 0;
-
-    /// Coordinates that were chosen with a result, in metres or in an unknown unit.
-    pub fn chosen_with(version: u64, is_metric: bool) -> Self {
-        Self {
-            world: version,
-            scale: 1.0,
-            unit: if is_metric {
-                LengthUnit::Metre
-            } else {
-                LengthUnit::World
-            },
-        }
-    }
-
-    /// The same axes after lengths were multiplied to be metres.
-    pub fn scaled_by(self, factor: f64) -> Self {
-        Self {
-            scale: self.scale * factor,
-            unit: LengthUnit::Metre,
-            ..self
-        }
-    }
-}
 
 impl Project {
     /// Coordinates of the cameras.

@@ -8,8 +8,10 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use anyhow::{Context, Result, bail};
 
 use crate::Project;
-use crate::export_claim::{Claim, WHOLE_FOLDER, is_being_written, lock_folder};
-use crate::export_record::{ExportRecord, FileId, Known, RECORD, Stamp, files_below, name_below};
+use crate::export_record::{
+    Claim, ExportRecord, FileId, Known, RECORD, Stamp, WHOLE_FOLDER, files_below, is_being_written,
+    lock_folder, name_below,
+};
 use ostra_core::disk;
 
 /// The clock of a file system may lag behind the system's; before an export nothing of its names was there.

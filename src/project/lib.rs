@@ -1,32 +1,41 @@
 //! The project: its data, edits and history, and the store on disk.
 
-mod anchors;
 mod apply;
 mod coordinates;
 mod edit;
-mod estimate;
-pub mod export_claim;
 pub mod export_record;
 pub mod export_targets;
 mod history;
+mod interpolate;
+mod label_choice;
+pub mod label_edits;
 mod marks;
+pub mod mask_edits;
 mod open_project;
 mod origin;
 mod project;
-mod scene_requests;
+pub mod prompt;
+pub mod range;
+mod requests;
+mod results;
+pub mod reusable_votes;
+mod split;
 mod stale;
 pub mod store;
+pub mod suggestion;
 #[cfg(any(test, feature = "testing"))]
 pub mod testing;
+pub mod voted_cloud;
 
-pub use coordinates::{Coordinates, scale_between};
+pub use coordinates::scale_between;
 pub use edit::Edit;
-pub use estimate::Estimate;
 pub use history::{Change, History, Step};
-pub use marks::Marks;
+pub use label_choice::LabelChoice;
 pub use open_project::OpenProject;
 pub use origin::{make_relative, origin_near};
-pub use project::{FrameMask, MaskOrigin, Project, ResultKind, ResultRecord};
-pub use scene_requests::{
-    ExportRequest, FuseRequest, ReconstructMethod, ReconstructRequest, ScaleEnd, ScaleRequest,
+pub use project::{Estimate, FrameMask, Marks, MaskOrigin, Project};
+pub use requests::{
+    ExportRequest, FuseRequest, PromptRequest, RangeChange, RangeRequest, ReconstructMethod,
+    ReconstructRequest, ScaleEnd, ScaleRequest,
 };
+pub use results::{Coordinates, ResultKind, ResultRecord};

@@ -1,42 +1,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
-
-use crate::{Edit, FrameMask, Project};
-use ostra_frames::FrameSet;
+use crate::{Edit, FrameMask, Marks, Project};
 use ostra_masks::{LabelId, RunMask, hold};
-
-/// What the user said of a label over ranges of frames.
-#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct Marks {
-    /// It is not there: no tracker may put it on these frames.
-    #[serde(default, skip_serializing_if = "FrameSet::is_empty")]
-    pub absent: FrameSet,
-    /// Its pixels stay exactly as they are, whoever tracks, clicks or paints.
-    #[serde(default, skip_serializing_if = "FrameSet::is_empty")]
-    pub locked: FrameSet,
-    /// Its pixels are kept but out of play: not drawn, not voted, not exported.
-    #[serde(default, skip_serializing_if = "FrameSet::is_empty")]
-    pub hidden: FrameSet,
-}
-
-impl Marks {
-    /// Whether nothing was said.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.absent.is_empty() && self.locked.is_empty() && self.hidden.is_empty()
-    }
-
-    /// The highest frame that something is said of.
-    #[must_use]
-    pub fn last(&self) -> Option<usize> {
-        [&self.absent, &self.locked, &self.hidden]
-            .into_iter()
-            .filter_map(FrameSet::last)
-            .max()
-    }
-}
 
 impl Project {
     /// What the user said of a label.

@@ -1,11 +1,12 @@
 use std::collections::BTreeMap;
+use std::ops::Bound;
 use std::sync::Arc;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::{Coordinates, FuseRequest, Marks};
-use ostra_frames::Frame;
+use crate::{ResultKind, ResultRecord};
+use ostra_frames::{Frame, FrameSet};
 use ostra_masks::{LabelId, LabelTree, Prompt, RunMask};
 
 /// All that is saved and undoable. It changes only through [`crate::Edit`].
@@ -54,57 +55,109 @@ pub enum MaskOrigin {
     Tracked,
 }
 
-/// The results that a project can hold.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ResultKind {
-    /// Masks carried through the sequence.
-    Tracking,
-    /// Camera poses.
-    Cameras,
-    /// Depth maps.
-    Depths,
-    /// The labelled cloud and its votes.
-    Cloud,
+/// What the user said of a label over ranges of frames.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Marks {
+    /// It is not there: no tracker may put it on these frames.
+    #[serde(default, skip_serializing_if = "FrameSet::is_empty")]
+    pub absent: FrameSet,
+    /// Its pixels stay exactly as they are, whoever tracks, clicks or paints.
+    #[serde(default, skip_serializing_if = "FrameSet::is_empty")]
+    pub locked: FrameSet,
+    /// Its pixels are kept but out of play: not drawn, not voted, not exported.
+    #[serde(default, skip_serializing_if = "FrameSet::is_empty")]
+    pub hidden: FrameSet,
 }
 
-/// How a result was made (provenance), and whether it still fits what it was made from.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct ResultRecord {
-    /// What made it, e.g. `geometry`, `given`, `fuse`.
-    pub engine: String,
-    /// Number of frames that took part.
+impl Marks {
+    /// Whether nothing was said.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.absent.is_empty() && self.locked.is_empty() && self.hidden.is_empty()
+    }
+
+    /// The highest frame that something is said of.
+    #[must_use]
+    pub fn last(&self) -> Option<usize> {
+        [&self.absent, &self.locked, &self.hidden]
+            .into_iter()
+            .filter_map(FrameSet::last)
+            .max()
+    }
+}
+
+/// How good the masks probably are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Estimate {
+    /// Mean over labels and frames that have a mask of what the tracker made of itself, 0–1; an anchor counts 1.
+    pub accuracy: f64,
+    /// Frames with a mask.
     pub frames: usize,
-    /// Wall time it took.
-    pub seconds: f64,
-    /// Made from something that has changed since.
-    #[serde(default)]
-    pub stale: bool,
-    /// Options it was made with, for people to read.
-    #[serde(default)]
-    pub settings: String,
-    /// Names the files that hold the result under `versions/`, so that undo brings the earlier one back; 0 = the
-    /// result has no files of its own.
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub version: u64,
-    /// Edge of the voxels that the surface was made with, world units; `None` = the result has no surface.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub voxel: Option<f64>,
-    /// A cloud's: a digest of all that its points were made of. While it stays, changed masks only vote again.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub geometry: Option<String>,
-    /// What its lengths were multiplied by since it was made, by setting the scale; `None` = by nothing.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub scaled: Option<f64>,
-    /// Of cameras and clouds: what their positions are measured in; `None` in records of older versions.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub coordinates: Option<Coordinates>,
-    /// A cloud's: what was asked for, with lengths in the unit that it has now.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub request: Option<FuseRequest>,
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands a reference")]
-fn is_zero(version: &u64) -> bool {
-    *version == 0
+impl Project {
+    /// The anchors next to a frame: the last before it and the first after it.
+    #[must_use]
+    pub fn neighbour_anchors(&self, frame: usize) -> (Option<usize>, Option<usize>) {
+        let is_anchor = |(_, mask): &(&usize, &FrameMask)| mask.origin == MaskOrigin::Anchor;
+        let later = (Bound::Excluded(frame), Bound::Unbounded);
+        let before = self.masks.range(..frame).rev().find(is_anchor);
+        let after = self.masks.range(later).find(is_anchor);
+        (
+            before.map(|(&number, _)| number),
+            after.map(|(&number, _)| number),
+        )
+    }
+
+    /// Estimates how good the masks are; `None` while no mask shows a label. `labels_on` says how many labels a frame
+    /// shows.
+    pub fn estimate(&self, labels_on: impl Fn(usize) -> usize) -> Option<Estimate> {
+        let (mut sum, mut count) = (0.0, 0usize);
+        for (&frame, mask) in &self.masks {
+            match mask.origin {
+                MaskOrigin::Anchor => {
+                    let shown = labels_on(frame);
+                    (sum, count) = (sum + shown as f64, count + shown);
+                }
+                MaskOrigin::Tracked => {
+                    sum += mask
+                        .confidence
+                        .values()
+                        .map(|&sure| f64::from(sure))
+                        .sum::<f64>();
+                    count += mask.confidence.len();
+                }
+            }
+        }
+        (count > 0).then(|| Estimate {
+            accuracy: sum / count as f64,
+            frames: self.masks.len(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::Edit;
+    use crate::testing::{anchor, project, tracked};
+
+    #[test]
+    fn anchors_are_sure_and_empty_masks_say_nothing() {
+        let mut project = project();
+        assert_eq!(project.estimate(|_| 1), None);
+        for (frame, mask) in [anchor([1, 2, 0]), tracked([1, 0, 0]), anchor([0; 3])]
+            .into_iter()
+            .enumerate()
+        {
+            project
+                .apply(Edit::SetMask {
+                    frame,
+                    mask: Some(mask),
+                })
+                .unwrap();
+        }
+        let estimate = project.estimate(|frame| [2, 1, 0][frame]).unwrap();
+        assert!((estimate.accuracy - 0.9).abs() < 1e-6, "{estimate:?}");
+        assert_eq!(estimate.frames, 3);
+    }
 }

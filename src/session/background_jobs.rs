@@ -13,11 +13,11 @@ use crate::queries::{
 };
 use crate::query::{Query, QueryKey, WithWarnings};
 use crate::session::Background;
-use crate::voted_cloud::VotedCloud;
 use crate::{Event, JobCompletion, Session};
 use ostra_cloud::LabelledCloud;
 use ostra_core::job::{Progress, Stopped};
 use ostra_masks::LabelTree;
+use ostra_project::voted_cloud::VotedCloud;
 
 /// Where a query lies.
 type Slot<K, V> = fn(&mut Background) -> &mut Query<K, V>;

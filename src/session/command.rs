@@ -4,12 +4,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::requests::{
     AdoptRequest, CloudCorrection, GroundRequest, InstancesRequest, ModelRequest, PaintRequest,
-    PromptRequest, PullRequest, RangeRequest, TakeRequest, TidyRequest, TraceRequest,
-    TrackSettings,
+    PullRequest, TakeRequest, TidyRequest, TraceRequest, TrackSettings,
 };
 use ostra_frames::cameras::IntrinsicsSource;
 use ostra_masks::LabelId;
-use ostra_project::{ExportRequest, FuseRequest, ReconstructRequest, ScaleRequest};
+use ostra_project::{
+    ExportRequest, FuseRequest, PromptRequest, RangeRequest, ReconstructRequest, ScaleRequest,
+};
 
 /// A wish: all that window, command line and recipes can ask of a [`Session`](crate::Session).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -11,11 +11,11 @@ mod embeddings;
 mod engine_table;
 pub mod engines;
 mod event;
+mod grounding;
 mod jobs;
 mod limits;
 mod live_preview;
 mod live_revote;
-mod mask_edits;
 mod models;
 mod networks;
 mod pictures;
@@ -27,27 +27,26 @@ mod recent;
 mod recipe;
 mod requests;
 mod session;
-mod suggestion;
 #[cfg(test)]
 mod tests;
 mod track_run;
-mod voted_cloud;
 
 pub use command::{Command, NewProject, Recipe};
 pub use drawings::Drawings;
 pub use engine_table::{Engine, EngineKind, list_engines};
 pub use event::{Event, JobView};
+pub use grounding::{FoundThing, Grounding};
 pub use jobs::JobKind;
 pub use models::{add_model, check_model, install_model, list_models};
 pub use ostra_compute::nn::{Added, CheckedFile, Fetched, Installed, Proof, Provider, Row};
+pub use ostra_project::suggestion::{Reason, Suggestion};
+pub use ostra_project::{PromptRequest, RangeChange, RangeRequest};
 pub use pictures::Pictures;
 pub use prepared::PreparedFrames;
 pub use queries::{Angles, MeasureWish, ProposedInstances, SparseModel, Surface};
 pub use recent::Recent;
 pub use requests::{
     AdoptRequest, CloudChange, CloudCorrection, GroundRequest, InstancesRequest, ModelRequest,
-    ModelTask, PaintRequest, PromptRequest, PullRequest, RangeChange, RangeRequest, TakeRequest,
-    TidyRequest, TraceRequest, TrackSettings,
+    ModelTask, PaintRequest, PullRequest, TakeRequest, TidyRequest, TraceRequest, TrackSettings,
 };
 pub use session::{JobCompletion, Session};
-pub use suggestion::{FoundThing, Grounding, Reason, Suggestion};

@@ -4,13 +4,13 @@ use anyhow::{Context, Result, ensure};
 use glam::{DVec2, DVec3};
 
 use crate::command::{Command, NewProject};
-use crate::requests::{PaintRequest, RangeChange, TrackSettings};
+use crate::requests::{PaintRequest, TrackSettings};
 use ostra_cloud::measure::GroundChoice;
 use ostra_cloud::select::{Eye, SeenRegion, SelectStep};
 use ostra_frames::cameras::IntrinsicsSource;
 use ostra_masks::PxBox;
 use ostra_project::{
-    ExportRequest, FuseRequest, Project, ReconstructRequest, ScaleEnd, ScaleRequest,
+    ExportRequest, FuseRequest, Project, RangeChange, ReconstructRequest, ScaleEnd, ScaleRequest,
 };
 
 /// Pixels by which a position may lie outside its frame. A stroke may leave the image, and in a window that shows the image

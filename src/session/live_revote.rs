@@ -2,11 +2,11 @@ use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Weak};
 
-use crate::voted_cloud::{VotedCloud, is_stale};
 use ostra_cloud::fuse::Votes;
 use ostra_core::job::JobId;
 use ostra_masks::{LabelId, RunMask};
 use ostra_project::Project;
+use ostra_project::voted_cloud::{VotedCloud, is_stale};
 
 /// Whether the cloud in memory follows the masks, and what it is labelled by. Not a query: what the job makes takes the
 /// place of the cloud that it was made of.
@@ -94,7 +94,7 @@ impl LiveRevote {
         let votes = &voted.votes;
         let seen = (revision, Arc::downgrade(votes));
         let is_seen = |(of, votes): &(u64, Weak<Votes>)| *of == seen.0 && votes.ptr_eq(&seen.1);
-        if !voted.can_vote_again() || self.seen.as_ref().is_some_and(is_seen) {
+        if !voted.can_revote() || self.seen.as_ref().is_some_and(is_seen) {
             return None;
         }
         self.seen = Some(seen);

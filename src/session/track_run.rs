@@ -5,11 +5,11 @@ use std::time::Instant;
 use anyhow::{Result, bail, ensure};
 
 use crate::TrackSettings;
-use crate::commands::LabelChoice;
-use crate::mask_edits::label_name;
 use ostra_core::job::JobId;
 use ostra_frames::FrameStore;
 use ostra_masks::{LabelId, RunMask, TrackRequest, TrackedFrame};
+use ostra_project::LabelChoice;
+use ostra_project::mask_edits::label_name;
 use ostra_project::{FrameMask, MaskOrigin, Project, ResultRecord};
 
 /// A tracking run whose frames arrive one by one.
@@ -112,7 +112,9 @@ pub fn track_request(
         bail!("no frame has a mask to carry; prompt or paint one first");
     }
     let (frames, store) = (Arc::clone(&project.frames), Arc::clone(store));
-    let labels = LabelChoice::new(settings).labels().cloned();
+    let labels = LabelChoice::new(&settings.labels, settings.replace)
+        .labels()
+        .cloned();
     Ok(TrackRequest {
         frames,
         store,

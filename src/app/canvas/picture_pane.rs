@@ -4,6 +4,7 @@ use super::draft::Tool;
 use super::input::canvas_input;
 use super::map::CanvasMap;
 use super::paint;
+use super::prompts::with_click;
 use super::toolbar::toolbar_ui;
 use crate::pointer::Rest;
 use crate::textures::Textures;
@@ -212,17 +213,11 @@ fn wish_at(at: Pos2, map: &CanvasMap, look: &Look<'_>, view: &ViewState) -> Opti
     let label = view
         .label
         .filter(|&label| look.project.labels.get(label).is_some())?;
-    let mut prompt = view.draft.prompt(look.project, view.frame, label);
-    prompt.clicks.push(Click {
+    let click = Click {
         at_px,
         include: true,
-    });
-    Some(PromptRequest {
-        frame: view.frame,
-        label,
-        prompt,
-        segmenter: view.segmenter.clone(),
-    })
+    };
+    Some(with_click(look, view, label, click))
 }
 
 /// What the colours of the ramp stand for, in the picture's lower left corner, under a title.

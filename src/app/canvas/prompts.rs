@@ -16,9 +16,22 @@ pub(crate) fn click_at(
     include: bool,
     out: &mut Vec<Command>,
 ) {
-    add(look, view, out, |prompt| {
-        prompt.clicks.push(Click { at_px, include });
-    });
+    if let Some(label) = chosen_label(look, view, out) {
+        let request = with_click(look, view, label, Click { at_px, include });
+        send(view, request, out);
+    }
+}
+
+/// The chosen label's prompt on the shown frame with one click more. A click sends it, and its preview asks for it.
+pub(super) fn with_click(
+    look: &Look<'_>,
+    view: &ViewState,
+    label: LabelId,
+    click: Click,
+) -> PromptRequest {
+    let mut prompt = view.draft.prompt(look.project, view.frame, label);
+    prompt.clicks.push(click);
+    request_of(view, label, prompt)
 }
 
 /// Adds a box for the chosen label.
@@ -29,12 +42,14 @@ pub(super) fn box_of(
     out: &mut Vec<Command>,
 ) {
     let [a, b] = corners;
-    add(look, view, out, |prompt| {
+    if let Some(label) = chosen_label(look, view, out) {
+        let mut prompt = view.draft.prompt(look.project, view.frame, label);
         prompt.boxes.push(PxBox {
             min_px: a.min(b),
             max_px: a.max(b),
         });
-    });
+        send(view, request_of(view, label, prompt), out);
+    }
 }
 
 /// Takes the chosen label's prompt and pixels off the shown frame.
@@ -43,7 +58,7 @@ pub(crate) fn clear_label(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<C
         .label
         .filter(|&label| look.project.labels.get(label).is_some())
     {
-        send(view, label, Prompt::default(), out);
+        send(view, request_of(view, label, Prompt::default()), out);
     }
 }
 
@@ -209,29 +224,19 @@ pub(crate) fn id_at(mask: &RunMask, at_px: DVec2) -> LabelId {
     LabelId::NONE
 }
 
-fn add(
-    look: &Look<'_>,
-    view: &mut ViewState,
-    out: &mut Vec<Command>,
-    change: impl FnOnce(&mut Prompt),
-) {
-    let Some(label) = chosen_label(look, view, out) else {
-        return;
-    };
-    let mut prompt = view.draft.prompt(look.project, view.frame, label);
-    change(&mut prompt);
-    send(view, label, prompt, out);
-}
-
-fn send(view: &mut ViewState, label: LabelId, prompt: Prompt, out: &mut Vec<Command>) {
-    view.draft.sent(view.frame, label, prompt.clone());
-    let segmenter = view.segmenter.clone();
-    out.push(Command::Prompt(PromptRequest {
+fn request_of(view: &ViewState, label: LabelId, prompt: Prompt) -> PromptRequest {
+    PromptRequest {
         frame: view.frame,
         label,
         prompt,
-        segmenter,
-    }));
+        segmenter: view.segmenter.clone(),
+    }
+}
+
+fn send(view: &mut ViewState, request: PromptRequest, out: &mut Vec<Command>) {
+    let sent = request.prompt.clone();
+    view.draft.sent(request.frame, request.label, sent);
+    out.push(Command::Prompt(request));
 }
 
 #[cfg(test)]

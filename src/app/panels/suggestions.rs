@@ -152,7 +152,7 @@ pub(crate) fn suggestions_ui(
             {
                 let id = look.project.labels.next_id();
                 add_label(look, view, out);
-                out.push(suggestion.prompt(id, &view.segmenter));
+                out.push(Command::Prompt(suggestion.prompt(id, &view.segmenter)));
                 view.go_to(suggestion.frame);
             }
         });

@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail, ensure};
 use serde::{Deserialize, Serialize};
 
 use ostra_core::disk;
-use ostra_project::export_claim::{Claim, is_being_written, lock_folder};
+use ostra_project::export_record::{Claim, is_being_written, lock_folder};
 use ostra_project::export_record::{ExportRecord, Known, files_below};
 use ostra_project::store::Lock;
 

@@ -110,6 +110,18 @@ struct Site {
     clicked: usize,
 }
 
+/// What lies within `reach_px` of a place, inside the image.
+fn window_around(at_px: DVec2, reach_px: f64, image: &Image) -> Window {
+    let first = |at: f64| (at - reach_px).max(0.0) as usize;
+    let end = |at: f64, size: u32| ((at + reach_px) as usize + 1).min(size as usize);
+    Window {
+        left: first(at_px.x),
+        top: first(at_px.y),
+        right: end(at_px.x, image.width),
+        bottom: end(at_px.y, image.height),
+    }
+}
+
 impl Site {
     fn new(image: &Image, unit_px: f32, correction: &Correction<'_>) -> Option<Self> {
         let Correction {
@@ -119,23 +131,8 @@ impl Site {
             taken,
         } = *correction;
         let width = image.width as usize;
-        let reach = f64::from(OPTIONS.reach_px * unit_px);
-        let bounds = |at: f64, end: u32| {
-            (
-                (at - reach).max(0.0) as usize,
-                ((at + reach) as usize + 1).min(end as usize),
-            )
-        };
-        let ((left, right), (top, bottom)) = (
-            bounds(click.at_px.x, image.width),
-            bounds(click.at_px.y, image.height),
-        );
-        let window = Window {
-            left,
-            top,
-            right,
-            bottom,
-        };
+        let reach_px = f64::from(OPTIONS.reach_px * unit_px);
+        let window = window_around(click.at_px, reach_px, image);
         let places: Vec<usize> = window.places(width).collect();
         let centre = |at: usize| DVec2::new((at % width) as f64 + 0.5, (at / width) as f64 + 0.5);
         // A click on top of an earlier click of the other kind removes that click.
@@ -175,8 +172,9 @@ impl Site {
             .iter()
             .map(|&at| centre(at).distance(click.at_px) as f32)
             .collect();
-        let clicked =
-            (click.at_px.y as usize - top) * window.width() + click.at_px.x as usize - left;
+        let clicked = (click.at_px.y as usize - window.top) * window.width()
+            + click.at_px.x as usize
+            - window.left;
         let (least, most) = OPTIONS.depth_px;
         let depth_px = to_own[clicked].clamp(least * unit_px, most * unit_px);
         let in_depths = |all: Vec<f32>| all.into_iter().map(|px| px / depth_px).collect();

@@ -1,19 +1,31 @@
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 
-use super::folder::{Written, WrittenSparse};
+use super::mask_files::Runs;
+use super::sparse_model::{self, WrittenSparse};
 use super::{history_file, manifest, mask_files, versions};
-use crate::{History, Project, ResultKind};
+use crate::{History, Project};
 use ostra_core::job::Progress;
-use ostra_frames::FrameError;
-use ostra_frames::cameras::{
-    ModelEncoding, SparsePoints, read_sparse_model, with_text_names, write_colmap_model,
-};
 
 /// The history keeps at least this many bytes of steps, and at most twice as many.
 pub const HISTORY_BYTES: usize = 16 << 20;
+
+/// What the files beside the journal hold.
+#[derive(Debug, Clone, Default)]
+pub struct Written {
+    /// `project.toml`: the state after this record.
+    pub seq: u64,
+    /// The masks.
+    pub masks: Runs,
+    /// `sparse/`; `None` = not known.
+    pub sparse: Option<WrittenSparse>,
+    /// Bytes of whole lines in `history.jsonl`.
+    pub history_length: u64,
+    /// Number of the last record in `history.jsonl`.
+    pub history_seq: u64,
+}
 
 /// All that a checkpoint writes, as it was when the checkpoint was begun.
 #[derive(Debug)]
@@ -38,7 +50,7 @@ impl Checkpoint {
         let masks = mask_files::runs(project)?;
         mask_files::write(root, project, &self.before.masks, progress)?;
         mask_files::write_origins(root, project)?;
-        let sparse = self.write_sparse()?;
+        let sparse = sparse_model::write(root, project, self.before.sparse.as_ref())?;
         let length = self.before.history_length;
         let grown = length as usize + self.lines.len();
         let history_length = if grown > 2 * HISTORY_BYTES && self.history.keep(HISTORY_BYTES) {
@@ -52,59 +64,9 @@ impl Checkpoint {
         Ok(Written {
             seq: self.seq,
             masks,
-            sparse,
+            sparse: Some(sparse),
             history_length,
             history_seq: self.seq,
         })
     }
-
-    /// Writes the sparse model for other tools, where it changed. Cameras that such a model cannot hold (of mirrored
-    /// pictures) are no reason not to save: `project.toml` has them.
-    fn write_sparse(&self) -> Result<Option<WrittenSparse>> {
-        let frames = &self.project.frames;
-        let version = versions::version_in_force(&self.project, ResultKind::Cameras);
-        let same = |before: &WrittenSparse| {
-            before.version == version
-                && (Arc::ptr_eq(&before.frames, frames) || before.frames == *frames)
-        };
-        let posed = frames.iter().any(|frame| frame.posed_camera().is_some());
-        if posed && !self.before.sparse.as_ref().is_some_and(same) {
-            let sparse = self
-                .project
-                .global_points(load_sparse(&self.root, &self.project));
-            let global = self.project.global_frames();
-            let named = with_text_names(&global);
-            let named = named.as_deref().unwrap_or(&global);
-            let written = write_colmap_model(
-                &self.root.join("sparse"),
-                named,
-                &sparse,
-                ModelEncoding::Text,
-            );
-            if let Err(error @ FrameError::Io { .. }) = written {
-                return Err(error.into());
-            }
-        }
-        Ok(Some(WrittenSparse {
-            frames: Arc::clone(frames),
-            version,
-        }))
-    }
-}
-
-/// The points that the project's cameras were found with; none where cameras were given.
-///
-/// # Errors
-/// When their files are missing or damaged.
-pub fn read_sparse(root: &Path, project: &Project) -> Result<SparsePoints> {
-    let version = versions::version_in_force(project, ResultKind::Cameras);
-    let read = version
-        .map(|version| read_sparse_model(&versions::sparse_path(root, version), &project.frames));
-    let lost = "the points that the cameras were found with cannot be read; reconstruct again";
-    Ok(read.transpose().context(lost)?.unwrap_or_default())
-}
-
-/// As [`read_sparse`]; none where their files cannot be used, for work that can do without.
-pub fn load_sparse(root: &Path, project: &Project) -> SparsePoints {
-    read_sparse(root, project).unwrap_or_default()
 }

@@ -5,16 +5,14 @@ use std::sync::Arc;
 use anyhow::{Context, Result, bail, ensure};
 use sha2::{Digest, Sha256};
 
-use super::checkpoint::Checkpoint;
+use super::checkpoint::{Checkpoint, Written};
 use super::journal::{Journal, ReadRecords};
 use super::load::State;
 use super::lock::Lock;
-use super::mask_files::Runs;
 use super::{Act, Record, contained, durable, load, manifest};
 use crate::{History, Project};
 use ostra_core::disk;
 use ostra_core::job::Progress;
-use ostra_frames::Frame;
 
 /// Beyond this many bytes of journal a checkpoint is due.
 const JOURNAL_BYTES: u64 = 8 << 20;
@@ -41,30 +39,6 @@ enum Access {
     Write { journal: Journal, _lock: Lock },
     /// Nothing is written, for this reason.
     View { why: String },
-}
-
-/// What the files beside the journal hold.
-#[derive(Debug, Clone, Default)]
-pub struct Written {
-    /// `project.toml`: the state after this record.
-    pub seq: u64,
-    /// The masks.
-    pub masks: Runs,
-    /// `sparse/`; `None` = not known.
-    pub sparse: Option<WrittenSparse>,
-    /// Bytes of whole lines in `history.jsonl`.
-    pub history_length: u64,
-    /// Number of the last record in `history.jsonl`.
-    pub history_seq: u64,
-}
-
-/// What `sparse/` was written from.
-#[derive(Debug, Clone)]
-pub struct WrittenSparse {
-    /// The frames whose cameras it holds.
-    pub frames: Arc<Vec<Frame>>,
-    /// The version of the points it holds.
-    pub version: Option<u64>,
 }
 
 /// A project as it was found in its folder.

@@ -16,20 +16,21 @@ mod load;
 mod lock;
 mod manifest;
 mod mask_files;
-mod outcomes;
 pub(super) mod packed_runs;
 mod places;
-mod record;
+mod sparse_model;
 mod versions;
 
-pub use checkpoint::{Checkpoint, HISTORY_BYTES, load_sparse, read_sparse};
+pub use checkpoint::{Checkpoint, HISTORY_BYTES, Written};
 pub use depth_folder::{DepthAccount, DepthFolder, depth_map_path};
 pub use durable::{replace, sync_folder};
-pub use folder::{Folder, Loaded, Written};
+pub use folder::{Folder, Loaded};
+pub use journal::{Act, Record};
 pub use lock::{Lock, LockError};
-pub use outcomes::{load_links, load_outcomes, save_links, save_outcomes};
 pub use places::joined;
-pub use record::{Act, Record};
+pub use sparse_model::{
+    load_links, load_outcomes, load_sparse, read_sparse, save_links, save_outcomes,
+};
 pub use versions::{
     cloud_path, depth_versions, feature_cache_path, keep_mesh, keep_votes, mesh_path,
     mesh_votes_path, next as next_version, publish_cloud, publish_depths, sparse_path,

@@ -3,14 +3,15 @@ use std::sync::Arc;
 use anyhow::{Context, Result, ensure};
 
 use crate::Session;
-use crate::mask_edits::by_hand;
 use crate::queries::mask_by_vote;
-use crate::voted_cloud::VotedCloud;
 use crate::{JobCompletion, JobKind};
 use ostra_core::job::JobId;
 use ostra_masks::LabelId;
 use ostra_project::ResultKind;
+use ostra_project::mask_edits::by_hand;
+use ostra_project::reusable_votes::MaskByVote;
 use ostra_project::store::version_in_force;
+use ostra_project::voted_cloud::VotedCloud;
 
 impl Session {
     /// Gives a frame the mask that the vote of all frames has, for some labels or (none named) for all.
@@ -31,7 +32,13 @@ impl Session {
                     None => VotedCloud::read(&root, version, &project.frames, &context.progress)?,
                 };
                 let voted = loaded.up_to_date(&project, &store, &context.progress)?;
-                let by_vote = mask_by_vote(&project, &store, &voted, number, &labels)?;
+                let by_vote = MaskByVote {
+                    cloud: &voted.cloud,
+                    votes: &voted.votes,
+                    frame: number,
+                    labels: &labels,
+                };
+                let voted = mask_by_vote(&project, &store, &by_vote)?;
                 Ok(Box::new(move |session: &mut Self| {
                     let now = session.snapshot()?;
                     ensure!(
@@ -40,9 +47,9 @@ impl Session {
                     );
                     session.commit(
                         &format!("Accept the vote on frame {number}"),
-                        by_hand(&now, number, &by_vote.mask),
+                        by_hand(&now, number, &voted.mask),
                     )?;
-                    session.warn_all(by_vote.warning.into_iter().collect());
+                    session.warn_all(voted.warning.into_iter().collect());
                     Ok(())
                 }) as JobCompletion)
             }),

@@ -4,7 +4,6 @@ use std::sync::Arc;
 use anyhow::{Context, Result};
 
 use super::correct::{Corrected, Correcting, Notice};
-use crate::voted_cloud::VotedCloud;
 use crate::{AdoptRequest, Session};
 use ostra_cloud::LabelledCloud;
 use ostra_cloud::correct::SeeingPixels;
@@ -15,6 +14,7 @@ use ostra_core::job::Progress;
 use ostra_frames::FrameSet;
 use ostra_masks::{LabelId, LabelMask, LabelTree, Region};
 use ostra_project::Project;
+use ostra_project::voted_cloud::VotedCloud;
 
 impl Session {
     /// Gives pieces without a label that hang on one labelled thing to it: the pixels of all masks that see them and

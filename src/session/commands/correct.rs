@@ -5,10 +5,8 @@ use std::time::Instant;
 use anyhow::{Context, Result, ensure};
 
 use super::surface::save_surface;
-use super::voted_before::VotedBefore;
 use crate::Event;
-use crate::mask_edits::{anchor_of, label_name, mask_of, without_depth};
-use crate::voted_cloud::{VotedCloud, save_votes};
+use crate::queries::without_depth;
 use crate::{CloudCorrection, Session};
 use crate::{JobCompletion, JobKind};
 use ostra_cloud::correct::SeeingPixels;
@@ -20,7 +18,10 @@ use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_frames::FrameStore;
 use ostra_masks::{LabelId, LabelMask, Region, RunMask};
+use ostra_project::mask_edits::{anchor_of, label_name, mask_of};
+use ostra_project::reusable_votes::ReusableVotes;
 use ostra_project::store::{cloud_path, keep_mesh, sync_folder, version_in_force, votes_path};
+use ostra_project::voted_cloud::{VotedCloud, save_votes};
 use ostra_project::{Edit, FrameMask, MaskOrigin, Project, ResultKind, ResultRecord};
 
 /// What a correction comes to.
@@ -50,7 +51,7 @@ impl From<Vec<Edit>> for Corrected {
 pub(super) struct Correcting {
     pub(super) project: Arc<Project>,
     /// The cloud in force and who voted for its points.
-    before: VotedBefore,
+    before: ReusableVotes,
     root: PathBuf,
     store: Arc<FrameStore>,
     selector: Option<Arc<Selector>>,
@@ -88,8 +89,7 @@ impl Session {
             .and_then(|loaded| self.selector_of(&loaded.cloud));
         let root = self.opened()?.root().to_owned();
         let next_version = self.opened()?.next_version()?;
-        let loaded = loaded.map(|loaded| (loaded.cloud, loaded.votes));
-        let before = VotedBefore::in_force(&project, &root, loaded)
+        let before = ReusableVotes::in_force(&project, &root, loaded)
             .context("there is no cloud yet; fuse first")?;
         let correcting = Correcting {
             project,
@@ -148,11 +148,10 @@ impl Session {
 impl Correcting {
     /// The cloud in force with the labels of the masks as they were when the work began.
     pub(super) fn cloud_of_now(&self, progress: &Progress) -> Result<VotedCloud> {
-        let (cloud, votes) = self
+        let voted = self
             .before
             .load(&self.project.frames, progress)?
             .context("it is not known who voted; fuse again")?;
-        let voted = VotedCloud { cloud, votes };
         Ok(voted.up_to_date(&self.project, &self.store, progress)?)
     }
 

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::voted_cloud::read_votes_on;
 use ostra_cloud::LabelledCloud;
 use ostra_cloud::formats::{CloudFormat, MeshFormat, VoxelFormat, origin_path};
 use ostra_cloud::fuse::Votes;
@@ -14,6 +13,7 @@ use ostra_cloud::ply::{label_paths, twin_path};
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::{Label, LabelId, LabelTree, MaskFormat};
 use ostra_project::export_targets::ExportTargets;
+use ostra_project::voted_cloud::read_votes_on;
 use ostra_project::{ExportRequest, Project};
 
 /// What an export reads: snapshots.

@@ -5,10 +5,8 @@ use std::time::Instant;
 use anyhow::{Result, ensure};
 
 use super::surface::{Made, Sources, stereo_version};
-use super::voted_before::{VotedBefore, geometry_digest};
 use crate::Event;
 use crate::Session;
-use crate::voted_cloud::save_votes;
 use crate::{JobCompletion, JobKind};
 use ostra_cloud::fuse::{
     ChosenVoxel, Dropped, FuseOptions, Fused, OntoOptions, ProjectViews, fuse, vote_onto, vote_seen,
@@ -18,7 +16,9 @@ use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_frames::{DepthSource, Frame, FrameStore};
 use ostra_masks::Label;
+use ostra_project::reusable_votes::{ReusableVotes, geometry_digest};
 use ostra_project::store::{DepthFolder, cloud_path, sync_folder, votes_path};
+use ostra_project::voted_cloud::save_votes;
 use ostra_project::{Coordinates, Edit, FuseRequest, Project, ResultKind, ResultRecord};
 use ostra_reconstruct::stereo::{DenseCloud, FusionOptions, ViewOutcome, fuse_depths};
 
@@ -38,12 +38,11 @@ impl Session {
         let store = Arc::clone(&self.store);
         let loaded = self
             .cloud_version()
-            .and_then(|version| self.background.cloud.voted(version))
-            .map(|loaded| (loaded.cloud, loaded.votes));
+            .and_then(|version| self.background.cloud.voted(version));
         Ok(self.start("Fuse", JobKind::Long, move |context| {
             let begun = Instant::now();
             let geometry = geometry_digest(&project, &request)?;
-            let before = VotedBefore::find(&project, &root, &request, &geometry, loaded);
+            let before = ReusableVotes::find(&project, &root, &request, &geometry, loaded);
             let onto = OntoScale::of(&project, &request)?;
             let scaled = before
                 .as_ref()
@@ -134,7 +133,7 @@ fn make(
     root: &Path,
     project: &Project,
     request: &FuseRequest,
-    (before, onto): (Option<&VotedBefore>, &OntoScale),
+    (before, onto): (Option<&ReusableVotes>, &OntoScale),
     progress: &Progress,
 ) -> Result<(Fused, String)> {
     let masks = |frame: usize| {

@@ -2,13 +2,14 @@ use std::sync::Arc;
 
 use anyhow::{Result, ensure};
 
-use super::prompt::{answer, unread_depth, with_answer};
+use super::prompt::unread_depth;
 use crate::Event;
-use crate::mask_edits::{by_hand, mask_of};
 use crate::{FoundThing, GroundRequest, Grounding, PromptRequest, Session, TakeRequest, engines};
 use crate::{JobCompletion, JobKind};
 use ostra_core::job::JobId;
 use ostra_masks::{Label, LabelId, LabelTree, Prompt, PxBox};
+use ostra_project::mask_edits::{by_hand, mask_of};
+use ostra_project::prompt::PromptMeaning;
 use ostra_project::{Edit, Project};
 
 impl Session {
@@ -93,11 +94,9 @@ impl Session {
                         prompt,
                         segmenter: request.segmenter.clone(),
                     };
-                    let mask = with_answer(
-                        &next,
-                        &of,
-                        &answer(ready.as_ref(), &next, &of, &context.progress)?,
-                    )?;
+                    let meaning = PromptMeaning::new(&next, &of)?;
+                    let region = meaning.segment(ready.as_ref(), &context.progress)?;
+                    let mask = meaning.compose(&next, &region)?;
                     let mut masks = by_hand(&next, request.frame, &mask);
                     masks.push(Edit::SetPrompt {
                         frame: of.frame,

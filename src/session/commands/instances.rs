@@ -1,9 +1,7 @@
 use std::collections::BTreeSet;
 
 use super::correct::Correcting;
-use crate::mask_edits::{changed, label_name};
 use crate::queries::find_instances;
-use crate::voted_cloud::VotedCloud;
 use crate::{InstancesRequest, Session};
 use anyhow::{Result, ensure};
 use ostra_cloud::fuse::Votes;
@@ -11,6 +9,8 @@ use ostra_cloud::instances::split_mask;
 use ostra_core::job::JobId;
 use ostra_core::job::Progress;
 use ostra_masks::{LabelId, RunMask};
+use ostra_project::mask_edits::{changed, label_name};
+use ostra_project::voted_cloud::VotedCloud;
 use ostra_project::{Edit, Project};
 
 impl Session {

@@ -1,10 +1,11 @@
-use std::sync::Arc;
-
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result};
 
 use crate::Session;
-use ostra_masks::{Label, LabelId, LabelTree};
-use ostra_project::{Edit, FrameMask, Marks, Project};
+use ostra_core::job::JobId;
+use ostra_masks::{Label, LabelId};
+use ostra_project::mask_edits::label_name;
+use ostra_project::store::version_in_force;
+use ostra_project::{Edit, ResultKind, label_edits};
 
 impl Session {
     pub(crate) fn add_label(
@@ -13,29 +14,11 @@ impl Session {
         parent: Option<&str>,
         color: Option<[u8; 3]>,
     ) -> Result<()> {
-        let project = self.snapshot()?;
-        let id = project.labels.next_id();
-        ensure!(
-            id != LabelId::NONE,
-            "all 65535 label ids are taken; remove a label first"
-        );
-        let parent = parent.map(|parent| {
-            let found = project.labels.by_name(parent).map(|label| label.id);
-            found.with_context(|| {
-                format!("there is no label '{parent}' to be the parent; make it first")
-            })
-        });
-        let color = color.unwrap_or_else(|| LabelTree::color_for(id));
-        let label = Label {
-            id,
-            name: name.trim().to_owned(),
-            color,
-            parent: parent.transpose()?,
-        };
+        let label = label_edits::new_label(&self.snapshot()?.labels, name, parent, color)?;
         self.commit(
             &format!("Add label {}", label.name),
             vec![Edit::SetLabel {
-                id,
+                id: label.id,
                 label: Some(label),
             }],
         )
@@ -64,46 +47,24 @@ impl Session {
             .get(id)
             .with_context(|| format!("there is no label {}", id.0))?
             .name;
-        let mut edits = vec![];
-        edits.extend(
-            project
-                .prompts
-                .keys()
-                .filter(|(_, label)| *label == id)
-                .map(|&(frame, label)| Edit::SetPrompt {
-                    frame,
-                    label,
-                    prompt: None,
-                }),
-        );
-        edits.extend(masks_without(&project, id));
-        edits.push(Edit::SetMarks {
-            label: id,
-            marks: Marks::default(),
-        });
-        edits.push(Edit::SetLabel { id, label: None });
-        self.commit(&format!("Remove label {name}"), edits)
+        self.commit(
+            &format!("Remove label {name}"),
+            label_edits::remove(&project, id),
+        )
     }
-}
 
-/// The masks that hold the label, without its pixels.
-fn masks_without(project: &Project, id: LabelId) -> impl Iterator<Item = Edit> {
-    let holding = project
-        .masks
-        .iter()
-        .filter(move |(_, mask)| mask.runs.runs.iter().any(|&(run, _)| run == id));
-    holding.map(move |(&frame, mask)| {
-        let runs = mask
-            .runs
-            .map_ids(|at| if at == id { LabelId::NONE } else { at });
-        let mut mask = FrameMask {
-            runs: Arc::new(runs),
-            ..mask.clone()
-        };
-        mask.confidence.remove(&id);
-        Edit::SetMask {
-            frame,
-            mask: Some(mask),
+    /// Makes two labels one on all frames and in the cloud, in one step; a job where there is a cloud to vote again.
+    pub(crate) fn merge_labels(&mut self, label: LabelId, into: LabelId) -> Result<Option<JobId>> {
+        let project = self.snapshot()?;
+        let title = format!(
+            "Merge {} into {}",
+            label_name(&project, label)?,
+            label_name(&project, into)?
+        );
+        let edits = label_edits::merge(&project, label, into)?;
+        if version_in_force(&project, ResultKind::Cloud).is_none() {
+            return self.commit(&title, edits).map(|()| None);
         }
-    })
+        self.correct(&title, |_, _| Ok(edits.into())).map(Some)
+    }
 }

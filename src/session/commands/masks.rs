@@ -4,7 +4,6 @@ use std::sync::Arc;
 use anyhow::{Result, ensure};
 
 use crate::Session;
-use crate::mask_edits::anchor_of;
 use crate::{JobCompletion, JobKind};
 use ostra_core::job::JobId;
 use ostra_core::job::Progress;
@@ -12,6 +11,7 @@ use ostra_masks::{
     Imported, MaskFormat, MaskFrame, RunMask, export_masks, file_stems, import_masks,
 };
 use ostra_project::export_targets::ExportTargets;
+use ostra_project::mask_edits::anchor_of;
 use ostra_project::{Edit, Project};
 
 impl Session {

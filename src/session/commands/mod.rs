@@ -2,9 +2,7 @@
 
 mod accept;
 mod adopt;
-mod blend;
 mod cameras;
-mod choice;
 mod correct;
 mod export;
 mod export_frames;
@@ -16,7 +14,6 @@ mod ground;
 mod instances;
 mod labels;
 mod masks;
-mod merge_labels;
 mod open;
 mod paint;
 mod prompt;
@@ -26,14 +23,9 @@ mod reconstruct;
 mod relocate;
 mod scale;
 mod scaled_results;
-mod split;
 mod stereo;
 mod suggest;
 mod surface;
 mod track;
-mod voted_before;
 
-pub use crate::mask_edits::{anchor, mask_of};
 pub use crate::track_run::{carried, track_request};
-pub use choice::LabelChoice;
-pub use prompt::{answer, corrects, with_answer};

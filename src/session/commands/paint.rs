@@ -2,14 +2,14 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 
-use crate::mask_edits::{anchor_of, by_hand, check_unlocked, label_name, mask_of, rule};
 use crate::{Event, JobCompletion, JobKind};
 use crate::{PaintRequest, PullRequest, Session, TidyRequest, TraceRequest};
 use ostra_core::job::JobId;
 use ostra_frames::Frame;
 use ostra_masks::{
-    Region, assign, erase, fill_polygons, pull, snapped_stroke, stroke, tidy, trace,
+    PaintRule, Region, assign, erase, fill_polygons, pull, snapped_stroke, stroke, tidy, trace,
 };
+use ostra_project::mask_edits::{anchor_of, by_hand, check_unlocked, label_name, mask_of};
 use ostra_project::{Edit, MaskOrigin};
 
 impl Session {
@@ -193,4 +193,13 @@ fn painted(frame: &Frame, request: &PaintRequest) -> Result<Region> {
     } else {
         stroke(width, height, &request.points_px, request.radius_px)?
     })
+}
+
+/// What becomes of other labels' pixels.
+fn rule(replace: bool) -> PaintRule {
+    if replace {
+        PaintRule::Replace
+    } else {
+        PaintRule::Protect
+    }
 }

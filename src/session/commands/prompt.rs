@@ -1,22 +1,19 @@
 use std::sync::Arc;
 
-use anyhow::{Result, ensure};
+use anyhow::Result;
 
 use crate::Event;
 use crate::jobs::Job;
-use crate::mask_edits::{anchor, by_hand, check_unlocked, label_name, mask_of};
 use crate::{JobCompletion, JobKind};
 use crate::{PromptRequest, Session, engines};
 use ostra_cloud::SceneError;
 use ostra_cloud::fuse::{naming, readable};
 use ostra_core::job::JobId;
-use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore};
-use ostra_masks::{
-    Click, LabelAnswer, LabelId, LabelMask, PreparedFrame, Prompt, Region, SegmentRequest, compose,
-    erase, landmarks, taken_by_others,
-};
-use ostra_project::{Edit, Project};
+use ostra_masks::{LabelId, Region};
+use ostra_project::Project;
+use ostra_project::mask_edits::{check_unlocked, label_name};
+use ostra_project::prompt::{PromptMeaning, without_label};
 
 impl Session {
     pub(crate) fn prompt(&mut self, request: &PromptRequest) -> Result<Option<JobId>> {
@@ -53,10 +50,11 @@ impl Session {
         Ok(Some(self.start("Segment", kind, move |context| {
             let ready = prepared.get(segmenter.as_ref(), &frame, &store, &context.progress)?;
             context.progress.stage("segment")?;
-            let region = answer(ready.as_ref(), &project, &request, &context.progress)?;
+            let meaning = PromptMeaning::new(&project, &request)?;
+            let region = meaning.segment(ready.as_ref(), &context.progress)?;
             let warning = unread_depth(&frame, &store)?;
             Ok(Box::new(move |session: &mut Self| {
-                session.take_answer(&request, &region)?;
+                session.take_answer(&request, meaning, &region)?;
                 session.warn_all(warning.into_iter().collect());
                 Ok(())
             }) as JobCompletion)
@@ -117,58 +115,29 @@ impl Session {
         former.for_each(Job::discard);
     }
 
-    /// Composes an answer into the frame's mask as it is now.
-    fn take_answer(&mut self, request: &PromptRequest, region: &Region) -> Result<()> {
+    /// Composes an answer into the frame's mask. Where the project changed while the answer was found, the prompt means what
+    /// it means now.
+    fn take_answer(
+        &mut self,
+        request: &PromptRequest,
+        meaning: PromptMeaning,
+        region: &Region,
+    ) -> Result<()> {
         let project = self.snapshot()?;
-        let PromptRequest {
-            frame,
-            label,
-            prompt,
-            ..
-        } = request;
-        let mask = with_answer(&project, request, region)?;
-        let title = format!("Prompt {} on frame {frame}", label_name(&project, *label)?);
-        let prompt = Prompt {
-            corrects: corrects(&project, &mask_of(&project, *frame)?, request),
-            ..prompt.clone()
+        let meaning = if meaning.is_of(&project) {
+            meaning
+        } else {
+            PromptMeaning::new(&project, request)?
         };
-        let mut edits = vec![Edit::SetPrompt {
-            frame: *frame,
-            label: *label,
-            prompt: Some(prompt),
-        }];
-        edits.extend(by_hand(&project, *frame, &mask));
-        self.commit(&title, edits)
+        let edits = meaning.edits(&project, region)?;
+        let name = label_name(&project, request.label)?;
+        self.commit(&format!("Prompt {name} on frame {}", request.frame), edits)
     }
 
     /// Takes a label off a frame; a frame on which nothing is left is no anchor any more.
     fn take_off(&mut self, project: &Project, frame: usize, label: LabelId) -> Result<()> {
-        let mut mask = mask_of(project, frame)?;
-        let everywhere = Region {
-            inside: vec![true; mask.ids.len()],
-            width: mask.width,
-            height: mask.height,
-        };
-        let taken = erase(&mut mask, &everywhere, Some(label))?;
         let name = label_name(project, label)?;
-        let given = project.prompts.contains_key(&(frame, label));
-        ensure!(given || taken > 0, "label '{name}' is not on frame {frame}");
-        let mut edits = vec![Edit::SetPrompt {
-            frame,
-            label,
-            prompt: None,
-        }];
-        if taken > 0 {
-            let others = project
-                .prompts
-                .keys()
-                .any(|&(of, other)| of == frame && other != label);
-            let left = others || mask.ids.iter().any(|&id| id != LabelId::NONE);
-            edits.push(Edit::SetMask {
-                frame,
-                mask: left.then(|| anchor(&mask)),
-            });
-        }
+        let edits = without_label(project, frame, label)?;
         self.commit(&format!("Take {name} off frame {frame}"), edits)
     }
 }
@@ -191,179 +160,4 @@ fn frames_around(frames: &[Frame], at: usize) -> impl Iterator<Item = &Frame> {
     AHEAD
         .into_iter()
         .filter_map(move |step| frames.get(at.checked_add_signed(step)?))
-}
-
-/// The pixels that a prompt asks for, given all else that the frame shows.
-pub fn answer(
-    ready: &dyn PreparedFrame,
-    project: &Project,
-    request: &PromptRequest,
-    progress: &Progress,
-) -> Result<Region> {
-    let mask = mask_of(project, request.frame)?;
-    let mut previous = refines(project, &mask, request)
-        .then(|| mask.region(request.label))
-        .filter(|is| is.area() > 0);
-    if corrects(project, &mask, request) {
-        // Of several new clicks on a mask each is answered on its own.
-        let before = project
-            .prompts
-            .get(&(request.frame, request.label))
-            .map_or(0, |before| before.clicks.len());
-        for clicks in before + 1..request.prompt.clicks.len() {
-            let mut request = request.clone();
-            request.prompt.clicks.truncate(clicks);
-            previous = Some(ask(
-                ready,
-                (project, &mask),
-                &request,
-                previous.as_ref(),
-                progress,
-            )?);
-        }
-    }
-    ask(
-        ready,
-        (project, &mask),
-        request,
-        previous.as_ref(),
-        progress,
-    )
-}
-
-/// One answer, which refines a `previous` one.
-fn ask(
-    ready: &dyn PreparedFrame,
-    (project, mask): (&Project, &LabelMask),
-    request: &PromptRequest,
-    previous: Option<&Region>,
-    progress: &Progress,
-) -> Result<Region> {
-    let taken = taken(project, mask, request);
-    let prompt = Prompt {
-        corrects: corrects(project, mask, request),
-        ..against_rivals(project, mask, request)
-    };
-    Ok(ready.segment(
-        &SegmentRequest {
-            prompt: &prompt,
-            previous,
-            taken: taken.as_ref(),
-        },
-        progress,
-    )?)
-}
-
-/// The frame's mask with the answer to a prompt composed into it.
-pub fn with_answer(
-    project: &Project,
-    request: &PromptRequest,
-    region: &Region,
-) -> Result<LabelMask> {
-    let mut mask = mask_of(project, request.frame)?;
-    let yielding = giving_way(project, &mask, request);
-    let answer = LabelAnswer {
-        region,
-        label: request.label,
-        prompt: &request.prompt,
-        replaceable: &yielding,
-    };
-    compose(&mut mask, &answer, &project.labels)?;
-    Ok(mask)
-}
-
-/// Whether the new prompt is the former one and one click more, or the first click on a mask that a tracker brought:
-/// then the answer is refined, not begun anew. On a mask that is corrected there may be several clicks more: who clicks faster
-/// than answers come does not lose what the clicks are on.
-fn refines(project: &Project, mask: &LabelMask, request: &PromptRequest) -> bool {
-    let nothing = Prompt::default();
-    let before = project
-        .prompts
-        .get(&(request.frame, request.label))
-        .unwrap_or(&nothing);
-    let Prompt { clicks, boxes, .. } = &request.prompt;
-    let goes_on = *boxes == before.boxes && clicks.starts_with(&before.clicks);
-    goes_on && (clicks.len() == before.clicks.len() + 1 || corrects(project, mask, request))
-}
-
-/// Whether a prompt's clicks mend a mask that the label had on the frame before any of them.
-pub fn corrects(project: &Project, mask: &LabelMask, request: &PromptRequest) -> bool {
-    let Prompt { clicks, boxes, .. } = &request.prompt;
-    match project.prompts.get(&(request.frame, request.label)) {
-        Some(before) => {
-            before.corrects && *boxes == before.boxes && clicks.starts_with(&before.clicks)
-        }
-        None => boxes.is_empty() && mask.ids.contains(&request.label),
-    }
-}
-
-/// What is given for the label, and that the pixels where other labels of the frame were clicked are not it. Labels
-/// above or below the label are no rivals. Where a mask came without clicks, the middles of its parts stand for them.
-fn against_rivals(project: &Project, mask: &LabelMask, request: &PromptRequest) -> Prompt {
-    let mut prompt = request.prompt.clone();
-    let Some(newest) = prompt.clicks.last().map(|click| click.at_px) else {
-        return prompt;
-    };
-    let kin = [
-        project.labels.path(request.label),
-        project.labels.descendants(request.label),
-    ]
-    .concat();
-    let prompted = |id: LabelId| project.prompts.get(&(request.frame, id));
-    let stand_ins = |id: LabelId, include: bool| -> Vec<Click> {
-        let points = landmarks(&mask.region(id), STAND_INS);
-        let away = points
-            .into_iter()
-            .filter(|point| point.distance(newest) > STAND_IN_AWAY_PX);
-        away.map(|at_px| Click { at_px, include }).collect()
-    };
-    let mut given = Vec::new();
-    for id in project
-        .labels
-        .iter()
-        .map(|label| label.id)
-        .filter(|id| !kin.contains(id))
-    {
-        match prompted(id) {
-            Some(rival) => {
-                let includes = rival.clicks.iter().filter(|click| click.include);
-                given.extend(includes.map(|click| Click {
-                    include: false,
-                    ..*click
-                }));
-            }
-            None => given.extend(stand_ins(id, false)),
-        }
-    }
-    if prompted(request.label).is_none() {
-        given.extend(stand_ins(request.label, true));
-    }
-    prompt.clicks.splice(0..0, given);
-    prompt
-}
-
-/// Parts of a mask without clicks that are stood for, and how far from the newest click: what lies there may be wrong.
-const STAND_INS: usize = 8;
-const STAND_IN_AWAY_PX: f64 = 20.0;
-
-/// The label that gives way to an answer: the one in whose pixels the newest click lies, if it includes: the user says
-/// that it is wrong there.
-fn giving_way(project: &Project, mask: &LabelMask, request: &PromptRequest) -> Vec<LabelId> {
-    let newest = request.prompt.clicks.last().filter(|click| click.include);
-    let contested = newest
-        .and_then(|click| click.pixel_in(mask.width, mask.height))
-        .map(|at| mask.ids[at]);
-    let below = project.labels.descendants(request.label);
-    contested
-        .into_iter()
-        .filter(|id| *id != LabelId::NONE && !below.contains(id))
-        .collect()
-}
-
-/// The pixels that an answer may not take: those of other labels, but for parts of the label.
-fn taken(project: &Project, mask: &LabelMask, request: &PromptRequest) -> Option<Region> {
-    let mut open = giving_way(project, mask, request);
-    open.extend(project.labels.descendants(request.label));
-    let taken = taken_by_others(mask, request.label, &open, &project.labels);
-    taken.inside.contains(&true).then_some(taken)
 }

@@ -1,46 +1,23 @@
 use std::collections::BTreeSet;
-use std::sync::Arc;
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Result, ensure};
 
-use super::blend::blended;
-use super::split::{Cut, split};
-use crate::mask_edits::{anchor_of, changed, label_name};
 use crate::{JobCompletion, JobKind};
-use crate::{RangeChange, RangeRequest, Session};
-use ostra_core::job::JobId;
-use ostra_frames::FrameSet;
-use ostra_masks::{Click, LabelId, Prompt, RunMask, transfer};
-use ostra_project::{Edit, FrameMask, Marks, Project};
+use crate::{RangeRequest, Session};
+use ostra_core::job::{JobId, Progress};
+use ostra_masks::LabelId;
+use ostra_project::{Edit, range};
 
 impl Session {
     /// Changes labels over a range of frames, in one step. Pixels of other labels, and labels that are locked, stay.
     pub(crate) fn change_range(&mut self, request: &RangeRequest) -> Result<Option<JobId>> {
         let project = self.snapshot()?;
-        let labels = checked(&project, request)?;
-        let title = title(&project, request, &labels)?;
-        let edits = match request.change {
-            RangeChange::Interpolate => return self.in_a_job(request, title, labels).map(Some),
-            RangeChange::Split { .. } => return self.in_a_job(request, title, labels).map(Some),
-            RangeChange::Delete => delete(&project, request, &labels),
-            RangeChange::Restore => mark(&project, &labels, |marks| {
-                marks.absent.remove(request.from, request.to);
-            }),
-            RangeChange::Lock => mark(&project, &labels, |marks| {
-                marks.locked.insert(request.from, request.to);
-            }),
-            RangeChange::Unlock => mark(&project, &labels, |marks| {
-                marks.locked.remove(request.from, request.to);
-            }),
-            RangeChange::Hide => mark(&project, &labels, |marks| {
-                marks.hidden.insert(request.from, request.to);
-            }),
-            RangeChange::Show => mark(&project, &labels, |marks| {
-                marks.hidden.remove(request.from, request.to);
-            }),
-            RangeChange::Merge { into } => merge(&project, request, &labels, into),
-            RangeChange::Copy { frame } => copy(&project, request, &labels, frame)?,
-        };
+        let labels = range::labels_of(&project, request)?;
+        let title = range::title(&project, request, &labels)?;
+        if range::takes_time(request.change) {
+            return self.in_a_job(request, title, labels).map(Some);
+        }
+        let edits = range::edits(&project, request, &labels, &Progress::default())?;
         self.commit_range(&title, edits)?;
         Ok(None)
     }
@@ -65,19 +42,7 @@ impl Session {
     ) -> Result<JobId> {
         let (made_from, request) = (self.snapshot()?, request.clone());
         Ok(self.start(&title.clone(), JobKind::Short, move |context| {
-            let edits = match request.change {
-                RangeChange::Split { frame, at_px, into } => {
-                    let label = labels.first().copied().context("no label was named")?;
-                    let cut = Cut {
-                        label,
-                        into,
-                        frame,
-                        at_px,
-                    };
-                    split(&made_from, &request, &cut, &context.progress)?
-                }
-                _ => blended(&made_from, &request, &labels, &context.progress)?,
-            };
+            let edits = range::edits(&made_from, &request, &labels, &context.progress)?;
             Ok(Box::new(move |session: &mut Self| {
                 let now = session.snapshot()?;
                 let touched = || request.from..=request.to;
@@ -89,288 +54,4 @@ impl Session {
             }) as JobCompletion)
         }))
     }
-}
-
-/// The labels meant, all of which exist, on frames that exist.
-fn checked(project: &Project, request: &RangeRequest) -> Result<BTreeSet<LabelId>> {
-    project.frame(request.from)?;
-    project.frame(request.to)?;
-    ensure!(
-        request.from <= request.to,
-        "frame {} comes after frame {}; give the earlier one first",
-        request.from,
-        request.to
-    );
-    request
-        .labels
-        .iter()
-        .try_for_each(|&label| label_name(project, label).map(drop))?;
-    let mut labels: BTreeSet<LabelId> = match request.labels.as_slice() {
-        [] => project.labels.iter().map(|label| label.id).collect(),
-        some => some.iter().copied().collect(),
-    };
-    match request.change {
-        RangeChange::Merge { into } => {
-            label_name(project, into)?;
-            ensure!(
-                request.labels != [into],
-                "a label cannot be merged into itself; name another one"
-            );
-            labels.remove(&into);
-        }
-        RangeChange::Split { frame, into, .. } => {
-            label_name(project, into)?;
-            ensure!(
-                request.labels.len() == 1,
-                "name the one label that is to be split"
-            );
-            ensure!(
-                !labels.contains(&into),
-                "the part needs another label than the whole"
-            );
-            ensure!(
-                (request.from..=request.to).contains(&frame),
-                "frame {frame} lies outside the range"
-            );
-        }
-        RangeChange::Copy { frame } => {
-            project
-                .masks
-                .get(&frame)
-                .with_context(|| format!("frame {frame} has no mask to copy"))?;
-        }
-        _ => {}
-    }
-    Ok(labels)
-}
-
-fn title(project: &Project, request: &RangeRequest, labels: &BTreeSet<LabelId>) -> Result<String> {
-    let name = |id: LabelId| label_name(project, id);
-    let what = match request.labels.is_empty() {
-        true => "all labels".to_owned(),
-        false => labels
-            .iter()
-            .map(|&id| name(id))
-            .collect::<Result<Vec<_>>>()?
-            .join(", "),
-    };
-    let place = match (request.from, request.to) {
-        (from, to) if from == to => format!("on frame {from}"),
-        (from, to) => format!("on frames {from} to {to}"),
-    };
-    Ok(match request.change {
-        RangeChange::Delete => format!("Delete {what} {place}"),
-        RangeChange::Restore => format!("Let {what} be {place} again"),
-        RangeChange::Lock => format!("Lock {what} {place}"),
-        RangeChange::Unlock => format!("Unlock {what} {place}"),
-        RangeChange::Hide => format!("Hide {what} {place}"),
-        RangeChange::Show => format!("Show {what} {place}"),
-        RangeChange::Merge { into } => format!("Merge {what} into {} {place}", name(into)?),
-        RangeChange::Split { into, .. } => format!("Split {} off {what} {place}", name(into)?),
-        RangeChange::Interpolate => format!("Interpolate {what} {place}"),
-        RangeChange::Copy { frame } => format!("Copy {what} of frame {frame} {place}"),
-    })
-}
-
-/// The marks of all labels, changed.
-fn mark(project: &Project, labels: &BTreeSet<LabelId>, change: impl Fn(&mut Marks)) -> Vec<Edit> {
-    let changed = labels.iter().filter_map(|&label| {
-        let before = project.marks_of(label);
-        let mut marks = before.clone();
-        change(&mut marks);
-        (marks != before).then_some(Edit::SetMarks { label, marks })
-    });
-    changed.collect()
-}
-
-/// Pixels, prompts and confidences go, and no tracker may bring the labels back there.
-fn delete(project: &Project, request: &RangeRequest, labels: &BTreeSet<LabelId>) -> Vec<Edit> {
-    let mut edits = without_prompts(project, request, labels);
-    edits.extend(masks(project, request).filter_map(|(frame, mask)| {
-        let gone = |id: LabelId| {
-            if labels.contains(&id) {
-                LabelId::NONE
-            } else {
-                id
-            }
-        };
-        changed(project, frame, mask, mask.runs.map_ids(gone), |sure| {
-            sure.retain(|id, _| !labels.contains(id));
-        })
-    }));
-    edits.extend(labels.iter().filter_map(|&label| {
-        let before = project.marks_of(label);
-        let mut gone = FrameSet::from(vec![(request.from, request.to)]);
-        before
-            .locked
-            .ranges()
-            .for_each(|locked| gone.remove(*locked.start(), *locked.end()));
-        let mut marks = before.clone();
-        gone.ranges()
-            .for_each(|range| marks.absent.insert(*range.start(), *range.end()));
-        (marks != before).then_some(Edit::SetMarks { label, marks })
-    }));
-    edits
-}
-
-/// Pixels become `into`'s, and what was clicked for them too.
-pub(super) fn merge(
-    project: &Project,
-    request: &RangeRequest,
-    labels: &BTreeSet<LabelId>,
-    into: LabelId,
-) -> Vec<Edit> {
-    let mut edits: Vec<Edit> = masks(project, request)
-        .filter(|(frame, _)| !project.locked_on(*frame).contains(&into))
-        .filter_map(|(frame, mask)| {
-            let locked = project.locked_on(frame);
-            let goes = |id: &LabelId| labels.contains(id) && !locked.contains(id);
-            let runs = mask.runs.map_ids(|id| if goes(&id) { into } else { id });
-            changed(project, frame, mask, runs, |sure| {
-                let least = sure
-                    .iter()
-                    .filter(|(id, _)| goes(id) || **id == into)
-                    .map(|(_, &sure)| sure);
-                let least = least.reduce(f32::min);
-                sure.retain(|id, _| !goes(id));
-                sure.extend(least.map(|least| (into, least)));
-            })
-        })
-        .collect();
-    let frames: BTreeSet<usize> = edits.iter().filter_map(Edit::masked_frame).collect();
-    edits.extend(
-        frames
-            .into_iter()
-            .flat_map(|frame| merged_prompts(project, frame, labels, into)),
-    );
-    edits
-}
-
-fn merged_prompts(
-    project: &Project,
-    frame: usize,
-    labels: &BTreeSet<LabelId>,
-    into: LabelId,
-) -> Vec<Edit> {
-    let given = |label: LabelId| project.prompts.get(&(frame, label));
-    let locked = project.locked_on(frame);
-    let moved: Vec<(LabelId, &Prompt)> = labels
-        .iter()
-        .filter(|id| !locked.contains(id))
-        .filter_map(|&id| Some((id, given(id)?)))
-        .collect();
-    if moved.is_empty() {
-        return Vec::new();
-    }
-    let corrects = moved.iter().all(|(_, other)| other.corrects);
-    let mut prompt = given(into).cloned().unwrap_or_else(|| Prompt {
-        corrects,
-        ..Prompt::default()
-    });
-    let mut edits = Vec::new();
-    for (label, other) in moved {
-        prompt.clicks.extend(
-            other
-                .clicks
-                .iter()
-                .filter(|click| click.include)
-                .copied()
-                .collect::<Vec<Click>>(),
-        );
-        prompt.boxes.extend(other.boxes.iter().copied());
-        edits.push(Edit::SetPrompt {
-            frame,
-            label,
-            prompt: None,
-        });
-    }
-    if !prompt.is_empty() {
-        edits.push(Edit::SetPrompt {
-            frame,
-            label: into,
-            prompt: Some(prompt),
-        });
-    }
-    edits
-}
-
-/// The labels of another frame's mask are given to the frames of the range, which become anchors.
-fn copy(
-    project: &Project,
-    request: &RangeRequest,
-    labels: &BTreeSet<LabelId>,
-    source: usize,
-) -> Result<Vec<Edit>> {
-    let from = project
-        .masks
-        .get(&source)
-        .with_context(|| format!("frame {source} has no mask to copy"))?;
-    let shown = labels
-        .iter()
-        .any(|label| from.runs.runs.iter().any(|(id, _)| id == label));
-    ensure!(shown, "frame {source} does not show what is to be copied");
-    let mut edits = Vec::new();
-    for frame in (request.from..=request.to).filter(|&frame| frame != source) {
-        let of = project.frame(frame)?;
-        let nothing = || Arc::new(RunMask::empty(of.width, of.height));
-        let before = project
-            .masks
-            .get(&frame)
-            .map_or_else(nothing, |mask| Arc::clone(&mask.runs));
-        let open = labels - &project.locked_on(frame);
-        let runs = project.with_locks(
-            frame,
-            Arc::new(transfer(&before, &from.runs, &open, request.replace)?),
-        );
-        if runs == before {
-            continue;
-        }
-        let given = open
-            .into_iter()
-            .filter(|&label| project.prompts.contains_key(&(frame, label)));
-        edits.extend(given.map(|label| Edit::SetPrompt {
-            frame,
-            label,
-            prompt: None,
-        }));
-        edits.push(Edit::SetMask {
-            frame,
-            mask: Some(anchor_of(runs)),
-        });
-    }
-    Ok(edits)
-}
-
-/// The masks of the range.
-pub(super) fn masks<'a>(
-    project: &'a Project,
-    request: &RangeRequest,
-) -> impl Iterator<Item = (usize, &'a FrameMask)> + use<'a> {
-    project
-        .masks
-        .range(request.from..=request.to)
-        .map(|(&frame, mask)| (frame, mask))
-}
-
-/// Takes away what is given for labels that are not locked there.
-fn without_prompts(
-    project: &Project,
-    request: &RangeRequest,
-    labels: &BTreeSet<LabelId>,
-) -> Vec<Edit> {
-    let range = (request.from, LabelId(0))..=(request.to, LabelId(u16::MAX));
-    let goes = |frame: usize, label: &LabelId| {
-        labels.contains(label) && !project.locked_on(frame).contains(label)
-    };
-    let given = project
-        .prompts
-        .range(range)
-        .filter(|((frame, label), _)| goes(*frame, label));
-    given
-        .map(|(&(frame, label), _)| Edit::SetPrompt {
-            frame,
-            label,
-            prompt: None,
-        })
-        .collect()
 }

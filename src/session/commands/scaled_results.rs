@@ -6,8 +6,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use anyhow::{Context, Result};
 use rayon::prelude::*;
 
-use super::voted_before::geometry_digest;
-use crate::voted_cloud::read_votes_on;
 use ostra_cloud::LabelledCloud;
 use ostra_cloud::fuse::Votes;
 use ostra_cloud::measure::LengthUnit;
@@ -15,11 +13,13 @@ use ostra_cloud::ply::{Coloring, read_mesh, read_ply, save_mesh, save_ply};
 use ostra_core::job::Progress;
 use ostra_frames::cameras::{ModelEncoding, read_sparse_model, write_colmap_model};
 use ostra_frames::{DepthSource, Frame, MadeDepth};
+use ostra_project::reusable_votes::geometry_digest;
 use ostra_project::store::{
     DepthAccount, DepthFolder, cloud_path, depth_map_path, keep_votes, load_links, load_outcomes,
     mesh_path, replace, save_links, save_outcomes, sparse_path, sync_folder, version_in_force,
     votes_path,
 };
+use ostra_project::voted_cloud::read_votes_on;
 use ostra_project::{
     Coordinates, Edit, FrameMask, FuseRequest, MaskOrigin, Project, ResultKind, ResultRecord,
 };

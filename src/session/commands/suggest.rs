@@ -3,7 +3,6 @@ use std::sync::Arc;
 
 use anyhow::{Result, ensure};
 
-use crate::suggestion::Reason;
 use crate::{JobCompletion, JobKind};
 use crate::{Session, Suggestion};
 use ostra_cloud::SceneError;
@@ -14,6 +13,7 @@ use ostra_frames::FrameStore;
 use ostra_masks::Unexplained;
 use ostra_masks::unexplained::areas_in_front;
 use ostra_project::Project;
+use ostra_project::suggestion::Reason;
 use ostra_tracking::flow::{FlowOptions, moving_apart};
 
 /// Frames looked at, spread over those with masks.

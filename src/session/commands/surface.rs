@@ -3,8 +3,6 @@ use std::sync::Arc;
 
 use anyhow::Result;
 
-use super::voted_before::VotedBefore;
-use crate::voted_cloud::save_votes;
 use ostra_cloud::fuse::{Coverage, OntoOptions, ProjectViews, SeenPoints, Votes, vote_seen};
 use ostra_cloud::ply::{Coloring, save_mesh};
 use ostra_cloud::volume::{VolumeOptions, reconstruct_surface};
@@ -12,7 +10,9 @@ use ostra_cloud::{LabelledMesh, SceneError};
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::LabelId;
+use ostra_project::reusable_votes::ReusableVotes;
 use ostra_project::store::{DepthFolder, mesh_path, mesh_votes_path, version_in_force};
+use ostra_project::voted_cloud::save_votes;
 use ostra_project::{FuseRequest, Project, ResultKind};
 
 /// Memory for the voxels of a surface whose voxel size nobody gave.
@@ -46,7 +46,7 @@ impl Sources<'_> {
     pub(super) fn make_surface(
         &self,
         version: u64,
-        before: Option<&VotedBefore>,
+        before: Option<&ReusableVotes>,
         progress: &Progress,
     ) -> Result<Made> {
         if self.request.onto.is_some() {

@@ -4,9 +4,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Result;
 
-use super::choice::LabelChoice;
 use crate::Event;
-use crate::mask_edits::label_name;
 use crate::track_run::{
     Pause, TrackRun, anchors_differ, carried, describe, only_labels, track_request,
 };
@@ -14,6 +12,8 @@ use crate::{JobCompletion, JobKind};
 use crate::{Session, TrackSettings, engines};
 use ostra_core::job::JobId;
 use ostra_masks::TrackedFrame;
+use ostra_project::LabelChoice;
+use ostra_project::mask_edits::label_name;
 use ostra_project::{Edit, FrameMask, ResultKind};
 
 /// Tracked frames are gathered this long before they are saved together.
@@ -54,7 +54,7 @@ impl Session {
                 format!("Track {only} with {engine}")
             },
             settings: describe(settings, &only),
-            choice: LabelChoice::new(settings),
+            choice: LabelChoice::new(&settings.labels, settings.replace),
             begun: Instant::now(),
             made_from: project,
             done: BTreeSet::new(),

@@ -6,7 +6,6 @@ use anyhow::{Context, Result};
 use crate::Event;
 use crate::jobs::JobKind;
 use crate::query::{Query, QueryKey, WithWarnings};
-use crate::voted_cloud::{VotedCloud, read_votes_on};
 use ostra_cloud::LabelledCloud;
 use ostra_cloud::fuse::Votes;
 use ostra_cloud::ply::read_ply;
@@ -14,6 +13,7 @@ use ostra_core::job::Progress;
 use ostra_frames::FrameStore;
 use ostra_project::Project;
 use ostra_project::store::{cloud_path, votes_path};
+use ostra_project::voted_cloud::{VotedCloud, read_votes_on};
 
 /// The open project as it was when a job began.
 #[derive(Clone)]

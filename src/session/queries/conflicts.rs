@@ -6,11 +6,11 @@ use anyhow::Result;
 use super::cloud::CloudState;
 use crate::Event;
 use crate::query::QueryKey;
-use crate::voted_cloud::VotedCloud;
 use ostra_cloud::doubt::{FrameDoubt, frame_doubt};
 use ostra_core::job::Progress;
 use ostra_masks::RunMask;
 use ostra_project::Project;
+use ostra_project::voted_cloud::VotedCloud;
 
 /// By frame number, how much each mask contradicts the vote of all.
 pub(crate) type Conflicts = BTreeMap<usize, FrameDoubt>;

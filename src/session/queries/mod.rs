@@ -26,4 +26,4 @@ pub use surface::Surface;
 pub(crate) use surface::{MeshKey, SurfaceKey, load_mesh, make_surface};
 pub use traits::MeasureWish;
 pub(crate) use traits::{MeasuredCloud, TraitsKey, measure_traits, under};
-pub(crate) use vote_mismatch::{VoteMismatchKey, find_vote_mismatch, mask_by_vote};
+pub(crate) use vote_mismatch::{VoteMismatchKey, find_vote_mismatch, mask_by_vote, without_depth};

@@ -1,13 +1,13 @@
 use std::sync::Arc;
 
 use crate::PromptRequest;
-use crate::commands::answer;
 use crate::prepared::PreparedFrames;
 use crate::query::QueryKey;
 use ostra_core::job::Progress;
 use ostra_frames::FrameStore;
 use ostra_masks::{LabelId, LabelMask, RunMask, Segmenter};
 use ostra_project::Project;
+use ostra_project::prompt::PromptMeaning;
 
 /// A prompt that was not sent yet.
 impl QueryKey for PromptRequest {
@@ -40,7 +40,8 @@ pub(crate) fn preview_prompt(
         .prepared
         .get(segmenter, frame, &tools.store, progress)
         .ok()?;
-    let region = answer(ready.as_ref(), project, request, progress).ok()?;
+    let meaning = PromptMeaning::new(project, request).ok()?;
+    let region = meaning.segment(ready.as_ref(), progress).ok()?;
     let id = |&inside: &bool| if inside { request.label } else { LabelId::NONE };
     let ids = region.inside.iter().map(id).collect();
     Some(Arc::new(RunMask::encode(&LabelMask {

@@ -4,11 +4,11 @@ use super::cloud::{CloudState, Snapshot};
 use crate::Event;
 use crate::jobs::JobKind;
 use crate::query::QueryKey;
-use crate::voted_cloud::{NOT_KEPT, read_votes_on, relabelled_mesh};
 use ostra_cloud::ply::read_mesh;
 use ostra_cloud::{LabelledMesh, voxel_faces, voxelize};
 use ostra_core::job::Progress;
 use ostra_project::store::{mesh_path, mesh_votes_path};
+use ostra_project::voted_cloud::{NOT_KEPT, read_votes_on, relabelled_mesh};
 
 /// What can be drawn of a result besides its points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

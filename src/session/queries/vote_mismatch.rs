@@ -3,15 +3,15 @@ use std::sync::Arc;
 use anyhow::Result;
 
 use super::cloud::CloudState;
-use crate::mask_edits::{mask_of, without_depth};
 use crate::query::QueryKey;
-use crate::voted_cloud::VotedCloud;
 use ostra_cloud::SceneError;
-use ostra_cloud::doubt::{contradiction, voted_mask};
-use ostra_cloud::fuse::readable;
+use ostra_cloud::doubt::contradiction;
+use ostra_cloud::fuse::{naming, readable};
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::{LabelId, LabelMask, Region, RunMask};
 use ostra_project::Project;
+use ostra_project::reusable_votes::MaskByVote;
+use ostra_project::voted_cloud::VotedCloud;
 
 /// The mask of a frame and the cloud it is compared with.
 #[derive(Clone)]
@@ -65,46 +65,47 @@ pub(crate) fn find_vote_mismatch(
     voted: &VotedCloud,
     key: &VoteMismatchKey,
 ) -> Result<Region> {
-    let by_vote = mask_by_vote(project, store, voted, key.frame, &[])?;
-    let runs = Arc::new(RunMask::encode(&by_vote.mask));
+    let by_vote = MaskByVote {
+        cloud: &voted.cloud,
+        votes: &voted.votes,
+        frame: key.frame,
+        labels: &[],
+    };
+    let voted = mask_by_vote(project, store, &by_vote)?.mask;
+    let runs = Arc::new(RunMask::encode(&voted));
     let runs = project.in_play(key.frame, &project.with_locks(key.frame, runs));
     Ok(contradiction(&key.mask.decode(), &runs.decode()))
 }
 
-/// The mask that the vote of all frames gives a frame.
-pub(crate) struct MaskByVote {
+/// A mask that the vote of all frames gives a frame.
+pub(crate) struct VotedMask {
     pub(crate) mask: LabelMask,
-    /// Names the frame where its depth cannot be read: it is left aside, as if there were none.
+    /// Names the frame where its depth cannot be read and is left out.
     pub(crate) warning: Option<String>,
 }
 
-/// The mask that the vote of all frames gives a frame, for some labels or (none named) for all.
+/// Reads the frame's depth and projects the labels into it. A depth that cannot be read is left out, as if the frame had
+/// none.
 ///
 /// # Errors
-/// When the frame is not there, or its mask and the votes do not fit together.
+/// When the frame is missing, or its mask and the votes do not fit together.
 pub(crate) fn mask_by_vote(
     project: &Project,
     store: &FrameStore,
-    voted: &VotedCloud,
-    number: usize,
-    labels: &[LabelId],
-) -> Result<MaskByVote> {
-    let frame = project.frame(number)?;
+    by_vote: &MaskByVote<'_>,
+) -> Result<VotedMask> {
+    let frame = project.frame(by_vote.frame)?;
     let depth = readable(store.depth(frame).map_err(SceneError::from))?;
-    let own = mask_of(project, number)?;
-    let warning = if depth.is_none() {
-        without_depth(&[frame.name.as_str()])
-    } else {
-        None
-    };
-    let depth = depth.flatten();
-    let cloud = (&*voted.cloud, &*voted.votes);
-    let mut mask = voted_mask(cloud, (number, frame), depth.as_deref(), &own, labels)?;
-    for (id, own) in mask.ids.iter_mut().zip(&own.ids) {
-        // A label that was taken out since the vote stays out.
-        if *id != LabelId::NONE && project.labels.get(*id).is_none() {
-            *id = *own;
-        }
-    }
-    Ok(MaskByVote { mask, warning })
+    let unread = [frame.name.as_str()];
+    let warning = depth.is_none().then(|| without_depth(&unread)).flatten();
+    let mask = by_vote.project(project, depth.flatten().as_deref())?;
+    Ok(VotedMask { mask, warning })
+}
+
+/// One line that names frames whose masks are changed without their depth, which cannot be read.
+pub(crate) fn without_depth(names: &[&str]) -> Option<String> {
+    naming(
+        "have a depth that cannot be read, and their masks are changed without it; check their files",
+        names,
+    )
 }

@@ -227,6 +227,21 @@ fn a_preview_is_what_the_click_gives_and_changes_nothing() {
 }
 
 #[test]
+fn a_preview_on_a_drawn_mask_is_what_the_click_gives() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = opened(folder.path());
+    perform(&mut session, square(STONE, 10.0, 30.0, false, true)).unwrap();
+    perform(&mut session, square(LEAF, 24.0, 27.0, false, true)).unwrap();
+    for clicks in [&[(25.5, 25.5)][..], &[(25.5, 25.5), (35.5, 20.5)]] {
+        session.hover(Some(request(click(STONE, clicks))));
+        session.settle(|_| ControlFlow::Continue(()));
+        let preview = session.hovered().unwrap().region(STONE);
+        perform(&mut session, click(STONE, clicks)).unwrap();
+        assert_eq!(mask(&session).region(STONE), preview, "{clicks:?}");
+    }
+}
+
+#[test]
 fn parts_keep_their_pixels_and_others_prompted_keep_theirs() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());

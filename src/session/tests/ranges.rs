@@ -117,7 +117,8 @@ fn what_is_deleted_stays_gone_until_it_is_let_in_or_given_again() {
         (tracked([2, 0, 0]).runs, 0),
         "no tracker brings it back"
     );
-    let given = crate::mask_edits::by_hand(now(&session), 2, &tracked([1, 2, 0]).runs.decode());
+    let given =
+        ostra_project::mask_edits::by_hand(now(&session), 2, &tracked([1, 2, 0]).runs.decode());
     session.commit("Paint", given).unwrap();
     assert_eq!(
         now(&session)
@@ -425,7 +426,7 @@ fn a_label_that_may_not_be_there_cuts_no_hole_into_others() {
         replace: true,
         ..TrackSettings::default()
     };
-    let choice = super::super::commands::LabelChoice::new(&settings);
+    let choice = ostra_project::LabelChoice::new(&settings.labels, settings.replace);
     let Some(Edit::SetMask {
         mask: Some(mask), ..
     }) = choice.edit(now(&session), 1, tracked([1, 1, 1]))

@@ -10,11 +10,11 @@ use super::{InteractOptions, Sequence};
 use crate::simulated_click::next_label_click;
 use ostra_core::job::Progress;
 use ostra_masks::{Click, LabelId, LabelMask, RunMask, Segmenter, Tracker};
-use ostra_project::{Edit, MaskOrigin, Project};
-use ostra_session::commands::{
-    LabelChoice, anchor, answer, carried, corrects, mask_of, track_request, with_answer,
-};
-use ostra_session::{PreparedFrames, PromptRequest, TrackSettings};
+use ostra_project::mask_edits::{anchor, mask_of};
+use ostra_project::prompt::PromptMeaning;
+use ostra_project::{Edit, LabelChoice, MaskOrigin, Project, PromptRequest};
+use ostra_session::commands::{carried, track_request};
+use ostra_session::{PreparedFrames, TrackSettings};
 
 /// An IoU that grows by less was hardly bettered.
 const LEAST_GAIN: f64 = 0.01;
@@ -276,7 +276,7 @@ impl<'a> RobotUser<'a> {
             &mut |answer| tracked.push(carried(answer)),
             self.progress,
         )?;
-        let choice = LabelChoice::new(settings);
+        let choice = LabelChoice::new(&settings.labels, settings.replace);
         for (frame, mask) in tracked {
             if let Some(edit) = choice.edit(&self.project, frame, mask) {
                 self.project.apply(edit)?;
@@ -296,29 +296,21 @@ impl<'a> RobotUser<'a> {
             .unwrap_or_default();
         prompt.clicks.push(click);
         let segmenter = self.segmenter.name().to_owned();
-        let mut request = PromptRequest {
+        let request = PromptRequest {
             frame,
             label,
             prompt,
             segmenter,
         };
-        request.prompt.corrects =
-            corrects(&self.project, &mask_of(&self.project, frame)?, &request);
+        let meaning = PromptMeaning::new(&self.project, &request)?;
         let of = self.project.frame(frame)?;
         let ready = self
             .prepared
             .get(self.segmenter, of, &self.sequence.store, self.progress)?;
-        let region = answer(ready.as_ref(), &self.project, &request, self.progress)?;
-        let mask = with_answer(&self.project, &request, &region)?;
-        self.project.apply(Edit::SetPrompt {
-            frame,
-            label,
-            prompt: Some(request.prompt),
-        })?;
-        self.project.apply(Edit::SetMask {
-            frame,
-            mask: Some(anchor(&mask)),
-        })?;
+        let region = meaning.segment(ready.as_ref(), self.progress)?;
+        for edit in meaning.edits(&self.project, &region)? {
+            self.project.apply(edit)?;
+        }
         self.clicks += 1;
         Ok(())
     }

@@ -22,7 +22,7 @@ fn begin(session: &mut Session, job: u64, settings: &TrackSettings) {
         engine: "flow",
         title: "Track with flow".into(),
         settings: String::new(),
-        choice: LabelChoice::new(settings),
+        choice: LabelChoice::new(&settings.labels, settings.replace),
         begun: Instant::now(),
         made_from: session.snapshot().unwrap(),
         done: BTreeSet::new(),

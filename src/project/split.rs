@@ -1,14 +1,15 @@
+//! One piece of a label becomes another label, over a range of frames.
+
 use anyhow::{Context, Result, ensure};
 use glam::DVec2;
 
-use crate::RangeRequest;
 use crate::mask_edits::{changed, label_name};
+use crate::{Edit, FrameMask, Project, RangeRequest};
 use ostra_core::job::Progress;
 use ostra_masks::{Click, Connectivity, LabelId, Prompt, Region, RunMask, components, nearer_part};
-use ostra_project::{Edit, FrameMask, Project};
 
 /// Which piece of which label becomes another label.
-pub(super) struct Cut {
+pub(crate) struct Cut {
     pub label: LabelId,
     pub into: LabelId,
     /// Where the piece is pointed at.
@@ -18,7 +19,7 @@ pub(super) struct Cut {
 
 /// The edits that give a piece of a label to another one: on the frame pointed at, and from there both ways on every
 /// frame of the range what lies nearer to the piece than to the rest of the label.
-pub(super) fn split(
+pub(crate) fn split(
     project: &Project,
     request: &RangeRequest,
     cut: &Cut,

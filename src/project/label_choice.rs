@@ -1,11 +1,10 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use crate::TrackSettings;
+use crate::{Edit, FrameMask, MaskOrigin, Project};
 use ostra_masks::{LabelId, RunMask, transfer};
-use ostra_project::{Edit, FrameMask, MaskOrigin, Project};
 
-/// Which labels of a tracker's answers a project takes: all, or some beside which the others stay as they are.
+/// Which labels of a tracker's answers a project takes: all, or some, while the others stay as they are.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct LabelChoice {
     labels: Option<BTreeSet<LabelId>>,
@@ -13,22 +12,25 @@ pub struct LabelChoice {
 }
 
 impl LabelChoice {
-    /// What the settings ask for.
-    pub fn new(settings: &TrackSettings) -> Self {
-        let labels = settings.labels.iter().copied().collect::<BTreeSet<_>>();
+    /// These labels, or all where none is named. With `replace` they are written over other labels too.
+    #[must_use]
+    pub fn new(labels: &[LabelId], replace: bool) -> Self {
+        let labels: BTreeSet<LabelId> = labels.iter().copied().collect();
         Self {
             labels: (!labels.is_empty()).then_some(labels),
-            replace: settings.replace,
+            replace,
         }
     }
 
     /// The chosen labels; `None` = all.
-    pub(crate) fn labels(&self) -> Option<&BTreeSet<LabelId>> {
+    #[must_use]
+    pub fn labels(&self) -> Option<&BTreeSet<LabelId>> {
         self.labels.as_ref()
     }
 
-    /// The edit that gives a frame what a tracker answered: none for an anchor, which no tracker overwrites, for a
-    /// frame that is gone, or for labels that are gone.
+    /// The edit that gives a frame what a tracker answered; `None` for an anchor, which no tracker overwrites, and where the
+    /// frame or a label no longer exists.
+    #[must_use]
     pub fn edit(&self, project: &Project, frame: usize, answer: FrameMask) -> Option<Edit> {
         let before = project.masks.get(&frame);
         let is_anchor = before.is_some_and(|mask| mask.origin == MaskOrigin::Anchor);
@@ -94,15 +96,11 @@ mod tests {
     use std::collections::BTreeMap;
 
     use super::*;
-    use ostra_project::testing::{anchor, project, tracked};
+    use crate::testing::{anchor, project, tracked};
 
     fn choice(labels: &[u16], replace: bool) -> LabelChoice {
-        let labels = labels.iter().copied().map(LabelId).collect();
-        LabelChoice::new(&TrackSettings {
-            labels,
-            replace,
-            ..TrackSettings::default()
-        })
+        let labels: Vec<LabelId> = labels.iter().copied().map(LabelId).collect();
+        LabelChoice::new(&labels, replace)
     }
 
     /// Frame 0 carries labels 1 and 2, frame 1 is an anchor, the others have no mask.

@@ -1,17 +1,18 @@
+//! Interpolation of the shapes of labels between two frames.
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
 
-use crate::RangeRequest;
 use crate::mask_edits::label_name;
+use crate::{Edit, FrameMask, MaskOrigin, Project, RangeRequest};
 use ostra_core::job::Progress;
 use ostra_masks::{LabelId, LabelMask, RunMask, ShapeBlend, transfer};
-use ostra_project::{Edit, FrameMask, MaskOrigin, Project};
 
 /// The edits that give the frames between the first and the last of the range shapes between theirs. An anchor in
 /// between keeps the labels that it shows, and stays an anchor.
-pub(super) fn blended(
+pub(crate) fn interpolate(
     project: &Project,
     request: &RangeRequest,
     labels: &BTreeSet<LabelId>,

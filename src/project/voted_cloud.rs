@@ -7,6 +7,8 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail, ensure};
 
+use crate::store::{cloud_path, votes_path};
+use crate::{Project, ResultKind};
 use ostra_cloud::fuse::{
     ChangedMask, ProjectViews, Votes, read_votes, relabel, vote_again, write_votes,
 };
@@ -15,20 +17,20 @@ use ostra_cloud::{LabelledCloud, LabelledMesh, SceneError};
 use ostra_core::disk::AtomicFile;
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore};
-use ostra_project::store::{cloud_path, votes_path};
-use ostra_project::{Project, ResultKind};
 
 /// Frames that vote again with all of their masks decoded at once; of more, one mask is read after the other.
 const FEW: usize = 8;
 
 /// Why a file of a result is missing.
-pub(crate) const NOT_KEPT: &str = "the result of this step is not kept any more; fuse again";
+pub const NOT_KEPT: &str = "the result of this step is not kept any more; fuse again";
 
 /// A labelled cloud and the votes behind its labels.
-#[derive(Clone)]
-pub(crate) struct VotedCloud {
-    pub(crate) cloud: Arc<LabelledCloud>,
-    pub(crate) votes: Arc<Votes>,
+#[derive(Debug, Clone)]
+pub struct VotedCloud {
+    /// The points.
+    pub cloud: Arc<LabelledCloud>,
+    /// The votes on them.
+    pub votes: Arc<Votes>,
 }
 
 impl VotedCloud {
@@ -36,12 +38,7 @@ impl VotedCloud {
     ///
     /// # Errors
     /// When a file is missing or damaged, or the two do not belong together.
-    pub(crate) fn read(
-        root: &Path,
-        version: u64,
-        frames: &[Frame],
-        progress: &Progress,
-    ) -> Result<Self> {
+    pub fn read(root: &Path, version: u64, frames: &[Frame], progress: &Progress) -> Result<Self> {
         let cloud = read_ply(&cloud_path(root, version), progress)
             .context(NOT_KEPT)?
             .cloud;
@@ -52,9 +49,10 @@ impl VotedCloud {
         })
     }
 
-    /// Whether the frames are known that see its points.
-    pub(crate) fn can_vote_again(&self) -> bool {
-        self.votes.has_voters() && self.votes.len() == self.cloud.len()
+    /// Whether its points can be labelled again from the votes.
+    #[must_use]
+    pub fn can_revote(&self) -> bool {
+        can_revote(self.cloud.len(), &self.votes)
     }
 
     /// With the labels of the masks now, for work that must not depend on whether a window let the cloud follow; as it is
@@ -62,13 +60,13 @@ impl VotedCloud {
     ///
     /// # Errors
     /// As [`vote_again`].
-    pub(crate) fn up_to_date(
+    pub fn up_to_date(
         self,
         project: &Project,
         store: &FrameStore,
         progress: &Progress,
     ) -> Result<Self, SceneError> {
-        if !is_stale(project) || !self.can_vote_again() {
+        if !is_stale(project) || !self.can_revote() {
             return Ok(self);
         }
         let voters: Vec<usize> = self.votes.frames().collect();
@@ -80,7 +78,7 @@ impl VotedCloud {
     ///
     /// # Errors
     /// As [`vote_again`].
-    pub(crate) fn relabelled(
+    pub fn relabelled(
         &self,
         project: &Project,
         store: &FrameStore,
@@ -125,7 +123,7 @@ impl VotedCloud {
 ///
 /// # Errors
 /// As [`vote_again`].
-pub(crate) fn relabelled_mesh(
+pub fn relabelled_mesh(
     mesh: LabelledMesh,
     votes: &Votes,
     project: &Project,
@@ -147,18 +145,26 @@ pub(crate) fn relabelled_mesh(
 }
 
 /// Whether the project's cloud was made from inputs that changed since.
-pub(crate) fn is_stale(project: &Project) -> bool {
+#[must_use]
+pub fn is_stale(project: &Project) -> bool {
     project
         .results
         .get(&ResultKind::Cloud)
         .is_some_and(|record| record.stale)
 }
 
+/// Whether so many points can be labelled again from the votes: they are votes on these points, and frames are known
+/// that see them. Without any, masks made since would change nothing, and the points have to be made again.
+#[must_use]
+pub fn can_revote(points: usize, votes: &Votes) -> bool {
+    votes.len() == points && votes.frames().next().is_some()
+}
+
 /// Reads the votes on a cloud or mesh of so many points.
 ///
 /// # Errors
 /// When the file is missing or damaged, or belongs to other points or frames: a program may have replaced one of the files.
-pub(crate) fn read_votes_on(path: &Path, points: usize, frames: &[Frame]) -> Result<Votes> {
+pub fn read_votes_on(path: &Path, points: usize, frames: &[Frame]) -> Result<Votes> {
     let votes = read_votes_file(path)?;
     ensure!(
         votes.len() == points,
@@ -187,7 +193,7 @@ fn read_votes_file(path: &Path) -> Result<Votes> {
 ///
 /// # Errors
 /// When the file cannot be written.
-pub(crate) fn save_votes(path: &Path, votes: &Votes) -> Result<()> {
+pub fn save_votes(path: &Path, votes: &Votes) -> Result<()> {
     let write = || -> std::io::Result<()> {
         let mut file = AtomicFile::create(path)?;
         let mut out = BufWriter::new(file.as_file());

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use ostra_cloud::measure::{GroundChoice, LengthUnit};
 use ostra_frames::cameras::ModelEncoding;
-use ostra_masks::LabelId;
+use ostra_masks::{LabelId, Prompt};
 
 /// Where cameras and depths come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -168,4 +168,72 @@ pub struct ExportRequest {
     /// replaced.
     #[serde(default)]
     pub overwrite: bool,
+}
+
+/// A prompt for one label on one frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PromptRequest {
+    /// Frame number.
+    pub frame: usize,
+    /// For which label.
+    pub label: LabelId,
+    /// All that is given (sets, not adds).
+    pub prompt: Prompt,
+    /// `auto`, `sam`, `sam-close` or `builtin`.
+    pub segmenter: String,
+}
+
+/// A change of labels over a range of frames.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RangeRequest {
+    /// Which labels; none = all.
+    pub labels: Vec<LabelId>,
+    /// First frame.
+    pub from: usize,
+    /// Last frame (included).
+    pub to: usize,
+    /// What is done.
+    pub change: RangeChange,
+    /// Copied and interpolated labels are written over others too.
+    #[serde(default)]
+    pub replace: bool,
+}
+
+/// What can be done to labels over a range of frames.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum RangeChange {
+    /// They are not there: pixels and prompts go, and no tracker brings them back.
+    Delete,
+    /// They may be there again; trackers find them.
+    Restore,
+    /// Their pixels stay as they are, whoever tracks, clicks or paints.
+    Lock,
+    /// No longer so.
+    Unlock,
+    /// Kept, but neither drawn, voted nor exported.
+    Hide,
+    /// No longer so.
+    Show,
+    /// Their pixels and clicks become another label's.
+    Merge {
+        /// That label.
+        into: LabelId,
+    },
+    /// One piece of the label becomes another label; on the other frames what lies nearer to it than to the rest.
+    Split {
+        /// Where the piece is pointed at.
+        frame: usize,
+        /// A pixel of the piece.
+        at_px: DVec2,
+        /// The piece's label.
+        into: LabelId,
+    },
+    /// Between the first and the last frame of the range, shapes lie between theirs.
+    Interpolate,
+    /// As on another frame; the frames become anchors.
+    Copy {
+        /// That frame.
+        frame: usize,
+    },
 }

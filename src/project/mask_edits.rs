@@ -1,16 +1,15 @@
-//! Masks as a project holds them, and the edits that change one frame's.
+//! Masks as a project holds them, and the edits that change the mask of one frame.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use anyhow::{Context, Result, ensure};
 
-use ostra_cloud::fuse::naming;
-use ostra_masks::{LabelId, LabelMask, PaintRule, RunMask};
-use ostra_project::{Edit, FrameMask, MaskOrigin, Project};
+use crate::{Edit, FrameMask, MaskOrigin, Project};
+use ostra_masks::{LabelId, LabelMask, RunMask};
 
-/// The edits that give a frame the mask that the user made there: it becomes an anchor, locked labels stay as they are,
-/// and a label that the mask shows is there again.
+/// The edits that give a frame a mask of the user's: the frame becomes an anchor, locked labels stay as they are, and
+/// labels that the mask shows are no longer marked as absent.
 pub fn by_hand(project: &Project, frame: usize, mask: &LabelMask) -> Vec<Edit> {
     let runs = project.with_locks(frame, Arc::new(RunMask::encode(mask)));
     let mut edits = vec![Edit::SetMask {
@@ -21,7 +20,10 @@ pub fn by_hand(project: &Project, frame: usize, mask: &LabelMask) -> Vec<Edit> {
     edits
 }
 
-/// Fails when the label is not there or locked on the frame.
+/// Refuses a label that is locked on the frame.
+///
+/// # Errors
+/// When the label is missing or locked there.
 pub fn check_unlocked(project: &Project, frame: usize, label: LabelId) -> Result<()> {
     let name = label_name(project, label)?;
     let locked = project.locked_on(frame).contains(&label);
@@ -32,23 +34,20 @@ pub fn check_unlocked(project: &Project, frame: usize, label: LabelId) -> Result
     Ok(())
 }
 
-/// What becomes of other labels' pixels.
-pub fn rule(replace: bool) -> PaintRule {
-    if replace {
-        PaintRule::Replace
-    } else {
-        PaintRule::Protect
-    }
-}
-
-/// A frame's mask as pixels; nothing anywhere when it has none.
+/// A frame's mask as pixels; no label anywhere when it has none.
+///
+/// # Errors
+/// When there is no such frame.
 pub fn mask_of(project: &Project, frame: usize) -> Result<LabelMask> {
     let of = project.frame(frame)?;
     let mask = project.masks.get(&frame).map(|mask| mask.runs.decode());
     Ok(mask.unwrap_or_else(|| LabelMask::empty(of.width, of.height)))
 }
 
-/// The name of a label that must be there.
+/// The name of a label.
+///
+/// # Errors
+/// When there is no such label.
 pub fn label_name(project: &Project, id: LabelId) -> Result<&str> {
     let label = project
         .labels
@@ -57,12 +56,12 @@ pub fn label_name(project: &Project, id: LabelId) -> Result<&str> {
     Ok(&label.name)
 }
 
-/// The mask as an anchor holds it.
+/// An anchor with this mask.
 pub fn anchor(mask: &LabelMask) -> FrameMask {
     anchor_of(Arc::new(RunMask::encode(mask)))
 }
 
-/// Runs as an anchor holds them.
+/// An anchor with these runs.
 pub fn anchor_of(runs: Arc<RunMask>) -> FrameMask {
     FrameMask {
         runs,
@@ -72,8 +71,9 @@ pub fn anchor_of(runs: Arc<RunMask>) -> FrameMask {
     }
 }
 
-/// The edit that gives a frame other runs, locked labels as they are; none when nothing changes. An anchor stays one.
-pub(crate) fn changed(
+/// The edit that gives a frame other runs, with locked labels as they are; `None` when nothing changes. An anchor stays an
+/// anchor.
+pub fn changed(
     project: &Project,
     frame: usize,
     mask: &FrameMask,
@@ -96,12 +96,4 @@ pub(crate) fn changed(
             ..mask.clone()
         }),
     })
-}
-
-/// One line that names frames whose masks are changed without their depth, which cannot be read.
-pub(crate) fn without_depth(names: &[&str]) -> Option<String> {
-    naming(
-        "have a depth that cannot be read, and their masks are changed without it; check their files",
-        names,
-    )
 }

@@ -1,0 +1,291 @@
+//! What a prompt means on a frame: which answer it refines, what a segmenter is asked, and which pixels its answer takes.
+//!
+//! Window, command line, preview and simulated users all go through [`PromptMeaning`], so that they agree.
+
+use anyhow::{Context, Result, ensure};
+
+use crate::mask_edits::{anchor, by_hand, label_name, mask_of};
+use crate::{Edit, FrameMask, Project, PromptRequest};
+use ostra_core::job::Progress;
+use ostra_masks::{
+    Click, LabelAnswer, LabelId, LabelMask, LabelTree, PreparedFrame, Prompt, Region,
+    SegmentRequest, compose, erase, landmarks, taken_by_others,
+};
+
+/// What a prompt means on a frame with the mask, prompts and labels that it has.
+#[derive(Debug, Clone)]
+pub struct PromptMeaning {
+    frame: usize,
+    label: LabelId,
+    /// As the project stores it.
+    prompt: Prompt,
+    /// The mask that the answer is composed into.
+    mask: LabelMask,
+    /// The pixels that the first question refines.
+    previous: Option<Region>,
+    /// In order; the answer to each is refined by the next, and the last answer counts.
+    questions: Vec<Question>,
+    /// Labels whose pixels the answer may take.
+    yielding: Vec<LabelId>,
+    of: State,
+}
+
+/// What a segmenter is asked.
+#[derive(Debug, Clone)]
+struct Question {
+    prompt: Prompt,
+    /// Pixels that the answer may not take.
+    taken: Option<Region>,
+}
+
+/// What a meaning depends on besides the prompt.
+#[derive(Debug, Clone, PartialEq)]
+struct State {
+    mask: Option<FrameMask>,
+    prompts: Vec<(LabelId, Prompt)>,
+    labels: LabelTree,
+}
+
+impl State {
+    fn of(project: &Project, frame: usize) -> Self {
+        let range = (frame, LabelId(0))..=(frame, LabelId(u16::MAX));
+        let prompts = project.prompts.range(range);
+        Self {
+            mask: project.masks.get(&frame).cloned(),
+            prompts: prompts
+                .map(|(&(_, label), prompt)| (label, prompt.clone()))
+                .collect(),
+            labels: project.labels.clone(),
+        }
+    }
+}
+
+impl PromptMeaning {
+    /// What a prompt means to the project as it is.
+    ///
+    /// # Errors
+    /// When there is no such frame.
+    pub fn new(project: &Project, request: &PromptRequest) -> Result<Self> {
+        let mask = mask_of(project, request.frame)?;
+        let before = project.prompts.get(&(request.frame, request.label));
+        let corrects = corrects(before, &mask, request);
+        let previous = refines(before, corrects, &request.prompt)
+            .then(|| mask.region(request.label))
+            .filter(|region| region.area() > 0);
+        let clicks = request.prompt.clicks.len();
+        let first = if corrects {
+            // Of several new clicks on a mask each is answered on its own.
+            clicks.min(1 + before.map_or(0, |before| before.clicks.len()))
+        } else {
+            clicks
+        };
+        let questions = (first..=clicks).map(|clicks| {
+            let mut request = request.clone();
+            request.prompt.clicks.truncate(clicks);
+            Question {
+                taken: taken(project, &mask, &request),
+                prompt: Prompt {
+                    corrects,
+                    ..against_rivals(project, &mask, &request)
+                },
+            }
+        });
+        Ok(Self {
+            frame: request.frame,
+            label: request.label,
+            prompt: Prompt {
+                corrects,
+                ..request.prompt.clone()
+            },
+            previous,
+            questions: questions.collect(),
+            yielding: giving_way(project, &mask, request),
+            of: State::of(project, request.frame),
+            mask,
+        })
+    }
+
+    /// Whether the prompt still means this to the project.
+    #[must_use]
+    pub fn is_of(&self, project: &Project) -> bool {
+        self.of == State::of(project, self.frame)
+    }
+
+    /// The pixels that the prompt asks for, given all else that the frame shows.
+    ///
+    /// # Errors
+    /// What the segmenter says, or on a stop.
+    pub fn segment(&self, ready: &dyn PreparedFrame, progress: &Progress) -> Result<Region> {
+        let mut answer = None;
+        for question in &self.questions {
+            let request = SegmentRequest {
+                prompt: &question.prompt,
+                previous: answer.as_ref().or(self.previous.as_ref()),
+                taken: question.taken.as_ref(),
+            };
+            answer = Some(ready.segment(&request, progress)?);
+        }
+        answer.context("the prompt is empty")
+    }
+
+    /// The frame's mask with an answer composed into it.
+    ///
+    /// # Errors
+    /// When the answer is of another size than the frame.
+    pub fn compose(&self, project: &Project, region: &Region) -> Result<LabelMask> {
+        let mut mask = self.mask.clone();
+        let answer = LabelAnswer {
+            region,
+            label: self.label,
+            prompt: &self.prompt,
+            replaceable: &self.yielding,
+        };
+        compose(&mut mask, &answer, &project.labels)?;
+        Ok(mask)
+    }
+
+    /// The edits that store the prompt and give the frame the mask with an answer composed into it.
+    ///
+    /// # Errors
+    /// When the answer is of another size than the frame.
+    pub fn edits(&self, project: &Project, region: &Region) -> Result<Vec<Edit>> {
+        let mask = self.compose(project, region)?;
+        let mut edits = vec![Edit::SetPrompt {
+            frame: self.frame,
+            label: self.label,
+            prompt: Some(self.prompt.clone()),
+        }];
+        edits.extend(by_hand(project, self.frame, &mask));
+        Ok(edits)
+    }
+}
+
+/// The edits that take a label off a frame; a frame on which nothing is left is no longer a keyframe.
+///
+/// # Errors
+/// When the frame or label is missing, or the label is not on the frame.
+pub fn without_label(project: &Project, frame: usize, label: LabelId) -> Result<Vec<Edit>> {
+    let mut mask = mask_of(project, frame)?;
+    let everywhere = Region {
+        inside: vec![true; mask.ids.len()],
+        width: mask.width,
+        height: mask.height,
+    };
+    let taken = erase(&mut mask, &everywhere, Some(label))?;
+    let name = label_name(project, label)?;
+    let given = project.prompts.contains_key(&(frame, label));
+    ensure!(given || taken > 0, "label '{name}' is not on frame {frame}");
+    let mut edits = vec![Edit::SetPrompt {
+        frame,
+        label,
+        prompt: None,
+    }];
+    if taken > 0 {
+        let others = project
+            .prompts
+            .keys()
+            .any(|&(of, other)| of == frame && other != label);
+        let left = others || mask.ids.iter().any(|&id| id != LabelId::NONE);
+        edits.push(Edit::SetMask {
+            frame,
+            mask: left.then(|| anchor(&mask)),
+        });
+    }
+    Ok(edits)
+}
+
+/// Whether the new prompt is the former one and one click more, or the first click on a mask that a tracker brought: then the
+/// answer is refined. On a mask that is corrected there may be several clicks more, so that clicking faster than answers
+/// come does not lose the mask under the clicks.
+fn refines(before: Option<&Prompt>, corrects: bool, prompt: &Prompt) -> bool {
+    let nothing = Prompt::default();
+    let before = before.unwrap_or(&nothing);
+    let goes_on = prompt.boxes == before.boxes && prompt.clicks.starts_with(&before.clicks);
+    goes_on && (prompt.clicks.len() == before.clicks.len() + 1 || corrects)
+}
+
+/// Whether a prompt's clicks correct a mask that the label had on the frame before any of them.
+fn corrects(before: Option<&Prompt>, mask: &LabelMask, request: &PromptRequest) -> bool {
+    let Prompt { clicks, boxes, .. } = &request.prompt;
+    match before {
+        Some(before) => {
+            before.corrects && *boxes == before.boxes && clicks.starts_with(&before.clicks)
+        }
+        None => boxes.is_empty() && mask.ids.contains(&request.label),
+    }
+}
+
+/// The prompt of the label, and excluding clicks where other labels of the frame were clicked. Labels above or below the
+/// label are no rivals. For a mask without clicks, the middles of its parts stand in.
+fn against_rivals(project: &Project, mask: &LabelMask, request: &PromptRequest) -> Prompt {
+    let mut prompt = request.prompt.clone();
+    let Some(newest) = prompt.clicks.last().map(|click| click.at_px) else {
+        return prompt;
+    };
+    let kin = [
+        project.labels.path(request.label),
+        project.labels.descendants(request.label),
+    ]
+    .concat();
+    let prompted = |id: LabelId| project.prompts.get(&(request.frame, id));
+    let stand_ins = |id: LabelId, include: bool| -> Vec<Click> {
+        let points = landmarks(&mask.region(id), STAND_INS);
+        let away = points
+            .into_iter()
+            .filter(|point| point.distance(newest) > STAND_IN_AWAY_PX);
+        away.map(|at_px| Click { at_px, include }).collect()
+    };
+    let mut given = Vec::new();
+    for id in project
+        .labels
+        .iter()
+        .map(|label| label.id)
+        .filter(|id| !kin.contains(id))
+    {
+        match prompted(id) {
+            Some(rival) => {
+                let includes = rival.clicks.iter().filter(|click| click.include);
+                given.extend(includes.map(|click| Click {
+                    include: false,
+                    ..*click
+                }));
+            }
+            None => given.extend(stand_ins(id, false)),
+        }
+    }
+    if prompted(request.label).is_none() {
+        given.extend(stand_ins(request.label, true));
+    }
+    prompt.clicks.splice(0..0, given);
+    prompt
+}
+
+/// Most parts of a mask without clicks that get a stand-in.
+const STAND_INS: usize = 8;
+/// Stand-ins keep this far from the newest click, because what lies there may be wrong.
+const STAND_IN_AWAY_PX: f64 = 20.0;
+
+/// The label that gives way to an answer: the one in whose pixels the newest click lies, if that click includes, because
+/// the user marks the label as wrong there.
+fn giving_way(project: &Project, mask: &LabelMask, request: &PromptRequest) -> Vec<LabelId> {
+    let newest = request.prompt.clicks.last().filter(|click| click.include);
+    let contested = newest
+        .and_then(|click| click.pixel_in(mask.width, mask.height))
+        .map(|at| mask.ids[at]);
+    let below = project.labels.descendants(request.label);
+    contested
+        .into_iter()
+        .filter(|id| *id != LabelId::NONE && !below.contains(id))
+        .collect()
+}
+
+/// The pixels that an answer may not take: those of other labels, but for parts of the label.
+fn taken(project: &Project, mask: &LabelMask, request: &PromptRequest) -> Option<Region> {
+    let mut open = giving_way(project, mask, request);
+    open.extend(project.labels.descendants(request.label));
+    let taken = taken_by_others(mask, request.label, &open, &project.labels);
+    taken.inside.contains(&true).then_some(taken)
+}
+
+#[cfg(test)]
+mod tests;

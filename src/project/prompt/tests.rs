@@ -1,0 +1,175 @@
+use std::sync::Mutex;
+
+use glam::DVec2;
+
+use super::*;
+use crate::testing::{anchor, project, tracked};
+use ostra_masks::MaskError;
+
+const LEAF: LabelId = LabelId(1);
+const STEM: LabelId = LabelId(2);
+
+/// Answers with the rows of all clicks that include, and notes what it was asked.
+#[derive(Default)]
+struct RowSegmenter {
+    asked: Mutex<Vec<Asked>>,
+}
+
+struct Asked {
+    prompt: Prompt,
+    previous: Option<Region>,
+    taken: Option<Region>,
+}
+
+impl PreparedFrame for RowSegmenter {
+    fn segment(
+        &self,
+        request: &SegmentRequest<'_>,
+        _progress: &Progress,
+    ) -> Result<Region, MaskError> {
+        self.asked.lock().unwrap().push(Asked {
+            prompt: request.prompt.clone(),
+            previous: request.previous.cloned(),
+            taken: request.taken.cloned(),
+        });
+        let includes = request.prompt.clicks.iter().filter(|click| click.include);
+        let rows: Vec<usize> = includes.map(|click| click.at_px.y as usize).collect();
+        Ok(Region {
+            width: 4,
+            height: 3,
+            inside: (0..12).map(|at| rows.contains(&(at / 4))).collect(),
+        })
+    }
+
+    fn bytes(&self) -> usize {
+        0
+    }
+}
+
+fn with_mask(ids: [u16; 3]) -> Project {
+    let mut project = project();
+    let edit = Edit::SetMask {
+        frame: 0,
+        mask: Some(anchor(ids)),
+    };
+    project.apply(edit).unwrap();
+    project
+}
+
+fn request(label: LabelId, clicks: &[(f64, f64, bool)]) -> PromptRequest {
+    let click = |&(x, y, include): &(f64, f64, bool)| Click {
+        at_px: DVec2::new(x, y),
+        include,
+    };
+    PromptRequest {
+        frame: 0,
+        label,
+        prompt: Prompt {
+            clicks: clicks.iter().map(click).collect(),
+            ..Prompt::default()
+        },
+        segmenter: "builtin".into(),
+    }
+}
+
+#[test]
+fn each_new_click_on_a_mask_refines_the_answer_to_the_one_before() {
+    let project = with_mask([1, 0, 0]);
+    let request = request(LEAF, &[(0.5, 1.5, true), (0.5, 2.5, true)]);
+    let meaning = PromptMeaning::new(&project, &request).unwrap();
+    let segmenter = RowSegmenter::default();
+    let region = meaning.segment(&segmenter, &Progress::default()).unwrap();
+    let asked = segmenter.asked.into_inner().unwrap();
+    assert_eq!(asked.len(), 2);
+    assert!(asked.iter().all(|asked| asked.prompt.corrects));
+    assert_eq!(
+        asked[0].previous,
+        Some(anchor([1, 0, 0]).runs.region(LEAF)),
+        "the mask that is corrected"
+    );
+    assert_eq!(
+        asked[1].previous.as_ref().map(Region::area),
+        Some(4),
+        "the answer to the first click"
+    );
+    let edits = meaning.edits(&project, &region).unwrap();
+    let Edit::SetPrompt {
+        prompt: Some(stored),
+        ..
+    } = &edits[0]
+    else {
+        panic!("{edits:?}")
+    };
+    assert!(stored.corrects && stored.gives_as(&request.prompt));
+}
+
+#[test]
+fn the_label_under_the_newest_click_gives_way_if_the_click_includes() {
+    let project = with_mask([0, 2, 2]);
+    let taken = |include: bool| {
+        let request = request(LEAF, &[(0.5, 0.5, true), (0.5, 1.5, include)]);
+        let meaning = PromptMeaning::new(&project, &request).unwrap();
+        let segmenter = RowSegmenter::default();
+        let region = meaning.segment(&segmenter, &Progress::default()).unwrap();
+        let asked = segmenter.asked.into_inner().unwrap();
+        let mask = meaning.compose(&project, &region).unwrap();
+        (
+            asked.last().unwrap().taken.as_ref().map(Region::area),
+            mask.region(STEM).area(),
+        )
+    };
+    assert_eq!(taken(true), (None, 4), "one row of the stem is given up");
+    assert_eq!(taken(false), (Some(8), 8), "the stem keeps its pixels");
+}
+
+#[test]
+fn clicks_of_other_labels_exclude() {
+    let mut project = with_mask([0, 0, 2]);
+    let given = request(STEM, &[(2.5, 2.5, true)]);
+    project
+        .apply(Edit::SetPrompt {
+            frame: 0,
+            label: STEM,
+            prompt: Some(given.prompt),
+        })
+        .unwrap();
+    let meaning = PromptMeaning::new(&project, &request(LEAF, &[(0.5, 0.5, true)])).unwrap();
+    let asked: Vec<bool> = meaning.questions[0]
+        .prompt
+        .clicks
+        .iter()
+        .map(|click| click.include)
+        .collect();
+    assert_eq!(asked, [false, true]);
+}
+
+#[test]
+fn a_preview_and_a_click_ask_the_same_and_change_the_same_pixels() {
+    let project = with_mask([1, 2, 0]);
+    let request = request(LEAF, &[(0.5, 1.5, true)]);
+    let answer = || {
+        let meaning = PromptMeaning::new(&project, &request).unwrap();
+        let segmenter = RowSegmenter::default();
+        let region = meaning.segment(&segmenter, &Progress::default()).unwrap();
+        (meaning, region)
+    };
+    let (_, preview) = answer();
+    let (clicked, region) = answer();
+    assert_eq!(preview, region);
+    let mask = clicked.compose(&project, &region).unwrap();
+    assert_eq!(mask.region(LEAF), preview);
+}
+
+#[test]
+fn a_meaning_holds_until_the_frame_or_a_label_changes() {
+    let mut project = with_mask([1, 0, 0]);
+    let meaning = PromptMeaning::new(&project, &request(LEAF, &[(0.5, 1.5, true)])).unwrap();
+    let set = |frame| Edit::SetMask {
+        frame,
+        mask: Some(tracked([1, 1, 0])),
+    };
+    project.apply(set(1)).unwrap();
+    assert!(meaning.is_of(&project), "another frame");
+    project.apply(set(0)).unwrap();
+    assert!(!meaning.is_of(&project));
+}
