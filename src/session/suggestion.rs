@@ -31,7 +31,8 @@ pub enum Reason {
     Proposed(f32),
 }
 
-/// Things that words found on a frame, to be taken or not.
+/// Things that words found on a frame, to be taken or not: a search changes nothing. What the user takes becomes labels and masks in
+/// one step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grounding {
     /// Frame number.
