@@ -150,7 +150,8 @@ pub struct TrackRequest {
     pub frames: Arc<Vec<Frame>>,
     /// Where pictures and depths are loaded.
     pub store: Arc<FrameStore>,
-    /// The masks that are held fixed, by frame number; they may lie outside the range.
+    /// The masks that are held fixed, by frame number; they may lie outside the range. A label that such a mask does not show is
+    /// unknown there, not absent.
     pub anchors: BTreeMap<usize, Arc<LabelMask>>,
     /// First frame to track.
     pub from: usize,
@@ -214,7 +215,8 @@ pub struct TrackedFrame {
     pub mask: LabelMask,
     /// Per label in the mask, how sure the tracker is, 0–1.
     pub confidence: BTreeMap<LabelId, f32>,
-    /// A better answer for this frame is still to come.
+    /// A better answer for this frame is still to come: between two keyframes the flow tracker reports the masks of its first
+    /// pass at once and replaces them where the second pass meets it.
     pub preliminary: bool,
 }
 

@@ -21,7 +21,7 @@ pub(super) struct Embeddings {
 const BUDGET_BYTES: u64 = 2 << 30;
 
 impl Embeddings {
-    /// Those in our data folder; `None` where the system tells none.
+    /// Those in the user's data folder, not in the project: they only save time. `None` where the system names none.
     pub(super) fn ours() -> Option<Self> {
         let folder = models_folder().ok()?.parent()?.join("embeddings");
         Some(Self {

@@ -1,6 +1,7 @@
 use ostra_masks::PxBox;
 
-/// Things that words found on a frame, to be taken or not.
+/// Things that words found on a frame, to be taken or not: a search changes nothing. What the user takes becomes labels and
+/// masks in one step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grounding {
     /// Frame number.

@@ -1,3 +1,5 @@
+//! Networks are loaded by the first job that needs them, so that nothing in the window waits for one.
+
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::embeddings::Embeddings;

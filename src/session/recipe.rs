@@ -9,7 +9,8 @@ use ostra_core::disk;
 /// A larger recipe is not read.
 const MAX_BYTES: u64 = 1 << 30;
 
-/// The commands of a project in its folder, one a line, oldest first, over all sittings.
+/// The commands of a project in its folder, one a line, oldest first, over all sittings. Written without waiting for the
+/// disk: the project is made of its journal, and this file may be deleted.
 const FILE: &str = "recipe.jsonl";
 
 impl Session {

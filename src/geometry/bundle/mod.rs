@@ -2,6 +2,8 @@
 //!
 //! After B. Triggs, P. McLauchlan, R. Hartley, A. Fitzgibbon, *Bundle Adjustment — A Modern Synthesis*, Vision
 //! Algorithms 1999: Levenberg–Marquardt, the points eliminated first (Schur complement), the rest factored in blocks.
+//!
+//! The only part of this crate that uses rayon. Sums keep a fixed order, so that the result is the same for any number of threads.
 
 mod adjust;
 mod arrange;

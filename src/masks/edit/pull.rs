@@ -8,6 +8,11 @@ use crate::{LabelId, LabelMask, LabelTree, MaskError, Region, outlines};
 /// How far along the border a pull of no length would reach, in pixels.
 const REACH_PX: f64 = 4.0;
 /// What is added to the reach for each pixel that a border is pulled.
+///
+/// The reach follows from the length of the drag, so that there is nothing to set. On twelve tracked frames of `bmx-trees`
+/// between true ones, corrections to an IoU of 0.90 took 812 clicks with a free choice of four reaches for each drag, and 986
+/// with polygons alone. On four of these frames the reach by the length took 239, the free choice 207 and polygons 348
+/// (measured by a script; `ostra eval interact` counts a drag as one click).
 const REACH_PER_PX: f64 = 2.0;
 /// The least that gives way around a tip, in pixels.
 const LEAST_REACH_PX: f64 = 1.0;

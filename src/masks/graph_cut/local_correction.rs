@@ -2,6 +2,10 @@
 //! the click is deep, and all else stays to the pixel. After *Progressive Merge*, where a click on a given mask changes one
 //! connected part around itself (X. Chen et al., "FocalClick: Towards Practical Interactive Image Segmentation", CVPR 2022); the
 //! part is a minimum cut here.
+//!
+//! Without it, clicks on tracked masks of `bmx-trees`, four a frame, lowered the IoU by 0.015 each on average when they were
+//! answered like clicks that build a mask: a piece of 90 pixels of a wheel's rim is smaller than the smallest region nearby. With
+//! it they raise the IoU by 0.006. With depth, clicks are still answered by regions, which end where depth jumps.
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -15,7 +19,10 @@ use ostra_frames::Image;
 struct CorrectionOptions {
     /// Half the side of the square around the click in which pixels may change.
     reach_px: f32,
-    /// Bounds of the depth of a click: its distance from the mask's border where it is on its own side.
+    /// Bounds of the depth of a click: its distance from the mask's border where it is on its own side. It limits how thick the
+    /// change may be, because users click in the middle of what is wrong: without it a click 20 pixels from the mask took
+    /// 4,700 pixels where 140 were meant. Beyond 8 pixels it says little: most errors of tracked masks are small and not
+    /// connected to the mask.
     depth_px: (f32, f32),
     /// What is certain to be meant: radius in depths of the click.
     certain: f32,
@@ -33,6 +40,8 @@ struct CorrectionOptions {
     outline: f32,
 }
 
+/// Variants that gain more pixels per click on average (a single depth for the limit, colours of the mask next to the click as well)
+/// do harm more often.
 const OPTIONS: CorrectionOptions = CorrectionOptions {
     reach_px: 40.0,
     depth_px: (1.5, 8.0),

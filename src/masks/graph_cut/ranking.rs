@@ -34,6 +34,10 @@ pub type Weights = [[f32; TERMS]; 6];
 /// plants (seeds 2–11) and bricks. The last feature's is set by hand and to be kept when all are fitted again: without depth, a late
 /// click rarely means a great part of the answer (−1 over [`SHARPNESS`] but for the first click), and a fit to the mean gain
 /// of all clicks hardly sees the few that take one away or bring one.
+///
+/// Without that weight some clicks without depth removed a torso or a head together with what they meant. Clicks of rival
+/// labels count for it, since a prompt does not distinguish them, and bringing back what one click removed is as expensive. With
+/// depth, which shows where an object ends, it brought nothing (`cargo bench --bench segmenter -- davis shelf`).
 #[rustfmt::skip]
 pub const WEIGHTS: Weights = [
     [-37.7001, 0.1882, -0.8458, 0.6662, -18.3394, 0.0000, -7.1185, 1.2843, -1.8756, 0.0341, -0.5004, 8.8754, 0.1882, 0.0000, 0.0000, 3.6995, 3.0869, -5.2035, -1.1709, -4.7081, 3.0330, 0.0000, 0.0000, 0.0000, 0.0000, 0.0000, -0.0468, -0.0745, -1.3597, 0.0075, -0.2158],

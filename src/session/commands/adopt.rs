@@ -20,6 +20,9 @@ impl Session {
     /// Gives pieces without a label that hang on one labelled thing to it: the pixels of all masks that see them and
     /// show nothing there, and the points of the cloud with them, in one step. Frames without a mask get none. Where
     /// there is no such piece, nothing happens.
+    ///
+    /// A command of its own and no part of `fuse`, because it changes masks: visibly, and in one step that undo takes back.
+    /// The demo runs it before the last fusion.
     pub(crate) fn adopt(&mut self, request: AdoptRequest) -> Result<JobId> {
         self.correct("Adopt hanging pieces", move |correcting, progress| {
             correcting.adopted(request, progress)

@@ -52,7 +52,7 @@ impl Session {
         ExportTargets::of(&project, self.root(), overwrite).check_files([file])
     }
 
-    /// Writes an image by `write` on a worker thread.
+    /// Writes an image by `write` on a worker thread: this crate does not know how to draw, and the one that does knows no jobs.
     ///
     /// # Errors
     /// As [`Self::check_export`].
@@ -77,7 +77,7 @@ impl Session {
         }))
     }
 
-    /// Writes a video whose images `draw` makes, by their number, on a worker thread.
+    /// Writes a video whose images `draw` makes, by their number, on a worker thread, as [`Self::write_picture`] does.
     ///
     /// # Errors
     /// As [`Self::check_export`].

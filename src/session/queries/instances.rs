@@ -77,7 +77,8 @@ pub(crate) struct FoundInstances {
     pub(crate) choice: Vec<Option<LabelId>>,
 }
 
-/// Looks for instances among the points that carry the label itself.
+/// Looks for instances among the points that carry the label itself. The preview and the command both call this, so that what is
+/// proposed is what is made.
 pub(crate) fn find_instances(
     tree: &LabelTree,
     cloud: &LabelledCloud,

@@ -8,7 +8,8 @@ use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_project::Project;
 
-/// The steps that choose points of a cloud.
+/// The steps that choose points of a cloud; the points follow from them in the background. The steps are also what a command
+/// carries, so that a recipe makes the same selection on another cloud.
 #[derive(Clone)]
 pub(crate) struct SelectionKey {
     cloud: Weak<LabelledCloud>,

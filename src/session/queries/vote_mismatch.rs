@@ -57,6 +57,9 @@ impl QueryKey for VoteMismatchKey {
 
 /// Where accepting the vote would give the frame other labels, those hidden on it left aside.
 ///
+/// Locks are applied to the vote as they are when it is accepted, so that the stripes show what *Accept vote* would change.
+/// Differences within two pixels of a border are ignored, as in the list of conflicts.
+///
 /// # Errors
 /// As [`mask_by_vote`].
 pub(crate) fn find_vote_mismatch(

@@ -10,6 +10,9 @@ use crate::propagate::shown_labels;
 use ostra_masks::{LabelId, LabelMask, MaskError};
 
 /// Computes features of an image cell by cell, alike for the same part of a thing in every image of it.
+///
+/// The tracker compares features and reads masks from them; a network only computes them. So any network of dense features
+/// can serve.
 pub trait DenseFeatures: Debug + Send + Sync {
     /// The features of the cells; `grey` is row by row, 0–1, and `size` its columns and rows.
     ///

@@ -1,3 +1,11 @@
+//! What small patches of frames with known masks say about the pixels of another frame.
+//!
+//! The errors that remain between true neighbours are outlines that neither neighbour shows. With true masks on every second
+//! frame of `bmx-trees` the others have a mean J of 0.785 (`libby` 0.921, the other five videos 0.958 to 0.991), and 0.46 to 0.73
+//! where twigs one or two pixels wide pass in front of the rider. Tried without gain: patches along the background's motion,
+//! which the twigs follow (0.783; 0.774 within 8 px), a search twice as wide (0.780), and the shape that both neighbours predict by
+//! flow and by the object's motion (0.783). (`cargo bench --bench flow -- --every 2`)
+
 use glam::{Affine2, Vec2};
 use rayon::prelude::*;
 use wide::f32x8;

@@ -133,7 +133,8 @@ fn confidence(
     confidence
 }
 
-/// What geometry is sure of in each pixel of a tracker's mask; `None` where it abstains, as it does of objects that moved.
+/// What geometry is sure of in each pixel of a tracker's mask; `None` where it abstains: without depth, where keyframes do not see
+/// the surface or disagree about it, and about objects that moved.
 fn judge(
     evidence: &ReprojectedLabels,
     tracked: &LabelMask,

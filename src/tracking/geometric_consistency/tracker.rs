@@ -16,6 +16,11 @@ use ostra_masks::{
 /// label counts, but for borders of a few pixels; an object that is mostly elsewhere (swapped with another, drifted away,
 /// lost) is given to the tracker again on that frame. Geometry abstains where no keyframe sees the frame's surface, as where
 /// an object moved, and on frames without depth or camera.
+///
+/// The tracker runs in one direction at a time. Each of its masks is compared with the keyframes' labels in that frame, which are
+/// computed ahead, one frame per thread. Where an object drifted, the tracker is stopped by its own part of the job's
+/// `Progress` and starts again with the corrected mask as a keyframe of this pass alone. The passes are merged as those of the
+/// flow tracker are, by `merged`.
 pub struct ConsistencyTracker {
     /// The tracker.
     pub tracker: Box<dyn Tracker>,

@@ -7,6 +7,8 @@ use ostra_core::job::Progress;
 use ostra_masks::{Direction, LabelMask, MaskError, TrackRequest, TrackedFrame};
 
 /// An engine that carries masks from one frame to the next. One object serves the passes of one [`Section`].
+///
+/// What it remembers are Rust values of bounded size; the networks behind it have no state.
 pub(crate) trait MaskPropagator {
     /// Forgets all objects: the frames that follow belong to a pass in this direction.
     fn start_pass(&mut self, direction: Direction);

@@ -146,9 +146,11 @@ impl PropagationPlan {
                 .collect();
             let pass = |direction: Direction, frames: &[usize]| {
                 let is_wanted = [Direction::Both, direction].contains(&request.direction);
-                is_wanted
-                    .then(|| Pass::through(frames, &keyframes, &asked))
-                    .unwrap_or_default()
+                if is_wanted {
+                    Pass::through(frames, &keyframes, &asked)
+                } else {
+                    Pass::default()
+                }
             };
             let forward = pass(Direction::Forward, &frames);
             frames.reverse();

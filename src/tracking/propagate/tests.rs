@@ -351,7 +351,7 @@ fn images_of_another_size_have_their_own_passes_or_are_named() {
 fn unreadable_frames_are_left_out_and_named() {
     let sequence = Sequence::new(5, &[(0, mask(&[(A, 0..4)])), (4, mask(&[(A, 0..4)]))]);
     let remove = |at: usize| {
-        std::fs::remove_file(sequence.folder.path().join(format!("{at:02}.png"))).unwrap()
+        std::fs::remove_file(sequence.folder.path().join(format!("{at:02}.png"))).unwrap();
     };
     [2, 4].into_iter().for_each(remove);
     let outcome = sequence.track();

@@ -54,6 +54,11 @@ impl Votes {
     }
 
     /// For each pixel of a box the weights for `label` less those against it, and their sum.
+    ///
+    /// A keyframe that shows nothing on a surface counts as much as one that shows a label. With a weight of 0.3 for it, mean
+    /// label accuracy on three synthetic plants (sensor depth and stereo depth) rises from 0.940 to 0.945, but the 3-D IoU of
+    /// four objects on a real shelf, clicked in two ways, falls in seven of eight cases (mean 0.754 to 0.747), two keyframes can
+    /// no longer outvote a leak of one, and outlines without edges grow.
     pub fn of(&self, label: LabelId, within: PixelBox) -> Vec<[f32; 2]> {
         let mut votes = vec![[0.0; 2]; within.width() * within.height()];
         for (keyframe, view_labels) in &self.of_keyframes {

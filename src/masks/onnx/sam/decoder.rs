@@ -25,6 +25,8 @@ pub(super) enum Dialect {
     /// Segment Anything: exclude clicks, an earlier answer to refine, one mask for clear questions and three for others.
     Sam,
     /// `EfficientSAM` (Xiong et al., CVPR 2024): include clicks and boxes, at most [`MOST_POINTS`] points, three masks.
+    /// Its official files are used unchanged: an image (or a part of one) fills its square, it chooses none of its masks, and
+    /// exclude clicks are answered outside of the network (`SamFrame::ask_include_only`).
     Efficient,
 }
 
