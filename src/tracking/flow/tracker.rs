@@ -79,20 +79,20 @@ struct Changes<'a> {
 }
 
 impl Changes<'_> {
-    fn towards(&mut self, last: &Arc<Picture>, frame: &PassFrame) -> Result<Change, MaskError> {
+    fn change_to(&mut self, last: &Arc<Picture>, frame: &PassFrame) -> Result<Change, MaskError> {
         let next = self.pictures.get(frame)?;
         Ok(self.flows.change(last, &next, self.finest))
     }
 
     /// To the frame `place` frames ahead; `None` beyond the end of the pass.
-    fn to_frame_ahead(
+    fn change_to_frame_ahead(
         &mut self,
         last: &Arc<Picture>,
         ahead: &mut LookAhead<'_, '_>,
         place: usize,
     ) -> Result<Option<Change>, MaskError> {
         let frame = ahead.frame(place)?;
-        frame.map(|frame| self.towards(last, &frame)).transpose()
+        frame.map(|frame| self.change_to(last, &frame)).transpose()
     }
 }
 
@@ -140,10 +140,10 @@ impl<'a> FlowPropagator<'a> {
     ) -> Result<Change, MaskError> {
         let change = match self.measured.pop_front() {
             Some(change) => change,
-            None => self.changes.towards(last, frame)?,
+            None => self.changes.change_to(last, frame)?,
         };
         if self.is_between && self.measured.is_empty() {
-            let next = self.changes.to_frame_ahead(&change.next, ahead, 0)?;
+            let next = self.changes.change_to_frame_ahead(&change.next, ahead, 0)?;
             self.measured.extend(next);
         }
         Ok(change)
@@ -219,7 +219,7 @@ impl MaskPropagator for FlowPropagator<'_> {
         let (progress, changes) = (self.progress, &mut self.changes);
         let (answer, further) = rayon::join(
             || objects.advance(change, frame_ahead.as_ref(), progress),
-            || changes.to_frame_ahead(&farthest, ahead, place),
+            || changes.change_to_frame_ahead(&farthest, ahead, place),
         );
         let answer = answer?;
         match further {
