@@ -40,6 +40,7 @@ impl Needs {
 }
 
 /// One test.
+#[derive(Clone, Copy)]
 pub struct Test {
     pub name: &'static str,
     pub needs: Needs,

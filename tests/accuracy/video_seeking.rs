@@ -113,7 +113,7 @@ fn has_encoder(options: &str) -> bool {
         .split_whitespace()
         .any(|word| word == encoder);
     if !has {
-        eprintln!("skipped: this ffmpeg has no encoder {encoder}");
+        println!("skipped: this ffmpeg has no encoder {encoder}");
     }
     has
 }

@@ -425,10 +425,6 @@ print("all read")
 
 #[test]
 #[ignore = "needs python3 with plyfile, open3d, trimesh, pycolmap, laspy, lazrs, pycocotools: add --include-ignored"]
-#[expect(
-    clippy::too_many_lines,
-    reason = "under 80 lines before rustfmt's defaults; to be split"
-)]
 fn common_libraries_read_every_export() {
     let modules = "import plyfile, open3d, trimesh, pycolmap, laspy, lazrs, pycocotools";
     let python = |args: &[&str]| Command::new("python3").args(args).output();
