@@ -9,8 +9,9 @@ fn files_in(folder: &Path) -> usize {
 }
 
 #[test]
+#[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn an_added_network_is_listed_checked_and_loaded() {
-    let Some((_, folder)) = ready() else { return };
+    let (_, folder) = ready();
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
     let target = scratch.path().join("models");
     let source = folder.join("xfeat.onnx");
@@ -44,8 +45,9 @@ fn an_added_network_is_listed_checked_and_loaded() {
 }
 
 #[test]
+#[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn adding_what_is_installed_keeps_it() {
-    let Some((_, folder)) = ready() else { return };
+    let (_, folder) = ready();
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
     let added = add(
         &catalogue,
@@ -68,8 +70,9 @@ fn adding_what_is_installed_keeps_it() {
 }
 
 #[test]
+#[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn a_folder_stands_for_the_files_in_it() {
-    let Some((_, folder)) = ready() else { return };
+    let (_, folder) = ready();
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
     let added = add(
         &catalogue,
@@ -89,8 +92,9 @@ fn a_folder_stands_for_the_files_in_it() {
 }
 
 #[test]
+#[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn another_network_is_not_added() {
-    let Some((_, folder)) = ready() else { return };
+    let (_, folder) = ready();
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
     let error = add(
         &catalogue,
@@ -104,8 +108,9 @@ fn another_network_is_not_added() {
 }
 
 #[test]
+#[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn a_network_without_a_known_interface_is_loaded_only() {
-    let Some((_, folder)) = ready() else { return };
+    let (_, folder) = ready();
     let text = "[[entry]]\nname = 'a'\npurpose = ''\nlicence = ''\nsource = ''\n[[entry.file]]\nname = 'a.onnx'\n";
     let (catalogue, scratch) = (
         toml::from_str::<Catalogue>(text).unwrap(),
@@ -147,8 +152,9 @@ fn what_is_not_installed_is_told_with_what_to_do() {
 }
 
 #[test]
+#[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn text_that_goes_with_a_network_is_read_not_run() {
-    let Some((_, folder)) = ready() else { return };
+    let (_, folder) = ready();
     let text = r#"[[entry]]
 name = "yolox"
 purpose = "p"

@@ -8,10 +8,9 @@ fn expected(name: &str) -> Signature {
 }
 
 #[test]
+#[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn runs_and_gives_what_was_asked_for_in_that_order() {
-    let Some((runtime, folder)) = ready() else {
-        return;
-    };
+    let (runtime, folder) = ready();
     let mut wanted = expected("xfeat");
     wanted.outputs.reverse();
     let network = Network::load(&runtime, &folder.join("xfeat.onnx"), Some(&wanted)).unwrap();
@@ -32,10 +31,9 @@ fn runs_and_gives_what_was_asked_for_in_that_order() {
 }
 
 #[test]
+#[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn threads_share_a_network() {
-    let Some((runtime, folder)) = ready() else {
-        return;
-    };
+    let (runtime, folder) = ready();
     let network = Network::load(
         &runtime,
         &folder.join("xfeat.onnx"),
@@ -57,10 +55,9 @@ fn threads_share_a_network() {
 }
 
 #[test]
+#[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn a_run_that_is_no_longer_wanted_is_given_up() {
-    let Some((runtime, folder)) = ready() else {
-        return;
-    };
+    let (runtime, folder) = ready();
     let network = Network::load(
         &runtime,
         &folder.join("xfeat.onnx"),
@@ -85,10 +82,9 @@ fn a_run_that_is_no_longer_wanted_is_given_up() {
 }
 
 #[test]
+#[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn another_network_is_refused_with_both_interfaces() {
-    let Some((runtime, folder)) = ready() else {
-        return;
-    };
+    let (runtime, folder) = ready();
     let error = Network::load(
         &runtime,
         &folder.join("yolox_nano.onnx"),
@@ -107,10 +103,9 @@ fn another_network_is_refused_with_both_interfaces() {
 }
 
 #[test]
+#[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn a_file_that_is_no_network_is_refused() {
-    let Some((runtime, folder)) = ready() else {
-        return;
-    };
+    let (runtime, folder) = ready();
     let scratch = tempfile::tempdir().unwrap();
     let broken = scratch.path().join("broken.onnx");
     let whole = std::fs::read(folder.join("xfeat.onnx")).unwrap();
@@ -124,10 +119,9 @@ fn a_file_that_is_no_network_is_refused() {
 }
 
 #[test]
+#[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn inputs_that_do_not_fit_are_an_error_and_no_panic() {
-    let Some((runtime, folder)) = ready() else {
-        return;
-    };
+    let (runtime, folder) = ready();
     let network = Network::load(&runtime, &folder.join("yolox_nano.onnx"), None).unwrap();
     let small = Tensor::floats(&[1, 3, 8, 8], vec![0.0; 192]).unwrap();
     let empty = Tensor::floats(&[1, 3, 0, 8], Vec::new()).unwrap();

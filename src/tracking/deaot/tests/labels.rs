@@ -1,7 +1,7 @@
 //! Labels and what is remembered of them, with small networks of random weights.
 
 use super::super::DeaotOptions;
-use super::{runtime, tiny_networks};
+use super::tiny_networks;
 use crate::propagate::LabelProbabilities;
 use ostra_core::job::Progress;
 use ostra_frames::Image;
@@ -47,10 +47,9 @@ fn difference(a: &LabelProbabilities, b: &LabelProbabilities) -> f32 {
 }
 
 #[test]
+#[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn labels_come_ascending_whichever_was_told_first() {
-    let Some(deaot) = tiny_networks(DeaotOptions::default()) else {
-        return;
-    };
+    let deaot = tiny_networks(DeaotOptions::default());
     let progress = Progress::default();
     let pass = |first: u16, second: u16| {
         let mut pass = deaot.pass(&progress);
@@ -86,10 +85,9 @@ fn labels_come_ascending_whichever_was_told_first() {
 }
 
 #[test]
+#[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn mask_told_before_or_after_the_picture_is_answered_is_the_same() {
-    let Some(deaot) = tiny_networks(DeaotOptions::default()) else {
-        return;
-    };
+    let deaot = tiny_networks(DeaotOptions::default());
     let progress = Progress::default();
     let told = mask(&[(2, 60, 90)]);
     let pass = |is_answered: bool| {
@@ -110,10 +108,9 @@ fn mask_told_before_or_after_the_picture_is_answered_is_the_same() {
 }
 
 #[test]
+#[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn correction_counts_and_an_empty_mask_does_not() {
-    let Some(deaot) = tiny_networks(DeaotOptions::default()) else {
-        return;
-    };
+    let deaot = tiny_networks(DeaotOptions::default());
     let progress = Progress::default();
     let pass = |told: Option<LabelMask>| {
         let mut pass = deaot.pass(&progress);
@@ -144,10 +141,8 @@ fn correction_counts_and_an_empty_mask_does_not() {
 }
 
 #[test]
+#[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn bound_of_the_memory_changes_nothing_until_it_is_reached() {
-    if runtime().is_none() {
-        return;
-    }
     let progress = Progress::default();
     let pass = |most_remembered: usize| -> Vec<LabelProbabilities> {
         let options = DeaotOptions {
@@ -155,7 +150,7 @@ fn bound_of_the_memory_changes_nothing_until_it_is_reached() {
             most_remembered,
             ..DeaotOptions::default()
         };
-        let deaot = tiny_networks(options).unwrap();
+        let deaot = tiny_networks(options);
         let mut pass = deaot.pass(&progress);
         pass.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
         (1..7)
@@ -168,14 +163,13 @@ fn bound_of_the_memory_changes_nothing_until_it_is_reached() {
 }
 
 #[test]
+#[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn each_picture_is_answered_at_its_own_size() {
     let options = DeaotOptions {
         longest_side: 97,
         ..DeaotOptions::default()
     };
-    let Some(deaot) = tiny_networks(options) else {
-        return;
-    };
+    let deaot = tiny_networks(options);
     let progress = Progress::default();
     let mut pass = deaot.pass(&progress);
     pass.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
@@ -194,10 +188,9 @@ fn each_picture_is_answered_at_its_own_size() {
 }
 
 #[test]
+#[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn what_does_not_fit_is_refused() {
-    let Some(deaot) = tiny_networks(DeaotOptions::default()) else {
-        return;
-    };
+    let deaot = tiny_networks(DeaotOptions::default());
     let progress = Progress::default();
     let mut pass = deaot.pass(&progress);
     let error = pass.propagate(&picture(0)).unwrap_err();
@@ -219,10 +212,9 @@ fn what_does_not_fit_is_refused() {
 }
 
 #[test]
+#[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn a_stopped_walk_ends() {
-    let Some(deaot) = tiny_networks(DeaotOptions::default()) else {
-        return;
-    };
+    let deaot = tiny_networks(DeaotOptions::default());
     let progress = Progress::default();
     let mut pass = deaot.pass(&progress);
     pass.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();

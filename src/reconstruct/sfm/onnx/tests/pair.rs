@@ -2,7 +2,7 @@ use std::path::Path;
 
 use super::super::{LighterGlue, LighterGlueOptions, XFeat, XFeatOptions};
 use super::view::View;
-use super::{given, networks};
+use super::{data, networks};
 use crate::sfm::{Descriptors, FeatureError, FeatureExtractor, FeatureMatcher, Features};
 
 fn xfeat(folder: &Path, options: XFeatOptions) -> XFeat {
@@ -45,11 +45,9 @@ fn share_within(errors: &[f64], most_px: f64) -> f64 {
 }
 
 #[test]
+#[ignore = "needs real data sets (OSTRA_DATA), networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn matches_agree_with_the_true_geometry() {
-    let (Some(models), Some(data)) = (networks(), given("OSTRA_DATA", "../../../shared/data"))
-    else {
-        return;
-    };
+    let (models, data) = (networks(), data());
     let views = [20, 21].map(|index| View::read(&data.join("dtu_scan24"), index));
     let xfeat = xfeat(
         &models,
@@ -100,11 +98,9 @@ fn matches_agree_with_the_true_geometry() {
 }
 
 #[test]
+#[ignore = "needs real data sets (OSTRA_DATA), networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn refining_brings_keypoints_nearer_to_the_true_geometry() {
-    let (Some(models), Some(data)) = (networks(), given("OSTRA_DATA", "../../../shared/data"))
-    else {
-        return;
-    };
+    let (models, data) = (networks(), data());
     let views = [20, 21].map(|index| View::read(&data.join("dtu_scan24"), index));
     let xfeat = xfeat(
         &models,
@@ -132,11 +128,9 @@ fn refining_brings_keypoints_nearer_to_the_true_geometry() {
 }
 
 #[test]
+#[ignore = "needs real data sets (OSTRA_DATA), networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn only_allowed_pixels_get_keypoints_and_the_strongest_come_first() {
-    let (Some(models), Some(data)) = (networks(), given("OSTRA_DATA", "../../../shared/data"))
-    else {
-        return;
-    };
+    let (models, data) = (networks(), data());
     let view = View::read(&data.join("dtu_scan24"), 0);
     let xfeat = xfeat(
         &models,
@@ -167,11 +161,9 @@ fn only_allowed_pixels_get_keypoints_and_the_strongest_come_first() {
 }
 
 #[test]
+#[ignore = "needs real data sets (OSTRA_DATA), networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn black_bars_beside_a_picture_get_no_keypoints() {
-    let (Some(models), Some(data)) = (networks(), given("OSTRA_DATA", "../../../shared/data"))
-    else {
-        return;
-    };
+    let (models, data) = (networks(), data());
     let mut view = View::read(&data.join("dtu_scan24"), 0);
     let is_bar = |column: usize| !(100..700).contains(&column);
     view.grey
@@ -190,11 +182,9 @@ fn black_bars_beside_a_picture_get_no_keypoints() {
 }
 
 #[test]
+#[ignore = "needs real data sets (OSTRA_DATA), networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn pictures_that_share_little_at_a_first_look_are_not_looked_at_further() {
-    let (Some(models), Some(data)) = (networks(), given("OSTRA_DATA", "../../../shared/data"))
-    else {
-        return;
-    };
+    let (models, data) = (networks(), data());
     let xfeat = xfeat(&models, XFeatOptions::default());
     let [first, second] =
         [0, 3].map(|index| features(&xfeat, &View::read(&data.join("dtu_scan24"), index)));
@@ -224,11 +214,9 @@ fn pictures_that_share_little_at_a_first_look_are_not_looked_at_further() {
 }
 
 #[test]
+#[ignore = "needs real data sets (OSTRA_DATA), networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn a_shrunk_picture_tells_positions_in_its_own_pixels() {
-    let (Some(models), Some(data)) = (networks(), given("OSTRA_DATA", "../../../shared/data"))
-    else {
-        return;
-    };
+    let (models, data) = (networks(), data());
     let view = View::read(&data.join("dtu_scan24"), 20);
     let options = XFeatOptions {
         most: 1000,
@@ -261,8 +249,9 @@ fn a_shrunk_picture_tells_positions_in_its_own_pixels() {
 }
 
 #[test]
+#[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn pictures_without_keypoints_are_no_error() {
-    let Some(models) = networks() else { return };
+    let models = networks();
     let blank = xfeat(&models, XFeatOptions::default())
         .extract(&[0.5; 35 * 21], 35, 21, None)
         .unwrap();
@@ -280,8 +269,9 @@ fn pictures_without_keypoints_are_no_error() {
 }
 
 #[test]
+#[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
 fn descriptors_of_another_kind_are_refused() {
-    let Some(models) = networks() else { return };
+    let models = networks();
     let glue = LighterGlue::load(&models, LighterGlueOptions::default()).unwrap();
     let sift = Features {
         width: 4,

@@ -8,7 +8,7 @@ use super::*;
     reason = "under 80 lines before rustfmt's defaults; to be split"
 )]
 fn close_up_shows_its_part_only() {
-    let Some(sam) = flat() else { return };
+    let sam = flat();
     let prompt = Prompt {
         clicks: vec![IN_RED],
         boxes: vec![around(RED)],
@@ -98,8 +98,9 @@ fn close_up_shows_its_part_only() {
 }
 
 #[test]
+#[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
 fn close_ups_are_looked_at_once_for_all_that_lies_in_them() {
-    let Some(sam) = flat() else { return };
+    let sam = flat();
     let close = CloseUps::new(Arc::new(sam), Arc::new(picture()));
     let answer = |clicks: &[Click], previous: Option<&Region>| {
         let prompt = Prompt {
