@@ -32,7 +32,7 @@ pub type Weights = [[f32; TERMS]; 6];
 
 /// Fitted by `tests/bench/segmenter_fit`: one row per [`Kind`], one weight per term. With depth: on a real shelf, views of synthetic
 /// plants (seeds 2–11) and bricks. The last feature's is set by hand and to be kept when all are fitted again: without depth, a late
-/// click rarely means a great part of the answer (−1 over [`SHARPNESS`] but for the first click), and a fit to the mean gain
+/// click rarely means a great part of the answer (−1 over `SHARPNESS` but for the first click), and a fit to the mean gain
 /// of all clicks hardly sees the few that take one away or bring one.
 ///
 /// Without that weight some clicks without depth removed a torso or a head together with what they meant. Clicks of rival
