@@ -227,7 +227,7 @@ pub struct Cutoff<'a, B, E> {
 }
 
 impl<'a, B, E: Fn(&B) -> [f64; LANES]> Cutoff<'a, B, E> {
-    /// Of `count` correspondences in blocks, whose squared errors `errors` tells; cut off at `limit`, and free to end
+    /// Of `count` correspondences in blocks, whose squared errors `errors` gives; cut off at `limit`, and free to end
     /// early above `enough`.
     pub fn new(blocks: &'a [B], count: usize, [limit, enough]: [f64; 2], errors: E) -> Self {
         Self {

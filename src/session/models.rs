@@ -14,7 +14,7 @@ use ostra_core::job::{Progress, Stopped};
 /// Every network that is known, and whether it is installed.
 ///
 /// # Errors
-/// When the system tells no data folder.
+/// When the system has no data folder.
 pub fn list_models() -> Result<Vec<Row>> {
     Ok(list(&Catalogue::bundled()?, &models_folder()?))
 }

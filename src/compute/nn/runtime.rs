@@ -132,7 +132,7 @@ fn what_is_wrong(error: &LoadDynamicError) -> String {
 /// Where networks and ONNX Runtime are kept: `ostra/models` in the system's data folder (`XDG_DATA_HOME` is honoured).
 ///
 /// # Errors
-/// When the system tells no data folder.
+/// When the system has no data folder.
 pub fn models_folder() -> Result<PathBuf, NnError> {
     let no_folder =
         || NnError::Request("this system tells no data folder; set XDG_DATA_HOME".to_owned());
@@ -210,7 +210,7 @@ pub enum Provider {
 
 /// Place in [`Provider::ALL`] of what networks loaded from now on run on.
 static CHOSEN: AtomicUsize = AtomicUsize::new(0);
-/// What was told of providers that did not start and is not yet taken.
+/// Reports of providers that did not start, until they are taken.
 static FALLEN_BACK: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
 impl Provider {

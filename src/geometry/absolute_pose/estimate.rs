@@ -168,7 +168,7 @@ impl Estimator for Resection<'_> {
 
 /// Levenberg–Marquardt steps over pose and focal length.
 const STEPS: usize = 50;
-/// How often the inliers are chosen anew.
+/// How often the inliers are chosen again.
 const ROUNDS: usize = 2;
 
 /// Pose of a camera whose focal length is only guessed: each of the `factors` on the guess is tried, and that with most

@@ -284,7 +284,7 @@ pub(super) struct Alike {
     pub change: Vec<bool>,
 }
 
-/// One change per limit; none where no depth tells what hangs together.
+/// One change per limit; none without depth, which shows what is connected.
 pub(super) fn alike(context: &ClickContext<'_>, options: &AlikeOptions) -> Vec<Alike> {
     let Some(same_thing) = &context.same_thing else {
         return Vec::new();
@@ -323,7 +323,7 @@ pub(super) fn alike(context: &ClickContext<'_>, options: &AlikeOptions) -> Vec<A
     options.limits.map(answer).into()
 }
 
-/// The regions clicked for one side and those beside them that look the same.
+/// The regions clicked for one side and their neighbours of the same appearance.
 fn samples(context: &ClickContext<'_>, include: bool) -> Vec<usize> {
     const SAME: f32 = 4.0;
     let ClickContext { graph, .. } = context;

@@ -1,4 +1,4 @@
-//! Voxel size and depth tolerance that nobody gave.
+//! Voxel size and depth tolerance chosen by default.
 
 use super::*;
 

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Gives a column of the blue object to the red one at first; afterwards it tells the truth.
+/// Gives a column of the blue object to the red one at first; afterwards it returns the true masks.
 struct Thief {
     truth: BTreeMap<usize, RunMask>,
 }
@@ -58,7 +58,7 @@ fn pixels_that_another_label_holds_wrongly_are_taken_back() {
     )
     .unwrap();
     assert!(report.clicks == 2 && report.mean_iou > 0.99, "{report:?}");
-    // The thief left no frame poor: nothing would be clicked anew.
+    // The thief left no frame poor: nothing would be clicked again.
     assert_eq!(
         (report.failed_by_frame, report.share_of_reclicking()),
         (FrameByFrame::default(), None)
