@@ -135,7 +135,7 @@ fn what_is_wrong(error: &LoadDynamicError) -> String {
 /// When the system has no data folder.
 pub fn models_folder() -> Result<PathBuf, NnError> {
     let no_folder =
-        || NnError::Request("this system tells no data folder; set XDG_DATA_HOME".to_owned());
+        || NnError::Request("this system has no data folder; set XDG_DATA_HOME".to_owned());
     dirs::data_dir()
         .map(|dir| dir.join("ostra").join("models"))
         .ok_or_else(no_folder)

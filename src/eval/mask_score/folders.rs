@@ -100,8 +100,8 @@ fn read_at_level(
     level: usize,
 ) -> Result<(), MaskError> {
     let missing = || {
-        let what = "levels are not known: there is no labels.json; put the one that `ostra masks export` writes beside \
-                    the masks";
+        let what = "levels are not known: there is no labels.json; put the one that `ostra masks export` writes next \
+                    to the masks";
         MaskError::Request(what.into())
     };
     let truth_tree = truth

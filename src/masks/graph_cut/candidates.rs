@@ -335,11 +335,11 @@ fn samples(context: &ClickContext<'_>, include: bool) -> Vec<usize> {
     {
         let clicked = &graph.regions[region as usize];
         found.push(region as usize);
-        let beside = graph
+        let neighbours = graph
             .neighbours(region as usize)
             .iter()
             .map(|&(to, _)| to as usize);
-        found.extend(beside.filter(|&to| unlike(clicked, &graph.regions[to]) < SAME));
+        found.extend(neighbours.filter(|&to| unlike(clicked, &graph.regions[to]) < SAME));
     }
     found
 }

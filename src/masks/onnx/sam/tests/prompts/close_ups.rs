@@ -65,7 +65,7 @@ fn close_up_shows_its_part_only() {
     );
     assert!(
         alike(&box_beyond, &thing(RED)),
-        "of a box only what is seen is told: {}",
+        "the answer to a box covers only what is visible: {}",
         box_beyond.iou(&thing(RED))
     );
     // A painted strip that begins outside: what the click refines inside leaves the rest alone.
