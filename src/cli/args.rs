@@ -1,32 +1,34 @@
 use std::path::PathBuf;
 
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{Parser, ValueEnum};
 
-use super::cloud::{AdoptArgs, DoubtArgs, FuseArgs, InstancesArgs};
+use super::cloud::{AttachArgs, ConflictsArgs, FuseArgs, InstancesArgs};
 use super::demo::DemoArgs;
-use super::eval::EvalVerb;
+use super::eval::EvalCommand;
 use super::info::InfoArgs;
-use super::masks::{GroundArgs, MasksArgs, PromptArgs, TidyArgs, TraceArgs};
-use super::models::ModelsVerb;
+use super::masks::{CleanArgs, GroundArgs, MasksArgs, PromptArgs, TraceArgs};
+use super::models::ModelsCommand;
 use super::project::{LabelArgs, ReconstructArgs, RelocateArgs, ScaleArgs, TrackArgs};
 use super::shot::ShotArgs;
 use super::sources::{AddArgs, NewArgs};
 use ostra_compute::nn::Provider;
 
-/// Turns pictures into labelled 3-D: click, track, reconstruct, vote, measure, export.
+/// Turn photos, videos and RGB-D recordings into labelled 3-D models.
+///
+/// The steps: open, label, track, reconstruct, fuse, measure, export. Without a command the window opens.
 #[derive(Debug, Parser)]
 #[command(name = "ostra", version, args_conflicts_with_subcommands = true)]
 pub(super) struct Cli {
-    /// Open the window on a project, a folder of frames, a film or a labelled PLY.
+    /// Project, folder of frames, video or labelled PLY to open in the window.
     pub path: Option<PathBuf>,
-    /// What networks run on; where it does not start, the processor does it, with a warning.
+    /// Device that runs neural networks; falls back to the CPU with a warning.
     #[arg(long, global = true, value_enum, default_value = "cpu")]
     pub provider: ProviderName,
     #[command(subcommand)]
-    pub verb: Option<Verb>,
+    pub command: Option<Subcommand>,
 }
 
-/// What networks run on.
+/// Device that runs neural networks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum ProviderName {
     Cpu,
@@ -51,67 +53,70 @@ impl From<ProviderName> for Provider {
     }
 }
 
-#[derive(Debug, Subcommand)]
-pub(super) enum Verb {
-    /// A made scene with exact truth → the whole job → accuracy report, cloud, picture.
+#[derive(Debug, clap::Subcommand)]
+pub(super) enum Subcommand {
+    /// Run every step on a synthetic scene and report the accuracy against its ground truth.
     Demo(DemoArgs),
-    /// Make a project from frames.
+    /// Create a project from frames.
     New(NewArgs),
-    /// Put more frames into a project; nothing that is there changes.
+    /// Add frames to a project.
     Add(AddArgs),
-    /// Point frames to the folder (or video) that their files were moved to.
+    /// Update the paths of frames whose files have moved.
     Relocate(RelocateArgs),
-    /// Make a label.
+    /// Add a label.
     Label(LabelArgs),
-    /// Set what is given for a label on a frame (clicks, boxes) and segment it.
+    /// Set the clicks and boxes of a label on a frame and segment it.
     Prompt(PromptArgs),
-    /// Give a thin structure (stem, wire) through some points to a label.
+    /// Trace a stem or wire through some points.
     Trace(TraceArgs),
-    /// Fill small holes of a label on a frame and remove its islands.
-    Tidy(TidyArgs),
+    /// Fill holes and remove specks of a label on a frame.
+    #[command(alias = "tidy")]
+    Clean(CleanArgs),
     /// Find objects by text on a frame.
     Ground(GroundArgs),
-    /// Read or write masks.
+    /// Import or export masks.
     Masks(MasksArgs),
-    /// Carry the masks of the anchor frames through the sequence.
+    /// Propagate the masks of keyframes to the other frames.
     Track(TrackArgs),
     /// Delete, lock, hide, merge, split, interpolate or copy labels over a range of frames.
     Range(super::range::RangeArgs),
-    /// List areas that no label explains and that move or stand apart, or all things that a segmenter sees on one frame.
+    /// List unlabelled regions that are likely objects.
     Suggest {
-        /// The project's folder.
+        /// Project folder.
         project: PathBuf,
-        /// Only this frame, and all that the segmenter takes for a thing; needs Segment Anything.
+        /// List every object on this frame instead; needs Segment Anything.
         #[arg(long, value_name = "K")]
         frame: Option<usize>,
     },
-    /// Make cameras and depths.
+    /// Compute cameras and depth maps.
     Reconstruct(ReconstructArgs),
-    /// Give the scene a unit by a known length, e.g. of a ruler.
+    /// Set the scale from a known length, such as a ruler.
     Scale(ScaleArgs),
-    /// Make the labelled cloud by a vote of all views.
+    /// Fuse depth maps into a cloud and label each point by a vote of all views.
     Fuse(FuseArgs),
-    /// Say which masks the cloud's vote contradicts, the worst first; accept the vote as a frame's mask.
-    Doubt(DoubtArgs),
-    /// Give pieces of the cloud without a label that hang on one labelled thing to it, in the masks, too.
-    Adopt(AdoptArgs),
-    /// Tell the instances of a class apart by what hangs together in the cloud.
+    /// List the frames whose masks disagree with the vote, or replace their masks by it.
+    #[command(alias = "doubt")]
+    Conflicts(ConflictsArgs),
+    /// Give unlabelled fragments of the cloud to the object that they are attached to.
+    #[command(alias = "adopt")]
+    Attach(AttachArgs),
+    /// Split a class into instances by connected points.
     Instances(InstancesArgs),
-    /// Write results to files.
+    /// Export clouds, meshes, voxels, masks, cameras, depth maps and traits.
     Export(super::export::ExportArgs),
-    /// Draw the labelled cloud into a PNG, or a film that goes around it.
+    /// Render the cloud to an image or a turntable video.
     Shot(ShotArgs),
-    /// Say what a project holds.
+    /// Summarise a project.
     Info(InfoArgs),
-    /// Score a result against truth.
+    /// Score a result against ground truth.
     #[command(subcommand)]
-    Eval(EvalVerb),
-    /// Networks: list, install, add, check.
+    Eval(EvalCommand),
+    /// List, install, add or check neural networks.
     #[command(subcommand)]
-    Models(ModelsVerb),
-    /// Run a recipe: a list of commands.
+    Models(ModelsCommand),
+    /// Run the commands of a recipe.
     Run {
-        /// A file as the window saves it.
+        /// Recipe saved by the window, or the recipe.jsonl of a project.
         recipe: PathBuf,
     },
 }

@@ -1,4 +1,4 @@
-//! The verbs of the labelled cloud: its vote, masks that the vote contradicts, adoption and instances.
+//! Commands on the labelled cloud: fusion, conflicts, attached fragments, instances.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::drive::{Driver, label_id};
-use super::print::{say, say_json};
+use super::print::{print_json, print_text};
 use super::values;
 use ostra_cloud::doubt::FrameDoubt;
 use ostra_cloud::instances::InstanceOptions;
@@ -17,63 +17,63 @@ use ostra_session::{AdoptRequest, Command, InstancesRequest};
 
 #[derive(Debug, Args)]
 pub(super) struct FuseArgs {
-    /// The project's folder.
+    /// Project folder.
     pub project: PathBuf,
-    /// Edge of a voxel in world units; chosen from the data when absent.
+    /// Voxel size in world units [default: from the data]
     #[arg(long, value_name = "SIZE", value_parser = values::positive)]
     pub voxel: Option<f64>,
-    /// Drop points whose label won less than this share of the vote.
+    /// Drop points whose label won a smaller share of the votes.
     #[arg(long, value_name = "C", value_parser = values::share)]
     pub min_confidence: Option<f32>,
-    /// Drop points without a label.
+    /// Drop unlabelled points.
     #[arg(long)]
     pub drop_unlabelled: bool,
-    /// Vote on the points of this cloud.
+    /// Label the points of this cloud instead of fusing depth maps.
     #[arg(long, value_name = "CLOUD.ply")]
     pub onto: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]
-pub(super) struct DoubtArgs {
-    /// The project's folder.
+pub(super) struct ConflictsArgs {
+    /// Project folder.
     pub project: PathBuf,
-    /// Frame whose mask becomes what all frames voted for; it becomes an anchor. May be given more than once.
+    /// Replace the mask of this frame by the vote and make it a keyframe (repeatable).
     #[arg(long, value_name = "K")]
     pub accept: Vec<usize>,
-    /// Accept the vote for this label alone. May be given more than once.
+    /// Accept the vote for this label only (repeatable).
     #[arg(long, value_name = "NAME", requires = "accept")]
     pub label: Vec<String>,
-    /// As JSON.
+    /// Print one JSON object.
     #[arg(long)]
     pub json: bool,
 }
 
 #[derive(Debug, Args)]
-pub(super) struct AdoptArgs {
-    /// The project's folder.
+pub(super) struct AttachArgs {
+    /// Project folder.
     pub project: PathBuf,
-    /// Points at most this many spacings of the labelled points apart hang together.
+    /// Largest gap between connected points, in multiples of the spacing of the labelled points.
     #[arg(long, value_name = "R", default_value_t = AdoptRequest::default().radius)]
     pub radius: f64,
 }
 
 #[derive(Debug, Args)]
 pub(super) struct InstancesArgs {
-    /// The project's folder.
+    /// Project folder.
     pub project: PathBuf,
-    /// The class; the instances become labels below it.
+    /// Label of the class; instances become its children.
     #[arg(long, value_name = "NAME")]
     pub label: String,
-    /// Points at most this many spacings of the cloud apart are neighbours.
+    /// Largest gap between connected points, in multiples of the spacing of the cloud.
     #[arg(long, value_name = "R", default_value_t = InstanceOptions::default().radius)]
     pub radius: f64,
-    /// Groups of fewer points are no instance.
+    /// Ignore groups of fewer points.
     #[arg(long, value_name = "N", default_value_t = InstanceOptions::default().min_points)]
     pub min_points: usize,
 }
 
-/// Lists the frames whose masks the vote contradicts, or accepts the vote on some.
-pub(super) fn doubt(args: &DoubtArgs) -> Result<()> {
+/// Lists the frames whose masks disagree with the vote, or replaces the masks of some by it.
+pub(super) fn conflicts(args: &ConflictsArgs) -> Result<()> {
     let is_change = !args.accept.is_empty();
     let mut driver = if is_change {
         Driver::open(&args.project)?
@@ -95,7 +95,7 @@ pub(super) fn doubt(args: &DoubtArgs) -> Result<()> {
     let doubts = driver.doubts()?;
     ensure!(
         !doubts.is_empty(),
-        "it is not known which pixels voted on this cloud; fuse again with masks and cameras"
+        "the votes of this cloud are not known; run 'ostra fuse' with masks and cameras"
     );
     let mut ranked: Vec<_> = doubts.iter().collect();
     ranked.sort_by(|a, b| b.1.share().total_cmp(&a.1.share()).then(a.0.cmp(b.0)));
@@ -105,21 +105,21 @@ pub(super) fn doubt(args: &DoubtArgs) -> Result<()> {
             json!({ "frame": frame, "name": frames[frame].name, "share": doubt.share(), "against": doubt.against,
                 "compared": doubt.compared })
         };
-        say_json(&json!({ "frames": ranked.into_iter().map(row).collect::<Vec<_>>() }));
+        print_json(&json!({ "frames": ranked.into_iter().map(row).collect::<Vec<_>>() }));
         return Ok(());
     }
-    say("contradicted   of pixels  frame\n");
+    print_text("in conflict  compared px  frame\n");
     for (&frame, doubt) in ranked {
         let share = 100.0 * doubt.share();
-        say(&format!(
-            "{share:>10.2} % {:>11}  {frame} {}\n",
+        print_text(&format!(
+            "{share:>9.2} % {:>12}  {frame} {}\n",
             doubt.compared, frames[frame].name
         ));
     }
     Ok(())
 }
 
-/// Tells the instances of a class apart and names each with its number of points.
+/// Splits a class into instances and prints the number of points of each.
 pub(super) fn instances(args: &InstancesArgs) -> Result<()> {
     let mut driver = Driver::open(&args.project)?;
     let label = label_id(driver.project()?, &args.label)?;
@@ -138,7 +138,7 @@ pub(super) fn instances(args: &InstancesArgs) -> Result<()> {
     {
         let points = cloud.labels.iter().filter(|&&id| id == made).count();
         let name = tree.get(made).map_or("", |label| &label.name);
-        say(&format!("{name:<24} {points:>9} points\n"));
+        print_text(&format!("{name:<24} {points:>9} points\n"));
     }
     driver.act_and_save([])
 }
@@ -153,8 +153,8 @@ pub(super) fn fuse(args: FuseArgs) -> Result<()> {
     Driver::open(&args.project)?.act_and_save([Command::Fuse(request)])
 }
 
-/// Gives pieces without a label to what they hang on; the session tells how many.
-pub(super) fn adopt(args: &AdoptArgs) -> Result<()> {
+/// Gives unlabelled fragments to the objects they are attached to. The session reports how many.
+pub(super) fn attach(args: &AttachArgs) -> Result<()> {
     Driver::open(&args.project)?.act_and_save([Command::Adopt(AdoptRequest {
         radius: args.radius,
     })])

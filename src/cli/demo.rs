@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
 
 use super::drive::ProgressLines;
-use super::print::say;
+use super::print::print_text;
 use super::values;
 use ostra_eval::demo::{DemoMethod, DemoOptions, finish, run_demo};
 use ostra_eval::synthetic::{SceneKind, SceneOptions, SensorNoise};
@@ -29,28 +29,28 @@ pub(super) enum MethodName {
 
 #[derive(Debug, Args)]
 pub(super) struct DemoArgs {
-    /// Folder for everything the demo makes.
+    /// Output folder.
     #[arg(default_value = "OUT")]
     pub out: PathBuf,
-    /// Do not open the window on the result.
+    /// Do not open the result in the window.
     #[arg(long)]
     pub headless: bool,
-    /// Which scene.
+    /// Synthetic scene.
     #[arg(long, default_value = "tiller")]
     pub scene: SceneName,
-    /// Where cameras and depths come from.
+    /// Source of cameras and depth maps: exact (given), photos (mvs) or an RGB-D recording (rgbd).
     #[arg(long, default_value = "given")]
     pub method: MethodName,
     /// Number of views.
     #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(2..=1000))]
     pub frames: u32,
-    /// Size of the views.
+    /// Size of the images in pixels.
     #[arg(long, default_value = "480x640", value_name = "WxH", value_parser = values::size)]
     pub size: (u32, u32),
-    /// Another seed makes another plant.
+    /// Seed of the scene.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Colour and depth as an RGB-D sensor would see them, not exact.
+    /// Add the noise of an RGB-D sensor to colour and depth.
     #[arg(long)]
     pub noise: bool,
 }
@@ -84,14 +84,14 @@ pub(super) fn demo(args: &DemoArgs) -> Result<()> {
         scene,
         method,
     };
-    let report = run_demo(&mut session, &options, &mut |jobs| lines.glance(jobs))?;
+    let report = run_demo(&mut session, &options, &mut |jobs| lines.update(jobs))?;
     lines.end();
     session.save()?;
     draw(&session, args)?;
     drop(session);
     finish(&args.out)?;
-    say(&report.table());
-    say(&format!(
+    print_text(&report.table());
+    print_text(&format!(
         "\nresults in {}: cloud.ply, mesh.ply, shot.png, report.json, truth/, project/\n",
         args.out.display()
     ));
@@ -124,7 +124,7 @@ fn draw(session: &Session, args: &DemoArgs) -> Result<()> {
     )?)
 }
 
-/// Whether a window can be opened; other systems than X11 and Wayland always have one.
+/// Whether a window can be opened. Only Linux may run without a display.
 fn has_display() -> bool {
     !cfg!(target_os = "linux")
         || ["DISPLAY", "WAYLAND_DISPLAY"]

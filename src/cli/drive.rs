@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result, anyhow, bail};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use super::print::{printable, say, say_aside, warn};
+use super::print::{print_text, print_to_stderr, printable, warn};
 use super::stop;
 use ostra_cloud::doubt::FrameDoubt;
 use ostra_cloud::fuse::Votes;
@@ -17,16 +17,16 @@ use ostra_masks::LabelId;
 use ostra_project::Project;
 use ostra_session::{Command, Event, FoundThing, JobView, Session, Suggestion};
 
-const NO_SURFACE: &str = "the project has no surface; make one with 'ostra fuse'";
+const NO_SURFACE: &str = "the project has no surface; create it with 'ostra fuse'";
 
-/// A session driven to rest after every command.
+/// A session that finishes each command before the next one.
 pub(super) struct Driver {
     session: Session,
     lines: ProgressLines,
 }
 
 impl Driver {
-    /// A session in which nothing is open.
+    /// Creates a session without a project.
     pub(super) fn new() -> Self {
         Self {
             session: Session::new(),
@@ -34,31 +34,31 @@ impl Driver {
         }
     }
 
-    /// A session with this project open for changes.
+    /// Opens a project for changes.
     pub(super) fn open(root: &Path) -> Result<Self> {
         let mut driver = Self::new();
         driver.act(Command::Open(root.to_owned()))?;
         match driver.session.view_reason() {
             None => Ok(driver),
-            Some(why) => bail!("{}: nothing can be changed: {why}", root.display()),
+            Some(why) => bail!("{}: the project cannot be changed: {why}", root.display()),
         }
     }
 
-    /// A session with this project open for viewing: nothing is written in its folder.
+    /// Opens a project for viewing. Nothing is written to its folder.
     pub(super) fn view(root: &Path) -> Result<Self> {
         let mut driver = Self::new();
         driver.act(Command::View(root.to_owned()))?;
         Ok(driver)
     }
 
-    /// Carries a command out to its end.
+    /// Runs a command to its end.
     pub(super) fn act(&mut self, command: Command) -> Result<()> {
         self.session.act(command)?;
         self.settle()
     }
 
-    /// Carries commands out one after another and saves. By then every step is in the journal: where the rest cannot be
-    /// written (a full disk), that is a warning, not a failure.
+    /// Runs commands one after another and saves the project. Each step is in the journal by then, so that a failure to save
+    /// (a full disk) is only a warning.
     pub(super) fn act_and_save(
         mut self,
         commands: impl IntoIterator<Item = Command>,
@@ -68,13 +68,13 @@ impl Driver {
         }
         if let Err(error) = self.session.save() {
             warn(&format!(
-                "{error:#}; what was done is safe in the project's journal, the next command writes the rest"
+                "{error:#}; all changes are in the project's journal, and the next command saves the rest"
             ));
         }
         Ok(())
     }
 
-    /// The open project.
+    /// Returns the open project.
     pub(super) fn project(&self) -> Result<&Project> {
         self.session
             .project()
@@ -82,7 +82,7 @@ impl Driver {
             .context("no project is open")
     }
 
-    /// The open project's labelled cloud.
+    /// Returns the labelled cloud.
     pub(super) fn cloud(&mut self) -> Result<Arc<LabelledCloud>> {
         if self.session.cloud().is_none() {
             self.settle()?;
@@ -90,15 +90,15 @@ impl Driver {
         self.session
             .cloud()
             .cloned()
-            .context("the project has no cloud yet; make one with 'ostra fuse'")
+            .context("the project has no cloud; create it with 'ostra fuse'")
     }
 
-    /// How the cloud was voted on, once it was loaded.
+    /// Returns the votes of the cloud, once the cloud is loaded.
     pub(super) fn votes(&self) -> Option<Arc<Votes>> {
         self.session.votes().cloned()
     }
 
-    /// The surface that was made with the cloud.
+    /// Returns the surface that was fused with the cloud.
     pub(super) fn mesh(&mut self) -> Result<Arc<LabelledMesh>> {
         if self.session.mesh().is_none() {
             self.settle()?;
@@ -106,12 +106,12 @@ impl Driver {
         self.session.mesh().cloned().context(NO_SURFACE)
     }
 
-    /// Edge of that surface's voxels.
+    /// Returns the voxel size of that surface, in world units.
     pub(super) fn surface_voxel(&self) -> Result<f64> {
         self.session.surface_voxel().context(NO_SURFACE)
     }
 
-    /// By frame, how much its mask contradicts the vote of all; empty where it is not known who voted.
+    /// Returns the conflicts between mask and vote per frame. Empty if the votes of the cloud are not known.
     pub(super) fn doubts(&mut self) -> Result<Arc<BTreeMap<usize, FrameDoubt>>> {
         self.cloud()?;
         if self.session.doubts().is_empty() {
@@ -120,7 +120,7 @@ impl Driver {
         Ok(Arc::clone(self.session.doubts()))
     }
 
-    /// What the last search by words found.
+    /// Returns the objects found by the last text prompt.
     pub(super) fn found(&self) -> Vec<FoundThing> {
         self.session
             .grounding()
@@ -128,12 +128,12 @@ impl Driver {
             .unwrap_or_default()
     }
 
-    /// What the last search for unlabelled things found.
+    /// Returns the regions found by the last search for unlabelled objects.
     pub(super) fn suggestions(&self) -> &[Suggestion] {
         self.session.suggestions()
     }
 
-    /// Refuses a file that an export must not replace.
+    /// Fails if an export must not replace this file.
     pub(super) fn check_export(&self, file: &Path, overwrite: bool) -> Result<()> {
         self.session.check_export(file, overwrite)
     }
@@ -152,20 +152,20 @@ impl Driver {
 
     fn settle(&mut self) -> Result<()> {
         let lines = &mut self.lines;
-        let events = self.session.settle(|jobs| lines.glance(jobs));
+        let events = self.session.settle(|jobs| lines.update(jobs));
         lines.end();
         report(events)
     }
 }
 
-/// Tells warnings and notices; the first failure or stop becomes the error.
+/// Prints warnings and notices, and returns the first failure or stop as the error.
 fn report(events: Vec<Event>) -> Result<()> {
     let mut outcome = Ok(());
     for event in events {
         match event {
             Event::Warning(text) => warn(&text),
             Event::Paused { text, .. } if outcome.is_ok() => outcome = Err(anyhow!(text)),
-            Event::Notice(text) => say(&format!("{text}\n")),
+            Event::Notice(text) => print_text(&format!("{text}\n")),
             Event::Failed { error, .. } if outcome.is_ok() => outcome = Err(anyhow!(error)),
             Event::Stopped { .. } if outcome.is_ok() => outcome = Err(stop::Interrupted.into()),
             _ => {}
@@ -174,7 +174,7 @@ fn report(events: Vec<Event>) -> Result<()> {
     outcome
 }
 
-/// One line that is redrawn on a terminal, a plain line every few seconds elsewhere.
+/// Progress of jobs: one line that is redrawn on a terminal, a new line every few seconds otherwise.
 #[derive(Default)]
 pub(super) struct ProgressLines {
     shown: Option<(String, Instant)>,
@@ -183,8 +183,8 @@ pub(super) struct ProgressLines {
 }
 
 impl ProgressLines {
-    /// Shows how far the jobs are; `Break` once Ctrl+C was pressed.
-    pub(super) fn glance(&mut self, jobs: &[JobView]) -> ControlFlow<()> {
+    /// Shows the progress of the first job. Returns `Break` after Ctrl+C.
+    pub(super) fn update(&mut self, jobs: &[JobView]) -> ControlFlow<()> {
         if let Some(job) = jobs.first() {
             self.show(job);
         }
@@ -215,7 +215,7 @@ impl ProgressLines {
             total => format!("{stage} {}/{total}", report.done),
         };
         let text = printable(&text);
-        // Not one that cannot move its cursor (`TERM=dumb`).
+        // Hidden as well on a terminal that cannot move its cursor (`TERM=dumb`).
         let terminal = !ProgressDrawTarget::stderr().is_hidden();
         let pause = if terminal {
             Duration::from_millis(90)
@@ -234,14 +234,14 @@ impl ProgressLines {
                     .get_or_insert_with(terminal_line)
                     .set_message(text.clone());
             } else {
-                say_aside(&format!("{text}\n"));
+                print_to_stderr(&format!("{text}\n"));
             }
             self.shown = Some((text, Instant::now()));
         }
     }
 }
 
-/// A line that is cut where the terminal ends.
+/// Returns a progress line that is cut at the width of the terminal.
 fn terminal_line() -> ProgressBar {
     let line = ProgressBar::no_length();
     match ProgressStyle::with_template("{wide_msg}") {
@@ -250,13 +250,13 @@ fn terminal_line() -> ProgressBar {
     }
 }
 
-/// The label of this name.
+/// Returns the id of the label with this name.
 pub(super) fn label_id(project: &Project, name: &str) -> Result<LabelId> {
     let known = &project.labels;
     let label = known.by_name(name).with_context(|| {
         let names: Vec<&str> = known.iter().map(|label| label.name.as_str()).collect();
         format!(
-            "there is no label '{name}' (there is: {}); make it with 'ostra label'",
+            "there is no label '{name}' (labels: {}); add it with 'ostra label'",
             names.join(", ")
         )
     })?;

@@ -1,13 +1,13 @@
-//! Scores of results against truth.
+//! Scores of results against ground truth.
 
 use std::path::PathBuf;
 
 use anyhow::{Result, bail, ensure};
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use super::drive::ProgressLines;
-use super::print::{say, say_json, warn};
+use super::print::{print_json, print_text, warn};
 use super::values;
 use ostra_eval::evaluate::{
     CameraScore, CloudEvaluation, InteractOptions, InteractReport, InteractRequest, MaskScore,
@@ -16,15 +16,15 @@ use ostra_eval::evaluate::{
 };
 use ostra_geometry::Alignment;
 
-#[derive(Debug, Subcommand)]
-pub(super) enum EvalVerb {
-    /// J and F of masks against true masks.
+#[derive(Debug, clap::Subcommand)]
+pub(super) enum EvalCommand {
+    /// Score masks: region similarity J and contour accuracy F.
     Masks(EvalArgs),
-    /// Labels and surface of a cloud against a true cloud.
+    /// Score the labels and the surface of a cloud.
     Cloud(EvalArgs),
-    /// Camera centres and rotations against true cameras.
+    /// Score camera positions and rotations.
     Cameras(EvalArgs),
-    /// A robot user: clicks needed over a sequence.
+    /// Count the clicks that a simulated user needs for a sequence.
     Interact(InteractArgs),
 }
 
@@ -37,35 +37,35 @@ pub(super) enum Align {
 
 #[derive(Debug, Args)]
 pub(super) struct EvalArgs {
-    /// What is right.
+    /// Ground truth.
     #[arg(long, value_name = "PATH")]
     pub truth: PathBuf,
-    /// What is judged.
+    /// Result to score.
     #[arg(long, value_name = "PATH")]
     pub result: PathBuf,
-    /// Distances in cloud units; the first one decides which points match.
+    /// Distances in units of the cloud; labels are compared within the first one.
     #[arg(long, value_name = "D[,D…]", value_delimiter = ',', value_parser = values::positive)]
     pub within: Vec<f64>,
-    /// Read deeper labels as their ancestor at this depth (1 = top).
+    /// Replace deeper labels by their ancestor at this level (1 = top).
     #[arg(long, value_name = "N", value_parser = values::from_one)]
     pub level: Option<usize>,
-    /// How cameras are brought together first.
+    /// Alignment of the cameras before they are compared.
     #[arg(long, default_value = "none")]
     pub align: Align,
-    /// Align the cameras' orientations with their centres, which alone leave the turn about a straight path open.
+    /// Align orientations as well as centres; needed where the centres lie on a line.
     #[arg(long)]
     pub turns: bool,
-    /// Cameras that have seen the truth, for --min-views and the share in depth.
+    /// Cameras that observe the ground truth, for --min-views and the share in depth.
     #[arg(long, value_name = "DIR", requires = "min_views")]
     pub cameras: Option<PathBuf>,
-    /// Completeness only over truth points inside this many frusta.
+    /// Compute completeness only over ground-truth points inside at least this many frusta.
     #[arg(long, value_name = "N", requires = "cameras")]
     pub min_views: Option<usize>,
-    /// Folder of frames, film, or project of these cameras: what the pictures have in common tells which truth points
-    /// each sees, for the share in depth.
+    /// Folder of frames, video or project of these cameras; its image matches decide which points each camera sees, for the
+    /// share in depth.
     #[arg(long, value_name = "PATH")]
     pub frames: Option<PathBuf>,
-    /// Leave the first frame out.
+    /// Leave out the first frame.
     #[arg(long)]
     pub skip_first: bool,
     /// Print one JSON object.
@@ -75,10 +75,10 @@ pub(super) struct EvalArgs {
 
 #[derive(Debug, Args)]
 pub(super) struct InteractArgs {
-    /// Folder of frames, film, or project (whose frames have depth and cameras).
+    /// Folder of frames, video, or project (to use its depth maps and cameras).
     #[arg(long, value_name = "PATH")]
     pub frames: PathBuf,
-    /// Folder of true masks.
+    /// Folder of ground-truth masks.
     #[arg(long, value_name = "MASKS")]
     pub truth: PathBuf,
     /// auto, xmem, deaot, geometry or flow.
@@ -87,10 +87,10 @@ pub(super) struct InteractArgs {
     /// auto, sam, sam-close (looks closely around each prompt), geometry (solid things in frames with depth and cameras) or builtin.
     #[arg(long, default_value = "auto", value_name = "NAME")]
     pub segmenter: String,
-    /// How far clicks fall from where they are meant: standard deviation along each axis.
+    /// Standard deviation of the click position along each axis.
     #[arg(long, default_value = "0", value_name = "PX", value_parser = values::from_zero)]
     pub jitter: f64,
-    /// Another seed makes clicks fall elsewhere.
+    /// Seed of the click positions.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// Print one JSON object.
@@ -98,12 +98,12 @@ pub(super) struct InteractArgs {
     pub json: bool,
 }
 
-pub(super) fn eval(verb: EvalVerb) -> Result<()> {
-    match verb {
-        EvalVerb::Masks(args) => masks(&args),
-        EvalVerb::Cloud(args) => cloud(args),
-        EvalVerb::Cameras(args) => cameras(&args),
-        EvalVerb::Interact(args) => interact(args),
+pub(super) fn eval(command: EvalCommand) -> Result<()> {
+    match command {
+        EvalCommand::Masks(args) => masks(&args),
+        EvalCommand::Cloud(args) => cloud(args),
+        EvalCommand::Cameras(args) => cameras(&args),
+        EvalCommand::Interact(args) => interact(args),
     }
 }
 
@@ -138,7 +138,7 @@ fn cloud(args: EvalArgs) -> Result<()> {
     )?;
     ensure!(
         args.frames.is_none() || args.cameras.is_some() && !args.within.is_empty(),
-        "--frames tells what is seen, for the share in depth; give --cameras with --min-views, and --within, too"
+        "--frames needs --cameras, --min-views and --within as well"
     );
     let cameras = args.cameras.zip(args.min_views);
     let views = cameras.map(|(cameras, min_views)| TruthViews {
@@ -169,7 +169,7 @@ fn cameras(args: &EvalArgs) -> Result<()> {
     )?;
     ensure!(
         !args.turns || args.align != Align::None,
-        "--turns goes with an alignment; give --align se3 or --align sim3 too"
+        "--turns needs --align se3 or --align sim3"
     );
     let alignment = match args.align {
         Align::None => Alignment::None,
@@ -203,19 +203,19 @@ fn interact(args: InteractArgs) -> Result<()> {
         segmenter,
         options,
     };
-    let outcome = evaluate_interaction(&request, &mut |jobs| lines.glance(jobs));
+    let outcome = evaluate_interaction(&request, &mut |jobs| lines.update(jobs));
     lines.end();
     let (report, warnings) = outcome?;
     warn_all(&warnings);
     print(json, &report, &interact_table(&report))
 }
 
-/// An option that means nothing here is refused rather than ignored.
+/// Refuses options that have no effect on this score.
 fn refuse(args: &EvalArgs, given: &[(&str, bool)]) -> Result<()> {
     match given.iter().find(|(_, given)| *given) {
         Some((option, _)) => {
             bail!(
-                "--{option} means nothing for this score of {}; leave it out",
+                "--{option} has no effect on this score of {}; leave it out",
                 args.result.display()
             )
         }
@@ -229,9 +229,9 @@ fn warn_all(warnings: &[String]) {
 
 fn print(json: bool, score: &impl Serialize, table: &str) -> Result<()> {
     if json {
-        say_json(&serde_json::to_string(score)?);
+        print_json(&serde_json::to_string(score)?);
     } else {
-        say(table);
+        print_text(table);
     }
     Ok(())
 }
@@ -266,7 +266,7 @@ fn camera_table(score: &CameraScore) -> String {
     let rows = [
         ("centre", &error.centre),
         ("rotation °", &error.rotation_deg),
-        ("by itself °", &error.own_rotation_deg),
+        ("alone °", &error.own_rotation_deg),
     ];
     for (name, row) in rows {
         text += &format!(
@@ -289,7 +289,7 @@ fn interact_table(report: &InteractReport) -> String {
         ..
     } = report;
     let mut text = format!(
-        "segmenter {segmenter}, tracker {tracker}, {frames} frames with truth, {labels} labels\n"
+        "segmenter {segmenter}, tracker {tracker}, {frames} frames with ground truth, {labels} labels\n"
     );
     for goal in &report.reached {
         let clicks = goal
@@ -298,21 +298,21 @@ fn interact_table(report: &InteractReport) -> String {
         text += &format!("clicks to mean IoU {:.2} {clicks:>8}\n", goal.mean_iou);
     }
     text += &format!(
-        "at the end mean IoU {:.4} after {} clicks ({} corners of outlines and borders pulled), {} frames corrected, {:.1} s\n",
+        "final mean IoU {:.4} after {} clicks ({} of them polygon corners and border drags), {} frames corrected, {:.1} s\n",
         report.mean_iou, report.clicks, report.corners, report.corrected, report.seconds
     );
     let share = |share: Option<f64>| {
         share.map_or_else(|| "—".to_owned(), |share| format!("{:.0} %", 100.0 * share))
     };
-    let alone = &report.frame_by_frame;
+    let baseline = &report.frame_by_frame;
     text += &format!(
-        "every frame from nothing: {} clicks, {} frames failed\n",
-        alone.clicks, alone.failed
+        "every frame on its own: {} clicks, {} frames failed\n",
+        baseline.clicks, baseline.failed
     );
     text += &format!("clicks saved to mean IoU 0.90: {}\n", share(report.saved()));
     let failed = &report.failed_by_frame;
     text += &format!(
-        "{} frames that the first tracking failed, from nothing: {} clicks\n",
+        "the {} frames on which the first tracking failed, each on its own: {} clicks\n",
         failed.frames, failed.clicks
     );
     text + &format!(

@@ -13,7 +13,7 @@ use ostra_session::Command;
 
 #[derive(Debug, Args)]
 pub(super) struct ExportArgs {
-    /// The project's folder.
+    /// Project folder.
     pub project: PathBuf,
     /// Labelled cloud (.ply, .las, .laz or .pcd).
     #[arg(long, value_name = "F")]
@@ -24,31 +24,31 @@ pub(super) struct ExportArgs {
     /// Labelled voxels (.ply, .npz or .vox).
     #[arg(long, value_name = "F")]
     pub voxels: Option<PathBuf>,
-    /// COLMAP text model.
+    /// Cameras as a COLMAP text model.
     #[arg(long, value_name = "DIR")]
     pub cameras: Option<PathBuf>,
-    /// The COLMAP model in its binary encoding.
+    /// Write the COLMAP model in binary form.
     #[arg(long, requires = "cameras")]
     pub binary: bool,
-    /// Pictures and masks without lens distortion, with a COLMAP model of their cameras.
+    /// Undistorted images and masks with a COLMAP model of their cameras.
     #[arg(long, value_name = "DIR")]
     pub undistorted: Option<PathBuf>,
-    /// Fill voxels with what they enclose.
+    /// Fill the inside of closed surfaces.
     #[arg(long, requires = "voxels")]
     pub solid: bool,
     /// Masks of all frames, with labels.json.
     #[arg(long, value_name = "DIR")]
     pub masks: Option<PathBuf>,
-    /// How masks are written: davis (palette PNGs), binary, coco or yolo.
+    /// Format of the masks: davis (palette PNGs), binary, coco or yolo.
     #[arg(long, requires = "masks", value_parser = ["davis", "binary", "coco", "yolo"])]
     pub mask_format: Option<String>,
-    /// 32-bit float TIFFs in world units.
+    /// Depth maps as 32-bit float TIFFs in world units.
     #[arg(long, value_name = "DIR")]
     pub depths: Option<PathBuf>,
-    /// Measurements per label.
+    /// Table of traits per label.
     #[arg(long, value_name = "F.csv")]
     pub traits: Option<PathBuf>,
-    /// Measure heights above a label (a table, the soil) or the plane NX,NY,NZ,D (all x with N·x = D); fitted when absent.
+    /// Ground for heights: a label (table, soil) or the plane N·x = D [default: fitted]
     #[arg(
         long,
         value_name = "LABEL|NX,NY,NZ,D",
@@ -56,25 +56,25 @@ pub(super) struct ExportArgs {
         allow_hyphen_values = true
     )]
     pub ground: Option<String>,
-    /// Tell the angle between these two labels where they meet too. May be given more than once.
+    /// Add the angle between these two labels (repeatable).
     #[arg(long, value_names = ["LABEL", "LABEL"], num_args = 2, requires = "traits")]
     pub angle: Vec<String>,
-    /// Give lengths in m, cm or mm (of a scene whose scale is known), or in the scene's own units.
+    /// Unit of lengths: m, cm or mm (needs a known scale), or units.
     #[arg(long, requires = "traits", value_parser = values::length_unit)]
     pub unit: Option<LengthUnit>,
-    /// Read deeper labels as their ancestor at this depth (1 = top).
+    /// Replace deeper labels by their ancestor at this level (1 = top).
     #[arg(long, value_name = "N", value_parser = values::from_one)]
     pub level: Option<usize>,
-    /// Write the same points in label colours beside the file.
+    /// Also write a copy in label colours.
     #[arg(long)]
     pub twin: bool,
-    /// Write one file per label too.
+    /// Also write one file per label.
     #[arg(long)]
     pub per_label: bool,
-    /// Keep this share of the mesh's triangles; borders of labels stay.
+    /// Simplify the mesh to this share of its triangles, keeping label borders.
     #[arg(long, value_name = "SHARE", requires = "mesh", value_parser = values::part)]
     pub simplify: Option<f64>,
-    /// Replace earlier exports that were changed since; sources and files that OSTRA did not write are never replaced.
+    /// Replace earlier exports even if they were changed since. Other files are never replaced.
     #[arg(long)]
     pub overwrite: bool,
 }
@@ -127,18 +127,18 @@ pub(super) fn export(args: ExportArgs) -> Result<()> {
         })
     {
         bail!(
-            "nothing to export was named; give --cloud, --mesh, --voxels, --cameras, --masks, --depths or --traits with a path"
+            "nothing to export; give --cloud, --mesh, --voxels, --cameras, --undistorted, --masks, --depths or --traits with a path"
         );
     }
     driver.act_and_save([Command::Export(request)])
 }
 
-/// The labels of these two names.
+/// Returns the ids of two labels given by name.
 fn angle(project: &Project, names: &[String]) -> Result<[LabelId; 2]> {
     Ok([label_id(project, &names[0])?, label_id(project, &names[1])?])
 }
 
-/// Four numbers are a plane, all else is a label's name.
+/// Parses a ground: four numbers are a plane, any other text is the name of a label.
 fn ground(project: &Project, text: &str) -> Result<GroundChoice> {
     let numbers: Result<Vec<f64>, _> = text
         .split(',')

@@ -6,13 +6,13 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::drive::Driver;
-use super::print::{say, say_json, warn};
+use super::print::{print_json, print_text, warn};
 use ostra_frames::{Frame, missing_sources};
 use ostra_project::{MaskOrigin, Project, ResultKind};
 
 #[derive(Debug, Args)]
 pub(super) struct InfoArgs {
-    /// The project's folder.
+    /// Project folder.
     pub project: PathBuf,
     /// Print one JSON object.
     #[arg(long)]
@@ -24,9 +24,9 @@ pub(super) fn info(args: &InfoArgs) -> Result<()> {
     let project = driver.project()?;
     warn_of_missing(&missing_sources(&project.frames));
     if args.json {
-        say_json(&as_json(project));
+        print_json(&as_json(project));
     } else {
-        say(&as_text(project));
+        print_text(&as_text(project));
     }
     Ok(())
 }
@@ -34,15 +34,15 @@ pub(super) fn info(args: &InfoArgs) -> Result<()> {
 fn warn_of_missing(missing: &[&Path]) {
     if let Some(first) = missing.first() {
         warn(&format!(
-            "{} source files of the frames are missing, the first is {}; if they were moved, run 'ostra relocate \
-             PROJECT OLD_FOLDER NEW_FOLDER'",
+            "{} source files are missing, the first is {}; if they have moved, run 'ostra relocate PROJECT OLD_FOLDER \
+             NEW_FOLDER'",
             missing.len(),
             first.display()
         ));
     }
 }
 
-/// What a project holds, as `info --json` prints it.
+/// Summarises a project as `info --json` prints it.
 fn as_json(project: &Project) -> Value {
     let frames: Vec<Value> = project
         .frames
@@ -72,7 +72,7 @@ fn as_json(project: &Project) -> Value {
     json!({ "format": 1, "origin": project.origin.to_array(), "frames": frames, "labels": labels, "results": results })
 }
 
-/// What a project holds, for people to read.
+/// Summarises a project for people.
 fn as_text(project: &Project) -> String {
     let mut text = String::new();
     let count = |wanted: &str| {
@@ -94,7 +94,7 @@ fn as_text(project: &Project) -> String {
     }
     let _ = writeln!(
         text,
-        "masks: {} anchors, {} tracked, {} stale, {} none",
+        "masks: {} keyframes, {} tracked, {} stale, {} without",
         count("anchor"),
         count("tracked"),
         count("stale"),
@@ -112,7 +112,7 @@ fn as_text(project: &Project) -> String {
     }
     for (kind, record) in &project.results {
         let stale = if record.stale {
-            ", stale: make it anew"
+            ", stale: run it again"
         } else {
             ""
         };

@@ -1,4 +1,4 @@
-//! The verbs of masks on frames: prompts, traces, text, tidying, mask files.
+//! Commands on the masks of frames: prompts, traces, text prompts, clean-up, mask files.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use glam::DVec2;
 
 use super::drive::{Driver, label_id};
-use super::print::say;
+use super::print::print_text;
 use super::values;
 use ostra_masks::{Click, Prompt, PxBox};
 use ostra_session::{
@@ -16,21 +16,21 @@ use ostra_session::{
 
 #[derive(Debug, Args)]
 pub(super) struct PromptArgs {
-    /// The project's folder.
+    /// Project folder.
     pub project: PathBuf,
     /// Frame number, from 0.
     #[arg(long, value_name = "K")]
     pub frame: usize,
-    /// The label's name.
+    /// Name of the label.
     #[arg(long, value_name = "NAME")]
     pub label: String,
-    /// Pixels that belong to it.
+    /// Pixels inside the object.
     #[arg(long, num_args = 1.., value_name = "X,Y", value_parser = values::point)]
     pub click: Vec<DVec2>,
-    /// Pixels that do not.
+    /// Pixels outside the object.
     #[arg(long, num_args = 1.., value_name = "X,Y", value_parser = values::point)]
     pub not: Vec<DVec2>,
-    /// Boxes around it.
+    /// Boxes around the object.
     #[arg(long = "box", num_args = 1.., value_name = "X0,Y0,X1,Y1", value_parser = values::px_box)]
     pub boxes: Vec<[DVec2; 2]>,
     /// auto, sam, sam-close (looks closely around each prompt), geometry (solid things in frames with depth and cameras) or builtin.
@@ -40,34 +40,34 @@ pub(super) struct PromptArgs {
 
 #[derive(Debug, Args)]
 pub(super) struct TraceArgs {
-    /// The project's folder.
+    /// Project folder.
     pub project: PathBuf,
     /// Frame number, from 0.
     #[arg(long, value_name = "K")]
     pub frame: usize,
-    /// The label's name.
+    /// Name of the label.
     #[arg(long, value_name = "NAME")]
     pub label: String,
-    /// Points along it in their order, two or more; it ends at the first and the last.
+    /// Two or more points along the structure in order, from end to end.
     #[arg(long, required = true, num_args = 1.., value_name = "X,Y", value_parser = values::point)]
     pub point: Vec<DVec2>,
-    /// Paint over other labels too.
+    /// Overwrite other labels.
     #[arg(long)]
     pub replace: bool,
 }
 
 #[derive(Debug, Args)]
 #[command(group(clap::ArgGroup::new("what").required(true).multiple(true).args(["holes_below", "islands_below"])))]
-pub(super) struct TidyArgs {
-    /// The project's folder.
+pub(super) struct CleanArgs {
+    /// Project folder.
     pub project: PathBuf,
     /// Frame number, from 0.
     #[arg(long, value_name = "K")]
     pub frame: usize,
-    /// The label's name.
+    /// Name of the label.
     #[arg(long, value_name = "NAME")]
     pub label: String,
-    /// Fill holes of fewer pixels.
+    /// Fill holes smaller than this many pixels.
     #[arg(
         long,
         value_name = "PX",
@@ -75,7 +75,7 @@ pub(super) struct TidyArgs {
         hide_default_value = true
     )]
     pub holes_below: usize,
-    /// Remove islands of fewer pixels; the largest piece always stays.
+    /// Remove specks smaller than this many pixels; the largest part is kept.
     #[arg(
         long,
         value_name = "PX",
@@ -87,15 +87,15 @@ pub(super) struct TidyArgs {
 
 #[derive(Debug, Args)]
 pub(super) struct GroundArgs {
-    /// The project's folder.
+    /// Project folder.
     pub project: PathBuf,
     /// Frame number, from 0.
     #[arg(long, value_name = "K")]
     pub frame: usize,
-    /// Phrases separated by ';'.
+    /// Objects to find, separated by ';'.
     #[arg(long)]
     pub text: String,
-    /// Boxes scored below this are left out.
+    /// Minimum confidence of a box.
     #[arg(long, default_value = "0.3", value_parser = values::share)]
     pub threshold: f32,
     /// auto, grounding-dino or yolox.
@@ -107,23 +107,24 @@ pub(super) struct GroundArgs {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(super) enum MasksVerb {
+pub(super) enum MasksDirection {
     Import,
     Export,
 }
 
 #[derive(Debug, Args)]
 pub(super) struct MasksArgs {
-    /// The project's folder.
+    /// Project folder.
     pub project: PathBuf,
-    /// import or export.
-    pub verb: MasksVerb,
+    /// Whether to read or write mask files.
+    #[arg(value_name = "DIRECTION")]
+    pub direction: MasksDirection,
     /// Folder of mask files.
     pub dir: PathBuf,
-    /// davis, binary, coco or yolo.
+    /// Format of the mask files.
     #[arg(long, default_value = "davis", value_parser = ["davis", "binary", "coco", "yolo"])]
     pub format: String,
-    /// Export: replace earlier exports that were changed since; sources and files that OSTRA did not write are never replaced.
+    /// Replace earlier exports even if they were changed since. Other files are never replaced.
     #[arg(long)]
     pub overwrite: bool,
 }
@@ -170,7 +171,7 @@ pub(super) fn ground(args: &GroundArgs) -> Result<()> {
     let found = driver.found();
     if found.is_empty() {
         bail!(
-            "nothing of '{}' was found on frame {frame}; try a lower --threshold, another frame, or other words",
+            "'{}' was not found on frame {frame}; try a lower --threshold, another frame or another text",
             args.text
         );
     }
@@ -180,7 +181,7 @@ pub(super) fn ground(args: &GroundArgs) -> Result<()> {
             "{:.0},{:.0},{:.0},{:.0}",
             min_px.x, min_px.y, max_px.x, max_px.y
         );
-        say(&format!(
+        print_text(&format!(
             "{}: {:.0} %, {extent}\n",
             thing.phrase,
             100.0 * thing.score
@@ -199,15 +200,17 @@ pub(super) fn ground(args: &GroundArgs) -> Result<()> {
 
 pub(super) fn masks(args: MasksArgs) -> Result<()> {
     let (dir, format, overwrite) = (args.dir, args.format, args.overwrite);
-    match args.verb {
-        MasksVerb::Import => {
+    match args.direction {
+        MasksDirection::Import => {
             Driver::open(&args.project)?.act_and_save([Command::ImportMasks { dir, format }])
         }
-        MasksVerb::Export => Driver::view(&args.project)?.act_and_save([Command::ExportMasks {
-            dir,
-            format,
-            overwrite,
-        }]),
+        MasksDirection::Export => {
+            Driver::view(&args.project)?.act_and_save([Command::ExportMasks {
+                dir,
+                format,
+                overwrite,
+            }])
+        }
     }
 }
 
@@ -223,7 +226,7 @@ pub(super) fn trace(args: TraceArgs) -> Result<()> {
     driver.act_and_save([Command::Trace(request)])
 }
 
-pub(super) fn tidy(args: &TidyArgs) -> Result<()> {
+pub(super) fn clean(args: &CleanArgs) -> Result<()> {
     let driver = Driver::open(&args.project)?;
     let label = label_id(driver.project()?, &args.label)?;
     let (holes_below_px, islands_below_px) = (args.holes_below, args.islands_below);

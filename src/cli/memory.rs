@@ -1,19 +1,19 @@
-//! How the C library hands memory out.
+//! Settings of the C library's memory allocator.
 
-/// Cores for each arena of memory.
+/// Cores per allocation arena.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const CORES_PER_ARENA: usize = 4;
 
-/// Allocations from here on are given back to the system as soon as they are freed, bytes.
+/// Size in bytes from which an allocation is returned to the system as soon as it is freed.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const MAPPED_BYTES: i32 = 256 << 10;
 
-/// Lets memory that is freed go back to the system. The GNU C library would keep up to eight arenas for each core, and raise
-/// the size from which on it gives memory back with every large allocation: images and clouds of earlier steps then take
-/// half as much again as is in use. Must be called before other threads are started.
+/// Makes the allocator return freed memory to the system. By default the GNU C library keeps up to eight arenas per core and
+/// raises the size from which it returns memory with every large allocation. Freed images and clouds of earlier steps then
+/// add half as much again to the memory in use. Must be called before other threads start.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
-#[expect(unsafe_code, reason = "there is no other way to set it from within")]
-pub(super) fn return_what_is_freed() {
+#[expect(unsafe_code, reason = "the allocator has no safe interface for this")]
+pub(super) fn return_freed_memory() {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let arenas = i32::try_from((cores / CORES_PER_ARENA).max(1)).unwrap_or(i32::MAX);
     // SAFETY: `mallopt` takes two numbers by value and may be called at any time.
@@ -23,6 +23,6 @@ pub(super) fn return_what_is_freed() {
     }
 }
 
-/// Other systems give memory back by themselves.
+/// Does nothing: the allocators of other systems return freed memory.
 #[cfg(not(all(target_os = "linux", target_env = "gnu")))]
-pub(super) fn return_what_is_freed() {}
+pub(super) fn return_freed_memory() {}

@@ -1,4 +1,4 @@
-//! The command line: words → `Command`s, a Session driven to rest, progress lines, exit codes.
+//! The command line: translates arguments into `Command`s, runs them in a `Session` and reports progress and exit codes.
 
 mod args;
 mod cloud;

@@ -1,73 +1,72 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use clap::Subcommand;
 
-use super::print::{printable, say, say_aside};
+use super::print::{print_text, print_to_stderr, printable};
 use super::stop;
 use ostra_compute::nn::{Added, CheckedFile, Fetched, Proof, Row};
 use ostra_session::{add_model, check_model, install_model, list_models};
 
-#[derive(Debug, Subcommand)]
-pub(super) enum ModelsVerb {
-    /// What is known and what is installed.
+#[derive(Debug, clap::Subcommand)]
+pub(super) enum ModelsCommand {
+    /// List known and installed networks.
     List,
-    /// Get a network.
+    /// Download and install a network.
     Install {
-        /// Its name in the catalogue.
+        /// Name in the catalogue.
         name: String,
     },
-    /// Take a network from files.
+    /// Install a network from files.
     Add {
-        /// Its name in the catalogue.
+        /// Name in the catalogue.
         name: String,
-        /// Its files.
+        /// Files of the network.
         #[arg(required = true)]
         files: Vec<PathBuf>,
     },
-    /// Load a network and check its inputs and outputs.
+    /// Load an installed network and check its inputs and outputs.
     Check {
-        /// Its name in the catalogue.
+        /// Name in the catalogue.
         name: String,
     },
 }
 
-pub(super) fn models(verb: &ModelsVerb) -> Result<()> {
-    match verb {
-        ModelsVerb::List => list_models()?.iter().for_each(|row| say(&line(row))),
-        ModelsVerb::Install { name } => say_added(&install_model(name, &mut progress())?),
-        ModelsVerb::Add { name, files } => say_added(&add_model(name, files)?),
-        ModelsVerb::Check { name } => check_model(name)?
+pub(super) fn models(command: &ModelsCommand) -> Result<()> {
+    match command {
+        ModelsCommand::List => list_models()?.iter().for_each(|row| print_text(&line(row))),
+        ModelsCommand::Install { name } => print_added(&install_model(name, &mut progress())?),
+        ModelsCommand::Add { name, files } => print_added(&add_model(name, files)?),
+        ModelsCommand::Check { name } => check_model(name)?
             .iter()
-            .for_each(|file| say(&checked(file))),
+            .for_each(|file| print_text(&checked(file))),
     }
     Ok(())
 }
 
-fn say_added(files: &[Added]) {
+fn print_added(files: &[Added]) {
     files.iter().for_each(|added| {
-        say(&format!(
+        print_text(&format!(
             "{}: {}\n",
             added.path.display(),
-            told(&added.proof)
+            verification_text(&added.proof)
         ));
     });
 }
 
-/// Bytes after which it is said again how far a download is.
-const SAID_EVERY: u64 = 10_000_000;
+/// Bytes between two progress lines of a download.
+const BYTES_PER_LINE: u64 = 10_000_000;
 
-/// Says what is fetched and, now and then, how much of it is there.
+/// Returns a callback that prints the progress of downloads.
 fn progress() -> impl FnMut(Fetched<'_>) -> bool {
     let mut last = (String::new(), 0);
     move |now| {
-        if last.0 != now.what || now.bytes >= last.1 + SAID_EVERY {
+        if last.0 != now.what || now.bytes >= last.1 + BYTES_PER_LINE {
             let of = now.of.map_or(String::new(), |bytes| {
                 format!(" of {:.1}", bytes as f64 / 1e6)
             });
             let there = (now.bytes > 0 || now.of.is_some())
                 .then(|| format!(": {:.1}{of} MB", now.bytes as f64 / 1e6));
-            say_aside(&printable(&format!(
+            print_to_stderr(&printable(&format!(
                 "{}{}\n",
                 now.what,
                 there.unwrap_or_default()
@@ -96,12 +95,12 @@ fn line(row: &Row) -> String {
     )
 }
 
-fn told(proof: &Proof) -> String {
+fn verification_text(proof: &Proof) -> String {
     match proof {
-        Proof::Fits => "added; it loads and takes and gives what it should".into(),
+        Proof::Fits => "added; it loads, and its inputs and outputs are as expected".into(),
         Proof::Loads => "added; it loads".into(),
-        Proof::Known => "added; it is the file that is known".into(),
-        Proof::None(why) => format!("added unchecked: {why}"),
+        Proof::Known => "added; it is the known file".into(),
+        Proof::None(why) => format!("added without a check: {why}"),
     }
 }
 
@@ -110,7 +109,11 @@ fn checked(file: &CheckedFile) -> String {
     match &file.signature {
         None => format!("{}: loads\n", name(&file.path)),
         Some(signature) => {
-            let verdict = if file.is_compared { "fits" } else { "loads" };
+            let verdict = if file.is_compared {
+                "inputs and outputs are as expected"
+            } else {
+                "loads"
+            };
             let ports = signature
                 .inputs
                 .iter()

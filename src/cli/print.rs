@@ -2,19 +2,20 @@ use std::fmt::Display;
 use std::io::{ErrorKind, Write};
 use std::sync::Mutex;
 
-/// Longest message that is printed, in characters; a longer one loses its middle.
+/// Longest message that is printed, in characters. The middle of a longer one is left out.
 const MAX_MESSAGE: usize = 2000;
 
-/// The first error of standard output; [`finish`] reports it.
+/// First error of standard output, reported by [`finish`].
 static FAILURE: Mutex<Option<std::io::Error>> = Mutex::new(None);
 
-/// Writes to standard output. Characters that would steer a terminal are escaped: names come from files of others.
-pub(super) fn say(text: &str) {
+/// Writes text to standard output. Characters that control a terminal are escaped, because names may come from files of
+/// other people.
+pub(super) fn print_text(text: &str) {
     write(&printable(text));
 }
 
 /// Writes a value as one line of JSON.
-pub(super) fn say_json(value: &impl Display) {
+pub(super) fn print_json(value: &impl Display) {
     let mut line = String::new();
     for c in value.to_string().chars() {
         if is_unsafe(c) {
@@ -32,19 +33,19 @@ pub(super) fn say_json(value: &impl Display) {
     write(&line);
 }
 
-/// Prints something that the user should look at, on standard error.
+/// Prints a warning to standard error.
 pub(super) fn warn(text: &str) {
-    say_aside(&format!("warning: {}\n", one_line(text)));
+    print_to_stderr(&format!("warning: {}\n", one_line(text)));
 }
 
-/// Writes to standard error as it is. Where that fails (a full disk, a reader that has gone away) the work goes on: only
-/// words are lost.
-pub(super) fn say_aside(text: &str) {
+/// Writes text to standard error as it is. Failures (a full disk, a closed pipe) are ignored: the work goes on and only
+/// the message is lost.
+pub(super) fn print_to_stderr(text: &str) {
     let mut out = std::io::stderr().lock();
     let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
 }
 
-/// A message on one line of bounded length, without characters that would steer a terminal.
+/// Returns the message on one line of bounded length, without characters that control a terminal.
 pub(super) fn one_line(text: &str) -> String {
     let text = printable(&text.replace(['\n', '\r'], " "));
     let count = text.chars().count();
@@ -57,10 +58,10 @@ pub(super) fn one_line(text: &str) -> String {
     format!("{start} … {} characters left out … {end}", count - 2 * half)
 }
 
-/// What standard output could not take.
+/// Reports the first failure to write to standard output.
 ///
 /// # Errors
-/// The first error of any [`say`]; a reader that has gone away (`| head`) is not an error.
+/// The first error of [`print_text`] or [`print_json`]. A closed pipe (`| head`) is not an error.
 pub(super) fn finish() -> std::io::Result<()> {
     let mut failure = FAILURE
         .lock()
@@ -81,7 +82,7 @@ fn write(text: &str) {
     }
 }
 
-/// The text with control characters and those that reverse the direction of writing as `\u{HEX}`.
+/// Escapes control characters and characters that reverse the writing direction as `\u{HEX}`.
 pub(super) fn printable(text: &str) -> String {
     if !text.contains(is_unsafe) {
         return text.to_owned();
@@ -108,7 +109,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn terminals_are_not_steered() {
+    fn characters_that_control_a_terminal_are_escaped() {
         assert_eq!(
             printable("rice\x1b]0;OWNED\x07 › leaf\n"),
             "rice\\u{1b}]0;OWNED\\u{7} › leaf\n"

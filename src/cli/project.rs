@@ -13,30 +13,30 @@ use ostra_session::{Command, TrackSettings};
 
 #[derive(Debug, Args)]
 pub(super) struct RelocateArgs {
-    /// The project's folder.
+    /// Project folder.
     pub project: PathBuf,
-    /// Folder or video that is gone, as 'ostra info' names it.
+    /// Folder or video that is missing, as shown by 'ostra info'.
     pub from: PathBuf,
-    /// Where it is now; images must have the sizes that the frames had.
+    /// Its new path; image sizes must be unchanged.
     pub to: PathBuf,
 }
 
 #[derive(Debug, Args)]
 pub(super) struct LabelArgs {
-    /// The project's folder.
+    /// Project folder.
     pub project: PathBuf,
-    /// The label's name.
+    /// Name of the label.
     pub name: String,
-    /// Name of the label above it.
+    /// Name of the parent label.
     #[arg(long, value_name = "NAME")]
     pub parent: Option<String>,
-    /// Its colour.
+    /// Colour of the label.
     #[arg(long, value_name = "#rrggbb", value_parser = values::color)]
     pub color: Option<[u8; 3]>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(super) enum Way {
+pub(super) enum TrackDirection {
     Both,
     Forward,
     Backward,
@@ -44,7 +44,7 @@ pub(super) enum Way {
 
 #[derive(Debug, Args)]
 pub(super) struct TrackArgs {
-    /// The project's folder.
+    /// Project folder.
     pub project: PathBuf,
     /// auto, xmem, deaot, geometry or flow.
     #[arg(long, default_value = "auto", value_name = "NAME")]
@@ -55,26 +55,25 @@ pub(super) struct TrackArgs {
     /// Last frame (included).
     #[arg(long, value_name = "K")]
     pub to: Option<usize>,
-    /// Which way masks go from an anchor.
+    /// Direction of propagation from a keyframe.
     #[arg(long, default_value = "both")]
-    pub direction: Way,
-    /// Frames between the anchors next to anchor K, both excluded.
+    pub direction: TrackDirection,
+    /// Only the frames between the keyframes before and after keyframe K.
     #[arg(long, value_name = "K", conflicts_with_all = ["from", "to"])]
     pub around: Option<usize>,
-    /// Only these labels; every pixel of another label stays as it is.
+    /// Only this label, leaving all pixels of other labels unchanged (repeatable).
     #[arg(long, value_name = "NAME")]
     pub label: Vec<String>,
-    /// Write these labels over others too.
+    /// Let these labels overwrite others.
     #[arg(long, requires = "label")]
     pub replace: bool,
-    /// Hold the masks against the anchors' masks carried through geometry.
+    /// Check the masks against keyframes re-projected through depth and cameras.
     #[arg(long)]
     pub constrain: bool,
-    /// End at the first frame on which a label is less sure than this.
+    /// Stop at the first frame on which the confidence of a label is lower.
     #[arg(long, value_name = "C", value_parser = values::share)]
     pub pause_below: Option<f32>,
-    /// Shorter side of the pictures that xmem and deaot see; more shows thinner things and takes longer (deaot never
-    /// enlarges).
+    /// Shorter image side for xmem and deaot; larger values keep thinner structures and take longer (deaot never enlarges).
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(64..=4096))]
     pub short_side: Option<u32>,
 }
@@ -89,21 +88,21 @@ pub(super) enum Method {
 
 #[derive(Debug, Args)]
 pub(super) struct ReconstructArgs {
-    /// The project's folder.
+    /// Project folder.
     pub project: PathBuf,
-    /// sfm: only cameras.
+    /// Method; sfm computes cameras only.
     #[arg(long, default_value = "auto")]
     pub method: Method,
-    /// Reconstruct from every n-th frame.
+    /// Use every Nth frame.
     #[arg(long, default_value = "1", value_name = "N", value_parser = values::from_one)]
     pub every: usize,
-    /// Where kernels run.
+    /// Device for stereo.
     #[arg(long, default_value = "auto", value_parser = ["auto", "cpu", "gpu"])]
     pub device: String,
-    /// Longer sides are worked on at this size.
+    /// Longest image side for depth maps; larger images are reduced.
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(64..=8192))]
     pub max_side: Option<u32>,
-    /// Only where masks have a label.
+    /// Compute depth only on labelled pixels.
     #[arg(long)]
     pub only_labelled: bool,
     /// Feature detector.
@@ -112,33 +111,33 @@ pub(super) struct ReconstructArgs {
     /// Feature matcher.
     #[arg(long, default_value = "auto", value_parser = ["auto", "nearest", "lighterglue", "superglue"])]
     pub matcher: String,
-    /// Match these two frames besides those that are chosen.
+    /// Also match these two frames (repeatable).
     #[arg(long, value_name = "K,K", value_parser = values::frame_pair)]
     pub pair: Vec<[usize; 2]>,
-    /// How pieces of an RGB-D recording that nothing else ties together are joined.
+    /// Registration of unconnected fragments of an RGB-D recording.
     #[arg(long, default_value = "auto", value_parser = ["auto", "fgr", "ransac"])]
     pub registration: String,
 }
 
 #[derive(Debug, Args)]
 pub(super) struct ScaleArgs {
-    /// The project's folder.
+    /// Project folder.
     pub project: PathBuf,
-    /// The known length. Everything that the project has made is scaled with it, in one step that can be undone.
+    /// The known length. Cameras, depth maps, cloud and mesh are scaled together, in one step that can be undone.
     #[arg(long, value_name = "L", value_parser = values::positive)]
     pub length: f64,
-    /// What the length is given in: m, cm or mm.
+    /// Unit of the length: m, cm or mm.
     #[arg(long, default_value = "m", value_parser = values::metric_unit)]
     pub unit: LengthUnit,
-    /// Where a frame sees the one end: frame, x, y; for two frames or more.
-    #[arg(long, value_name = "K,X,Y", value_parser = values::sighting, required = true)]
+    /// First end of the length as seen in a frame: frame, x, y (give at least two frames).
+    #[arg(long, value_name = "K,X,Y", value_parser = values::frame_point, required = true)]
     pub from: Vec<(usize, DVec2)>,
-    /// Where a frame sees the other end.
-    #[arg(long, value_name = "K,X,Y", value_parser = values::sighting, required = true)]
+    /// Second end of the length as seen in a frame (give at least two frames).
+    #[arg(long, value_name = "K,X,Y", value_parser = values::frame_point, required = true)]
     pub to: Vec<(usize, DVec2)>,
 }
 
-/// Points frames to where their files were moved.
+/// Updates the paths of frames whose files have moved.
 pub(super) fn relocate(args: RelocateArgs) -> Result<()> {
     Driver::open(&args.project)?.act_and_save([Command::Relocate {
         from: args.from,
@@ -157,9 +156,9 @@ pub(super) fn label(args: LabelArgs) -> Result<()> {
 
 pub(super) fn track(args: TrackArgs) -> Result<()> {
     let direction = match args.direction {
-        Way::Both => Direction::Both,
-        Way::Forward => Direction::Forward,
-        Way::Backward => Direction::Backward,
+        TrackDirection::Both => Direction::Both,
+        TrackDirection::Forward => Direction::Forward,
+        TrackDirection::Backward => Direction::Backward,
     };
     let driver = Driver::open(&args.project)?;
     let project = driver.project()?;

@@ -11,54 +11,55 @@ use ostra_project::Project;
 use ostra_session::{Command, RangeChange, RangeRequest};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(super) enum RangeVerb {
-    /// Take them off; no tracker brings them back.
+pub(super) enum RangeAction {
+    /// Remove the labels; trackers do not add them again.
     Delete,
-    /// Let trackers find them again.
+    /// Let trackers add the labels again.
     Restore,
-    /// Keep their pixels as they are.
+    /// Protect the pixels of the labels from changes.
     Lock,
-    /// Take the lock away.
+    /// Allow changes again.
     Unlock,
-    /// Keep them, but neither vote nor export.
+    /// Keep the labels but leave them out of votes and exports.
     Hide,
-    /// Show them again.
+    /// Show hidden labels again.
     Show,
-    /// Give their pixels to the label --into.
+    /// Turn the labels into the label --into.
     Merge,
-    /// Give the piece at --at on --frame to the label --into.
+    /// Turn the connected part at --at on --frame into the label --into.
     Split,
-    /// Put shapes between those of the first and last frame.
+    /// Interpolate shapes between the first and the last frame.
     Interpolate,
-    /// Put the masks of --frame onto the range.
+    /// Copy the masks of --frame to every frame of the range.
     Copy,
 }
 
 #[derive(Debug, Args)]
 pub(super) struct RangeArgs {
-    /// The project's folder.
+    /// Project folder.
     pub project: PathBuf,
-    /// What to do.
-    pub verb: RangeVerb,
-    /// Which labels; all when none is named.
-    #[arg(long, value_name = "NAME", required_if_eq("verb", "split"))]
+    /// What to do with the labels.
+    #[arg(value_name = "ACTION")]
+    pub action: RangeAction,
+    /// Labels to change (repeatable) [default: all]
+    #[arg(long, value_name = "NAME", required_if_eq("action", "split"))]
     pub label: Vec<String>,
     /// First frame.
     #[arg(long, value_name = "K", default_value_t = 0)]
     pub from: usize,
-    /// Last frame (included); the last one when left out.
+    /// Last frame, included [default: last of the project]
     #[arg(long, value_name = "K")]
     pub to: Option<usize>,
-    /// The label that gets the pixels (merge, split).
-    #[arg(long, value_name = "NAME", required_if_eq_any([("verb", "merge"), ("verb", "split")]))]
+    /// Label that receives the pixels (merge, split).
+    #[arg(long, value_name = "NAME", required_if_eq_any([("action", "merge"), ("action", "split")]))]
     pub into: Option<String>,
-    /// The frame pointed at (split) or copied (copy).
-    #[arg(long, value_name = "K", required_if_eq_any([("verb", "split"), ("verb", "copy")]))]
+    /// Frame of --at (split) or frame to copy (copy).
+    #[arg(long, value_name = "K", required_if_eq_any([("action", "split"), ("action", "copy")]))]
     pub frame: Option<usize>,
-    /// A pixel of the piece (split).
-    #[arg(long, value_name = "X,Y", value_parser = values::point, required_if_eq("verb", "split"))]
+    /// Pixel of the connected part (split).
+    #[arg(long, value_name = "X,Y", value_parser = values::point, required_if_eq("action", "split"))]
     pub at: Option<DVec2>,
-    /// Write over other labels too (interpolate, copy).
+    /// Overwrite other labels (interpolate, copy).
     #[arg(long)]
     pub replace: bool,
 }
@@ -85,20 +86,20 @@ fn change(args: &RangeArgs, project: &Project) -> Result<RangeChange> {
         label_id(project, args.into.as_deref().context("--into is missing")?)
     };
     let frame = || args.frame.context("--frame is missing");
-    Ok(match args.verb {
-        RangeVerb::Delete => RangeChange::Delete,
-        RangeVerb::Restore => RangeChange::Restore,
-        RangeVerb::Lock => RangeChange::Lock,
-        RangeVerb::Unlock => RangeChange::Unlock,
-        RangeVerb::Hide => RangeChange::Hide,
-        RangeVerb::Show => RangeChange::Show,
-        RangeVerb::Merge => RangeChange::Merge { into: into()? },
-        RangeVerb::Split => RangeChange::Split {
+    Ok(match args.action {
+        RangeAction::Delete => RangeChange::Delete,
+        RangeAction::Restore => RangeChange::Restore,
+        RangeAction::Lock => RangeChange::Lock,
+        RangeAction::Unlock => RangeChange::Unlock,
+        RangeAction::Hide => RangeChange::Hide,
+        RangeAction::Show => RangeChange::Show,
+        RangeAction::Merge => RangeChange::Merge { into: into()? },
+        RangeAction::Split => RangeChange::Split {
             frame: frame()?,
             at_px: args.at.context("--at is missing")?,
             into: into()?,
         },
-        RangeVerb::Interpolate => RangeChange::Interpolate,
-        RangeVerb::Copy => RangeChange::Copy { frame: frame()? },
+        RangeAction::Interpolate => RangeChange::Interpolate,
+        RangeAction::Copy => RangeChange::Copy { frame: frame()? },
     })
 }

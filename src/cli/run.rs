@@ -5,19 +5,19 @@ use std::time::Duration;
 use anyhow::{Context, Result, bail};
 use clap::{ArgMatches, CommandFactory, FromArgMatches};
 
-use super::args::{Cli, Verb};
+use super::args::{Cli, Subcommand};
 use super::drive::Driver;
-use super::print::{finish, one_line, say, say_aside};
+use super::print::{finish, one_line, print_text, print_to_stderr};
 use super::{
     cloud, demo, eval, export, info, masks, memory, models, project, range, shot, sources, stop,
 };
 use ostra_compute::nn::Provider;
 use ostra_session::{Command, Recipe};
 
-/// The program: reads the words, does the job, gives the exit code (0 done, 1 failed, 2 usage, 130 stopped).
+/// Runs the program and returns its exit code: 0 done, 1 failed, 2 wrong usage, 130 stopped.
 #[must_use]
 pub fn main() -> ExitCode {
-    memory::return_what_is_freed();
+    memory::return_freed_memory();
     let matches = Cli::command().get_matches();
     let outcome = match Cli::from_arg_matches(&matches) {
         Ok(cli) => run(cli, &matches),
@@ -28,13 +28,13 @@ pub fn main() -> ExitCode {
     });
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
-        // A command that Ctrl+C ended may report what it met on the way, such as a helper program that ended too.
+        // After Ctrl+C a command may fail for another reason, such as a child process that ended as well.
         Err(_) if stop::is_requested() => {
-            say_aside(&format!("ostra: {}\n", stop::Interrupted));
+            print_to_stderr(&format!("ostra: {}\n", stop::Interrupted));
             ExitCode::from(stop::EXIT_CODE)
         }
         Err(error) => {
-            say_aside(&format!("ostra: {}\n", one_line(&format!("{error:#}"))));
+            print_to_stderr(&format!("ostra: {}\n", one_line(&format!("{error:#}"))));
             ExitCode::FAILURE
         }
     }
@@ -42,69 +42,78 @@ pub fn main() -> ExitCode {
 
 fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
     Provider::from(cli.provider).choose();
-    let Some(verb) = cli.verb else {
+    let Some(command) = cli.command else {
         return ostra_app::run(cli.path);
     };
-    stop::watch(if only_reads(&verb) {
+    stop::watch(if only_reads(&command) {
         Duration::ZERO
     } else {
         stop::TIME_TO_SAVE
     });
-    match verb {
-        Verb::Demo(args) => demo::demo(&args),
-        Verb::New(args) => {
-            let new = sources::new_project(args.project, args.sources, of_verb(matches)?)?;
+    match command {
+        Subcommand::Demo(args) => demo::demo(&args),
+        Subcommand::New(args) => {
+            let new =
+                sources::new_project(args.project, args.sources, subcommand_matches(matches)?)?;
             Driver::new().act_and_save([Command::New(new)])
         }
-        Verb::Add(args) => {
-            let new = sources::new_project(args.project.clone(), args.sources, of_verb(matches)?)?;
+        Subcommand::Add(args) => {
+            let new = sources::new_project(
+                args.project.clone(),
+                args.sources,
+                subcommand_matches(matches)?,
+            )?;
             Driver::open(&args.project)?.act_and_save([Command::AddFrames(new)])
         }
-        Verb::Relocate(args) => project::relocate(args),
-        Verb::Label(args) => project::label(args),
-        Verb::Prompt(args) => masks::prompt(&args),
-        Verb::Trace(args) => masks::trace(args),
-        Verb::Tidy(args) => masks::tidy(&args),
-        Verb::Ground(args) => masks::ground(&args),
-        Verb::Masks(args) => masks::masks(args),
-        Verb::Track(args) => project::track(args),
-        Verb::Range(args) => range::range(&args),
-        Verb::Suggest { project, frame } => suggest(&project, frame),
-        Verb::Reconstruct(args) => project::reconstruct(args),
-        Verb::Scale(args) => project::scale(args),
-        Verb::Fuse(args) => cloud::fuse(args),
-        Verb::Doubt(args) => cloud::doubt(&args),
-        Verb::Adopt(args) => cloud::adopt(&args),
-        Verb::Instances(args) => cloud::instances(&args),
-        Verb::Export(args) => export::export(args),
-        Verb::Shot(args) => shot::shot(&args),
-        Verb::Info(args) => info::info(&args),
-        Verb::Eval(verb) => eval::eval(verb),
-        Verb::Models(verb) => models::models(&verb),
-        Verb::Run { recipe } => run_recipe(&recipe),
+        Subcommand::Relocate(args) => project::relocate(args),
+        Subcommand::Label(args) => project::label(args),
+        Subcommand::Prompt(args) => masks::prompt(&args),
+        Subcommand::Trace(args) => masks::trace(args),
+        Subcommand::Clean(args) => masks::clean(&args),
+        Subcommand::Ground(args) => masks::ground(&args),
+        Subcommand::Masks(args) => masks::masks(args),
+        Subcommand::Track(args) => project::track(args),
+        Subcommand::Range(args) => range::range(&args),
+        Subcommand::Suggest { project, frame } => suggest(&project, frame),
+        Subcommand::Reconstruct(args) => project::reconstruct(args),
+        Subcommand::Scale(args) => project::scale(args),
+        Subcommand::Fuse(args) => cloud::fuse(args),
+        Subcommand::Conflicts(args) => cloud::conflicts(&args),
+        Subcommand::Attach(args) => cloud::attach(&args),
+        Subcommand::Instances(args) => cloud::instances(&args),
+        Subcommand::Export(args) => export::export(args),
+        Subcommand::Shot(args) => shot::shot(&args),
+        Subcommand::Info(args) => info::info(&args),
+        Subcommand::Eval(command) => eval::eval(command),
+        Subcommand::Models(command) => models::models(&command),
+        Subcommand::Run { recipe } => run_recipe(&recipe),
     }
 }
 
-/// Whether a command leaves every project as it is.
-fn only_reads(verb: &Verb) -> bool {
+/// Whether a command never changes a project.
+fn only_reads(command: &Subcommand) -> bool {
     matches!(
-        verb,
-        Verb::Export(_) | Verb::Shot(_) | Verb::Info(_) | Verb::Eval(_)
+        command,
+        Subcommand::Export(_) | Subcommand::Shot(_) | Subcommand::Info(_) | Subcommand::Eval(_)
     )
 }
 
-fn of_verb(matches: &ArgMatches) -> Result<&ArgMatches> {
+fn subcommand_matches(matches: &ArgMatches) -> Result<&ArgMatches> {
     Ok(matches.subcommand().context("no command was given")?.1)
 }
 
 fn run_recipe(path: &Path) -> Result<()> {
     let text = ostra_core::disk::read_text(path)
         .with_context(|| format!("{}: cannot be read; check the path", path.display()))?;
-    let recipe = read_recipe(&text)
-        .with_context(|| format!("{}: is no recipe; save one from the window", path.display()))?;
+    let recipe = read_recipe(&text).with_context(|| {
+        format!(
+            "{}: is not a recipe; save one from the window",
+            path.display()
+        )
+    })?;
     if recipe.format != 1 {
         bail!(
-            "{}: the recipe has format {}, this program knows 1; get a newer ostra",
+            "{}: the recipe has format {}, this version of OSTRA reads format 1; install a newer version",
             path.display(),
             recipe.format
         );
@@ -112,7 +121,7 @@ fn run_recipe(path: &Path) -> Result<()> {
     Driver::new().act_and_save(recipe.commands)
 }
 
-/// A saved recipe, or the `recipe.jsonl` of a project: a command on each line.
+/// Parses a saved recipe or the `recipe.jsonl` of a project, which holds one command per line.
 fn read_recipe(text: &str) -> serde_json::Result<Recipe> {
     let saved = serde_json::from_str::<Recipe>(text);
     if saved.is_ok() {
@@ -137,7 +146,7 @@ fn suggest(project: &Path, frame: Option<usize>) -> Result<()> {
     };
     driver.act(frame.map_or(Command::Suggest, propose))?;
     for found in driver.suggestions() {
-        say(&format!(
+        print_text(&format!(
             "{}, at {:.0},{:.0}\n",
             found.text(),
             found.at_px.x,

@@ -34,35 +34,35 @@ pub(super) enum ShotModel {
 
 #[derive(Debug, Args)]
 pub(super) struct ShotArgs {
-    /// The project's folder.
+    /// Project folder.
     pub project: PathBuf,
-    /// PNG to write.
+    /// PNG file to write.
     pub out: PathBuf,
-    /// What colours show.
+    /// Colours of the points.
     #[arg(long, default_value = "rgb")]
     pub color: ShotColor,
-    /// What is drawn.
+    /// Model to draw.
     #[arg(long, default_value = "cloud")]
     pub model: ShotModel,
-    /// Read deeper labels as their ancestor at this depth (1 = top).
+    /// Replace deeper labels by their ancestor at this level (1 = top).
     #[arg(long, value_name = "N", value_parser = values::from_one)]
     pub level: Option<usize>,
-    /// Size of picture and film.
+    /// Size of image and video in pixels.
     #[arg(long, default_value = "1280x960", value_name = "WxH", value_parser = values::size)]
     pub size: (u32, u32),
-    /// Leave the picture's background transparent.
+    /// Make the background of the image transparent.
     #[arg(long)]
     pub transparent: bool,
-    /// Write a film too that goes once around (ffmpeg makes it).
+    /// Also write a video that goes once around the model (needs ffmpeg).
     #[arg(long, value_name = "FILE.mp4")]
     pub turntable: Option<PathBuf>,
-    /// How long the film lasts.
+    /// Duration of the video in seconds.
     #[arg(long, default_value = "8", value_name = "S", requires = "turntable", value_parser = values::seconds)]
     pub seconds: f64,
-    /// Pictures a second of the film.
+    /// Frames per second of the video.
     #[arg(long, default_value_t = 25, requires = "turntable", value_parser = clap::value_parser!(u32).range(1..=120))]
     pub fps: u32,
-    /// Replace earlier exports that were changed since; sources and files that OSTRA did not write are never replaced.
+    /// Replace earlier exports even if they were changed since. Other files are never replaced.
     #[arg(long)]
     pub overwrite: bool,
 }
@@ -85,7 +85,7 @@ pub(super) fn shot(args: &ShotArgs) -> Result<()> {
             &portrait.draw(args.size, 0.0, args.transparent),
             args.transparent,
         )
-        .with_context(|| format!("{}: no image was written", args.out.display()))
+        .with_context(|| format!("{}: the image could not be written", args.out.display()))
     })?;
     turntable(args, &mut driver, portrait)
 }
@@ -122,7 +122,7 @@ fn style(args: &ShotArgs, driver: &Driver) -> Result<SceneStyle> {
     let votes = driver.votes().filter(|_| coloring.needs_votes());
     ensure!(
         !coloring.needs_votes() || (votes.is_some() && args.model == ShotModel::Cloud),
-        "conflict and views are known for the points of a voted cloud; draw '--model cloud' after 'ostra fuse'"
+        "--color conflict and --color views need the votes of a cloud; run 'ostra fuse' and use --model cloud"
     );
     let up = Axes::of_cameras(&driver.project()?.frames).up;
     let appearance = Appearance {
@@ -137,7 +137,7 @@ fn style(args: &ShotArgs, driver: &Driver) -> Result<SceneStyle> {
     })
 }
 
-/// What is drawn.
+/// Returns the model to draw.
 fn model(args: &ShotArgs, driver: &mut Driver) -> Result<Model> {
     match args.model {
         ShotModel::Cloud => {

@@ -11,42 +11,41 @@ use ostra_session::NewProject;
 
 #[derive(Debug, Args)]
 pub(super) struct SourceArgs {
-    /// Folder of pictures (with subfolders), picture or film; may be given more than once.
+    /// Folder of images (with subfolders), image or video (repeatable).
     #[arg(long, required = true, num_args = 1.., value_name = "PATH")]
     pub frames: Vec<PathBuf>,
-    /// Folder of depth images (16-bit PNG or TIFF, or float TIFF) for the frames given just before.
+    /// Folder of depth images (16-bit PNG or TIFF, or float TIFF) for the --frames before it.
     #[arg(long, num_args = 1.., value_name = "PATH")]
     pub depth: Vec<PathBuf>,
-    /// Metres per step of the stored depth; float depths are in metres unless this is given.
+    /// Metres per step of the depth values; float depth is in metres unless this is given.
     #[arg(long, default_value = "0.001", value_name = "METRES_PER_STEP", value_parser = values::positive)]
     pub depth_unit: f64,
-    /// Intrinsics of the camera that measured the depths, where they do not lie on the pictures pixel for pixel.
+    /// Intrinsics of the depth camera, where depth is not aligned with the images.
     #[arg(long, value_name = "FX,FY,CX,CY|FILE", value_parser = values::intrinsics)]
     pub depth_intrinsics: Option<IntrinsicsSource>,
-    /// 4 × 4 matrix, row by row, in metres, that takes points of the depth camera to the pictures'; without it both stand in
-    /// one place.
+    /// File with the 4 × 4 matrix image_camera_from_depth_camera, row by row, in metres [default: identity]
     #[arg(long, value_name = "FILE", requires = "depth_intrinsics")]
     pub depth_pose: Option<PathBuf>,
-    /// Cameras: COLMAP model, transforms.json, trajectory, pose files …
+    /// Cameras: COLMAP model, transforms.json, trajectory or pose files.
     #[arg(long, value_name = "PATH")]
     pub cameras: Option<PathBuf>,
-    /// For every frame, in pixels, centre of the top-left pixel at 0.5.
+    /// Intrinsics of all frames in pixels (centre of the top-left pixel at 0.5, 0.5).
     #[arg(long, value_name = "FX,FY,CX,CY|FILE", value_parser = values::intrinsics)]
     pub intrinsics: Option<IntrinsicsSource>,
-    /// Take every n-th source frame.
+    /// Use every Nth source frame.
     #[arg(long, default_value = "1", value_name = "N", value_parser = values::from_one)]
     pub every: usize,
-    /// First source frame taken.
+    /// First source frame.
     #[arg(long, value_name = "K")]
     pub from: Option<usize>,
-    /// Last source frame taken (included).
+    /// Last source frame, included.
     #[arg(long, value_name = "K")]
     pub to: Option<usize>,
 }
 
 #[derive(Debug, Args)]
 pub(super) struct NewArgs {
-    /// Folder to make.
+    /// Project folder to create.
     pub project: PathBuf,
     #[command(flatten)]
     pub sources: SourceArgs,
@@ -54,13 +53,14 @@ pub(super) struct NewArgs {
 
 #[derive(Debug, Args)]
 pub(super) struct AddArgs {
-    /// The project's folder.
+    /// Project folder.
     pub project: PathBuf,
     #[command(flatten)]
     pub sources: SourceArgs,
 }
 
-/// What `new` and `add` open. `matches` are those of the verb: they know in which order `--frames` and `--depth` came.
+/// Returns the sources for `new` and `add`. `matches` are those of the subcommand; they hold the order of `--frames` and
+/// `--depth`.
 pub(super) fn new_project(
     root: PathBuf,
     args: SourceArgs,
@@ -79,7 +79,7 @@ pub(super) fn new_project(
         .depth_intrinsics
         .map(|intrinsics| DepthCameraSource { intrinsics, pose });
     let (depth_unit, every, from, to) = (args.depth_unit, args.every, args.from, args.to);
-    // Floats are metres unless a unit is given; the default of 0.001 is that of integers.
+    // Float depth is in metres unless a unit is given: the default of 0.001 is for integers.
     let is_given = matches.value_source("depth_unit") == Some(ValueSource::CommandLine);
     let float_depth_unit = if is_given { depth_unit } else { 1.0 };
     Ok(NewProject {
@@ -115,13 +115,13 @@ fn pair(
     for (depth, at) in depths.iter().zip(depths_at) {
         let Some(owner) = frames_at.iter().rposition(|frames_at| frames_at < at) else {
             bail!(
-                "--depth {} comes before any --frames; give it just after the frames it belongs to",
+                "--depth {} comes before any --frames; give it directly after its --frames",
                 depth.display()
             );
         };
         if let Some(other) = sources[owner].depth.replace(depth.clone()) {
             bail!(
-                "both {} and {} are given as depth of {}; give each --depth just after its --frames",
+                "{} and {} are both given as the depth of {}; give each --depth directly after its --frames",
                 other.display(),
                 depth.display(),
                 frames[owner].display()

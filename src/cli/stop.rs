@@ -2,34 +2,34 @@ use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use super::print::say_aside;
+use super::print::print_to_stderr;
 use ostra_core::{disk, programs};
 
-/// Ctrl+C was pressed; what was finished is kept.
+/// The error of a command that Ctrl+C stopped.
 #[derive(Debug, Clone, Copy, thiserror::Error)]
 #[error("stopped; what was finished is kept")]
 pub(super) struct Interrupted;
 
-/// Exit code of a command that Ctrl+C ended: 128 and the number of the signal, as in a shell.
+/// Exit code of a command that Ctrl+C stopped: 128 plus the number of the signal, as in a shell.
 pub(super) const EXIT_CODE: u8 = 130;
 
-/// How long a command that changes a project may take to stop by itself. A job notices a stop at its next step, within
-/// 100 ms, and saves what it finished; what takes longer is ended from outside. The system needs up to as long again to take
-/// back a gigabyte of memory: together this stays near 200 ms.
+/// Time for a command that changes a project to stop by itself. A job notices a stop at its next step, within 100 ms, and
+/// saves its finished part. After this time the process exits. The system needs up to as long again to free a gigabyte of
+/// memory, so that stopping takes about 200 ms in all.
 pub(super) const TIME_TO_SAVE: Duration = Duration::from_millis(100);
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 
-/// Whether Ctrl+C was pressed.
+/// Returns whether Ctrl+C was pressed.
 pub(super) fn is_requested() -> bool {
     REQUESTED.load(Ordering::Relaxed)
 }
 
-/// Watches for Ctrl+C from now on. The running command is asked to stop; where it has not ended after `grace`, or Ctrl+C is
-/// pressed again, the process exits. A command that only reads projects has nothing to save and gets no time. Every file is written whole or not at all and every step is on the disk when it is
-/// reported, so that loses no more than a kill does.
+/// Handles Ctrl+C from now on. The running command is asked to stop. If it has not ended after `grace`, or Ctrl+C is pressed
+/// again, the process exits. A command that only reads projects has nothing to save and gets no time. Exiting is safe: files
+/// are replaced atomically, and a step is on disk before it is reported.
 pub(super) fn watch(grace: Duration) {
-    // Where no handler can be set, Ctrl+C ends the program as the system does.
+    // Without a handler, Ctrl+C ends the process at once.
     let _ = ctrlc::set_handler(move || {
         if REQUESTED.swap(true, Ordering::Relaxed) {
             exit();
@@ -51,7 +51,7 @@ pub(super) fn watch(grace: Duration) {
     });
 }
 
-/// Ends the process and the programs it started, and removes the temporary files it was writing.
+/// Ends the process and its child processes, and removes unfinished temporary files.
 fn exit() -> ! {
     programs::kill_children();
     disk::remove_unfinished();
@@ -60,7 +60,7 @@ fn exit() -> ! {
     } else {
         ""
     };
-    say_aside(&format!("{line_start}ostra: {Interrupted}\n"));
+    print_to_stderr(&format!("{line_start}ostra: {Interrupted}\n"));
     // Not `std::process::exit`: it runs the cleanup of loaded libraries while other threads still use them.
     signal_hook::low_level::exit(EXIT_CODE.into())
 }

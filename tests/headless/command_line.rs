@@ -517,14 +517,14 @@ fn an_option_that_a_score_has_no_use_for_is_refused() {
     assert!(score("cameras", &["--turns"]).contains("--align se3"));
     for of in ["masks", "cloud"] {
         assert!(
-            score(of, &["--turns"]).contains("--turns means nothing"),
+            score(of, &["--turns"]).contains("--turns has no effect"),
             "{of}"
         );
     }
-    assert!(score("cameras", &["--skip-first"]).contains("--skip-first means nothing"));
+    assert!(score("cameras", &["--skip-first"]).contains("--skip-first has no effect"));
     for of in ["masks", "cameras"] {
         assert!(
-            score(of, &["--frames", "frames"]).contains("--frames means nothing"),
+            score(of, &["--frames", "frames"]).contains("--frames has no effect"),
             "{of}"
         );
     }
@@ -682,4 +682,18 @@ fn a_recipe_makes_an_equal_project() {
     .unwrap();
     done(&["run", &path]);
     assert_eq!(info(&by_hand), info(&again));
+}
+
+#[test]
+fn earlier_command_names_are_hidden_aliases() {
+    let help = done(&["--help"]);
+    for (earlier, now) in [
+        ("doubt", "conflicts"),
+        ("adopt", "attach"),
+        ("tidy", "clean"),
+    ] {
+        assert_eq!(done(&[earlier, "--help"]), done(&[now, "--help"]));
+        let lists = |name: &str| help.lines().any(|line| line.trim().starts_with(name));
+        assert!(lists(now) && !lists(earlier), "{help}");
+    }
 }

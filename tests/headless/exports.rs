@@ -217,7 +217,7 @@ fn angles_that_cannot_be_told_are_one_line() {
     for (pair, expected) in [
         (
             ["thing", "table"],
-            "there is no label 'table' (there is: object, thing, nothing)",
+            "there is no label 'table' (labels: object, thing, nothing)",
         ),
         (["thing", "thing"], "'thing' was given twice"),
         (["object", "thing"], "'thing' is a part of 'object'"),

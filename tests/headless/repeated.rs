@@ -22,5 +22,5 @@ fn the_steps_that_a_project_lists_make_it_again_elsewhere() {
     };
     assert_eq!(described(&again), described(&project));
     std::fs::write(&steps, "{\"new\":\n").unwrap();
-    assert!(refused(&["run", &steps]).contains("is no recipe"));
+    assert!(refused(&["run", &steps]).contains("is not a recipe"));
 }

@@ -629,7 +629,7 @@ fn damaged_masks_and_origins_are_reported_and_kept() {
             .to_owned()
     };
     let whole = masks(&done(&["info", &finished().1]));
-    assert!(whole.contains("2 anchors"), "{whole}");
+    assert!(whole.contains("2 keyframes"), "{whole}");
     let empty_png = |width, height| {
         let mut bytes = std::io::Cursor::new(Vec::new());
         image::GrayImage::new(width, height)
@@ -641,25 +641,25 @@ fn damaged_masks_and_origins_are_reported_and_kept() {
         (
             "masks/origins.json",
             b"{\"0.png\":".to_vec(),
-            "2 anchors",
+            "2 keyframes",
             "2 masks count as anchors",
         ),
         (
             "masks/origins.json",
             b"{\"1.png\":{\"origin\":\"x\"},\"2.png\":{\"origin\":\"anchor\"}}".to_vec(),
-            "2 anchors",
+            "2 keyframes",
             "1 of its entries",
         ),
         (
             "masks/1.png",
             b"no image".to_vec(),
-            "1 anchors",
+            "1 keyframes",
             "frame 1 (1.png) has no mask now",
         ),
         (
             "masks/1.png",
             empty_png(10, 10),
-            "1 anchors",
+            "1 keyframes",
             "frame 1 (1.png) has no mask now",
         ),
     ] {
@@ -688,7 +688,7 @@ fn damaged_masks_and_origins_are_reported_and_kept() {
     fs::remove_file(copy.file("masks/origins.json")).unwrap();
     let (listed, warnings) = warned(&["info", &copy.project]);
     assert!(
-        masks(&listed).contains("2 anchors") && warnings.contains("origins.json: is missing"),
+        masks(&listed).contains("2 keyframes") && warnings.contains("origins.json: is missing"),
         "{warnings}"
     );
 }
