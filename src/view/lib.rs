@@ -22,8 +22,6 @@ mod shot;
 mod style;
 mod surface_chunks;
 mod target;
-#[cfg(test)]
-mod tests;
 mod view_camera;
 
 pub use axes::{Axes, Bounds, Side};

@@ -3,8 +3,6 @@
 mod buffer;
 mod device;
 mod program;
-#[cfg(test)]
-mod tests;
 
 pub use buffer::Buffer;
 pub use device::{Device, GpuError, Software};

@@ -9,8 +9,9 @@ use ostra_core::job::Progress;
 const SIZE: (u32, u32) = (141, 101);
 
 #[test]
+#[ignore = "needs a GPU adapter: add --include-ignored"]
 fn a_search_finds_what_the_processor_finds() {
-    let Some(card) = card() else { return };
+    let card = card();
     let pictures = pictures(4, SIZE);
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
     let task = task(&pictures, None);
@@ -24,8 +25,9 @@ fn a_search_finds_what_the_processor_finds() {
 }
 
 #[test]
+#[ignore = "needs a GPU adapter: add --include-ignored"]
 fn searches_at_once_find_what_they_find_alone() {
-    let Some(card) = card() else { return };
+    let card = card();
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
     let tasks =
         [(4, SIZE), (3, SIZE), (3, (64, 90)), (4, SIZE)].map(|(count, size)| pictures(count, size));
@@ -54,8 +56,9 @@ fn searches_at_once_find_what_they_find_alone() {
 }
 
 #[test]
+#[ignore = "needs a GPU adapter: add --include-ignored"]
 fn a_masked_search_finds_what_the_processor_finds() {
-    let Some(card) = card() else { return };
+    let card = card();
     let pictures = pictures(3, SIZE);
     let (options, progress) = (
         PatchMatchOptions {
@@ -84,8 +87,9 @@ fn a_masked_search_finds_what_the_processor_finds() {
 }
 
 #[test]
+#[ignore = "needs a GPU adapter: add --include-ignored"]
 fn consistent_rounds_find_what_the_processor_finds() {
-    let Some(card) = card() else { return };
+    let card = card();
     let pictures = pictures(4, SIZE);
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
     let first = found(&pictures);
@@ -126,8 +130,9 @@ fn consistent_rounds_find_what_the_processor_finds() {
 
 /// Where there is no texture, both are pulled to the same surface around.
 #[test]
+#[ignore = "needs a GPU adapter: add --include-ignored"]
 fn flat_parts_find_what_the_processor_finds() {
-    let Some(card) = card() else { return };
+    let card = card();
     let pictures: Vec<_> = (0..3)
         .map(|index| partly_flat(index, SIZE, |x| (x.x - 0.75).abs() < 0.2 && x.y.abs() < 0.4))
         .collect();

@@ -1,6 +1,8 @@
+//! Computing on the GPU: pieces of work, errors, limits.
+
 use std::ops::Range;
 
-use super::{Binding, Device, GpuError, Pieces, Software};
+use ostra_compute::gpu::{Binding, Device, GpuError, Pieces, Software};
 
 const SQUARES: &str = "
 @group(0) @binding(0) var<uniform> rows: vec2u;
@@ -15,16 +17,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     }
 }";
 
-/// `None`, after a printed line, where there is no adapter, which `CI` does not allow.
-fn device() -> Option<Device> {
-    match Device::open(Software::Allowed) {
-        Ok(device) => Some(device),
-        Err(error) => {
-            assert!(std::env::var_os("CI").is_none(), "{error}");
-            println!("skipped: {error}");
-            None
-        }
-    }
+fn device() -> Device {
+    Device::open(Software::Allowed).unwrap()
 }
 
 /// Squares of 300 x 1001 numbers, piece by piece; and the pieces.
@@ -62,9 +56,8 @@ fn squares(device: &Device, stop_after: usize) -> Result<(Vec<u32>, Vec<Range<u3
     Ok((device.read(&results, 300 * 1001)?, pieces))
 }
 
-#[test]
 fn every_row_is_worked_on_once_whatever_the_pieces() {
-    let Some(device) = device() else { return };
+    let device = device();
     let (squares, pieces) = squares(&device, usize::MAX).unwrap();
     assert!(
         (0..)
@@ -78,9 +71,8 @@ fn every_row_is_worked_on_once_whatever_the_pieces() {
     );
 }
 
-#[test]
 fn work_ends_between_two_pieces() {
-    let Some(device) = device() else { return };
+    let device = device();
     assert_eq!(squares(&device, 2).unwrap_err(), GpuError::NoAdapter);
     assert!(
         squares(&device, usize::MAX).is_ok(),
@@ -88,18 +80,16 @@ fn work_ends_between_two_pieces() {
     );
 }
 
-#[test]
 fn a_program_with_a_mistake_is_an_error() {
-    let Some(device) = device() else { return };
+    let device = device();
     let error = device
         .program("wrong", "fn main() { return 1; }", &[])
         .unwrap_err();
     assert!(matches!(&error, GpuError::Failed { .. }), "{error}");
 }
 
-#[test]
 fn a_program_that_is_not_bound_as_it_says_is_an_error() {
-    let Some(device) = device() else { return };
+    let device = device();
     let program = device
         .program(
             "squares",
@@ -110,9 +100,8 @@ fn a_program_that_is_not_bound_as_it_says_is_an_error() {
     assert!(device.kernel(&program, "main").is_err());
 }
 
-#[test]
 fn more_than_a_binding_holds_is_an_error_that_says_what() {
-    let Some(device) = device() else { return };
+    let device = device();
     let error = device.zeros::<u32>("pixels", (32 << 20) + 1).unwrap_err();
     assert!(matches!(error, GpuError::TooLarge { what: "pixels", .. }));
     assert!(
@@ -126,9 +115,8 @@ fn more_than_a_binding_holds_is_an_error_that_says_what() {
     );
 }
 
-#[test]
 fn a_software_adapter_is_taken_only_where_it_may_be() {
-    let Some(device) = device() else { return };
+    let device = device();
     match Device::open(Software::Refused) {
         Ok(real) => assert!(!real.is_software()),
         Err(error) => assert!(
@@ -136,4 +124,13 @@ fn a_software_adapter_is_taken_only_where_it_may_be() {
             "{error}"
         ),
     }
+}
+
+crate::tests! {
+    every_row_is_worked_on_once_whatever_the_pieces,
+    work_ends_between_two_pieces,
+    a_program_with_a_mistake_is_an_error,
+    a_program_that_is_not_bound_as_it_says_is_an_error,
+    more_than_a_binding_holds_is_an_error_that_says_what,
+    a_software_adapter_is_taken_only_where_it_may_be
 }

@@ -1,34 +1,62 @@
-//! What the graphics card draws, held against what the processor draws.
-
-mod clouds;
+//! What the GPU draws, compared with what the CPU draws.
 
 use std::sync::Arc;
 
 use glam::Vec3;
 
-use crate::{
-    Appearance, Axes, Bounds, Clip, Coloring, Model, Orbit, PicturePlane, Scene3d, SceneStyle,
-    SceneView, ViewCamera, draw_cloud, draw_mesh,
-};
 use ostra_cloud::{LabelledCloud, LabelledMesh};
 use ostra_frames::Image;
 use ostra_masks::{Label, LabelId, LabelTree};
+use ostra_view::{
+    Appearance, Axes, Bounds, Clip, Coloring, Model, Orbit, PicturePlane, Scene3d, SceneStyle,
+    SceneView, ViewCamera, draw_cloud, draw_mesh,
+};
 
-fn device() -> Option<(wgpu::Device, wgpu::Queue)> {
-    let instance = wgpu::Instance::default();
-    let adapter =
-        pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()));
-    let device = adapter
-        .ok()
-        .and_then(|adapter| pollster::block_on(adapter.request_device(&Default::default())).ok());
-    assert!(
-        device.is_some() || std::env::var_os("CI").is_none(),
-        "CI needs a (software) Vulkan adapter"
-    );
-    device
+/// A view with the device that it draws on.
+pub struct View {
+    scene_view: SceneView,
+    device: wgpu::Device,
+    queue: wgpu::Queue,
 }
 
-fn sphere(points: usize) -> LabelledCloud {
+impl View {
+    pub fn new() -> Self {
+        Self::open().unwrap()
+    }
+
+    /// Opens a view, or says why there is no device for it.
+    pub fn open() -> Result<Self, String> {
+        let instance = wgpu::Instance::default();
+        let options = wgpu::RequestAdapterOptions::default();
+        let adapter = pollster::block_on(instance.request_adapter(&options))
+            .map_err(|error| error.to_string())?;
+        if adapter.get_info().backend == wgpu::Backend::Gl {
+            return Err("the only adapter is OpenGL, which cannot draw the 3-D view".to_owned());
+        }
+        let (device, queue) = pollster::block_on(adapter.request_device(&Default::default()))
+            .map_err(|error| error.to_string())?;
+        Ok(Self {
+            scene_view: SceneView::new(&device, &queue),
+            device,
+            queue,
+        })
+    }
+
+    pub fn set_model(&mut self, model: Model) {
+        self.scene_view.set_model(model);
+    }
+
+    pub fn draw(&mut self, scene: &Scene3d) -> bool {
+        self.scene_view.draw(scene)
+    }
+
+    /// Points or triangles that are drawn, and all of them.
+    pub fn drawn(&self) -> (usize, usize) {
+        self.scene_view.drawn()
+    }
+}
+
+pub fn sphere(points: usize) -> LabelledCloud {
     let mut tree = LabelTree::default();
     for id in 1..=2 {
         tree.set(Label {
@@ -57,7 +85,7 @@ fn sphere(points: usize) -> LabelledCloud {
     }
 }
 
-fn read_back(view: &SceneView, width: u32, height: u32) -> Vec<[u8; 4]> {
+pub fn read_back(view: &View, width: u32, height: u32) -> Vec<[u8; 4]> {
     let buffer = view.device.create_buffer(&wgpu::BufferDescriptor {
         label: None,
         size: u64::from(width * height * 4),
@@ -66,7 +94,7 @@ fn read_back(view: &SceneView, width: u32, height: u32) -> Vec<[u8; 4]> {
     });
     let mut encoder = view.device.create_command_encoder(&Default::default());
     encoder.copy_texture_to_buffer(
-        view.texture().unwrap().texture().as_image_copy(),
+        view.scene_view.texture().unwrap().texture().as_image_copy(),
         wgpu::TexelCopyBufferInfo {
             buffer: &buffer,
             layout: wgpu::TexelCopyBufferLayout {
@@ -92,7 +120,7 @@ fn read_back(view: &SceneView, width: u32, height: u32) -> Vec<[u8; 4]> {
 }
 
 /// One call; whether the picture is whole. Lets others work where it is not, since points are arranged in the background.
-fn step(view: &mut SceneView, scene: &Scene3d) -> bool {
+pub fn step(view: &mut View, scene: &Scene3d) -> bool {
     let whole = view.draw(scene);
     if !whole {
         std::thread::yield_now();
@@ -101,7 +129,7 @@ fn step(view: &mut SceneView, scene: &Scene3d) -> bool {
 }
 
 /// Draws until all is drawn; gives the picture, and how many calls it took.
-fn drawn(view: &mut SceneView, scene: &Scene3d) -> (Vec<[u8; 4]>, usize) {
+pub fn drawn(view: &mut View, scene: &Scene3d) -> (Vec<[u8; 4]>, usize) {
     let calls = (1..50_000_000).find(|_| step(view, scene)).unwrap();
     (
         read_back(view, scene.camera.width, scene.camera.height),
@@ -109,7 +137,7 @@ fn drawn(view: &mut SceneView, scene: &Scene3d) -> (Vec<[u8; 4]>, usize) {
     )
 }
 
-fn scene(camera: ViewCamera, style: &SceneStyle) -> Scene3d {
+pub fn scene(camera: ViewCamera, style: &SceneStyle) -> Scene3d {
     Scene3d {
         camera,
         style: style.clone(),
@@ -118,7 +146,7 @@ fn scene(camera: ViewCamera, style: &SceneStyle) -> Scene3d {
     }
 }
 
-fn by_label() -> SceneStyle {
+pub fn by_label() -> SceneStyle {
     let appearance = Appearance {
         coloring: Coloring::Label,
         ..Default::default()
@@ -130,7 +158,7 @@ fn by_label() -> SceneStyle {
 }
 
 /// How many pixels of the two twins differ by no more than `most` in each channel, of a thousand.
-fn alike(gpu: &[[u8; 4]], cpu: &[[u8; 3]], most: u8) -> usize {
+pub fn alike(gpu: &[[u8; 4]], cpu: &[[u8; 3]], most: u8) -> usize {
     let near =
         |(g, c): &(&[u8; 4], &[u8; 3])| g[..3].iter().zip(*c).all(|(a, b)| a.abs_diff(*b) <= most);
     gpu.iter().zip(cpu).filter(near).count() * 1000 / gpu.len()
@@ -168,17 +196,12 @@ fn waves(side: u32) -> LabelledMesh {
     mesh
 }
 
-#[test]
 fn a_surface_ends_equal_to_its_cpu_twin_and_its_wires_lie_within() {
-    let Some((device, queue)) = device() else {
-        eprintln!("skipped: no Vulkan adapter");
-        return;
-    };
     let mesh = Arc::new(waves(400).split_at_labels());
     let bounds = Bounds::of(mesh.vertices.positions.iter().copied()).unwrap();
     let camera = Orbit::framing(&bounds, Vec3::new(0.3, 0.2, 1.0), Vec3::NEG_Y).camera(256, 192);
     let mut style = by_label();
-    let mut view = SceneView::new(&device, &queue);
+    let mut view = View::new();
     view.set_model(Model::Surface(Arc::clone(&mesh)));
     let (gpu, calls) = drawn(&mut view, &scene(camera, &style));
     assert!(calls > 1 && view.drawn() == (mesh.triangles.len(), mesh.triangles.len()));
@@ -227,12 +250,7 @@ fn a_surface_ends_equal_to_its_cpu_twin_and_its_wires_lie_within() {
     assert_eq!(apart, 0, "a line lies a pixel beside the surface at most");
 }
 
-#[test]
 fn progressive_picture_ends_equal_to_its_cpu_twin() {
-    let Some((device, queue)) = device() else {
-        eprintln!("skipped: no Vulkan adapter");
-        return;
-    };
     let cloud = Arc::new(sphere(450_000));
     let bounds = Bounds::of(cloud.positions.iter().copied()).unwrap();
     let camera = Orbit::framing(&bounds, Vec3::new(0.2, 0.3, 1.0), Vec3::NEG_Y).camera(256, 192);
@@ -241,7 +259,7 @@ fn progressive_picture_ends_equal_to_its_cpu_twin() {
         ..by_label()
     };
     let scene = scene(camera, &style);
-    let mut view = SceneView::new(&device, &queue);
+    let mut view = View::new();
     view.set_model(Model::Cloud(Arc::clone(&cloud)));
     let (gpu, _) = drawn(&mut view, &scene);
     assert_eq!(view.drawn(), (450_000, 450_000));
@@ -260,14 +278,8 @@ fn progressive_picture_ends_equal_to_its_cpu_twin() {
 }
 
 /// What each way of drawing must keep equal in both twins.
-fn agrees(
-    model: &Model,
-    camera: &ViewCamera,
-    style: &SceneStyle,
-    what: &str,
-) -> Option<Vec<[u8; 4]>> {
-    let (device, queue) = device()?;
-    let mut view = SceneView::new(&device, &queue);
+fn agrees(model: &Model, camera: &ViewCamera, style: &SceneStyle, what: &str) -> Vec<[u8; 4]> {
+    let mut view = View::new();
     view.set_model(model.clone());
     let (gpu, _) = drawn(&mut view, &scene(*camera, style));
     let cpu: Image = match model {
@@ -276,14 +288,13 @@ fn agrees(
     };
     let same = alike(&gpu, &cpu.pixels, 3);
     assert!(same >= 975, "{what}: {same} of 1000 pixels agree");
-    Some(gpu)
+    gpu
 }
 
 fn different(a: &[[u8; 4]], b: &[[u8; 4]]) -> usize {
     a.iter().zip(b).filter(|(a, b)| a != b).count()
 }
 
-#[test]
 fn lighting_clipping_projection_and_faintness_are_equal_in_both_twins() {
     let cloud = Arc::new(sphere(60_000));
     let mesh = Arc::new(waves(60).split_at_labels());
@@ -309,15 +320,12 @@ fn lighting_clipping_projection_and_faintness_are_equal_in_both_twins() {
                 edl_strength: 0.0,
                 ..by_label()
             };
-            let Some(plain) = agrees(&model, &camera, &flat, "flat") else {
-                eprintln!("skipped: no Vulkan adapter");
-                return;
-            };
+            let plain = agrees(&model, &camera, &flat, "flat");
             let lit = SceneStyle {
                 edl_strength: 1.5,
                 ..by_label()
             };
-            let shaded = agrees(&model, &camera, &lit, "lit").unwrap();
+            let shaded = agrees(&model, &camera, &lit, "lit");
             assert_eq!(
                 different(&plain, &shaded) > 500,
                 is_cloud,
@@ -327,25 +335,16 @@ fn lighting_clipping_projection_and_faintness_are_equal_in_both_twins() {
                 clip: Clip::inside(&axes, &half),
                 ..flat.clone()
             };
-            assert!(
-                different(
-                    &plain,
-                    &agrees(&model, &camera, &clipped, "clipped").unwrap()
-                ) > 1000
-            );
+            assert!(different(&plain, &agrees(&model, &camera, &clipped, "clipped")) > 1000);
             let mut faint = lit.clone();
             (faint.appearance.isolated, faint.appearance.faint) = (Some(LabelId(1)), 0.3);
-            assert!(different(&shaded, &agrees(&model, &camera, &faint, "faint").unwrap()) > 500);
+            assert!(different(&shaded, &agrees(&model, &camera, &faint, "faint")) > 500);
         }
     }
 }
 
-#[test]
 fn pictures_stand_in_space_the_right_way_round_behind_what_is_nearer() {
-    let Some((device, queue)) = device() else {
-        return;
-    };
-    let mut view = SceneView::new(&device, &queue);
+    let mut view = View::new();
     let orbit = Orbit::framing(
         &Bounds {
             min: Vec3::splat(-1.0),
@@ -403,4 +402,11 @@ fn pictures_stand_in_space_the_right_way_round_behind_what_is_nearer() {
         style.background,
         "planes go when they are taken out"
     );
+}
+
+crate::tests! {
+    a_surface_ends_equal_to_its_cpu_twin_and_its_wires_lie_within,
+    progressive_picture_ends_equal_to_its_cpu_twin,
+    lighting_clipping_projection_and_faintness_are_equal_in_both_twins,
+    pictures_stand_in_space_the_right_way_round_behind_what_is_nearer
 }

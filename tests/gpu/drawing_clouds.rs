@@ -1,7 +1,13 @@
 //! Points in blocks: culling, coarse pictures, discs by the spacing around them.
 
-use super::*;
+use std::sync::Arc;
+
+use glam::Vec3;
+use ostra_cloud::LabelledCloud;
 use ostra_frames::Image;
+use ostra_view::{Axes, Bounds, Clip, Model, Orbit, SceneStyle, draw_cloud};
+
+use crate::drawing::{View, alike, by_label, drawn, read_back, scene, sphere, step};
 
 /// How many pixels show something.
 fn covered<const N: usize>(pixels: &[[u8; N]], style: &SceneStyle) -> usize {
@@ -11,13 +17,9 @@ fn covered<const N: usize>(pixels: &[[u8; N]], style: &SceneStyle) -> usize {
         .count()
 }
 
-#[test]
 fn what_is_out_of_view_is_left_out_and_nothing_is_missed() {
-    let Some((device, queue)) = device() else {
-        return;
-    };
     let cloud = Arc::new(sphere(1_000_000));
-    let mut view = SceneView::new(&device, &queue);
+    let mut view = View::new();
     view.set_model(Model::Cloud(Arc::clone(&cloud)));
     let whole = Orbit::framing(
         &Bounds {
@@ -61,11 +63,7 @@ fn what_is_out_of_view_is_left_out_and_nothing_is_missed() {
     }
 }
 
-#[test]
 fn the_picture_stays_closed_from_the_first_coarse_one_to_the_last() {
-    let Some((device, queue)) = device() else {
-        return;
-    };
     let cloud = Arc::new(sphere(1_500_000));
     let mut orbit = Orbit::framing(
         &Bounds {
@@ -80,7 +78,7 @@ fn the_picture_stays_closed_from_the_first_coarse_one_to_the_last() {
         point_px: 0.05,
         ..by_label()
     };
-    let mut view = SceneView::new(&device, &queue);
+    let mut view = View::new();
     view.set_model(Model::Cloud(Arc::clone(&cloud)));
     assert!(
         !view.draw(&scene(orbit.camera(256, 256), &style)),
@@ -131,7 +129,6 @@ fn wall() -> LabelledCloud {
     LabelledCloud::from_positions(dense.chain(half(60, 0.0)).collect())
 }
 
-#[test]
 fn dense_and_sparse_parts_are_both_closed_without_fat_discs() {
     let cloud = Arc::new(wall());
     let orbit = Orbit::framing(
@@ -153,8 +150,8 @@ fn dense_and_sparse_parts_are_both_closed_without_fat_discs() {
         ..SceneStyle::default()
     };
     let cpu = draw_cloud(&cloud, &camera, &style).image;
-    let gpu = device().map(|(device, queue)| {
-        let mut view = SceneView::new(&device, &queue);
+    let gpu = {
+        let mut view = View::new();
         view.set_model(Model::Cloud(Arc::clone(&cloud)));
         let pixels = drawn(&mut view, &scene(camera, &style)).0;
         Image {
@@ -162,8 +159,8 @@ fn dense_and_sparse_parts_are_both_closed_without_fat_discs() {
             height: 1024,
             pixels: pixels.iter().map(|&[r, g, b, _]| [r, g, b]).collect(),
         }
-    });
-    for picture in [Some(cpu), gpu].into_iter().flatten() {
+    };
+    for picture in [cpu, gpu] {
         // Of the pixels around a place, how many of a thousand show something.
         let share = |x: f32, half: f32| {
             let [from, to] =
@@ -196,11 +193,7 @@ fn dense_and_sparse_parts_are_both_closed_without_fat_discs() {
     }
 }
 
-#[test]
 fn the_old_picture_stands_until_another_cloud_is_arranged() {
-    let Some((device, queue)) = device() else {
-        return;
-    };
     let camera = Orbit::framing(
         &Bounds {
             min: Vec3::NEG_ONE,
@@ -211,7 +204,7 @@ fn the_old_picture_stands_until_another_cloud_is_arranged() {
     )
     .camera(256, 192);
     let style = by_label();
-    let mut view = SceneView::new(&device, &queue);
+    let mut view = View::new();
     view.set_model(Model::Cloud(Arc::new(sphere(30_000))));
     let (before, _) = drawn(&mut view, &scene(camera, &style));
     for points in [900_000, 800_000] {
@@ -226,4 +219,11 @@ fn the_old_picture_stands_until_another_cloud_is_arranged() {
     view.set_model(Model::Cloud(Arc::default()));
     let (nothing, _) = drawn(&mut view, &scene(camera, &style));
     assert_eq!(covered(&nothing, &style), 0);
+}
+
+crate::tests! {
+    what_is_out_of_view_is_left_out_and_nothing_is_missed,
+    the_picture_stays_closed_from_the_first_coarse_one_to_the_last,
+    dense_and_sparse_parts_are_both_closed_without_fat_discs,
+    the_old_picture_stands_until_another_cloud_is_arranged
 }
