@@ -167,5 +167,5 @@ fn two_children_are_kept_apart_with_six_corrections() {
 }
 
 crate::registry::tests! {
-    Data: two_children_are_kept_apart_with_six_corrections;
+    Data(&["sam2_bedroom"]) => two_children_are_kept_apart_with_six_corrections;
 }

@@ -123,6 +123,6 @@ fn the_made_plant_keeps_its_organs_across_the_arc() {
 }
 
 crate::registry::tests! {
-    Nothing: the_made_plant_keeps_its_organs_across_the_arc;
-    Data: one_true_mask_of_a_real_shelf_reaches_the_other_frames;
+    Nothing => the_made_plant_keeps_its_organs_across_the_arc;
+    Data(&["apc_shelf_rgbd_labels"]) => one_true_mask_of_a_real_shelf_reaches_the_other_frames;
 }

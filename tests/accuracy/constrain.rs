@@ -163,6 +163,6 @@ fn without_depth_and_cameras_it_says_what_to_add() {
 }
 
 crate::registry::tests! {
-    Nothing: flow_on_a_made_recording_gains_by_it, without_depth_and_cameras_it_says_what_to_add;
-    Data: flow_on_a_real_shelf_gains_by_it;
+    Nothing => flow_on_a_made_recording_gains_by_it, without_depth_and_cameras_it_says_what_to_add;
+    Data(&["apc_shelf_rgbd_labels"]) => flow_on_a_real_shelf_gains_by_it;
 }

@@ -159,5 +159,6 @@ fn a_lasso_in_3d_moves_a_wrongly_labelled_part_in_all_masks_and_undo_brings_back
 }
 
 crate::registry::tests! {
-    Data: a_lasso_in_3d_moves_a_wrongly_labelled_part_in_all_masks_and_undo_brings_back_the_bytes;
+    Data(&["apc_shelf_rgbd_labels"]) =>
+        a_lasso_in_3d_moves_a_wrongly_labelled_part_in_all_masks_and_undo_brings_back_the_bytes;
 }

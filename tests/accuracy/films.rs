@@ -171,5 +171,8 @@ fn a_cut_film_is_read_as_far_as_it_goes_and_a_broken_one_is_refused() {
 }
 
 crate::registry::tests! {
-    Ffmpeg: every_index_gives_its_picture_in_any_order_and_container, threads_that_read_one_film_at_once_get_the_right_pictures, a_cut_film_is_read_as_far_as_it_goes_and_a_broken_one_is_refused;
+    Ffmpeg =>
+        every_index_gives_its_picture_in_any_order_and_container,
+        threads_that_read_one_film_at_once_get_the_right_pictures,
+        a_cut_film_is_read_as_far_as_it_goes_and_a_broken_one_is_refused;
 }

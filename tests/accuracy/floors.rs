@@ -8,7 +8,7 @@ use ostra_cloud::ply::read_ply;
 use ostra_core::job::Progress;
 use ostra_eval::cloud_score::{CloudScoreOptions, LabelScore, score_cloud};
 use ostra_eval::simulated_click::next_click;
-use ostra_eval::synthetic::{Scene, SceneOptions, TruthOptions};
+use ostra_eval::synthetic::{Scene, TruthOptions};
 use ostra_frames::{FrameFolder, OpenRequest};
 use ostra_masks::{LabelId, LabelMask, Prompt, Region, read_palette_png};
 use ostra_project::FuseRequest;
@@ -17,6 +17,7 @@ use ostra_session::{Command, NewProject, PromptRequest, Session};
 use crate::data::data_dir;
 use crate::session::perform;
 use crate::shelf::{new_project, track};
+use crate::tiller::{Tiller, tiller};
 
 fn score(truth: &LabelledCloud, result: &LabelledCloud, options: &CloudScoreOptions) -> LabelScore {
     score_cloud(truth, result, options, &Progress::default())
@@ -130,9 +131,7 @@ fn the_demo_without_cameras() {
 /// The same job by true masks on four anchors in place of clicks: what carrying and voting lose.
 fn the_demo_by_true_masks_on_the_anchors() {
     let dir = tempfile::tempdir().unwrap();
-    let scene = Scene::build(&SceneOptions::default()).unwrap();
-    let recording = dir.path().join("recording");
-    scene.write(&recording, &Progress::default()).unwrap();
+    let Tiller { scene, recording } = tiller();
     let masks = dir.path().join("masks");
     std::fs::create_dir(&masks).unwrap();
     std::fs::copy(
@@ -321,6 +320,10 @@ fn click_twice(session: &mut Session, frame: usize, label: LabelId, truth: &Regi
 }
 
 crate::registry::tests! {
-    Nothing: the_demo_by_eight_clicks_a_class, the_demo_from_pictures_alone, the_demo_without_cameras, the_demo_by_true_masks_on_the_anchors;
-    Data: the_shelf_by_two_clicks_an_object, the_shelf_by_clicks_on_three_frames;
+    Nothing =>
+        the_demo_by_eight_clicks_a_class,
+        the_demo_from_pictures_alone,
+        the_demo_without_cameras,
+        the_demo_by_true_masks_on_the_anchors;
+    Data(&["apc_shelf_rgbd_labels"]) => the_shelf_by_two_clicks_an_object, the_shelf_by_clicks_on_three_frames;
 }

@@ -229,5 +229,5 @@ fn opened_again(session: &mut Session, before: &LabelledCloud) {
 }
 
 crate::registry::tests! {
-    Data: labels_of_the_cloud_follow_the_masks_and_are_those_of_a_new_fusion;
+    Data(&["apc_shelf_rgbd_labels"]) => labels_of_the_cloud_follow_the_masks_and_are_those_of_a_new_fusion;
 }

@@ -78,5 +78,6 @@ fn real_folders_of_pictures_decode() {
 }
 
 crate::registry::tests! {
-    Data: a_real_rgbd_folder_opens_with_depth_in_metres, real_folders_of_pictures_decode;
+    Data(&["redkitchen_rgbd_a"]) => a_real_rgbd_folder_opens_with_depth_in_metres;
+    Data(&["banana", "sceaux_castle", "romi_virtual_plant_labels"]) => real_folders_of_pictures_decode;
 }

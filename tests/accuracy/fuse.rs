@@ -1,6 +1,6 @@
 //! Fusion of real recordings and of the made scene, by their true masks.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use ostra_cloud::fuse::{
     ChangedMask, FuseOptions, Fused, OntoOptions, Views, fuse, relabel, vote_onto, write_votes,
@@ -17,6 +17,7 @@ use ostra_masks::{LabelId, LabelMask, LabelTree};
 
 use crate::data::data_dir;
 use crate::data_set::DataSet;
+use crate::tiller::tiller;
 
 const CACHE_BYTES: usize = 64 << 20;
 
@@ -221,15 +222,30 @@ impl Views for Made {
     }
 }
 
-/// Organs of the tiller by true masks: IoU of each, accuracy.
-fn tiller(noise: Option<SensorNoise>) -> (Vec<f64>, f64) {
-    let scene = Scene::build(&SceneOptions {
-        noise,
-        ..SceneOptions::default()
+/// A scene and its rendered views.
+struct RenderedScene {
+    scene: Scene,
+    made: Made,
+}
+
+/// The default scene as a noisy sensor records it, rendered once.
+fn noisy_tiller() -> &'static RenderedScene {
+    static TILLER: OnceLock<RenderedScene> = OnceLock::new();
+    TILLER.get_or_init(|| {
+        let scene = Scene::build(&SceneOptions {
+            noise: Some(SensorNoise::default()),
+            ..SceneOptions::default()
+        })
+        .unwrap();
+        let made = Made::new(&scene);
+        RenderedScene { scene, made }
     })
-    .unwrap();
+}
+
+/// Organs of the tiller by true masks: IoU of each, accuracy.
+fn organs(scene: &Scene, made: &Made) -> (Vec<f64>, f64) {
     let result = fuse(
-        &Made::new(&scene),
+        made,
         scene.tree(),
         &FuseOptions::default(),
         &Progress::default(),
@@ -251,7 +267,8 @@ fn tiller(noise: Option<SensorNoise>) -> (Vec<f64>, f64) {
 }
 
 fn tiller_by_true_masks() {
-    let (iou, accuracy) = tiller(None);
+    let scene = &tiller().scene;
+    let (iou, accuracy) = organs(scene, &Made::new(scene));
     assert!(
         iou.len() >= 3 && iou.iter().all(|&iou| iou > 0.97),
         "{iou:?}"
@@ -260,7 +277,8 @@ fn tiller_by_true_masks() {
 }
 
 fn tiller_from_a_noisy_sensor_by_true_masks() {
-    let (iou, accuracy) = tiller(Some(SensorNoise::default()));
+    let RenderedScene { scene, made } = noisy_tiller();
+    let (iou, accuracy) = organs(scene, made);
     assert!(
         iou.len() >= 3 && iou.iter().all(|&iou| iou > 0.93),
         "{iou:?}"
@@ -298,12 +316,8 @@ fn lie(fused: &Fused, truth: &Neighbours, eyes: &[glam::Vec3]) -> Lie {
 }
 
 fn the_noise_filter_takes_what_lies_off_and_leaves_what_is_true() {
-    let scene = Scene::build(&SceneOptions {
-        noise: Some(SensorNoise::default()),
-        ..SceneOptions::default()
-    })
-    .unwrap();
-    let (made, progress) = (Made::new(&scene), Progress::default());
+    let RenderedScene { scene, made } = noisy_tiller();
+    let progress = Progress::default();
     let options = TruthOptions {
         surroundings_m: None,
         min_views: 0,
@@ -320,7 +334,7 @@ fn the_noise_filter_takes_what_lies_off_and_leaves_what_is_true() {
             drop_unlabelled,
             ..FuseOptions::default()
         };
-        fuse(&made, scene.tree(), &options, &progress).unwrap()
+        fuse(made, scene.tree(), &options, &progress).unwrap()
     };
     let (all, filtered) = (fused(false), fused(true));
     let (before, after) = (lie(&all, &truth, &eyes), lie(&filtered, &truth, &eyes));
@@ -345,6 +359,15 @@ fn the_noise_filter_takes_what_lies_off_and_leaves_what_is_true() {
 }
 
 crate::registry::tests! {
-    Nothing: tiller_by_true_masks, tiller_from_a_noisy_sensor_by_true_masks, the_noise_filter_takes_what_lies_off_and_leaves_what_is_true;
-    Data: shelf_by_true_masks, the_same_bytes_with_any_number_of_threads, a_mask_taken_back_and_given_again, plant_organs_onto_a_given_cloud, plant_organs_with_the_principal_point_in_the_middle;
+    Nothing =>
+        tiller_by_true_masks,
+        tiller_from_a_noisy_sensor_by_true_masks,
+        the_noise_filter_takes_what_lies_off_and_leaves_what_is_true;
+    Data(&["apc_shelf_rgbd_labels"]) =>
+        shelf_by_true_masks,
+        the_same_bytes_with_any_number_of_threads,
+        a_mask_taken_back_and_given_again;
+    Data(&["romi_virtual_plant_labels"]) =>
+        plant_organs_onto_a_given_cloud,
+        plant_organs_with_the_principal_point_in_the_middle;
 }

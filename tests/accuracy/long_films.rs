@@ -379,6 +379,10 @@ fn a_kill_while_tracking_keeps_every_frame_that_was_done() {
 }
 
 crate::registry::tests! {
-    Ffmpeg: three_thousand_frames_need_no_more_memory_than_a_thousand, a_stop_is_answered_wherever_the_run_is, an_interrupt_ends_the_program_with_130_and_keeps_what_is_done, a_kill_while_tracking_keeps_every_frame_that_was_done;
-    Nothing: child;
+    Ffmpeg =>
+        three_thousand_frames_need_no_more_memory_than_a_thousand,
+        a_stop_is_answered_wherever_the_run_is,
+        an_interrupt_ends_the_program_with_130_and_keeps_what_is_done,
+        a_kill_while_tracking_keeps_every_frame_that_was_done;
+    Nothing => child;
 }

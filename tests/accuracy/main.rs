@@ -11,12 +11,17 @@
     reason = "tests may panic, and print the figures that they measure"
 )]
 
+#[path = "../support/crash_child.rs"]
+#[cfg_attr(unix, expect(dead_code, reason = "the quick tests fill the disk"))]
+mod crash_child;
 #[path = "../support/data.rs"]
 mod data;
 #[path = "../support/data_set.rs"]
 mod data_set;
 #[path = "../support/film.rs"]
 mod film;
+#[path = "../support/kill_jobs.rs"]
+mod kill_jobs;
 #[path = "../support/program.rs"]
 mod program;
 #[path = "../support/project.rs"]
@@ -24,17 +29,22 @@ mod project;
 #[path = "../support/session.rs"]
 mod session;
 
+mod adopt;
 mod bedroom;
+mod bricks;
 mod cameras;
 mod carry;
 mod constrain;
 mod correct;
+mod crash;
+mod demo_folder;
 mod films;
 mod floors;
 mod flow;
 mod following;
 mod frames;
 mod fuse;
+mod kills;
 mod long_films;
 mod masks;
 mod networks;
@@ -47,22 +57,31 @@ mod sfm_learned;
 mod shared;
 mod shelf;
 mod stereo;
+mod stereo_made;
+mod synthetic_traits;
+mod tiller;
+mod traits;
 mod video_seeking;
 mod whole_job;
 mod words;
 
 fn main() -> std::process::ExitCode {
     let modules = [
+        adopt::tests(),
         bedroom::tests(),
+        bricks::tests(),
         cameras::tests(),
         carry::tests(),
         constrain::tests(),
         correct::tests(),
+        crash::tests(),
+        demo_folder::tests(),
         floors::tests(),
         flow::tests(),
         following::tests(),
         frames::tests(),
         fuse::tests(),
+        kills::tests(),
         masks::tests(),
         rgbd::tests(),
         segmenter::tests(),
@@ -72,6 +91,9 @@ fn main() -> std::process::ExitCode {
         sfm_learned::tests(),
         shared::tests(),
         stereo::tests(),
+        stereo_made::tests(),
+        synthetic_traits::tests(),
+        traits::tests(),
         words::tests(),
         long_films::tests(),
         video_seeking::tests(),

@@ -131,5 +131,8 @@ fn the_deepest_point_of_a_real_object_is_on_it() {
 }
 
 crate::registry::tests! {
-    Data: a_shifted_truth_scores_as_computed_elsewhere, real_masks_survive_every_format, the_deepest_point_of_a_real_object_is_on_it;
+    Data(&["davis2016"]) =>
+        a_shifted_truth_scores_as_computed_elsewhere,
+        real_masks_survive_every_format,
+        the_deepest_point_of_a_real_object_is_on_it;
 }

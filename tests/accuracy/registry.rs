@@ -15,12 +15,12 @@ pub enum Needs {
     Nothing,
     /// The program ffmpeg.
     Ffmpeg,
-    /// Real data sets.
-    Data,
+    /// Real data sets, by the names of their folders.
+    Data(&'static [&'static str]),
     /// Networks' weights, as files.
     Models,
     /// Real data sets, networks' weights and something to run them.
-    Networks,
+    Networks(&'static [&'static str]),
 }
 
 impl Needs {
@@ -29,14 +29,23 @@ impl Needs {
         match self {
             Self::Nothing => None,
             Self::Ffmpeg => (!has_ffmpeg()).then(|| "ffmpeg is missing: install it".to_owned()),
-            Self::Data => find_data().err(),
+            Self::Data(sets) => missing_data(sets),
             Self::Models => find_models().err(),
-            Self::Networks => find_data()
-                .and_then(|_| find_models())
-                .and_then(|_| find_onnx_runtime())
-                .err(),
+            Self::Networks(sets) => missing_data(sets)
+                .or_else(|| find_models().err())
+                .or_else(|| find_onnx_runtime().err()),
         }
     }
+}
+
+/// Names the folder of data sets or the first of the `sets` that is missing.
+fn missing_data(sets: &[&str]) -> Option<String> {
+    let data = match find_data() {
+        Ok(data) => data,
+        Err(reason) => return Some(reason),
+    };
+    let set = sets.iter().find(|set| !data.join(set).is_dir())?;
+    Some(format!("data set {set} is missing in {}", data.display()))
 }
 
 /// One test.
@@ -49,11 +58,12 @@ pub struct Test {
 
 /// Lists the tests of a module by what they need.
 macro_rules! tests {
-    ($($needs:ident: $($test:ident),+;)+) => {
+    ($($needs:expr => $($test:ident),+;)+) => {
         pub fn tests() -> Vec<crate::registry::Test> {
+            use crate::registry::Needs::*;
             vec![$($(crate::registry::Test {
                 name: concat!(module_path!(), "::", stringify!($test)),
-                needs: crate::registry::Needs::$needs,
+                needs: $needs,
                 run: $test,
             }),+),+]
         }
@@ -87,7 +97,11 @@ fn trial(test: Test, seconds: &Seconds) -> Trial {
     let missing = test.needs.missing();
     let is_ignored = missing.is_some() && std::env::var_os("CI").is_none();
     let seconds = Arc::clone(seconds);
+    let reason = missing.clone();
     let run = move || {
+        if let Some(reason) = reason {
+            return Err(reason.into());
+        }
         let started = Instant::now();
         (test.run)();
         let ended = (started.elapsed(), name);

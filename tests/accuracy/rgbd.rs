@@ -221,5 +221,8 @@ fn what_registration_needs_is_said() {
 }
 
 crate::registry::tests! {
-    Data: a_kitchen_without_cameras, every_third_frame_is_registered_and_the_others_placed_beside_them, what_registration_needs_is_said;
+    Data(&["redkitchen_rgbd_a"]) =>
+        a_kitchen_without_cameras,
+        every_third_frame_is_registered_and_the_others_placed_beside_them,
+        what_registration_needs_is_said;
 }

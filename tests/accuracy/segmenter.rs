@@ -116,5 +116,5 @@ fn a_robot_user_needs_few_clicks_and_in_the_mean_no_further_one_harms() {
 }
 
 crate::registry::tests! {
-    Data: a_robot_user_needs_few_clicks_and_in_the_mean_no_further_one_harms;
+    Data(&["davis2016"]) => a_robot_user_needs_few_clicks_and_in_the_mean_no_further_one_harms;
 }

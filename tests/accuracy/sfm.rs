@@ -513,5 +513,16 @@ fn undistorted_pictures_come_with_pinhole_cameras() {
 }
 
 crate::registry::tests! {
-    Data: fountain_with_given_intrinsics, fountain_with_unknown_intrinsics, dtu_with_given_intrinsics, dtu_with_unknown_intrinsics, a_castle_without_any_truth_registers_whole, a_thin_plant_turned_before_a_camera, every_third_frame_of_a_kitchen_makes_the_map, close_ups_are_added_to_a_standing_model, two_cameras_in_one_set, the_model_is_the_same_for_any_number_of_threads, a_known_length_gives_the_unit, depth_gives_the_scale, undistorted_pictures_come_with_pinhole_cameras;
+    Data(&["strecha_fountain_P11"]) =>
+        fountain_with_given_intrinsics,
+        fountain_with_unknown_intrinsics,
+        close_ups_are_added_to_a_standing_model,
+        the_model_is_the_same_for_any_number_of_threads,
+        a_known_length_gives_the_unit,
+        undistorted_pictures_come_with_pinhole_cameras;
+    Data(&["dtu_scan24"]) => dtu_with_given_intrinsics, dtu_with_unknown_intrinsics;
+    Data(&["sceaux_castle"]) => a_castle_without_any_truth_registers_whole;
+    Data(&["romi_real_plant"]) => a_thin_plant_turned_before_a_camera;
+    Data(&["redkitchen_rgbd_a"]) => every_third_frame_of_a_kitchen_makes_the_map, depth_gives_the_scale;
+    Data(&["banana"]) => two_cameras_in_one_set;
 }

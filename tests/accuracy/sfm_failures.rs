@@ -482,5 +482,18 @@ fn a_run_that_is_stopped_keeps_what_it_placed_but_replaces_nothing_larger() {
 }
 
 crate::registry::tests! {
-    Data: pictures_of_different_things_are_refused_with_the_two_nearest, copies_of_one_picture_are_told_from_a_movement, a_camera_that_only_turned_is_told_so, a_camera_that_only_turned_is_told_so_far_from_the_guessed_focal_length, of_two_scenes_the_larger_is_kept_and_the_other_told, a_cut_off_image_is_named_from_the_start, pictures_that_go_bad_or_show_nothing_are_told_and_the_others_placed, one_picture_is_too_few_and_two_are_enough, pictures_of_a_few_pixels_and_black_ones_do_no_harm, pictures_without_features_are_told_so, unrelated_pictures_added_to_a_model_change_nothing_of_it, a_run_that_is_stopped_keeps_what_it_placed_but_replaces_nothing_larger;
+    Data(&["strecha_fountain_P11", "sceaux_castle", "redkitchen_rgbd_a"]) =>
+        pictures_of_different_things_are_refused_with_the_two_nearest,
+        unrelated_pictures_added_to_a_model_change_nothing_of_it;
+    Data(&["strecha_fountain_P11"]) =>
+        copies_of_one_picture_are_told_from_a_movement,
+        a_camera_that_only_turned_is_told_so,
+        a_camera_that_only_turned_is_told_so_far_from_the_guessed_focal_length,
+        a_cut_off_image_is_named_from_the_start,
+        pictures_that_go_bad_or_show_nothing_are_told_and_the_others_placed,
+        one_picture_is_too_few_and_two_are_enough,
+        pictures_of_a_few_pixels_and_black_ones_do_no_harm,
+        a_run_that_is_stopped_keeps_what_it_placed_but_replaces_nothing_larger;
+    Data(&["strecha_fountain_P11", "sceaux_castle"]) => of_two_scenes_the_larger_is_kept_and_the_other_told;
+    Data(&[]) => pictures_without_features_are_told_so;
 }

@@ -89,7 +89,13 @@ fn fountain_with_learned_features() {
         let line = listed(data.path(), network);
         assert!(line.contains(data.path().to_str().unwrap()), "{line}");
         let said = run(&["models", "check", network]);
-        assert!(said.lines().next().unwrap().ends_with(": inputs and outputs are as expected"), "{said}");
+        assert!(
+            said.lines()
+                .next()
+                .unwrap()
+                .ends_with(": inputs and outputs are as expected"),
+            "{said}"
+        );
     }
 
     let project = Project::new(&needs.set.join("images"), &[]);
@@ -130,6 +136,6 @@ fn fountain_with_learned_features() {
 }
 
 crate::registry::tests! {
-    Data: learned_features_are_refused_until_their_networks_are_there;
-    Networks: fountain_with_learned_features;
+    Data(&["strecha_fountain_P11"]) => learned_features_are_refused_until_their_networks_are_there;
+    Networks(&["strecha_fountain_P11"]) => fountain_with_learned_features;
 }

@@ -27,6 +27,6 @@ fn no_network_is_an_empty_file() {
 }
 
 crate::registry::tests! {
-    Data: each_data_set_says_what_it_is;
-    Models: no_network_is_an_empty_file;
+    Data(&[]) => each_data_set_says_what_it_is;
+    Models => no_network_is_an_empty_file;
 }

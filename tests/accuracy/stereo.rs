@@ -463,5 +463,12 @@ fn depths_are_scaled_with_the_scene_and_made_anew_where_cameras_change() {
 }
 
 crate::registry::tests! {
-    Data: dtu_with_true_cameras, fountain_with_true_cameras, a_stopped_run_goes_on_where_it_was_and_comes_to_the_same, a_killed_run_goes_on_and_comes_to_the_same, a_cloud_grows_while_depth_is_made, what_cannot_have_depth_is_told_and_the_rest_is_done, two_views_are_enough_and_one_is_not, depths_are_scaled_with_the_scene_and_made_anew_where_cameras_change;
+    Data(&["dtu_scan24"]) => dtu_with_true_cameras, a_cloud_grows_while_depth_is_made;
+    Data(&["strecha_fountain_P11"]) =>
+        fountain_with_true_cameras,
+        a_stopped_run_goes_on_where_it_was_and_comes_to_the_same,
+        a_killed_run_goes_on_and_comes_to_the_same,
+        what_cannot_have_depth_is_told_and_the_rest_is_done,
+        two_views_are_enough_and_one_is_not,
+        depths_are_scaled_with_the_scene_and_made_anew_where_cameras_change;
 }

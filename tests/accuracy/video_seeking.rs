@@ -373,5 +373,11 @@ fn relative_paths_and_addresses_are_refused() {
 }
 
 crate::registry::tests! {
-    Ffmpeg: frames_by_seeking_and_in_order_are_those_of_a_linear_decode, frames_of_equal_times_are_distinguished, a_damaged_stream_is_reported_and_gives_the_frames_of_a_linear_decode, a_turned_video_and_odd_names_are_read, files_that_refer_to_other_files_are_not_followed, relative_paths_and_addresses_are_refused;
+    Ffmpeg =>
+        frames_by_seeking_and_in_order_are_those_of_a_linear_decode,
+        frames_of_equal_times_are_distinguished,
+        a_damaged_stream_is_reported_and_gives_the_frames_of_a_linear_decode,
+        a_turned_video_and_odd_names_are_read,
+        files_that_refer_to_other_files_are_not_followed,
+        relative_paths_and_addresses_are_refused;
 }

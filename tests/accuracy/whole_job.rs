@@ -371,5 +371,7 @@ fn a_stopped_tracking_keeps_what_it_has() {
 }
 
 crate::registry::tests! {
-    Data: the_way_through_can_be_undone_repeated_and_opened_again, a_stopped_tracking_keeps_what_it_has;
+    Data(&["apc_shelf_rgbd_labels"]) =>
+        the_way_through_can_be_undone_repeated_and_opened_again,
+        a_stopped_tracking_keeps_what_it_has;
 }

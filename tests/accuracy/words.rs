@@ -119,5 +119,5 @@ fn bananas_are_found_by_their_name() {
 }
 
 crate::registry::tests! {
-    Networks: bananas_are_found_by_their_name;
+    Networks(&["banana"]) => bananas_are_found_by_their_name;
 }

@@ -8,8 +8,8 @@ use ostra_core::job::Progress;
 use ostra_masks::{LabelId, read_palette_png};
 use serde_json::Value;
 
-use super::recording::{Recording, refused};
-use crate::program::{contents, done, ostra};
+use super::recording::Recording;
+use crate::program::{contents, done, ostra, refused};
 
 #[test]
 fn the_whole_way_on_the_command_line() {

@@ -10,8 +10,8 @@ use ostra_masks::{LabelId, read_palette_png};
 use ostra_project::{FuseRequest, ResultKind};
 use ostra_session::{CloudChange, CloudCorrection, Command, InstancesRequest, Session, Surface};
 
-use super::recording::{Recording, refused};
-use crate::program::{done, ostra};
+use super::recording::Recording;
+use crate::program::{done, ostra, refused};
 use crate::session::{perform, shown_bytes};
 
 fn square() -> String {

@@ -7,8 +7,8 @@ use ostra_masks::{LabelId, read_palette_png};
 use ostra_session::{Command, Session};
 use serde_json::Value;
 
-use super::recording::{Recording, refused};
-use crate::program::{done, ostra};
+use super::recording::Recording;
+use crate::program::{done, ostra, refused};
 
 fn ranked(project: &str) -> Vec<(u64, f64)> {
     let told: Value = serde_json::from_str(&done(&["doubt", project, "--json"])).unwrap();

@@ -5,8 +5,8 @@ use std::process::{Command, Stdio};
 
 use serde_json::{Value, json};
 
-use super::recording::{Recording, refused};
-use crate::program::{contents, done, ostra};
+use super::recording::Recording;
+use crate::program::{contents, done, ostra, refused};
 
 /// A project with masks and a cloud; its label has a name outside ASCII.
 fn fused(recording: &Recording) -> String {
@@ -188,7 +188,6 @@ fn demo_keeps_files_of_others_and_edits_in_its_project() {
     let fresh = recording.path("fresh");
     let args = run(demo(&fresh));
     let args: Vec<&str> = args.split('\n').collect();
-    done(&args);
     done(&args);
     done(&["label", &format!("{fresh}/project"), "mine"]);
     assert!(refused(&args).contains("changed"));

@@ -10,8 +10,8 @@ use ostra_cloud::measure::LengthUnit;
 use ostra_project::FuseRequest;
 use ostra_session::{Command, MeasureWish, Session};
 
-use super::recording::{Recording, refused};
-use crate::program::done;
+use super::recording::Recording;
+use crate::program::{done, refused};
 
 /// A recording's project with a cloud in which a red square, 1 m away, is labelled `thing` below `object`.
 fn fused() -> (Recording, String) {

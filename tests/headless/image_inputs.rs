@@ -11,8 +11,8 @@ use ostra_frames::{FrameFolder, FrameStore, OpenRequest, Opened, open};
 use serde_json::Value;
 use tiff::encoder::{TiffEncoder, colortype};
 
-use super::recording::{Recording, refused};
-use crate::program::done;
+use super::recording::Recording;
+use crate::program::{done, refused};
 
 /// Runs the program and returns what it writes to the standard error stream; it must succeed.
 fn warned(args: &[&str]) -> String {

@@ -1,6 +1,12 @@
 //! Tests of everything below the window, most of them of the program as a process: one module a subject.
 
 #[cfg(test)]
+#[path = "../support/crash_child.rs"]
+mod crash_child;
+#[cfg(test)]
+#[path = "../support/kill_jobs.rs"]
+mod kill_jobs;
+#[cfg(test)]
 #[path = "../support/program.rs"]
 mod program;
 #[cfg(test)]
@@ -11,11 +17,9 @@ mod project;
 mod session;
 
 #[cfg(test)]
-mod adopt;
-#[cfg(test)]
 mod architecture;
 #[cfg(test)]
-mod bricks;
+mod attach;
 #[cfg(test)]
 mod command_line;
 #[cfg(test)]
@@ -39,6 +43,8 @@ mod image_inputs;
 #[cfg(test)]
 mod import_circles;
 #[cfg(test)]
+mod instances;
+#[cfg(test)]
 mod kept_features;
 #[cfg(test)]
 mod kills;
@@ -59,15 +65,11 @@ mod scale;
 #[cfg(test)]
 mod shots;
 #[cfg(test)]
-mod stereo_made;
-#[cfg(test)]
 mod stopping;
 #[cfg(test)]
 mod suggestions;
 #[cfg(test)]
 mod thin;
-#[cfg(test)]
-mod traits;
 #[cfg(test)]
 mod two_processes;
 #[cfg(test)]

@@ -1,22 +1,9 @@
-//! A small synthetic recording, and what the program refuses.
+//! A small synthetic recording.
 
 use image::{GrayImage, ImageBuffer, Luma, RgbImage};
 use tempfile::TempDir;
 
-use crate::program::{done, ostra};
-
-/// Runs what must fail: exit code 1 and one line that starts with the program's name.
-pub fn refused(args: &[&str]) -> String {
-    let output = ostra(args);
-    let text = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(1), "{args:?}: {text}");
-    let errors: Vec<&str> = text
-        .lines()
-        .filter(|line| line.starts_with("ostra: "))
-        .collect();
-    assert_eq!(errors.len(), 1, "{args:?} says one line: {text}");
-    errors[0].to_owned()
-}
+use crate::program::done;
 
 /// A recording of four 64×48 frames: a red square at 1 m before a grey wall at 2 m, cameras side by side.
 pub struct Recording {

@@ -1,7 +1,7 @@
 //! The steps that a project lists make it again elsewhere.
 
-use super::recording::{Recording, refused};
-use crate::program::done;
+use super::recording::Recording;
+use crate::program::{done, refused};
 
 #[test]
 fn the_steps_that_a_project_lists_make_it_again_elsewhere() {

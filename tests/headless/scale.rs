@@ -13,9 +13,9 @@ use ostra_project::{ScaleEnd, ScaleRequest};
 use ostra_session::{Command, Session};
 use tempfile::TempDir;
 
-use super::recording::{Recording, refused};
-use crate::program::ostra;
+use super::recording::Recording;
 use crate::program::{contents, done};
+use crate::program::{ostra, refused};
 use crate::session::perform;
 
 pub(super) const WIDTH: u32 = 240;

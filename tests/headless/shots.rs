@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::process::Command;
 
-use super::recording::{Recording, refused};
-use crate::program::done;
+use super::recording::Recording;
+use crate::program::{done, refused};
 
 /// A project whose red thing is labelled on all four frames, voted on.
 fn voted(recording: &Recording) -> String {

@@ -10,8 +10,8 @@ use ostra_core::disk::is_temporary;
 use ostra_core::job::Progress;
 use serde_json::{Value, json};
 
-use super::recording::{Recording, refused};
-use crate::program::{contents, done};
+use super::recording::Recording;
+use crate::program::{contents, done, refused};
 
 /// A project with masks, a cloud and a surface.
 fn fused(recording: &Recording) -> String {

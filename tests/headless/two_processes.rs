@@ -6,8 +6,8 @@ use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
-use super::recording::{Recording, refused};
-use crate::program::done;
+use super::recording::Recording;
+use crate::program::{done, refused};
 
 /// Starts the commands at once; the exit codes and what they said on standard error.
 fn together(commands: &[Vec<&str>]) -> Vec<(Option<i32>, String)> {

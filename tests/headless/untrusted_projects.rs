@@ -12,8 +12,8 @@ use ostra_core::job::Progress;
 use ostra_session::{Command, Session};
 use tempfile::TempDir;
 
-use super::recording::{Recording, refused};
-use crate::program::{contents, done, ostra};
+use super::recording::Recording;
+use crate::program::{contents, done, ostra, refused};
 
 /// A recording with a project that has masks, a cloud and a history.
 fn finished() -> &'static (Recording, String) {

@@ -23,6 +23,19 @@ pub fn done(args: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
+/// Runs what must fail: exit code 1 and one line that starts with the program's name.
+pub fn refused(args: &[&str]) -> String {
+    let output = ostra(args);
+    let text = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{args:?}: {text}");
+    let errors: Vec<&str> = text
+        .lines()
+        .filter(|line| line.starts_with("ostra: "))
+        .collect();
+    assert_eq!(errors.len(), 1, "{args:?} says one line: {text}");
+    errors[0].to_owned()
+}
+
 /// Every file below a folder with its bytes.
 pub fn contents(dir: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     let mut all = Vec::new();

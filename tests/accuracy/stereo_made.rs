@@ -8,11 +8,12 @@ use ostra_cloud::ply::{read_mesh, read_ply};
 use ostra_cloud::points::Neighbours;
 use ostra_core::job::Progress;
 use ostra_eval::cloud_score::{CloudScoreOptions, score_cloud};
-use ostra_eval::synthetic::{Scene, SceneOptions, TruthOptions};
+use ostra_eval::synthetic::{Scene, TruthOptions};
 use ostra_masks::LabelId;
 use tempfile::TempDir;
 
 use crate::project::Project;
+use crate::tiller::{Tiller, tiller};
 
 fn depth_of(file: &Path) -> Vec<f32> {
     let mut file = tiff::decoder::Decoder::new(std::fs::File::open(file).unwrap()).unwrap();
@@ -57,19 +58,19 @@ fn with_label(
         .map(|(&position, _)| position)
 }
 
-#[test]
 fn the_made_scene_with_true_cameras_and_masks() {
     let dir = TempDir::new().unwrap();
     let path = |name: &str| dir.path().join(name).display().to_string();
-    let (scene, progress) = (
-        Scene::build(&SceneOptions::default()).unwrap(),
-        Progress::default(),
+    let Tiller { scene, recording } = tiller();
+    let progress = Progress::default();
+    let of_recording = |name: &str| recording.join(name).display().to_string();
+    let project = Project::new(
+        &recording.join("color"),
+        &["--cameras", &of_recording("sparse")],
     );
-    scene.write(dir.path(), &progress).unwrap();
-    let project = Project::new(&dir.path().join("color"), &["--cameras", &path("sparse")]);
     let root = project.root();
     project.done(&["reconstruct", &root, "--method", "mvs", "--max-side", "640"]);
-    project.done(&["masks", &root, "import", &path("truth/masks")]);
+    project.done(&["masks", &root, "import", &of_recording("truth/masks")]);
     project.done(&["fuse", &root, "--drop-unlabelled"]);
     let exports = [
         "--cloud",
@@ -81,7 +82,7 @@ fn the_made_scene_with_true_cameras_and_masks() {
     ];
     project.done(&[&["export", &root][..], &exports].concat());
 
-    let in_depth = share_in_depth(&scene, &dir.path().join("depths"));
+    let in_depth = share_in_depth(scene, &dir.path().join("depths"));
     let options = TruthOptions {
         surroundings_m: None,
         spacing_m: 0.0005,
@@ -136,4 +137,8 @@ fn the_made_scene_with_true_cameras_and_masks() {
         mesh.len()
     );
     assert!(near >= 0.93 && leaves >= 0.90, "{near} {leaves}");
+}
+
+crate::registry::tests! {
+    Nothing => the_made_scene_with_true_cameras_and_masks;
 }

@@ -11,8 +11,7 @@ use ostra_project::{FuseRequest, ResultKind};
 use ostra_session::{Command, InstancesRequest, Session};
 use serde_json::Value;
 
-use super::recording::refused;
-use crate::program::done;
+use crate::program::{done, refused};
 use crate::session::perform;
 
 /// The demo of the scene, in small pictures where tests have no time for large ones.
@@ -49,7 +48,6 @@ fn labels(project: &str) -> Vec<String> {
         .collect()
 }
 
-#[test]
 fn wheels_clicked_as_one_class_become_six_instances() {
     let out = tempfile::tempdir().unwrap();
     let folder = out.path().join("demo");
@@ -77,7 +75,6 @@ fn wheels_clicked_as_one_class_become_six_instances() {
     );
 }
 
-#[test]
 fn noise_of_a_sensor_spoils_depth_but_not_the_truth() {
     let out = tempfile::tempdir().unwrap();
     let (exact, noisy) = (out.path().join("exact"), out.path().join("noisy"));
@@ -98,7 +95,6 @@ fn noise_of_a_sensor_spoils_depth_but_not_the_truth() {
     assert!(read(exact.join("truth/masks/000.png")) == read(noisy.join("truth/masks/000.png")));
 }
 
-#[test]
 fn instances_are_told_apart_again_by_the_command_line() {
     let out = tempfile::tempdir().unwrap();
     let folder = out.path().join("demo");
@@ -180,4 +176,8 @@ fn one_undo_takes_instances_back(root: &Path) {
         **session.project().unwrap() == *before,
         "masks, labels and cloud are as they were"
     );
+}
+
+crate::registry::tests! {
+    Nothing => wheels_clicked_as_one_class_become_six_instances, noise_of_a_sensor_spoils_depth_but_not_the_truth, instances_are_told_apart_again_by_the_command_line;
 }

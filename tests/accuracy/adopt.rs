@@ -14,8 +14,7 @@ use ostra_session::{
     AdoptRequest, CloudChange, CloudCorrection, Command, RangeChange, RangeRequest, Session,
 };
 
-use super::recording::refused;
-use crate::program::done;
+use crate::program::{done, refused};
 use crate::session::perform;
 
 /// The made plant, clicked and fused with all that is seen, in small pictures.
@@ -105,7 +104,6 @@ fn clear_tip(session: &mut Session, leaf: LabelId, stem: LabelId) {
     assert!(cleared.is_some(), "some frame sees the tip");
 }
 
-#[test]
 fn a_leafs_tip_that_no_mask_has_goes_to_the_leaf() {
     let out = tempfile::tempdir().unwrap();
     let folder = out.path().join("demo");
@@ -190,4 +188,8 @@ fn a_leafs_tip_that_no_mask_has_goes_to_the_leaf() {
         **session.project().unwrap() == *hidden,
         "a leaf that is hidden gets nothing, nor does the stem get any of it"
     );
+}
+
+crate::registry::tests! {
+    Nothing => a_leafs_tip_that_no_mask_has_goes_to_the_leaf;
 }

@@ -9,28 +9,28 @@ use ostra_cloud::LabelledCloud;
 use ostra_cloud::instances::{InstanceOptions, find_instances};
 use ostra_cloud::measure::TraitRow;
 use ostra_core::job::Progress;
-use ostra_eval::synthetic::{Scene, SceneOptions};
+use ostra_eval::synthetic::Scene;
 use ostra_frames::{FrameFolder, OpenRequest};
 use ostra_project::{ExportRequest, FuseRequest};
 use ostra_session::{Command, MeasureWish, NewProject, Session};
 
 use crate::session::perform;
+use crate::tiller::{Tiller, tiller};
 
-/// A session on the recording of a made scene with its true masks, fused without background.
-fn fused(scene: &Scene, folder: &Path) -> Session {
-    scene.write(folder, &Progress::default()).unwrap();
-    let masks = folder.join("truth/masks");
-    std::fs::copy(folder.join("truth/labels.json"), masks.join("labels.json")).unwrap();
+/// A session on a synthetic recording with its true masks, fused without background, in `folder`.
+fn fused(tiller: &Tiller, folder: &Path) -> Session {
+    let masks = tiller.true_masks(folder);
+    let recording = &tiller.recording;
     let sources = vec![FrameFolder {
-        frames: folder.join("color"),
-        depth: Some(folder.join("depth")),
+        frames: recording.join("color"),
+        depth: Some(recording.join("depth")),
     }];
     let open = OpenRequest {
         sources,
         depth_unit: Scene::DEPTH_UNIT_M,
         ..OpenRequest::default()
     };
-    let cameras = Some(folder.join("sparse"));
+    let cameras = Some(recording.join("sparse"));
     let mut session = Session::new();
     let new = NewProject {
         root: folder.join("project"),
@@ -125,11 +125,11 @@ fn class_points(cloud: &LabelledCloud, name: &str) -> Vec<Vec3> {
         .collect()
 }
 
-#[test]
 fn traits_of_the_fused_cloud_are_the_true_ones_and_its_leaves_are_counted() {
     let folder = tempfile::tempdir().unwrap();
-    let scene = Scene::build(&SceneOptions::default()).unwrap();
-    let mut session = fused(&scene, folder.path());
+    let tiller = tiller();
+    let scene = &tiller.scene;
+    let mut session = fused(tiller, folder.path());
     let _ = session.traits(MeasureWish::default());
     session.settle(|_| ControlFlow::Continue(()));
     let measured = session.traits(MeasureWish::default()).unwrap().clone();
@@ -202,4 +202,8 @@ fn traits_of_the_fused_cloud_are_the_true_ones_and_its_leaves_are_counted() {
             "{label}: {degrees} instead of {truth}"
         );
     }
+}
+
+crate::registry::tests! {
+    Nothing => traits_of_the_fused_cloud_are_the_true_ones_and_its_leaves_are_counted;
 }
