@@ -244,7 +244,7 @@ impl Action {
     #[must_use]
     pub fn text(self) -> String {
         match self {
-            Self::ChooseLabel(number) => format!("Choose label {number}"),
+            Self::ChooseLabel(number) => format!("Select label {number}"),
             _ => row(self).map_or_else(String::new, |row| row.text.into()),
         }
     }
@@ -252,10 +252,7 @@ impl Action {
     /// What it does, for tooltips.
     #[must_use]
     pub fn tip(self) -> &'static str {
-        row(self).map_or(
-            "Chooses that label of the list for clicks and brush",
-            |row| row.tip,
-        )
+        row(self).map_or("Select this label for clicks and brush", |row| row.tip)
     }
 
     /// The menu it stands in, where it stands in one.
@@ -335,103 +332,103 @@ const HELP: Option<MenuName> = Some(MenuName::Help);
 const LIST: &[Row] = {
     use Action as A;
     list! {
-        A::NewProject, FILE, false, "New project from frames…", "Makes a project from photos, a film or an RGB-D recording", ctrl(Key::N);
-        A::Open, FILE, false, "Open project…", "Opens a project folder", ctrl(Key::O);
-        A::Inspect, FILE, false, "Inspect PLY…", "Shows a labelled point cloud alone in 3-D", ctrl_shift(Key::O);
-        A::AddFrames, FILE, true, "Add frames…", "Puts more frames at the end; nothing that is there changes", None;
-        A::Relocate, FILE, false, "Frames were moved…", "Says where the files of frames are now that were moved", None;
-        A::ImportMasks, FILE, false, "Import masks…", "Reads masks from a folder; their frames become anchors", None;
-        A::Export, FILE, true, "Export…", "Writes cloud, mesh, traits, cameras, masks or depths to files", ctrl(Key::E);
-        A::SavePicture, FILE, false, "Picture of the 3-D view…", "Writes what the 3-D view shows as a picture of any size, or as a film of one turn", ctrl_shift(Key::E);
-        A::SaveRecipe, FILE, false, "Save history as recipe…", "Writes the steps so far as a recipe for 'ostra run'", None;
-        A::Models, FILE, true, "Networks…", "Shows which networks are installed, gets, adds and checks them", None;
-        A::Close, FILE, true, "Close project", "Closes the project; everything is already saved", ctrl(Key::W);
-        A::Quit, FILE, false, "Quit", "Ends OSTRA; everything is already saved", ctrl(Key::Q);
-        A::Undo, EDIT, false, "Undo", "Takes back the last step", ctrl(Key::Z);
-        A::Redo, EDIT, false, "Redo", "Does the step taken back again", ctrl_shift(Key::Z);
-        A::AddLabel, EDIT, true, "Add label", "Makes a new label and chooses it", plain(Key::N);
-        A::IncludeHere, EDIT, true, "Include at pointer", "Says that the pixel under the pointer belongs to the label", plain(Key::Q);
-        A::ExcludeHere, EDIT, false, "Exclude at pointer", "Says that the pixel under the pointer does not belong to the label", plain(Key::E);
-        A::ClearLabelHere, EDIT, false, "Remove label from this frame", "Takes the chosen label's clicks and pixels off this frame", plain(Key::Delete);
-        A::ClearFrame, EDIT, false, "Clear this frame", "Takes all clicks and the whole mask off this frame", shift(Key::Delete);
-        A::MakeAnchor, EDIT, false, "Make this frame an anchor", "Accepts the tracked mask as it is; trackers keep it from now on", plain(Key::C);
-        A::AcceptVote, EDIT, false, "Accept the 3-D vote on this frame", "Gives this frame the mask that all frames voted for; it becomes an anchor", shift(Key::A);
-        A::AcceptLabelVote, EDIT, false, "Accept the 3-D vote for this label", "The same for the chosen label alone", ctrl_shift(Key::A);
-        A::ChoosePoints, EDIT, true, "Select points in 3-D", "Drags in the 3-D view choose the points that are seen there, to correct their label in all masks", shift(Key::S);
-        A::AssignChosen, EDIT, false, "Assign label to selected points", "The points get the chosen label, in every mask that sees them", shift(Key::Enter);
-        A::ClearChosen, EDIT, false, "Clear label of selected points", "The points get no label, in every mask that sees them", shift(Key::Backspace);
-        A::AdoptPieces, EDIT, false, "Adopt hanging pieces", "Pieces of the cloud without a label that hang on one labelled thing get its label, in every mask that sees them", None;
-        A::RangeFrom, RANGE, false, "Range begins here", "Changes of the chosen label go over frames from this one on", plain(Key::I);
-        A::RangeTo, RANGE, false, "Range ends here", "Changes of the chosen label go over frames up to this one", shift(Key::I);
-        A::DropRange, RANGE, false, "Drop range", "Changes go over the shown frame alone again", ctrl(Key::I);
-        A::DeleteRange, RANGE, true, "Delete label over range", "It is not there: its pixels go, and no tracker brings them back", ctrl(Key::Delete);
-        A::RestoreRange, RANGE, false, "Restore label over range", "Trackers may find it there again", ctrl_shift(Key::Delete);
-        A::AppearsHere, RANGE, false, "Label appears here", "It was not there before this frame (back to the last anchor that shows it)", plain(Key::Comma);
-        A::GoneFromHere, RANGE, false, "Label is gone from here", "It is not there from this frame on (up to the next anchor that shows it)", plain(Key::Period);
-        A::LockRange, RANGE, true, "Lock or unlock label over range", "Its pixels stay as they are, whoever tracks, clicks or paints", plain(Key::K);
-        A::HideRange, RANGE, false, "Hide or show label over range", "Its pixels are kept, but neither drawn, voted nor exported", plain(Key::H);
-        A::MergeRange, RANGE, true, "Merge label over range…", "Its pixels and clicks become another label's", plain(Key::J);
-        A::SplitRange, RANGE, false, "Split label over range…", "The piece under the pointer becomes another label, followed over the range", shift(Key::J);
-        A::InterpolateRange, RANGE, false, "Interpolate label over range", "Puts shapes between those on the first and the last frame of the range", plain(Key::Y);
-        A::CopyMask, RANGE, true, "Copy label's mask", "Remembers the chosen label's mask on this frame", shift(Key::C);
-        A::PasteMask, RANGE, false, "Paste label's mask", "Puts the remembered mask onto the range; its frames become anchors", shift(Key::V);
-        A::FillHoles, EDIT, true, "Fill holes of label", "Fills the chosen label's holes on this frame that are smaller than the size in the tool bar", shift(Key::H);
-        A::RemoveIslands, EDIT, false, "Remove islands of label", "Removes the chosen label's islands on this frame that are smaller than the size in the tool bar; the largest piece stays", shift(Key::K);
-        A::UseTool(Tool::Click), EDIT, true, "Click and box tool", "Left click includes, right click excludes, dragging makes a box", plain(Key::V);
-        A::UseTool(Tool::Brush), EDIT, false, "Brush tool", "Paints the chosen label; Ctrl or right button erases, Shift+wheel sets the size", plain(Key::P);
-        A::UseTool(Tool::Eraser), EDIT, false, "Eraser tool", "Takes the chosen label away; Shift+wheel sets the size", plain(Key::X);
-        A::UseTool(Tool::Polygon), EDIT, false, "Polygon tool", "Click corners, or draw around with the button held; Enter or a double click fills the polygon (with Ctrl takes the label away), Backspace or right click takes the last corner", plain(Key::G);
-        A::UseTool(Tool::Pull), EDIT, false, "Pull tool", "Press on the border of the chosen label and drag it to where it belongs", shift(Key::G);
-        A::UseTool(Tool::Thin), EDIT, false, "Thin-structure tool", "Click two or more points along a stem or wire; Enter or a double click traces it, Backspace or right click takes the last one", plain(Key::W);
-        A::SmallerBrush, EDIT, false, "Smaller brush", "Makes the brush smaller", plain(Key::OpenBracket);
-        A::LargerBrush, EDIT, false, "Larger brush", "Makes the brush larger", plain(Key::CloseBracket);
-        A::ToggleSnap, EDIT, false, "Snap brush to edges", "The brush stops at edges of the picture that the inner half of its radius does not cross", plain(Key::S);
-        A::ShowBoth, VIEW, false, "Picture and 3-D", "Shows picture and 3-D view side by side", ctrl(Key::Num1);
-        A::ShowPicture, VIEW, false, "Picture alone", "Shows only the picture", ctrl(Key::Num2);
-        A::ShowScene, VIEW, false, "3-D alone", "Shows only the 3-D view", ctrl(Key::Num3);
-        A::Fit, VIEW, true, "Fit picture", "Shows the whole picture", plain(Key::Num0);
-        A::ActualSize, VIEW, false, "Picture at 100 %", "One picture pixel takes one screen pixel", shift(Key::Num0);
-        A::ToggleMasks, VIEW, false, "Show masks", "Shows or hides the masks over the picture", plain(Key::M);
-        A::ToggleOutlines, VIEW, false, "Show outlines", "Draws a line around every label", plain(Key::O);
-        A::CompareBefore, VIEW, false, "Compare with before", "Shows this frame's masks before the last step that changed them, and back", plain(Key::F4);
-        A::ToggleTimeline, VIEW, false, "Show timeline", "Shows or hides the grid of labels and frames above the filmstrip", plain(Key::F2);
-        A::ToggleMatches, VIEW, false, "Cameras and matches", "Shows what the cameras were found with: matches between two frames, errors, and why frames have no camera", plain(Key::F6);
-        A::ToggleMeasures, VIEW, false, "Measures", "Shows a table of what was measured of each label in 3-D: lengths, widths, areas, volumes, heights, angles", plain(Key::F8);
-        A::NextLayer, VIEW, false, "Next layer", "Shows depth, normals and confidence in the photo's place, one after the other", plain(Key::F7);
-        A::ToggleHover, VIEW, false, "Preview a click", "Shows lightly what a click would give where the pointer rests", plain(Key::F3);
-        A::FrameCloud, VIEW, true, "Show whole cloud", "Brings the whole cloud into the 3-D view", plain(Key::A);
-        A::LookThrough, VIEW, false, "Look through this frame's camera", "Puts the 3-D view where this frame was taken", plain(Key::L);
-        A::LookFrom(Side::Front), VIEW, true, "From the front", "Looks at the scene from where most cameras stood", alt(Key::Num1);
-        A::LookFrom(Side::Back), VIEW, false, "From behind", "Looks at the scene from behind", alt(Key::Num2);
-        A::LookFrom(Side::Left), VIEW, false, "From the left", "Looks at the scene from the left", alt(Key::Num3);
-        A::LookFrom(Side::Right), VIEW, false, "From the right", "Looks at the scene from the right", alt(Key::Num4);
-        A::LookFrom(Side::Top), VIEW, false, "From above", "Looks at the scene from above", alt(Key::Num5);
-        A::LookFrom(Side::Bottom), VIEW, false, "From below", "Looks at the scene from below", alt(Key::Num6);
-        A::ToggleOrthographic, VIEW, false, "Orthographic or perspective", "In orthographic views things do not shrink with distance", alt(Key::O);
-        A::ToggleTurntable, VIEW, false, "Turntable", "Turns the 3-D view about the vertical until you click or turn it yourself", alt(Key::T);
-        A::ToggleTheme, VIEW, true, "Dark or light", "Changes between the dark and the light look", plain(Key::F9);
-        A::PreviousFrame, GO, false, "Previous frame", "One frame back", plain(Key::ArrowLeft);
-        A::NextFrame, GO, false, "Next frame", "One frame on", plain(Key::ArrowRight);
-        A::Back10, GO, false, "10 frames back", "Ten frames back", shift(Key::ArrowLeft);
-        A::Forward10, GO, false, "10 frames on", "Ten frames on", shift(Key::ArrowRight);
-        A::FirstFrame, GO, false, "First frame", "To the first frame", plain(Key::Home);
-        A::LastFrame, GO, false, "Last frame", "To the last frame", plain(Key::End);
-        A::NextDoubtful, GO, true, "Next frame to check", "To the next frame whose mask is stale or uncertain", plain(Key::D);
-        A::NextWorst, GO, false, "Next worst frame", "To the frame whose mask contradicts the 3-D vote most, then to the next after it", shift(Key::D);
-        A::FindInScene, GO, false, "Find in 3-D", "Asks about the point of the cloud under the pointer and brings it into the middle of the 3-D view", plain(Key::Z);
-        A::Track, RUN, false, "Track both ways", "Carries the anchors' masks to all frames", plain(Key::T);
-        A::TrackForward, RUN, false, "Track forward from here", "Carries masks from this frame to later ones", plain(Key::F);
-        A::TrackBackward, RUN, false, "Track backward from here", "Carries masks from this frame to earlier ones", plain(Key::B);
-        A::Retrack, RUN, false, "Re-track this label around this frame", "Carries the chosen label anew up to the anchors next to this one; other labels stay", shift(Key::T);
-        A::Suggest, RUN, false, "Look for unlabelled objects", "Offers areas without a label that move or stand apart", ctrl(Key::L);
-        A::Propose, RUN, false, "Propose things on this frame", "Offers all that Segment Anything takes for a thing on this frame", ctrl_shift(Key::L);
-        A::Reconstruct, RUN, true, "Reconstruct", "Makes cameras and depths with the settings of the Reconstruct panel", plain(Key::R);
-        A::SetScale, RUN, false, "Set scale by ruler", "Scales cameras, depths, cloud and surface together until the ruler's two points are as far apart as they really are", None;
-        A::Fuse, RUN, false, "Fuse", "Makes the labelled cloud: every point takes the label most views vote for", plain(Key::U);
-        A::Stop, RUN, true, "Stop", "Stops what is running; what is finished is kept", ctrl(Key::Period);
-        A::Cancel, RUN, false, "Cancel", "Drops the half-made box, stroke, polygon or thin structure; otherwise takes back chosen points, or closes the window of matches or measures. Work goes on", plain(Key::Escape);
-        A::Palette, HELP, false, "Find action…", "Lists all actions; type to narrow the list", ctrl(Key::P);
-        A::ShortcutSheet, HELP, false, "Shortcuts…", "Shows all shortcuts and lets you change them", plain(Key::Questionmark);
+        A::NewProject, FILE, false, "New project…", "Create a project from photos, a video or an RGB-D recording", ctrl(Key::N);
+        A::Open, FILE, false, "Open project…", "Open a project folder", ctrl(Key::O);
+        A::Inspect, FILE, false, "View a point cloud…", "View a labelled PLY on its own in 3-D", ctrl_shift(Key::O);
+        A::AddFrames, FILE, true, "Add frames…", "Append frames to the project", None;
+        A::Relocate, FILE, false, "Locate missing frames…", "Locate frames whose files have moved", None;
+        A::ImportMasks, FILE, false, "Import masks…", "Read masks from a folder; their frames become keyframes", None;
+        A::Export, FILE, true, "Export…", "Write cloud, mesh, traits, cameras, masks or depth maps to files", ctrl(Key::E);
+        A::SavePicture, FILE, false, "Save 3-D view…", "Save the 3-D view as an image or a turntable video", ctrl_shift(Key::E);
+        A::SaveRecipe, FILE, false, "Save history as recipe…", "Save the steps so far as a recipe for 'ostra run'", None;
+        A::Models, FILE, true, "Networks…", "Install, add and check neural networks", None;
+        A::Close, FILE, true, "Close project", "Close the project; everything is already saved", ctrl(Key::W);
+        A::Quit, FILE, false, "Quit", "Quit OSTRA; everything is already saved", ctrl(Key::Q);
+        A::Undo, EDIT, false, "Undo", "Undo the last step", ctrl(Key::Z);
+        A::Redo, EDIT, false, "Redo", "Redo the last undone step", ctrl_shift(Key::Z);
+        A::AddLabel, EDIT, true, "Add label", "Add a label and select it", plain(Key::N);
+        A::IncludeHere, EDIT, true, "Include at pointer", "Include the pixel under the pointer in the label", plain(Key::Q);
+        A::ExcludeHere, EDIT, false, "Exclude at pointer", "Exclude the pixel under the pointer from the label", plain(Key::E);
+        A::ClearLabelHere, EDIT, false, "Remove label from this frame", "Remove the selected label's prompts and pixels from this frame", plain(Key::Delete);
+        A::ClearFrame, EDIT, false, "Clear this frame", "Remove all prompts and the whole mask from this frame", shift(Key::Delete);
+        A::MakeAnchor, EDIT, false, "Make this frame a keyframe", "Confirm the mask as it is; trackers no longer change it", plain(Key::C);
+        A::AcceptVote, EDIT, false, "Use the 3-D vote on this frame", "Replace this frame's mask by the vote of all views and make it a keyframe", shift(Key::A);
+        A::AcceptLabelVote, EDIT, false, "Use the 3-D vote for this label", "Replace only the selected label's pixels by the vote of all views", ctrl_shift(Key::A);
+        A::ChoosePoints, EDIT, true, "Select points in 3-D", "Drag in the 3-D view to select visible points and correct their label in all masks", shift(Key::S);
+        A::AssignChosen, EDIT, false, "Assign label to selected points", "Give the selected points the selected label, in every mask that shows them", shift(Key::Enter);
+        A::ClearChosen, EDIT, false, "Clear label of selected points", "Remove the label of the selected points, in every mask that shows them", shift(Key::Backspace);
+        A::AdoptPieces, EDIT, false, "Attach loose fragments", "Give unlabelled fragments the label of the object that they are attached to, in every mask that shows them", None;
+        A::RangeFrom, RANGE, false, "Start range here", "Make this frame the first frame of the range", plain(Key::I);
+        A::RangeTo, RANGE, false, "End range here", "Make this frame the last frame of the range", shift(Key::I);
+        A::DropRange, RANGE, false, "Clear range", "Apply changes to the current frame only", ctrl(Key::I);
+        A::DeleteRange, RANGE, true, "Delete label in range", "Remove the label in this range; tracking will not add it again", ctrl(Key::Delete);
+        A::RestoreRange, RANGE, false, "Restore label in range", "Let tracking add the label again in this range", ctrl_shift(Key::Delete);
+        A::AppearsHere, RANGE, false, "Label appears here", "Remove the label before this frame, back to the last keyframe that shows it", plain(Key::Comma);
+        A::GoneFromHere, RANGE, false, "Label disappears here", "Remove the label from this frame on, up to the next keyframe that shows it", plain(Key::Period);
+        A::LockRange, RANGE, true, "Lock or unlock label in range", "Protect the label's pixels from tracking, clicks and painting", plain(Key::K);
+        A::HideRange, RANGE, false, "Hide or show label in range", "Keep the label's pixels but leave them out of display, votes and exports", plain(Key::H);
+        A::MergeRange, RANGE, true, "Merge label in range…", "Turn the label's pixels and prompts into another label", plain(Key::J);
+        A::SplitRange, RANGE, false, "Split label in range…", "Turn the part under the pointer into another label, followed through the range", shift(Key::J);
+        A::InterpolateRange, RANGE, false, "Interpolate label in range", "Interpolate the label's shape between the first and the last frame of the range", plain(Key::Y);
+        A::CopyMask, RANGE, true, "Copy mask of label", "Copy the selected label's mask on this frame", shift(Key::C);
+        A::PasteMask, RANGE, false, "Paste mask of label", "Paste the copied mask onto the range; its frames become keyframes", shift(Key::V);
+        A::FillHoles, EDIT, true, "Fill holes of label", "Fill holes of the selected label on this frame that are smaller than the size in the tool bar", shift(Key::H);
+        A::RemoveIslands, EDIT, false, "Remove specks of label", "Remove parts of the selected label on this frame that are smaller than the size in the tool bar; the largest part is kept", shift(Key::K);
+        A::UseTool(Tool::Click), EDIT, true, "Click and box tool", "Left click to include, right click to exclude, drag for a box", plain(Key::V);
+        A::UseTool(Tool::Brush), EDIT, false, "Brush tool", "Paint the selected label; Ctrl or right button erases, Shift+wheel sets the size", plain(Key::P);
+        A::UseTool(Tool::Eraser), EDIT, false, "Eraser tool", "Erase the selected label; Shift+wheel sets the size", plain(Key::X);
+        A::UseTool(Tool::Polygon), EDIT, false, "Polygon tool", "Click corners or draw an outline; Enter or double-click fills it (with Ctrl erases), Backspace or right click removes the last corner", plain(Key::G);
+        A::UseTool(Tool::Pull), EDIT, false, "Move border tool", "Press on the border of the selected label and drag it to the right place", shift(Key::G);
+        A::UseTool(Tool::Thin), EDIT, false, "Stem and wire tool", "Click two or more points along a stem or wire; Enter or double-click traces it, Backspace or right click removes the last point", plain(Key::W);
+        A::SmallerBrush, EDIT, false, "Smaller brush", "Make the brush smaller", plain(Key::OpenBracket);
+        A::LargerBrush, EDIT, false, "Larger brush", "Make the brush larger", plain(Key::CloseBracket);
+        A::ToggleSnap, EDIT, false, "Snap brush to edges", "Stop the brush at image edges that the inner half of its radius does not cross", plain(Key::S);
+        A::ShowBoth, VIEW, false, "Image and 3-D", "Show image and 3-D view next to each other", ctrl(Key::Num1);
+        A::ShowPicture, VIEW, false, "Image only", "Show only the image", ctrl(Key::Num2);
+        A::ShowScene, VIEW, false, "3-D only", "Show only the 3-D view", ctrl(Key::Num3);
+        A::Fit, VIEW, true, "Fit image", "Show the whole image", plain(Key::Num0);
+        A::ActualSize, VIEW, false, "Image at 100 %", "Show one image pixel per screen pixel", shift(Key::Num0);
+        A::ToggleMasks, VIEW, false, "Show masks", "Show or hide the masks over the image", plain(Key::M);
+        A::ToggleOutlines, VIEW, false, "Show outlines", "Draw a line around every label", plain(Key::O);
+        A::CompareBefore, VIEW, false, "Compare with previous mask", "Show the frame's mask before its last change, or the current one", plain(Key::F4);
+        A::ToggleTimeline, VIEW, false, "Show timeline", "Show or hide the grid of labels and frames above the filmstrip", plain(Key::F2);
+        A::ToggleMatches, VIEW, false, "Cameras and matches", "Show matches between frames, reprojection errors, and why frames have no camera", plain(Key::F6);
+        A::ToggleMeasures, VIEW, false, "Traits", "Show a table of traits per label: lengths, widths, areas, volumes, heights, angles", plain(Key::F8);
+        A::NextLayer, VIEW, false, "Next layer", "Switch between image, depth, normals and confidence", plain(Key::F7);
+        A::ToggleHover, VIEW, false, "Preview a click", "Show the mask that a click at the pointer would give", plain(Key::F3);
+        A::FrameCloud, VIEW, true, "Show whole cloud", "Bring the whole cloud into view", plain(Key::A);
+        A::LookThrough, VIEW, false, "Look through this frame's camera", "View the scene from where this frame was taken", plain(Key::L);
+        A::LookFrom(Side::Front), VIEW, true, "From the front", "View from the side of most cameras", alt(Key::Num1);
+        A::LookFrom(Side::Back), VIEW, false, "From behind", "View from behind", alt(Key::Num2);
+        A::LookFrom(Side::Left), VIEW, false, "From the left", "View from the left", alt(Key::Num3);
+        A::LookFrom(Side::Right), VIEW, false, "From the right", "View from the right", alt(Key::Num4);
+        A::LookFrom(Side::Top), VIEW, false, "From above", "View from above", alt(Key::Num5);
+        A::LookFrom(Side::Bottom), VIEW, false, "From below", "View from below", alt(Key::Num6);
+        A::ToggleOrthographic, VIEW, false, "Orthographic or perspective", "Switch between orthographic and perspective projection", alt(Key::O);
+        A::ToggleTurntable, VIEW, false, "Turntable", "Rotate the view about the vertical axis until you click or drag in it", alt(Key::T);
+        A::ToggleTheme, VIEW, true, "Dark or light", "Switch between dark and light theme", plain(Key::F9);
+        A::PreviousFrame, GO, false, "Previous frame", "Go to the previous frame", plain(Key::ArrowLeft);
+        A::NextFrame, GO, false, "Next frame", "Go to the next frame", plain(Key::ArrowRight);
+        A::Back10, GO, false, "10 frames back", "Go back 10 frames", shift(Key::ArrowLeft);
+        A::Forward10, GO, false, "10 frames forward", "Go forward 10 frames", shift(Key::ArrowRight);
+        A::FirstFrame, GO, false, "First frame", "Go to the first frame", plain(Key::Home);
+        A::LastFrame, GO, false, "Last frame", "Go to the last frame", plain(Key::End);
+        A::NextDoubtful, GO, true, "Next frame to check", "Go to the next frame whose mask is stale or uncertain", plain(Key::D);
+        A::NextWorst, GO, false, "Next conflict", "Go to the frame with the largest conflict, then to the next largest", shift(Key::D);
+        A::FindInScene, GO, false, "Find in 3-D", "Show the votes of the point under the pointer and centre it in the 3-D view", plain(Key::Z);
+        A::Track, RUN, false, "Track both ways", "Propagate the masks of keyframes to all frames", plain(Key::T);
+        A::TrackForward, RUN, false, "Track forward from here", "Propagate masks from this frame to later frames", plain(Key::F);
+        A::TrackBackward, RUN, false, "Track backward from here", "Propagate masks from this frame to earlier frames", plain(Key::B);
+        A::Retrack, RUN, false, "Re-track this label around this frame", "Track the selected label again up to the next keyframes on both sides; other labels are kept", shift(Key::T);
+        A::Suggest, RUN, false, "Find unlabelled objects", "List unlabelled regions that are likely objects", ctrl(Key::L);
+        A::Propose, RUN, false, "Propose objects on this frame", "List every object that Segment Anything finds on this frame", ctrl_shift(Key::L);
+        A::Reconstruct, RUN, true, "Reconstruct", "Compute cameras and depth maps with the settings of the Reconstruct panel", plain(Key::R);
+        A::SetScale, RUN, false, "Set scale by ruler", "Scale cameras, depth maps, cloud and mesh so that the ruler shows the known length", None;
+        A::Fuse, RUN, false, "Fuse", "Fuse the depth maps into a cloud and label each point by a vote of all views", plain(Key::U);
+        A::Stop, RUN, true, "Stop", "Stop the running job; finished parts are kept", ctrl(Key::Period);
+        A::Cancel, RUN, false, "Cancel", "Discard the unfinished box, stroke, polygon or trace, else clear selected points or close the matches or traits window. Jobs go on", plain(Key::Escape);
+        A::Palette, HELP, false, "Find action…", "List all actions; type to filter", ctrl(Key::P);
+        A::ShortcutSheet, HELP, false, "Shortcuts…", "Show and change shortcuts", plain(Key::Questionmark);
     }
 };
 

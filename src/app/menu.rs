@@ -149,7 +149,7 @@ fn recent_ui(ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>) {
             for path in look.recent.iter().take(10) {
                 if ui
                     .button(path.display().to_string())
-                    .on_hover_text("Opens this project")
+                    .on_hover_text("Open this project")
                     .clicked()
                 {
                     out.push(Command::Open(path.clone()));

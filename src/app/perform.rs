@@ -132,7 +132,7 @@ fn find_in_scene(look: &Look<'_>, view: &mut ViewState) {
             show_scene(view);
             view.scene_wish = Some(SceneWish::ShowAsked);
         }
-        None => view.note = "No point of the cloud is seen here".into(),
+        None => view.note = "No point of the cloud is visible here".into(),
     }
 }
 

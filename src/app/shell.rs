@@ -164,7 +164,7 @@ impl Shell {
                 ui.separator();
                 segmenter_ui(ui, look, view);
                 ui.separator();
-                section_heading(ui, "Look for");
+                section_heading(ui, "Find by text");
                 words_ui(ui, look, view, out);
             });
         });
@@ -172,7 +172,7 @@ impl Shell {
             scrolled(ui, "right", |ui| {
                 section(ui, "Track", true, |ui| track_ui(ui, look, view, wishes));
                 if !look.doubts.is_empty() {
-                    section(ui, "Doubt", true, |ui| doubt_ui(ui, look, view, wishes));
+                    section(ui, "Conflicts", true, |ui| doubt_ui(ui, look, view, wishes));
                 }
                 section(ui, "Suggestions", !look.suggestions.is_empty(), |ui| {
                     suggestions_ui(ui, look, view, out, wishes);

@@ -225,11 +225,11 @@ impl Window {
             Command::Undo => self
                 .session
                 .undo_title()
-                .map(|title| format!("{title}: undone")),
+                .map(|title| format!("Undone: {title}")),
             Command::Redo => self
                 .session
                 .redo_title()
-                .map(|title| format!("{title}: done again")),
+                .map(|title| format!("Redone: {title}")),
             _ => None,
         };
         match (self.session.act(command), moved) {
@@ -258,7 +258,7 @@ impl Window {
             Event::Finished { title, .. } => self.shell.view.note = format!("{title}: done"),
             Event::Stopped { title, .. } => {
                 self.shell.view.draft.forget_sent();
-                self.shell.view.note = format!("{title}: stopped; what was finished is kept");
+                self.shell.view.note = format!("{title}: stopped; finished parts are kept");
             }
             Event::Paused {
                 frame, label, text, ..
@@ -369,7 +369,7 @@ impl Window {
                 ExportTargets::write_files(&[path.to_owned()], write)
             });
         match written {
-            Ok(()) => self.shell.view.note = format!("Recipe written to {}", path.display()),
+            Ok(()) => self.shell.view.note = format!("Recipe saved to {}", path.display()),
             Err(error) => {
                 self.fail(format!(
                     "{}: the recipe cannot be written ({error}); choose another place",

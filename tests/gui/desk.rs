@@ -154,7 +154,7 @@ impl Desk {
 pub fn on_screen(harness: &Harness<'_, Desk>, x: f32, y: f32) -> Pos2 {
     let frame = &harness.state().project.frames[harness.state().shell.view.frame];
     let pane = harness
-        .get_by_label(&format!("Picture {}", frame.name))
+        .get_by_label(&format!("Image {}", frame.name))
         .rect();
     let free = pane.size() - Vec2::splat(20.0);
     let scale = (free.x / frame.width as f32).min(free.y / frame.height as f32);

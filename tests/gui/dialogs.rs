@@ -20,7 +20,7 @@ fn type_into(harness: &mut egui_kittest::Harness<'_, Desk>, name: &str, text: &s
 #[test]
 fn a_new_project_is_made_from_what_was_typed() {
     let mut harness = Desk::empty().shown();
-    harness.get_by_label("New project from frames…").click();
+    harness.get_by_label("New project…").click();
     harness.run_steps(3);
     assert!(
         harness
@@ -68,7 +68,7 @@ fn export_writes_what_is_ticked() {
     harness.run_steps(2);
     harness.get_by_label("Ground").click();
     harness.run_steps(3);
-    harness.get_by_label("given by numbers").click();
+    harness.get_by_label("given as numbers").click();
     harness.run_steps(3);
     assert_eq!(harness.unnamed_widgets(), Vec::<String>::new());
     type_into(&mut harness, "Export folder", "/out");

@@ -38,7 +38,7 @@ fn the_worst_masks_are_listed_and_the_vote_can_be_accepted() {
     harness.run_steps(2);
     let label = LabelId(2);
     harness.state_mut().shell.view.label = Some(label);
-    harness.get_by_label("For this label").click();
+    harness.get_by_label("Only this label").click();
     harness.run_steps(2);
     let accept = |labels| Command::AcceptVote { frame: 2, labels };
     assert_eq!(
@@ -70,7 +70,7 @@ fn a_point_that_is_asked_about_tells_its_label() {
     assert!(harness.query_all_by_label(&text).next().is_some(), "{text}");
     assert!(
         harness
-            .query_by_label("No frame with a mask sees it.")
+            .query_by_label("No frame with a mask shows this point.")
             .is_some()
     );
 }

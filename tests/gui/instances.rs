@@ -66,7 +66,7 @@ fn instances_are_looked_at_and_then_made() {
     assert_eq!(harness.state().shell.view.instances, Some(request));
     assert!(
         harness
-            .get_by_label("Make instances")
+            .get_by_label("Create instances")
             .accesskit_node()
             .is_disabled(),
         "nothing is found yet"
@@ -90,7 +90,7 @@ fn instances_are_looked_at_and_then_made() {
         labels(&harness)
     );
     assert!(harness.query_by_label("leaf 2").is_some());
-    harness.get_by_label("Make instances").click();
+    harness.get_by_label("Create instances").click();
     harness.run_steps(2);
     assert_eq!(harness.state().asked, [Command::Instances(request)]);
     assert_eq!(harness.state().shell.view.instances, None);
@@ -105,7 +105,7 @@ fn instances_can_be_given_up() {
     };
     harness.state_mut().shell.view.instances = Some(request);
     harness.run_steps(3);
-    harness.get_by_label("Give up").click();
+    harness.get_by_label("Cancel").click();
     harness.run_steps(2);
     assert_eq!(
         (

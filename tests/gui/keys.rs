@@ -67,7 +67,7 @@ fn shift_h_fills_holes_and_shift_k_removes_islands_of_the_size_in_the_tool_bar()
             (0, LabelId(2), 30, 0)
         ]
     );
-    harness.get_by_label("Size of holes and islands");
+    harness.get_by_label("Size of holes and specks");
     harness.state_mut().asked.clear();
     press(&mut harness, Modifiers::NONE, Key::End);
     press(&mut harness, Modifiers::SHIFT, Key::H);
@@ -357,7 +357,7 @@ fn work_is_stopped_on_purpose_by_button_or_keys() {
     let mut harness = busy().shown();
     press(&mut harness, CTRL, Key::Period);
     assert_eq!(harness.state().asked, [Command::Stop]);
-    harness.get_by_label("Stop running work").click();
+    harness.get_by_label("Stop running job").click();
     harness.run_steps(2);
     assert_eq!(harness.state().asked, [Command::Stop, Command::Stop]);
 }

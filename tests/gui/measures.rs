@@ -71,7 +71,7 @@ fn measures_are_listed_sorted_and_choose_labels() {
             "what has no width comes last"
         );
     }
-    harness.get_by_label("Order of the tree").click();
+    harness.get_by_label("Sort by label tree").click();
     harness.run_steps(2);
     assert_eq!(order(&harness), ["plant", "leaf", "pot"]);
     harness.get_by_label("Measured pot").click();
@@ -234,7 +234,7 @@ fn measures_are_exported_as_they_are_shown() {
 fn a_table_without_measures_says_so_and_escape_closes_it() {
     let mut harness = Desk::sample().shown();
     press(&mut harness, Modifiers::NONE, Key::F8);
-    harness.get_by_label("Nothing could be measured.");
+    harness.get_by_label("No label has enough points to measure.");
     press(&mut harness, Modifiers::NONE, Key::Escape);
     assert!(!harness.state().shell.view.measures.open);
 }

@@ -170,14 +170,14 @@ fn engine_lists_say_what_is_installed() {
 #[test]
 fn masks_are_constrained_by_geometry_where_there_is_any() {
     let mut harness = Desk::sample().shown();
-    let name = "Constrain by geometry";
+    let name = "Check by geometry";
     assert!(
         harness.get_by_label(name).accesskit_node().is_disabled(),
         "the frames have no depth"
     );
     harness.get_by_label(name).hover();
     harness.run_steps(30);
-    let tip = "Needs frames with depth and cameras: add them, or reconstruct first";
+    let tip = "Needs frames with depth and cameras: add them, or use Reconstruct first";
     assert!(
         harness.query_by_label(tip).is_some(),
         "{:?}",
@@ -265,17 +265,21 @@ fn one_label_is_re_tracked_around_a_corrected_frame() {
 fn the_size_that_a_network_sees_can_be_chosen() {
     let mut harness = Desk::sample().shown();
     assert!(
-        harness.query_by_label("own size").is_none(),
+        harness.query_by_label("custom").is_none(),
         "our own trackers see pictures as they are"
     );
     harness.state_mut().shell.view.track.tracker = "xmem".into();
     harness.run_steps(2);
-    assert!(harness.query_by_label("Shorter side seen").is_none());
-    harness.get_by_label("own size").click();
+    assert!(
+        harness
+            .query_by_label("Network image size in pixels")
+            .is_none()
+    );
+    harness.get_by_label("custom").click();
     harness.run_steps(2);
     assert_eq!(
         harness
-            .get_by_label("Shorter side seen")
+            .get_by_label("Network image size in pixels")
             .accesskit_node()
             .numeric_value(),
         Some(480.0)

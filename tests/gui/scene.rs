@@ -60,7 +60,7 @@ fn light_projection_and_background_are_set_in_one_menu_that_stays_open() {
     for name in [
         "Orthographic",
         "Eye-dome lighting",
-        "Own background",
+        "Custom background",
         "Scale bar",
         "Axes",
         "Turntable",
@@ -83,12 +83,12 @@ fn doubtful_points_are_shown_alone_until_a_button_shows_all_again() {
     let mut harness = shown();
     harness.get_by_label("Display").click();
     harness.run_steps(3);
-    assert!(harness.query_by_label("Doubtful below").is_none());
-    harness.get_by_label("Doubtful points only").click();
+    assert!(harness.query_by_label("Uncertain below").is_none());
+    harness.get_by_label("Uncertain points only").click();
     harness.run_steps(3);
     assert_eq!(harness.state().shell.view.scene.doubtful_below, Some(0.7));
     assert!(
-        harness.query_by_label("Doubtful below").is_some(),
+        harness.query_by_label("Uncertain below").is_some(),
         "{:?}",
         labels(&harness)
     );
@@ -149,11 +149,11 @@ fn alt_click_on_a_label_isolates_it_and_a_button_shows_all_again() {
 #[test]
 fn who_looks_through_a_camera_follows_the_frames_until_the_view_is_moved() {
     let mut harness = shown();
-    assert!(harness.query_by_label("Opacity of the picture").is_none());
+    assert!(harness.query_by_label("Opacity of the image").is_none());
     press(&mut harness, Modifiers::NONE, Key::L);
     harness.run_steps(2);
     assert_eq!(harness.state().shell.view.scene.through, Some(0));
-    harness.get_by_label("Opacity of the picture");
+    harness.get_by_label("Opacity of the image");
     harness.get_by_label("Pictures").click();
     press(&mut harness, Modifiers::NONE, Key::ArrowRight);
     harness.run_steps(2);

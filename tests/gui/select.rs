@@ -79,7 +79,7 @@ fn a_lasso_through_the_pane_asks_for_the_correction() {
     harness.run_steps(4);
     assert!(
         harness
-            .query_by_label("Draw over points that are seen")
+            .query_by_label("Draw around visible points")
             .is_some()
     );
     let at = middle(&harness);
@@ -110,7 +110,7 @@ fn a_lasso_through_the_pane_asks_for_the_correction() {
     );
     harness.state_mut().shell.view.label = Some(LabelId(3));
     harness.run_steps(2);
-    harness.get_by_label("As anchors").click();
+    harness.get_by_label("As keyframes").click();
     harness.run_steps(2);
     harness.get_by_label("Assign to pot").click();
     harness.run_steps(2);
@@ -155,7 +155,7 @@ fn nothing_is_looked_for_once_the_cloud_is_gone() {
     press(&mut harness, Modifiers::SHIFT, Key::S);
     let at = middle(&harness);
     draw(&mut harness, &around(at, 40.0), Modifiers::NONE);
-    harness.get_by_label("Looking for the points…");
+    harness.get_by_label("Selecting…");
     harness.state_mut().cloud = None;
     harness
         .state_mut()
@@ -163,7 +163,7 @@ fn nothing_is_looked_for_once_the_cloud_is_gone() {
         .results
         .remove(&ResultKind::Cloud);
     harness.run_steps(3);
-    assert!(harness.query_by_label("Looking for the points…").is_none());
+    assert!(harness.query_by_label("Selecting…").is_none());
     harness.get_by_label_contains("There is no cloud");
 }
 

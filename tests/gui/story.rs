@@ -145,11 +145,11 @@ fn a_click_makes_an_anchor_and_undo_takes_it_back() {
     });
     assert_eq!(
         note(&mut harness),
-        format!("{title}: undone"),
+        format!("Undone: {title}"),
         "the line of the status tells no more that it is done"
     );
     inner(&mut harness).act(Command::Redo);
-    assert_eq!(note(&mut harness), format!("{title}: done again"));
+    assert_eq!(note(&mut harness), format!("Redone: {title}"));
 }
 
 /// A project of the made scene with its true masks, fused.
@@ -235,14 +235,14 @@ fn another_take_gives_the_file_another_ending() {
     let mut harness = window();
     inner(&mut harness).shell().view.dialog = Some(Dialog::Picture);
     harness.run_steps(4);
-    harness.get_by_label("Picture file").focus();
+    harness.get_by_label("Image file").focus();
     harness.run_steps(2);
     harness.event(egui::Event::Text("/out/plant.PNG".into()));
     harness.run_steps(2);
     for (take, field, path) in [
-        ("Turntable film", "Film file", "/out/plant.mp4"),
-        ("Picture", "Picture file", "/out/plant.png"),
-        ("Turntable film", "Film file", "/out/plant.mp4"),
+        ("Turntable video", "Video file", "/out/plant.mp4"),
+        ("Picture", "Image file", "/out/plant.png"),
+        ("Turntable video", "Video file", "/out/plant.mp4"),
     ] {
         harness.get_by_label(take).click();
         harness.run_steps(3);
@@ -279,7 +279,7 @@ fn closing_brings_the_first_page_back() {
     until(&mut harness, "nothing is open", |harness| {
         harness.query_by_label("Frame 0, no mask").is_none()
     });
-    assert!(harness.query_by_label("New project from frames…").is_some());
+    assert!(harness.query_by_label("New project…").is_some());
 }
 
 /// Fills in the dialog for pictures; the file named last is written.
@@ -312,7 +312,7 @@ fn what_the_scene_view_shows_is_written_as_a_picture_of_any_size() {
     harness.run_steps(6);
     harness.get_by_label("Transparent background").click();
     harness.run_steps(2);
-    write_picture(&mut harness, "Picture file", &png);
+    write_picture(&mut harness, "Image file", &png);
     let picture = image::open(&png).unwrap().to_rgba8();
     assert_eq!(picture.dimensions(), (1920, 1080));
     let [r, g, b, opacity] = picture.get_pixel(960, 540).0;

@@ -42,7 +42,7 @@ fn a_drag_over_cells_chooses_what_a_button_deletes() {
     drag(&mut harness, from, to, PointerButton::Primary);
     let view = &harness.state().shell.view;
     assert_eq!((view.label, view.range), (Some(LEAF), Some((3, 7))));
-    harness.get_by_label("Delete label over range").click();
+    harness.get_by_label("Delete label in range").click();
     harness.run_steps(2);
     let request = asked(&harness);
     assert_eq!(

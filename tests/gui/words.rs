@@ -25,7 +25,7 @@ fn without_a_network_there_is_nothing_to_type_into() {
     let harness = desk(false).shown();
     assert!(
         harness
-            .get_by_label("Words to look for")
+            .get_by_label("Text to find")
             .accesskit_node()
             .is_disabled()
     );
@@ -34,10 +34,10 @@ fn without_a_network_there_is_nothing_to_type_into() {
 #[test]
 fn what_words_found_is_taken_one_by_one_or_all_at_once() {
     let mut harness = desk(true).shown();
-    harness.get_by_label("Words to look for").focus();
+    harness.get_by_label("Text to find").focus();
     harness.run_steps(2);
     harness
-        .get_by_label("Words to look for")
+        .get_by_label("Text to find")
         .type_text("leaf; stem ;");
     harness.run_steps(2);
     harness.get_by_label("Look").click();

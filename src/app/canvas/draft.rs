@@ -42,8 +42,8 @@ impl Tool {
             Self::Brush => "Brush",
             Self::Eraser => "Eraser",
             Self::Polygon => "Polygon",
-            Self::Pull => "Pull",
-            Self::Thin => "Thin",
+            Self::Pull => "Move border",
+            Self::Thin => "Stem & wire",
         }
     }
 }

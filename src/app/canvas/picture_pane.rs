@@ -39,7 +39,7 @@ pub(crate) fn picture_pane_ui(
             toolbar_ui(ui, look, view, zoom_percent, wishes);
         });
     let (pane, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
-    let name = format!("Picture {}", frame.name);
+    let name = format!("Image {}", frame.name);
     response.widget_info(|| WidgetInfo::labeled(Role::Image, ui.is_enabled(), &name));
     let map = view.zoom.map(pane, size_px);
     canvas_input(ui, &response, &map, look, view, out);
@@ -76,7 +76,7 @@ fn draw(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, map
             if before.is_some() {
                 "Before the last change"
             } else {
-                "Nothing changed here"
+                "No change here"
             },
         );
     }
@@ -144,8 +144,8 @@ fn layer(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, ma
         }
         Some(Ok(None)) => {
             let text = match view.layer {
-                Layer::Depth => "This frame has no depth; 'Reconstruct' makes it",
-                _ => "Only depth that stereo made has normals and confidences",
+                Layer::Depth => "This frame has no depth; use Reconstruct to compute it",
+                _ => "Only depth maps from stereo have normals and confidence",
             };
             say(ui, map, text.into(), ui.visuals().weak_text_color());
         }

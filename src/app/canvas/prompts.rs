@@ -116,17 +116,17 @@ fn held_border(
     pressed_px: DVec2,
     near_px: f64,
 ) -> Result<HeldBorder, &'static str> {
-    const BESIDE: &str = "Press on the border of the chosen label and drag it to where it belongs";
+    const BESIDE: &str = "Press on the border of the selected label and drag it to the right place";
     let frame = view.frame;
     let (label, mask) = view
         .label
         .zip(look.project.masks.get(&frame))
         .ok_or(BESIDE)?;
     if view.hidden.contains(&label) {
-        return Err("The chosen label is hidden; show it to pull its border");
+        return Err("The selected label is hidden; show it to move its border");
     }
     if look.project.locked_on(frame).contains(&label) {
-        return Err("The chosen label is locked on this frame; unlock it there first");
+        return Err("The selected label is locked on this frame; unlock it first");
     }
     let borders = ElasticBorders::of(&mask.runs.decode().region(label));
     let near = borders
@@ -167,7 +167,7 @@ pub(super) fn trace_thin(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Co
     let mut points_px = view.draft.corners.clone();
     points_px.dedup_by(|a, b| a.distance(*b) < 1.0);
     if points_px.len() < 2 {
-        view.note = "A thin structure needs two points or more: click along it".into();
+        view.note = "A stem or wire needs at least two points: click along it".into();
         return;
     }
     let Some(label) = chosen_label(look, view, out) else {

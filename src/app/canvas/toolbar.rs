@@ -44,7 +44,7 @@ fn tools_ui(ui: &mut Ui, view: &mut ViewState) {
         .speed(0.2)
         .suffix(" px")
         .max_decimals(1);
-    let tip = "Radius of the brush (Shift+wheel over the picture)";
+    let tip = "Radius of the brush (Shift+wheel over the image)";
     ui.add_enabled(brush, size)
         .on_hover_text(tip)
         .on_disabled_hover_text(tip)
@@ -60,8 +60,8 @@ fn tools_ui(ui: &mut Ui, view: &mut ViewState) {
 /// Buttons that tidy the chosen label, with the size below which holes and islands go.
 fn tidy_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
     for (action, text) in [
-        (Action::FillHoles, "Fill"),
-        (Action::RemoveIslands, "Clean"),
+        (Action::FillHoles, "Fill holes"),
+        (Action::RemoveIslands, "Remove specks"),
     ] {
         let button = action_button(
             ui,
@@ -80,8 +80,8 @@ fn tidy_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<
         .prefix("< ")
         .suffix(" px");
     ui.add(size)
-        .on_hover_text("Holes and islands of fewer pixels are filled and removed")
-        .accessible_name("Size of holes and islands");
+        .on_hover_text("Fill holes and remove specks smaller than this many pixels")
+        .accessible_name("Size of holes and specks");
 }
 
 fn zoom_ui(ui: &mut Ui, view: &ViewState, zoom_percent: f32, wishes: &mut Vec<Action>) {
@@ -92,7 +92,7 @@ fn zoom_ui(ui: &mut Ui, view: &ViewState, zoom_percent: f32, wishes: &mut Vec<Ac
     }
     let text = egui::RichText::new(format!("{zoom_percent:.0} %")).weak();
     ui.add_sized([44.0, 18.0], egui::Label::new(text))
-        .on_hover_text("Zoom: wheel over the picture; middle drag or Space+drag moves it");
+        .on_hover_text("Zoom: wheel over the image; middle drag or Space+drag moves it");
 }
 
 fn mask_look_ui(ui: &mut Ui, view: &mut ViewState) {

@@ -20,18 +20,18 @@ pub(crate) fn export_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, out: &mu
         section_heading(ui, "Options");
         options_ui(ui, &mut view.export);
         ui.horizontal(|ui| {
-            ui.label("Traits in");
+            ui.label("Unit of traits");
             unit_ui(ui, "Unit of traits", &mut view.measures.unit, look);
             ground_ui(ui, look, &view.ruler, &mut view.measures.wish.ground);
         });
         ui.add_space(8.0);
-        section_heading(ui, "Into folder");
+        section_heading(ui, "Folder");
         ui.horizontal(|ui| {
             let target = (Pick::Folder, PickTarget::ExportInto);
             path_field_ui(
                 ui,
                 &mut view.picker,
-                ("Export folder", "folder to write into"),
+                ("Export folder", "folder for the exported files"),
                 &mut view.export.into,
                 target,
             );
@@ -45,12 +45,9 @@ pub(crate) fn export_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, out: &mu
 }
 
 fn what_ui(ui: &mut Ui, form: &mut ExportForm, has: &Available) {
-    let cloud = format!(
-        "{}, what its labels are in a file beside it",
-        form.cloud_name()
-    );
-    let mesh = format!("{}, each triangle in one label", form.mesh_name());
-    let voxels = format!("{}, cubes that hold points", form.voxels_name());
+    let cloud = format!("{} and a list of labels", form.cloud_name());
+    let mesh = format!("{}, one label per triangle", form.mesh_name());
+    let voxels = format!("{}, occupied voxels", form.voxels_name());
     let rows = [
         (
             &mut form.cloud,
@@ -77,43 +74,43 @@ fn what_ui(ui: &mut Ui, form: &mut ExportForm, has: &Available) {
             &mut form.traits,
             has.cloud,
             "Traits",
-            "traits.csv, measures of each label",
+            "traits.csv, a table of traits per label",
             "Fuse first",
         ),
         (
             &mut form.masks,
             has.masks,
             "Masks",
-            "masks/, a file a frame or one for all",
-            "There are no masks yet",
+            "masks/, one file per frame or a single file",
+            "No masks yet",
         ),
         (
             &mut form.cameras,
             has.cameras,
             "Cameras",
-            "sparse/ COLMAP model",
-            "There are no cameras yet",
+            "sparse/, a COLMAP model",
+            "No cameras yet",
         ),
         (
             &mut form.undistorted,
             has.cameras,
             "Undistorted",
-            "undistorted/ pictures and masks without lens distortion, with cameras",
-            "There are no cameras yet",
+            "undistorted/, images and masks without lens distortion, with cameras",
+            "No cameras yet",
         ),
         (
             &mut form.depths,
             has.depths,
             "Depths",
-            "depths/ 32-bit float TIFFs",
-            "There are no depths yet",
+            "depths/, 32-bit float TIFFs",
+            "No depth maps yet",
         ),
     ];
     for (wanted, there, name, what, missing) in rows {
         ui.add_enabled_ui(there, |ui| {
             ui.horizontal(|ui| {
                 ui.checkbox(wanted, name)
-                    .on_hover_text(format!("Writes {what}"))
+                    .on_hover_text(format!("Write {what}"))
                     .on_disabled_hover_text(missing);
                 ui.weak(if there { what } else { missing });
             });
@@ -123,18 +120,19 @@ fn what_ui(ui: &mut Ui, form: &mut ExportForm, has: &Available) {
 
 /// Asks whether earlier exports may be replaced that were changed since.
 pub(super) fn replace_ui(ui: &mut Ui, overwrite: &mut bool) {
-    let tip = "Replaces files of an earlier export that were changed since, e.g. in a spreadsheet";
+    let tip =
+        "Replace exported files even if they were changed since, for example in a spreadsheet";
     ui.checkbox(overwrite, "Replace changed exports")
         .on_hover_text(tip);
 }
 
 fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
     replace_ui(ui, &mut form.overwrite);
-    let tip = "Writes the same points or mesh in the colours of the labels beside the file";
-    ui.checkbox(&mut form.twin, "Twin in label colours")
+    let tip = "Also save a copy in label colours";
+    ui.checkbox(&mut form.twin, "Copy in label colours")
         .on_hover_text(tip);
-    ui.checkbox(&mut form.per_label, "One file per label too")
-        .on_hover_text("Writes each label's points into a file of their own");
+    ui.checkbox(&mut form.per_label, "One file per label")
+        .on_hover_text("Also save one file per label");
     ui.horizontal(|ui| {
         ui.label("Masks as");
         mask_format_ui(ui, "Mask format", &mut form.mask_format);
@@ -163,7 +161,7 @@ fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
             .range(1..=100)
             .speed(0.5)
             .suffix(" %");
-        let tip = "Fewer triangles, where that changes the surface least; borders of labels stay";
+        let tip = "Reduce the number of triangles where it changes the surface least, keeping label borders";
         ui.add(drag)
             .on_hover_text(tip)
             .accessible_name("Triangles kept");
@@ -179,11 +177,11 @@ fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
             VoxelFormat::ending,
         );
         ui.checkbox(&mut form.solid, "solid")
-            .on_hover_text("Fills voxels with what they enclose and no view saw empty");
+            .on_hover_text("Fill the inside of closed surfaces that no view shows as empty");
     });
     ui.horizontal(|ui| {
         ui.label("Cameras as");
-        let tip = "COLMAP's files of text, or its smaller binary ones; those of undistorted pictures are text";
+        let tip = "COLMAP text files, or the smaller binary files; cameras of undistorted images are always text";
         for (encoding, text) in [(ModelEncoding::Text, "text"), (ModelEncoding::Binary, "binary")] {
             ui.radio_value(&mut form.camera_encoding, encoding, text).on_hover_text(tip);
         }
@@ -243,7 +241,7 @@ fn end_ui(ui: &mut Ui, view: &mut ViewState, has: &Available, out: &mut Vec<Comm
         }
         if ui
             .button("Cancel")
-            .on_hover_text("Closes the dialog (Esc)")
+            .on_hover_text("Close the dialog (Esc)")
             .clicked()
         {
             view.dialog = None;

@@ -71,7 +71,7 @@ fn choice_ui(ui: &mut Ui, look: &Look<'_>, but: LabelId) -> Option<LabelId> {
             ui.painter()
                 .rect_filled(rect, 2.0, egui::Color32::from_rgb(r, g, b));
             let key = Key::from_name(&number.to_string()).filter(|_| number < 10);
-            let tip = key.map_or("Chooses the label".into(), |key| {
+            let tip = key.map_or("Select the label".into(), |key| {
                 format!("Chooses the label ({})", key.name())
             });
             let pressed = key.is_some_and(|key| ui.input(|input| input.key_pressed(key)));

@@ -42,7 +42,7 @@ fn form_ui(ui: &mut Ui, view: &mut ViewState, new: bool) {
         depth_ui(ui, picker, form);
     }
     ui.label("Cameras").on_hover_text(
-        "COLMAP model, transforms.json, TUM or Redwood trajectory, pose files; may stay empty",
+        "COLMAP model, transforms.json, TUM or Redwood trajectory, pose files; optional",
     );
     ui.horizontal(|ui| {
         let target = (Pick::Folder, PickTarget::Cameras);
@@ -59,9 +59,9 @@ fn form_ui(ui: &mut Ui, view: &mut ViewState, new: bool) {
         ui,
         (
             "Intrinsics",
-            "fx, fy, cx, cy in pixels for every frame; may stay empty",
+            "fx, fy, cx, cy of all frames in pixels; optional",
         ),
-        "fx, fy, cx, cy, or a file of them",
+        "fx, fy, cx, cy, or a file",
         &mut form.intrinsics,
     );
     if new {
@@ -71,7 +71,7 @@ fn form_ui(ui: &mut Ui, view: &mut ViewState, new: bool) {
                 path.display().to_string()
             });
         ui.label("Project folder")
-            .on_hover_text("Where the project is kept; pictures stay where they are");
+            .on_hover_text("Folder for the project; images stay where they are");
         ui.horizontal(|ui| {
             let target = (Pick::Folder, PickTarget::Root);
             path_field_ui(
@@ -106,19 +106,19 @@ fn depth_ui(ui: &mut Ui, picker: &mut PathPicker, form: &mut NewProjectForm) {
     intrinsics_ui(
         ui,
         ("Depth camera", tip),
-        "as the pictures'",
+        "same as the images",
         &mut form.depth_intrinsics,
     );
     if form.has_depth_camera() {
         ui.label("Depth pose").on_hover_text(
-            "A text of the 4 × 4 matrix that takes points of the depth camera to the pictures', in metres; may stay empty",
+            "Text file with the 4 × 4 matrix from depth camera to image camera, in metres; optional",
         );
         ui.horizontal(|ui| {
             let target = (Pick::File, PickTarget::DepthPose);
             path_field_ui(
                 ui,
                 picker,
-                ("Depth pose", "in the same place"),
+                ("Depth pose", "same position"),
                 &mut form.depth_pose,
                 target,
             );
@@ -138,13 +138,13 @@ fn intrinsics_ui(ui: &mut Ui, (name, tip): (&str, &str), hint: &str, text: &mut 
 }
 
 fn range_ui(ui: &mut Ui, form: &mut NewProjectForm) {
-    section_heading(ui, "Which frames");
+    section_heading(ui, "Frames to use");
     ui.horizontal(|ui| {
         ui.label("Every");
         let every = ui.add(DragValue::new(&mut form.every).range(1..=10_000).speed(0.1));
         every
-            .on_hover_text("1 = all frames, 10 = every tenth")
-            .accessible_name("Every n-th frame");
+            .on_hover_text("1 uses all frames, 10 every tenth")
+            .accessible_name("Use every Nth frame");
         ui.label("from");
         optional_ui(ui, &mut form.from, "From source frame", "first");
         ui.label("to");
@@ -181,9 +181,9 @@ fn end_ui(ui: &mut Ui, view: &mut ViewState, new: bool, out: &mut Vec<Command>) 
         ui.weak(request.as_ref().err().map_or("", String::as_str));
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             let (text, tip) = if new {
-                ("Create", "Makes the project and opens it")
+                ("Create", "Create the project and open it")
             } else {
-                ("Add", "Adds the frames")
+                ("Add", "Add the frames")
             };
             if ui
                 .add_enabled(request.is_ok(), egui::Button::new(text))
@@ -201,7 +201,7 @@ fn end_ui(ui: &mut Ui, view: &mut ViewState, new: bool, out: &mut Vec<Command>) 
             }
             if ui
                 .button("Cancel")
-                .on_hover_text("Closes the dialog (Esc)")
+                .on_hover_text("Close the dialog (Esc)")
                 .clicked()
             {
                 view.dialog = None;
@@ -221,11 +221,11 @@ fn sources_ui(ui: &mut Ui, picker: &mut PathPicker, sources: &mut Vec<SourceForm
             String::new()
         };
         ui.label(format!("Frames{number}"))
-            .on_hover_text("A folder of pictures, one picture, or a film");
+            .on_hover_text("Folder of images, single image or video");
         ui.horizontal(|ui| {
-            let name = format!("Frames folder or film{number}");
+            let name = format!("Frames folder or video{number}");
             let ends = (
-                "folder of pictures, or a film",
+                "folder of images, or a video",
                 (Pick::Folder, PickTarget::Frames(index)),
             );
             path_field_ui(ui, picker, (&name, ends.0), &mut source.frames, ends.1);
@@ -234,7 +234,7 @@ fn sources_ui(ui: &mut Ui, picker: &mut PathPicker, sources: &mut Vec<SourceForm
                     ui,
                     "×",
                     &format!("Remove source{number}"),
-                    "Takes this source out",
+                    "Remove this source",
                 )
                 .clicked()
             {
@@ -243,7 +243,7 @@ fn sources_ui(ui: &mut Ui, picker: &mut PathPicker, sources: &mut Vec<SourceForm
         });
         ui.end_row();
         ui.label(format!("Depth{number}"))
-            .on_hover_text("Folder of 16-bit depth pictures that belong to these frames");
+            .on_hover_text("Folder of depth images that belong to these frames");
         ui.horizontal(|ui| {
             let name = format!("Depth folder{number}");
             let target = (Pick::Folder, PickTarget::Depth(index));
@@ -257,7 +257,7 @@ fn sources_ui(ui: &mut Ui, picker: &mut PathPicker, sources: &mut Vec<SourceForm
     ui.label("");
     if ui
         .small_button("+ More frames")
-        .on_hover_text("Adds another folder or film to the same project")
+        .on_hover_text("Add another folder or video to this project")
         .clicked()
     {
         sources.push(SourceForm::default());

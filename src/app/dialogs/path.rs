@@ -35,8 +35,8 @@ pub(crate) fn path_ui(ui: &Ui, view: &mut ViewState, wish: PathWish, out: &mut V
         if wish == PathWish::ImportMasks {
             ui.add_space(8.0);
             ui.horizontal(|ui| {
-                ui.label("Written as");
-                mask_format_ui(ui, "Kind of masks", &mut view.mask_format);
+                ui.label("Format");
+                mask_format_ui(ui, "Mask format", &mut view.mask_format);
             });
         }
         ui.add_space(12.0);
@@ -48,7 +48,7 @@ pub(crate) fn path_ui(ui: &Ui, view: &mut ViewState, wish: PathWish, out: &mut V
                 .clicked();
             if ui
                 .button("Cancel")
-                .on_hover_text("Closes the dialog (Esc)")
+                .on_hover_text("Close the dialog (Esc)")
                 .clicked()
             {
                 view.dialog = None;
@@ -95,7 +95,7 @@ fn texts(wish: PathWish) -> Texts {
             Pick::Folder,
         ),
         PathWish::InspectPly => (
-            "Inspect PLY",
+            "View a point cloud",
             "PLY file",
             "labelled point cloud (.ply)",
             "Open",
@@ -104,12 +104,12 @@ fn texts(wish: PathWish) -> Texts {
         PathWish::ImportMasks => (
             "Import masks",
             "Masks folder",
-            "folder that holds the masks",
+            "folder of masks",
             "Import",
             Pick::Folder,
         ),
         PathWish::SaveTraits => (
-            "Export measures",
+            "Export traits",
             "Table file",
             "file to write (.csv)",
             "Save",
@@ -135,7 +135,7 @@ fn texts(wish: PathWish) -> Texts {
 /// The dialog for frames whose files were moved.
 pub(crate) fn relocate_ui(ui: &Ui, view: &mut ViewState, out: &mut Vec<Command>) {
     let response = modal(ui, "relocate", 560.0, |ui| {
-        ui.heading("Frames were moved");
+        ui.heading("Locate missing frames");
         ui.add_space(8.0);
         Grid::new("relocate")
             .num_columns(2)
@@ -144,14 +144,14 @@ pub(crate) fn relocate_ui(ui: &Ui, view: &mut ViewState, out: &mut Vec<Command>)
                 let form = &mut view.relocate;
                 let places = [
                     (
-                        "Was",
-                        "The folder (or film) that is gone",
+                        "Old path",
+                        "Folder or video that is missing",
                         &mut form.from,
                         PickTarget::MovedFrom,
                     ),
                     (
                         "Is now",
-                        "Where the same files lie below now",
+                        "New path of the same files",
                         &mut form.to,
                         PickTarget::MovedTo,
                     ),
@@ -161,7 +161,7 @@ pub(crate) fn relocate_ui(ui: &Ui, view: &mut ViewState, out: &mut Vec<Command>)
                         path_field_ui(
                             ui,
                             &mut view.picker,
-                            (name, "folder or film"),
+                            (name, "folder or video"),
                             text,
                             (Pick::Folder, target),
                         );
@@ -171,15 +171,15 @@ pub(crate) fn relocate_ui(ui: &Ui, view: &mut ViewState, out: &mut Vec<Command>)
         ui.add_space(12.0);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Min), |ui| {
             let command = view.relocate.command();
-            let button = ui.add_enabled(command.is_some(), egui::Button::new("Look there"));
-            let button = button.on_hover_text("Points all frames that lay there to the new place");
-            if button.on_disabled_hover_text("Name both places").clicked() {
+            let button = ui.add_enabled(command.is_some(), egui::Button::new("Update paths"));
+            let button = button.on_hover_text("Update the paths of all frames from the old folder");
+            if button.on_disabled_hover_text("Enter both paths").clicked() {
                 out.extend(command);
                 view.dialog = None;
             }
             if ui
                 .button("Cancel")
-                .on_hover_text("Closes the dialog (Esc)")
+                .on_hover_text("Close the dialog (Esc)")
                 .clicked()
             {
                 view.dialog = None;

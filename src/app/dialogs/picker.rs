@@ -125,9 +125,7 @@ pub(crate) fn path_field_ui(
         .hint_text(hint)
         .desired_width(width);
     let edit = ui.add(edit).accessible_name(name);
-    let browse = ui
-        .button("Browse…")
-        .on_hover_text("Opens the system's file chooser");
+    let browse = ui.button("Browse…").on_hover_text("Open the file chooser");
     if browse.accessible_name(format!("Browse {name}")).clicked() {
         picker.ask(pick, target);
     }

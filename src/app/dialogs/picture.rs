@@ -9,17 +9,17 @@ use crate::{Panes, ViewState};
 /// The dialog that asks for a picture or a turntable film of the 3-D view.
 pub(crate) fn picture_ui(ui: &Ui, view: &mut ViewState) {
     let response = modal(ui, "picture", 480.0, |ui| {
-        ui.heading("Picture of the 3-D view");
+        ui.heading("Save 3-D view");
         ui.add_space(8.0);
         let form = &mut view.picture;
         ui.horizontal(|ui| {
-            let tip = "A PNG of what the view shows, without cameras, lines and signs";
+            let tip = "PNG of the view without cameras, lines and labels";
             let still = ui
-                .radio_value(&mut form.is_film, false, "Picture")
+                .radio_value(&mut form.is_film, false, "Image")
                 .on_hover_text(tip);
-            let film = ui.radio_value(&mut form.is_film, true, "Turntable film");
+            let film = ui.radio_value(&mut form.is_film, true, "Turntable video");
             let film =
-                film.on_hover_text("A film of one turn about the vertical, made with ffmpeg");
+                film.on_hover_text("Video of one turn about the vertical axis (needs ffmpeg)");
             if still.union(film).changed() {
                 form.follow_take();
             }
@@ -32,16 +32,16 @@ pub(crate) fn picture_ui(ui: &Ui, view: &mut ViewState) {
         if form.is_film {
             film_ui(ui, form);
         } else {
-            let tip = "Leaves the background out";
+            let tip = "Make the background transparent";
             ui.checkbox(&mut form.transparent, "Transparent background")
                 .on_hover_text(tip);
         }
         ui.add_space(8.0);
         ui.horizontal(|ui| {
             let name = if form.is_film {
-                ("Film file", "film.mp4, .mkv or .webm")
+                ("Video file", "turntable.mp4, .mkv or .webm")
             } else {
-                ("Picture file", "picture.png")
+                ("Image file", "view.png")
             };
             path_field_ui(
                 ui,
@@ -64,37 +64,37 @@ fn size_ui(ui: &mut Ui, side: &mut u32, name: &str) {
     ui.label(name);
     let drag = DragValue::new(side).range(16..=PictureForm::MOST);
     ui.add(drag)
-        .on_hover_text("Of the picture, in pixels")
-        .accessible_name(format!("Picture {name}"));
+        .on_hover_text("In pixels")
+        .accessible_name(format!("Image {name}"));
 }
 
 fn film_ui(ui: &mut Ui, form: &mut PictureForm) {
     ui.horizontal(|ui| {
-        ui.label("One turn in");
+        ui.label("Duration");
         let seconds = DragValue::new(&mut form.seconds)
             .range(0.5..=600.0)
             .speed(0.1)
             .suffix(" s");
         ui.add(seconds)
-            .on_hover_text("How long the film is")
-            .accessible_name("Film seconds");
+            .on_hover_text("Duration of the video in seconds")
+            .accessible_name("Video duration");
         ui.label("at");
         let fps = DragValue::new(&mut form.fps)
             .range(1..=120)
-            .suffix(" pictures a second");
+            .suffix(" frames per second");
         ui.add(fps)
-            .on_hover_text("Pictures a second")
-            .accessible_name("Film rate");
+            .on_hover_text("Frames per second of the video")
+            .accessible_name("Video frame rate");
     });
 }
 
 fn end_ui(ui: &mut Ui, view: &mut ViewState) {
     let wish = view.picture.wish();
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Min), |ui| {
-        let button = ui.add_enabled(wish.is_some(), egui::Button::new("Write"));
-        let missing = "Name a file: a picture ends in .png, a film in .mp4, .mkv or .webm";
+        let button = ui.add_enabled(wish.is_some(), egui::Button::new("Save"));
+        let missing = "Enter a file name: .png for an image; .mp4, .mkv or .webm for a video";
         let button = button
-            .on_hover_text("Draws what the view shows now")
+            .on_hover_text("Save the current view")
             .on_disabled_hover_text(missing);
         if button.clicked() {
             view.picture_wish = wish;
@@ -105,7 +105,7 @@ fn end_ui(ui: &mut Ui, view: &mut ViewState) {
         }
         if ui
             .button("Cancel")
-            .on_hover_text("Closes the dialog (Esc)")
+            .on_hover_text("Close the dialog (Esc)")
             .clicked()
         {
             view.dialog = None;

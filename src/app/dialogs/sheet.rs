@@ -10,13 +10,13 @@ const POINTER: [(&str, &str); 12] = [
     ("Right click", "Exclude"),
     ("Left drag", "Box"),
     ("Wheel", "Zoom at the pointer"),
-    ("Middle drag, Space + drag", "Move the picture"),
+    ("Middle drag, Space + drag", "Move the image"),
     ("Shift + wheel", "Size of the brush"),
     ("Ctrl + brush, right button", "Erase"),
     ("3-D: left drag", "Orbit"),
     ("3-D: right drag", "Pan"),
     ("3-D: wheel", "Zoom to the pointer"),
-    ("3-D: double click", "Turn about this point"),
+    ("3-D: double click", "Centre the view on this point"),
     ("3-D: click a camera", "Go to its frame"),
 ];
 
@@ -32,7 +32,7 @@ pub(crate) fn sheet_ui(ui: &Ui, view: &mut ViewState) {
                 .filter(|action| view.prefs.shortcuts.keys(*action).is_none())
             {
                 Some(action) => {
-                    let text = format!("'{}' had these keys and has none now", action.text());
+                    let text = format!("'{}' had this shortcut and has none now", action.text());
                     ui.colored_label(ui.visuals().warn_fg_color, text)
                 }
                 None => ui.weak("Click a shortcut to change it"),
@@ -40,7 +40,7 @@ pub(crate) fn sheet_ui(ui: &Ui, view: &mut ViewState) {
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
                 if ui
                     .button("Close")
-                    .on_hover_text("Closes the sheet (Esc)")
+                    .on_hover_text("Close the window (Esc)")
                     .clicked()
                 {
                     view.dialog = None;
@@ -48,7 +48,7 @@ pub(crate) fn sheet_ui(ui: &Ui, view: &mut ViewState) {
                 let changed = view.prefs.shortcuts.is_changed();
                 let reset = ui
                     .add_enabled(changed, Button::new("Reset all"))
-                    .on_hover_text("All shortcuts as at first");
+                    .on_hover_text("Restore the default shortcuts");
                 if reset.clicked() {
                     view.prefs.shortcuts.reset();
                 }
@@ -94,7 +94,7 @@ fn menu_ui(ui: &mut Ui, view: &mut ViewState, menu: MenuName) {
             }
             if menu == MenuName::Edit {
                 ui.label(RichText::new("1 – 9").monospace());
-                ui.label("Choose label");
+                ui.label("Select label");
                 ui.end_row();
             }
         });
@@ -104,14 +104,14 @@ fn menu_ui(ui: &mut Ui, view: &mut ViewState, menu: MenuName) {
 fn row_ui(ui: &mut Ui, view: &mut ViewState, action: Action) {
     let listening = view.sheet.changing == Some(action);
     let keys = if listening {
-        "press keys…".into()
+        "press a key…".into()
     } else {
         view.prefs.shortcuts.text(ui.ctx(), action)
     };
     let text = RichText::new(if keys.is_empty() { "–" } else { &keys }).monospace();
     let button = ui
         .add(Button::selectable(listening, text))
-        .on_hover_text("Click, then press the new keys; Esc leaves it");
+        .on_hover_text("Click, then press the new shortcut; Esc cancels");
     if button
         .accessible_name(format!("Shortcut of {}: {keys}", action.text()))
         .clicked()
@@ -160,7 +160,7 @@ pub(crate) fn palette_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, wishes:
     let mut chosen = None;
     let response = modal(ui, "palette", 440.0, |ui| {
         let edit = TextEdit::singleline(&mut view.palette_text)
-            .hint_text("Type what you want to do")
+            .hint_text("Search actions")
             .desired_width(f32::INFINITY);
         let edit = ui.add(edit).accessible_name("Find action");
         let entered = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));

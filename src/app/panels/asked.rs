@@ -70,7 +70,7 @@ pub(super) fn asked_ui(
             let confidence = asked.cloud.confidence[asked.point];
             ui.label(format!("{:.0} % of the votes", 100.0 * confidence));
             if asked.votes.is_empty() {
-                ui.weak("No frame with a mask sees it.");
+                ui.weak("No frame with a mask shows this point.");
             }
             for &(label, votes) in &asked.votes {
                 ui.horizontal(|ui| {
@@ -88,10 +88,7 @@ pub(super) fn asked_ui(
                             ui.horizontal(|ui| {
                                 let text = format!("frame {}", voter.frame);
                                 let row = ui.selectable_label(view.frame == voter.frame, text);
-                                if row
-                                    .on_hover_text("Shows where this frame sees the point")
-                                    .clicked()
-                                {
+                                if row.on_hover_text("Show the point in this frame").clicked() {
                                     to = Some((voter.frame, middle(voter.x, voter.y)));
                                 }
                                 match voter.label {
@@ -248,7 +245,7 @@ mod tests {
         assert_eq!(
             after(rect, &[right, low]).left_top(),
             Pos2::new(110.0, 60.0),
-            "it does not cover that"
+            "not covered"
         );
         assert_eq!(
             after(rect, &[left, right]).left_top(),
@@ -268,10 +265,7 @@ mod tests {
         let (pivot, corner) = place.corner(narrow);
         let now = Some(pivot.anchor_size(corner, Vec2::new(200.0, 250.0)));
         assert!(!place.turn_away(narrow, now, (Vec3::X, at)));
-        assert!(
-            place.turn_away(wide, now, (Vec3::X, at)),
-            "it is not in a corner of that"
-        );
+        assert!(place.turn_away(wide, now, (Vec3::X, at)), "not in a corner");
         assert_eq!(place.corner(wide).1, Pos2::new(10.0, 10.0));
     }
 

@@ -20,10 +20,10 @@ pub(crate) fn doubt_ui(
 ) {
     let worst = ranked(look.doubts);
     if worst.is_empty() {
-        ui.weak("All masks agree with the cloud.");
+        ui.weak("All masks agree with the 3-D vote.");
         return;
     }
-    ui.weak("Share of a mask that the vote of all frames contradicts:");
+    ui.weak("Share of each mask that the other views contradict:");
     let row = ui
         .text_style_height(&egui::TextStyle::Body)
         .max(ui.spacing().interact_size.y);
@@ -41,23 +41,23 @@ pub(crate) fn doubt_ui(
                 let text = format!("{:>4.1} %  frame {frame}", 100.0 * share);
                 if ui
                     .selectable_label(view.frame == frame, text)
-                    .on_hover_text(format!("Goes to {name}"))
+                    .on_hover_text(format!("Go to {name}"))
                     .clicked()
                 {
                     view.go_to(frame);
                 }
             }
         });
-    ui.checkbox(&mut view.prefs.contradictions, "Show where")
-        .on_hover_text("Stripes over the picture where the vote names another label; accepting the vote changes these, and pixels at borders");
+    ui.checkbox(&mut view.prefs.contradictions, "Highlight conflicts")
+        .on_hover_text("Mark pixels whose 3-D vote is another label. Using the vote changes these and some pixels at borders");
     ui.horizontal_wrapped(|ui| {
         let can = look.doubts.contains_key(&view.frame);
         for (action, text, enabled) in [
-            (Action::NextWorst, "Next worst", true),
-            (Action::AcceptVote, "Accept vote", can),
+            (Action::NextWorst, "Next conflict", true),
+            (Action::AcceptVote, "Use 3-D vote", can),
             (
                 Action::AcceptLabelVote,
-                "For this label",
+                "Only this label",
                 can && view.label.is_some(),
             ),
         ] {

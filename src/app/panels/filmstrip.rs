@@ -219,7 +219,7 @@ fn tooltip_ui(
             .labels
             .get(*label)
             .map_or("?", |label| label.name.as_str());
-        ui.label(format!("{name}: {:.0} % sure", sure * 100.0));
+        ui.label(format!("{name}: {:.0} % confidence", sure * 100.0));
     }
 }
 

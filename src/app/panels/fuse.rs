@@ -21,13 +21,13 @@ pub(crate) fn fuse_ui(
             field(
                 ui,
                 "Voxel size",
-                "Points closer than this become one; in world units (metres)",
+                "Points closer than this are merged, in world units (metres)",
                 |ui| voxel_ui(ui, view),
             );
             field(
                 ui,
-                "Least confidence",
-                "Points whose label won a smaller share of the votes are dropped",
+                "Minimum confidence",
+                "Drop points whose label won a smaller share of the votes",
                 |ui| {
                     let mut percent = view.fuse.min_confidence.unwrap_or(0.0) * 100.0;
                     let drag = DragValue::new(&mut percent)
@@ -41,15 +41,15 @@ pub(crate) fn fuse_ui(
                 },
             );
         });
-    let tip = "Leaves out points that no mask names";
+    let tip = "Leave out points without a label";
     ui.checkbox(&mut view.fuse.drop_unlabelled, "Drop unlabelled points")
         .on_hover_text(tip);
-    let onto =
-        egui::CollapsingHeader::new("Onto a given cloud").default_open(!view.onto_text.is_empty());
+    let onto = egui::CollapsingHeader::new("Label an existing point cloud")
+        .default_open(!view.onto_text.is_empty());
     onto.show(ui, |ui| {
         ui.horizontal(|ui| {
             let (name, target) = (
-                ("Cloud to vote on", "labelled PLY, or empty"),
+                ("Cloud to label", "labelled PLY, or empty"),
                 (Pick::File, PickTarget::Onto),
             );
             path_field_ui(ui, &mut view.picker, name, &mut view.onto_text, target);
@@ -79,7 +79,7 @@ fn voxel_ui(ui: &mut Ui, view: &mut ViewState) {
     let mut chosen = view.fuse.voxel.is_none();
     if ui
         .checkbox(&mut chosen, "Automatic")
-        .on_hover_text("Chosen from the data")
+        .on_hover_text("Derive the size from the data")
         .changed()
     {
         view.fuse.voxel = (!chosen).then_some(0.005);
@@ -116,7 +116,7 @@ pub(crate) fn instances_ui(
         .spacing([8.0, 6.0])
         .show(ui, |ui| {
             let options = &mut request.options;
-            let tip = "Points at most this many spacings of the cloud apart hang together";
+            let tip = "Largest gap between connected points, in multiples of the point spacing";
             field(ui, "Reach", tip, |ui| {
                 ui.add(
                     DragValue::new(&mut options.radius)
@@ -125,8 +125,8 @@ pub(crate) fn instances_ui(
                 )
                 .on_hover_text(tip);
             });
-            let tip = "Groups of fewer points are no instance";
-            field(ui, "Least points", tip, |ui| {
+            let tip = "Ignore groups of fewer points";
+            field(ui, "Minimum points", tip, |ui| {
                 ui.add(DragValue::new(&mut options.min_points).range(1..=1_000_000))
                     .on_hover_text(tip);
             });
@@ -134,7 +134,7 @@ pub(crate) fn instances_ui(
     let found = look.proposed.map_or(0, |proposed| proposed.labels.len());
     match look.proposed {
         None => ui.spinner(),
-        Some(_) if found == 0 => ui.weak("No points of this label hang together."),
+        Some(_) if found == 0 => ui.weak("No connected points of this label."),
         Some(_) => ui.weak(format!("{found} found, shown in 3-D")),
     };
     for (label, points) in look.proposed.iter().flat_map(|proposed| &proposed.labels) {
@@ -150,15 +150,15 @@ pub(crate) fn instances_ui(
     }
     let request = *request;
     ui.horizontal(|ui| {
-        let accept = ui.add_enabled(found > 0, egui::Button::new("Make instances"));
-        let tip = "Makes a label of each, in the cloud and in every mask (can be undone)";
+        let accept = ui.add_enabled(found > 0, egui::Button::new("Create instances"));
+        let tip = "Create a label for each instance in the cloud and in every mask (can be undone)";
         if accept.on_hover_text(tip).clicked() {
             out.push(Command::Instances(request));
             view.instances = None;
         }
         if ui
-            .button("Give up")
-            .on_hover_text("Leaves the label as it is")
+            .button("Cancel")
+            .on_hover_text("Keep the label unchanged")
             .clicked()
         {
             view.instances = None;
@@ -169,7 +169,7 @@ pub(crate) fn instances_ui(
 /// What the project holds, how it was made, and whether it still fits.
 pub(crate) fn results_ui(ui: &mut Ui, look: &Look<'_>) {
     if look.project.results.is_empty() {
-        ui.weak("Nothing made yet");
+        ui.weak("No results yet");
     }
     egui::Grid::new("results")
         .num_columns(3)
@@ -191,7 +191,7 @@ pub(crate) fn results_ui(ui: &mut Ui, look: &Look<'_>) {
                 if record.stale {
                     let text = RichText::new("stale").color(ui.visuals().warn_fg_color);
                     ui.label(text).on_hover_text(
-                        "Made from something that has changed since; make it anew when you like",
+                        "Out of date: its inputs have changed since; run it again when needed",
                     );
                 }
                 ui.end_row();

@@ -182,7 +182,7 @@ fn tip_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, frame: usize) {
     ui.strong(format!("Frame {frame}"));
     if let Some(doubt) = look.doubts.get(&frame) {
         ui.label(format!(
-            "{:.1} % contradicted by the 3-D vote",
+            "{:.1} % in conflict with the 3-D vote",
             100.0 * doubt.share()
         ));
     }
@@ -203,10 +203,7 @@ fn tip_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, frame: usize) {
                 ui.label(format!("{}: {:.0} % sure", name(label), sure * 100.0));
             }
             for label in lost_on(look.project, view, frame) {
-                ui.colored_label(
-                    ui.visuals().warn_fg_color,
-                    format!("{}: no longer seen", name(label)),
-                );
+                ui.colored_label(ui.visuals().warn_fg_color, format!("{}: lost", name(label)));
             }
         }
     }

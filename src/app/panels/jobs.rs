@@ -26,7 +26,7 @@ pub(crate) fn status_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: 
             }
             if let Some(job) = look.slow_jobs().last() {
                 let button = action_button(ui, &view.prefs.shortcuts, Action::Stop, "Stop", true);
-                if button.accessible_name("Stop running work").clicked() {
+                if button.accessible_name("Stop running job").clicked() {
                     wishes.push(Action::Stop);
                 }
                 ui.weak(format!("{}: {}", job.title, progress_text(job)));
@@ -61,7 +61,7 @@ fn work_ui(ui: &mut Ui, look: &Look<'_>) {
 
 fn pointer_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState) {
     let Some(at) = view.pointer_px else {
-        ui.weak("Left click includes, right click excludes, drag makes a box");
+        ui.weak("Left click to include, right click to exclude, drag for a box");
         return;
     };
     ui.label(

@@ -28,13 +28,13 @@ pub(super) fn new_label_ui(
             .desired_width(width);
         let edit = ui
             .add(edit)
-            .on_hover_text("Name of a new label; Enter adds it")
+            .on_hover_text("Name of the new label; press Enter to add it")
             .accessible_name("New label name");
         let entered = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
         let typed = !view.labels.new_name.trim().is_empty();
         let add = ui
             .add_enabled(typed, egui::Button::new("Add"))
-            .on_hover_text("Adds the label and chooses it (Enter)");
+            .on_hover_text("Add the label and select it (Enter)");
         if typed && (entered || add.clicked()) {
             let name = std::mem::take(&mut view.labels.new_name).trim().to_owned();
             view.label = Some(look.project.labels.next_id());
@@ -89,21 +89,21 @@ pub(super) fn label_menu_ui(
 ) {
     if ui
         .button("Rename")
-        .on_hover_text("Gives the label another name (double click)")
+        .on_hover_text("Rename the label (double-click)")
         .clicked()
     {
         view.labels.rename(label.id, &label.name);
     }
     if ui
-        .button("Add label below it")
-        .on_hover_text("The next new label becomes a part of this one")
+        .button("Add child label")
+        .on_hover_text("Add the next new label as a child of this one")
         .clicked()
     {
         view.labels.parent = Some(label.id);
     }
     ui.menu_button("Move under", |ui| move_ui(ui, look, out, label))
         .response
-        .on_hover_text("Makes it a part of another label");
+        .on_hover_text("Make the label a child of another label");
     let merge = ui.menu_button("Merge into", |ui| {
         let into = chosen_ui(ui, &look.project.labels, |other| other.id != label.id);
         out.extend(into.map(|into| Command::MergeLabels {
@@ -111,14 +111,14 @@ pub(super) fn label_menu_ui(
             into,
         }));
     });
-    merge.response.on_hover_text(
-        "All its pixels, clicks and points become another label's, on every frame and in 3-D",
-    );
+    merge
+        .response
+        .on_hover_text("Turn all its pixels, prompts and points into another label");
     let find = ui.add_enabled(
         look.root.is_some() && look.cloud.is_some(),
         egui::Button::new("Find instances"),
     );
-    let find = find.on_hover_text("Tells things of this class apart by what hangs together in 3-D");
+    let find = find.on_hover_text("Split this class into instances by connected points in 3-D");
     if find
         .on_disabled_hover_text("Fuse first: instances are found in the cloud")
         .clicked()
@@ -136,10 +136,10 @@ pub(super) fn label_menu_ui(
         .any(|other| other.parent == Some(label.id));
     let remove = ui.add_enabled(!has_children, egui::Button::new("Remove"));
     let remove = remove.on_hover_text(
-        "Removes the label with its clicks; its pixels become unlabelled (can be undone)",
+        "Remove the label and its prompts; its pixels become unlabelled (can be undone)",
     );
     if remove
-        .on_disabled_hover_text("Remove or move the labels below it first")
+        .on_disabled_hover_text("Remove or move its child labels first")
         .clicked()
     {
         out.push(Command::RemoveLabel(label.id));

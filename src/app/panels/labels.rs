@@ -22,8 +22,10 @@ pub(crate) fn labels_ui(
     let rows = listed(&look.project.labels);
     if rows.is_empty() {
         ui.label(
-            RichText::new("No labels yet. Add one for each object, or simply click on an object in the picture.")
-                .weak(),
+            RichText::new(
+                "No labels yet. Add one for each object, or click on an object in the image.",
+            )
+            .weak(),
         );
     }
     for (number, (label, depth)) in rows.iter().enumerate() {
@@ -57,9 +59,9 @@ fn show_all_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     }
     let all_hidden = !view.hidden.is_empty();
     let (text, tip) = if all_hidden {
-        ("Show all", "Shows all labels")
+        ("Show all", "Show all labels")
     } else {
-        ("Hide all", "Hides all labels")
+        ("Hide all", "Hide all labels")
     };
     if ui
         .add(egui::Button::new(RichText::new(text).weak().size(11.0)).frame(false))
@@ -104,7 +106,7 @@ fn color_ui(ui: &mut Ui, label: &Label, out: &mut Vec<Command>) {
     ui.spacing_mut().interact_size = egui::vec2(16.0, 16.0);
     let response = ui
         .color_edit_button_srgb(&mut color)
-        .on_hover_text("Changes the colour");
+        .on_hover_text("Change the colour");
     if response
         .accessible_name(format!("Colour of {}", label.name))
         .changed()
@@ -132,11 +134,11 @@ fn name_ui(
     let response = selectable_row(ui, view.label == Some(label.id), &key, &label.name);
     let tip = if number < 9 {
         format!(
-            "Chooses the label ({}); double click renames, drag moves, Alt+click isolates, right click for more",
+            "Select the label ({}); double-click renames, drag moves, Alt+click isolates, right click for more",
             number + 1
         )
     } else {
-        "Chooses the label; double click renames, drag moves, Alt+click isolates, right click for more".into()
+        "Select the label; double-click renames, drag moves, Alt+click isolates, right click for more".into()
     };
     let response = response.on_hover_text(tip);
     if response.clicked() && ui.input(|i| i.modifiers.alt) {
@@ -205,7 +207,7 @@ fn row_end_ui(
             .point_counts
             .below(cloud, &look.project.labels, label.id);
         text = format!("{} · {text}", rounded(points));
-        tip += &format!("; it and what is below it have {} points", grouped(points));
+        tip += &format!("; {} points, including child labels", grouped(points));
     }
     ui.add_space(4.0);
     ui.label(RichText::new(text).weak().size(11.0))
@@ -228,7 +230,7 @@ fn eye_ui(ui: &mut Ui, view: &mut ViewState, label: &Label) {
         ui,
         " ",
         &name,
-        "Shows or hides the label in the picture and in 3-D",
+        "Show or hide the label in the image and in 3-D",
     );
     eye_icon(ui, &response, shown);
     if response.clicked() {
@@ -272,7 +274,7 @@ pub(crate) fn cloud_labels_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState
     let counts = view.point_counts.of(cloud).clone();
     let rows = listed(&cloud.tree);
     if rows.is_empty() {
-        ui.weak("The file names no labels");
+        ui.weak("This file has no label names");
     }
     egui::ScrollArea::vertical()
         .auto_shrink([false, false])

@@ -25,7 +25,7 @@ pub(crate) fn matches_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, texture
     let middle = ui.ctx().content_rect().center() - Vec2::new(490.0, 290.0);
     window.default_pos(middle).show(ui.ctx(), |ui| {
         let Some(sparse) = look.sparse else {
-            ui.label("What the cameras were found with is shown here once they were found.");
+            ui.label("Matches appear here after cameras have been computed.");
             return;
         };
         let margin = egui::Margin {
@@ -67,7 +67,7 @@ fn pair_ui(
         .or(partners.first().map(|&(frame, _)| frame))
     else {
         ui.label(format!(
-            "Nothing ties frame {} to another frame.",
+            "Frame {} has no match with another frame.",
             view.frame
         ));
         return;
@@ -76,12 +76,12 @@ fn pair_ui(
     ui.horizontal(|ui| {
         ui.label(format!("Frame {} with", view.frame));
         other_ui(ui, view, &partners, other);
-        for (error_px, text) in [(0.0, "exact"), (BAD_PX, "2 px off or more")]
+        for (error_px, text) in [(0.0, "< 0.5 px"), (BAD_PX, "≥ 2 px error")]
             .into_iter()
             .filter(|_| by_points)
         {
             ui.colored_label(error_color(error_px), text)
-                .on_hover_text("Colour of a line: its point's mean error");
+                .on_hover_text("Colour of a line: mean reprojection error of its point");
         }
     });
     let matches = sparse.matches(view.frame, other);
@@ -125,16 +125,12 @@ fn pair_ui(
 fn partners(sparse: &SparseModel, frame: usize) -> Vec<(usize, String)> {
     let linked = |(other, link): (usize, FrameLink)| {
         let kind = match link.kind {
-            LinkKind::Odometry => "one after the other",
-            LinkKind::Loop => "look alike",
-            LinkKind::Overlap => "see the same",
-            LinkKind::Shape => "shapes fit",
+            LinkKind::Odometry => "consecutive",
+            LinkKind::Loop => "similar appearance",
+            LinkKind::Overlap => "overlap",
+            LinkKind::Shape => "matching shape",
         };
-        let verdict = if link.holds {
-            ""
-        } else {
-            ", contradicted by others"
-        };
+        let verdict = if link.holds { "" } else { ", rejected" };
         (
             other,
             format!(
@@ -187,7 +183,7 @@ fn other_ui(ui: &mut Ui, view: &mut ViewState, partners: &[(usize, String)], oth
         });
     choice
         .response
-        .on_hover_text("The frame beside it; the list begins with the one that holds it best");
+        .on_hover_text("Second frame; the list begins with the strongest link");
 }
 
 /// Draws a frame's picture into a place; gives where it lies.

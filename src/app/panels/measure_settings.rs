@@ -13,8 +13,7 @@ const MOST_PIECES: usize = 12;
 
 /// A button that begins another angle, with the chosen label as its first.
 pub(super) fn add_angle_ui(ui: &mut Ui, chosen: Option<LabelId>, angles: &mut Vec<AngleChoice>) {
-    let tip =
-        "Tells the angle between two labels where they meet: a leaf and its stem, two branches";
+    let tip = "Measure the angle between two labels where they meet, such as a leaf and its stem";
     if ui.button("Add angle").on_hover_text(tip).clicked() {
         angles.push(AngleChoice([chosen, None]));
     }
@@ -46,9 +45,7 @@ pub(super) fn angles_ui(
                 &mut choice.0[1],
             );
             value_ui(ui, look, choice.pair());
-            let button = ui
-                .small_button("×")
-                .on_hover_text("Tells this angle no more");
+            let button = ui.small_button("×").on_hover_text("Remove this angle");
             if button
                 .accessible_name(format!("Remove angle {number}"))
                 .clicked()
@@ -76,7 +73,7 @@ fn label_ui(ui: &mut Ui, tree: &LabelTree, name: &str, chosen: &mut Option<Label
         });
     choice
         .response
-        .on_hover_text("One of the two labels between which the angle is")
+        .on_hover_text("Label at one side of the angle")
         .accessible_name(name);
 }
 
@@ -118,7 +115,7 @@ fn told_ui(ui: &mut Ui, look: &Look<'_>, rows: &[TraitRow]) {
             ""
         };
         tip += &format!(
-            "\nOf the largest of {} pieces: {}{more}",
+            "\nLargest of {} parts: {}{more}",
             rows.len(),
             all.join(", ")
         );
@@ -158,14 +155,14 @@ pub(crate) fn ground_ui(ui: &mut Ui, look: &Look<'_>, ruler: &Ruler, ground: &mu
                 *ground = through.unwrap_or(*ground);
             }
             let is_given = matches!(ground, GroundChoice::Plane { .. });
-            if ui.selectable_label(is_given, "given by numbers").clicked() && !is_given {
+            if ui.selectable_label(is_given, "given as numbers").clicked() && !is_given {
                 *ground = GroundChoice::Plane {
                     normal: [0.0, 0.0, 1.0],
                     offset: 0.0,
                 };
             }
         });
-    let tip = "The plane that labelled points stand on, fitted to points without a label, or to a label: a table, the soil";
+    let tip = "Plane under the labelled points: fitted to unlabelled points, or to a label such as a table or soil";
     choice.response.on_hover_text(tip).accessible_name("Ground");
     if let GroundChoice::Plane { normal, offset } = ground {
         plane_ui(ui, normal, offset);
@@ -177,7 +174,7 @@ fn plane_ui(ui: &mut Ui, normal: &mut [f64; 3], offset: &mut f64) {
     let names = ["Normal x", "Normal y", "Normal z"];
     let before = *normal;
     for (number, name) in normal.iter_mut().zip(names) {
-        let tip = "Which way is up, in world axes; of any length";
+        let tip = "Up direction in world axes; any length";
         ui.add(DragValue::new(number).speed(0.01).max_decimals(4))
             .on_hover_text(tip)
             .accessible_name(name);
@@ -185,7 +182,7 @@ fn plane_ui(ui: &mut Ui, normal: &mut [f64; 3], offset: &mut f64) {
     if *normal == [0.0; 3] {
         *normal = before;
     }
-    let tip = "Of the points x on the plane: normal · x, in world units";
+    let tip = "normal · x of the points x on the plane, in world units";
     ui.add(
         DragValue::new(offset)
             .speed(0.001)
@@ -214,10 +211,8 @@ pub(crate) fn unit_ui(ui: &mut Ui, name: &str, chosen: &mut Option<LengthUnit>, 
             }
         });
     let tip = match look.may_be_metric() {
-        true => "The unit of lengths; 'units' are the scene's own",
-        false => {
-            "The scale of this scene is not known: measure a known length with the ruler and set the scale"
-        }
+        true => "Unit of lengths; 'units' are the units of the scene",
+        false => "The scale is not known: measure a known length with the ruler and set the scale",
     };
     choice.response.on_hover_text(tip).accessible_name(name);
     *chosen = (unit != of_scene).then_some(unit);

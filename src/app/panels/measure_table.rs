@@ -39,15 +39,11 @@ const fn joined(title: &'static str, tip: &'static str, traits: &'static [&'stat
 pub(super) const COLUMNS: [Column; 12] = [
     first(
         "Points",
-        "Points of the label and those below it",
+        "Points of the label and its children",
         &["points"],
     ),
-    first(
-        "Pieces",
-        "Groups of points that hang together",
-        &["instances"],
-    ),
-    first("Length", "Along the middle line", &["length"]),
+    first("Parts", "Groups of connected points", &["instances"]),
+    first("Length", "Length along the centre line", &["length"]),
     first(
         "Width",
         "Mean width of a sheet, median diameter of a rod",
@@ -55,30 +51,30 @@ pub(super) const COLUMNS: [Column; 12] = [
     ),
     first(
         "Widest",
-        "Largest width or diameter, without the broadest 5 %",
+        "Largest width or diameter, without the widest 5 %",
         &["width_max", "diameter_max"],
     ),
-    first("Area", "Area of the surface", &["area"]),
+    first("Area", "Surface area", &["area"]),
     first("Hull", "Volume of the convex hull", &["hull_volume"]),
-    first("Volume", "Volume by voxels", &["voxel_volume"]),
+    first("Volume", "Volume of the voxels", &["voxel_volume"]),
     first(
         "Height",
-        "Of the highest point above the ground",
+        "Height of the highest point above the ground",
         &["height_max"],
     ),
     first(
         "Insertion",
-        "Angle between a sheet and the rod that it leaves",
+        "Angle between a sheet (leaf) and the rod (stem) it grows from",
         &["insertion_angle"],
     ),
     joined(
         "Oriented box",
-        "Sizes along the principal axes",
+        "Size along the principal axes",
         &["size_long", "size_middle", "size_short"],
     ),
     joined(
         "Box",
-        "Sizes along the axes x, y, z of the world",
+        "Size along the world axes x, y, z",
         &["box_x", "box_y", "box_z"],
     ),
 ];

@@ -11,7 +11,7 @@ use ostra_masks::{Label, LabelTree};
 /// A window with what was measured of each label.
 pub(crate) fn measures_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState) {
     let mut open = view.measures.open;
-    let window = egui::Window::new("Measures")
+    let window = egui::Window::new("Traits")
         .open(&mut open)
         .default_size([900.0, 360.0])
         .resizable(true);
@@ -46,7 +46,7 @@ pub(crate) fn measures_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState) {
                 None => {
                     // The job begins with the next picture of the window.
                     ui.ctx().request_repaint_after_secs(0.2);
-                    ui.label("Nothing could be measured.");
+                    ui.label("No label has enough points to measure.");
                 }
             }
         });
@@ -65,7 +65,7 @@ fn settings_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
                 format!("{n:.0}")
             }
         });
-        let tip = "Measures only labels at this depth, with all below them; 1 = top";
+        let tip = "Measure labels at this level together with their children; 1 is the top";
         ui.add(drag)
             .on_hover_text(tip)
             .accessible_name("Measured level");
@@ -78,7 +78,7 @@ fn settings_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
         add_angle_ui(ui, view.label, &mut view.measures.angles);
         let button = ui.add_enabled(look.traits.is_some(), Button::new("Export CSV…"));
         if button
-            .on_hover_text("Writes these measures, those of every piece too")
+            .on_hover_text("Save these traits, including those of every part")
             .clicked()
         {
             view.path_text.clear();
@@ -134,15 +134,15 @@ fn sort(rows: &mut [(Label, usize)], table: &Table, sorted: Option<(usize, bool)
 fn header_ui(ui: &mut Ui, sorted: &mut Option<(usize, bool)>) {
     let button = ui
         .button(RichText::new("Label").strong())
-        .on_hover_text("Rows in the order of the tree");
-    if button.accessible_name("Order of the tree").clicked() {
+        .on_hover_text("Sort rows by the label tree");
+    if button.accessible_name("Sort by label tree").clicked() {
         *sorted = None;
     }
     for (number, column) in COLUMNS.iter().enumerate() {
         let order = match *sorted {
-            Some((at, true)) if at == number => "the largest first",
-            Some((at, false)) if at == number => "the smallest first",
-            _ => "click to sort by it",
+            Some((at, true)) if at == number => "largest first",
+            Some((at, false)) if at == number => "smallest first",
+            _ => "click to sort",
         };
         let is_sorted = sorted.is_some_and(|(at, _)| at == number);
         let button = ui.add(Button::selectable(
@@ -165,7 +165,7 @@ fn name_ui(ui: &mut Ui, view: &mut ViewState, label: &Label, depth: usize) {
         ui.add_space(depth as f32 * 12.0);
         let row = ui.selectable_label(view.label == Some(label.id), &label.name);
         if row
-            .on_hover_text("Chooses the label")
+            .on_hover_text("Select the label")
             .accessible_name(format!("Measured {}", label.name))
             .clicked()
         {
@@ -177,7 +177,7 @@ fn name_ui(ui: &mut Ui, view: &mut ViewState, label: &Label, depth: usize) {
 fn cell_ui(ui: &mut Ui, table: &Table, label: &Label, column: &Column, unit: LengthUnit) {
     let cell = table.cell(label.id, column);
     let Some(first) = cell.first() else {
-        ui.weak("–").on_hover_text("Cannot be told of this label");
+        ui.weak("–").on_hover_text("Not available for this label");
         return;
     };
     let text = match cell.len() {
@@ -190,7 +190,7 @@ fn cell_ui(ui: &mut Ui, table: &Table, label: &Label, column: &Column, unit: Len
     };
     let of = match table.pieces(label.id) {
         pieces if first.instance > 0 && pieces > 1 => {
-            format!("\nOf the largest of {pieces} pieces")
+            format!("\nLargest of {pieces} parts")
         }
         _ => String::new(),
     };

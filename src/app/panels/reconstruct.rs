@@ -11,31 +11,27 @@ const METHODS: [(ReconstructMethod, &str, &str); 4] = [
     (
         ReconstructMethod::Auto,
         "Automatic",
-        "What the frames allow: given poses and depths are kept",
+        "Choose by the frames; given poses and depth are kept",
     ),
     (
         ReconstructMethod::Rgbd,
         "RGB-D",
-        "Registers frames with depth",
+        "Register frames that have depth",
     ),
     (
         ReconstructMethod::Mvs,
         "Stereo",
-        "Depths by multi-view stereo",
+        "Compute depth maps by multi-view stereo",
     ),
     (
         ReconstructMethod::Sfm,
         "Cameras only",
-        "Cameras by structure from motion",
+        "Compute cameras by structure from motion",
     ),
 ];
 const DEVICES: [(&str, &str, &str); 3] = [
-    (
-        "auto",
-        "Automatic",
-        "The graphics card where there is a real one",
-    ),
-    ("cpu", "Processor", "All processor cores"),
+    ("auto", "Automatic", "Use the graphics card if there is one"),
+    ("cpu", "Processor", "Use all processor cores"),
     ("gpu", "Graphics card", "The graphics card"),
 ];
 
@@ -50,17 +46,22 @@ pub(crate) fn reconstruct_ui(
         .num_columns(2)
         .spacing([8.0, 6.0])
         .show(ui, |ui| {
-            field(ui, "Method", "How cameras and depths are made", |ui| {
-                method_ui(ui, &mut view.reconstruct.method);
-            });
-            field(ui, "Every x-th frame", "1 = all frames take part", |ui| {
+            field(
+                ui,
+                "Method",
+                "How cameras and depth maps are computed",
+                |ui| {
+                    method_ui(ui, &mut view.reconstruct.method);
+                },
+            );
+            field(ui, "Use every Nth frame", "1 uses all frames", |ui| {
                 ui.add(
                     DragValue::new(&mut view.reconstruct.every)
                         .range(1..=1000)
                         .speed(0.1),
                 );
             });
-            field(ui, "Device", "What computes", |ui| {
+            field(ui, "Device", "Device for the computation", |ui| {
                 device_ui(ui, &mut view.reconstruct.device);
             });
         });
@@ -87,8 +88,8 @@ pub(crate) fn reconstruct_ui(
                 .count(),
             frames.iter().filter(|frame| frame.depth.is_some()).count(),
         );
-        ui.weak(format!("{cameras} cameras, {depths} depths"))
-            .on_hover_text("Of all frames, how many have a camera and a depth map");
+        ui.weak(format!("{cameras} cameras, {depths} depth maps"))
+            .on_hover_text("Frames with a camera and frames with a depth map");
     });
     if look.sparse.is_some() {
         let shortcuts = &view.prefs.shortcuts;
@@ -145,18 +146,18 @@ const SIDES: std::ops::RangeInclusive<u32> = 256..=8192;
 fn finding_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     egui::Grid::new("finding").num_columns(2).spacing([8.0, 6.0]).show(ui, |ui| {
         let request = &mut view.reconstruct;
-        field(ui, "Features", "What is recognised again in other pictures", |ui| {
+        field(ui, "Features", "Feature detector", |ui| {
             engine_choice_ui(ui, "features", look.engines_of(EngineKind::Features), &mut request.features);
         });
-        field(ui, "Matching", "How it is recognised again", |ui| {
+        field(ui, "Matching", "How features are matched between images", |ui| {
             engine_choice_ui(ui, "matcher", look.engines_of(EngineKind::Matcher), &mut request.matcher);
         });
-        field(ui, "Pieces", "How pieces of an RGB-D recording that nothing else ties together are joined", |ui| {
+        field(ui, "Fragment registration", "How fragments of an RGB-D recording without other links are registered", |ui| {
             registration_ui(ui, &mut request.registration);
         });
-        let tip = "Larger pictures are worked on at this size; automatic = 3200 px for cameras, 1600 px for depths";
+        let tip = "Larger images are reduced to this size; automatic is 3200 px for cameras and 1600 px for depth maps";
         field(ui, "Longest side", tip, |ui| side_ui(ui, &mut request.max_side));
-        let tip = "Frames that show the same and are compared in any case, for example 0,12 3,40";
+        let tip = "Pairs of frames to match in any case, for example 0,12 3,40";
         field(ui, "Pairs", tip, |ui| {
             let text = TextEdit::singleline(&mut view.pairs_text).hint_text("0,12 3,40").desired_width(150.0);
             ui.add(text).on_hover_text(tip).accessible_name("Pairs");
@@ -166,18 +167,22 @@ fn finding_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
         ui.colored_label(ui.visuals().error_fg_color, wrong);
     }
     ui.checkbox(&mut view.reconstruct.only_labelled, "Only labelled pixels")
-        .on_hover_text("Leaves out what has no label: a background that moves, behind a turntable");
+        .on_hover_text("Ignore unlabelled pixels, such as the still background of a turntable");
 }
 
 fn registration_ui(ui: &mut Ui, chosen: &mut String) {
     const WAYS: [(&str, &str, &str); 3] = [
-        ("auto", "Automatic", "One way after the other"),
+        ("auto", "Automatic", "Try one method after the other"),
         (
             "fgr",
             "FGR",
             "Fast Global Registration: one robust fit to all matches",
         ),
-        ("ransac", "RANSAC", "The best of many fits to a few matches"),
+        (
+            "ransac",
+            "RANSAC",
+            "RANSAC: the best of many fits to a few matches",
+        ),
     ];
     let text = WAYS
         .iter()
@@ -211,8 +216,10 @@ pub(crate) fn pairs_in(text: &str) -> Result<Vec<[usize; 2]>, String> {
         let (first, second) = word.split_once(',')?;
         Some([first.parse().ok()?, second.parse().ok()?])
     };
-    let read =
-        |word| pair(word).ok_or_else(|| format!("'{word}' is no pair of frames; write 0,12 3,40"));
+    let read = |word| {
+        pair(word)
+            .ok_or_else(|| format!("'{word}' is not a pair of frames; enter for example 0,12 3,40"))
+    };
     text.split_whitespace().map(read).collect()
 }
 

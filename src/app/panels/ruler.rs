@@ -46,12 +46,12 @@ fn kind_ui(ui: &mut Ui, ruler: &mut Ruler) {
         (
             RulerKind::Length,
             "Distance",
-            "The length of the line through two or more points",
+            "Measure the length of the line through two or more points",
         ),
         (
             RulerKind::Angle,
             "Angle",
-            "The angle at the second of three points",
+            "Measure the angle at the second of three points",
         ),
     ];
     for (kind, text, tip) in kinds {
@@ -89,7 +89,7 @@ fn undo_ui(ui: &mut Ui, ruler: &mut Ruler) {
         !ui.ctx().text_edit_focused() && ui.input(|input| input.key_pressed(Key::Backspace));
     if ui
         .button("Undo click")
-        .on_hover_text("Takes the last point back (Backspace or right click)")
+        .on_hover_text("Remove the last point (Backspace or right click)")
         .clicked()
         || by_key
     {
@@ -97,7 +97,7 @@ fn undo_ui(ui: &mut Ui, ruler: &mut Ruler) {
     }
     if ui
         .button("Clear")
-        .on_hover_text("Takes all points away")
+        .on_hover_text("Remove all points")
         .clicked()
     {
         ruler.points.clear();
@@ -111,7 +111,7 @@ fn scale_ui(ui: &mut Ui, view: &mut ViewState, wishes: &mut Vec<Action>) {
         .speed(0.01)
         .max_decimals(6);
     ui.name_inputs("Known length", |ui| ui.add(length))
-        .on_hover_text("How far the two points are apart in reality");
+        .on_hover_text("True distance of the two points");
     let unit = &mut view.ruler.length_unit;
     let choice = ComboBox::from_id_salt("known length unit")
         .selected_text(unit.sign())
@@ -123,7 +123,7 @@ fn scale_ui(ui: &mut Ui, view: &mut ViewState, wishes: &mut Vec<Action>) {
         });
     choice
         .response
-        .on_hover_text("The unit of the known length")
+        .on_hover_text("Unit of the known length")
         .accessible_name("Unit of the known length");
     let possible = view.ruler.command().is_some();
     if action_button(

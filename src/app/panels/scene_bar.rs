@@ -9,48 +9,40 @@ use crate::{Action, Look, Shown, ViewState};
 use ostra_view::{Coloring, Side};
 
 const COLORINGS: [(Coloring, &str, &str); 7] = [
-    (
-        Coloring::Rgb,
-        "Colour",
-        "Points in the colour of the pictures",
-    ),
-    (
-        Coloring::Label,
-        "Label",
-        "Points in the colour of their label",
-    ),
+    (Coloring::Rgb, "Colour", "Colour of the images"),
+    (Coloring::Label, "Label", "Colour of the labels"),
     (
         Coloring::Confidence,
         "Confidence",
-        "How large a share of the votes each point's label won",
+        "Share of the votes that each point's label won",
     ),
     (
         Coloring::Conflict,
         "Conflict",
-        "How large a share of the votes went to the strongest other label",
+        "Share of the votes for the strongest other label",
     ),
     (
         Coloring::Views,
         "Views",
-        "How many views voted on each point",
+        "Number of views that voted on each point",
     ),
     (
         Coloring::Normals,
         "Normals",
-        "Which way the surface faces: red along x, green along y, blue along z",
+        "Direction of the surface: red along x, green along y, blue along z",
     ),
-    (Coloring::Height, "Height", "How high each point lies"),
+    (Coloring::Height, "Height", "Height of each point"),
 ];
 
 const MODELS: [(Shown, &str, &str); 4] = [
     (Shown::Points, "Points", "The labelled points"),
-    (Shown::Mesh, "Mesh", "The surface, lit from where you look"),
+    (Shown::Mesh, "Mesh", "Shaded surface"),
     (
         Shown::Wireframe,
         "Wireframe",
-        "The sides of the surface's triangles",
+        "Edges of the surface's triangles",
     ),
-    (Shown::Voxels, "Voxels", "The cubes that hold points"),
+    (Shown::Voxels, "Voxels", "Occupied voxels"),
 ];
 
 /// What is shown, what colours show, point size, frusta and where to look from.
@@ -68,7 +60,7 @@ pub(super) fn scene_bar_ui(
                     ui.selectable_value(&mut view.shown, shown, text).on_hover_text(tip);
                 }
             });
-            choice.response.on_hover_text("What is shown of the result").accessible_name("Shown model");
+            choice.response.on_hover_text("Model to show").accessible_name("Shown model");
             ui.add_space(8.0);
         }
         coloring_ui(ui, look, view);
@@ -82,9 +74,9 @@ pub(super) fn scene_bar_ui(
         let has_cameras = look.project.frames.iter().any(|frame| frame.posed_camera().is_some());
         if has_cameras {
             ui.checkbox(&mut view.prefs.frusta, "Cameras")
-                .on_hover_text("Shows the cameras; click one to go to its frame");
-            let tip = "Shows each camera's picture where it looks";
-            let pictures = egui::Checkbox::new(&mut view.prefs.scene.pictures, "Pictures");
+                .on_hover_text("Show the cameras; click one to go to its frame");
+            let tip = "Show the image in front of each camera";
+            let pictures = egui::Checkbox::new(&mut view.prefs.scene.pictures, "Images");
             ui.add_enabled(view.prefs.frusta, pictures).on_hover_text(tip);
         }
         if look.sparse.is_some_and(|sparse| !sparse.links.is_empty()) {
@@ -116,10 +108,10 @@ pub(super) fn scene_bar_ui(
         // What comes and goes stands last, so that nothing else moves.
         if view.scene.through.is_some() {
             let slider = Slider::new(&mut view.prefs.scene.blend, 0.0..=1.0).show_value(false);
-            let tip = "How much of the picture is laid over what its camera sees; the view follows the frame shown";
+            let tip = "Opacity of the image over the 3-D view; the view follows the current frame";
             together(ui, 130.0, |ui| {
-                ui.label("Picture");
-                ui.add(slider).on_hover_text(tip).accessible_name("Opacity of the picture");
+                ui.label("Image");
+                ui.add(slider).on_hover_text(tip).accessible_name("Opacity of the image");
             });
         }
         isolated_ui(ui, look, view);
@@ -151,14 +143,14 @@ fn coloring_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
                         .selectable_value(&mut view.coloring, coloring, text)
                         .on_hover_text(tip);
                     choice.on_disabled_hover_text(
-                        "Known for the points of a cloud that this project voted on",
+                        "Needs the votes of a cloud that this project fused",
                     );
                 });
             }
         });
     choice
         .response
-        .on_hover_text("What colours show")
+        .on_hover_text("Choose the colours of the points")
         .accessible_name("Colour by");
     let tree = labels_of(look);
     let deepest = tree
@@ -180,7 +172,8 @@ fn coloring_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
                 ui.selectable_value(&mut view.scene.level, level, name(level));
             }
         });
-    let tip = "Deeper labels take the colour of what they belong to; level 1 is the top";
+    let tip =
+        "Show deeper labels in the colour of their ancestor at this level; level 1 is the top";
     choice
         .response
         .on_hover_text(tip)
@@ -191,9 +184,7 @@ fn coloring_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
 fn isolated_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     if let Some(below) = view.scene.doubtful_below {
         let text = format!("Only below {:.0} %", 100.0 * below);
-        let button = ui
-            .button(text)
-            .on_hover_text("Shows the points again on which frames agree");
+        let button = ui.button(text).on_hover_text("Show all points again");
         if button.accessible_name("Show all points").clicked() {
             view.scene.doubtful_below = None;
         }
@@ -203,7 +194,7 @@ fn isolated_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     };
     let button = ui
         .button(format!("Only {}", label.name))
-        .on_hover_text("Shows all labels again");
+        .on_hover_text("Show all labels again");
     if button.accessible_name("Show all labels").clicked() {
         view.scene.isolated = None;
     }
@@ -226,12 +217,12 @@ fn display_ui(ui: &mut Ui, view: &mut ViewState, wishes: &mut Vec<Action>) {
             }
         });
         let scene = &mut view.prefs.scene;
-        ui.checkbox(&mut scene.orthographic, "Orthographic").on_hover_text("Things do not shrink with distance");
+        ui.checkbox(&mut scene.orthographic, "Orthographic").on_hover_text("Use an orthographic projection");
         ui.checkbox(&mut view.scene.turning, "Turntable")
-            .on_hover_text("Turns the view about the vertical until you click or turn it yourself");
+            .on_hover_text("Rotate the view about the vertical axis until you click or drag in it");
         ui.separator();
         ui.checkbox(&mut scene.edl, "Eye-dome lighting")
-            .on_hover_text("Darkens points by how much farther they lie than those beside them");
+            .on_hover_text("Shade points that lie behind their neighbours");
         let strength = Slider::new(&mut scene.edl_strength, 0.1..=4.0).logarithmic(true).show_value(false);
         ui.add_enabled_ui(scene.edl, |ui| {
             ui.horizontal(|ui| {
@@ -241,24 +232,24 @@ fn display_ui(ui: &mut Ui, view: &mut ViewState, wishes: &mut Vec<Action>) {
         });
         background_ui(ui, &mut scene.background);
         ui.checkbox(&mut scene.scale_bar, "Scale bar")
-            .on_hover_text("Draws a length to compare with, at the middle's depth");
-        ui.checkbox(&mut scene.axes, "Axes").on_hover_text("Draws which way the world's axes point");
+            .on_hover_text("Show a scale bar for the depth at the centre");
+        ui.checkbox(&mut scene.axes, "Axes").on_hover_text("Show the directions of the world axes");
         ui.horizontal(|ui| {
             ui.label("Cameras");
             let frustum = Slider::new(&mut scene.frustum, 0.02..=0.5).logarithmic(true).show_value(false);
-            let tip = "How large cameras and their pictures are drawn";
+            let tip = "Size of cameras and their images";
             ui.add_enabled(view.prefs.frusta, frustum).on_hover_text(tip).accessible_name("Size of cameras");
         });
         ui.horizontal(|ui| {
             ui.label("Others");
             let faint = Slider::new(&mut scene.faint, 0.0..=1.0).show_value(false);
-            let tip = "Opacity of all but the isolated label (Alt+click a point or a label to isolate it) or the doubtful points";
+            let tip = "Opacity of the other points while a label is isolated (Alt+click) or uncertain points are shown";
             ui.add(faint).on_hover_text(tip).accessible_name("Opacity of others");
         });
         doubtful_ui(ui, &mut view.scene.doubtful_below);
     });
     menu.0
-        .on_hover_text("Light, projection, background, and where to look from");
+        .on_hover_text("Lighting, projection, background and view direction");
 }
 
 /// The share of the votes below which a label is doubtful, when first asked for.
@@ -267,15 +258,27 @@ const DOUBTFUL: f32 = 0.7;
 fn doubtful_ui(ui: &mut Ui, below: &mut Option<f32>) {
     ui.horizontal(|ui| {
         let mut on = below.is_some();
-        let tip =
-            "Only points stand out that frames do not agree on: whose label won less than this share of the votes";
-        if ui.checkbox(&mut on, "Doubtful points only").on_hover_text(tip).changed() {
+        let tip = "Highlight points whose label won less than this share of the votes";
+        if ui
+            .checkbox(&mut on, "Uncertain points only")
+            .on_hover_text(tip)
+            .changed()
+        {
             *below = on.then_some(DOUBTFUL);
         }
         if let Some(below) = below {
             let mut percent = *below * 100.0;
-            let share = DragValue::new(&mut percent).range(1.0..=100.0).speed(0.5).suffix(" %").max_decimals(0);
-            if ui.add(share).on_hover_text(tip).accessible_name("Doubtful below").changed() {
+            let share = DragValue::new(&mut percent)
+                .range(1.0..=100.0)
+                .speed(0.5)
+                .suffix(" %")
+                .max_decimals(0);
+            if ui
+                .add(share)
+                .on_hover_text(tip)
+                .accessible_name("Uncertain below")
+                .changed()
+            {
                 *below = percent / 100.0;
             }
         }
@@ -286,15 +289,15 @@ fn background_ui(ui: &mut Ui, background: &mut Option<[u8; 3]>) {
     ui.horizontal(|ui| {
         let mut own = background.is_some();
         if ui
-            .checkbox(&mut own, "Own background")
-            .on_hover_text("A colour in place of the theme's")
+            .checkbox(&mut own, "Custom background")
+            .on_hover_text("Use this colour instead of the theme's")
             .changed()
         {
             *background = own.then_some([255; 3]);
         }
         if let Some(color) = background {
             ui.color_edit_button_srgb(color)
-                .on_hover_text("Changes the colour")
+                .on_hover_text("Change the colour")
                 .accessible_name("Background colour");
         }
     });
@@ -312,8 +315,8 @@ fn clip_ui(ui: &mut Ui, clip: &mut ClipSides) {
         egui::Grid::new("clip sides").num_columns(2).show(ui, |ui| {
             for (sides, names) in clip.sides.iter_mut().zip(SIDES) {
                 let [low, high] = sides;
-                share_ui(ui, low, names[0], "Moves this side of the box inwards");
-                share_ui(ui, high, names[1], "Moves this side of the box inwards");
+                share_ui(ui, low, names[0], "Move this side of the box inwards");
+                share_ui(ui, high, names[1], "Move this side of the box inwards");
                 (*low, *high) = (low.min(*high - 0.001), high.max(*low + 0.001));
             }
         });
@@ -322,14 +325,14 @@ fn clip_ui(ui: &mut Ui, clip: &mut ClipSides) {
         ui.separator();
         if ui
             .button("Show everything")
-            .on_hover_text("Takes box and slice away")
+            .on_hover_text("Remove box and slice")
             .clicked()
         {
             *clip = ClipSides::default();
         }
     });
     menu.0
-        .on_hover_text("A box and a slice; what lies outside is neither drawn nor picked")
+        .on_hover_text("Hide the points outside a box or slice")
         .accessible_name("Clip");
 }
 
@@ -337,7 +340,7 @@ fn slice_ui(ui: &mut Ui, slice: &mut Option<Slice>) {
     let mut on = slice.is_some();
     if ui
         .checkbox(&mut on, "Slice")
-        .on_hover_text("Shows only what lies about a plane")
+        .on_hover_text("Show only points near a plane")
         .changed()
     {
         *slice = on.then(Slice::default);
@@ -352,15 +355,15 @@ fn slice_ui(ui: &mut Ui, slice: &mut Option<Slice>) {
         });
     choice
         .response
-        .on_hover_text("Which way the slice moves")
+        .on_hover_text("Axis of the slice")
         .accessible_name("Slice axis");
     egui::Grid::new("slice").num_columns(2).show(ui, |ui| {
-        share_ui(ui, &mut slice.at, "Position", "Where the slice is");
+        share_ui(ui, &mut slice.at, "Position", "Position of the slice");
         share_ui(
             ui,
             &mut slice.thickness,
             "Thickness",
-            "How much of the scene it shows",
+            "Thickness of the slice",
         );
     });
     slice.thickness = slice.thickness.max(0.002);

@@ -119,7 +119,7 @@ impl ScenePane {
             return message(
                 ui,
                 rect,
-                "Nothing to show yet. Frames with cameras appear here, and the cloud once it is fused.",
+                "Frames with cameras appear here, and the cloud after Fuse.",
             );
         };
         let camera = orbit.camera(size.x.max(1.0) as u32, size.y.max(1.0) as u32);
@@ -437,7 +437,7 @@ impl ScenePane {
             return message(
                 ui,
                 rect,
-                "The 3-D view needs a graphics adapter; 'ostra shot' draws pictures without one.",
+                "The 3-D view needs a graphics adapter; 'ostra shot' renders images without one.",
             );
         };
         let scale = ui.pixels_per_point();

@@ -219,7 +219,7 @@ fn tell(response: &Response, look: &Look<'_>, cloud: &LabelledCloud, point: usiz
         label_ui(ui, labels_of(look), cloud.labels[point]);
         let share = format!("{:.0} % of the votes", 100.0 * cloud.confidence[point]);
         ui.weak(if look.votes.is_some() {
-            format!("{share}; click for who voted what")
+            format!("{share}; click to see the votes")
         } else {
             share
         });

@@ -106,7 +106,7 @@ fn closed(mut outline: Vec<Pos2>) -> Vec<Pos2> {
 fn shape_ui(ui: &mut Ui, select: &mut SceneSelect) {
     ui.horizontal(|ui| {
         for (shape, text, tip) in SHAPES {
-            let tip = format!("{tip}; Shift adds, Ctrl takes out. The right button turns the view");
+            let tip = format!("{tip}; Shift adds, Ctrl removes. The right button orbits");
             ui.selectable_value(&mut select.shape, shape, text)
                 .on_hover_text(tip);
         }
@@ -128,20 +128,20 @@ fn has_cloud(look: &Look<'_>) -> bool {
 fn count_ui(ui: &mut Ui, look: &Look<'_>, select: &mut SceneSelect) {
     let text = match look.chosen.filter(|_| !select.steps.is_empty()) {
         None if !has_cloud(look) => "There is no cloud to choose from; fuse first".to_owned(),
-        None if select.steps.is_empty() => "Draw over points that are seen".to_owned(),
-        None => "Looking for the points…".to_owned(),
+        None if select.steps.is_empty() => "Draw around visible points".to_owned(),
+        None => "Selecting…".to_owned(),
         Some(Err(why)) => why.to_owned(),
         Some(Ok(chosen)) => match (chosen.points.len(), chosen.pieces) {
-            (0, _) => "No point is seen there".to_owned(),
+            (0, _) => "No visible point there".to_owned(),
             (1, _) => "1 point".to_owned(),
-            (points, 1) => format!("{points} points in one piece"),
-            (points, pieces) => format!("{points} points in {pieces} pieces"),
+            (points, 1) => format!("{points} points in one part"),
+            (points, pieces) => format!("{points} points in {pieces} parts"),
         },
     };
     ui.label(text);
-    let back = ui.add_enabled(!select.steps.is_empty(), egui::Button::new("Take back"));
+    let back = ui.add_enabled(!select.steps.is_empty(), egui::Button::new("Undo"));
     if back
-        .on_hover_text("Takes back the last change of the choice")
+        .on_hover_text("Undo the last change of the selection")
         .clicked()
     {
         select.steps.pop();
@@ -154,7 +154,7 @@ fn steps_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     ui.horizontal(|ui| {
         if ui
             .button("Grow")
-            .on_hover_text("Adds the points around that are alike")
+            .on_hover_text("Add similar points nearby")
             .clicked()
         {
             select.steps.push(SelectStep::Grow(select.likeness));
@@ -164,22 +164,22 @@ fn steps_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
             .suffix("°")
             .max_decimals(0);
         ui.name_inputs("Angle of normals", |ui| ui.add(angle))
-            .on_hover_text("How far the surface may turn from point to point");
+            .on_hover_text("Largest angle between the normals of neighbouring points");
         let color = DragValue::new(&mut select.likeness.color)
             .range(0.0..=100.0)
             .prefix("ΔE ")
             .max_decimals(0);
         ui.name_inputs("Difference of colour", |ui| ui.add(color))
-            .on_hover_text("How far colours may be from where the growth began");
+            .on_hover_text("Largest colour difference from the starting points");
     });
     let pieces = look
         .chosen
         .and_then(Result::ok)
         .map_or(1, |chosen| chosen.pieces.max(1));
     ui.horizontal(|ui| {
-        let keep = ui.add_enabled(pieces > 1, egui::Button::new("Keep piece"));
+        let keep = ui.add_enabled(pieces > 1, egui::Button::new("Keep part"));
         if keep
-            .on_hover_text("Splits the points into what hangs together and keeps one piece")
+            .on_hover_text("Split the points into connected parts and keep one")
             .clicked()
         {
             select
@@ -190,7 +190,7 @@ fn steps_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
         let piece = DragValue::new(&mut select.piece)
             .range(1..=pieces)
             .speed(0.05);
-        ui.name_inputs("Piece", |ui| ui.add(piece))
+        ui.name_inputs("Part", |ui| ui.add(piece))
             .on_hover_text("1 is the largest");
         ui.weak(format!("of {pieces}"));
     });
@@ -199,7 +199,7 @@ fn steps_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
         .map_or("label", |label| label.name.as_str());
     let only = ui.add_enabled(label.is_some(), egui::Button::new(format!("Only {name}")));
     if only
-        .on_hover_text("Keeps only points of the chosen label")
+        .on_hover_text("Keep only points of the selected label")
         .clicked()
     {
         select.steps.extend(label.map(SelectStep::Only));
@@ -208,8 +208,8 @@ fn steps_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
 
 /// What becomes of the points.
 fn correct_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
-    ui.checkbox(&mut view.scene_select.as_anchors, "As anchors")
-        .on_hover_text("Frames whose masks change become anchors, which no tracker overwrites");
+    ui.checkbox(&mut view.scene_select.as_anchors, "As keyframes")
+        .on_hover_text("Make the changed frames keyframes, which tracking does not overwrite");
     let any = has_chosen(look, view);
     let label = view.label.and_then(|label| look.project.labels.get(label));
     let text = label.map_or("Assign".to_owned(), |label| {

@@ -36,11 +36,11 @@ pub(crate) fn words_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: 
         ui.horizontal(|ui| {
             let width = (ui.available_width() - 52.0).max(60.0);
             let edit = TextEdit::singleline(&mut view.words.text).hint_text("banana; cup").desired_width(width);
-            let tip = "What to look for on this frame; each word becomes a label, each thing an instance of it";
+            let tip = "Objects to find on this frame, separated by ';'; each text becomes a label, each object an instance";
             let edit = ui.add(edit).on_hover_text(tip).on_disabled_hover_text(format!("Needs {needs}"));
-            let edit = edit.accessible_name("Words to look for");
+            let edit = edit.accessible_name("Text to find");
             let entered = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
-            if ui.button("Look").on_hover_text(tip).clicked() || entered {
+            if ui.button("Find").on_hover_text(tip).clicked() || entered {
                 out.extend(view.words.request(view.frame));
             }
         });
@@ -55,8 +55,8 @@ pub(crate) fn words_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: 
         ui.spacing_mut().slider_width = 90.0;
         let slider = Slider::new(&mut view.words.least, LOOKED_FOR..=1.0).show_value(false);
         ui.add(slider)
-            .on_hover_text("Only things at least so sure are offered")
-            .accessible_name("Least score");
+            .on_hover_text("Hide results of lower confidence")
+            .accessible_name("Minimum score");
         ui.weak(format!("{:.0} %", 100.0 * view.words.least));
     });
     let found: Vec<(usize, FoundThing)> = offered(look, view)
@@ -70,10 +70,10 @@ pub(crate) fn words_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: 
                 100.0 * thing.score
             ));
             let take = ui
-                .small_button("Take")
-                .on_hover_text("Makes a label and a mask of it");
+                .small_button("Add")
+                .on_hover_text("Create a label and a mask");
             if take
-                .accessible_name(format!("Take {} {number}", thing.phrase))
+                .accessible_name(format!("Add {} {number}", thing.phrase))
                 .clicked()
             {
                 out.push(taken(view, [thing]));
@@ -81,11 +81,11 @@ pub(crate) fn words_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: 
         });
     }
     if found.is_empty() {
-        ui.weak("Nothing is as sure as that.");
+        ui.weak("No result above the minimum confidence.");
     } else if found.len() > 1
         && ui
-            .button("Take all")
-            .on_hover_text("Makes a label and a mask of each")
+            .button("Add all")
+            .on_hover_text("Create a label and a mask for each")
             .clicked()
     {
         out.push(taken(view, found.iter().map(|(_, thing)| thing)));
@@ -117,8 +117,8 @@ pub(crate) fn suggestions_ui(
         .any(|title| look.running(title).is_some());
     ui.horizontal_wrapped(|ui| {
         for (action, text) in [
-            (Action::Suggest, "Look for objects"),
-            (Action::Propose, "Propose things here"),
+            (Action::Suggest, "Find unlabelled objects"),
+            (Action::Propose, "Propose objects here"),
         ] {
             let possible = !is_running && is_possible(action, look, view);
             if action_button(ui, &view.prefs.shortcuts, action, text, possible).clicked() {
@@ -136,7 +136,7 @@ pub(crate) fn suggestions_ui(
         ui.horizontal(|ui| {
             let show = ui
                 .link(format!("{number}  {}", suggestion.text()))
-                .on_hover_text("Goes to the frame, where a box with this number is around it");
+                .on_hover_text("Go to the frame, which shows a box with this number");
             if show
                 .accessible_name(format!("Suggestion {number}"))
                 .clicked()
@@ -145,7 +145,7 @@ pub(crate) fn suggestions_ui(
             }
             let add = ui
                 .small_button("Add")
-                .on_hover_text("Makes a label of it on that frame; track it from there");
+                .on_hover_text("Create a label on that frame; track it from there");
             if add
                 .accessible_name(format!("Add suggestion {number}"))
                 .clicked()

@@ -20,7 +20,7 @@ const BUTTONS: [(Action, &str); 10] = [
     (Action::DeleteRange, "Delete"),
     (Action::RestoreRange, "Restore"),
     (Action::AppearsHere, "Appears here"),
-    (Action::GoneFromHere, "Gone from here"),
+    (Action::GoneFromHere, "Disappears here"),
     (Action::LockRange, "Lock"),
     (Action::HideRange, "Hide"),
     (Action::MergeRange, "Merge…"),
@@ -69,7 +69,8 @@ fn range_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Act
         Some((from, to)) => format!("{name}, frames {from}–{to}"),
         None => format!("{name}, frame {}", view.frame),
     };
-    let tip = "What the buttons change; drag over frames, or mark the range's ends with the keys of the Range menu";
+    let tip =
+        "Frames changed by the buttons; drag over frames, or set the ends with the Range menu";
     ui.add_sized([NAMES + 60.0, 18.0], egui::Label::new(text).truncate())
         .on_hover_text(tip);
     if view.range.is_some() {
@@ -292,7 +293,7 @@ fn tip_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, label: &Label, frame: 
     let sure = mask.and_then(|mask| mask.confidence.get(&label.id));
     match (on, mask.map(|mask| mask.origin), sure) {
         (true, Some(MaskOrigin::Anchor), _) => ui.label("anchor"),
-        (true, _, Some(sure)) => ui.label(format!("tracked, {:.0} % sure", sure * 100.0)),
+        (true, _, Some(sure)) => ui.label(format!("tracked, {:.0} % confidence", sure * 100.0)),
         (true, _, None) => ui.label("tracked"),
         (false, ..) => ui.weak("not on this frame"),
     };

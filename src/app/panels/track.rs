@@ -17,16 +17,16 @@ pub(crate) fn track_ui(
     wishes: &mut Vec<Action>,
 ) {
     egui::Grid::new("track").num_columns(2).spacing([8.0, 6.0]).show(ui, |ui| {
-        field(ui, "Tracker", "Carries masks from anchors to the other frames", |ui| {
+        field(ui, "Tracker", "Propagates masks from keyframes to the other frames", |ui| {
             engine_choice_ui(ui, "tracker", look.engines_of(EngineKind::Tracker), &mut view.track.tracker);
         });
-        field(ui, "Direction", "Which way masks go from an anchor", |ui| direction_ui(ui, &mut view.track.direction));
+        field(ui, "Direction", "Direction of propagation from a keyframe", |ui| direction_ui(ui, &mut view.track.direction));
         let last = look.project.frames.len().saturating_sub(1);
         field(ui, "From frame", "First frame to track", |ui| bound_ui(ui, &mut view.track.from, 0, last));
         field(ui, "To frame", "Last frame to track (included)", |ui| bound_ui(ui, &mut view.track.to, last, last));
         if matches!(view.track.tracker.as_str(), "xmem" | "deaot") {
-            let tip = "Shorter side of the pictures that the network sees; more shows thinner things and takes longer";
-            field(ui, "Seen with", tip, |ui| short_side_ui(ui, &mut view.track.short_side));
+            let tip = "Shorter image side for the network; larger values keep thinner structures and take longer";
+            field(ui, "Network image size", tip, |ui| short_side_ui(ui, &mut view.track.short_side));
         } else {
             view.track.short_side = None;
         }
@@ -59,7 +59,7 @@ pub(crate) fn track_ui(
             n => format!("{n} anchors"),
         };
         ui.weak(text).on_hover_text(
-            "Anchors are frames you clicked, painted or accepted; trackers never overwrite them",
+            "Keyframes are frames that you clicked, painted or confirmed; tracking does not overwrite them",
         );
     });
     retrack_ui(ui, look, view, wishes);
@@ -68,16 +68,16 @@ pub(crate) fn track_ui(
 /// Whether the masks are held against geometry, where it can say anything that the tracker does not go by already.
 fn constrain_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     let hindrance = if view.track.tracker == "geometry" {
-        Some("'geometry' goes by depth and cameras anyway")
+        Some("The geometry tracker uses depth and cameras anyway")
     } else if look.project.frames.iter().any(Frame::has_posed_depth) {
         None
     } else {
-        Some("Needs frames with depth and cameras: add them, or reconstruct first")
+        Some("Needs frames with depth and cameras: add them, or use Reconstruct first")
     };
     view.track.constrain &= hindrance.is_none();
     let tip = "Holds the masks against the anchors' masks carried through depth and cameras: where they contradict, \
                geometry counts, and an object that was swapped, drifted or was lost is tracked anew from there";
-    let checkbox = Checkbox::new(&mut view.track.constrain, "Constrain by geometry");
+    let checkbox = Checkbox::new(&mut view.track.constrain, "Check by geometry");
     let response = ui
         .add_enabled(hindrance.is_none(), checkbox)
         .on_hover_text(tip);
@@ -88,13 +88,25 @@ fn constrain_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
 fn pause_ui(ui: &mut Ui, pause_below: &mut Option<f32>) {
     ui.horizontal(|ui| {
         let mut on = pause_below.is_some();
-        let tip = "Tracking ends at the first frame on which it is less sure of a label than this, and shows it";
-        if ui.checkbox(&mut on, "Pause below").on_hover_text(tip).changed() {
+        let tip =
+            "Pause at the first frame on which the confidence of a label is lower, and show it";
+        if ui
+            .checkbox(&mut on, "Pause when confidence <")
+            .on_hover_text(tip)
+            .changed()
+        {
             *pause_below = on.then_some(0.4);
         }
         let mut percent = pause_below.unwrap_or(0.4) * 100.0;
-        let drag = DragValue::new(&mut percent).range(1.0..=99.0).speed(0.3).max_decimals(0).suffix(" % sure");
-        let drag = ui.add_enabled(on, drag).on_hover_text(tip).accessible_name("Pause below confidence");
+        let drag = DragValue::new(&mut percent)
+            .range(1.0..=99.0)
+            .speed(0.3)
+            .max_decimals(0)
+            .suffix(" % sure");
+        let drag = ui
+            .add_enabled(on, drag)
+            .on_hover_text(tip)
+            .accessible_name("Pause below confidence");
         if drag.changed() {
             *pause_below = Some(percent / 100.0);
         }
@@ -104,11 +116,20 @@ fn pause_ui(ui: &mut Ui, pause_below: &mut Option<f32>) {
 /// From which confidence on a frame is one to check.
 fn check_ui(ui: &mut Ui, doubt_below: &mut f32) {
     ui.horizontal(|ui| {
-        let tip = "Frames with a label that is less sure than this are those to which the key for the next frame to check leads";
-        ui.label("Check below").on_hover_text(tip);
+        let tip = "Frames with a label of lower confidence are listed for checking";
+        ui.label("Flag when confidence <").on_hover_text(tip);
         let mut percent = *doubt_below * 100.0;
-        let drag = DragValue::new(&mut percent).range(0.0..=100.0).speed(0.3).max_decimals(0).suffix(" % sure");
-        if ui.add(drag).on_hover_text(tip).accessible_name("Check below confidence").changed() {
+        let drag = DragValue::new(&mut percent)
+            .range(0.0..=100.0)
+            .speed(0.3)
+            .max_decimals(0)
+            .suffix(" % sure");
+        if ui
+            .add(drag)
+            .on_hover_text(tip)
+            .accessible_name("Flag below confidence")
+            .changed()
+        {
             *doubt_below = percent / 100.0;
         }
     });
@@ -121,8 +142,7 @@ fn retrack_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut V
     if action_button(ui, &view.prefs.shortcuts, action, &action.text(), possible).clicked() {
         wishes.push(action);
     }
-    let tip =
-        "A label that is re-tracked, interpolated or pasted takes pixels from other labels too";
+    let tip = "Let re-tracked, interpolated and pasted labels overwrite other labels";
     ui.checkbox(&mut view.track.replace, "Replace other labels")
         .on_hover_text(tip);
 }
@@ -149,7 +169,7 @@ fn bound_ui(ui: &mut Ui, bound: &mut Option<usize>, default: usize, last: usize)
     if bound.is_some()
         && ui
             .small_button("Reset")
-            .on_hover_text("Back to the end of the sequence")
+            .on_hover_text("Reset to the end of the sequence")
             .clicked()
     {
         *bound = None;
@@ -160,15 +180,15 @@ fn bound_ui(ui: &mut Ui, bound: &mut Option<usize>, default: usize, last: usize)
 fn short_side_ui(ui: &mut Ui, short_side: &mut Option<u32>) {
     let mut own = short_side.is_some();
     if ui
-        .checkbox(&mut own, "own size")
-        .on_hover_text("Off: the size that it was evaluated with")
+        .checkbox(&mut own, "custom")
+        .on_hover_text("Off: use the model's default size")
         .changed()
     {
         *short_side = own.then_some(480);
     }
     if let Some(side) = short_side {
         let drag = DragValue::new(side).range(64..=4096).speed(2).suffix(" px");
-        ui.add(drag).accessible_name("Shorter side seen");
+        ui.add(drag).accessible_name("Network image size in pixels");
     }
 }
 

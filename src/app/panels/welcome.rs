@@ -4,7 +4,7 @@ use crate::{Action, Look, ViewState};
 use ostra_session::Command;
 
 const STEPS: [(&str, &str); 4] = [
-    ("Open", "photos, a film or an RGB-D recording"),
+    ("Open", "photos, a video or an RGB-D recording"),
     ("Click", "on the objects you want, on any frame"),
     (
         "Track",
@@ -30,7 +30,7 @@ pub(crate) fn welcome_ui(
         ui.set_max_width(430.0);
         ui.label(RichText::new("OSTRA").size(30.0).strong());
         ui.label(
-            RichText::new("Turns pictures into labelled 3-D")
+            RichText::new("Turn photos and videos into labelled 3-D models")
                 .weak()
                 .size(15.0),
         );
@@ -57,9 +57,9 @@ fn steps_ui(ui: &mut Ui) {
 
 fn buttons_ui(ui: &mut Ui, view: &ViewState, wishes: &mut Vec<Action>) {
     let rows = [
-        (Action::NewProject, "New project from frames…"),
+        (Action::NewProject, "New project…"),
         (Action::Open, "Open project…"),
-        (Action::Inspect, "Inspect PLY…"),
+        (Action::Inspect, "View a point cloud…"),
     ];
     for (index, (action, text)) in rows.into_iter().enumerate() {
         let mut button =
