@@ -1,4 +1,5 @@
 use egui::{Button, MenuBar, Ui};
+use ostra_project::{EngineName, SegmenterId};
 
 use super::panels::has_chosen;
 use super::ranges::{is_range_change, range_request, split_at};
@@ -102,7 +103,7 @@ pub(super) fn is_possible(action: Action, look: &Look<'_>, view: &ViewState) -> 
 /// Whether Segment Anything can be used.
 fn is_sam_installed(look: &Look<'_>) -> bool {
     look.engines_of(EngineKind::Segmenter)
-        .any(|engine| engine.name == "sam" && engine.installed)
+        .any(|engine| engine.name == SegmenterId::Sam.name() && engine.installed)
 }
 
 /// The text of an action now: undo and redo name the step.

@@ -1,5 +1,6 @@
 //! State of the panels that lasts from one drawing to the next: what is typed, and counts that are worked out once.
 
+use ostra_project::GrounderId;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -101,7 +102,7 @@ impl Words {
             frame,
             phrases,
             threshold: Some(LOOKED_FOR),
-            grounder: "auto".into(),
+            grounder: GrounderId::Auto,
         };
         (!request.phrases.is_empty()).then_some(Command::Ground(request))
     }

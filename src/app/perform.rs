@@ -1,4 +1,5 @@
 use egui::{Context, ThemePreference, ViewportCommand};
+use ostra_project::SegmenterId;
 
 use super::canvas::{clear_label, click_at};
 use super::dialogs::RelocateForm;
@@ -88,7 +89,7 @@ pub(super) fn perform(
         Action::Suggest => out.push(Command::Suggest),
         Action::Propose => out.push(Command::Propose {
             frame: view.frame,
-            segmenter: "sam".into(),
+            segmenter: SegmenterId::Sam,
         }),
         Action::Reconstruct => reconstruct(view, out),
         Action::SetScale => {

@@ -1,3 +1,4 @@
+use ostra_project::SegmenterId;
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
@@ -40,7 +41,7 @@ pub struct ViewState {
     /// What is being drawn and not yet sent.
     pub draft: Draft,
     /// Name of the segmenter to use.
-    pub segmenter: String,
+    pub segmenter: SegmenterId,
     /// First and last frame that changes of a label go over; none = the shown frame alone.
     pub range: Option<(usize, usize)>,
     /// The label and frame whose mask was copied.
@@ -218,7 +219,7 @@ impl ViewState {
             prefs,
             zoom: ZoomState::default(),
             draft: Draft::default(),
-            segmenter: "auto".into(),
+            segmenter: SegmenterId::Auto,
             range: None,
             copied: None,
             compare: false,

@@ -202,7 +202,7 @@ impl Window {
             self.act(command);
         }
         self.session
-            .prepare(self.shell.view.frame, &self.shell.view.segmenter);
+            .prepare(self.shell.view.frame, self.shell.view.segmenter);
         self.session.hover(self.shell.view.hover_wish.clone());
         self.session.select(&self.shell.view.scene_select.steps);
         if let Some(path) = self.shell.view.recipe_to.take() {

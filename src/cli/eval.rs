@@ -1,5 +1,6 @@
 //! Scores of results against ground truth.
 
+use ostra_project::{SegmenterId, TrackerId};
 use std::path::PathBuf;
 
 use anyhow::{Result, bail, ensure};
@@ -81,12 +82,12 @@ pub(super) struct InteractArgs {
     /// Folder of ground-truth masks.
     #[arg(long, value_name = "MASKS")]
     pub truth: PathBuf,
-    /// auto, xmem, deaot, geometry or flow.
-    #[arg(long, default_value = "auto", value_name = "NAME")]
-    pub tracker: String,
-    /// auto, sam, sam-close (looks closely around each prompt), geometry (solid things in frames with depth and cameras) or builtin.
-    #[arg(long, default_value = "auto", value_name = "NAME")]
-    pub segmenter: String,
+    /// Tracker; geometry needs depth and cameras.
+    #[arg(long, default_value = "auto", value_name = "NAME", value_parser = values::engine::<TrackerId>())]
+    pub tracker: TrackerId,
+    /// Segmenter; sam-close works at full resolution around each prompt, geometry needs depth and cameras.
+    #[arg(long, default_value = "auto", value_name = "NAME", value_parser = values::engine::<SegmenterId>())]
+    pub segmenter: SegmenterId,
     /// Standard deviation of the click position along each axis.
     #[arg(long, default_value = "0", value_name = "PX", value_parser = values::from_zero)]
     pub jitter: f64,

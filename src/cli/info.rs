@@ -64,7 +64,7 @@ fn as_json(project: &Project) -> Value {
         .iter()
         .map(|(kind, record)| {
             let value = json!({
-                "engine": record.engine, "frames": record.frames, "seconds": record.seconds, "stale": record.stale,
+                "engine": record.engine.name(), "frames": record.frames, "seconds": record.seconds, "stale": record.stale,
             });
             (result_name(*kind).to_owned(), value)
         })
@@ -120,7 +120,7 @@ fn as_text(project: &Project) -> String {
             text,
             "{}: {}, {} frames, {:.1} s{stale}",
             result_name(*kind),
-            record.engine,
+            record.engine.name(),
             record.frames,
             record.seconds
         );

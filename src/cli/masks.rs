@@ -1,5 +1,6 @@
 //! Commands on the masks of frames: prompts, traces, text prompts, clean-up, mask files.
 
+use ostra_project::{GrounderId, SegmenterId};
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
@@ -33,9 +34,9 @@ pub(super) struct PromptArgs {
     /// Boxes around the object.
     #[arg(long = "box", num_args = 1.., value_name = "X0,Y0,X1,Y1", value_parser = values::px_box)]
     pub boxes: Vec<[DVec2; 2]>,
-    /// auto, sam, sam-close (looks closely around each prompt), geometry (solid things in frames with depth and cameras) or builtin.
-    #[arg(long, default_value = "auto", value_name = "NAME")]
-    pub segmenter: String,
+    /// Segmenter; sam-close works at full resolution around each prompt, geometry needs depth and cameras.
+    #[arg(long, default_value = "auto", value_name = "NAME", value_parser = values::engine::<SegmenterId>())]
+    pub segmenter: SegmenterId,
 }
 
 #[derive(Debug, Args)]
@@ -98,12 +99,12 @@ pub(super) struct GroundArgs {
     /// Minimum confidence of a box.
     #[arg(long, default_value = "0.3", value_parser = values::share)]
     pub threshold: f32,
-    /// auto, grounding-dino or yolox.
-    #[arg(long, default_value = "auto", value_name = "NAME")]
-    pub grounder: String,
-    /// Makes masks of the boxes: auto, sam, sam-close (looks closely around each prompt), geometry (solid things in frames with depth and cameras) or builtin.
-    #[arg(long, default_value = "auto", value_name = "NAME")]
-    pub segmenter: String,
+    /// Grounder.
+    #[arg(long, default_value = "auto", value_name = "NAME", value_parser = values::engine::<GrounderId>())]
+    pub grounder: GrounderId,
+    /// Segmenter that makes masks of the boxes.
+    #[arg(long, default_value = "auto", value_name = "NAME", value_parser = values::engine::<SegmenterId>())]
+    pub segmenter: SegmenterId,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -152,7 +153,7 @@ pub(super) fn prompt(args: &PromptArgs) -> Result<()> {
             boxes,
             ..Prompt::default()
         },
-        segmenter: args.segmenter.clone(),
+        segmenter: args.segmenter,
     };
     driver.act_and_save([Command::Prompt(request)])
 }
@@ -166,7 +167,7 @@ pub(super) fn ground(args: &GroundArgs) -> Result<()> {
         frame,
         phrases,
         threshold,
-        grounder: args.grounder.clone(),
+        grounder: args.grounder,
     }))?;
     let found = driver.found();
     if found.is_empty() {
@@ -194,7 +195,7 @@ pub(super) fn ground(args: &GroundArgs) -> Result<()> {
     driver.act_and_save([Command::TakeFound(TakeRequest {
         frame,
         things,
-        segmenter: args.segmenter.clone(),
+        segmenter: args.segmenter,
     })])
 }
 

@@ -1,3 +1,4 @@
+use ostra_project::{DeviceId, FeatureId, MatcherId, RegistrationId, TrackerId};
 use std::path::PathBuf;
 
 use anyhow::Result;
@@ -46,9 +47,9 @@ pub(super) enum TrackDirection {
 pub(super) struct TrackArgs {
     /// Project folder.
     pub project: PathBuf,
-    /// auto, xmem, deaot, geometry or flow.
-    #[arg(long, default_value = "auto", value_name = "NAME")]
-    pub tracker: String,
+    /// Tracker; geometry needs depth and cameras.
+    #[arg(long, default_value = "auto", value_name = "NAME", value_parser = values::engine::<TrackerId>())]
+    pub tracker: TrackerId,
     /// First frame.
     #[arg(long, value_name = "K")]
     pub from: Option<usize>,
@@ -97,8 +98,8 @@ pub(super) struct ReconstructArgs {
     #[arg(long, default_value = "1", value_name = "N", value_parser = values::from_one)]
     pub every: usize,
     /// Device for stereo.
-    #[arg(long, default_value = "auto", value_parser = ["auto", "cpu", "gpu"])]
-    pub device: String,
+    #[arg(long, default_value = "auto", value_name = "NAME", value_parser = values::engine::<DeviceId>())]
+    pub device: DeviceId,
     /// Longest image side for depth maps; larger images are reduced.
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(64..=8192))]
     pub max_side: Option<u32>,
@@ -106,17 +107,17 @@ pub(super) struct ReconstructArgs {
     #[arg(long)]
     pub only_labelled: bool,
     /// Feature detector.
-    #[arg(long, default_value = "auto", value_parser = ["auto", "sift", "xfeat", "superpoint"])]
-    pub features: String,
+    #[arg(long, default_value = "auto", value_name = "NAME", value_parser = values::engine::<FeatureId>())]
+    pub features: FeatureId,
     /// Feature matcher.
-    #[arg(long, default_value = "auto", value_parser = ["auto", "nearest", "lighterglue", "superglue"])]
-    pub matcher: String,
+    #[arg(long, default_value = "auto", value_name = "NAME", value_parser = values::engine::<MatcherId>())]
+    pub matcher: MatcherId,
     /// Also match these two frames (repeatable).
     #[arg(long, value_name = "K,K", value_parser = values::frame_pair)]
     pub pair: Vec<[usize; 2]>,
     /// Registration of unconnected fragments of an RGB-D recording.
-    #[arg(long, default_value = "auto", value_parser = ["auto", "fgr", "ransac"])]
-    pub registration: String,
+    #[arg(long, default_value = "auto", value_name = "NAME", value_parser = values::engine::<RegistrationId>())]
+    pub registration: RegistrationId,
 }
 
 #[derive(Debug, Args)]
@@ -154,7 +155,7 @@ pub(super) fn label(args: LabelArgs) -> Result<()> {
     Driver::open(&args.project)?.act_and_save([command])
 }
 
-pub(super) fn track(args: TrackArgs) -> Result<()> {
+pub(super) fn track(args: &TrackArgs) -> Result<()> {
     let direction = match args.direction {
         TrackDirection::Both => Direction::Both,
         TrackDirection::Forward => Direction::Forward,

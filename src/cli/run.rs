@@ -1,3 +1,4 @@
+use ostra_project::SegmenterId;
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -72,7 +73,7 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
         Subcommand::Clean(args) => masks::clean(&args),
         Subcommand::Ground(args) => masks::ground(&args),
         Subcommand::Masks(args) => masks::masks(args),
-        Subcommand::Track(args) => project::track(args),
+        Subcommand::Track(args) => project::track(&args),
         Subcommand::Range(args) => range::range(&args),
         Subcommand::Suggest { project, frame } => suggest(&project, frame),
         Subcommand::Reconstruct(args) => project::reconstruct(args),
@@ -142,7 +143,7 @@ fn suggest(project: &Path, frame: Option<usize>) -> Result<()> {
     let mut driver = Driver::view(project)?;
     let propose = |frame| Command::Propose {
         frame,
-        segmenter: "auto".into(),
+        segmenter: SegmenterId::Auto,
     };
     driver.act(frame.map_or(Command::Suggest, propose))?;
     for found in driver.suggestions() {

@@ -1,9 +1,17 @@
 use std::str::FromStr;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use glam::DVec2;
 
 use ostra_cloud::measure::LengthUnit;
 use ostra_frames::cameras::IntrinsicsSource;
+use ostra_project::EngineName;
+
+/// Parses the name of an engine; help and errors list all names.
+pub(super) fn engine<I: EngineName>() -> impl TypedValueParser<Value = I> {
+    PossibleValuesParser::new(I::ALL.iter().map(|id| id.name()))
+        .try_map(|name| I::from_name(&name).ok_or("unknown engine"))
+}
 
 /// Parses `X,Y` in pixels.
 pub(super) fn point(text: &str) -> Result<DVec2, String> {

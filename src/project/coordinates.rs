@@ -1,3 +1,4 @@
+use crate::ResultEngine;
 use glam::DVec3;
 
 use crate::{Coordinates, Project, ResultKind, ResultRecord};
@@ -64,7 +65,7 @@ impl Project {
         self.results
             .get(&ResultKind::Cameras)
             .is_some_and(|record| {
-                record.engine == "sfm"
+                record.engine == ResultEngine::Sfm
                     || record.scaled.is_some()
                     || record.settings.contains("scaled by")
             })
@@ -73,7 +74,7 @@ impl Project {
 
 /// Whether a camera record of an older version, which holds no unit, has an arbitrary scale.
 fn is_free(record: &ResultRecord) -> bool {
-    record.engine == "sfm" && !record.settings.contains("scaled by")
+    record.engine == ResultEngine::Sfm && !record.settings.contains("scaled by")
 }
 
 /// What all lengths were multiplied by from one state of the frames to another; `None` where nothing was scaled, or

@@ -3,6 +3,7 @@
 mod apply;
 mod coordinates;
 mod edit;
+mod engine_ids;
 pub mod export_record;
 pub mod export_targets;
 mod history;
@@ -29,6 +30,10 @@ pub mod voted_cloud;
 
 pub use coordinates::scale_between;
 pub use edit::Edit;
+pub use engine_ids::{
+    DeviceId, EngineName, FeatureId, GrounderId, MatcherId, RegistrationId, SegmenterId, TrackerId,
+    UnknownEngine,
+};
 pub use history::{Change, History, Step};
 pub use label_choice::LabelChoice;
 pub use open_project::OpenProject;
@@ -38,4 +43,4 @@ pub use requests::{
     ExportRequest, FuseRequest, PromptRequest, RangeChange, RangeRequest, ReconstructMethod,
     ReconstructRequest, ScaleEnd, ScaleRequest,
 };
-pub use results::{Coordinates, ResultKind, ResultRecord};
+pub use results::{Coordinates, ResultEngine, ResultKind, ResultRecord};

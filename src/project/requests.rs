@@ -3,6 +3,7 @@ use std::path::PathBuf;
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
+use crate::{DeviceId, FeatureId, MatcherId, RegistrationId, SegmenterId};
 use ostra_cloud::measure::{GroundChoice, LengthUnit};
 use ostra_frames::cameras::ModelEncoding;
 use ostra_masks::{LabelId, Prompt};
@@ -29,17 +30,17 @@ pub struct ReconstructRequest {
     pub method: ReconstructMethod,
     /// Every n-th frame makes the reconstruction; the cameras of those between are placed in it.
     pub every: usize,
-    /// `auto`, `cpu` or `gpu`.
-    pub device: String,
-    /// `auto`, `sift`, `xfeat` or `superpoint`.
-    #[serde(default = "auto")]
-    pub features: String,
-    /// `auto`, `nearest`, `lighterglue` or `superglue`.
-    #[serde(default = "auto")]
-    pub matcher: String,
-    /// `auto`, `fgr` or `ransac`: how fragments of an RGB-D recording that nothing else ties together are joined.
-    #[serde(default = "auto")]
-    pub registration: String,
+    /// Where stereo runs.
+    pub device: DeviceId,
+    /// Feature detector.
+    #[serde(default)]
+    pub features: FeatureId,
+    /// Feature matcher.
+    #[serde(default)]
+    pub matcher: MatcherId,
+    /// Registration of fragments of an RGB-D recording that have no other link.
+    #[serde(default)]
+    pub registration: RegistrationId,
     /// Longer sides are worked on at this many pixels; none = as large as the engine takes.
     #[serde(default)]
     pub max_side: Option<u32>,
@@ -56,19 +57,15 @@ impl Default for ReconstructRequest {
         Self {
             method: ReconstructMethod::Auto,
             every: 1,
-            device: auto(),
-            features: auto(),
-            matcher: auto(),
-            registration: auto(),
+            device: DeviceId::Auto,
+            features: FeatureId::Auto,
+            matcher: MatcherId::Auto,
+            registration: RegistrationId::Auto,
             max_side: None,
             only_labelled: false,
             pairs: Vec::new(),
         }
     }
-}
-
-fn auto() -> String {
-    "auto".into()
 }
 
 /// A length that is known in the scene: a ruler, a marker, the distance of two points.
@@ -179,8 +176,8 @@ pub struct PromptRequest {
     pub label: LabelId,
     /// All that is given (sets, not adds).
     pub prompt: Prompt,
-    /// `auto`, `sam`, `sam-close` or `builtin`.
-    pub segmenter: String,
+    /// Segmenter that answers the prompt.
+    pub segmenter: SegmenterId,
 }
 
 /// A change of labels over a range of frames.

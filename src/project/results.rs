@@ -1,6 +1,6 @@
 use serde::{Deserialize, Serialize};
 
-use crate::FuseRequest;
+use crate::{EngineName, FuseRequest, TrackerId};
 use ostra_cloud::measure::LengthUnit;
 
 /// The results that a project can hold.
@@ -17,11 +17,84 @@ pub enum ResultKind {
     Cloud,
 }
 
+/// What made a result. Stored by name.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(into = "String", from = "String")]
+pub enum ResultEngine {
+    /// A sensor or files given by the user.
+    #[default]
+    Given,
+    /// Structure from motion.
+    Sfm,
+    /// Registration of RGB-D fragments.
+    Rgbd,
+    /// Multi-view stereo.
+    Stereo,
+    /// Fusion of depth maps.
+    Fuse,
+    /// A vote on the points of a given cloud.
+    Onto,
+    /// A tracker.
+    Tracker(TrackerId),
+    /// An engine that this version does not know; its name is kept.
+    Other(String),
+}
+
+impl ResultEngine {
+    /// The engines other than trackers, with their names in files.
+    const NAMED: [(Self, &'static str); 6] = [
+        (Self::Given, "given"),
+        (Self::Sfm, "sfm"),
+        (Self::Rgbd, "rgbd"),
+        (Self::Stereo, "stereo"),
+        (Self::Fuse, "fuse"),
+        (Self::Onto, "onto"),
+    ];
+
+    /// Returns the name in files and tables.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Tracker(tracker) => tracker.name(),
+            Self::Other(name) => name,
+            engine => Self::NAMED
+                .iter()
+                .find(|(known, _)| known == engine)
+                .map_or("", |&(_, name)| name),
+        }
+    }
+}
+
+impl From<&str> for ResultEngine {
+    fn from(name: &str) -> Self {
+        let named = Self::NAMED.into_iter().find(|&(_, known)| known == name);
+        named.map_or_else(
+            || {
+                TrackerId::from_name(name)
+                    .map_or_else(|| Self::Other(name.to_owned()), Self::Tracker)
+            },
+            |(engine, _)| engine,
+        )
+    }
+}
+
+impl From<String> for ResultEngine {
+    fn from(name: String) -> Self {
+        Self::from(name.as_str())
+    }
+}
+
+impl From<ResultEngine> for String {
+    fn from(engine: ResultEngine) -> Self {
+        engine.name().to_owned()
+    }
+}
+
 /// How a result was made (provenance), and whether it still fits what it was made from.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ResultRecord {
-    /// What made it, e.g. `geometry`, `given`, `fuse`.
-    pub engine: String,
+    /// What made it.
+    pub engine: ResultEngine,
     /// Number of frames that took part.
     pub frames: usize,
     /// Wall time it took.
@@ -92,6 +165,36 @@ impl Coordinates {
             scale: self.scale * factor,
             unit: LengthUnit::Metre,
             ..self
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn engines_of_results_keep_their_names_in_files() {
+        let names = [
+            "given",
+            "sfm",
+            "rgbd",
+            "stereo",
+            "fuse",
+            "onto",
+            "xmem",
+            "deaot",
+            "geometry",
+            "flow",
+            "of a later version",
+        ];
+        for name in names {
+            let json = format!("\"{name}\"");
+            let engine: ResultEngine = serde_json::from_str(&json).unwrap();
+            assert_eq!(engine.name(), name);
+            assert_eq!(serde_json::to_string(&engine).unwrap(), json);
+            let is_known = !matches!(engine, ResultEngine::Other(_));
+            assert_eq!(is_known, name != "of a later version");
         }
     }
 }

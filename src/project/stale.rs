@@ -1,3 +1,4 @@
+use crate::{ResultEngine, TrackerId};
 use std::sync::Arc;
 
 use crate::{Edit, FrameMask, Marks, MaskOrigin, Project, ResultKind};
@@ -32,7 +33,7 @@ impl Project {
         let everywhere = self
             .results
             .get(&ResultKind::Tracking)
-            .is_some_and(|record| record.engine == "geometry");
+            .is_some_and(|record| record.engine == ResultEngine::Tracker(TrackerId::Geometry));
         if everywhere {
             return self
                 .tracked(0, usize::MAX)
@@ -132,10 +133,12 @@ impl Project {
     fn after_geometry(&self) -> Vec<Edit> {
         let record = |kind| self.results.get(&kind);
         let mut edits = Vec::new();
-        if record(ResultKind::Tracking).is_some_and(|record| record.engine == "geometry") {
+        if record(ResultKind::Tracking)
+            .is_some_and(|record| record.engine == ResultEngine::Tracker(TrackerId::Geometry))
+        {
             edits.extend(self.stale_masks(self.tracked(0, usize::MAX).collect()));
         }
-        if record(ResultKind::Depths).is_some_and(|record| record.engine != "given") {
+        if record(ResultKind::Depths).is_some_and(|record| record.engine != ResultEngine::Given) {
             edits.extend(self.stale_result(ResultKind::Depths));
         }
         edits.extend(self.stale_result(ResultKind::Cloud));

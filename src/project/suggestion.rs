@@ -1,5 +1,6 @@
 //! Things that no label explains, offered to be labelled.
 
+use crate::SegmenterId;
 use std::sync::Arc;
 
 use glam::DVec2;
@@ -69,7 +70,7 @@ impl Suggestion {
 
     /// The prompt that gives it to a label.
     #[must_use]
-    pub fn prompt(&self, label: LabelId, segmenter: &str) -> PromptRequest {
+    pub fn prompt(&self, label: LabelId, segmenter: SegmenterId) -> PromptRequest {
         let clicks = vec![Click {
             at_px: self.at_px,
             include: true,
@@ -83,7 +84,7 @@ impl Suggestion {
             frame: self.frame,
             label,
             prompt,
-            segmenter: segmenter.to_owned(),
+            segmenter,
         }
     }
 

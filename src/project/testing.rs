@@ -2,6 +2,7 @@
 #![expect(missing_docs, reason = "short functions for tests")]
 #![expect(clippy::unwrap_used, reason = "a panic in a test is the report")]
 
+use crate::ResultEngine;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -68,7 +69,7 @@ pub fn tracked(ids: [u16; 3]) -> FrameMask {
 pub fn record(engine: &str) -> ResultRecord {
     let settings = "made for a test".into();
     ResultRecord {
-        engine: engine.into(),
+        engine: ResultEngine::from(engine),
         frames: 2,
         seconds: 0.1,
         stale: false,

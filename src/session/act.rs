@@ -64,7 +64,7 @@ impl Session {
             } => self.export_masks(dir, format, *overwrite).map(Some),
             Command::Track(settings) => self.track(settings).map(Some),
             Command::Suggest => self.suggest().map(Some),
-            Command::Propose { frame, segmenter } => self.propose(*frame, segmenter).map(Some),
+            Command::Propose { frame, segmenter } => self.propose(*frame, *segmenter).map(Some),
             Command::Reconstruct(request) => self.reconstruct(request).map(Some),
             Command::Scale(request) => self.scale(request).map(Some),
             Command::Fuse(request) => self.fuse(request).map(Some),

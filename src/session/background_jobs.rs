@@ -204,7 +204,7 @@ impl Session {
         };
         let Ok(project) = self.snapshot() else { return };
         let geometry = self.prompting.geometry_for(&project.frames, &self.store);
-        let Ok(segmenter) = engines::previewer(&request.segmenter, geometry) else {
+        let Ok(segmenter) = engines::previewer(request.segmenter, geometry) else {
             return;
         };
         let tools = PromptTools {

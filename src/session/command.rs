@@ -1,3 +1,4 @@
+use ostra_project::SegmenterId;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
@@ -120,8 +121,8 @@ pub enum Command {
     Propose {
         /// Frame number.
         frame: usize,
-        /// `auto` or `sam`.
-        segmenter: String,
+        /// Segmenter that can propose objects.
+        segmenter: SegmenterId,
     },
     /// Makes cameras and depths.
     Reconstruct(ReconstructRequest),

@@ -3,6 +3,7 @@
 use anyhow::{Result, bail};
 
 use crate::networks::{is_usable, sam_network, superglue_network};
+use ostra_project::{EngineName, FeatureId, GrounderId, MatcherId, SegmenterId, TrackerId};
 
 /// What an engine is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -17,18 +18,6 @@ pub enum EngineKind {
     Features,
     /// Matches keypoints of two images.
     Matcher,
-}
-
-impl EngineKind {
-    fn noun(self) -> &'static str {
-        match self {
-            Self::Segmenter => "segmenter",
-            Self::Grounder => "grounder",
-            Self::Tracker => "tracker",
-            Self::Features => "feature extractor",
-            Self::Matcher => "matcher",
-        }
-    }
 }
 
 /// An engine as lists show it.
@@ -47,43 +36,37 @@ pub struct Engine {
 /// A row of the table of engines.
 pub(crate) struct EngineSpec<I> {
     id: I,
-    /// Its name on the command line and in recipes.
-    name: &'static str,
     /// What it needs: of the frames where it is installed, to be used at all where it is not.
     needs: &'static str,
     is_installed: fn() -> bool,
 }
 
 /// The engines of one kind.
-pub(crate) trait EngineId: Copy + Eq + 'static {
+pub(crate) trait EngineId: EngineName {
     const KIND: EngineKind;
 
-    /// The rows of the table, `auto` first.
+    /// The rows of the table, one for each engine, `auto` first.
     const TABLE: &'static [EngineSpec<Self>];
 
-    /// The engine of this name.
+    /// Returns the engine itself where it can be used.
     ///
     /// # Errors
-    /// Names what it needs where it is not installed, and all engines where it does not exist.
-    fn installed(name: &str) -> Result<Self> {
-        match Self::TABLE.iter().find(|spec| spec.name == name) {
-            Some(spec) if (spec.is_installed)() => Ok(spec.id),
-            Some(spec) => bail!("'{name}' is not installed: it needs {}", spec.needs),
-            None => {
-                let names: Vec<&str> = Self::TABLE.iter().map(|spec| spec.name).collect();
-                let (what, names) = (Self::KIND.noun(), names.join(", "));
-                bail!("there is no {what} '{name}'; choose one of {names}")
+    /// States what it needs where it is not installed.
+    fn installed(self) -> Result<Self> {
+        match self.spec() {
+            Some(spec) if !(spec.is_installed)() => {
+                bail!(
+                    "'{}' is not installed: it needs {}",
+                    self.name(),
+                    spec.needs
+                )
             }
+            _ => Ok(self),
         }
     }
 
     fn spec(self) -> Option<&'static EngineSpec<Self>> {
         Self::TABLE.iter().find(|spec| spec.id == self)
-    }
-
-    /// Its name on the command line and in recipes.
-    fn name(self) -> &'static str {
-        self.spec().map_or("", |spec| spec.name)
     }
 
     fn is_installed(self) -> bool {
@@ -94,22 +77,16 @@ pub(crate) trait EngineId: Copy + Eq + 'static {
     fn list() -> impl Iterator<Item = Engine> {
         Self::TABLE.iter().map(|spec| Engine {
             kind: Self::KIND,
-            name: spec.name,
+            name: spec.id.name(),
             installed: (spec.is_installed)(),
             needs: spec.needs,
         })
     }
 }
 
-const fn spec<I>(
-    id: I,
-    name: &'static str,
-    needs: &'static str,
-    is_installed: fn() -> bool,
-) -> EngineSpec<I> {
+const fn spec<I>(id: I, needs: &'static str, is_installed: fn() -> bool) -> EngineSpec<I> {
     EngineSpec {
         id,
-        name,
         needs,
         is_installed,
     }
@@ -119,16 +96,6 @@ fn always() -> bool {
     true
 }
 
-/// A segmenter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum SegmenterId {
-    Auto,
-    Sam,
-    SamClose,
-    Geometry,
-    Builtin,
-}
-
 const SAM: &str = "the networks sam-vit-b, mobile-sam or efficient-sam and ONNX Runtime; add both with 'ostra models add'";
 
 impl EngineId for SegmenterId {
@@ -136,28 +103,18 @@ impl EngineId for SegmenterId {
     const TABLE: &'static [EngineSpec<Self>] = &[
         spec(
             Self::Auto,
-            "auto",
             "nothing; takes the best that is installed",
             always,
         ),
-        spec(Self::Sam, "sam", SAM, || sam_network().is_some()),
-        spec(Self::SamClose, "sam-close", SAM, || sam_network().is_some()),
+        spec(Self::Sam, SAM, || sam_network().is_some()),
+        spec(Self::SamClose, SAM, || sam_network().is_some()),
         spec(
             Self::Geometry,
-            "geometry",
             "depth and cameras of several frames; takes thin things by the picture alone",
             always,
         ),
-        spec(Self::Builtin, "builtin", "nothing", always),
+        spec(Self::Builtin, "nothing", always),
     ];
-}
-
-/// What finds things by text.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum GrounderId {
-    Auto,
-    GroundingDino,
-    Yolox,
 }
 
 const GROUNDER: &str =
@@ -169,27 +126,14 @@ const YOLOX: &str = "the network yolox and ONNX Runtime; add both with 'ostra mo
 impl EngineId for GrounderId {
     const KIND: EngineKind = EngineKind::Grounder;
     const TABLE: &'static [EngineSpec<Self>] = &[
-        spec(Self::Auto, "auto", GROUNDER, || {
+        spec(Self::Auto, GROUNDER, || {
             is_usable("grounding-dino") || is_usable("yolox")
         }),
-        spec(
-            Self::GroundingDino,
-            "grounding-dino",
-            GROUNDING_DINO,
-            || is_usable("grounding-dino"),
-        ),
-        spec(Self::Yolox, "yolox", YOLOX, || is_usable("yolox")),
+        spec(Self::GroundingDino, GROUNDING_DINO, || {
+            is_usable("grounding-dino")
+        }),
+        spec(Self::Yolox, YOLOX, || is_usable("yolox")),
     ];
-}
-
-/// A tracker.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum TrackerId {
-    Auto,
-    XMem,
-    Deaot,
-    Geometry,
-    Flow,
 }
 
 const NETWORKS: &str = "its networks and ONNX Runtime; add both with 'ostra models add'";
@@ -197,36 +141,16 @@ const NETWORKS: &str = "its networks and ONNX Runtime; add both with 'ostra mode
 impl EngineId for TrackerId {
     const KIND: EngineKind = EngineKind::Tracker;
     const TABLE: &'static [EngineSpec<Self>] = &[
-        spec(
-            Self::Auto,
-            "auto",
-            "what the tracker it takes needs",
-            always,
-        ),
-        spec(Self::XMem, "xmem", NETWORKS, || is_usable("xmem")),
-        spec(Self::Deaot, "deaot", NETWORKS, || is_usable("deaot")),
-        spec(
-            Self::Geometry,
-            "geometry",
-            "depth and cameras of the frames",
-            always,
-        ),
+        spec(Self::Auto, "what the tracker it takes needs", always),
+        spec(Self::XMem, NETWORKS, || is_usable("xmem")),
+        spec(Self::Deaot, NETWORKS, || is_usable("deaot")),
+        spec(Self::Geometry, "depth and cameras of the frames", always),
         spec(
             Self::Flow,
-            "flow",
             "nothing; remembers better by the network xfeat",
             always,
         ),
     ];
-}
-
-/// What finds keypoints.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum FeatureId {
-    Auto,
-    Sift,
-    XFeat,
-    SuperPoint,
 }
 
 const FEATURES: &str = "its network and ONNX Runtime; add both with 'ostra models add'";
@@ -234,27 +158,11 @@ const FEATURES: &str = "its network and ONNX Runtime; add both with 'ostra model
 impl EngineId for FeatureId {
     const KIND: EngineKind = EngineKind::Features;
     const TABLE: &'static [EngineSpec<Self>] = &[
-        spec(
-            Self::Auto,
-            "auto",
-            "nothing; takes sift, the most accurate",
-            always,
-        ),
-        spec(Self::Sift, "sift", "nothing", always),
-        spec(Self::XFeat, "xfeat", FEATURES, || is_usable("xfeat")),
-        spec(Self::SuperPoint, "superpoint", FEATURES, || {
-            is_usable("superpoint")
-        }),
+        spec(Self::Auto, "nothing; takes sift, the most accurate", always),
+        spec(Self::Sift, "nothing", always),
+        spec(Self::XFeat, FEATURES, || is_usable("xfeat")),
+        spec(Self::SuperPoint, FEATURES, || is_usable("superpoint")),
     ];
-}
-
-/// What matches keypoints.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum MatcherId {
-    Auto,
-    Nearest,
-    LighterGlue,
-    SuperGlue,
 }
 
 const LIGHTERGLUE: &str =
@@ -265,19 +173,10 @@ const SUPERGLUE: &str = "features of superpoint, the network superglue-outdoor o
 impl EngineId for MatcherId {
     const KIND: EngineKind = EngineKind::Matcher;
     const TABLE: &'static [EngineSpec<Self>] = &[
-        spec(
-            Self::Auto,
-            "auto",
-            "what the matcher it takes needs",
-            always,
-        ),
-        spec(Self::Nearest, "nearest", "nothing", always),
-        spec(Self::LighterGlue, "lighterglue", LIGHTERGLUE, || {
-            is_usable("lighterglue")
-        }),
-        spec(Self::SuperGlue, "superglue", SUPERGLUE, || {
-            superglue_network().is_some()
-        }),
+        spec(Self::Auto, "what the matcher it takes needs", always),
+        spec(Self::Nearest, "nothing", always),
+        spec(Self::LighterGlue, LIGHTERGLUE, || is_usable("lighterglue")),
+        spec(Self::SuperGlue, SUPERGLUE, || superglue_network().is_some()),
     ];
 }
 
@@ -297,19 +196,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_engine_is_found_by_its_name_and_others_are_refused_with_all_names() {
-        fn check<I: EngineId + std::fmt::Debug>() {
+    fn every_engine_has_one_row_and_says_what_it_needs_where_it_is_not_installed() {
+        fn check<I: EngineId>() {
+            let ids: Vec<I> = I::TABLE.iter().map(|row| row.id).collect();
+            assert_eq!(ids, I::ALL);
             for row in I::TABLE {
-                assert_eq!(row.id.name(), row.name);
                 if row.id.is_installed() {
-                    assert_eq!(I::installed(row.name).unwrap(), row.id);
+                    assert_eq!(row.id.installed().unwrap(), row.id);
                 } else {
-                    let error = I::installed(row.name).unwrap_err().to_string();
+                    let error = row.id.installed().unwrap_err().to_string();
                     assert!(error.contains(row.needs), "{error}");
                 }
             }
-            let error = I::installed("AUTO").unwrap_err().to_string();
-            assert!(error.contains("choose one of auto, "), "{error}");
         }
         check::<SegmenterId>();
         check::<GrounderId>();

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use anyhow::{Result, bail, ensure};
 
 use crate::TrackSettings;
-use crate::engine_table::{EngineId, FeatureId, GrounderId, MatcherId, SegmenterId, TrackerId};
+use crate::engine_table::EngineId;
 use crate::networks::{
     KeptSam, KeptTracker, KeptXFeat, TrackNetwork, grounding_dino, is_usable, sam_network,
     superglue_network, yolox,
@@ -14,7 +14,9 @@ use ostra_compute::nn::{Catalogue, Provider, models_folder};
 use ostra_frames::{Frame, FrameStore};
 use ostra_masks::graph_cut::BuiltinSegmenter;
 use ostra_masks::{Segmenter, TextGrounder, Tracker};
-use ostra_project::Project;
+use ostra_project::{
+    EngineName, FeatureId, GrounderId, MatcherId, Project, RegistrationId, SegmenterId, TrackerId,
+};
 use ostra_reconstruct::rgbd::register::GlobalRegistration;
 use ostra_reconstruct::sfm::matching::NearestMatcher;
 use ostra_reconstruct::sfm::onnx::{
@@ -29,10 +31,15 @@ use ostra_tracking::{
     supervoxels::GeometrySegmenter,
 };
 
-/// The segmenter of this name; `auto` is the best that is installed, `geometry` the one of the frames to be
-/// segmented.
-pub fn segmenter(name: &str, geometry: Arc<GeometrySegmenter>) -> Result<Arc<dyn Segmenter>> {
-    Ok(made(SegmenterId::installed(name)?, geometry))
+/// Creates a segmenter. `geometry` is the one for the frames to be segmented.
+///
+/// # Errors
+/// Where the segmenter is not installed.
+pub fn segmenter(
+    segmenter: SegmenterId,
+    geometry: Arc<GeometrySegmenter>,
+) -> Result<Arc<dyn Segmenter>> {
+    Ok(made(segmenter.installed()?, geometry))
 }
 
 fn made(segmenter: SegmenterId, geometry: Arc<GeometrySegmenter>) -> Arc<dyn Segmenter> {
@@ -59,23 +66,23 @@ pub fn geometry_segmenter(
     ))
 }
 
-/// The segmenter that shows what a click would give before it is made: the one of this name, but for one that works hard
-/// for each place anew.
+/// Creates the segmenter that previews clicks: the given one, but a faster one in place of one that encodes the image for
+/// every click.
 pub(crate) fn previewer(
-    name: &str,
+    segmenter: SegmenterId,
     geometry: Arc<GeometrySegmenter>,
 ) -> Result<Arc<dyn Segmenter>> {
-    let segmenter = match SegmenterId::installed(name)? {
+    let segmenter = match segmenter.installed()? {
         SegmenterId::SamClose => SegmenterId::Sam,
         segmenter => segmenter,
     };
     Ok(made(segmenter, geometry))
 }
 
-/// What finds things by words; its network is loaded, on this thread, where it was not needed before.
-pub(crate) fn grounder(name: &str) -> Result<Arc<dyn TextGrounder>> {
-    let grounder = match GrounderId::installed(name)? {
-        // The one that knows any words first.
+/// Creates a grounder. Its network is loaded on this thread when it is used for the first time.
+pub(crate) fn grounder(grounder: GrounderId) -> Result<Arc<dyn TextGrounder>> {
+    let grounder = match grounder.installed()? {
+        // First the one without a fixed vocabulary.
         GrounderId::Auto if GrounderId::GroundingDino.is_installed() => GrounderId::GroundingDino,
         GrounderId::Auto => GrounderId::Yolox,
         grounder => grounder,
@@ -86,17 +93,9 @@ pub(crate) fn grounder(name: &str) -> Result<Arc<dyn TextGrounder>> {
     })
 }
 
-/// Refuses a grounder that does not exist or is not installed.
-///
-/// # Errors
-/// Names what it needs, or all that exist.
-pub(crate) fn check_grounder(name: &str) -> Result<()> {
-    GrounderId::installed(name).map(drop)
-}
-
 /// The tracker that the settings name; `auto` is the best that is installed and that the frames allow.
 pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tracker>> {
-    let asked = TrackerId::installed(&settings.tracker)?;
+    let asked = settings.tracker.installed()?;
     let (frames, any) = (
         &project.frames,
         project.frames.iter().any(Frame::has_posed_depth),
@@ -126,7 +125,7 @@ pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tr
         "networks see pictures with 64 to 4096 pixels along the shorter side; choose another number"
     );
     ensure!(
-        seen.is_none() || matches!(tracker, TrackerId::XMem | TrackerId::Deaot),
+        seen.is_none() || tracker.has_image_size(),
         "only 'xmem' and 'deaot' see pictures in another size, not '{}'; name one of them, or choose no size",
         tracker.name()
     );
@@ -170,11 +169,13 @@ pub(crate) fn flow_tracker() -> FlowTracker {
     }
 }
 
-/// The feature extractor of this name; longer sides than `max_side` pixels are worked on at that size. `auto` is SIFT,
-/// the most accurate.
-pub(crate) fn extractor(name: &str, max_side: Option<u32>) -> Result<Box<dyn FeatureExtractor>> {
+/// Creates a feature extractor that works on images reduced to `max_side` pixels. `Auto` is SIFT, the most accurate.
+pub(crate) fn extractor(
+    features: FeatureId,
+    max_side: Option<u32>,
+) -> Result<Box<dyn FeatureExtractor>> {
     let side = |standard: usize| max_side.map_or(standard, |side| side as usize);
-    Ok(match FeatureId::installed(name)? {
+    Ok(match features.installed()? {
         FeatureId::XFeat => {
             let standard = XFeatOptions::default();
             let options = XFeatOptions {
@@ -203,10 +204,10 @@ pub(crate) fn extractor(name: &str, max_side: Option<u32>) -> Result<Box<dyn Fea
     })
 }
 
-/// The matcher of this name for features of an extractor; `auto` is the network made for them where it is installed.
-pub(crate) fn matcher(name: &str, features: &str) -> Result<Box<dyn FeatureMatcher>> {
-    let asked = MatcherId::installed(name)?;
-    let made_for = match FeatureId::installed(features)? {
+/// Creates a matcher for features of an extractor. `Auto` is the network trained for them where it is installed.
+pub(crate) fn matcher(matcher: MatcherId, features: FeatureId) -> Result<Box<dyn FeatureMatcher>> {
+    let asked = matcher.installed()?;
+    let made_for = match features.installed()? {
         FeatureId::XFeat => Some(MatcherId::LighterGlue),
         FeatureId::SuperPoint => Some(MatcherId::SuperGlue),
         FeatureId::Auto | FeatureId::Sift => None,
@@ -222,7 +223,7 @@ pub(crate) fn matcher(name: &str, features: &str) -> Result<Box<dyn FeatureMatch
             _ => FeatureId::XFeat,
         }
         .name();
-        bail!("'{name}' matches features of {theirs}; choose --features {theirs}");
+        bail!("'{matcher}' matches features of {theirs}; choose --features {theirs}");
     }
     Ok(match wanted {
         Some(MatcherId::LighterGlue) => Box::new(LighterGlue::load(
@@ -278,15 +279,12 @@ pub(crate) fn identity(engine: &str, settings: &str) -> String {
     )
 }
 
-/// How pieces of an RGB-D recording are joined, by name; `None` for `auto`.
-///
-/// # Errors
-/// Where there is no such way.
-pub fn registration(name: &str) -> Result<Option<GlobalRegistration>> {
-    Ok(match name {
-        "auto" => None,
-        "fgr" => Some(GlobalRegistration::Fgr),
-        "ransac" => Some(GlobalRegistration::Ransac),
-        _ => bail!("there is no registration '{name}'; there is: auto, fgr, ransac"),
-    })
+/// Returns the registration of fragments of an RGB-D recording; `None` tries one after the other.
+#[must_use]
+pub fn registration(registration: RegistrationId) -> Option<GlobalRegistration> {
+    match registration {
+        RegistrationId::Auto => None,
+        RegistrationId::Fgr => Some(GlobalRegistration::Fgr),
+        RegistrationId::Ransac => Some(GlobalRegistration::Ransac),
+    }
 }

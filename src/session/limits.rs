@@ -291,6 +291,7 @@ mod tests {
     use super::*;
     use crate::{CloudChange, CloudCorrection, PromptRequest, PullRequest, TraceRequest};
     use ostra_masks::{Click, LabelId, Prompt};
+    use ostra_project::SegmenterId;
     use ostra_project::testing::project;
 
     const FAR: [DVec2; 4] = [
@@ -308,7 +309,7 @@ mod tests {
                 frame,
                 label,
                 prompt,
-                segmenter: "builtin".into(),
+                segmenter: SegmenterId::Builtin,
             })
         };
         let paint = |snap| PaintRequest {

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use ostra_cloud::instances::InstanceOptions;
 use ostra_cloud::select::SelectStep;
 use ostra_masks::{Direction, LabelId, PxBox};
-use ostra_project::{MaskOrigin, Project};
+use ostra_project::{GrounderId, MaskOrigin, Project, SegmenterId, TrackerId};
 
 /// What to look for by words.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -21,9 +21,9 @@ pub struct GroundRequest {
     /// Least score of what is found, 0–1; chosen by the grounder when absent.
     #[serde(default)]
     pub threshold: Option<f32>,
-    /// Which grounder; `auto` = the best that is installed.
-    #[serde(default = "auto")]
-    pub grounder: String,
+    /// Grounder that searches.
+    #[serde(default)]
+    pub grounder: GrounderId,
 }
 
 /// Things that become labels, each an instance of its phrase's.
@@ -33,9 +33,9 @@ pub struct TakeRequest {
     pub frame: usize,
     /// What each is, and the box around it.
     pub things: Vec<(String, PxBox)>,
-    /// Which segmenter makes masks of the boxes; `auto` = the best that is installed.
-    #[serde(default = "auto")]
-    pub segmenter: String,
+    /// Segmenter that makes masks of the boxes.
+    #[serde(default)]
+    pub segmenter: SegmenterId,
 }
 
 /// A stroke on a frame's mask.
@@ -106,8 +106,8 @@ pub struct TidyRequest {
 /// How to track.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TrackSettings {
-    /// `auto`, `xmem`, `deaot`, `geometry` or `flow`.
-    pub tracker: String,
+    /// Tracker.
+    pub tracker: TrackerId,
     /// First frame; none = 0.
     #[serde(default)]
     pub from: Option<usize>,
@@ -139,7 +139,7 @@ impl Default for TrackSettings {
     /// All labels over all frames, both ways, with the best tracker that is installed.
     fn default() -> Self {
         Self {
-            tracker: "auto".into(),
+            tracker: TrackerId::Auto,
             from: None,
             to: None,
             direction: Direction::Both,
@@ -278,10 +278,6 @@ impl ModelRequest {
         let task = std::mem::discriminant::<ModelTask>;
         self.name == other.name && task(&self.task) == task(&other.task)
     }
-}
-
-fn auto() -> String {
-    "auto".into()
 }
 
 #[cfg(test)]

@@ -1,3 +1,4 @@
+use ostra_project::ResultEngine;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Instant;
@@ -72,7 +73,7 @@ impl TrackRun {
 
     pub(crate) fn record(&self) -> ResultRecord {
         ResultRecord {
-            engine: self.engine.to_owned(),
+            engine: ResultEngine::from(self.engine),
             frames: self.done.len(),
             seconds: self.begun.elapsed().as_secs_f64(),
             stale: false,

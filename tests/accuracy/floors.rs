@@ -1,5 +1,6 @@
 //! How good the whole job is: floors on the made scene and on a real shelf. They may only rise.
 
+use ostra_project::SegmenterId;
 use std::path::Path;
 use std::process::Command as Process;
 
@@ -312,7 +313,7 @@ fn click_twice(session: &mut Session, frame: usize, label: LabelId, truth: &Regi
                 frame,
                 label,
                 prompt,
-                segmenter: "geometry".into(),
+                segmenter: SegmenterId::Geometry,
             }),
         )
         .unwrap();

@@ -6,6 +6,7 @@
     reason = "these tests watch other processes and measure time"
 )]
 
+use ostra_project::TrackerId;
 use std::io::{BufRead, BufReader, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -130,7 +131,7 @@ fn opened(root: &Path) -> Session {
 
 fn track() -> Command {
     Command::Track(TrackSettings {
-        tracker: "flow".into(),
+        tracker: TrackerId::Flow,
         ..TrackSettings::default()
     })
 }

@@ -1,5 +1,6 @@
 //! The whole way through a session on real RGB-D frames: open, prompt, track, fuse, export, undo, open again.
 
+use ostra_project::{ResultEngine, SegmenterId};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -36,7 +37,7 @@ fn clicks(data: &Path) -> Vec<PromptRequest> {
                 frame,
                 label,
                 prompt,
-                segmenter: "auto".into(),
+                segmenter: SegmenterId::Auto,
             });
         }
     }
@@ -98,7 +99,10 @@ fn the_way_through_can_be_undone_repeated_and_opened_again() {
         "{:?}",
         end.results
     );
-    assert_eq!(end.results[&ResultKind::Cameras].engine, "given");
+    assert_eq!(
+        end.results[&ResultKind::Cameras].engine,
+        ResultEngine::Given
+    );
     let cloud = session.cloud().unwrap().clone();
     assert!(
         (1..=4).all(|id| cloud.labels.contains(&LabelId(id))),

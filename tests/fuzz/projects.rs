@@ -1,5 +1,6 @@
 //! Whole project folders with one damaged file, and recipes.
 
+use ostra_project::SegmenterId;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -271,7 +272,7 @@ fn recipes() {
             frame: 1,
             label: LabelId(1),
             prompt,
-            segmenter: "builtin".into(),
+            segmenter: SegmenterId::Builtin,
         }),
         Command::Trace(trace),
         Command::Tidy(TidyRequest {

@@ -1,5 +1,6 @@
 //! Panels around the picture.
 
+use ostra_project::TrackerId;
 use std::sync::Arc;
 
 use egui_kittest::kittest::{NodeT, Queryable};
@@ -164,7 +165,10 @@ fn engine_lists_say_what_is_installed() {
     );
     harness.get_by_label("geometry").click();
     harness.run_steps(2);
-    assert_eq!(harness.state().shell.view.track.tracker, "geometry");
+    assert_eq!(
+        harness.state().shell.view.track.tracker,
+        TrackerId::Geometry
+    );
 }
 
 #[test]
@@ -199,7 +203,7 @@ fn masks_are_constrained_by_geometry_where_there_is_any() {
     harness.get_all_by_label("Track").last().unwrap().click();
     harness.run_steps(2);
     assert!(matches!(&harness.state().asked[..], [Command::Track(settings)] if settings.constrain));
-    harness.state_mut().shell.view.track.tracker = "geometry".into();
+    harness.state_mut().shell.view.track.tracker = TrackerId::Geometry;
     harness.run_steps(2);
     assert!(harness.get_by_label(name).accesskit_node().is_disabled());
     assert!(
@@ -268,7 +272,7 @@ fn the_size_that_a_network_sees_can_be_chosen() {
         harness.query_by_label("custom").is_none(),
         "our own trackers see pictures as they are"
     );
-    harness.state_mut().shell.view.track.tracker = "xmem".into();
+    harness.state_mut().shell.view.track.tracker = TrackerId::XMem;
     harness.run_steps(2);
     assert!(
         harness
@@ -285,7 +289,7 @@ fn the_size_that_a_network_sees_can_be_chosen() {
         Some(480.0)
     );
     assert_eq!(harness.state().shell.view.track.short_side, Some(480));
-    harness.state_mut().shell.view.track.tracker = "flow".into();
+    harness.state_mut().shell.view.track.tracker = TrackerId::Flow;
     harness.run_steps(2);
     assert_eq!(harness.state().shell.view.track.short_side, None);
 }

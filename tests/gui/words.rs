@@ -3,6 +3,7 @@
 use egui_kittest::kittest::{NodeT, Queryable};
 use glam::DVec2;
 use ostra_masks::PxBox;
+use ostra_project::SegmenterId;
 use ostra_session::{Command, EngineKind, FoundThing, GroundRequest, Grounding, TakeRequest};
 
 use crate::desk::Desk;
@@ -47,7 +48,7 @@ fn what_words_found_is_taken_one_by_one_or_all_at_once() {
         frame: 0,
         phrases,
         threshold: Some(0.1),
-        grounder: "auto".into(),
+        grounder: ostra_project::GrounderId::Auto,
     };
     assert_eq!(harness.state().asked, [Command::Ground(ground)]);
 
@@ -83,7 +84,7 @@ fn what_words_found_is_taken_one_by_one_or_all_at_once() {
         Command::TakeFound(TakeRequest {
             frame: 0,
             things,
-            segmenter: "auto".into(),
+            segmenter: SegmenterId::Auto,
         })
     };
     let stem = ("stem".to_owned(), extent(20.0));

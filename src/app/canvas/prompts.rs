@@ -229,7 +229,7 @@ fn request_of(view: &ViewState, label: LabelId, prompt: Prompt) -> PromptRequest
         frame: view.frame,
         label,
         prompt,
-        segmenter: view.segmenter.clone(),
+        segmenter: view.segmenter,
     }
 }
 

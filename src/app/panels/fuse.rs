@@ -187,7 +187,7 @@ pub(crate) fn results_ui(ui: &mut Ui, look: &Look<'_>) {
                     record.frames, record.seconds, record.settings
                 );
                 ui.label(name).on_hover_text(&tip);
-                ui.weak(&record.engine).on_hover_text(tip);
+                ui.weak(record.engine.name()).on_hover_text(tip);
                 if record.stale {
                     let text = RichText::new("stale").color(ui.visuals().warn_fg_color);
                     ui.label(text).on_hover_text(

@@ -1,4 +1,5 @@
 use egui::{DragValue, TextEdit, Ui};
+use ostra_project::{DeviceId, RegistrationId};
 
 use super::jobs::{progress_text, run_button_ui};
 use super::track::engine_choice_ui;
@@ -29,10 +30,14 @@ const METHODS: [(ReconstructMethod, &str, &str); 4] = [
         "Compute cameras by structure from motion",
     ),
 ];
-const DEVICES: [(&str, &str, &str); 3] = [
-    ("auto", "Automatic", "Use the graphics card if there is one"),
-    ("cpu", "Processor", "Use all processor cores"),
-    ("gpu", "Graphics card", "The graphics card"),
+const DEVICES: [(DeviceId, &str, &str); 3] = [
+    (
+        DeviceId::Auto,
+        "Automatic",
+        "Use the graphics card if there is one",
+    ),
+    (DeviceId::Cpu, "Processor", "Use all processor cores"),
+    (DeviceId::Gpu, "Graphics card", "The graphics card"),
 ];
 
 /// Settings and button for cameras and depths.
@@ -122,19 +127,17 @@ fn method_ui(ui: &mut Ui, method: &mut ReconstructMethod) {
         });
 }
 
-fn device_ui(ui: &mut Ui, device: &mut String) {
+fn device_ui(ui: &mut Ui, device: &mut DeviceId) {
     let text = DEVICES
         .iter()
-        .find(|row| row.0 == device)
-        .map_or(device.as_str(), |row| row.1)
-        .to_owned();
+        .find(|row| row.0 == *device)
+        .map_or("", |row| row.1);
     egui::ComboBox::from_id_salt("device")
         .selected_text(text)
         .width(150.0)
         .show_ui(ui, |ui| {
             for (value, text, tip) in DEVICES {
-                ui.selectable_value(device, value.to_owned(), text)
-                    .on_hover_text(tip);
+                ui.selectable_value(device, value, text).on_hover_text(tip);
             }
         });
 }
@@ -170,32 +173,34 @@ fn finding_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
         .on_hover_text("Ignore unlabelled pixels, such as the still background of a turntable");
 }
 
-fn registration_ui(ui: &mut Ui, chosen: &mut String) {
-    const WAYS: [(&str, &str, &str); 3] = [
-        ("auto", "Automatic", "Try one method after the other"),
+fn registration_ui(ui: &mut Ui, chosen: &mut RegistrationId) {
+    const METHODS: [(RegistrationId, &str, &str); 3] = [
         (
-            "fgr",
+            RegistrationId::Auto,
+            "Automatic",
+            "Try one method after the other",
+        ),
+        (
+            RegistrationId::Fgr,
             "FGR",
             "Fast Global Registration: one robust fit to all matches",
         ),
         (
-            "ransac",
+            RegistrationId::Ransac,
             "RANSAC",
             "RANSAC: the best of many fits to a few matches",
         ),
     ];
-    let text = WAYS
+    let text = METHODS
         .iter()
         .find(|row| row.0 == *chosen)
-        .map_or(chosen.as_str(), |row| row.1)
-        .to_owned();
+        .map_or("", |row| row.1);
     egui::ComboBox::from_id_salt("registration")
         .selected_text(text)
         .width(150.0)
         .show_ui(ui, |ui| {
-            for (value, text, tip) in WAYS {
-                ui.selectable_value(chosen, value.to_owned(), text)
-                    .on_hover_text(tip);
+            for (value, text, tip) in METHODS {
+                ui.selectable_value(chosen, value, text).on_hover_text(tip);
             }
         });
 }

@@ -100,7 +100,7 @@ fn taken<'a>(view: &ViewState, things: impl IntoIterator<Item = &'a FoundThing>)
     Command::TakeFound(TakeRequest {
         frame: view.frame,
         things,
-        segmenter: view.segmenter.clone(),
+        segmenter: view.segmenter,
     })
 }
 
@@ -152,7 +152,7 @@ pub(crate) fn suggestions_ui(
             {
                 let id = look.project.labels.next_id();
                 add_label(look, view, out);
-                out.push(Command::Prompt(suggestion.prompt(id, &view.segmenter)));
+                out.push(Command::Prompt(suggestion.prompt(id, view.segmenter)));
                 view.go_to(suggestion.frame);
             }
         });

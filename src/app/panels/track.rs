@@ -6,7 +6,7 @@ use crate::tips::{action_button, field};
 use crate::{Action, Look, ViewState};
 use ostra_frames::Frame;
 use ostra_masks::Direction;
-use ostra_project::MaskOrigin;
+use ostra_project::{EngineName, MaskOrigin, TrackerId};
 use ostra_session::{Engine, EngineKind};
 
 /// Settings and button for carrying masks through the sequence.
@@ -24,7 +24,7 @@ pub(crate) fn track_ui(
         let last = look.project.frames.len().saturating_sub(1);
         field(ui, "From frame", "First frame to track", |ui| bound_ui(ui, &mut view.track.from, 0, last));
         field(ui, "To frame", "Last frame to track (included)", |ui| bound_ui(ui, &mut view.track.to, last, last));
-        if matches!(view.track.tracker.as_str(), "xmem" | "deaot") {
+        if view.track.tracker.has_image_size() {
             let tip = "Shorter image side for the network; larger values keep thinner structures and take longer";
             field(ui, "Network image size", tip, |ui| short_side_ui(ui, &mut view.track.short_side));
         } else {
@@ -67,7 +67,7 @@ pub(crate) fn track_ui(
 
 /// Whether the masks are held against geometry, where it can say anything that the tracker does not go by already.
 fn constrain_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
-    let hindrance = if view.track.tracker == "geometry" {
+    let hindrance = if view.track.tracker == TrackerId::Geometry {
         Some("The geometry tracker uses depth and cameras anyway")
     } else if look.project.frames.iter().any(Frame::has_posed_depth) {
         None
@@ -207,33 +207,35 @@ pub(crate) fn segmenter_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
 }
 
 /// A list of engines: those not installed are shown, with what they need, but cannot be chosen.
-pub(super) fn engine_choice_ui<'a>(
+pub(super) fn engine_choice_ui<'a, I: EngineName>(
     ui: &mut Ui,
     salt: &str,
     engines: impl Iterator<Item = &'a Engine>,
-    chosen: &mut String,
+    chosen: &mut I,
 ) {
-    let text = if chosen == "auto" {
+    let text = if *chosen == I::AUTO {
         "Automatic"
     } else {
-        chosen.as_str()
-    }
-    .to_owned();
+        chosen.name()
+    };
     egui::ComboBox::from_id_salt(salt)
         .selected_text(text)
         .width(150.0)
         .show_ui(ui, |ui| {
             for engine in engines {
-                if engine_row_ui(ui, engine, chosen == engine.name) {
-                    engine.name.clone_into(chosen);
+                let Some(id) = I::from_name(engine.name) else {
+                    continue;
+                };
+                if engine_row_ui(ui, engine, id, *chosen == id) {
+                    *chosen = id;
                 }
             }
         });
 }
 
-fn engine_row_ui(ui: &mut Ui, engine: &Engine, selected: bool) -> bool {
-    let text = match (engine.name, engine.installed) {
-        ("auto", _) => "Automatic".into(),
+fn engine_row_ui<I: EngineName>(ui: &mut Ui, engine: &Engine, id: I, selected: bool) -> bool {
+    let text = match (id.name(), engine.installed) {
+        _ if id == I::AUTO => "Automatic".into(),
         (name, true) => name.to_owned(),
         (name, false) => format!("{name} (not installed)"),
     };

@@ -1,3 +1,4 @@
+use ostra_project::{SegmenterId, TrackerId};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
@@ -202,7 +203,7 @@ impl SimulatedUser {
     /// Carries the masks through the sequence.
     pub(super) fn track(studio: &mut Studio<'_, '_>) -> Result<()> {
         studio.act(Command::Track(TrackSettings {
-            tracker: "geometry".into(),
+            tracker: TrackerId::Geometry,
             ..TrackSettings::default()
         }))
     }
@@ -252,7 +253,7 @@ impl SimulatedUser {
             frame,
             label,
             prompt,
-            segmenter: "builtin".into(),
+            segmenter: SegmenterId::Builtin,
         }))?;
         if self.ious(studio, frame)?.iter().sum::<f64>() >= before.iter().sum::<f64>() {
             return Ok(true);

@@ -1,3 +1,4 @@
+use crate::SegmenterId;
 use std::sync::Mutex;
 
 use glam::DVec2;
@@ -68,7 +69,7 @@ fn request(label: LabelId, clicks: &[(f64, f64, bool)]) -> PromptRequest {
             clicks: clicks.iter().map(click).collect(),
             ..Prompt::default()
         },
-        segmenter: "builtin".into(),
+        segmenter: SegmenterId::Builtin,
     }
 }
 

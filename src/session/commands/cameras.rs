@@ -79,8 +79,8 @@ impl CameraWork {
             "there is no frame {}; the project has {frames}",
             unknown.unwrap_or(&0)
         );
-        let extractor = extractor(&request.features, request.max_side)?;
-        let matcher = matcher(&request.matcher, extractor.name())?;
+        let extractor = extractor(request.features, request.max_side)?;
+        let matcher = matcher(request.matcher, request.features)?;
         let version = session.opened()?.next_version()?;
         let (root, store) = (
             session.opened()?.root().to_owned(),
@@ -172,7 +172,7 @@ impl CameraWork {
             extractor: self.extractor.as_ref(),
             matcher: self.matcher.as_ref(),
             options: RgbdOptions {
-                registration: registration(&self.request.registration)?,
+                registration: registration(self.request.registration),
                 ..RgbdOptions::default()
             },
         };

@@ -3,6 +3,7 @@
 use ostra_core::statistics::upper_median;
 use ostra_frames::cameras::SparsePoints;
 use ostra_frames::{Frame, FrameCamera};
+use ostra_project::ResultEngine;
 use ostra_project::{Edit, Project, ResultKind, ResultRecord};
 use ostra_reconstruct::rgbd::{Calibration, FrameLink, RgbdResult};
 use ostra_reconstruct::sfm::{Outcome, SfmResult, Start};
@@ -33,7 +34,7 @@ pub fn left_out(mut lines: Vec<String>, lacking: &str) -> Vec<String> {
 
 /// Cameras, whatever found them.
 pub struct Cameras {
-    pub(super) engine: &'static str,
+    pub(super) engine: ResultEngine,
     /// What was done and what came of it, in words.
     pub(super) settings: String,
     /// By frame number.
@@ -55,7 +56,7 @@ pub struct Cameras {
 
 impl From<SfmResult> for Cameras {
     fn from(result: SfmResult) -> Self {
-        let (engine, settings) = ("sfm", settings(&result));
+        let (engine, settings) = (ResultEngine::Sfm, settings(&result));
         let (is_anchored, is_metric) = (result.start == Start::Given, result.scale.is_some());
         let SfmResult {
             cameras,
@@ -105,7 +106,7 @@ impl From<(RgbdResult, Vec<Calibration>)> for Cameras {
             .iter()
             .for_each(|calibration| settings += &format!("; {calibration}"));
         Self {
-            engine: "rgbd",
+            engine: ResultEngine::Rgbd,
             settings,
             cameras,
             sparse: SparsePoints::default(),
@@ -187,7 +188,7 @@ pub(super) fn camera(
 
 pub fn record(result: &Cameras, took: Duration) -> ResultRecord {
     ResultRecord {
-        engine: result.engine.into(),
+        engine: result.engine.clone(),
         frames: result.cameras.len(),
         seconds: took.as_secs_f64(),
         stale: false,
@@ -256,7 +257,7 @@ pub(super) fn is_posed(frame: &Frame) -> bool {
 pub(super) fn given(kind: ResultKind, frames: usize, settings: &str) -> Edit {
     let settings = settings.to_owned();
     let record = ResultRecord {
-        engine: "given".into(),
+        engine: ResultEngine::Given,
         frames,
         seconds: 0.0,
         stale: false,

@@ -1,3 +1,4 @@
+use ostra_project::ResultEngine;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -80,9 +81,9 @@ impl Session {
             let summary = summary(&request, &fused, voxel);
             let record = ResultRecord {
                 engine: if request.onto.is_some() {
-                    "onto".into()
+                    ResultEngine::Onto
                 } else {
-                    "fuse".into()
+                    ResultEngine::Fuse
                 },
                 frames: fused.report.frames_voted,
                 seconds: begun.elapsed().as_secs_f64(),

@@ -4,6 +4,7 @@ use anyhow::{Result, ensure};
 
 use super::prompt::unread_depth;
 use crate::Event;
+use crate::engine_table::EngineId;
 use crate::{FoundThing, GroundRequest, Grounding, PromptRequest, Session, TakeRequest, engines};
 use crate::{JobCompletion, JobKind};
 use ostra_core::job::JobId;
@@ -21,11 +22,11 @@ impl Session {
             !request.phrases.is_empty(),
             "there is no word to look for; name what is to be found"
         );
-        engines::check_grounder(&request.grounder)?;
+        request.grounder.installed()?;
         let (store, request) = (Arc::clone(&self.store), request.clone());
         Ok(
             self.start("Look for words", JobKind::Short, move |context| {
-                let grounder = engines::grounder(&request.grounder)?;
+                let grounder = engines::grounder(request.grounder)?;
                 context.progress.stage("look")?;
                 let wish = ostra_masks::GroundRequest {
                     phrases: &request.phrases,
@@ -61,7 +62,7 @@ impl Session {
         let frame = project.frame(request.frame)?.clone();
         ensure!(!request.things.is_empty(), "nothing was named to be taken");
         let segmenter = engines::segmenter(
-            &request.segmenter,
+            request.segmenter,
             self.prompting.geometry_for(&project.frames, &self.store),
         )?;
         let (prepared, store, request) = (
@@ -92,7 +93,7 @@ impl Session {
                         frame: request.frame,
                         label,
                         prompt,
-                        segmenter: request.segmenter.clone(),
+                        segmenter: request.segmenter,
                     };
                     let meaning = PromptMeaning::new(&next, &of)?;
                     let region = meaning.segment(ready.as_ref(), &context.progress)?;

@@ -1,3 +1,4 @@
+use ostra_project::SegmenterId;
 use std::sync::Arc;
 
 use anyhow::Result;
@@ -28,11 +29,11 @@ impl Session {
                 .map(|()| None);
         }
         let segmenter = engines::segmenter(
-            &request.segmenter,
+            request.segmenter,
             self.prompting.geometry_for(&project.frames, &self.store),
         )?;
         self.supersede(request);
-        if request.segmenter == "auto"
+        if request.segmenter == SegmenterId::Auto
             && self.prompting.reported.replace(segmenter.name()) != Some(segmenter.name())
         {
             self.events
@@ -62,7 +63,7 @@ impl Session {
     }
 
     /// Makes a frame ready for prompts in the background, then its neighbours; the frame asked for last goes first.
-    pub fn prepare(&mut self, frame: usize, segmenter: &str) {
+    pub fn prepare(&mut self, frame: usize, segmenter: SegmenterId) {
         let Some(project) = self.project().map(Arc::clone) else {
             return;
         };

@@ -7,11 +7,12 @@ use crate::Event;
 use crate::{JobCompletion, JobKind};
 use crate::{Session, engines};
 use ostra_core::job::JobId;
+use ostra_project::SegmenterId;
 use ostra_project::suggestion::unexplained;
 
 impl Session {
     /// Offers what a segmenter takes for things on a frame, in the place of earlier suggestions; nothing changes.
-    pub(crate) fn propose(&mut self, frame: usize, segmenter: &str) -> Result<JobId> {
+    pub(crate) fn propose(&mut self, frame: usize, segmenter: SegmenterId) -> Result<JobId> {
         let project = self.snapshot()?;
         let of = project.frame(frame)?.clone();
         let segmenter = engines::previewer(

@@ -1,3 +1,4 @@
+use ostra_project::ResultEngine;
 use std::sync::Arc;
 
 use anyhow::{Result, ensure};
@@ -110,7 +111,7 @@ impl Session {
                 && let Some(before) = project
                     .results
                     .get(kind)
-                    .filter(|before| before.engine == "given")
+                    .filter(|before| before.engine == ResultEngine::Given)
             {
                 (record.coordinates, record.scaled) = (before.coordinates, before.scaled);
             }

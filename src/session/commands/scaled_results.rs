@@ -1,3 +1,4 @@
+use ostra_project::ResultEngine;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -314,7 +315,7 @@ impl ScaledResults {
             .filter(|frame| frame.posed_camera().is_some())
             .count();
         let given = || ResultRecord {
-            engine: "given".into(),
+            engine: ResultEngine::Given,
             frames: posed,
             ..ResultRecord::default()
         };

@@ -1,3 +1,4 @@
+use ostra_project::{DeviceId, FeatureId, MatcherId, ResultEngine};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
@@ -85,7 +86,7 @@ pub(super) fn make_depths(work: StereoWork, context: &JobContext<Session>) -> Re
         )
     };
     let mut of_device = Vec::new();
-    let (engine, outcomes) = on_device(&request.device, &mut of_device, estimate)?;
+    let (engine, outcomes) = on_device(request.device, &mut of_device, estimate)?;
     let mut warnings = views_without_depth(&project.frames, &outcomes);
     warnings.extend(of_device);
     account.outcomes = Some(outcomes);
@@ -95,7 +96,7 @@ pub(super) fn make_depths(work: StereoWork, context: &JobContext<Session>) -> Re
         .map(|frame| folder.is_complete(frame))
         .collect();
     let record = ResultRecord {
-        engine: "stereo".into(),
+        engine: ResultEngine::Stereo,
         frames: made.iter().filter(|&&made| made).count(),
         seconds: begun.elapsed().as_secs_f64(),
         stale: false,
@@ -149,7 +150,7 @@ impl Session {
 /// Does the work on the device that is asked for. Where `auto` took a graphics card that fails in the middle, what is left
 /// is done on the processor, and a warning says so.
 fn on_device(
-    device: &str,
+    device: DeviceId,
     warnings: &mut Vec<String>,
     estimate: impl Fn(&Engine) -> Result<BTreeMap<usize, ViewOutcome>>,
 ) -> Result<(Engine, BTreeMap<usize, ViewOutcome>)> {
@@ -158,7 +159,7 @@ fn on_device(
     let failure = outcomes
         .as_ref()
         .err()
-        .filter(|_| device == "auto")
+        .filter(|_| device == DeviceId::Auto)
         .and_then(card_failed);
     match failure {
         Some(why) => {
@@ -169,15 +170,15 @@ fn on_device(
     }
 }
 
-/// What PatchMatch runs on for a device's name.
+/// Returns what PatchMatch runs on.
 ///
 /// # Errors
 /// For `gpu` where nothing can stand for a graphics card.
-fn engine(device: &str, warnings: &mut Vec<String>) -> Result<Engine> {
+fn engine(device: DeviceId, warnings: &mut Vec<String>) -> Result<Engine> {
     match device {
-        "cpu" => Ok(Engine::Cpu),
-        "gpu" => Ok(Engine::on(Device::open(Software::Allowed)?.into())?),
-        _ => Ok(Device::open(Software::Refused)
+        DeviceId::Cpu => Ok(Engine::Cpu),
+        DeviceId::Gpu => Ok(Engine::on(Device::open(Software::Allowed)?.into())?),
+        DeviceId::Auto => Ok(Device::open(Software::Refused)
             .and_then(|device| Engine::on(device.into()))
             .unwrap_or_else(|error| {
                 if !matches!(error, GpuError::NoAdapter | GpuError::SoftwareOnly { .. }) {
@@ -318,7 +319,7 @@ fn sparse_points(
         return Ok(sparse);
     }
     let cache = FeatureCache::open(feature_cache_path(root));
-    let (sift, nearest) = (Sift::default(), matcher("auto", "sift")?);
+    let (sift, nearest) = (Sift::default(), matcher(MatcherId::Auto, FeatureId::Sift)?);
     let [of_sift, of_nearest] = [identity(sift.name(), ""), identity(nearest.name(), "")];
     let extractor = CachedExtractor {
         extractor: &sift,

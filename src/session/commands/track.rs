@@ -14,7 +14,7 @@ use ostra_core::job::JobId;
 use ostra_masks::TrackedFrame;
 use ostra_project::LabelChoice;
 use ostra_project::mask_edits::label_name;
-use ostra_project::{Edit, FrameMask, ResultKind};
+use ostra_project::{Edit, FrameMask, ResultKind, TrackerId};
 
 /// Tracked frames are gathered this long before they are saved together.
 const GATHERED: Duration = Duration::from_millis(300);
@@ -25,7 +25,7 @@ impl Session {
         let project = self.snapshot()?;
         let request = track_request(&project, &self.store, settings)?;
         let tracker = engines::tracker(settings, &project)?;
-        if settings.tracker == "auto" {
+        if settings.tracker == TrackerId::Auto {
             self.events
                 .push(Event::Notice(format!("tracker: {}", tracker.name())));
         }

@@ -13,7 +13,7 @@ use crate::{
 };
 use ostra_frames::{FrameFolder, OpenRequest};
 use ostra_masks::{Click, LabelId, LabelMask, Prompt};
-use ostra_project::MaskOrigin;
+use ostra_project::{MaskOrigin, SegmenterId};
 
 const PLANT: LabelId = LabelId(1);
 const LEAF: LabelId = LabelId(2);
@@ -68,7 +68,7 @@ fn click(label: LabelId, points: &[(f64, f64)]) -> Command {
         frame: 0,
         label,
         prompt,
-        segmenter: "builtin".into(),
+        segmenter: SegmenterId::Builtin,
     })
 }
 
@@ -163,7 +163,7 @@ fn frames_are_made_ready_past_a_neighbour_that_cannot_be_read() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
     std::fs::write(folder.path().join("pictures/1.png"), "").unwrap();
-    session.prepare(0, "builtin");
+    session.prepare(0, SegmenterId::Builtin);
     let events = session.settle(|_| ControlFlow::Continue(()));
     assert!(
         !events
@@ -304,15 +304,15 @@ fn masks_written_are_read_back_as_anchors() {
 }
 
 #[test]
-fn names_that_are_no_engine_and_engines_that_are_not_there() {
+fn unknown_engines_and_engines_that_are_not_installed_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = opened(folder.path());
-    let mut prompted = |segmenter: &str| {
+    let mut prompted = |segmenter: SegmenterId| {
         let Command::Prompt(request) = click(LEAF, &[(30.5, 20.5)]) else {
             unreachable!()
         };
         let request = PromptRequest {
-            segmenter: segmenter.into(),
+            segmenter,
             ..request
         };
         perform(&mut session, Command::Prompt(request))
@@ -320,13 +320,13 @@ fn names_that_are_no_engine_and_engines_that_are_not_there() {
             .to_string()
     };
     assert_eq!(
-        prompted("sum"),
+        "sum".parse::<SegmenterId>().unwrap_err().to_string(),
         "there is no segmenter 'sum'; choose one of auto, sam, sam-close, geometry, builtin"
     );
     assert!(
-        prompted("sam").starts_with("'sam' is not installed: it needs"),
+        prompted(SegmenterId::Sam).starts_with("'sam' is not installed: it needs"),
         "{}",
-        prompted("sam")
+        prompted(SegmenterId::Sam)
     );
 }
 

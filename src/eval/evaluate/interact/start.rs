@@ -1,3 +1,4 @@
+use ostra_project::{SegmenterId, TrackerId};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::channel;
@@ -19,9 +20,9 @@ pub struct InteractRequest {
     /// A folder of true masks.
     pub truth: PathBuf,
     /// Name of the tracker.
-    pub tracker: String,
+    pub tracker: TrackerId,
     /// Name of the segmenter.
-    pub segmenter: String,
+    pub segmenter: SegmenterId,
     /// How it works.
     pub options: InteractOptions,
 }
@@ -57,9 +58,9 @@ fn play(request: &InteractRequest, progress: &Progress) -> Result<(InteractRepor
         Arc::clone(&sequence.project().frames),
         Arc::clone(&sequence.store),
     );
-    let segmenter = engines::segmenter(&request.segmenter, geometry)?;
+    let segmenter = engines::segmenter(request.segmenter, geometry)?;
     let settings = TrackSettings {
-        tracker: request.tracker.clone(),
+        tracker: request.tracker,
         ..TrackSettings::default()
     };
     let tracker = engines::tracker(&settings, &sequence.project())?;

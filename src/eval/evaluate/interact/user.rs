@@ -1,3 +1,4 @@
+use ostra_project::{EngineName, SegmenterId};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -295,7 +296,7 @@ impl<'a> RobotUser<'a> {
             .cloned()
             .unwrap_or_default();
         prompt.clicks.push(click);
-        let segmenter = self.segmenter.name().to_owned();
+        let segmenter = SegmenterId::from_name(self.segmenter.name()).unwrap_or_default();
         let request = PromptRequest {
             frame,
             label,

@@ -1,0 +1,235 @@
+//! Names of the engines that a request can choose.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+/// An engine that requests, recipes and the command line choose by name.
+pub trait EngineName: Copy + Eq + fmt::Debug + Send + Sync + 'static {
+    /// What an engine of this kind is called in messages, such as "tracker".
+    const NOUN: &'static str;
+
+    /// The automatic choice.
+    const AUTO: Self;
+
+    /// All engines of this kind, the automatic choice first.
+    const ALL: &'static [Self];
+
+    /// Returns the name on the command line and in recipes.
+    fn name(self) -> &'static str;
+
+    /// Returns the engine with this name.
+    #[must_use]
+    fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.iter().copied().find(|id| id.name() == name)
+    }
+}
+
+/// There is no engine with this name.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("there is no {noun} '{name}'; choose one of {known}")]
+pub struct UnknownEngine {
+    noun: &'static str,
+    name: String,
+    known: String,
+}
+
+impl UnknownEngine {
+    fn new<I: EngineName>(name: &str) -> Self {
+        let known: Vec<&str> = I::ALL.iter().map(|id| id.name()).collect();
+        Self {
+            noun: I::NOUN,
+            name: name.to_owned(),
+            known: known.join(", "),
+        }
+    }
+}
+
+macro_rules! engine_ids {
+    ($(#[$doc:meta])* $id:ident, $noun:literal, { $($(#[$variant_doc:meta])* $variant:ident = $name:literal,)+ }) => {
+        $(#[$doc])*
+        #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+        #[serde(into = "&str", try_from = "String")]
+        pub enum $id {
+            /// The best engine that is installed and suits the frames.
+            #[default]
+            Auto,
+            $($(#[$variant_doc])* $variant,)+
+        }
+
+        impl EngineName for $id {
+            const NOUN: &'static str = $noun;
+            const AUTO: Self = Self::Auto;
+            const ALL: &'static [Self] = &[Self::Auto, $(Self::$variant),+];
+
+            fn name(self) -> &'static str {
+                match self {
+                    Self::Auto => "auto",
+                    $(Self::$variant => $name,)+
+                }
+            }
+        }
+
+        impl FromStr for $id {
+            type Err = UnknownEngine;
+
+            fn from_str(name: &str) -> Result<Self, UnknownEngine> {
+                Self::from_name(name).ok_or_else(|| UnknownEngine::new::<Self>(name))
+            }
+        }
+
+        impl TryFrom<String> for $id {
+            type Error = UnknownEngine;
+
+            fn try_from(name: String) -> Result<Self, UnknownEngine> {
+                name.parse()
+            }
+        }
+
+        impl From<$id> for &'static str {
+            fn from(id: $id) -> Self {
+                id.name()
+            }
+        }
+
+        impl fmt::Display for $id {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+    };
+}
+
+engine_ids! {
+    /// Turns prompts into masks.
+    SegmenterId, "segmenter", {
+        /// Segment Anything.
+        Sam = "sam",
+        /// Segment Anything on the surroundings of each prompt at full resolution.
+        SamClose = "sam-close",
+        /// Connected surfaces in frames with depth and cameras.
+        Geometry = "geometry",
+        /// The built-in segmenter.
+        Builtin = "builtin",
+    }
+}
+
+engine_ids! {
+    /// Finds objects by text.
+    GrounderId, "grounder", {
+        /// Grounding DINO.
+        GroundingDino = "grounding-dino",
+        /// YOLOX, with the 80 classes of COCO.
+        Yolox = "yolox",
+    }
+}
+
+engine_ids! {
+    /// Propagates masks through the sequence.
+    TrackerId, "tracker", {
+        /// XMem.
+        XMem = "xmem",
+        /// DeAOT.
+        Deaot = "deaot",
+        /// Re-projection through depth and cameras.
+        Geometry = "geometry",
+        /// Optical flow.
+        Flow = "flow",
+    }
+}
+
+engine_ids! {
+    /// Detects and describes keypoints.
+    FeatureId, "feature extractor", {
+        /// SIFT.
+        Sift = "sift",
+        /// XFeat.
+        XFeat = "xfeat",
+        /// SuperPoint.
+        SuperPoint = "superpoint",
+    }
+}
+
+engine_ids! {
+    /// Matches keypoints of two images.
+    MatcherId, "matcher", {
+        /// Nearest neighbours in descriptor space, with the ratio test.
+        Nearest = "nearest",
+        /// LighterGlue, for XFeat.
+        LighterGlue = "lighterglue",
+        /// SuperGlue, for SuperPoint.
+        SuperGlue = "superglue",
+    }
+}
+
+engine_ids! {
+    /// Registers fragments of an RGB-D recording that have no other link.
+    RegistrationId, "registration", {
+        /// Fast Global Registration.
+        Fgr = "fgr",
+        /// RANSAC.
+        Ransac = "ransac",
+    }
+}
+
+engine_ids! {
+    /// Where stereo runs.
+    DeviceId, "device", {
+        /// The processor.
+        Cpu = "cpu",
+        /// The graphics card.
+        Gpu = "gpu",
+    }
+}
+
+impl TrackerId {
+    /// Whether the tracker is a network that can be given an image size.
+    #[must_use]
+    pub fn has_image_size(self) -> bool {
+        matches!(self, Self::XMem | Self::Deaot)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check<I>(known: &[&str])
+    where
+        I: EngineName + FromStr<Err = UnknownEngine> + Default + Serialize + fmt::Display,
+        I: for<'de> Deserialize<'de>,
+    {
+        let names: Vec<&str> = I::ALL.iter().map(|id| id.name()).collect();
+        assert_eq!(names, known);
+        assert_eq!(I::default().name(), "auto");
+        for &id in I::ALL {
+            assert_eq!(id.name().parse::<I>(), Ok(id));
+            let json = serde_json::to_string(&id).unwrap();
+            assert_eq!(json, format!("\"{id}\""));
+            assert_eq!(serde_json::from_str::<I>(&json).unwrap(), id);
+        }
+        let error = serde_json::from_str::<I>("\"AUTO\"")
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains(&format!(
+                "there is no {} 'AUTO'; choose one of auto, ",
+                I::NOUN
+            )),
+            "{error}"
+        );
+    }
+
+    /// The names are stored in recipes and used in scripts: they must not change.
+    #[test]
+    fn names_are_the_same_in_recipes_and_on_the_command_line() {
+        check::<SegmenterId>(&["auto", "sam", "sam-close", "geometry", "builtin"]);
+        check::<GrounderId>(&["auto", "grounding-dino", "yolox"]);
+        check::<TrackerId>(&["auto", "xmem", "deaot", "geometry", "flow"]);
+        check::<FeatureId>(&["auto", "sift", "xfeat", "superpoint"]);
+        check::<MatcherId>(&["auto", "nearest", "lighterglue", "superglue"]);
+        check::<RegistrationId>(&["auto", "fgr", "ransac"]);
+        check::<DeviceId>(&["auto", "cpu", "gpu"]);
+    }
+}
