@@ -483,7 +483,7 @@ fn thin_structure_is_traced_through_the_clicked_points_when_enter_is_pressed() {
 fn one_point_of_a_thin_structure_waits_for_the_next() {
     // Steps of 20 ms: two clicks are fast enough for a double click.
     let mut harness = Desk::sample().shown_by(Harness::builder().with_step_dt(0.02));
-    harness.get_by_label("Thin").click();
+    harness.get_by_label("Stem & wire").click();
     harness.run_steps(2);
     let at = on_screen(&harness, 10.0, 10.0);
     click_at(&mut harness, at, PointerButton::Primary);
@@ -603,12 +603,12 @@ fn rows_of_the_tool_bar_lie_close_together_at_any_width() {
         harness.set_size(egui::vec2(width as f32, 900.0));
         harness.run_steps(3);
         let first = harness
-            .get_by_label("Thin")
+            .get_by_label("Stem & wire")
             .accesskit_node()
             .bounding_box()
             .unwrap();
         let picture = harness
-            .get_by_label("Picture 000.png")
+            .get_by_label("Image 000.png")
             .accesskit_node()
             .bounding_box()
             .unwrap();

@@ -159,10 +159,10 @@ fn networks_are_installed_added_and_checked() {
         harness.run_steps(3);
     }
     type_into(&mut harness, "Network files", "/downloads/sam");
-    harness.get_by_label("Take").click();
+    harness.get_by_label("Add files").click();
     harness.run_steps(6);
     assert!(
-        harness.query_by_label("Take").is_none(),
+        harness.query_by_label("Add files").is_none(),
         "the form is closed"
     );
     harness.get_by_label("Check xfeat").click();

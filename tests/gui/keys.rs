@@ -175,7 +175,7 @@ fn the_sheet_says_which_action_lost_its_keys() {
     press(&mut harness, Modifiers::NONE, Key::D);
     assert!(
         harness
-            .query_by_label("'Next frame to check' had these keys and has none now")
+            .query_by_label("'Next frame to check' had this shortcut and has none now")
             .is_some()
     );
     assert!(

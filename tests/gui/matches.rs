@@ -73,7 +73,7 @@ fn the_window_tells_why_a_frame_has_no_camera_and_goes_to_it() {
     harness.get_by_label_contains("2  002.png").click();
     harness.run_steps(3);
     assert_eq!(harness.state().shell.view.frame, 2);
-    harness.get_by_label("Nothing ties frame 2 to another frame.");
+    harness.get_by_label("Frame 2 has no match with another frame.");
 }
 
 #[test]
@@ -117,7 +117,7 @@ fn the_panel_hands_out_what_was_chosen() {
     assert_eq!(harness.state().asked, [], "no pair is left out in silence");
     assert!(
         harness
-            .query_all_by_label_contains("'1' is no pair of frames")
+            .query_all_by_label_contains("'1' is not a pair of frames")
             .count()
             >= 1
     );

@@ -29,7 +29,7 @@ fn empty_window_says_what_to_do_first() {
 fn filmstrip_says_the_state_of_every_frame_in_sight() {
     let mut harness = Desk::sample().shown();
     for name in [
-        "Frame 0, anchor",
+        "Frame 0, keyframe",
         "Frame 1, tracked",
         "Frame 2, stale",
         "Frame 3, no mask",
@@ -373,7 +373,7 @@ fn panes_are_shown_side_by_side_or_alone() {
         harness.state_mut().shell.view.prefs.panes = panes;
         harness.run_steps(2);
         assert_eq!(
-            harness.query_by_label("Picture 000.png").is_some(),
+            harness.query_by_label("Image 000.png").is_some(),
             picture,
             "{panes:?}"
         );

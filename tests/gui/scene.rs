@@ -154,7 +154,7 @@ fn who_looks_through_a_camera_follows_the_frames_until_the_view_is_moved() {
     harness.run_steps(2);
     assert_eq!(harness.state().shell.view.scene.through, Some(0));
     harness.get_by_label("Opacity of the image");
-    harness.get_by_label("Pictures").click();
+    harness.get_by_label("Images").click();
     press(&mut harness, Modifiers::NONE, Key::ArrowRight);
     harness.run_steps(2);
     assert_eq!(harness.state().shell.view.scene.through, Some(1));

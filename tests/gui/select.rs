@@ -188,7 +188,7 @@ fn modifiers_add_and_take_out_and_esc_goes_back_step_by_step() {
     let half = find(&mut harness).points.len();
     assert!(half > 0 && half < whole, "{half} of {whole}");
     assert_eq!(steps(&harness).len(), 2);
-    harness.get_by_label("Take back").click();
+    harness.get_by_label("Undo selection").click();
     harness.run_steps(2);
     assert_eq!(steps(&harness).len(), 1);
     drag(

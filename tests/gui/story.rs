@@ -102,7 +102,7 @@ fn a_click_makes_an_anchor_and_undo_takes_it_back() {
     let dir = tempfile::tempdir().unwrap();
     let mut harness = window();
     open(&mut harness, dir.path());
-    let pane = harness.get_by_label("Picture 0.png").rect();
+    let pane = harness.get_by_label("Image 0.png").rect();
     for pressed in [true, false] {
         let (pos, button) = (
             pane.center() - egui::vec2(3.0, 3.0),
@@ -118,7 +118,7 @@ fn a_click_makes_an_anchor_and_undo_takes_it_back() {
         harness.run_steps(1);
     }
     until(&mut harness, "frame 0 is an anchor", |harness| {
-        harness.query_by_label("Frame 0, anchor").is_some()
+        harness.query_by_label("Frame 0, keyframe").is_some()
     });
     let project = inner(&mut harness).session().project().unwrap().clone();
     let area = project.masks[&0]
@@ -241,7 +241,7 @@ fn another_take_gives_the_file_another_ending() {
     harness.run_steps(2);
     for (take, field, path) in [
         ("Turntable video", "Video file", "/out/plant.mp4"),
-        ("Picture", "Image file", "/out/plant.png"),
+        ("Image", "Image file", "/out/plant.png"),
         ("Turntable video", "Video file", "/out/plant.mp4"),
     ] {
         harness.get_by_label(take).click();
@@ -288,7 +288,7 @@ fn write_picture(harness: &mut Shown, field: &str, path: &Path) {
     harness.run_steps(2);
     harness.event(egui::Event::Text(path.display().to_string()));
     harness.run_steps(2);
-    harness.get_by_label("Write").click();
+    harness.get_by_label("Save").click();
     until(harness, "the file is written", |_| path.is_file());
 }
 

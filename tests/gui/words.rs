@@ -41,7 +41,7 @@ fn what_words_found_is_taken_one_by_one_or_all_at_once() {
         .get_by_label("Text to find")
         .type_text("leaf; stem ;");
     harness.run_steps(2);
-    harness.get_by_label("Look").click();
+    harness.get_by_label("Find").click();
     harness.run_steps(2);
     let phrases = vec!["leaf".to_owned(), "stem".to_owned()];
     let ground = GroundRequest {
@@ -73,12 +73,12 @@ fn what_words_found_is_taken_one_by_one_or_all_at_once() {
     });
     harness.run_steps(2);
     assert!(
-        harness.query_by_label("Take leaf 3").is_none(),
+        harness.query_by_label("Add leaf 3").is_none(),
         "not as sure as asked for"
     );
-    harness.get_by_label("Take stem 2").click();
+    harness.get_by_label("Add stem 2").click();
     harness.run_steps(2);
-    harness.get_by_label("Take all").click();
+    harness.get_by_label("Add all").click();
     harness.run_steps(2);
     let take = |things| {
         Command::TakeFound(TakeRequest {
@@ -92,11 +92,8 @@ fn what_words_found_is_taken_one_by_one_or_all_at_once() {
     assert_eq!(harness.state().asked[1..], [take(vec![stem]), take(all)]);
     harness.state_mut().shell.view.words.least = 0.1;
     harness.run_steps(2);
-    assert!(harness.query_by_label("Take leaf 3").is_some());
+    assert!(harness.query_by_label("Add leaf 3").is_some());
     harness.state_mut().shell.view.go_to(1);
     harness.run_steps(2);
-    assert!(
-        harness.query_by_label("Take all").is_none(),
-        "another frame"
-    );
+    assert!(harness.query_by_label("Add all").is_none(), "another frame");
 }

@@ -95,7 +95,7 @@ impl NewProjectForm {
     pub fn request(&self, needs_root: bool) -> Result<NewProject, String> {
         let sources: Vec<_> = self.sources.iter().filter_map(SourceForm::source).collect();
         if sources.is_empty() {
-            return Err("Choose a folder of pictures or a film".into());
+            return Err("Choose a folder of images or a video".into());
         }
         let root = typed_path(&self.root).or_else(|| self.suggested_root());
         let root = if needs_root {

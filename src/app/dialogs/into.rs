@@ -22,7 +22,7 @@ pub(crate) fn into_ui(
     let (from, to) = wish.range;
     let (verb, get) = match wish.piece {
         None => ("Merge", "all of it"),
-        Some(_) => ("Split", "the piece under the pointer"),
+        Some(_) => ("Split", "the part under the pointer"),
     };
     let frames = if from == to {
         format!("frame {from}")

@@ -186,7 +186,7 @@ fn adding_ui(ui: &mut Ui, view: &mut ViewState, row: &Row, out: &mut Vec<Command
         );
         let path = typed_path(&form.path);
         let add = ui
-            .add_enabled(path.is_some(), Button::new("Add"))
+            .add_enabled(path.is_some(), Button::new("Add files"))
             .on_hover_text("Check the files and copy them");
         if let Some(path) = path.filter(|_| add.clicked()) {
             let task = ModelTask::Add(vec![path]);

@@ -237,7 +237,7 @@ impl FrameState {
         match self {
             Self::None => "no mask",
             Self::Tracked => "tracked",
-            Self::Anchor => "anchor",
+            Self::Anchor => "keyframe",
             Self::Stale => "stale",
         }
     }

@@ -194,13 +194,13 @@ fn tip_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, frame: usize) {
     };
     match look.project.masks.get(&frame) {
         None => drop(ui.weak("no mask")),
-        Some(mask) if mask.origin == MaskOrigin::Anchor => drop(ui.label("anchor")),
+        Some(mask) if mask.origin == MaskOrigin::Anchor => drop(ui.label("keyframe")),
         Some(mask) => {
             if mask.stale {
                 ui.colored_label(ui.visuals().warn_fg_color, "stale");
             }
             for (&label, sure) in &mask.confidence {
-                ui.label(format!("{}: {:.0} % sure", name(label), sure * 100.0));
+                ui.label(format!("{}: {:.0} % confidence", name(label), sure * 100.0));
             }
             for label in lost_on(look.project, view, frame) {
                 ui.colored_label(ui.visuals().warn_fg_color, format!("{}: lost", name(label)));

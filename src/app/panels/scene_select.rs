@@ -139,7 +139,10 @@ fn count_ui(ui: &mut Ui, look: &Look<'_>, select: &mut SceneSelect) {
         },
     };
     ui.label(text);
-    let back = ui.add_enabled(!select.steps.is_empty(), egui::Button::new("Undo"));
+    let back = ui.add_enabled(
+        !select.steps.is_empty(),
+        egui::Button::new("Undo selection"),
+    );
     if back
         .on_hover_text("Undo the last change of the selection")
         .clicked()

@@ -292,7 +292,7 @@ fn tip_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, label: &Label, frame: 
     let on = view.presence.on_frame(frame).contains(&label.id);
     let sure = mask.and_then(|mask| mask.confidence.get(&label.id));
     match (on, mask.map(|mask| mask.origin), sure) {
-        (true, Some(MaskOrigin::Anchor), _) => ui.label("anchor"),
+        (true, Some(MaskOrigin::Anchor), _) => ui.label("keyframe"),
         (true, _, Some(sure)) => ui.label(format!("tracked, {:.0} % confidence", sure * 100.0)),
         (true, _, None) => ui.label("tracked"),
         (false, ..) => ui.weak("not on this frame"),

@@ -55,8 +55,8 @@ pub(crate) fn track_ui(
         }
         let text = match anchors {
             0 => "Click an object first".into(),
-            1 => "1 anchor".into(),
-            n => format!("{n} anchors"),
+            1 => "1 keyframe".into(),
+            n => format!("{n} keyframes"),
         };
         ui.weak(text).on_hover_text(
             "Keyframes are frames that you clicked, painted or confirmed; tracking does not overwrite them",
@@ -75,8 +75,8 @@ fn constrain_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
         Some("Needs frames with depth and cameras: add them, or use Reconstruct first")
     };
     view.track.constrain &= hindrance.is_none();
-    let tip = "Holds the masks against the anchors' masks carried through depth and cameras: where they contradict, \
-               geometry counts, and an object that was swapped, drifted or was lost is tracked anew from there";
+    let tip = "Compare the masks with keyframes re-projected through depth and cameras: where they disagree, geometry wins, and \
+               an object that was swapped, drifted or lost is tracked again from there";
     let checkbox = Checkbox::new(&mut view.track.constrain, "Check by geometry");
     let response = ui
         .add_enabled(hindrance.is_none(), checkbox)
@@ -102,7 +102,7 @@ fn pause_ui(ui: &mut Ui, pause_below: &mut Option<f32>) {
             .range(1.0..=99.0)
             .speed(0.3)
             .max_decimals(0)
-            .suffix(" % sure");
+            .suffix(" %");
         let drag = ui
             .add_enabled(on, drag)
             .on_hover_text(tip)
@@ -123,7 +123,7 @@ fn check_ui(ui: &mut Ui, doubt_below: &mut f32) {
             .range(0.0..=100.0)
             .speed(0.3)
             .max_decimals(0)
-            .suffix(" % sure");
+            .suffix(" %");
         if ui
             .add(drag)
             .on_hover_text(tip)
