@@ -50,11 +50,11 @@ fn work_ui(ui: &mut Ui, look: &Look<'_>) {
         "interactions"
     };
     let tip = format!(
-        "Clicks, boxes, strokes and corrections since the project was opened, those undone too; \
-         the estimate is the mean of the tracker's own confidence over labels on {} frames with masks (an anchor counts as right)",
+        "Clicks, boxes, strokes and corrections since the project was opened, including undone ones. The accuracy is \
+         the mean of the tracker's confidence over labels on {} frames with masks; a keyframe counts as right",
         estimate.frames
     );
-    ui.label(format!("{count} {noun}, about {percent:.0} % right"))
+    ui.label(format!("{count} {noun}, est. accuracy {percent:.0} %"))
         .on_hover_text(tip);
     ui.separator();
 }
