@@ -3,7 +3,6 @@
 mod action;
 mod canvas;
 mod dialogs;
-mod look;
 mod menu;
 mod notices;
 mod panel_state;
@@ -13,6 +12,7 @@ mod pointer;
 mod prefs;
 mod ranges;
 mod scene_look;
+mod session_view;
 mod shell;
 mod shortcuts;
 mod textures;
@@ -23,11 +23,11 @@ mod window;
 
 pub use action::{Action, MenuName};
 pub use canvas::{CanvasMap, Draft, Tool};
-pub use look::{Drawn, Layers, Look, layers_of};
 pub use notices::{Notice, Notices, Severity};
 pub use panels::{Asked, SceneSelect, SelectShape};
 pub use prefs::{Panes, Prefs};
 pub use scene_look::{ClipSides, SceneLook, ScenePrefs, Slice};
+pub use session_view::{Drawn, Layers, SessionView, layers_of};
 pub use shell::Shell;
 pub use shortcuts::Shortcuts;
 pub use theme::set_theme;

@@ -4,113 +4,118 @@ use ostra_project::{EngineName, SegmenterId};
 use super::panels::has_chosen;
 use super::ranges::{is_range_change, range_request, split_at};
 use super::tips::action_button;
-use super::{Action, Look, MenuName, ViewState};
+use super::{Action, MenuName, SessionView, ViewState};
 use ostra_session::{Command, EngineKind};
 
 /// The menu bar, made from the list of actions, with undo and redo at its end.
 pub(super) fn menu_bar_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &ViewState,
     out: &mut Vec<Command>,
     wishes: &mut Vec<Action>,
 ) {
     MenuBar::new().ui(ui, |ui| {
         for menu in MenuName::ALL {
-            ui.menu_button(menu.text(), |ui| menu_ui(ui, menu, look, view, out, wishes));
+            ui.menu_button(menu.text(), |ui| {
+                menu_ui(ui, menu, session, view, out, wishes)
+            });
         }
         ui.separator();
-        undo_redo_ui(ui, look, view, wishes);
+        undo_redo_ui(ui, session, view, wishes);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if theme_button_ui(ui, view).clicked() {
                 wishes.push(Action::ToggleTheme);
             }
-            ui.weak(title(look));
+            ui.weak(title(session));
         });
     });
 }
 
 /// The name of what is open.
-pub(super) fn title(look: &Look<'_>) -> String {
-    let open = look
+pub(super) fn title(session: &SessionView<'_>) -> String {
+    let open = session
         .root
-        .or(look.inspected)
+        .or(session.inspected)
         .and_then(|path| path.file_name());
     open.map(|name| name.to_string_lossy().into_owned())
         .unwrap_or_default()
 }
 
 /// Whether an action can be done now.
-pub(super) fn is_possible(action: Action, look: &Look<'_>, view: &ViewState) -> bool {
+pub(super) fn is_possible(action: Action, session: &SessionView<'_>, view: &ViewState) -> bool {
     use Action as A;
     match action {
-        A::AddFrames | A::ImportMasks | A::SaveRecipe => look.root.is_some(),
-        A::Relocate => look.has_frames(),
-        A::Close => look.root.is_some() || look.inspected.is_some(),
-        A::SavePicture => look.points().is_some(),
-        A::Export => look.root.is_some() || look.cloud.is_some(),
-        A::Stop => !look.jobs.is_empty(),
-        A::Undo => look.undo.is_some(),
-        A::Redo => look.redo.is_some(),
-        A::AddLabel => look.root.is_some(),
+        A::AddFrames | A::ImportMasks | A::SaveRecipe => session.root.is_some(),
+        A::Relocate => session.has_frames(),
+        A::Close => session.root.is_some() || session.inspected.is_some(),
+        A::SavePicture => session.points().is_some(),
+        A::Export => session.root.is_some() || session.cloud.is_some(),
+        A::Stop => !session.jobs.is_empty(),
+        A::Undo => session.undo.is_some(),
+        A::Redo => session.redo.is_some(),
+        A::AddLabel => session.root.is_some(),
         A::FillHoles | A::RemoveIslands => {
-            view.label.is_some() && look.project.masks.contains_key(&view.frame)
+            view.label.is_some() && session.project.masks.contains_key(&view.frame)
         }
-        A::MakeAnchor | A::ClearFrame => look.project.masks.contains_key(&view.frame),
-        A::AcceptVote => look.doubts.contains_key(&view.frame),
-        A::AcceptLabelVote => view.label.is_some() && look.doubts.contains_key(&view.frame),
-        A::FindInScene => view.pointer_px.is_some() && look.cloud.is_some() && look.votes.is_some(),
-        A::NextWorst => look.doubts.values().any(|doubt| doubt.against > 0),
-        A::ToggleMeasures => look.cloud.is_some() || view.measures.open,
+        A::MakeAnchor | A::ClearFrame => session.project.masks.contains_key(&view.frame),
+        A::AcceptVote => session.doubts.contains_key(&view.frame),
+        A::AcceptLabelVote => view.label.is_some() && session.doubts.contains_key(&view.frame),
+        A::FindInScene => {
+            view.pointer_px.is_some() && session.cloud.is_some() && session.votes.is_some()
+        }
+        A::NextWorst => session.doubts.values().any(|doubt| doubt.against > 0),
+        A::ToggleMeasures => session.cloud.is_some() || view.measures.open,
         A::IncludeHere | A::ExcludeHere => view.pointer_px.is_some(),
-        A::ClearLabelHere => view.label.is_some() && look.has_frames(),
-        A::RangeFrom | A::RangeTo => look.has_frames(),
+        A::ClearLabelHere => view.label.is_some() && session.has_frames(),
+        A::RangeFrom | A::RangeTo => session.has_frames(),
         A::DropRange => view.range.is_some(),
-        A::MergeRange => view.label.is_some() && look.project.labels.iter().nth(1).is_some(),
+        A::MergeRange => view.label.is_some() && session.project.labels.iter().nth(1).is_some(),
         A::SplitRange => {
-            split_at(look, view).is_some() && look.project.labels.iter().nth(1).is_some()
+            split_at(session, view).is_some() && session.project.labels.iter().nth(1).is_some()
         }
         A::CopyMask => view
             .label
             .is_some_and(|label| view.presence.on_frame(view.frame).contains(&label)),
-        A::ChoosePoints | A::AdoptPieces => look.votes.is_some(),
-        A::AssignChosen => has_chosen(look, view) && view.label.is_some(),
-        A::ClearChosen => has_chosen(look, view),
-        A::CompareBefore | A::ToggleTimeline | A::ToggleMatches => look.has_frames(),
-        _ if is_range_change(action) => range_request(action, look, view).is_some(),
+        A::ChoosePoints | A::AdoptPieces => session.votes.is_some(),
+        A::AssignChosen => has_chosen(session, view) && view.label.is_some(),
+        A::ClearChosen => has_chosen(session, view),
+        A::CompareBefore | A::ToggleTimeline | A::ToggleMatches => session.has_frames(),
+        _ if is_range_change(action) => range_request(action, session, view).is_some(),
         A::Track | A::TrackForward | A::TrackBackward | A::Suggest => {
-            !look.project.masks.is_empty()
+            !session.project.masks.is_empty()
         }
-        A::Propose => look.has_frames() && is_sam_installed(look),
-        A::Retrack => view.retracking(look).is_some(),
-        A::Fuse | A::LookThrough => look
+        A::Propose => session.has_frames() && is_sam_installed(session),
+        A::Retrack => view.retracking(session).is_some(),
+        A::Fuse | A::LookThrough => session
             .project
             .frames
             .iter()
             .any(|frame| frame.posed_camera().is_some()),
         A::SetScale => view.ruler.command().is_some(),
-        A::Reconstruct | A::Fit | A::ActualSize | A::NextDoubtful => look.has_frames(),
+        A::Reconstruct | A::Fit | A::ActualSize | A::NextDoubtful => session.has_frames(),
         A::PreviousFrame
         | A::NextFrame
         | A::Back10
         | A::Forward10
         | A::FirstFrame
-        | A::LastFrame => look.has_frames(),
+        | A::LastFrame => session.has_frames(),
         _ => true,
     }
 }
 
 /// Whether Segment Anything can be used.
-fn is_sam_installed(look: &Look<'_>) -> bool {
-    look.engines_of(EngineKind::Segmenter)
+fn is_sam_installed(session: &SessionView<'_>) -> bool {
+    session
+        .engines_of(EngineKind::Segmenter)
         .any(|engine| engine.name == SegmenterId::Sam.name() && engine.installed)
 }
 
 /// The text of an action now: undo and redo name the step.
-pub(super) fn text_now(action: Action, look: &Look<'_>) -> String {
+pub(super) fn text_now(action: Action, session: &SessionView<'_>) -> String {
     let step = match action {
-        Action::Undo => look.undo,
-        Action::Redo => look.redo,
+        Action::Undo => session.undo,
+        Action::Redo => session.redo,
         _ => None,
     };
     step.map_or_else(|| action.text(), |step| format!("{} {step}", action.text()))
@@ -119,7 +124,7 @@ pub(super) fn text_now(action: Action, look: &Look<'_>) -> String {
 fn menu_ui(
     ui: &mut Ui,
     menu: MenuName,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &ViewState,
     out: &mut Vec<Command>,
     wishes: &mut Vec<Action>,
@@ -130,24 +135,24 @@ fn menu_ui(
             ui.separator();
         }
         let keys = view.prefs.shortcuts.text(ui.ctx(), action);
-        let button = Button::new(text_now(action, look)).shortcut_text(keys);
+        let button = Button::new(text_now(action, session)).shortcut_text(keys);
         if ui
-            .add_enabled(is_possible(action, look, view), button)
+            .add_enabled(is_possible(action, session, view), button)
             .on_hover_text(action.tip())
             .clicked()
         {
             wishes.push(action);
         }
         if action == Action::Open {
-            recent_ui(ui, look, out);
+            recent_ui(ui, session, out);
         }
     }
 }
 
-fn recent_ui(ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>) {
-    ui.add_enabled_ui(!look.recent.is_empty(), |ui| {
+fn recent_ui(ui: &mut Ui, session: &SessionView<'_>, out: &mut Vec<Command>) {
+    ui.add_enabled_ui(!session.recent.is_empty(), |ui| {
         ui.menu_button("Open recent", |ui| {
-            for path in look.recent.iter().take(10) {
+            for path in session.recent.iter().take(10) {
                 if ui
                     .button(path.display().to_string())
                     .on_hover_text("Open this project")
@@ -179,17 +184,22 @@ fn theme_button_ui(ui: &mut Ui, view: &ViewState) -> egui::Response {
     response.on_hover_text(tip)
 }
 
-fn undo_redo_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
+fn undo_redo_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &ViewState,
+    wishes: &mut Vec<Action>,
+) {
     for (action, text) in [(Action::Undo, "Undo"), (Action::Redo, "Redo")] {
         let response = action_button(
             ui,
             &view.prefs.shortcuts,
             action,
             text,
-            is_possible(action, look, view),
+            is_possible(action, session, view),
         );
         if response
-            .on_hover_text(text_now(action, look))
+            .on_hover_text(text_now(action, session))
             .accessible_name(action.text())
             .clicked()
         {

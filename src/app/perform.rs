@@ -8,7 +8,7 @@ use super::menu::is_possible;
 use super::panels::{Asked, Ruler, add_label, listed, next_worst, pairs_in};
 use super::ranges::{is_range_change, next_doubtful, range_request, set_range, split_at};
 use super::view_state::{IntoWish, SceneWish};
-use super::{Action, Dialog, Look, Panes, Severity, ViewState};
+use super::{Action, Dialog, Panes, SessionView, Severity, ViewState};
 use ostra_masks::Direction;
 use ostra_project::{FuseRequest, ReconstructRequest};
 use ostra_session::{AdoptRequest, CloudChange, Command, TidyRequest};
@@ -22,20 +22,20 @@ use ostra_view::Layer;
 pub(super) fn perform(
     action: Action,
     ctx: &Context,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
-    if !is_possible(action, look, view) {
+    if !is_possible(action, session, view) {
         return;
     }
-    if let Some(dialog) = dialog_of(action, look, view) {
+    if let Some(dialog) = dialog_of(action, session, view) {
         view.dialog = Some(dialog);
-        view.relocate = RelocateForm::of(&look.project.frames);
+        view.relocate = RelocateForm::of(&session.project.frames);
         view.path_text.clear();
         return;
     }
-    if let Some(frame) = destination(action, look, view) {
+    if let Some(frame) = destination(action, session, view) {
         view.go_to(frame);
         return;
     }
@@ -44,11 +44,11 @@ pub(super) fn perform(
         Action::Quit => ctx.send_viewport_cmd(ViewportCommand::Close),
         Action::Undo => step(view, Command::Undo, out),
         Action::Redo => step(view, Command::Redo, out),
-        Action::AddLabel => add_label(look, view, out),
-        Action::ChooseLabel(number) => choose_label(look, view, number),
-        Action::IncludeHere => click_here(look, view, true, out),
-        Action::ExcludeHere => click_here(look, view, false, out),
-        Action::ClearLabelHere => clear_label(look, view, out),
+        Action::AddLabel => add_label(session, view, out),
+        Action::ChooseLabel(number) => choose_label(session, view, number),
+        Action::IncludeHere => click_here(session, view, true, out),
+        Action::ExcludeHere => click_here(session, view, false, out),
+        Action::ClearLabelHere => clear_label(session, view, out),
         Action::ClearFrame => out.push(Command::ClearMask { frame: view.frame }),
         Action::MakeAnchor => out.push(Command::MakeAnchor { frame: view.frame }),
         Action::AcceptVote => out.push(Command::AcceptVote {
@@ -71,7 +71,7 @@ pub(super) fn perform(
         Action::RangeFrom | Action::RangeTo | Action::DropRange => set_range(action, view),
         Action::CopyMask => view.copied = view.label.map(|label| (label, view.frame)),
         _ if is_range_change(action) => {
-            out.extend(range_request(action, look, view).map(Command::Range));
+            out.extend(range_request(action, session, view).map(Command::Range));
         }
         Action::FillHoles => tidy(view, view.prefs.tidy_px, 0, out),
         Action::RemoveIslands => tidy(view, 0, view.prefs.tidy_px, out),
@@ -85,7 +85,7 @@ pub(super) fn perform(
         Action::Track => out.push(Command::Track(view.track.clone())),
         Action::TrackForward => track_from_here(view, Direction::Forward, out),
         Action::TrackBackward => track_from_here(view, Direction::Backward, out),
-        Action::Retrack => out.extend(view.retracking(look).map(Command::Track)),
+        Action::Retrack => out.extend(view.retracking(session).map(Command::Track)),
         Action::Suggest => out.push(Command::Suggest),
         Action::Propose => out.push(Command::Propose {
             frame: view.frame,
@@ -96,7 +96,7 @@ pub(super) fn perform(
             out.extend(view.ruler.command());
             view.ruler = Ruler::default();
         }
-        Action::FindInScene => find_in_scene(look, view),
+        Action::FindInScene => find_in_scene(session, view),
         Action::Fuse => {
             let onto = typed_path(&view.onto_text);
             out.push(Command::Fuse(FuseRequest {
@@ -123,8 +123,9 @@ fn show_scene(view: &mut ViewState) {
     }
 }
 
-fn find_in_scene(look: &Look<'_>, view: &mut ViewState) {
-    let (Some(cloud), Some(votes), Some(at_px)) = (look.cloud, look.votes, view.pointer_px) else {
+fn find_in_scene(session: &SessionView<'_>, view: &mut ViewState) {
+    let (Some(cloud), Some(votes), Some(at_px)) = (session.cloud, session.votes, view.pointer_px)
+    else {
         return;
     };
     view.asked = Asked::seen_at(cloud, votes, view.frame, at_px);
@@ -147,7 +148,7 @@ fn reconstruct(view: &mut ViewState, out: &mut Vec<Command>) {
     }
 }
 
-fn dialog_of(action: Action, look: &Look<'_>, view: &ViewState) -> Option<Dialog> {
+fn dialog_of(action: Action, session: &SessionView<'_>, view: &ViewState) -> Option<Dialog> {
     Some(match action {
         Action::MergeRange => Dialog::Into(IntoWish {
             label: view.label?,
@@ -155,7 +156,7 @@ fn dialog_of(action: Action, look: &Look<'_>, view: &ViewState) -> Option<Dialog
             piece: None,
         }),
         Action::SplitRange => {
-            let piece = Some((view.frame, split_at(look, view)?));
+            let piece = Some((view.frame, split_at(session, view)?));
             Dialog::Into(IntoWish {
                 label: view.label?,
                 range: view.frames_meant(),
@@ -179,8 +180,8 @@ fn dialog_of(action: Action, look: &Look<'_>, view: &ViewState) -> Option<Dialog
 }
 
 /// The frame that a move leads to.
-fn destination(action: Action, look: &Look<'_>, view: &ViewState) -> Option<usize> {
-    let last = look.project.frames.len().checked_sub(1)?;
+fn destination(action: Action, session: &SessionView<'_>, view: &ViewState) -> Option<usize> {
+    let last = session.project.frames.len().checked_sub(1)?;
     Some(match action {
         Action::PreviousFrame => view.frame.saturating_sub(1),
         Action::NextFrame => (view.frame + 1).min(last),
@@ -188,8 +189,8 @@ fn destination(action: Action, look: &Look<'_>, view: &ViewState) -> Option<usiz
         Action::Forward10 => (view.frame + 10).min(last),
         Action::FirstFrame => 0,
         Action::LastFrame => last,
-        Action::NextDoubtful => next_doubtful(look, view).unwrap_or(view.frame),
-        Action::NextWorst => next_worst(look.doubts, view.frame).unwrap_or(view.frame),
+        Action::NextDoubtful => next_doubtful(session, view).unwrap_or(view.frame),
+        Action::NextWorst => next_worst(session.doubts, view.frame).unwrap_or(view.frame),
         _ => return None,
     })
 }
@@ -242,17 +243,22 @@ fn step(view: &mut ViewState, command: Command, out: &mut Vec<Command>) {
     out.push(command);
 }
 
-fn choose_label(look: &Look<'_>, view: &mut ViewState, number: u8) {
+fn choose_label(session: &SessionView<'_>, view: &mut ViewState, number: u8) {
     if let Some((label, _)) =
-        listed(&look.project.labels).get(usize::from(number.saturating_sub(1)))
+        listed(&session.project.labels).get(usize::from(number.saturating_sub(1)))
     {
         view.label = Some(label.id);
     }
 }
 
-fn click_here(look: &Look<'_>, view: &mut ViewState, include: bool, out: &mut Vec<Command>) {
+fn click_here(
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    include: bool,
+    out: &mut Vec<Command>,
+) {
     if let Some(at_px) = view.pointer_px {
-        click_at(look, view, at_px, include, out);
+        click_at(session, view, at_px, include, out);
     }
 }
 

@@ -1,4 +1,4 @@
-use super::{Action, Look, ViewState};
+use super::{Action, SessionView, ViewState};
 use ostra_masks::{Click, LabelId};
 use ostra_project::{FrameMask, MaskOrigin, Project};
 use ostra_session::{RangeChange, RangeRequest};
@@ -22,10 +22,10 @@ pub(super) fn is_range_change(action: Action) -> bool {
 /// What an action that changes a label over frames asks for; `None` where it would change nothing.
 pub(super) fn range_request(
     action: Action,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &ViewState,
 ) -> Option<RangeRequest> {
-    let (project, label) = (look.project, view.label?);
+    let (project, label) = (session.project, view.label?);
     let meant = view.frames_meant();
     let marks = project.marks_of(label);
     let all = |set: &ostra_frames::FrameSet| {
@@ -88,9 +88,9 @@ pub(super) fn set_range(action: Action, view: &mut ViewState) {
 }
 
 /// The pixel under the pointer where the chosen label lies.
-pub(super) fn split_at(look: &Look<'_>, view: &ViewState) -> Option<glam::DVec2> {
+pub(super) fn split_at(session: &SessionView<'_>, view: &ViewState) -> Option<glam::DVec2> {
     let at_px = view.pointer_px?;
-    let mask = look.project.masks.get(&view.frame)?;
+    let mask = session.project.masks.get(&view.frame)?;
     Click {
         at_px,
         include: true,
@@ -101,11 +101,11 @@ pub(super) fn split_at(look: &Look<'_>, view: &ViewState) -> Option<glam::DVec2>
 
 /// The next frame, from the beginning again after the last, that should be looked at: its mask is stale, a label on it
 /// is less sure than asked for, or one that was on the frame before is no longer there.
-pub(super) fn next_doubtful(look: &Look<'_>, view: &ViewState) -> Option<usize> {
-    let count = look.project.frames.len();
+pub(super) fn next_doubtful(session: &SessionView<'_>, view: &ViewState) -> Option<usize> {
+    let count = session.project.frames.len();
     (1..=count)
         .map(|step| (view.frame + step) % count)
-        .find(|&frame| is_doubtful(look.project, view, frame))
+        .find(|&frame| is_doubtful(session.project, view, frame))
 }
 
 fn is_doubtful(project: &Project, view: &ViewState, frame: usize) -> bool {

@@ -200,10 +200,10 @@ mod tests {
 
     #[test]
     fn isolating_twice_shows_all_again() {
-        let mut look = SceneLook::default();
-        look.isolate(LabelId(3));
-        assert_eq!(look.isolated, Some(LabelId(3)));
-        look.isolate(LabelId(3));
-        assert_eq!(look.isolated, None);
+        let mut session = SceneLook::default();
+        session.isolate(LabelId(3));
+        assert_eq!(session.isolated, Some(LabelId(3)));
+        session.isolate(LabelId(3));
+        assert_eq!(session.isolated, None);
     }
 }

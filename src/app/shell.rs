@@ -15,7 +15,7 @@ use super::panels::{
 use super::perform::perform;
 use super::textures::Textures;
 use super::tips::section_heading;
-use super::{Action, Dialog, Look, Panes, Prefs, ViewState};
+use super::{Action, Dialog, Panes, Prefs, SessionView, ViewState};
 use ostra_session::Command;
 use ostra_view::Orbit;
 
@@ -66,39 +66,39 @@ impl Shell {
     }
 
     /// Draws the whole window; what the user asked for comes back as commands, in order.
-    pub fn ui(&mut self, ui: &mut Ui, look: &Look<'_>) -> Vec<Command> {
+    pub fn ui(&mut self, ui: &mut Ui, session: &SessionView<'_>) -> Vec<Command> {
         let (mut out, mut wishes) = (Vec::new(), Vec::new());
-        self.view.keep_valid(look);
-        self.view.presence.update(look.project);
-        self.view.draft.follow(look.project);
+        self.view.keep_valid(session);
+        self.view.presence.update(session.project);
+        self.view.draft.follow(session.project);
         take_picked(ui.ctx(), &mut self.view);
         wishes.extend(pressed(ui.ctx(), &self.view, self.took_keys));
-        self.bars_ui(ui, look, &mut out, &mut wishes);
-        if look.has_frames() {
-            self.side_panels_ui(ui, look, &mut out, &mut wishes);
-        } else if look.inspected.is_some() {
+        self.bars_ui(ui, session, &mut out, &mut wishes);
+        if session.has_frames() {
+            self.side_panels_ui(ui, session, &mut out, &mut wishes);
+        } else if session.inspected.is_some() {
             side_panel(Panel::left("labels"), 256.0)
-                .show(ui, |ui| cloud_labels_ui(ui, look, &mut self.view));
+                .show(ui, |ui| cloud_labels_ui(ui, session, &mut self.view));
         }
         let fill = ui.visuals().panel_fill;
         CentralPanel::default()
             .frame(Frame::new().fill(fill))
             .show(ui, |ui| {
-                self.panes_ui(ui, look, &mut out, &mut wishes);
+                self.panes_ui(ui, session, &mut out, &mut wishes);
             });
-        self.dialogs_ui(ui, look, &mut out, &mut wishes);
-        if self.view.matches.open && look.has_frames() {
-            matches_ui(ui, look, &mut self.view, &mut self.textures);
+        self.dialogs_ui(ui, session, &mut out, &mut wishes);
+        if self.view.matches.open && session.has_frames() {
+            matches_ui(ui, session, &mut self.view, &mut self.textures);
         }
         if self.view.measures.open {
-            measures_ui(ui, look, &mut self.view);
+            measures_ui(ui, session, &mut self.view);
         }
         notices_ui(ui, &mut self.view.notices);
         self.took_keys = takes_keys(ui.ctx());
         for action in wishes {
-            perform(action, ui.ctx(), look, &mut self.view, &mut out);
+            perform(action, ui.ctx(), session, &mut self.view, &mut out);
         }
-        if let Some(pictures) = look.pictures {
+        if let Some(pictures) = session.pictures {
             pictures.turn();
         }
         out
@@ -108,7 +108,7 @@ impl Shell {
     fn bars_ui(
         &mut self,
         ui: &mut Ui,
-        look: &Look<'_>,
+        session: &SessionView<'_>,
         out: &mut Vec<Command>,
         wishes: &mut Vec<Action>,
     ) {
@@ -117,11 +117,11 @@ impl Shell {
             .inner_margin(Margin::symmetric(8, 3));
         Panel::top("menu")
             .frame(bar)
-            .show(ui, |ui| menu_bar_ui(ui, look, &self.view, out, wishes));
+            .show(ui, |ui| menu_bar_ui(ui, session, &self.view, out, wishes));
         Panel::bottom("status")
             .frame(bar)
-            .show(ui, |ui| status_ui(ui, look, &self.view, wishes));
-        if look.has_frames() {
+            .show(ui, |ui| status_ui(ui, session, &self.view, wishes));
+        if session.has_frames() {
             let strip = Frame::new()
                 .fill(ui.visuals().panel_fill)
                 .inner_margin(Margin {
@@ -135,16 +135,16 @@ impl Shell {
                 .exact_size(118.0 + HEAT_HEIGHT)
                 .frame(strip)
                 .show(ui, |ui| {
-                    heat_ui(ui, look, &mut self.view);
-                    filmstrip_ui(ui, look, &mut self.view, &mut self.textures);
+                    heat_ui(ui, session, &mut self.view);
+                    filmstrip_ui(ui, session, &mut self.view, &mut self.textures);
                 });
-            if self.view.prefs.timeline && look.project.labels.iter().next().is_some() {
+            if self.view.prefs.timeline && session.project.labels.iter().next().is_some() {
                 let grid = Panel::bottom("timeline")
                     .resizable(true)
                     .default_size(112.0)
                     .size_range(64.0..=400.0);
                 grid.frame(strip)
-                    .show(ui, |ui| timeline_ui(ui, look, &mut self.view, wishes));
+                    .show(ui, |ui| timeline_ui(ui, session, &mut self.view, wishes));
             }
         }
     }
@@ -152,38 +152,40 @@ impl Shell {
     fn side_panels_ui(
         &mut self,
         ui: &mut Ui,
-        look: &Look<'_>,
+        session: &SessionView<'_>,
         out: &mut Vec<Command>,
         wishes: &mut Vec<Action>,
     ) {
         let view = &mut self.view;
         side_panel(Panel::left("labels"), 256.0).show(ui, |ui| {
             scrolled(ui, "left", |ui| {
-                labels_ui(ui, look, view, out);
-                instances_ui(ui, look, view, out);
+                labels_ui(ui, session, view, out);
+                instances_ui(ui, session, view, out);
                 ui.separator();
-                segmenter_ui(ui, look, view);
+                segmenter_ui(ui, session, view);
                 ui.separator();
                 section_heading(ui, "Find by text");
-                words_ui(ui, look, view, out);
+                words_ui(ui, session, view, out);
             });
         });
         side_panel(Panel::right("work"), 262.0).show(ui, |ui| {
             scrolled(ui, "right", |ui| {
-                section(ui, "Track", true, |ui| track_ui(ui, look, view, wishes));
-                if !look.doubts.is_empty() {
-                    section(ui, "Conflicts", true, |ui| doubt_ui(ui, look, view, wishes));
+                section(ui, "Track", true, |ui| track_ui(ui, session, view, wishes));
+                if !session.doubts.is_empty() {
+                    section(ui, "Conflicts", true, |ui| {
+                        doubt_ui(ui, session, view, wishes)
+                    });
                 }
-                section(ui, "Suggestions", !look.suggestions.is_empty(), |ui| {
-                    suggestions_ui(ui, look, view, out, wishes);
+                section(ui, "Suggestions", !session.suggestions.is_empty(), |ui| {
+                    suggestions_ui(ui, session, view, out, wishes);
                 });
                 section(ui, "Reconstruct", true, |ui| {
-                    reconstruct_ui(ui, look, view, wishes);
+                    reconstruct_ui(ui, session, view, wishes);
                 });
-                section(ui, "Fuse", true, |ui| fuse_ui(ui, look, view, wishes));
-                section(ui, "Results", false, |ui| results_ui(ui, look));
-                if look.slow_jobs().next().is_some() {
-                    section(ui, "Running", true, |ui| jobs_ui(ui, look, view, wishes));
+                section(ui, "Fuse", true, |ui| fuse_ui(ui, session, view, wishes));
+                section(ui, "Results", false, |ui| results_ui(ui, session));
+                if session.slow_jobs().next().is_some() {
+                    section(ui, "Running", true, |ui| jobs_ui(ui, session, view, wishes));
                 }
             });
         });
@@ -193,22 +195,22 @@ impl Shell {
     fn panes_ui(
         &mut self,
         ui: &mut Ui,
-        look: &Look<'_>,
+        session: &SessionView<'_>,
         out: &mut Vec<Command>,
         wishes: &mut Vec<Action>,
     ) {
-        let has_scene = look.points().is_some()
-            || look
+        let has_scene = session.points().is_some()
+            || session
                 .project
                 .frames
                 .iter()
                 .any(|frame| frame.posed_camera().is_some());
-        match (look.has_frames(), look.inspected.is_some()) {
-            (false, false) => return welcome_ui(ui, look, &self.view, out, wishes),
+        match (session.has_frames(), session.inspected.is_some()) {
+            (false, false) => return welcome_ui(ui, session, &self.view, out, wishes),
             (false, true) => {
                 return self
                     .scene
-                    .ui(ui, look, &mut self.view, &mut self.textures, wishes);
+                    .ui(ui, session, &mut self.view, &mut self.textures, wishes);
             }
             (true, _) => {}
         }
@@ -216,7 +218,7 @@ impl Shell {
         if panes == Panes::Scene {
             return self
                 .scene
-                .ui(ui, look, &mut self.view, &mut self.textures, wishes);
+                .ui(ui, session, &mut self.view, &mut self.textures, wishes);
         }
         if panes == Panes::Both && has_scene {
             let half = ui.available_width() * 0.46;
@@ -228,16 +230,16 @@ impl Shell {
                 .frame(frame)
                 .show(ui, |ui| {
                     self.scene
-                        .ui(ui, look, &mut self.view, &mut self.textures, wishes);
+                        .ui(ui, session, &mut self.view, &mut self.textures, wishes);
                 });
         }
-        picture_pane_ui(ui, look, &mut self.view, &mut self.textures, out, wishes);
+        picture_pane_ui(ui, session, &mut self.view, &mut self.textures, out, wishes);
     }
 
     fn dialogs_ui(
         &mut self,
         ui: &Ui,
-        look: &Look<'_>,
+        session: &SessionView<'_>,
         out: &mut Vec<Command>,
         wishes: &mut Vec<Action>,
     ) {
@@ -247,12 +249,12 @@ impl Shell {
                 new_project_ui(ui, view, dialog, out);
             }
             Some(Dialog::Relocate) => relocate_ui(ui, view, out),
-            Some(Dialog::Export) => export_ui(ui, look, view, out),
+            Some(Dialog::Export) => export_ui(ui, session, view, out),
             Some(Dialog::Picture) => picture_ui(ui, view),
-            Some(Dialog::Models) => models_ui(ui, look, view, out),
+            Some(Dialog::Models) => models_ui(ui, session, view, out),
             Some(Dialog::Shortcuts) => sheet_ui(ui, view),
-            Some(Dialog::Palette) => palette_ui(ui, look, view, wishes),
-            Some(Dialog::Into(wish)) => into_ui(ui, look, view, wish, out),
+            Some(Dialog::Palette) => palette_ui(ui, session, view, wishes),
+            Some(Dialog::Into(wish)) => into_ui(ui, session, view, wish, out),
             Some(Dialog::Path(wish)) => path_ui(ui, view, wish, out),
             None => {}
         }

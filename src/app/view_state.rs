@@ -10,7 +10,7 @@ use super::dialogs::{
 use super::panel_state::{LabelEditing, MatchView, PointCounts, Presence, Words};
 use super::panels::{Asked, MeasureView, Ruler, SceneSelect};
 use super::pointer::Rest;
-use super::{Look, Notices, Prefs, SceneLook};
+use super::{Notices, Prefs, SceneLook, SessionView};
 use ostra_masks::{Direction, LabelId, MaskFormat};
 use ostra_project::{FuseRequest, ReconstructRequest};
 use ostra_session::{InstancesRequest, PromptRequest, Surface, TrackSettings};
@@ -282,19 +282,19 @@ impl ViewState {
     }
 
     /// Brings frame and label back into what the project has.
-    pub fn keep_valid(&mut self, look: &Look<'_>) {
-        let last = look.project.frames.len().saturating_sub(1);
+    pub fn keep_valid(&mut self, session: &SessionView<'_>) {
+        let last = session.project.frames.len().saturating_sub(1);
         self.frame = self.frame.min(last);
-        self.measures.keep_valid(look);
+        self.measures.keep_valid(session);
         self.range = self.range.filter(|&(_, to)| to <= last);
         self.copied = self
             .copied
-            .filter(|(label, _)| look.project.labels.get(*label).is_some());
+            .filter(|(label, _)| session.project.labels.get(*label).is_some());
         if self
             .label
-            .is_none_or(|label| look.project.labels.get(label).is_none())
+            .is_none_or(|label| session.project.labels.get(label).is_none())
         {
-            self.label = look.project.labels.iter().next().map(|label| label.id);
+            self.label = session.project.labels.iter().next().map(|label| label.id);
         }
     }
 
@@ -311,14 +311,14 @@ impl ViewState {
     /// Settings that carry the chosen label anew around the shown frame; none where that is no anchor with room around
     /// it.
     #[must_use]
-    pub fn retracking(&self, look: &Look<'_>) -> Option<TrackSettings> {
+    pub fn retracking(&self, session: &SessionView<'_>) -> Option<TrackSettings> {
         let labels = vec![self.label?];
         let settings = TrackSettings {
             labels,
             direction: Direction::Both,
             ..self.track.clone()
         };
-        settings.around(look.project, self.frame).ok()
+        settings.around(session.project, self.frame).ok()
     }
 
     /// Whether nothing is half made and no dialog is open, so that another frame may be shown unasked.

@@ -7,7 +7,7 @@ use egui::{Context, ViewportBuilder, ViewportCommand};
 
 use super::dialogs::{NewProjectForm, PictureWish, Take};
 use super::theme::set_theme;
-use super::{Dialog, Layers, Look, Prefs, Severity, Shell, layers_of};
+use super::{Dialog, Layers, Prefs, SessionView, Severity, Shell, layers_of};
 use ostra_compute::nn::{Provider, Row};
 use ostra_core::disk;
 use ostra_frames::{FilmOptions, Frame};
@@ -149,7 +149,7 @@ impl Window {
         };
         self.session.follow_masks();
         let doubts = self.session.doubts();
-        let look = Look {
+        let session = SessionView {
             project,
             root: self.session.root(),
             cloud: self.session.cloud(),
@@ -196,7 +196,7 @@ impl Window {
             unit: self.session.length_unit(),
             estimate: self.estimate,
         };
-        let asked = self.shell.ui(ui, &look);
+        let asked = self.shell.ui(ui, &session);
         let changes = !asked.is_empty();
         for command in asked {
             self.act(command);

@@ -8,7 +8,7 @@ use egui::{Pos2, Ui, Vec2};
 use egui_kittest::kittest::{NodeT, Queryable};
 use egui_kittest::{Harness, HarnessBuilder};
 use glam::{DQuat, DVec3, Vec3};
-use ostra_app::{Layers, Look, Prefs, Shell};
+use ostra_app::{Layers, Prefs, SessionView, Shell};
 use ostra_cloud::doubt::FrameDoubt;
 use ostra_cloud::fuse::Votes;
 use ostra_cloud::measure::{LengthUnit, TraitRow};
@@ -101,7 +101,7 @@ impl Desk {
     }
 
     pub fn ui(&mut self, ui: &mut Ui) {
-        let look = Look {
+        let session = SessionView {
             growing: None,
             votes: self.votes.as_ref(),
             proposed: self.proposed.as_ref(),
@@ -133,7 +133,7 @@ impl Desk {
             contradicted: None,
             estimate: self.project.estimate(|_| 1),
         };
-        self.asked.extend(self.shell.ui(ui, &look));
+        self.asked.extend(self.shell.ui(ui, &session));
     }
 
     /// A harness that shows this desk.

@@ -7,7 +7,7 @@ use super::prompts::{
     box_of, chosen_label, click_at, fill_polygon, hold_border, paint, pull_border, trace_thin,
 };
 use crate::pointer::trail;
-use crate::{Look, ViewState};
+use crate::{SessionView, ViewState};
 use ostra_session::Command;
 
 /// Turns what the pointer does on the picture into commands.
@@ -15,7 +15,7 @@ pub(super) fn canvas_input(
     ui: &Ui,
     response: &Response,
     map: &CanvasMap,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
@@ -25,10 +25,10 @@ pub(super) fn canvas_input(
         return;
     }
     match view.tool {
-        Tool::Click => click_tool(response, map, look, view, out),
-        Tool::Brush | Tool::Eraser => brush_tool(ui, response, map, look, view, out),
-        Tool::Polygon | Tool::Thin => corners_tool(ui, response, map, look, view, out),
-        Tool::Pull => pull_tool(response, map, look, view, out),
+        Tool::Click => click_tool(response, map, session, view, out),
+        Tool::Brush | Tool::Eraser => brush_tool(ui, response, map, session, view, out),
+        Tool::Polygon | Tool::Thin => corners_tool(ui, response, map, session, view, out),
+        Tool::Pull => pull_tool(response, map, session, view, out),
     }
 }
 
@@ -79,14 +79,14 @@ fn drag_began(response: &Response, map: &CanvasMap) -> Option<DVec2> {
 fn click_tool(
     response: &Response,
     map: &CanvasMap,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
     let at = position(response, map);
     if response.clicked() || response.secondary_clicked() {
         if let Some(at_px) = at.and_then(|at| map.inside(at)) {
-            click_at(look, view, at_px, response.clicked(), out);
+            click_at(session, view, at_px, response.clicked(), out);
         }
         return;
     }
@@ -99,7 +99,7 @@ fn click_tool(
         let to = map.clamped(to);
         let size = (to - from).abs();
         if size.min_element() >= 2.0 {
-            box_of(look, view, [from, to], out);
+            box_of(session, view, [from, to], out);
         }
     }
 }
@@ -108,7 +108,7 @@ fn brush_tool(
     ui: &Ui,
     response: &Response,
     map: &CanvasMap,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
@@ -131,12 +131,12 @@ fn brush_tool(
     let places = trail(ui, &BUTTONS);
     if pressed.contains(&true) {
         // One before may have ended within this frame, or where nobody was told.
-        end_stroke(look, view, out);
+        end_stroke(session, view, out);
         let is_tap = response.clicked() || response.secondary_clicked();
         let is_swift = is_over && response.contains_pointer();
         if response.is_pointer_button_down_on() || is_tap || is_swift {
             let erase = view.tool == Tool::Eraser || pressed[1] || ctrl;
-            let Some(label) = chosen_label(look, view, out) else {
+            let Some(label) = chosen_label(session, view, out) else {
                 return;
             };
             let (radius_px, snap) = (view.prefs.brush_px, view.prefs.snap);
@@ -167,13 +167,13 @@ fn brush_tool(
         }
     }
     if is_over {
-        end_stroke(look, view, out);
+        end_stroke(session, view, out);
     }
 }
 
-fn end_stroke(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+fn end_stroke(session: &SessionView<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     if let Some(stroke) = view.draft.stroke.take() {
-        paint(look, view, stroke, out);
+        paint(session, view, stroke, out);
     }
 }
 
@@ -184,12 +184,12 @@ const HOLD_POINTS: f64 = 12.0;
 fn pull_tool(
     response: &Response,
     map: &CanvasMap,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
     if let Some(begin) = drag_began(response, map) {
-        hold_border(look, view, begin, HOLD_POINTS / f64::from(map.scale));
+        hold_border(session, view, begin, HOLD_POINTS / f64::from(map.scale));
     }
     if response.drag_stopped_by(PointerButton::Primary)
         && let (Some(held), Some(to)) = (view.draft.held.take(), position(response, map))
@@ -203,7 +203,7 @@ fn corners_tool(
     ui: &Ui,
     response: &Response,
     map: &CanvasMap,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
@@ -231,8 +231,8 @@ fn corners_tool(
         finished |= lasso(ui, response, map, view);
     }
     match (finished, view.tool) {
-        (true, Tool::Thin) => trace_thin(look, view, out),
-        (true, _) => fill_polygon(look, view, ui.input(|i| i.modifiers.command), out),
+        (true, Tool::Thin) => trace_thin(session, view, out),
+        (true, _) => fill_polygon(session, view, ui.input(|i| i.modifiers.command), out),
         (false, _) => {}
     }
 }

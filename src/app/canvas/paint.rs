@@ -3,7 +3,7 @@ use egui::{Color32, Painter, Pos2, Rect, Shape, Stroke as Line, TextureId, Vec2}
 use super::draft::{Draft, HeldBorder, Stroke, Tool};
 use super::map::CanvasMap;
 use crate::panels::{is_explained, offered};
-use crate::{Look, ViewState};
+use crate::{SessionView, ViewState};
 use ostra_masks::{LabelId, Prompt};
 use ostra_session::{FoundThing, Suggestion};
 
@@ -22,45 +22,45 @@ pub(super) fn texture(painter: &Painter, map: &CanvasMap, id: TextureId) {
 pub(super) fn prompts_and_draft(
     painter: &Painter,
     map: &CanvasMap,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &ViewState,
     pointer: Option<Pos2>,
 ) {
-    for label in look
+    for label in session
         .project
         .labels
         .iter()
         .filter(|label| !view.hidden.contains(&label.id))
     {
-        let prompt = view.draft.prompt(look.project, view.frame, label.id);
+        let prompt = view.draft.prompt(session.project, view.frame, label.id);
         prompt_marks(
             painter,
             map,
             &prompt,
-            color_of(look, label.id),
+            color_of(session, label.id),
             view.label == Some(label.id),
         );
     }
-    for (number, thing) in offered(look, view) {
+    for (number, thing) in offered(session, view) {
         found_box(painter, map, number, thing);
     }
     for (number, found) in (1..)
-        .zip(look.suggestions)
+        .zip(session.suggestions)
         .filter(|(_, found)| found.frame == view.frame)
     {
-        if !is_explained(look, found) {
+        if !is_explained(session, found) {
             suggestion(painter, map, number, found);
         }
     }
     let color = view
         .label
-        .map_or(Color32::WHITE, |label| color_of(look, label));
+        .map_or(Color32::WHITE, |label| color_of(session, label));
     for stroke in view.draft.strokes(view.frame) {
         brush_stroke(
             painter,
             map,
             stroke,
-            color_of(look, stroke.label),
+            color_of(session, stroke.label),
             view.prefs.opacity,
         );
     }
@@ -155,8 +155,8 @@ pub(super) fn brush_circle(painter: &Painter, map: &CanvasMap, view: &ViewState,
     }
 }
 
-fn color_of(look: &Look<'_>, label: LabelId) -> Color32 {
-    let [r, g, b] = look
+fn color_of(session: &SessionView<'_>, label: LabelId) -> Color32 {
+    let [r, g, b] = session
         .project
         .labels
         .get(label)

@@ -8,7 +8,7 @@ use super::prompts::with_click;
 use super::toolbar::toolbar_ui;
 use crate::pointer::Rest;
 use crate::textures::Textures;
-use crate::{Action, Look, ViewState};
+use crate::{Action, SessionView, ViewState};
 use ostra_masks::Click;
 use ostra_session::{Command, PromptRequest};
 use ostra_view::{Layer, OverlayStyle, ramp};
@@ -16,13 +16,13 @@ use ostra_view::{Layer, OverlayStyle, ramp};
 /// The picture of the shown frame with its tool bar.
 pub(crate) fn picture_pane_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     textures: &mut Textures,
     out: &mut Vec<Command>,
     wishes: &mut Vec<Action>,
 ) {
-    let Some(frame) = look.project.frames.get(view.frame) else {
+    let Some(frame) = session.project.frames.get(view.frame) else {
         return;
     };
     let size_px = [frame.width.max(1), frame.height.max(1)];
@@ -36,13 +36,13 @@ pub(crate) fn picture_pane_ui(
     egui::Frame::new()
         .inner_margin(egui::Margin::symmetric(8, 4))
         .show(ui, |ui| {
-            toolbar_ui(ui, look, view, zoom_percent, wishes);
+            toolbar_ui(ui, session, view, zoom_percent, wishes);
         });
     let (pane, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
     let name = format!("Image {}", frame.name);
     response.widget_info(|| WidgetInfo::labeled(Role::Image, ui.is_enabled(), &name));
     let map = view.zoom.map(pane, size_px);
-    canvas_input(ui, &response, &map, look, view, out);
+    canvas_input(ui, &response, &map, session, view, out);
     let map = view.zoom.map(pane, size_px);
     view.pointer_px = response
         .hover_pos()
@@ -50,25 +50,31 @@ pub(crate) fn picture_pane_ui(
     if view.pointer_px.is_some() && !ui.input(|i| i.key_down(egui::Key::Space)) {
         ui.ctx().set_cursor_icon(egui::CursorIcon::Crosshair);
     }
-    follow_pointer(ui, &response, &map, look, view);
-    draw(ui, look, view, textures, &map);
+    follow_pointer(ui, &response, &map, session, view);
+    draw(ui, session, view, textures, &map);
 }
 
-fn draw(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, map: &CanvasMap) {
+fn draw(
+    ui: &Ui,
+    session: &SessionView<'_>,
+    view: &ViewState,
+    textures: &mut Textures,
+    map: &CanvasMap,
+) {
     let painter = ui.painter_at(map.pane);
     painter.rect_filled(map.pane, 0.0, ui.visuals().extreme_bg_color);
     if view.layer == Layer::Photo {
-        match look
+        match session
             .pictures
             .and_then(|pictures| pictures.picture(view.frame))
         {
             Some(image) => paint::texture(&painter, map, textures.picture(ui.ctx(), &image).id()),
-            None => placeholder(ui, look, view, map),
+            None => placeholder(ui, session, view, map),
         }
     } else {
-        layer(ui, look, view, textures, map);
+        layer(ui, session, view, textures, map);
     }
-    let before = look.before.filter(|_| view.compare).cloned();
+    let before = session.before.filter(|_| view.compare).cloned();
     if view.compare {
         paint::banner(
             &painter,
@@ -81,7 +87,7 @@ fn draw(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, map
         );
     }
     if view.masks_shown
-        && let Some(runs) = before.or_else(|| look.project.mask_in_play(view.frame))
+        && let Some(runs) = before.or_else(|| session.project.mask_in_play(view.frame))
     {
         let prefs = &view.prefs;
         let style = OverlayStyle {
@@ -89,24 +95,26 @@ fn draw(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, map
             outlines: prefs.outlines,
             hidden: view.hidden.clone(),
         };
-        let texture = textures.mask(ui.ctx(), &runs, &look.project.labels, &style);
+        let texture = textures.mask(ui.ctx(), &runs, &session.project.labels, &style);
         paint::texture(&painter, map, texture.id());
     }
-    if let Some(region) = look
+    if let Some(region) = session
         .contradicted
         .filter(|_| view.masks_shown && !view.compare)
     {
         paint::texture(&painter, map, textures.contradicted(ui.ctx(), region).id());
     }
-    if let Some(mask) = look.hovered.filter(|_| view.hover_wish.is_some()) {
+    if let Some(mask) = session.hovered.filter(|_| view.hover_wish.is_some()) {
         paint::texture(
             &painter,
             map,
-            textures.hovered(ui.ctx(), mask, &look.project.labels).id(),
+            textures
+                .hovered(ui.ctx(), mask, &session.project.labels)
+                .id(),
         );
     }
     let pointer = view.pointer_px.map(|at| map.to_screen(at));
-    paint::prompts_and_draft(&painter, map, look, view, pointer);
+    paint::prompts_and_draft(&painter, map, session, view, pointer);
     if let Some(at_px) = view
         .asked
         .as_ref()
@@ -120,9 +128,15 @@ fn draw(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, map
 }
 
 /// Depth or the like in the photo's place, with its legend.
-fn layer(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, map: &CanvasMap) {
+fn layer(
+    ui: &Ui,
+    session: &SessionView<'_>,
+    view: &ViewState,
+    textures: &mut Textures,
+    map: &CanvasMap,
+) {
     let warn = ui.visuals().error_fg_color;
-    match look
+    match session
         .layers
         .and_then(|layers| layers.get(&(view.frame, view.layer)))
     {
@@ -135,7 +149,7 @@ fn layer(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, ma
             if let Some(range) = drawn.range {
                 let title = match view.layer {
                     Layer::Depth => {
-                        format!("Depth, {}", look.project.depth_unit(view.frame).sign())
+                        format!("Depth, {}", session.project.depth_unit(view.frame).sign())
                     }
                     other => other.text().into(),
                 };
@@ -155,8 +169,8 @@ fn layer(ui: &Ui, look: &Look<'_>, view: &ViewState, textures: &mut Textures, ma
 }
 
 /// What stands in the picture's place while it loads, or when it cannot be loaded.
-fn placeholder(ui: &Ui, look: &Look<'_>, view: &ViewState, map: &CanvasMap) {
-    let failure = look
+fn placeholder(ui: &Ui, session: &SessionView<'_>, view: &ViewState, map: &CanvasMap) {
+    let failure = session
         .pictures
         .and_then(|pictures| pictures.failure(view.frame));
     let (text, color) = match failure {
@@ -183,22 +197,25 @@ fn follow_pointer(
     ui: &Ui,
     response: &Response,
     map: &CanvasMap,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
 ) {
     view.hover_wish = None;
-    let Some(at) = response.hover_pos().filter(|_| may_preview(ui, look, view)) else {
+    let Some(at) = response
+        .hover_pos()
+        .filter(|_| may_preview(ui, session, view))
+    else {
         view.rest = None;
         return;
     };
     if let Some(at) = Rest::follow(&mut view.rest, ui, at) {
-        view.hover_wish = wish_at(at, map, look, view);
+        view.hover_wish = wish_at(at, map, session, view);
     }
 }
 
 /// Whether a preview helps now: with the click tool, while nothing is drawn, sent or running.
-fn may_preview(ui: &Ui, look: &Look<'_>, view: &ViewState) -> bool {
-    let busy = !look.jobs.is_empty()
+fn may_preview(ui: &Ui, session: &SessionView<'_>, view: &ViewState) -> bool {
+    let busy = !session.jobs.is_empty()
         || view.draft.is_sending()
         || ui.input(|input| input.pointer.any_down());
     view.prefs.hover_preview
@@ -208,16 +225,21 @@ fn may_preview(ui: &Ui, look: &Look<'_>, view: &ViewState) -> bool {
         && !busy
 }
 
-fn wish_at(at: Pos2, map: &CanvasMap, look: &Look<'_>, view: &ViewState) -> Option<PromptRequest> {
+fn wish_at(
+    at: Pos2,
+    map: &CanvasMap,
+    session: &SessionView<'_>,
+    view: &ViewState,
+) -> Option<PromptRequest> {
     let at_px = map.inside(map.to_px(at))?;
     let label = view
         .label
-        .filter(|&label| look.project.labels.get(label).is_some())?;
+        .filter(|&label| session.project.labels.get(label).is_some())?;
     let click = Click {
         at_px,
         include: true,
     };
-    Some(with_click(look, view, label, click))
+    Some(with_click(session, view, label, click))
 }
 
 /// What the colours of the ramp stand for, in the picture's lower left corner, under a title.

@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
-use crate::{Look, ViewState};
+use crate::{SessionView, ViewState};
 use ostra_masks::{Click, ElasticBorders, LabelId, Prompt, PxBox, RunMask};
 use ostra_session::{Command, PaintRequest, PromptRequest, PullRequest, TraceRequest};
 
@@ -10,40 +10,40 @@ use super::draft::{HeldBorder, Stroke};
 
 /// Adds a click for the chosen label.
 pub(crate) fn click_at(
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     at_px: DVec2,
     include: bool,
     out: &mut Vec<Command>,
 ) {
-    if let Some(label) = chosen_label(look, view, out) {
-        let request = with_click(look, view, label, Click { at_px, include });
+    if let Some(label) = chosen_label(session, view, out) {
+        let request = with_click(session, view, label, Click { at_px, include });
         send(view, request, out);
     }
 }
 
 /// The chosen label's prompt on the shown frame with one click more. A click sends it, and its preview asks for it.
 pub(super) fn with_click(
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &ViewState,
     label: LabelId,
     click: Click,
 ) -> PromptRequest {
-    let mut prompt = view.draft.prompt(look.project, view.frame, label);
+    let mut prompt = view.draft.prompt(session.project, view.frame, label);
     prompt.clicks.push(click);
     request_of(view, label, prompt)
 }
 
 /// Adds a box for the chosen label.
 pub(super) fn box_of(
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     corners: [DVec2; 2],
     out: &mut Vec<Command>,
 ) {
     let [a, b] = corners;
-    if let Some(label) = chosen_label(look, view, out) {
-        let mut prompt = view.draft.prompt(look.project, view.frame, label);
+    if let Some(label) = chosen_label(session, view, out) {
+        let mut prompt = view.draft.prompt(session.project, view.frame, label);
         prompt.boxes.push(PxBox {
             min_px: a.min(b),
             max_px: a.max(b),
@@ -53,17 +53,22 @@ pub(super) fn box_of(
 }
 
 /// Takes the chosen label's prompt and pixels off the shown frame.
-pub(crate) fn clear_label(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+pub(crate) fn clear_label(session: &SessionView<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     if let Some(label) = view
         .label
-        .filter(|&label| look.project.labels.get(label).is_some())
+        .filter(|&label| session.project.labels.get(label).is_some())
     {
         send(view, request_of(view, label, Prompt::default()), out);
     }
 }
 
 /// Paints a finished stroke.
-pub(super) fn paint(look: &Look<'_>, view: &mut ViewState, stroke: Stroke, out: &mut Vec<Command>) {
+pub(super) fn paint(
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    stroke: Stroke,
+    out: &mut Vec<Command>,
+) {
     out.push(Command::Paint(PaintRequest {
         frame: stroke.frame,
         label: stroke.label,
@@ -73,12 +78,12 @@ pub(super) fn paint(look: &Look<'_>, view: &mut ViewState, stroke: Stroke, out: 
         replace: true,
         snap: stroke.snap,
     }));
-    view.draft.sent_stroke(stroke, look.project);
+    view.draft.sent_stroke(stroke, session.project);
 }
 
 /// Fills the polygon drawn so far with the label, or takes that away inside; fewer than three different corners are dropped.
 pub(super) fn fill_polygon(
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     erase: bool,
     out: &mut Vec<Command>,
@@ -88,7 +93,7 @@ pub(super) fn fill_polygon(
     if points_px.len() < 3 {
         return;
     }
-    let Some(label) = chosen_label(look, view, out) else {
+    let Some(label) = chosen_label(session, view, out) else {
         return;
     };
     out.push(Command::Paint(PaintRequest {
@@ -103,15 +108,20 @@ pub(super) fn fill_polygon(
 }
 
 /// Takes hold of the chosen label's border where it lies within `near_px` of a place.
-pub(super) fn hold_border(look: &Look<'_>, view: &mut ViewState, pressed_px: DVec2, near_px: f64) {
-    match held_border(look, view, pressed_px, near_px) {
+pub(super) fn hold_border(
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    pressed_px: DVec2,
+    near_px: f64,
+) {
+    match held_border(session, view, pressed_px, near_px) {
         Ok(held) => view.draft.held = Some(held),
         Err(why) => view.note = why.into(),
     }
 }
 
 fn held_border(
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &ViewState,
     pressed_px: DVec2,
     near_px: f64,
@@ -120,12 +130,12 @@ fn held_border(
     let frame = view.frame;
     let (label, mask) = view
         .label
-        .zip(look.project.masks.get(&frame))
+        .zip(session.project.masks.get(&frame))
         .ok_or(BESIDE)?;
     if view.hidden.contains(&label) {
         return Err("The selected label is hidden; show it to move its border");
     }
-    if look.project.locked_on(frame).contains(&label) {
+    if session.project.locked_on(frame).contains(&label) {
         return Err("The selected label is locked on this frame; unlock it first");
     }
     let borders = ElasticBorders::of(&mask.runs.decode().region(label));
@@ -163,14 +173,14 @@ pub(super) fn pull_border(held: &HeldBorder, pointer_px: DVec2, out: &mut Vec<Co
 }
 
 /// Traces the thin structure through the points so far; one point alone is kept and waits for the next.
-pub(super) fn trace_thin(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+pub(super) fn trace_thin(session: &SessionView<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     let mut points_px = view.draft.corners.clone();
     points_px.dedup_by(|a, b| a.distance(*b) < 1.0);
     if points_px.len() < 2 {
         view.note = "A stem or wire needs at least two points: click along it".into();
         return;
     }
-    let Some(label) = chosen_label(look, view, out) else {
+    let Some(label) = chosen_label(session, view, out) else {
         return;
     };
     view.draft.corners.clear();
@@ -184,18 +194,18 @@ pub(super) fn trace_thin(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Co
 
 /// The label in hand; the first click of all makes one.
 pub(super) fn chosen_label(
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) -> Option<LabelId> {
-    let known = |label: &LabelId| look.project.labels.get(*label).is_some();
+    let known = |label: &LabelId| session.project.labels.get(*label).is_some();
     if let Some(label) = view.label.filter(known) {
         return Some(label);
     }
-    if look.project.labels.iter().next().is_some() {
+    if session.project.labels.iter().next().is_some() {
         return None;
     }
-    let label = look.project.labels.next_id();
+    let label = session.project.labels.next_id();
     out.push(Command::AddLabel {
         name: format!("object {}", label.0),
         parent: None,

@@ -3,13 +3,13 @@ use egui::{Checkbox, ComboBox, Slider, Ui};
 use super::draft::Tool;
 use crate::menu::is_possible;
 use crate::tips::{action_button, together};
-use crate::{Action, Look, ViewState};
+use crate::{Action, SessionView, ViewState};
 use ostra_view::Layer;
 
 /// Tools, zoom and the look of the masks, in rows above the picture.
 pub(super) fn toolbar_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     zoom_percent: f32,
     wishes: &mut Vec<Action>,
@@ -17,7 +17,7 @@ pub(super) fn toolbar_ui(
     ui.horizontal_wrapped(|ui| {
         tools_ui(ui, view);
         ui.add_space(8.0);
-        tidy_ui(ui, look, view, wishes);
+        tidy_ui(ui, session, view, wishes);
         ui.add_space(8.0);
         zoom_ui(ui, view, zoom_percent, wishes);
         ui.add_space(8.0);
@@ -58,7 +58,7 @@ fn tools_ui(ui: &mut Ui, view: &mut ViewState) {
 }
 
 /// Buttons that tidy the chosen label, with the size below which holes and islands go.
-fn tidy_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+fn tidy_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
     for (action, text) in [
         (Action::FillHoles, "Fill holes"),
         (Action::RemoveIslands, "Remove specks"),
@@ -68,7 +68,7 @@ fn tidy_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<
             &view.prefs.shortcuts,
             action,
             text,
-            is_possible(action, look, view),
+            is_possible(action, session, view),
         );
         if button.accessible_name(action.text()).clicked() {
             wishes.push(action);

@@ -4,14 +4,19 @@ use super::export_form::{Available, ExportForm, mask_format_ui};
 use super::picker::{Pick, PickTarget, path_field_ui};
 use crate::panels::{ground_ui, unit_ui};
 use crate::tips::{modal, section_heading};
-use crate::{Look, ViewState};
+use crate::{SessionView, ViewState};
 use ostra_cloud::formats::{CloudFormat, MeshFormat, VoxelFormat};
 use ostra_frames::cameras::ModelEncoding;
 use ostra_session::Command;
 
 /// The export dialog: what to write, and into which folder.
-pub(crate) fn export_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
-    let has = Available::of(look);
+pub(crate) fn export_ui(
+    ui: &Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+) {
+    let has = Available::of(session);
     let response = modal(ui, "export", 520.0, |ui| {
         ui.heading("Export");
         ui.add_space(8.0);
@@ -21,8 +26,8 @@ pub(crate) fn export_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, out: &mu
         options_ui(ui, &mut view.export);
         ui.horizontal(|ui| {
             ui.label("Unit of traits");
-            unit_ui(ui, "Unit of traits", &mut view.measures.unit, look);
-            ground_ui(ui, look, &view.ruler, &mut view.measures.wish.ground);
+            unit_ui(ui, "Unit of traits", &mut view.measures.unit, session);
+            ground_ui(ui, session, &view.ruler, &mut view.measures.wish.ground);
         });
         ui.add_space(8.0);
         section_heading(ui, "Folder");

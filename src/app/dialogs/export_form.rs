@@ -3,7 +3,7 @@
 use egui::{ComboBox, Ui};
 
 use super::picker::typed_path;
-use crate::Look;
+use crate::SessionView;
 use crate::panels::MeasureView;
 use ostra_cloud::formats::{CloudFormat, MeshFormat, VoxelFormat};
 use ostra_frames::cameras::ModelEncoding;
@@ -145,21 +145,21 @@ pub(super) struct Available {
 }
 
 impl Available {
-    pub(super) fn of(look: &Look<'_>) -> Self {
+    pub(super) fn of(session: &SessionView<'_>) -> Self {
         Self {
-            cloud: look.cloud.is_some(),
-            surface: look
+            cloud: session.cloud.is_some(),
+            surface: session
                 .project
                 .results
                 .get(&ResultKind::Cloud)
                 .is_some_and(|cloud| cloud.voxel.is_some()),
-            masks: !look.project.masks.is_empty(),
-            cameras: look
+            masks: !session.project.masks.is_empty(),
+            cameras: session
                 .project
                 .frames
                 .iter()
                 .any(|frame| frame.posed_camera().is_some()),
-            depths: look
+            depths: session
                 .project
                 .frames
                 .iter()

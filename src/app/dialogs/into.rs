@@ -3,19 +3,19 @@ use egui::{Key, Ui};
 use crate::panels::listed;
 use crate::tips::modal;
 use crate::view_state::IntoWish;
-use crate::{Look, ViewState};
+use crate::{SessionView, ViewState};
 use ostra_masks::LabelId;
 use ostra_session::{Command, RangeChange, RangeRequest};
 
 /// Asks for the label that gets the pixels of a merge or split; keys 1–9 choose as in the label list.
 pub(crate) fn into_ui(
     ui: &Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     wish: IntoWish,
     out: &mut Vec<Command>,
 ) {
-    let Some(label) = look.project.labels.get(wish.label) else {
+    let Some(label) = session.project.labels.get(wish.label) else {
         view.dialog = None;
         return;
     };
@@ -34,7 +34,7 @@ pub(crate) fn into_ui(
         ui.heading(format!("{verb} {}", label.name));
         ui.label(format!("Which label gets {get} on {frames}?"));
         ui.add_space(6.0);
-        chosen = choice_ui(ui, look, label.id);
+        chosen = choice_ui(ui, session, label.id);
         ui.add_space(6.0);
         ui.button("Cancel")
             .on_hover_text("Changes nothing (Esc)")
@@ -58,9 +58,9 @@ pub(crate) fn into_ui(
     }
 }
 
-fn choice_ui(ui: &mut Ui, look: &Look<'_>, but: LabelId) -> Option<LabelId> {
+fn choice_ui(ui: &mut Ui, session: &SessionView<'_>, but: LabelId) -> Option<LabelId> {
     let mut chosen = None;
-    for (number, (label, depth)) in (1..).zip(listed(&look.project.labels)) {
+    for (number, (label, depth)) in (1..).zip(listed(&session.project.labels)) {
         if label.id == but {
             continue;
         }

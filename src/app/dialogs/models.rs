@@ -6,12 +6,17 @@ use super::forms::ModelsForm;
 use super::picker::{Pick, PickTarget, path_field_ui, typed_path};
 use crate::panels::progress_text;
 use crate::tips::modal;
-use crate::{Look, ViewState};
+use crate::{SessionView, ViewState};
 use ostra_compute::nn::{Provider, Row};
 use ostra_session::{Command, JobView, ModelRequest, ModelTask};
 
 /// All networks that are known: what they are for, whether they are there, and how to get them.
-pub(crate) fn models_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+pub(crate) fn models_ui(
+    ui: &Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+) {
     let response = modal(ui, "models", 760.0, |ui| {
         ui.horizontal(|ui| {
             ui.heading("Networks");
@@ -34,9 +39,9 @@ pub(crate) fn models_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, out: &mu
             .min_scrolled_height(height)
             .auto_shrink([false, true])
             .show(ui, |ui| {
-                for row in look.models {
+                for row in session.models {
                     ui.separator();
-                    row_ui(ui, look, view, row, out);
+                    row_ui(ui, session, view, row, out);
                 }
             });
     });
@@ -80,13 +85,19 @@ fn text(provider: Provider) -> &'static str {
     }
 }
 
-fn row_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, row: &Row, out: &mut Vec<Command>) {
+fn row_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    row: &Row,
+    out: &mut Vec<Command>,
+) {
     ui.horizontal(|ui| {
         let name = ui.strong(&row.name).rect.width();
         ui.add_space((130.0 - name).max(0.0));
         state_ui(ui, row);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            let job = job_of(look, &row.name);
+            let job = job_of(session, &row.name);
             match job {
                 Some(job) => running_ui(ui, job),
                 None => buttons_ui(ui, view, row, out),
@@ -200,7 +211,7 @@ fn adding_ui(ui: &mut Ui, view: &mut ViewState, row: &Row, out: &mut Vec<Command
 }
 
 /// What is being done with a network.
-fn job_of<'a>(look: &Look<'a>, name: &str) -> Option<&'a JobView> {
+fn job_of<'a>(session: &SessionView<'a>, name: &str) -> Option<&'a JobView> {
     let tasks = [
         ModelTask::Install,
         ModelTask::Add(Vec::<PathBuf>::new()),
@@ -212,6 +223,6 @@ fn job_of<'a>(look: &Look<'a>, name: &str) -> Option<&'a JobView> {
             task,
         }
         .title();
-        look.jobs.iter().find(|job| job.title == title)
+        session.jobs.iter().find(|job| job.title == title)
     })
 }

@@ -3,7 +3,7 @@ use egui::{Button, Context, Event, Grid, Key, RichText, ScrollArea, TextEdit, Ui
 use crate::menu::{is_possible, text_now};
 use crate::shortcuts::pressed_keys;
 use crate::tips::modal;
-use crate::{Action, Look, MenuName, ViewState};
+use crate::{Action, MenuName, SessionView, ViewState};
 
 const POINTER: [(&str, &str); 12] = [
     ("Left click", "Include"),
@@ -156,7 +156,12 @@ fn listen(ctx: &Context, view: &mut ViewState) {
 }
 
 /// A list of all actions to type into; Enter does the first one.
-pub(crate) fn palette_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+pub(crate) fn palette_ui(
+    ui: &Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    wishes: &mut Vec<Action>,
+) {
     let mut chosen = None;
     let response = modal(ui, "palette", 440.0, |ui| {
         let edit = TextEdit::singleline(&mut view.palette_text)
@@ -167,16 +172,16 @@ pub(crate) fn palette_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, wishes:
         if !entered {
             edit.request_focus();
         }
-        let found = matching(&view.palette_text, look, view);
+        let found = matching(&view.palette_text, session, view);
         ScrollArea::vertical().max_height(360.0).show(ui, |ui| {
             ui.with_layout(egui::Layout::top_down_justified(egui::Align::Min), |ui| {
                 for &action in &found {
                     let keys = view.prefs.shortcuts.text(ui.ctx(), action);
-                    let button = Button::new(text_now(action, look))
+                    let button = Button::new(text_now(action, session))
                         .shortcut_text(keys)
                         .frame_when_inactive(false);
                     if ui
-                        .add_enabled(is_possible(action, look, view), button)
+                        .add_enabled(is_possible(action, session, view), button)
                         .on_hover_text(action.tip())
                         .clicked()
                     {
@@ -189,7 +194,7 @@ pub(crate) fn palette_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, wishes:
             chosen = found
                 .iter()
                 .copied()
-                .find(|&action| is_possible(action, look, view));
+                .find(|&action| is_possible(action, session, view));
         }
     });
     if chosen.is_some() || response.should_close() {
@@ -200,7 +205,7 @@ pub(crate) fn palette_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, wishes:
 }
 
 /// Actions whose text holds every word typed; those that can be done first.
-fn matching(typed: &str, look: &Look<'_>, view: &ViewState) -> Vec<Action> {
+fn matching(typed: &str, session: &SessionView<'_>, view: &ViewState) -> Vec<Action> {
     let words: Vec<String> = typed.split_whitespace().map(str::to_lowercase).collect();
     let fits = |action: &Action| {
         let text = format!("{} {}", action.text(), action.tip()).to_lowercase();
@@ -215,6 +220,6 @@ fn matching(typed: &str, look: &Look<'_>, view: &ViewState) -> Vec<Action> {
             .iter()
             .all(|word| action.text().to_lowercase().contains(word))
     };
-    found.sort_by_key(|action| (!is_possible(*action, look, view), !in_text(action)));
+    found.sort_by_key(|action| (!is_possible(*action, session, view), !in_text(action)));
     found
 }

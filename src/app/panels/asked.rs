@@ -2,7 +2,7 @@ use egui::{Align2, Color32, Id, Pos2, Rangef, Rect, Sense, Stroke, Ui, Vec2, Win
 use glam::Vec3;
 
 use super::scene_tools::{Asked, middle};
-use crate::{Look, Panes, ViewState};
+use crate::{Panes, SessionView, ViewState};
 use ostra_masks::{LabelId, LabelTree};
 use ostra_view::ViewCamera;
 
@@ -33,14 +33,14 @@ pub(super) fn asked_ui(
     ui: &Ui,
     (rect, camera): (Rect, &ViewCamera),
     place: &mut AskedPlace,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
 ) {
     view.asked = view
         .asked
         .take()
-        .zip(look.cloud)
-        .and_then(|(asked, cloud)| asked.on(cloud, look.votes));
+        .zip(session.cloud)
+        .and_then(|(asked, cloud)| asked.on(cloud, session.votes));
     let Some(asked) = view.asked.clone() else {
         place.forget();
         return;
@@ -58,8 +58,8 @@ pub(super) fn asked_ui(
         .put(window, ui, rect, (asked.place(), at))
         .constrain_to(rect)
         .show(ui.ctx(), |ui| {
-            let tree = if look.root.is_some() {
-                &look.project.labels
+            let tree = if session.root.is_some() {
+                &session.project.labels
             } else {
                 &asked.cloud.tree
             };

@@ -3,7 +3,7 @@ use std::collections::BTreeMap;
 use egui::{ScrollArea, Ui};
 
 use crate::tips::action_button;
-use crate::{Action, Look, ViewState};
+use crate::{Action, SessionView, ViewState};
 use ostra_cloud::doubt::FrameDoubt;
 
 /// Frames that the list shows at a time.
@@ -14,11 +14,11 @@ const LEAST: f32 = 0.01;
 /// The frames whose masks contradict the vote of all most, and what to do about it.
 pub(crate) fn doubt_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     wishes: &mut Vec<Action>,
 ) {
-    let worst = ranked(look.doubts);
+    let worst = ranked(session.doubts);
     if worst.is_empty() {
         ui.weak("All masks agree with the 3-D vote.");
         return;
@@ -33,7 +33,7 @@ pub(crate) fn doubt_ui(
     list.auto_shrink([false, true])
         .show_rows(ui, row, worst.len(), |ui, rows| {
             for &(frame, share) in &worst[rows] {
-                let name = look
+                let name = session
                     .project
                     .frames
                     .get(frame)
@@ -51,7 +51,7 @@ pub(crate) fn doubt_ui(
     ui.checkbox(&mut view.prefs.contradictions, "Highlight conflicts")
         .on_hover_text("Mark pixels whose 3-D vote is another label. Using the vote changes these and some pixels at borders");
     ui.horizontal_wrapped(|ui| {
-        let can = look.doubts.contains_key(&view.frame);
+        let can = session.doubts.contains_key(&view.frame);
         for (action, text, enabled) in [
             (Action::NextWorst, "Next conflict", true),
             (Action::AcceptVote, "Use 3-D vote", can),

@@ -3,7 +3,7 @@ use egui::{
 };
 
 use crate::textures::Textures;
-use crate::{Look, ViewState};
+use crate::{SessionView, ViewState};
 use ostra_project::{FrameMask, MaskOrigin};
 
 const TILE: Vec2 = Vec2::new(108.0, 92.0);
@@ -25,11 +25,11 @@ enum FrameState {
 /// Thumbnails of all frames with the state of their masks; only those in sight are made.
 pub(crate) fn filmstrip_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     textures: &mut Textures,
 ) {
-    let count = look.project.frames.len();
+    let count = session.project.frames.len();
     let pitch = TILE.x + GAP;
     let mut area = ScrollArea::horizontal()
         .id_salt("filmstrip")
@@ -47,7 +47,7 @@ pub(crate) fn filmstrip_ui(
             if tile_ui(
                 ui,
                 Rect::from_min_size(at, TILE),
-                look,
+                session,
                 view,
                 textures,
                 frame,
@@ -85,21 +85,21 @@ fn offset_showing(ui: &Ui, frame: usize, pitch: f32) -> f32 {
 fn tile_ui(
     ui: &Ui,
     rect: Rect,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &ViewState,
     textures: &mut Textures,
     frame: usize,
 ) -> Response {
     let response = ui.interact(rect, ui.scope_id().with(("tile", frame)), Sense::click());
-    let mask = look.project.masks.get(&frame);
+    let mask = session.project.masks.get(&frame);
     let (state, shown) = (state_of(mask), view.frame == frame);
     let name = format!("Frame {frame}, {}", state.text());
     response.widget_info(|| WidgetInfo::selected(Role::Button, true, shown, &name));
     background(ui, &response, rect, shown);
-    picture(ui, rect, look, textures, frame);
+    picture(ui, rect, session, textures, frame);
     caption(ui, rect, frame, state, shown);
-    label_marks(ui, rect, look, view, frame);
-    response.on_hover_ui(|ui| tooltip_ui(ui, look, mask, frame, state))
+    label_marks(ui, rect, session, view, frame);
+    response.on_hover_ui(|ui| tooltip_ui(ui, session, mask, frame, state))
 }
 
 fn background(ui: &Ui, response: &Response, rect: Rect, shown: bool) {
@@ -120,9 +120,12 @@ fn background(ui: &Ui, response: &Response, rect: Rect, shown: bool) {
     }
 }
 
-fn picture(ui: &Ui, rect: Rect, look: &Look<'_>, textures: &mut Textures, frame: usize) {
+fn picture(ui: &Ui, rect: Rect, session: &SessionView<'_>, textures: &mut Textures, frame: usize) {
     let place = Rect::from_min_max(rect.min + Vec2::splat(4.0), rect.max - Vec2::new(4.0, 20.0));
-    let Some(image) = look.pictures.and_then(|pictures| pictures.thumbnail(frame)) else {
+    let Some(image) = session
+        .pictures
+        .and_then(|pictures| pictures.thumbnail(frame))
+    else {
         ui.painter()
             .rect_filled(place, 2.0, ui.visuals().extreme_bg_color);
         return;
@@ -176,10 +179,10 @@ fn badge(ui: &Ui, at: Pos2, state: FrameState) {
 }
 
 /// A small bar in each label's colour at the end of the caption.
-fn label_marks(ui: &Ui, rect: Rect, look: &Look<'_>, view: &ViewState, frame: usize) {
+fn label_marks(ui: &Ui, rect: Rect, session: &SessionView<'_>, view: &ViewState, frame: usize) {
     let mut right = rect.right() - 5.0;
     for &label in view.presence.on_frame(frame).iter().rev().take(7) {
-        let [r, g, b] = look
+        let [r, g, b] = session
             .project
             .labels
             .get(label)
@@ -196,12 +199,12 @@ fn label_marks(ui: &Ui, rect: Rect, look: &Look<'_>, view: &ViewState, frame: us
 
 fn tooltip_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     mask: Option<&FrameMask>,
     frame: usize,
     state: FrameState,
 ) {
-    let Some(shown) = look.project.frames.get(frame) else {
+    let Some(shown) = session.project.frames.get(frame) else {
         return;
     };
     ui.strong(format!("{frame}  {}", shown.name));
@@ -214,7 +217,7 @@ fn tooltip_ui(
     ));
     ui.label(format!("Mask: {}", state.text()));
     for (label, sure) in mask.iter().flat_map(|mask| &mask.confidence) {
-        let name = look
+        let name = session
             .project
             .labels
             .get(*label)

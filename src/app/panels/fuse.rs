@@ -3,14 +3,14 @@ use egui::{DragValue, RichText, Ui};
 use super::jobs::{progress_text, run_button_ui};
 use crate::dialogs::{Pick, PickTarget, path_field_ui};
 use crate::tips::{field, grouped, section_heading};
-use crate::{Action, Look, ViewState};
+use crate::{Action, SessionView, ViewState};
 use ostra_project::ResultKind;
 use ostra_session::Command;
 
 /// Settings and button for the labelled cloud.
 pub(crate) fn fuse_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     wishes: &mut Vec<Action>,
 ) {
@@ -55,18 +55,18 @@ pub(crate) fn fuse_ui(
             path_field_ui(ui, &mut view.picker, name, &mut view.onto_text, target);
         });
     });
-    let ready = look
+    let ready = session
         .project
         .frames
         .iter()
         .any(|frame| frame.posed_camera().is_some());
     ui.horizontal(|ui| {
-        run_button_ui(ui, look, view, (Action::Fuse, "Fuse"), ready, wishes);
-        if let Some(job) = look.running("Fuse") {
+        run_button_ui(ui, session, view, (Action::Fuse, "Fuse"), ready, wishes);
+        if let Some(job) = session.running("Fuse") {
             ui.weak(progress_text(job));
             return;
         }
-        let text = match look.cloud {
+        let text = match session.cloud {
             Some(cloud) => format!("{} points", grouped(cloud.len())),
             None if ready => "No cloud yet".into(),
             None => "Reconstruct first".into(),
@@ -98,14 +98,14 @@ fn voxel_ui(ui: &mut Ui, view: &mut ViewState) {
 /// Instances of a label as they would be made: shown in 3-D, changed by two numbers, then made or given up.
 pub(crate) fn instances_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
     let Some(request) = &mut view.instances else {
         return;
     };
-    let Some(label) = look.project.labels.get(request.label) else {
+    let Some(label) = session.project.labels.get(request.label) else {
         view.instances = None;
         return;
     };
@@ -131,13 +131,17 @@ pub(crate) fn instances_ui(
                     .on_hover_text(tip);
             });
         });
-    let found = look.proposed.map_or(0, |proposed| proposed.labels.len());
-    match look.proposed {
+    let found = session.proposed.map_or(0, |proposed| proposed.labels.len());
+    match session.proposed {
         None => ui.spinner(),
         Some(_) if found == 0 => ui.weak("No connected points of this label."),
         Some(_) => ui.weak(format!("{found} found, shown in 3-D")),
     };
-    for (label, points) in look.proposed.iter().flat_map(|proposed| &proposed.labels) {
+    for (label, points) in session
+        .proposed
+        .iter()
+        .flat_map(|proposed| &proposed.labels)
+    {
         ui.horizontal(|ui| {
             let (rect, _) = ui.allocate_exact_size(egui::vec2(12.0, 12.0), egui::Sense::hover());
             let [r, g, b] = label.color;
@@ -167,15 +171,15 @@ pub(crate) fn instances_ui(
 }
 
 /// What the project holds, how it was made, and whether it still fits.
-pub(crate) fn results_ui(ui: &mut Ui, look: &Look<'_>) {
-    if look.project.results.is_empty() {
+pub(crate) fn results_ui(ui: &mut Ui, session: &SessionView<'_>) {
+    if session.project.results.is_empty() {
         ui.weak("No results yet");
     }
     egui::Grid::new("results")
         .num_columns(3)
         .spacing([10.0, 4.0])
         .show(ui, |ui| {
-            for (kind, record) in &look.project.results {
+            for (kind, record) in &session.project.results {
                 let name = match kind {
                     ResultKind::Tracking => "Tracking",
                     ResultKind::Cameras => "Cameras",

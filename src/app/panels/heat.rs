@@ -3,7 +3,7 @@ use std::ops::Range;
 use egui::{Color32, Pos2, Rect, Role, Sense, Stroke, Ui, Vec2, WidgetInfo, lerp};
 
 use crate::ranges::lost_on;
-use crate::{Look, ViewState};
+use crate::{SessionView, ViewState};
 use ostra_masks::LabelId;
 use ostra_project::{FrameMask, MaskOrigin};
 
@@ -15,17 +15,17 @@ const WORST_SHARE: f32 = 0.2;
 
 /// All frames in one strip, from left to right: bright where the tracker doubted or the vote of all contradicts the mask,
 /// dark where both were sure. A click or drag goes to the frame.
-pub(crate) fn heat_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+pub(crate) fn heat_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     let size = Vec2::new(ui.available_width(), HEAT_HEIGHT);
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
     response.widget_info(|| WidgetInfo::labeled(Role::Slider, true, "Confidence over frames"));
     let columns = Columns {
         rect,
-        frames: 0..look.project.frames.len(),
+        frames: 0..session.project.frames.len(),
     };
     ui.painter()
         .rect_filled(rect, 2.0, ui.visuals().extreme_bg_color);
-    columns.paint(ui, |frames| worst(ui, look, view, frames));
+    columns.paint(ui, |frames| worst(ui, session, view, frames));
     for frame in [
         view.range.map(|range| range.0),
         view.range.map(|range| range.1),
@@ -44,7 +44,7 @@ pub(crate) fn heat_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     }
     let hovered = response.hover_pos().and_then(|at| columns.frame_at(at));
     if let Some(frame) = hovered {
-        response.on_hover_ui_at_pointer(|ui| tip_ui(ui, look, view, frame));
+        response.on_hover_ui_at_pointer(|ui| tip_ui(ui, session, view, frame));
     }
 }
 
@@ -134,11 +134,16 @@ pub(super) fn heat(sure: f32) -> Color32 {
     Color32::from_rgb(r, g, b)
 }
 
-fn worst(ui: &Ui, look: &Look<'_>, view: &ViewState, frames: Range<usize>) -> Option<Color32> {
+fn worst(
+    ui: &Ui,
+    session: &SessionView<'_>,
+    view: &ViewState,
+    frames: Range<usize>,
+) -> Option<Color32> {
     let mut anchor = None;
     let mut least: Option<f32> = None;
-    for (&frame, mask) in look.project.masks.range(frames) {
-        match sureness(look, view, frame, mask) {
+    for (&frame, mask) in session.project.masks.range(frames) {
+        match sureness(session, view, frame, mask) {
             Some(sure) => least = Some(least.map_or(sure, |least| least.min(sure))),
             None => anchor = Some(Color32::from_rgb(80, 190, 110)),
         }
@@ -159,8 +164,13 @@ fn worst(ui: &Ui, look: &Look<'_>, view: &ViewState, frames: Range<usize>) -> Op
 
 /// How sure a frame is at its least: 0 where a label was lost, below 0 where it is stale; `None` for an anchor that the vote
 /// of all does not contradict.
-fn sureness(look: &Look<'_>, view: &ViewState, frame: usize, mask: &FrameMask) -> Option<f32> {
-    let by_vote = look
+fn sureness(
+    session: &SessionView<'_>,
+    view: &ViewState,
+    frame: usize,
+    mask: &FrameMask,
+) -> Option<f32> {
+    let by_vote = session
         .doubts
         .get(&frame)
         .map_or(1.0, |doubt| (1.0 - doubt.share() / WORST_SHARE).max(0.0));
@@ -168,7 +178,7 @@ fn sureness(look: &Look<'_>, view: &ViewState, frame: usize, mask: &FrameMask) -
         return Some(by_vote).filter(|&sure| sure < view.prefs.doubt_below);
     }
     let least = mask.confidence.values().copied().fold(by_vote, f32::min);
-    let lost = lost_on(look.project, view, frame).next().is_some();
+    let lost = lost_on(session.project, view, frame).next().is_some();
     Some(if mask.stale {
         -1.0
     } else if lost {
@@ -178,21 +188,22 @@ fn sureness(look: &Look<'_>, view: &ViewState, frame: usize, mask: &FrameMask) -
     })
 }
 
-fn tip_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, frame: usize) {
+fn tip_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState, frame: usize) {
     ui.strong(format!("Frame {frame}"));
-    if let Some(doubt) = look.doubts.get(&frame) {
+    if let Some(doubt) = session.doubts.get(&frame) {
         ui.label(format!(
             "{:.1} % in conflict with the 3-D vote",
             100.0 * doubt.share()
         ));
     }
     let name = |label: LabelId| {
-        look.project
+        session
+            .project
             .labels
             .get(label)
             .map_or("?", |label| label.name.as_str())
     };
-    match look.project.masks.get(&frame) {
+    match session.project.masks.get(&frame) {
         None => drop(ui.weak("no mask")),
         Some(mask) if mask.origin == MaskOrigin::Anchor => drop(ui.label("keyframe")),
         Some(mask) => {
@@ -202,7 +213,7 @@ fn tip_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, frame: usize) {
             for (&label, sure) in &mask.confidence {
                 ui.label(format!("{}: {:.0} % confidence", name(label), sure * 100.0));
             }
-            for label in lost_on(look.project, view, frame) {
+            for label in lost_on(session.project, view, frame) {
                 ui.colored_label(ui.visuals().warn_fg_color, format!("{}: lost", name(label)));
             }
         }

@@ -2,29 +2,34 @@ use egui::{ProgressBar, RichText, Ui};
 
 use crate::canvas::id_at;
 use crate::tips::{action_button, grouped};
-use crate::{Action, Look, ViewState};
+use crate::{Action, SessionView, ViewState};
 use ostra_masks::LabelId;
 use ostra_session::JobView;
 
 /// One line at the bottom: what is open, what is under the pointer, what is running.
-pub(crate) fn status_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
+pub(crate) fn status_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &ViewState,
+    wishes: &mut Vec<Action>,
+) {
     ui.horizontal(|ui| {
-        if let Some(frame) = look.project.frames.get(view.frame) {
+        if let Some(frame) = session.project.frames.get(view.frame) {
             ui.label(format!(
                 "Frame {} of {}",
                 view.frame,
-                look.project.frames.len().saturating_sub(1)
+                session.project.frames.len().saturating_sub(1)
             ));
             ui.weak(&frame.name);
             ui.separator();
-            pointer_ui(ui, look, view);
+            pointer_ui(ui, session, view);
         }
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            work_ui(ui, look);
-            if let Some(cloud) = look.cloud {
+            work_ui(ui, session);
+            if let Some(cloud) = session.cloud {
                 ui.weak(format!("{} points", grouped(cloud.len())));
             }
-            if let Some(job) = look.slow_jobs().last() {
+            if let Some(job) = session.slow_jobs().last() {
                 let button = action_button(ui, &view.prefs.shortcuts, Action::Stop, "Stop", true);
                 if button.accessible_name("Stop running job").clicked() {
                     wishes.push(Action::Stop);
@@ -39,11 +44,11 @@ pub(crate) fn status_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: 
 }
 
 /// How much was done by hand, and how good the masks probably are.
-fn work_ui(ui: &mut Ui, look: &Look<'_>) {
-    let Some(estimate) = look.estimate else {
+fn work_ui(ui: &mut Ui, session: &SessionView<'_>) {
+    let Some(estimate) = session.estimate else {
         return;
     };
-    let (count, percent) = (look.interactions, estimate.accuracy * 100.0);
+    let (count, percent) = (session.interactions, estimate.accuracy * 100.0);
     let noun = if count == 1 {
         "interaction"
     } else {
@@ -59,7 +64,7 @@ fn work_ui(ui: &mut Ui, look: &Look<'_>) {
     ui.separator();
 }
 
-fn pointer_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState) {
+fn pointer_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState) {
     let Some(at) = view.pointer_px else {
         ui.weak("Left click to include, right click to exclude, drag for a box");
         return;
@@ -67,18 +72,18 @@ fn pointer_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState) {
     ui.label(
         RichText::new(format!("x {:>5.0}  y {:>5.0}", at.x.floor(), at.y.floor())).monospace(),
     );
-    let id = look
+    let id = session
         .project
         .masks
         .get(&view.frame)
         .map_or(LabelId::NONE, |mask| id_at(&mask.runs, at));
-    if let Some(label) = look.project.labels.get(id) {
-        let path: Vec<_> = look
+    if let Some(label) = session.project.labels.get(id) {
+        let path: Vec<_> = session
             .project
             .labels
             .path(id)
             .iter()
-            .filter_map(|id| look.project.labels.get(*id))
+            .filter_map(|id| session.project.labels.get(*id))
             .collect();
         let [r, g, b] = label.color;
         let (rect, _) = ui.allocate_exact_size(egui::vec2(10.0, 10.0), egui::Sense::hover());
@@ -96,8 +101,13 @@ fn pointer_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState) {
 }
 
 /// What is running, how far it is, and the button that stops it.
-pub(crate) fn jobs_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
-    for job in look.slow_jobs() {
+pub(crate) fn jobs_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &ViewState,
+    wishes: &mut Vec<Action>,
+) {
+    for job in session.slow_jobs() {
         let detail = match (job.report.total, job.report.stage.as_str()) {
             (0, stage) => stage.to_owned(),
             (total, stage) => format!("{stage} {} of {total}", job.report.done),
@@ -122,13 +132,13 @@ pub(crate) fn jobs_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &m
 /// The button that starts long work; while that work runs it stops it.
 pub(super) fn run_button_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &ViewState,
     (action, title): (Action, &str),
     enabled: bool,
     wishes: &mut Vec<Action>,
 ) {
-    let (action, text) = if look.running(title).is_some() {
+    let (action, text) = if session.running(title).is_some() {
         (Action::Stop, "Stop")
     } else {
         (action, title)

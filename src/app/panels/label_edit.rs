@@ -1,6 +1,6 @@
 use egui::{CursorIcon, Key, Response, TextEdit, Ui};
 
-use crate::{Look, ViewState};
+use crate::{SessionView, ViewState};
 use ostra_cloud::instances::InstanceOptions;
 use ostra_masks::{Label, LabelId, LabelTree};
 use ostra_session::{Command, InstancesRequest};
@@ -8,14 +8,14 @@ use ostra_session::{Command, InstancesRequest};
 /// The row for a new label below the list.
 pub(super) fn new_label_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
     let parent = view
         .labels
         .parent
-        .and_then(|id| look.project.labels.get(id));
+        .and_then(|id| session.project.labels.get(id));
     let hint = parent.map_or("New label".into(), |parent| {
         format!("New label under {}", parent.name)
     });
@@ -37,7 +37,7 @@ pub(super) fn new_label_ui(
             .on_hover_text("Add the label and select it (Enter)");
         if typed && (entered || add.clicked()) {
             let name = std::mem::take(&mut view.labels.new_name).trim().to_owned();
-            view.label = Some(look.project.labels.next_id());
+            view.label = Some(session.project.labels.next_id());
             view.labels.parent = None;
             out.push(Command::AddLabel {
                 name,
@@ -82,7 +82,7 @@ pub(super) fn rename_ui(
 /// Everything that can be done with a label.
 pub(super) fn label_menu_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
     label: &Label,
@@ -101,11 +101,11 @@ pub(super) fn label_menu_ui(
     {
         view.labels.parent = Some(label.id);
     }
-    ui.menu_button("Move under", |ui| move_ui(ui, look, out, label))
+    ui.menu_button("Move under", |ui| move_ui(ui, session, out, label))
         .response
         .on_hover_text("Make the label a child of another label");
     let merge = ui.menu_button("Merge into", |ui| {
-        let into = chosen_ui(ui, &look.project.labels, |other| other.id != label.id);
+        let into = chosen_ui(ui, &session.project.labels, |other| other.id != label.id);
         out.extend(into.map(|into| Command::MergeLabels {
             label: label.id,
             into,
@@ -115,7 +115,7 @@ pub(super) fn label_menu_ui(
         .response
         .on_hover_text("Turn all its pixels, prompts and points into another label");
     let find = ui.add_enabled(
-        look.root.is_some() && look.cloud.is_some(),
+        session.root.is_some() && session.cloud.is_some(),
         egui::Button::new("Find instances"),
     );
     let find = find.on_hover_text("Split this class into instances by connected points in 3-D");
@@ -129,7 +129,7 @@ pub(super) fn label_menu_ui(
         });
     }
     ui.separator();
-    let has_children = look
+    let has_children = session
         .project
         .labels
         .iter()
@@ -146,8 +146,8 @@ pub(super) fn label_menu_ui(
     }
 }
 
-fn move_ui(ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>, label: &Label) {
-    let tree = &look.project.labels;
+fn move_ui(ui: &mut Ui, session: &SessionView<'_>, out: &mut Vec<Command>, label: &Label) {
+    let tree = &session.project.labels;
     if ui
         .add_enabled(label.parent.is_some(), egui::Button::new("Top level"))
         .clicked()
@@ -190,7 +190,7 @@ fn chosen_ui(
 /// A label's row can be dragged onto another one, whose part it becomes; never onto itself or what is below it.
 pub(super) fn drag_ui(
     ui: &Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     out: &mut Vec<Command>,
     row: &Response,
     label: &Label,
@@ -202,7 +202,7 @@ pub(super) fn drag_ui(
     if *dragged == label.id {
         return;
     }
-    let tree = &look.project.labels;
+    let tree = &session.project.labels;
     if !can_be_below(tree, *dragged, label.id) {
         ui.ctx().set_cursor_icon(CursorIcon::NotAllowed);
         return;
@@ -216,8 +216,8 @@ pub(super) fn drag_ui(
 }
 
 /// While a label is dragged that is a part of another: where it becomes a label of the top level.
-pub(super) fn top_level_ui(ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>) {
-    let tree = &look.project.labels;
+pub(super) fn top_level_ui(ui: &mut Ui, session: &SessionView<'_>, out: &mut Vec<Command>) {
+    let tree = &session.project.labels;
     let dragged = egui::DragAndDrop::payload::<LabelId>(ui.ctx());
     let is_part = |id: &LabelId| tree.get(*id).is_some_and(|label| label.parent.is_some());
     if !dragged.is_some_and(|id| is_part(&id)) {

@@ -2,24 +2,24 @@ use egui::{Color32, Response, RichText, Role, Sense, Ui, WidgetInfo};
 
 use super::label_edit::{drag_ui, label_menu_ui, listed, new_label_ui, rename_ui, top_level_ui};
 use crate::tips::{grouped, icon_button, section_heading};
-use crate::{Look, ViewState};
+use crate::{SessionView, ViewState};
 use ostra_masks::{Label, LabelId};
 use ostra_session::Command;
 
 /// The tree of labels: choose, show and hide, rename, recolour, move, add and remove.
 pub(crate) fn labels_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
 ) {
     ui.horizontal(|ui| {
         section_heading(ui, "Labels");
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            show_all_ui(ui, look, view);
+            show_all_ui(ui, session, view);
         });
     });
-    let rows = listed(&look.project.labels);
+    let rows = listed(&session.project.labels);
     if rows.is_empty() {
         ui.label(
             RichText::new(
@@ -29,16 +29,16 @@ pub(crate) fn labels_ui(
         );
     }
     for (number, (label, depth)) in rows.iter().enumerate() {
-        label_row_ui(ui, look, view, out, label, number, *depth);
+        label_row_ui(ui, session, view, out, label, number, *depth);
     }
-    top_level_ui(ui, look, out);
+    top_level_ui(ui, session, out);
     ui.add_space(2.0);
-    new_label_ui(ui, look, view, out);
+    new_label_ui(ui, session, view, out);
 }
 
 /// Makes a label with a free name, chosen at once and ready to be renamed.
-pub(crate) fn add_label(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
-    let tree = &look.project.labels;
+pub(crate) fn add_label(session: &SessionView<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
+    let tree = &session.project.labels;
     let id = tree.next_id();
     let name = (id.0..)
         .map(|n| format!("object {n}"))
@@ -53,8 +53,8 @@ pub(crate) fn add_label(look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Com
     view.labels.rename(id, &name);
 }
 
-fn show_all_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
-    if look.project.labels.iter().next().is_none() {
+fn show_all_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
+    if session.project.labels.iter().next().is_none() {
         return;
     }
     let all_hidden = !view.hidden.is_empty();
@@ -71,14 +71,19 @@ fn show_all_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
         view.hidden = if all_hidden {
             Default::default()
         } else {
-            look.project.labels.iter().map(|label| label.id).collect()
+            session
+                .project
+                .labels
+                .iter()
+                .map(|label| label.id)
+                .collect()
         };
     }
 }
 
 fn label_row_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
     label: &Label,
@@ -90,10 +95,10 @@ fn label_row_ui(
             ui.add_space(depth as f32 * 14.0);
             color_ui(ui, label, out);
             ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-                row_end_ui(ui, look, view, out, label);
+                row_end_ui(ui, session, view, out, label);
                 ui.with_layout(egui::Layout::left_to_right(egui::Align::Center), |ui| {
                     if !rename_ui(ui, view, out, label) {
-                        name_ui(ui, look, view, out, label, number);
+                        name_ui(ui, session, view, out, label, number);
                     }
                 });
             });
@@ -120,7 +125,7 @@ fn color_ui(ui: &mut Ui, label: &Label, out: &mut Vec<Command>) {
 
 fn name_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
     label: &Label,
@@ -149,8 +154,8 @@ fn name_ui(
     if response.double_clicked() {
         view.labels.rename(label.id, &label.name);
     }
-    drag_ui(ui, look, out, &response, label);
-    response.context_menu(|ui| label_menu_ui(ui, look, view, out, label));
+    drag_ui(ui, session, out, &response, label);
+    response.context_menu(|ui| label_menu_ui(ui, session, view, out, label));
 }
 
 /// A row of the whole width left, with a weak key before the name.
@@ -186,13 +191,13 @@ fn selectable_row(ui: &mut Ui, selected: bool, key: &str, name: &str) -> Respons
 
 fn row_end_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
     label: &Label,
 ) {
     let more = ui
-        .menu_button("…", |ui| label_menu_ui(ui, look, view, out, label))
+        .menu_button("…", |ui| label_menu_ui(ui, session, view, out, label))
         .response;
     more.on_hover_text("Rename, move, remove")
         .accessible_name(format!("More for {}", label.name));
@@ -202,10 +207,10 @@ fn row_end_ui(
         frames.to_string(),
         format!("'{}' is on {frames} frames", label.name),
     );
-    if let Some(cloud) = look.cloud {
+    if let Some(cloud) = session.cloud {
         let points = view
             .point_counts
-            .below(cloud, &look.project.labels, label.id);
+            .below(cloud, &session.project.labels, label.id);
         text = format!("{} · {text}", rounded(points));
         tip += &format!("; {} points, including child labels", grouped(points));
     }
@@ -268,9 +273,9 @@ fn eye_icon(ui: &Ui, response: &Response, open: bool) {
 }
 
 /// The labels of a cloud that is inspected alone: how many points each has, shown or not.
-pub(crate) fn cloud_labels_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+pub(crate) fn cloud_labels_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     section_heading(ui, "Labels");
-    let Some(cloud) = look.cloud else { return };
+    let Some(cloud) = session.cloud else { return };
     let counts = view.point_counts.of(cloud).clone();
     let rows = listed(&cloud.tree);
     if rows.is_empty() {

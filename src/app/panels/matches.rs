@@ -2,7 +2,7 @@ use egui::{Button, Color32, Pos2, Rect, ScrollArea, Sense, Stroke, Ui, Vec2};
 use glam::DVec2;
 
 use crate::textures::Textures;
-use crate::{Look, ViewState};
+use crate::{SessionView, ViewState};
 use ostra_reconstruct::rgbd::{FrameLink, LinkKind};
 use ostra_reconstruct::sfm::Outcome;
 use ostra_session::SparseModel;
@@ -17,14 +17,19 @@ const UV: Rect = Rect {
 };
 
 /// A window with what became of every frame, and lines between what two frames share.
-pub(crate) fn matches_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, textures: &mut Textures) {
+pub(crate) fn matches_ui(
+    ui: &Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    textures: &mut Textures,
+) {
     let mut open = view.matches.open;
     let window = egui::Window::new("Cameras and matches")
         .open(&mut open)
         .default_size([980.0, 560.0]);
     let middle = ui.ctx().content_rect().center() - Vec2::new(490.0, 290.0);
     window.default_pos(middle).show(ui.ctx(), |ui| {
-        let Some(sparse) = look.sparse else {
+        let Some(sparse) = session.sparse else {
             ui.label("Matches appear here after cameras have been computed.");
             return;
         };
@@ -37,7 +42,7 @@ pub(crate) fn matches_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, texture
             .resizable(true)
             .default_size(330.0)
             .show(ui, |ui| {
-                outcomes_ui(ui, look, view, sparse);
+                outcomes_ui(ui, session, view, sparse);
             });
         egui::Frame::new()
             .inner_margin(egui::Margin {
@@ -45,7 +50,7 @@ pub(crate) fn matches_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, texture
                 ..egui::Margin::ZERO
             })
             .show(ui, |ui| {
-                pair_ui(ui, look, view, textures, sparse);
+                pair_ui(ui, session, view, textures, sparse);
             });
     });
     view.matches.open = open;
@@ -53,7 +58,7 @@ pub(crate) fn matches_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState, texture
 
 fn pair_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     textures: &mut Textures,
     sparse: &SparseModel,
@@ -92,12 +97,12 @@ fn pair_ui(
     let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
     let name = format!("Matches of frames {} and {other}", view.frame);
     response.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Image, true, &name));
-    let places = places(rect, look, view.frame);
+    let places = places(rect, session, view.frame);
     let shown = [view.frame, other];
     let fitted: [Rect; 2] =
-        std::array::from_fn(|i| picture_ui(ui, look, textures, i, shown[i], places[i]));
+        std::array::from_fn(|i| picture_ui(ui, session, textures, i, shown[i], places[i]));
     let at = |i: usize, at_px: DVec2| {
-        let frame = &look.project.frames[shown[i]];
+        let frame = &session.project.frames[shown[i]];
         let share = Vec2::new(
             (at_px.x / f64::from(frame.width)) as f32,
             (at_px.y / f64::from(frame.height)) as f32,
@@ -148,8 +153,8 @@ fn partners(sparse: &SparseModel, frame: usize) -> Vec<(usize, String)> {
 }
 
 /// Two places beside each other, or one over the other where that shows the pictures larger.
-fn places(rect: Rect, look: &Look<'_>, frame: usize) -> [Rect; 2] {
-    let known = &look.project.frames[frame];
+fn places(rect: Rect, session: &SessionView<'_>, frame: usize) -> [Rect; 2] {
+    let known = &session.project.frames[frame];
     let size = Vec2::new(known.width as f32, known.height as f32);
     let scale = |place: Vec2| (place.x / size.x).min(place.y / size.y);
     let beside = Vec2::new((rect.width() - 6.0) / 2.0, rect.height());
@@ -189,17 +194,20 @@ fn other_ui(ui: &mut Ui, view: &mut ViewState, partners: &[(usize, String)], oth
 /// Draws a frame's picture into a place; gives where it lies.
 fn picture_ui(
     ui: &Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     textures: &mut Textures,
     i: usize,
     frame: usize,
     place: Rect,
 ) -> Rect {
-    let known = &look.project.frames[frame];
+    let known = &session.project.frames[frame];
     let size = Vec2::new(known.width as f32, known.height as f32);
     let scale = (place.width() / size.x).min(place.height() / size.y);
     let fitted = Rect::from_center_size(place.center(), size * scale);
-    match look.pictures.and_then(|pictures| pictures.picture(frame)) {
+    match session
+        .pictures
+        .and_then(|pictures| pictures.picture(frame))
+    {
         Some(image) => {
             let texture = textures.of_pair(ui.ctx(), i, &image);
             ui.painter()
@@ -224,7 +232,7 @@ fn error_color(error_px: f64) -> Color32 {
 const DOUBTFUL_PX: f64 = 1.0;
 
 /// One row per frame: what it sees and how exactly, or why it has no camera. A click goes to the frame.
-fn outcomes_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, sparse: &SparseModel) {
+fn outcomes_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, sparse: &SparseModel) {
     let placed = sparse
         .outcomes
         .values()
@@ -245,14 +253,21 @@ fn outcomes_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, sparse: &Spar
         .auto_shrink([false, false])
         .show_rows(ui, height, rows.len(), |ui, shown| {
             for &(frame, outcome) in &rows[shown] {
-                row_ui(ui, look, view, frame, outcome);
+                row_ui(ui, session, view, frame, outcome);
             }
         });
 }
 
-fn row_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, frame: usize, outcome: &Outcome) {
+fn row_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    frame: usize,
+    outcome: &Outcome,
+) {
     let name = |frame: usize| {
-        look.project
+        session
+            .project
             .frames
             .get(frame)
             .map_or("", |frame| frame.name.as_str())

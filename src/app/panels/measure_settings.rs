@@ -2,8 +2,8 @@ use egui::{Button, ComboBox, DragValue, Ui};
 
 use super::measure_table::AngleChoice;
 use super::scene_tools::Ruler;
-use crate::Look;
-use crate::look::labels_of;
+use crate::SessionView;
+use crate::session_view::labels_of;
 use ostra_cloud::measure::{GroundChoice, LengthUnit, TraitRow};
 use ostra_masks::{LabelId, LabelTree};
 use ostra_view::Axes;
@@ -22,7 +22,7 @@ pub(super) fn add_angle_ui(ui: &mut Ui, chosen: Option<LabelId>, angles: &mut Ve
 /// A line for each angle: its labels, and the angle between them.
 pub(super) fn angles_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     tree: &LabelTree,
     angles: &mut Vec<AngleChoice>,
 ) {
@@ -44,7 +44,7 @@ pub(super) fn angles_ui(
                 &format!("Second label of angle {number}"),
                 &mut choice.0[1],
             );
-            value_ui(ui, look, choice.pair());
+            value_ui(ui, session, choice.pair());
             let button = ui.small_button("×").on_hover_text("Remove this angle");
             if button
                 .accessible_name(format!("Remove angle {number}"))
@@ -77,17 +77,17 @@ fn label_ui(ui: &mut Ui, tree: &LabelTree, name: &str, chosen: &mut Option<Label
         .accessible_name(name);
 }
 
-fn value_ui(ui: &mut Ui, look: &Look<'_>, pair: Option<[LabelId; 2]>) {
+fn value_ui(ui: &mut Ui, session: &SessionView<'_>, pair: Option<[LabelId; 2]>) {
     let Some(pair) = pair else {
         ui.weak("Choose two labels");
         return;
     };
-    match look.angles.and_then(|angles| angles.get(&pair)) {
-        Some(Ok(rows)) => told_ui(ui, look, rows),
+    match session.angles.and_then(|angles| angles.get(&pair)) {
+        Some(Ok(rows)) => told_ui(ui, session, rows),
         Some(Err(why)) => {
             ui.weak(why);
         }
-        None if look.running("Measure angles").is_some() => {
+        None if session.running("Measure angles").is_some() => {
             ui.spinner();
             ui.label("Measuring…");
         }
@@ -100,9 +100,9 @@ fn value_ui(ui: &mut Ui, look: &Look<'_>, pair: Option<[LabelId; 2]>) {
 }
 
 /// The angle of the largest piece; those of all in the tip.
-fn told_ui(ui: &mut Ui, look: &Look<'_>, rows: &[TraitRow]) {
+fn told_ui(ui: &mut Ui, session: &SessionView<'_>, rows: &[TraitRow]) {
     let Some(first) = rows.first() else { return };
-    let text = |row: &TraitRow| look.unit.text(row.value, row.dimension);
+    let text = |row: &TraitRow| session.unit.text(row.value, row.dimension);
     let mut tip = format!(
         "{} = {}\nFrom {} points",
         first.name, first.definition, first.points
@@ -124,8 +124,13 @@ fn told_ui(ui: &mut Ui, look: &Look<'_>, rows: &[TraitRow]) {
 }
 
 /// The plane above which heights are measured.
-pub(crate) fn ground_ui(ui: &mut Ui, look: &Look<'_>, ruler: &Ruler, ground: &mut GroundChoice) {
-    let tree = labels_of(look);
+pub(crate) fn ground_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    ruler: &Ruler,
+    ground: &mut GroundChoice,
+) {
+    let tree = labels_of(session);
     let name = |id| tree.get(id).map_or("fitted", |label| label.name.as_str());
     let text = match *ground {
         GroundChoice::Fitted => "fitted",
@@ -142,7 +147,7 @@ pub(crate) fn ground_ui(ui: &mut Ui, look: &Look<'_>, ruler: &Ruler, ground: &mu
                 ui.selectable_value(ground, GroundChoice::Label(label.id), &label.name);
             }
             ui.separator();
-            let through = ruler.plane(Axes::of_cameras(&look.project.frames).up);
+            let through = ruler.plane(Axes::of_cameras(&session.project.frames).up);
             let is_through = through.is_some_and(|plane| plane == *ground);
             let button = ui.add_enabled(
                 through.is_some(),
@@ -194,10 +199,15 @@ fn plane_ui(ui: &mut Ui, normal: &mut [f64; 3], offset: &mut f64) {
 }
 
 /// The unit that lengths are shown in; `None` = the scene's own. Metric units are offered where the scale is known.
-pub(crate) fn unit_ui(ui: &mut Ui, name: &str, chosen: &mut Option<LengthUnit>, look: &Look<'_>) {
-    let of_scene = look.unit;
+pub(crate) fn unit_ui(
+    ui: &mut Ui,
+    name: &str,
+    chosen: &mut Option<LengthUnit>,
+    session: &SessionView<'_>,
+) {
+    let of_scene = session.unit;
     let mut unit = chosen.unwrap_or(of_scene);
-    let metric = if look.may_be_metric() {
+    let metric = if session.may_be_metric() {
         &LengthUnit::METRIC[..]
     } else {
         &[]
@@ -210,7 +220,7 @@ pub(crate) fn unit_ui(ui: &mut Ui, name: &str, chosen: &mut Option<LengthUnit>, 
                 ui.selectable_value(&mut unit, other, other.sign());
             }
         });
-    let tip = match look.may_be_metric() {
+    let tip = match session.may_be_metric() {
         true => "Unit of lengths; 'units' are the units of the scene",
         false => "The scale is not known: measure a known length with the ruler and set the scale",
     };

@@ -2,7 +2,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::Look;
+use crate::SessionView;
 use ostra_cloud::measure::{GroundChoice, LengthUnit, TraitRow};
 use ostra_masks::LabelId;
 use ostra_session::MeasureWish;
@@ -97,8 +97,8 @@ pub struct MeasureView {
 
 impl MeasureView {
     /// Drops a metric unit where lengths have none.
-    pub fn keep_valid(&mut self, look: &Look<'_>) {
-        self.unit = self.unit.filter(|_| look.may_be_metric());
+    pub fn keep_valid(&mut self, session: &SessionView<'_>) {
+        self.unit = self.unit.filter(|_| session.may_be_metric());
     }
 
     /// Follows a scene whose lengths were multiplied.

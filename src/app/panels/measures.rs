@@ -4,12 +4,12 @@ use super::label_edit::listed;
 use super::measure_settings::{add_angle_ui, angles_ui, ground_ui, unit_ui};
 use super::measure_table::{COLUMNS, Column, Table};
 use crate::dialogs::PathWish;
-use crate::{Dialog, Look, ViewState};
+use crate::{Dialog, SessionView, ViewState};
 use ostra_cloud::measure::LengthUnit;
 use ostra_masks::{Label, LabelTree};
 
 /// A window with what was measured of each label.
-pub(crate) fn measures_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState) {
+pub(crate) fn measures_ui(ui: &Ui, session: &SessionView<'_>, view: &mut ViewState) {
     let mut open = view.measures.open;
     let window = egui::Window::new("Traits")
         .open(&mut open)
@@ -18,26 +18,26 @@ pub(crate) fn measures_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState) {
     window
         .default_pos(ui.ctx().content_rect().left_top() + egui::vec2(250.0, 60.0))
         .show(ui.ctx(), |ui| {
-            let Some(cloud) = look.cloud else {
+            let Some(cloud) = session.cloud else {
                 ui.label(
                     "The measures of each label are shown here once there is a cloud: fuse first.",
                 );
                 return;
             };
-            let tree = if look.root.is_some() {
-                &look.project.labels
+            let tree = if session.root.is_some() {
+                &session.project.labels
             } else {
                 &cloud.tree
             };
-            settings_ui(ui, look, view);
-            angles_ui(ui, look, tree, &mut view.measures.angles);
+            settings_ui(ui, session, view);
+            angles_ui(ui, session, tree, &mut view.measures.angles);
             ui.separator();
-            match look.traits {
+            match session.traits {
                 Some(rows) => {
                     view.measures.table.follow(rows);
-                    table_ui(ui, look, view, tree);
+                    table_ui(ui, session, view, tree);
                 }
-                None if look.running("Measure").is_some() => {
+                None if session.running("Measure").is_some() => {
                     ui.horizontal(|ui| {
                         ui.spinner();
                         ui.label("Measuring…");
@@ -53,7 +53,7 @@ pub(crate) fn measures_ui(ui: &Ui, look: &Look<'_>, view: &mut ViewState) {
     view.measures.open = open;
 }
 
-fn settings_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+fn settings_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     ui.horizontal_wrapped(|ui| {
         ui.label("Label level");
         let mut level = view.measures.wish.level.unwrap_or(0);
@@ -71,12 +71,12 @@ fn settings_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
             .accessible_name("Measured level");
         view.measures.wish.level = (level > 0).then_some(level);
         ui.add_space(8.0);
-        ground_ui(ui, look, &view.ruler, &mut view.measures.wish.ground);
+        ground_ui(ui, session, &view.ruler, &mut view.measures.wish.ground);
         ui.add_space(8.0);
-        unit_ui(ui, "Unit", &mut view.measures.unit, look);
+        unit_ui(ui, "Unit", &mut view.measures.unit, session);
         ui.add_space(8.0);
         add_angle_ui(ui, view.label, &mut view.measures.angles);
-        let button = ui.add_enabled(look.traits.is_some(), Button::new("Export CSV…"));
+        let button = ui.add_enabled(session.traits.is_some(), Button::new("Export CSV…"));
         if button
             .on_hover_text("Save these traits, including those of every part")
             .clicked()
@@ -87,7 +87,7 @@ fn settings_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
     });
 }
 
-fn table_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, tree: &LabelTree) {
+fn table_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, tree: &LabelTree) {
     let table = std::mem::take(&mut view.measures.table);
     let mut rows: Vec<(Label, usize)> = listed(tree);
     rows.retain(|(label, _)| table.find(label.id, "points").is_some());
@@ -102,7 +102,7 @@ fn table_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, tree: &LabelTree
                     header_ui(ui, &mut view.measures.sorted);
                     for (label, depth) in &rows {
                         name_ui(ui, view, label, *depth);
-                        let unit = view.measures.unit.unwrap_or(look.unit);
+                        let unit = view.measures.unit.unwrap_or(session.unit);
                         for column in &COLUMNS {
                             cell_ui(ui, &table, label, column, unit);
                         }

@@ -4,7 +4,7 @@ use ostra_project::{DeviceId, RegistrationId};
 use super::jobs::{progress_text, run_button_ui};
 use super::track::engine_choice_ui;
 use crate::tips::{action_button, field};
-use crate::{Action, Look, ViewState};
+use crate::{Action, SessionView, ViewState};
 use ostra_project::ReconstructMethod;
 use ostra_session::EngineKind;
 
@@ -43,7 +43,7 @@ const DEVICES: [(DeviceId, &str, &str); 3] = [
 /// Settings and button for cameras and depths.
 pub(crate) fn reconstruct_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     wishes: &mut Vec<Action>,
 ) {
@@ -71,21 +71,21 @@ pub(crate) fn reconstruct_ui(
             });
         });
     let more = egui::CollapsingHeader::new("Details").id_salt("details of reconstruct");
-    more.show_unindented(ui, |ui| finding_ui(ui, look, view));
+    more.show_unindented(ui, |ui| finding_ui(ui, session, view));
     ui.horizontal(|ui| {
         run_button_ui(
             ui,
-            look,
+            session,
             view,
             (Action::Reconstruct, "Reconstruct"),
-            look.has_frames(),
+            session.has_frames(),
             wishes,
         );
-        if let Some(job) = look.running("Reconstruct") {
+        if let Some(job) = session.running("Reconstruct") {
             ui.weak(progress_text(job));
             return;
         }
-        let frames = &look.project.frames;
+        let frames = &session.project.frames;
         let (cameras, depths) = (
             frames
                 .iter()
@@ -96,7 +96,7 @@ pub(crate) fn reconstruct_ui(
         ui.weak(format!("{cameras} cameras, {depths} depth maps"))
             .on_hover_text("Frames with a camera and frames with a depth map");
     });
-    if look.sparse.is_some() {
+    if session.sparse.is_some() {
         let shortcuts = &view.prefs.shortcuts;
         if action_button(
             ui,
@@ -146,14 +146,14 @@ fn device_ui(ui: &mut Ui, device: &mut DeviceId) {
 const SIDES: std::ops::RangeInclusive<u32> = 256..=8192;
 
 /// How cameras are found and on which pixels: what is recognised in pictures, which pairs are compared, the size.
-fn finding_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+fn finding_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     egui::Grid::new("finding").num_columns(2).spacing([8.0, 6.0]).show(ui, |ui| {
         let request = &mut view.reconstruct;
         field(ui, "Features", "Feature detector", |ui| {
-            engine_choice_ui(ui, "features", look.engines_of(EngineKind::Features), &mut request.features);
+            engine_choice_ui(ui, "features", session.engines_of(EngineKind::Features), &mut request.features);
         });
         field(ui, "Matching", "How features are matched between images", |ui| {
-            engine_choice_ui(ui, "matcher", look.engines_of(EngineKind::Matcher), &mut request.matcher);
+            engine_choice_ui(ui, "matcher", session.engines_of(EngineKind::Matcher), &mut request.matcher);
         });
         field(ui, "Fragment registration", "How fragments of an RGB-D recording without other links are registered", |ui| {
             registration_ui(ui, &mut request.registration);

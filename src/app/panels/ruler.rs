@@ -3,13 +3,13 @@ use egui::{ComboBox, DragValue, Key, Ui};
 use super::measure_settings::unit_ui;
 use super::scene_tools::{Ruler, RulerKind};
 use crate::tips::action_button;
-use crate::{Action, Look, ViewState};
+use crate::{Action, SessionView, ViewState};
 use ostra_cloud::measure::{Dimension, LengthUnit};
 
 /// What the ruler measures, and the length it should.
 pub(super) fn ruler_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     wishes: &mut Vec<Action>,
 ) {
@@ -18,11 +18,11 @@ pub(super) fn ruler_ui(
     }
     kind_ui(ui, &mut view.ruler);
     if view.ruler.kind == RulerKind::Length {
-        unit_ui(ui, "Ruler unit", &mut view.measures.unit, look);
+        unit_ui(ui, "Ruler unit", &mut view.measures.unit, session);
     }
     match view.ruler.value() {
         Some((value, dimension)) => {
-            let unit = view.measures.unit.unwrap_or(look.unit);
+            let unit = view.measures.unit.unwrap_or(session.unit);
             ui.label(unit.text(value, dimension))
                 .on_hover_text(tip(&view.ruler, unit));
         }
@@ -31,7 +31,7 @@ pub(super) fn ruler_ui(
         }
     }
     undo_ui(ui, &mut view.ruler);
-    let has_cameras = look
+    let has_cameras = session
         .project
         .frames
         .iter()

@@ -2,10 +2,10 @@ use egui::containers::menu::{MenuButton, MenuConfig};
 use egui::{ComboBox, DragValue, PopupCloseBehavior, Slider, Ui};
 
 use super::ruler::ruler_ui;
-use crate::look::labels_of;
 use crate::scene_look::{ClipSides, Slice};
+use crate::session_view::labels_of;
 use crate::tips::{action_button, together};
-use crate::{Action, Look, Shown, ViewState};
+use crate::{Action, SessionView, Shown, ViewState};
 use ostra_view::{Coloring, Side};
 
 const COLORINGS: [(Coloring, &str, &str); 7] = [
@@ -48,12 +48,12 @@ const MODELS: [(Shown, &str, &str); 4] = [
 /// What is shown, what colours show, point size, frusta and where to look from.
 pub(super) fn scene_bar_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     wishes: &mut Vec<Action>,
 ) {
     ui.horizontal_wrapped(|ui| {
-        if look.has_surface {
+        if session.has_surface {
             let text = MODELS.iter().find(|(shown, ..)| *shown == view.shown).map_or("Points", |(_, text, _)| text);
             let choice = ComboBox::from_id_salt("model").selected_text(text).width(88.0).show_ui(ui, |ui| {
                 for (shown, text, tip) in MODELS {
@@ -63,7 +63,7 @@ pub(super) fn scene_bar_ui(
             choice.response.on_hover_text("Model to show").accessible_name("Shown model");
             ui.add_space(8.0);
         }
-        coloring_ui(ui, look, view);
+        coloring_ui(ui, session, view);
         ui.add_space(8.0);
         ui.spacing_mut().slider_width = 70.0;
         let slider = Slider::new(&mut view.prefs.point_size, 1.0..=12.0).show_value(false);
@@ -71,7 +71,7 @@ pub(super) fn scene_bar_ui(
             ui.label("Size");
             ui.add(slider).on_hover_text("Size of the points").accessible_name("Point size");
         });
-        let has_cameras = look.project.frames.iter().any(|frame| frame.posed_camera().is_some());
+        let has_cameras = session.project.frames.iter().any(|frame| frame.posed_camera().is_some());
         if has_cameras {
             ui.checkbox(&mut view.prefs.frusta, "Cameras")
                 .on_hover_text("Show the cameras; click one to go to its frame");
@@ -79,7 +79,7 @@ pub(super) fn scene_bar_ui(
             let pictures = egui::Checkbox::new(&mut view.prefs.scene.pictures, "Images");
             ui.add_enabled(view.prefs.frusta, pictures).on_hover_text(tip);
         }
-        if look.sparse.is_some_and(|sparse| !sparse.links.is_empty()) {
+        if session.sparse.is_some_and(|sparse| !sparse.links.is_empty()) {
             ui.checkbox(&mut view.prefs.links, "Links").on_hover_text(
                 "Which frames hold each other: grey one after the other, green where they see the same, orange by their \
                  shape, red where the others contradict it",
@@ -95,13 +95,13 @@ pub(super) fn scene_bar_ui(
         if has_cameras && action_button(ui, shortcuts, Action::LookThrough, "Camera view", true).clicked() {
             wishes.push(Action::LookThrough);
         }
-        if look.votes.is_some() {
+        if session.votes.is_some() {
             let tip = shortcuts.tip(ui.ctx(), Action::ChoosePoints);
             if ui.selectable_label(view.scene_select.in_hand, "Select").on_hover_text(tip).clicked() {
                 wishes.push(Action::ChoosePoints);
             }
         }
-        if look.points().is_some() {
+        if session.points().is_some() {
             ui.toggle_value(&mut view.ruler.in_hand, "Ruler")
                 .on_hover_text("Click points to measure distances, lines and angles, and to set the scale by a distance");
         }
@@ -114,9 +114,9 @@ pub(super) fn scene_bar_ui(
                 ui.add(slider).on_hover_text(tip).accessible_name("Opacity of the image");
             });
         }
-        isolated_ui(ui, look, view);
-        if look.points().is_some() {
-            ruler_ui(ui, look, view, wishes);
+        isolated_ui(ui, session, view);
+        if session.points().is_some() {
+            ruler_ui(ui, session, view, wishes);
         }
     });
 }
@@ -130,14 +130,14 @@ pub(super) fn coloring_text(coloring: Coloring) -> &'static str {
 }
 
 /// What colours show; of labels, at which level of their tree.
-fn coloring_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+fn coloring_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     let choice = ComboBox::from_id_salt("coloring")
         .selected_text(coloring_text(view.coloring))
         .width(92.0)
         .show_ui(ui, |ui| {
             for (coloring, text, tip) in COLORINGS {
                 let is_known = !coloring.needs_votes()
-                    || (look.votes.is_some() && view.shown == Shown::Points);
+                    || (session.votes.is_some() && view.shown == Shown::Points);
                 ui.add_enabled_ui(is_known, |ui| {
                     let choice = ui
                         .selectable_value(&mut view.coloring, coloring, text)
@@ -152,7 +152,7 @@ fn coloring_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
         .response
         .on_hover_text("Choose the colours of the points")
         .accessible_name("Colour by");
-    let tree = labels_of(look);
+    let tree = labels_of(session);
     let deepest = tree
         .iter()
         .map(|label| tree.depth(label.id))
@@ -181,7 +181,7 @@ fn coloring_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
 }
 
 /// What stands out alone, and the way back.
-fn isolated_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+fn isolated_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     if let Some(below) = view.scene.doubtful_below {
         let text = format!("Only below {:.0} %", 100.0 * below);
         let button = ui.button(text).on_hover_text("Show all points again");
@@ -189,7 +189,11 @@ fn isolated_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
             view.scene.doubtful_below = None;
         }
     }
-    let Some(label) = view.scene.isolated.and_then(|id| labels_of(look).get(id)) else {
+    let Some(label) = view
+        .scene
+        .isolated
+        .and_then(|id| labels_of(session).get(id))
+    else {
         return;
     };
     let button = ui

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use egui::{Color32, Pos2, Rect, TextureId, Ui};
 use glam::Vec3;
 
-use crate::{Look, Shown, ViewState};
+use crate::{SessionView, Shown, ViewState};
 use ostra_cloud::LabelledCloud;
 use ostra_frames::Frame;
 use ostra_view::{Axes, Bounds, Model, Orbit, PicturePlane, Scene3d, SceneView, default_view};
@@ -77,11 +77,15 @@ pub(super) struct Framed {
 const PLANES: usize = 200;
 
 /// The pictures at the ends of the frusta, of evenly chosen frames where there are many; not that which would hide all.
-pub(super) fn picture_planes(look: &Look<'_>, view: &ViewState, size: f32) -> Vec<PicturePlane> {
-    let Some(pictures) = look.pictures else {
+pub(super) fn picture_planes(
+    session: &SessionView<'_>,
+    view: &ViewState,
+    size: f32,
+) -> Vec<PicturePlane> {
+    let Some(pictures) = session.pictures else {
         return Vec::new();
     };
-    let frames = look
+    let frames = session
         .project
         .frames
         .iter()
@@ -99,20 +103,27 @@ pub(super) fn picture_planes(look: &Look<'_>, view: &ViewState, size: f32) -> Ve
 }
 
 /// What is drawn: points until the triangles wanted are there, and while depth is made.
-pub(super) fn model(look: &Look<'_>, view: &ViewState) -> Option<Model> {
-    match (view.shown, look.surface.filter(|_| look.growing.is_none())) {
+pub(super) fn model(session: &SessionView<'_>, view: &ViewState) -> Option<Model> {
+    match (
+        view.shown,
+        session.surface.filter(|_| session.growing.is_none()),
+    ) {
         (Shown::Mesh | Shown::Voxels, Some(surface)) => Some(Model::Surface(Arc::clone(surface))),
         (Shown::Wireframe, Some(surface)) => Some(Model::Wireframe(Arc::clone(surface))),
-        _ => look.points().cloned().map(Model::Cloud),
+        _ => session.points().cloned().map(Model::Cloud),
     }
 }
 
-pub(super) fn bounds(look: &Look<'_>) -> Option<Bounds> {
-    match look.points() {
-        Some(cloud) if look.cloud.is_none() => Bounds::of(near_the_cameras(look, cloud)),
+pub(super) fn bounds(session: &SessionView<'_>) -> Option<Bounds> {
+    match session.points() {
+        Some(cloud) if session.cloud.is_none() => Bounds::of(near_the_cameras(session, cloud)),
         Some(cloud) => Bounds::of(every_nth(cloud).map(|index| cloud.positions[index])),
         None => {
-            let poses = look.project.frames.iter().filter_map(Frame::posed_camera);
+            let poses = session
+                .project
+                .frames
+                .iter()
+                .filter_map(Frame::posed_camera);
             Bounds::of(poses.map(|(_, pose)| pose.centre().as_vec3()))
         }
     }
@@ -120,11 +131,12 @@ pub(super) fn bounds(look: &Look<'_>) -> Option<Bounds> {
 
 /// The cameras, and the half of the sparse points that lies nearest to their middle: some always lie far away.
 fn near_the_cameras<'a>(
-    look: &'a Look<'_>,
+    session: &'a SessionView<'_>,
     cloud: &'a LabelledCloud,
 ) -> impl Iterator<Item = Vec3> + 'a {
     let centres = || {
-        look.project
+        session
+            .project
             .frames
             .iter()
             .filter_map(Frame::posed_camera)
@@ -142,26 +154,30 @@ fn near_the_cameras<'a>(
     points.into_iter().chain(centres())
 }
 
-pub(super) fn framing(look: &Look<'_>, aspect: f32) -> Option<Orbit> {
-    match look.points() {
-        Some(cloud) if look.cloud.is_some() => {
-            default_view(&thinned(cloud), &look.project.frames, aspect)
+pub(super) fn framing(session: &SessionView<'_>, aspect: f32) -> Option<Orbit> {
+    match session.points() {
+        Some(cloud) if session.cloud.is_some() => {
+            default_view(&thinned(cloud), &session.project.frames, aspect)
         }
-        _ => cameras_view(look),
+        _ => cameras_view(session),
     }
 }
 
 /// All cameras from behind, a little from above and from the side, upright as they stood.
-fn cameras_view(look: &Look<'_>) -> Option<Orbit> {
-    let poses = look.project.frames.iter().filter_map(Frame::posed_camera);
+fn cameras_view(session: &SessionView<'_>) -> Option<Orbit> {
+    let poses = session
+        .project
+        .frames
+        .iter()
+        .filter_map(Frame::posed_camera);
     let rotations = poses.map(|(_, pose)| pose.rotation.as_quat().conjugate());
     let forward = rotations
         .map(|world_from_camera| world_from_camera * Vec3::Z)
         .sum::<Vec3>();
-    let Axes { up, .. } = Axes::of_cameras(&look.project.frames);
+    let Axes { up, .. } = Axes::of_cameras(&session.project.frames);
     let forward = forward.try_normalize().unwrap_or(Vec3::Z);
     Some(Orbit::framing(
-        &bounds(look)?,
+        &bounds(session)?,
         forward + 0.5 * forward.cross(up) - 0.4 * up,
         up,
     ))

@@ -3,7 +3,7 @@ use glam::{DVec2, DVec3, Vec3};
 
 use super::scene_bar::coloring_text;
 use crate::textures::Textures;
-use crate::{Look, ViewState};
+use crate::{SessionView, ViewState};
 use ostra_cloud::measure::{Dimension, LengthUnit};
 use ostra_frames::Frame;
 use ostra_view::{Coloring, ViewCamera, ramp};
@@ -201,7 +201,7 @@ const CELLS: usize = 24;
 pub(super) fn blend(
     ui: &Ui,
     (rect, camera, depth): (Rect, &ViewCamera, f32),
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &ViewState,
     textures: &mut Textures,
 ) {
@@ -209,8 +209,10 @@ pub(super) fn blend(
     let Some(frame) = view.scene.through.filter(|_| opacity > 0.0) else {
         return;
     };
-    let picture = look.pictures.and_then(|pictures| pictures.picture(frame));
-    let (Some(picture), Some(frame)) = (picture, look.project.frames.get(frame)) else {
+    let picture = session
+        .pictures
+        .and_then(|pictures| pictures.picture(frame));
+    let (Some(picture), Some(frame)) = (picture, session.project.frames.get(frame)) else {
         return;
     };
     let tint = Color32::WHITE.gamma_multiply(opacity);

@@ -12,10 +12,10 @@ use super::scene_overlay::{blend, marks};
 use super::scene_picks::{Purpose, SceneHover, ScenePicks};
 use super::scene_select::{choose_by_hand, chosen_ui};
 use super::scene_tools::Asked;
-use crate::look::labels_of;
+use crate::session_view::labels_of;
 use crate::textures::Textures;
 use crate::view_state::SceneWish;
-use crate::{Action, Look, ViewState};
+use crate::{Action, SessionView, ViewState};
 use ostra_frames::Frame;
 use ostra_view::{
     Appearance, Axes, Bounds, Clip, Orbit, Portrait, Scene3d, SceneStyle, ViewCamera,
@@ -98,7 +98,7 @@ impl ScenePane {
     pub(crate) fn ui(
         &mut self,
         ui: &mut Ui,
-        look: &Look<'_>,
+        session: &SessionView<'_>,
         view: &mut ViewState,
         textures: &mut Textures,
         wishes: &mut Vec<Action>,
@@ -106,7 +106,7 @@ impl ScenePane {
         egui::Frame::new()
             .inner_margin(egui::Margin::symmetric(8, 4))
             .show(ui, |ui| {
-                scene_bar_ui(ui, look, view, wishes);
+                scene_bar_ui(ui, session, view, wishes);
             });
         let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
         response.widget_info(|| WidgetInfo::labeled(Role::Image, ui.is_enabled(), "3-D view"));
@@ -114,7 +114,7 @@ impl ScenePane {
             .rect_filled(rect, 0.0, ui.visuals().extreme_bg_color);
         let size = rect.size() * ui.pixels_per_point();
         let through = view.scene.through;
-        self.frame_new_content(look, view, size.x / size.y.max(1.0));
+        self.frame_new_content(session, view, size.x / size.y.max(1.0));
         let Some(orbit) = self.orbit else {
             return message(
                 ui,
@@ -123,54 +123,54 @@ impl ScenePane {
             );
         };
         let camera = orbit.camera(size.x.max(1.0) as u32, size.y.max(1.0) as u32);
-        self.take_picks(look, view);
+        self.take_picks(session, view);
         self.turn(ui, &response, view);
-        self.input(ui, &response, look, view, &camera);
+        self.input(ui, &response, session, view, &camera);
         // Whoever moves the view does not look through the camera any more.
         view.scene.through = view.scene.through.filter(|_| self.orbit == self.through);
         if view.scene.through != through {
             // The bar above is drawn already.
             ui.ctx().request_repaint();
         }
-        let Seen { appearance, clip } = self.seen(look, view);
+        let Seen { appearance, clip } = self.seen(session, view);
         self.hover
-            .ui(ui, &response, look, view, (&camera, &clip, &appearance));
-        self.draw(ui, rect, look, view);
-        blend(ui, (rect, &camera, orbit.distance), look, view, textures);
+            .ui(ui, &response, session, view, (&camera, &clip, &appearance));
+        self.draw(ui, rect, session, view);
+        blend(ui, (rect, &camera, orbit.distance), session, view, textures);
         if let Some(wish) = view.picture_wish.take() {
-            let portrait = model(look, view).map(|model| {
-                let (style, rows) = (self.style(ui, look, view), camera.height);
+            let portrait = model(session, view).map(|model| {
+                let (style, rows) = (self.style(ui, session, view), camera.height);
                 Portrait::new(model, orbit, style, rows)
             });
             view.portrait = portrait.map(|portrait| (wish, portrait));
         }
-        asked_ui(ui, (rect, &camera), &mut self.asked_place, look, view);
-        chosen_ui(ui, rect, &camera, look, view, wishes);
+        asked_ui(ui, (rect, &camera), &mut self.asked_place, session, view);
+        chosen_ui(ui, rect, &camera, session, view, wishes);
     }
 
     /// Frames the scene when another cloud or the first cameras come, or when asked to.
-    fn frame_new_content(&mut self, look: &Look<'_>, view: &mut ViewState, aspect: f32) {
-        let same = match (&self.framed.cloud, look.points()) {
+    fn frame_new_content(&mut self, session: &SessionView<'_>, view: &mut ViewState, aspect: f32) {
+        let same = match (&self.framed.cloud, session.points()) {
             (Some(old), Some(new)) => Arc::ptr_eq(old, new),
             (None, None) => true,
             _ => false,
         };
         let wish = view.scene_wish.take();
         if !same || self.orbit.is_none() || wish == Some(SceneWish::FrameAll) {
-            self.measure(look);
+            self.measure(session);
             // A cloud made anew keeps the view the user chose.
             let keep = self.orbit.is_some()
                 && wish.is_none()
                 && self.framed.cloud.is_some()
-                && look.points().is_some();
+                && session.points().is_some();
             if !keep {
-                self.orbit = framing(look, aspect);
+                self.orbit = framing(session, aspect);
             }
-            self.framed.cloud = look.points().cloned();
+            self.framed.cloud = session.points().cloned();
         }
         let follows = view.scene.through.is_some_and(|frame| frame != view.frame);
         if wish == Some(SceneWish::LookThrough) || follows {
-            let put = self.look_through(look.project.frames.get(view.frame));
+            let put = self.look_through(session.project.frames.get(view.frame));
             view.scene.through = put.then_some(view.frame);
         }
         if let Some(orbit) = &mut self.orbit {
@@ -186,13 +186,13 @@ impl ScenePane {
         }
     }
 
-    fn measure(&mut self, look: &Look<'_>) {
-        let bounds = bounds(look);
+    fn measure(&mut self, session: &SessionView<'_>) {
+        let bounds = bounds(session);
         self.framed.centre = bounds.as_ref().map_or(Vec3::ZERO, Bounds::centre);
         self.framed.radius = bounds.map_or(1.0, |bounds| bounds.radius());
-        let axes = Axes::of_cameras(&look.project.frames);
+        let axes = Axes::of_cameras(&session.project.frames);
         self.framed.axes = Some(axes);
-        self.framed.extent = look
+        self.framed.extent = session
             .points()
             .and_then(|cloud| axes.bounds(every_nth(cloud).map(|n| cloud.positions[n])));
     }
@@ -209,11 +209,11 @@ impl ScenePane {
     }
 
     /// What of the scene is seen.
-    fn seen(&self, look: &Look<'_>, view: &ViewState) -> Seen {
+    fn seen(&self, session: &SessionView<'_>, view: &ViewState) -> Seen {
         let axes = self
             .framed
             .axes
-            .unwrap_or_else(|| Axes::of_cameras(&look.project.frames));
+            .unwrap_or_else(|| Axes::of_cameras(&session.project.frames));
         let appearance = Appearance {
             coloring: view.coloring,
             level: view.scene.level,
@@ -221,8 +221,8 @@ impl ScenePane {
             isolated: view.scene.isolated,
             doubtful_below: view.scene.doubtful_below,
             faint: view.prefs.scene.faint,
-            tree: look.shown_tree(),
-            votes: look.votes.cloned(),
+            tree: session.shown_tree(),
+            votes: session.votes.cloned(),
             up: axes.up,
         };
         let clip = self
@@ -233,8 +233,8 @@ impl ScenePane {
     }
 
     /// How the scene is drawn on a screen of this scale.
-    fn style(&self, ui: &Ui, look: &Look<'_>, view: &ViewState) -> SceneStyle {
-        let Seen { appearance, clip } = self.seen(look, view);
+    fn style(&self, ui: &Ui, session: &SessionView<'_>, view: &ViewState) -> SceneStyle {
+        let Seen { appearance, clip } = self.seen(session, view);
         let (fill, scene) = (ui.visuals().extreme_bg_color, &view.prefs.scene);
         SceneStyle {
             appearance,
@@ -267,7 +267,7 @@ impl ScenePane {
         &mut self,
         ui: &Ui,
         response: &Response,
-        look: &Look<'_>,
+        session: &SessionView<'_>,
         view: &mut ViewState,
         camera: &ViewCamera,
     ) {
@@ -278,7 +278,7 @@ impl ScenePane {
             let at = (at - response.rect.min) * scale;
             Vec2::new(at.x, at.y)
         };
-        let seen = self.seen(look, view);
+        let seen = self.seen(session, view);
         let Some(orbit) = &mut self.orbit else { return };
         let choosing = view.scene_select.in_hand;
         let turning = if choosing {
@@ -301,7 +301,7 @@ impl ScenePane {
             .interact_pointer_pos()
             .filter(|_| response.clicked())
         {
-            let frame = pick_frustum(&look.project.frames, camera, in_view(at), 14.0 * scale);
+            let frame = pick_frustum(&session.project.frames, camera, in_view(at), 14.0 * scale);
             let (purpose, near_px) = if response.double_clicked() {
                 (Purpose::Recentre, 12.0)
             } else if ui.input(|i| i.modifiers.alt) {
@@ -316,14 +316,14 @@ impl ScenePane {
                 None => self.pick(
                     ui,
                     purpose,
-                    look,
+                    session,
                     &seen,
                     camera,
                     (in_view(at), near_px * scale),
                 ),
             }
         }
-        self.zoom(ui, response, look, &seen, camera, in_view);
+        self.zoom(ui, response, session, &seen, camera, in_view);
     }
 
     /// Begins to look for a point; labels are those of the labelled cloud, all else is of what is shown.
@@ -331,16 +331,16 @@ impl ScenePane {
         &mut self,
         ui: &Ui,
         purpose: Purpose,
-        look: &Look<'_>,
+        session: &SessionView<'_>,
         seen: &Seen,
         camera: &ViewCamera,
         near: (Vec2, f32),
     ) {
-        let labelled = look.cloud.filter(|_| look.growing.is_none());
+        let labelled = session.cloud.filter(|_| session.growing.is_none());
         let cloud = if matches!(purpose, Purpose::Ask | Purpose::Isolate) {
             labelled
         } else {
-            look.points()
+            session.points()
         };
         if let Some(cloud) = cloud {
             self.picks.begin(
@@ -354,7 +354,7 @@ impl ScenePane {
     }
 
     /// Does what was meant by the clicks whose points are found.
-    fn take_picks(&mut self, look: &Look<'_>, view: &mut ViewState) {
+    fn take_picks(&mut self, session: &SessionView<'_>, view: &mut ViewState) {
         while let Some(picked) = self.picks.next() {
             let (place, label) = (
                 picked.place(),
@@ -362,7 +362,9 @@ impl ScenePane {
             );
             match (picked.purpose, &mut self.orbit) {
                 (Purpose::Ask, _) => {
-                    let votes = look.votes.filter(|votes| votes.len() == picked.cloud.len());
+                    let votes = session
+                        .votes
+                        .filter(|votes| votes.len() == picked.cloud.len());
                     view.asked = picked
                         .point
                         .map(|point| Asked::new(&picked.cloud, votes, point));
@@ -370,7 +372,7 @@ impl ScenePane {
                 (Purpose::Isolate, _) => {
                     view.scene.isolate(
                         view.scene
-                            .shown_as(labels_of(look), label.unwrap_or_default()),
+                            .shown_as(labels_of(session), label.unwrap_or_default()),
                     );
                 }
                 (Purpose::Measure, _) if view.ruler.in_hand => {
@@ -396,7 +398,7 @@ impl ScenePane {
         &mut self,
         ui: &Ui,
         response: &Response,
-        look: &Look<'_>,
+        session: &SessionView<'_>,
         seen: &Seen,
         camera: &ViewCamera,
         in_view: impl Fn(egui::Pos2) -> Vec2,
@@ -420,7 +422,7 @@ impl ScenePane {
             self.pick(
                 ui,
                 Purpose::Zoom(at),
-                look,
+                session,
                 seen,
                 camera,
                 (in_view(at), 30.0),
@@ -431,8 +433,8 @@ impl ScenePane {
         }
     }
 
-    fn draw(&mut self, ui: &Ui, rect: Rect, look: &Look<'_>, view: &ViewState) {
-        let style = self.style(ui, look, view);
+    fn draw(&mut self, ui: &Ui, rect: Rect, session: &SessionView<'_>, view: &ViewState) {
+        let style = self.style(ui, session, view);
         let (Some(orbit), Some(canvas)) = (self.orbit, &mut self.canvas) else {
             return message(
                 ui,
@@ -446,20 +448,20 @@ impl ScenePane {
         let (mut lines, mut planes) = (Vec::new(), Vec::new());
         if view.prefs.frusta {
             let size = self.framed.radius * view.prefs.scene.frustum;
-            lines = frustum_lines(&look.project.frames, size, Some(view.frame));
+            lines = frustum_lines(&session.project.frames, size, Some(view.frame));
             if view.prefs.scene.pictures {
-                planes = picture_planes(look, view, size);
+                planes = picture_planes(session, view, size);
             }
         }
-        if let Some(sparse) = look.sparse.filter(|_| view.prefs.links) {
-            lines.extend(link_lines(&look.project.frames, &sparse.links));
+        if let Some(sparse) = session.sparse.filter(|_| view.prefs.links) {
+            lines.extend(link_lines(&session.project.frames, &sparse.links));
         }
         lines.extend(view.ruler.lines(self.framed.radius * 0.012));
         let camera = orbit.camera(size.x.min(most) as u32, size.y.min(most) as u32);
         if !canvas.draw(
             ui,
             rect,
-            model(look, view),
+            model(session, view),
             &Scene3d {
                 camera,
                 style,
@@ -472,7 +474,7 @@ impl ScenePane {
         marks(
             ui,
             rect,
-            (view, look.unit),
+            (view, session.unit),
             (&camera, orbit.distance),
             canvas.range(),
         );

@@ -5,9 +5,9 @@ use egui::{Pos2, Response, Ui};
 use glam::{Vec2, Vec3};
 
 use super::asked::label_ui;
-use crate::look::labels_of;
 use crate::pointer::Rest;
-use crate::{Look, ViewState};
+use crate::session_view::labels_of;
+use crate::{SessionView, ViewState};
 use ostra_cloud::LabelledCloud;
 use ostra_masks::LabelId;
 use ostra_view::{Appearance, Clip, Picking, ViewCamera};
@@ -146,13 +146,13 @@ impl SceneHover {
         &mut self,
         ui: &Ui,
         response: &Response,
-        look: &Look<'_>,
+        session: &SessionView<'_>,
         view: &ViewState,
         (camera, clip, appearance): (&ViewCamera, &Clip, &Appearance),
     ) {
         let (Some(at), Some(cloud)) = (
             response.hover_pos(),
-            look.cloud.filter(|_| may_tell(ui, look, view)),
+            session.cloud.filter(|_| may_tell(ui, session, view)),
         ) else {
             *self = Self::default();
             return;
@@ -179,7 +179,7 @@ impl SceneHover {
         match &self.found {
             Some((of, point)) if of.is(&place) => point
                 .iter()
-                .for_each(|&point| tell(response, look, cloud, point)),
+                .for_each(|&point| tell(response, session, cloud, point)),
             _ if self.looking.is_none() => {
                 let at = (at - response.rect.min) * ui.pixels_per_point();
                 let near = (Vec2::new(at.x, at.y), NEAR * ui.pixels_per_point());
@@ -206,19 +206,19 @@ impl SceneHover {
 }
 
 /// Whether the pointer is there to look: nothing is pressed or in hand, and the points shown are the cloud's.
-fn may_tell(ui: &Ui, look: &Look<'_>, view: &ViewState) -> bool {
+fn may_tell(ui: &Ui, session: &SessionView<'_>, view: &ViewState) -> bool {
     let in_hand = view.scene_select.in_hand
         || view.ruler.in_hand
         || ui.input(|input| input.pointer.any_down());
     let is_still = !view.scene.turning && view.dialog.is_none();
-    look.growing.is_none() && look.proposed.is_none() && is_still && !in_hand
+    session.growing.is_none() && session.proposed.is_none() && is_still && !in_hand
 }
 
-fn tell(response: &Response, look: &Look<'_>, cloud: &LabelledCloud, point: usize) {
+fn tell(response: &Response, session: &SessionView<'_>, cloud: &LabelledCloud, point: usize) {
     response.clone().on_hover_ui_at_pointer(|ui| {
-        label_ui(ui, labels_of(look), cloud.labels[point]);
+        label_ui(ui, labels_of(session), cloud.labels[point]);
         let share = format!("{:.0} % of the votes", 100.0 * cloud.confidence[point]);
-        ui.weak(if look.votes.is_some() {
+        ui.weak(if session.votes.is_some() {
             format!("{share}; click to see the votes")
         } else {
             share

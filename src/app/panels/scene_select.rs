@@ -6,7 +6,7 @@ use glam::{DVec2, Vec3};
 use super::scene_tools::{SceneSelect, SelectShape};
 use crate::pointer::trail;
 use crate::tips::action_button;
-use crate::{Action, Look, ViewState};
+use crate::{Action, SessionView, ViewState};
 use ostra_cloud::select::{SeenRegion, SelectStep, Selection};
 use ostra_masks::LabelId;
 use ostra_project::ResultKind;
@@ -27,15 +27,15 @@ pub(super) fn chosen_ui(
     ui: &Ui,
     rect: Rect,
     camera: &ViewCamera,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     wishes: &mut Vec<Action>,
 ) {
-    let chosen = look
+    let chosen = session
         .chosen
         .filter(|_| !view.scene_select.steps.is_empty())
         .and_then(Result::ok);
-    if let (Some(chosen), Some(cloud)) = (chosen, look.cloud) {
+    if let (Some(chosen), Some(cloud)) = (chosen, session.cloud) {
         mark(ui, rect, camera, &cloud.positions, chosen);
     }
     draw_outline(ui, rect, &view.scene_select);
@@ -51,10 +51,10 @@ pub(super) fn chosen_ui(
         .default_pos(rect.left_bottom() + Vec2::new(8.0, -8.0));
     window.constrain_to(rect).show(ui.ctx(), |ui| {
         shape_ui(ui, &mut view.scene_select);
-        ui.horizontal_wrapped(|ui| count_ui(ui, look, &mut view.scene_select));
-        ui.add_enabled_ui(has_chosen(look, view), |ui| steps_ui(ui, look, view));
+        ui.horizontal_wrapped(|ui| count_ui(ui, session, &mut view.scene_select));
+        ui.add_enabled_ui(has_chosen(session, view), |ui| steps_ui(ui, session, view));
         ui.separator();
-        correct_ui(ui, look, view, wishes);
+        correct_ui(ui, session, view, wishes);
     });
 }
 
@@ -120,14 +120,14 @@ fn shape_ui(ui: &mut Ui, select: &mut SceneSelect) {
 }
 
 /// Whether there is a cloud, be it that it is still to be loaded.
-fn has_cloud(look: &Look<'_>) -> bool {
-    look.cloud.is_some() || look.project.results.contains_key(&ResultKind::Cloud)
+fn has_cloud(session: &SessionView<'_>) -> bool {
+    session.cloud.is_some() || session.project.results.contains_key(&ResultKind::Cloud)
 }
 
 /// How many points are chosen, and the way back.
-fn count_ui(ui: &mut Ui, look: &Look<'_>, select: &mut SceneSelect) {
-    let text = match look.chosen.filter(|_| !select.steps.is_empty()) {
-        None if !has_cloud(look) => "There is no cloud to choose from; fuse first".to_owned(),
+fn count_ui(ui: &mut Ui, session: &SessionView<'_>, select: &mut SceneSelect) {
+    let text = match session.chosen.filter(|_| !select.steps.is_empty()) {
+        None if !has_cloud(session) => "There is no cloud to choose from; fuse first".to_owned(),
         None if select.steps.is_empty() => "Draw around visible points".to_owned(),
         None => "Selecting…".to_owned(),
         Some(Err(why)) => why.to_owned(),
@@ -152,7 +152,7 @@ fn count_ui(ui: &mut Ui, look: &Look<'_>, select: &mut SceneSelect) {
 }
 
 /// What changes the choice.
-fn steps_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+fn steps_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     let (select, label) = (&mut view.scene_select, view.label);
     ui.horizontal(|ui| {
         if ui
@@ -175,7 +175,7 @@ fn steps_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
         ui.name_inputs("Difference of colour", |ui| ui.add(color))
             .on_hover_text("Largest colour difference from the starting points");
     });
-    let pieces = look
+    let pieces = session
         .chosen
         .and_then(Result::ok)
         .map_or(1, |chosen| chosen.pieces.max(1));
@@ -198,7 +198,7 @@ fn steps_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
         ui.weak(format!("of {pieces}"));
     });
     let name = label
-        .and_then(|label| look.project.labels.get(label))
+        .and_then(|label| session.project.labels.get(label))
         .map_or("label", |label| label.name.as_str());
     let only = ui.add_enabled(label.is_some(), egui::Button::new(format!("Only {name}")));
     if only
@@ -210,11 +210,18 @@ fn steps_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
 }
 
 /// What becomes of the points.
-fn correct_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+fn correct_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    wishes: &mut Vec<Action>,
+) {
     ui.checkbox(&mut view.scene_select.as_anchors, "As keyframes")
         .on_hover_text("Make the changed frames keyframes, which tracking does not overwrite");
-    let any = has_chosen(look, view);
-    let label = view.label.and_then(|label| look.project.labels.get(label));
+    let any = has_chosen(session, view);
+    let label = view
+        .label
+        .and_then(|label| session.project.labels.get(label));
     let text = label.map_or("Assign".to_owned(), |label| {
         format!("Assign to {}", label.name)
     });
@@ -325,8 +332,8 @@ fn region(
 }
 
 /// Whether points are chosen, so that they can be corrected.
-pub(crate) fn has_chosen(look: &Look<'_>, view: &ViewState) -> bool {
-    let any = look
+pub(crate) fn has_chosen(session: &SessionView<'_>, view: &ViewState) -> bool {
+    let any = session
         .chosen
         .is_some_and(|chosen| chosen.is_ok_and(|chosen| !chosen.points.is_empty()));
     any && !view.scene_select.steps.is_empty()

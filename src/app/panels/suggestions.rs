@@ -5,17 +5,19 @@ use crate::canvas::id_at;
 use crate::menu::is_possible;
 use crate::panel_state::LOOKED_FOR;
 use crate::tips::action_button;
-use crate::{Action, Look, ViewState};
+use crate::{Action, SessionView, ViewState};
 use ostra_masks::LabelId;
 use ostra_session::{Command, EngineKind, FoundThing, Suggestion, TakeRequest};
 
 /// The things found by words on the shown frame that are sure enough, with their numbers from 1.
 pub(crate) fn offered<'a>(
-    look: &Look<'a>,
+    session: &SessionView<'a>,
     view: &ViewState,
 ) -> impl Iterator<Item = (usize, &'a FoundThing)> + use<'a> {
     let (frame, least) = (view.frame, view.words.least);
-    let found = look.grounding.filter(|grounding| grounding.frame == frame);
+    let found = session
+        .grounding
+        .filter(|grounding| grounding.frame == frame);
     let things = found
         .into_iter()
         .flat_map(|grounding| (1..).zip(&grounding.things));
@@ -23,15 +25,20 @@ pub(crate) fn offered<'a>(
 }
 
 /// Words to look for, and what they found: taken one by one or all at once.
-pub(crate) fn words_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
-    let installed = look
+pub(crate) fn words_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    out: &mut Vec<Command>,
+) {
+    let installed = session
         .engines_of(EngineKind::Grounder)
         .any(|engine| engine.installed);
-    let needs = look
+    let needs = session
         .engines_of(EngineKind::Grounder)
         .next()
         .map_or("", |engine| engine.needs);
-    let ready = installed && look.has_frames() && look.running("Look for words").is_none();
+    let ready = installed && session.has_frames() && session.running("Look for words").is_none();
     ui.add_enabled_ui(ready, |ui| {
         ui.horizontal(|ui| {
             let width = (ui.available_width() - 52.0).max(60.0);
@@ -45,7 +52,7 @@ pub(crate) fn words_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: 
             }
         });
     });
-    if look
+    if session
         .grounding
         .is_none_or(|grounding| grounding.frame != view.frame)
     {
@@ -59,7 +66,7 @@ pub(crate) fn words_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, out: 
             .accessible_name("Minimum score");
         ui.weak(format!("{:.0} %", 100.0 * view.words.least));
     });
-    let found: Vec<(usize, FoundThing)> = offered(look, view)
+    let found: Vec<(usize, FoundThing)> = offered(session, view)
         .map(|(number, thing)| (number, thing.clone()))
         .collect();
     for (number, thing) in &found {
@@ -107,20 +114,20 @@ fn taken<'a>(view: &ViewState, things: impl IntoIterator<Item = &'a FoundThing>)
 /// Things that no label explains: look at them, or make labels of them.
 pub(crate) fn suggestions_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
     wishes: &mut Vec<Action>,
 ) {
     let is_running = ["Suggest", "Propose"]
         .into_iter()
-        .any(|title| look.running(title).is_some());
+        .any(|title| session.running(title).is_some());
     ui.horizontal_wrapped(|ui| {
         for (action, text) in [
             (Action::Suggest, "Find unlabelled objects"),
             (Action::Propose, "Propose objects here"),
         ] {
-            let possible = !is_running && is_possible(action, look, view);
+            let possible = !is_running && is_possible(action, session, view);
             if action_button(ui, &view.prefs.shortcuts, action, text, possible).clicked() {
                 wishes.push(action);
             }
@@ -130,8 +137,8 @@ pub(crate) fn suggestions_ui(
         }
     });
     for (number, suggestion) in (1..)
-        .zip(look.suggestions)
-        .filter(|(_, one)| !is_explained(look, one))
+        .zip(session.suggestions)
+        .filter(|(_, one)| !is_explained(session, one))
     {
         ui.horizontal(|ui| {
             let show = ui
@@ -150,8 +157,8 @@ pub(crate) fn suggestions_ui(
                 .accessible_name(format!("Add suggestion {number}"))
                 .clicked()
             {
-                let id = look.project.labels.next_id();
-                add_label(look, view, out);
+                let id = session.project.labels.next_id();
+                add_label(session, view, out);
                 out.push(Command::Prompt(suggestion.prompt(id, view.segmenter)));
                 view.go_to(suggestion.frame);
             }
@@ -160,7 +167,7 @@ pub(crate) fn suggestions_ui(
 }
 
 /// Whether a label was given there meanwhile.
-pub(crate) fn is_explained(look: &Look<'_>, suggestion: &Suggestion) -> bool {
-    let mask = look.project.masks.get(&suggestion.frame);
+pub(crate) fn is_explained(session: &SessionView<'_>, suggestion: &Suggestion) -> bool {
+    let mask = session.project.masks.get(&suggestion.frame);
     mask.is_some_and(|mask| id_at(&mask.runs, suggestion.at_px) != LabelId::NONE)
 }

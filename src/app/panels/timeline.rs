@@ -6,7 +6,7 @@ use super::heat::{Columns, heat, mark};
 use super::label_edit::listed;
 use crate::menu::is_possible;
 use crate::tips::action_button;
-use crate::{Action, Look, ViewState};
+use crate::{Action, SessionView, ViewState};
 use ostra_masks::{Label, LabelId};
 use ostra_project::MaskOrigin;
 
@@ -33,37 +33,37 @@ const BUTTONS: [(Action, &str); 10] = [
 /// range, a right click or the buttons change the label over it.
 pub(crate) fn timeline_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     wishes: &mut Vec<Action>,
 ) {
     ui.horizontal_wrapped(|ui| {
-        range_ui(ui, look, view, wishes);
+        range_ui(ui, session, view, wishes);
         for (action, text) in BUTTONS {
-            let possible = is_possible(action, look, view);
+            let possible = is_possible(action, session, view);
             let response = action_button(ui, &view.prefs.shortcuts, action, text, possible);
             if response.accessible_name(action.text()).clicked() {
                 wishes.push(action);
             }
         }
     });
-    let rows = listed(&look.project.labels);
-    let frames = frames_in_sight(ui, look, view);
+    let rows = listed(&session.project.labels);
+    let frames = frames_in_sight(ui, session, view);
     ScrollArea::vertical()
         .id_salt("timeline")
         .auto_shrink([false, false])
         .show(ui, |ui| {
             ui.spacing_mut().item_spacing.y = 1.0;
             for (label, depth) in &rows {
-                row_ui(ui, look, view, wishes, (label, *depth), frames.clone());
+                row_ui(ui, session, view, wishes, (label, *depth), frames.clone());
             }
         });
 }
 
-fn range_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
+fn range_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
     let name = view
         .label
-        .and_then(|id| look.project.labels.get(id))
+        .and_then(|id| session.project.labels.get(id))
         .map_or("no label", |label| label.name.as_str());
     let text = match view.range {
         Some((from, to)) => format!("{name}, frames {from}–{to}"),
@@ -85,8 +85,8 @@ fn range_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Act
 }
 
 /// The frames that fit beside the names; they move only when the shown one would be out of sight.
-fn frames_in_sight(ui: &Ui, look: &Look<'_>, view: &ViewState) -> Range<usize> {
-    let count = look.project.frames.len();
+fn frames_in_sight(ui: &Ui, session: &SessionView<'_>, view: &ViewState) -> Range<usize> {
+    let count = session.project.frames.len();
     let fit = (((ui.available_width() - NAMES) / LEAST_WIDTH) as usize).clamp(1, count.max(1));
     let id = egui::Id::unique("timeline first");
     let first = ui
@@ -107,7 +107,7 @@ fn frames_in_sight(ui: &Ui, look: &Look<'_>, view: &ViewState) -> Range<usize> {
 
 fn row_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     wishes: &mut Vec<Action>,
     (label, depth): (&Label, usize),
@@ -137,7 +137,7 @@ fn row_ui(
     name(ui, names, label, depth, chosen);
     ui.painter()
         .rect_filled(cells, 2.0, ui.visuals().extreme_bg_color);
-    cells_of(ui, look, view, label, &columns);
+    cells_of(ui, session, view, label, &columns);
     if let Some((from, to)) = view.range.filter(|_| chosen) {
         let stroke = Stroke::new(1.5, ui.visuals().selection.stroke.color);
         ui.painter().rect_stroke(
@@ -154,13 +154,13 @@ fn row_ui(
         ui.visuals().strong_text_color().gamma_multiply(0.6),
     );
     input(ui, &response, view, label.id, &columns);
-    response.context_menu(|ui| menu_ui(ui, look, view, wishes));
+    response.context_menu(|ui| menu_ui(ui, session, view, wishes));
     if let Some(frame) = response
         .hover_pos()
         .filter(|at| cells.contains(*at))
         .and_then(|at| columns.frame_at(at))
     {
-        response.on_hover_ui_at_pointer(|ui| tip_ui(ui, look, view, label, frame));
+        response.on_hover_ui_at_pointer(|ui| tip_ui(ui, session, view, label, frame));
     }
 }
 
@@ -187,13 +187,20 @@ fn name(ui: &Ui, rect: Rect, label: &Label, depth: usize, chosen: bool) {
 }
 
 /// Presence in the label's colour with the doubt below it, and over it what the user said: absent, locked, hidden.
-fn cells_of(ui: &Ui, look: &Look<'_>, view: &ViewState, label: &Label, columns: &Columns) {
+fn cells_of(
+    ui: &Ui,
+    session: &SessionView<'_>,
+    view: &ViewState,
+    label: &Label,
+    columns: &Columns,
+) {
     let [r, g, b] = label.color;
     let color = Color32::from_rgb(r, g, b);
-    let marks = look.project.marks_of(label.id);
+    let marks = session.project.marks_of(label.id);
     let is_on = |frame: usize| view.presence.on_frame(frame).contains(&label.id);
     let anchor = |frame: usize| {
-        look.project
+        session
+            .project
             .masks
             .get(&frame)
             .is_some_and(|mask| mask.origin == MaskOrigin::Anchor)
@@ -212,7 +219,8 @@ fn cells_of(ui: &Ui, look: &Look<'_>, view: &ViewState, label: &Label, columns: 
         })
     });
     let doubt = |frame: usize| {
-        look.project
+        session
+            .project
             .masks
             .get(&frame)?
             .confidence
@@ -276,9 +284,9 @@ fn input(ui: &Ui, response: &Response, view: &mut ViewState, label: LabelId, col
     }
 }
 
-fn menu_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
+fn menu_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
     for (action, _) in BUTTONS {
-        let possible = is_possible(action, look, view);
+        let possible = is_possible(action, session, view);
         if action_button(ui, &view.prefs.shortcuts, action, &action.text(), possible).clicked() {
             wishes.push(action);
             ui.close();
@@ -286,9 +294,9 @@ fn menu_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, wishes: &mut Vec<Acti
     }
 }
 
-fn tip_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, label: &Label, frame: usize) {
+fn tip_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState, label: &Label, frame: usize) {
     ui.strong(format!("{}, frame {frame}", label.name));
-    let mask = look.project.masks.get(&frame);
+    let mask = session.project.masks.get(&frame);
     let on = view.presence.on_frame(frame).contains(&label.id);
     let sure = mask.and_then(|mask| mask.confidence.get(&label.id));
     match (on, mask.map(|mask| mask.origin), sure) {
@@ -297,7 +305,7 @@ fn tip_ui(ui: &mut Ui, look: &Look<'_>, view: &ViewState, label: &Label, frame: 
         (true, _, None) => ui.label("tracked"),
         (false, ..) => ui.weak("not on this frame"),
     };
-    let marks = look.project.marks_of(label.id);
+    let marks = session.project.marks_of(label.id);
     for (set, text) in [
         (&marks.absent, "not there"),
         (&marks.locked, "locked"),

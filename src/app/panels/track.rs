@@ -3,7 +3,7 @@ use egui::{Checkbox, DragValue, Ui};
 use super::jobs::{progress_text, run_button_ui};
 use crate::menu::is_possible;
 use crate::tips::{action_button, field};
-use crate::{Action, Look, ViewState};
+use crate::{Action, SessionView, ViewState};
 use ostra_frames::Frame;
 use ostra_masks::Direction;
 use ostra_project::{EngineName, MaskOrigin, TrackerId};
@@ -12,16 +12,16 @@ use ostra_session::{Engine, EngineKind};
 /// Settings and button for carrying masks through the sequence.
 pub(crate) fn track_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &mut ViewState,
     wishes: &mut Vec<Action>,
 ) {
     egui::Grid::new("track").num_columns(2).spacing([8.0, 6.0]).show(ui, |ui| {
         field(ui, "Tracker", "Propagates masks from keyframes to the other frames", |ui| {
-            engine_choice_ui(ui, "tracker", look.engines_of(EngineKind::Tracker), &mut view.track.tracker);
+            engine_choice_ui(ui, "tracker", session.engines_of(EngineKind::Tracker), &mut view.track.tracker);
         });
         field(ui, "Direction", "Direction of propagation from a keyframe", |ui| direction_ui(ui, &mut view.track.direction));
-        let last = look.project.frames.len().saturating_sub(1);
+        let last = session.project.frames.len().saturating_sub(1);
         field(ui, "From frame", "First frame to track", |ui| bound_ui(ui, &mut view.track.from, 0, last));
         field(ui, "To frame", "Last frame to track (included)", |ui| bound_ui(ui, &mut view.track.to, last, last));
         if view.track.tracker.has_image_size() {
@@ -31,10 +31,10 @@ pub(crate) fn track_ui(
             view.track.short_side = None;
         }
     });
-    constrain_ui(ui, look, view);
+    constrain_ui(ui, session, view);
     pause_ui(ui, &mut view.track.pause_below);
     check_ui(ui, &mut view.prefs.doubt_below);
-    let anchors = look
+    let anchors = session
         .project
         .masks
         .values()
@@ -43,13 +43,13 @@ pub(crate) fn track_ui(
     ui.horizontal(|ui| {
         run_button_ui(
             ui,
-            look,
+            session,
             view,
             (Action::Track, "Track"),
             anchors > 0,
             wishes,
         );
-        if let Some(job) = look.running("Track") {
+        if let Some(job) = session.running("Track") {
             ui.weak(progress_text(job));
             return;
         }
@@ -62,14 +62,14 @@ pub(crate) fn track_ui(
             "Keyframes are frames that you clicked, painted or confirmed; tracking does not overwrite them",
         );
     });
-    retrack_ui(ui, look, view, wishes);
+    retrack_ui(ui, session, view, wishes);
 }
 
 /// Whether the masks are held against geometry, where it can say anything that the tracker does not go by already.
-fn constrain_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+fn constrain_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     let hindrance = if view.track.tracker == TrackerId::Geometry {
         Some("The geometry tracker uses depth and cameras anyway")
-    } else if look.project.frames.iter().any(Frame::has_posed_depth) {
+    } else if session.project.frames.iter().any(Frame::has_posed_depth) {
         None
     } else {
         Some("Needs frames with depth and cameras: add them, or use Reconstruct first")
@@ -136,9 +136,14 @@ fn check_ui(ui: &mut Ui, doubt_below: &mut f32) {
 }
 
 /// One label carried anew after a correction.
-fn retrack_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+fn retrack_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    wishes: &mut Vec<Action>,
+) {
     let action = Action::Retrack;
-    let possible = look.running("Track").is_none() && is_possible(action, look, view);
+    let possible = session.running("Track").is_none() && is_possible(action, session, view);
     if action_button(ui, &view.prefs.shortcuts, action, &action.text(), possible).clicked() {
         wishes.push(action);
     }
@@ -193,13 +198,13 @@ fn short_side_ui(ui: &mut Ui, short_side: &mut Option<u32>) {
 }
 
 /// Chooses what turns clicks into masks, and says what is installed.
-pub(crate) fn segmenter_ui(ui: &mut Ui, look: &Look<'_>, view: &mut ViewState) {
+pub(crate) fn segmenter_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     egui::Grid::new("segmenter").num_columns(2).show(ui, |ui| {
         field(ui, "Segmenter", "Turns clicks and boxes into masks", |ui| {
             engine_choice_ui(
                 ui,
                 "segmenter",
-                look.engines_of(EngineKind::Segmenter),
+                session.engines_of(EngineKind::Segmenter),
                 &mut view.segmenter,
             );
         });

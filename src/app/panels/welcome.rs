@@ -1,6 +1,6 @@
 use egui::{Button, RichText, Ui};
 
-use crate::{Action, Look, ViewState};
+use crate::{Action, SessionView, ViewState};
 use ostra_session::Command;
 
 const STEPS: [(&str, &str); 4] = [
@@ -19,12 +19,12 @@ const STEPS: [(&str, &str); 4] = [
 /// What to do first, and the projects opened before.
 pub(crate) fn welcome_ui(
     ui: &mut Ui,
-    look: &Look<'_>,
+    session: &SessionView<'_>,
     view: &ViewState,
     out: &mut Vec<Command>,
     wishes: &mut Vec<Action>,
 ) {
-    let height = 330.0 + 24.0 * look.recent.len().min(8) as f32;
+    let height = 330.0 + 24.0 * session.recent.len().min(8) as f32;
     ui.vertical_centered(|ui| {
         ui.add_space(((ui.available_height() - height) * 0.4).max(24.0));
         ui.set_max_width(430.0);
@@ -40,7 +40,7 @@ pub(crate) fn welcome_ui(
         buttons_ui(ui, view, wishes);
         ui.add_space(22.0);
         ui.with_layout(egui::Layout::top_down(egui::Align::Min), |ui| {
-            recent_ui(ui, look, out);
+            recent_ui(ui, session, out);
         });
     });
 }
@@ -78,12 +78,12 @@ fn buttons_ui(ui: &mut Ui, view: &ViewState, wishes: &mut Vec<Action>) {
     }
 }
 
-fn recent_ui(ui: &mut Ui, look: &Look<'_>, out: &mut Vec<Command>) {
-    if look.recent.is_empty() {
+fn recent_ui(ui: &mut Ui, session: &SessionView<'_>, out: &mut Vec<Command>) {
+    if session.recent.is_empty() {
         return;
     }
     ui.strong("Recent projects");
-    for path in look.recent.iter().take(8) {
+    for path in session.recent.iter().take(8) {
         let name = path.file_name().map_or_else(
             || path.display().to_string(),
             |name| name.to_string_lossy().into_owned(),

@@ -19,7 +19,7 @@ use ostra_view::{Layer, LayerPicture, draw_layer};
 
 /// What panels look at: a snapshot of the open session, borrowed for one picture of the window.
 #[derive(Clone, Copy)]
-pub struct Look<'a> {
+pub struct SessionView<'a> {
     /// The open project; empty when none is open.
     pub project: &'a Project,
     /// Its folder; `None` when none is open.
@@ -82,7 +82,7 @@ pub struct Look<'a> {
     pub estimate: Option<Estimate>,
 }
 
-impl Look<'_> {
+impl SessionView<'_> {
     /// Whether there is a project with frames.
     #[must_use]
     pub fn has_frames(&self) -> bool {
@@ -134,10 +134,10 @@ impl Look<'_> {
 }
 
 /// The project's labels, or those of the PLY that is inspected.
-pub(super) fn labels_of<'a>(look: &Look<'a>) -> &'a LabelTree {
-    match look.cloud {
-        Some(cloud) if look.root.is_none() => &cloud.tree,
-        _ => &look.project.labels,
+pub(super) fn labels_of<'a>(session: &SessionView<'a>) -> &'a LabelTree {
+    match session.cloud {
+        Some(cloud) if session.root.is_none() => &cloud.tree,
+        _ => &session.project.labels,
     }
 }
 
