@@ -18,7 +18,7 @@ pub(super) fn menu_bar_ui(
     MenuBar::new().ui(ui, |ui| {
         for menu in MenuName::ALL {
             ui.menu_button(menu.text(), |ui| {
-                menu_ui(ui, menu, session, view, out, wishes)
+                menu_ui(ui, menu, session, view, out, wishes);
             });
         }
         ui.separator();

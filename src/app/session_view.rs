@@ -12,7 +12,7 @@ use ostra_frames::{Frame, FrameStore};
 use ostra_masks::{LabelTree, Region, RunMask};
 use ostra_project::{Estimate, Project};
 use ostra_session::{
-    Angles, Drawings, Engine, EngineKind, Grounding, JobView, Pictures, ProposedInstances,
+    Angles, Drawings, Engine, EngineKind, Grounding, JobTask, JobView, Pictures, ProposedInstances,
     SparseModel, Suggestion,
 };
 use ostra_view::{Layer, LayerPicture, draw_layer};
@@ -114,10 +114,10 @@ impl SessionView<'_> {
         self.unit != LengthUnit::World || self.inspected.is_some()
     }
 
-    /// The job of this title, where one runs.
+    /// Returns the running job of a task.
     #[must_use]
-    pub fn running(&self, title: &str) -> Option<&JobView> {
-        self.jobs.iter().find(|job| job.title == title)
+    pub fn running(&self, task: &JobTask) -> Option<&JobView> {
+        self.jobs.iter().find(|job| job.task.as_ref() == Some(task))
     }
 
     /// The jobs that run long enough to be worth showing.

@@ -173,7 +173,7 @@ impl Shell {
                 section(ui, "Track", true, |ui| track_ui(ui, session, view, wishes));
                 if !session.doubts.is_empty() {
                     section(ui, "Conflicts", true, |ui| {
-                        doubt_ui(ui, session, view, wishes)
+                        doubt_ui(ui, session, view, wishes);
                     });
                 }
                 section(ui, "Suggestions", !session.suggestions.is_empty(), |ui| {

@@ -1,3 +1,4 @@
+use crate::jobs::JobTitle;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -76,7 +77,11 @@ impl Session {
         make: impl FnOnce(&K, &Progress) -> Result<WithWarnings<V>> + Send + 'static,
     ) {
         let of_job = key.clone();
-        let job = self.start(K::TITLE, key.kind(), move |context| {
+        let title = JobTitle {
+            text: K::TITLE.to_owned(),
+            task: K::TASK,
+        };
+        let job = self.start(title, key.kind(), move |context| {
             let WithWarnings { value, warnings } = make(&of_job, &context.progress)?;
             let (job, value) = (context.id(), Arc::new(value));
             Ok(Box::new(move |session: &mut Self| {

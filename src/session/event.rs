@@ -1,3 +1,4 @@
+use crate::jobs::JobTask;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -75,8 +76,10 @@ pub enum Event {
 pub struct JobView {
     /// Which.
     pub id: JobId,
-    /// What it is, e.g. `Track`.
+    /// What it is called, for people.
     pub title: String,
+    /// The task that panels find it by.
+    pub task: Option<JobTask>,
     /// How far it is.
     pub report: ProgressReport,
     /// Since when it runs.

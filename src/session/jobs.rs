@@ -44,12 +44,82 @@ impl JobKind {
     }
 }
 
+/// Work that panels look for while it runs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum JobTask {
+    /// Propagating masks.
+    Track,
+    /// Computing cameras and depth maps.
+    Reconstruct,
+    /// Fusing depth maps and labelling the points.
+    Fuse,
+    /// Finding objects by text.
+    FindByText,
+    /// Finding unlabelled objects.
+    Suggest,
+    /// Proposing the objects of a frame.
+    Propose,
+    /// Measuring the traits of all labels.
+    MeasureTraits,
+    /// Measuring the angle between labels.
+    MeasureAngles,
+    /// Installing, adding or checking the network of this name.
+    Network(String),
+}
+
+impl JobTask {
+    /// Returns the title of the job, for people.
+    #[must_use]
+    pub fn title(&self) -> &str {
+        match self {
+            Self::Track => "Track",
+            Self::Reconstruct => "Reconstruct",
+            Self::Fuse => "Fuse",
+            Self::FindByText => "Find by text",
+            Self::Suggest => "Suggest",
+            Self::Propose => "Propose",
+            Self::MeasureTraits => "Measure",
+            Self::MeasureAngles => "Measure angles",
+            Self::Network(name) => name,
+        }
+    }
+}
+
+/// What a job is called, and the task that panels find it by.
+#[derive(Debug, Clone)]
+pub struct JobTitle {
+    /// For people.
+    pub text: String,
+    /// `None` for work that nothing looks for.
+    pub task: Option<JobTask>,
+}
+
+impl From<&str> for JobTitle {
+    fn from(text: &str) -> Self {
+        Self {
+            text: text.to_owned(),
+            task: None,
+        }
+    }
+}
+
+impl From<JobTask> for JobTitle {
+    fn from(task: JobTask) -> Self {
+        Self {
+            text: task.title().to_owned(),
+            task: Some(task),
+        }
+    }
+}
+
 /// A job that runs.
 pub struct Job<S> {
     /// Which it is.
     pub id: JobId,
     /// What it is, for people.
     pub title: String,
+    /// The task that panels find it by.
+    pub task: Option<JobTask>,
     /// What it is for.
     pub kind: JobKind,
     /// The command that it carries out, for the recipe.
@@ -156,10 +226,11 @@ impl<S: 'static> Jobs<S> {
     /// Starts work on a thread of its own.
     pub fn start(
         &mut self,
-        title: &str,
+        title: impl Into<JobTitle>,
         kind: JobKind,
         work: impl FnOnce(&JobContext<S>) -> Result<Completion<S>> + Send + 'static,
     ) -> JobId {
+        let JobTitle { text: title, task } = title.into();
         self.last += 1;
         let id = JobId(self.last);
         let (sender, waker) = (self.sender.clone(), Arc::clone(&self.waker));
@@ -169,13 +240,14 @@ impl<S: 'static> Jobs<S> {
             sender,
             waker,
         };
-        let running = Running::spawn(title, Progress::default(), move |progress| {
+        let running = Running::spawn(&title, Progress::default(), move |progress| {
             work(&context(progress))
         });
         let started = Instant::now();
         self.running.push(Job {
             id,
-            title: title.to_owned(),
+            title,
+            task,
             kind,
             command: None,
             discarded: false,
@@ -291,6 +363,7 @@ impl<S: 'static> Job<S> {
         JobView {
             id: self.id,
             title: self.title.clone(),
+            task: self.task.clone(),
             report: self.running.progress().report(),
             elapsed: self.started.elapsed(),
         }

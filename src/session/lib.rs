@@ -36,7 +36,7 @@ pub use drawings::Drawings;
 pub use engine_table::{Engine, EngineKind, list_engines};
 pub use event::{Event, JobView};
 pub use grounding::{FoundThing, Grounding};
-pub use jobs::JobKind;
+pub use jobs::{JobKind, JobTask, JobTitle};
 pub use models::{add_model, check_model, install_model, list_models};
 pub use ostra_compute::nn::{Added, CheckedFile, Fetched, Installed, Proof, Provider, Row};
 pub use ostra_project::suggestion::{Reason, Suggestion};

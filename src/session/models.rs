@@ -1,3 +1,4 @@
+use crate::jobs::{JobTask, JobTitle};
 use std::path::PathBuf;
 
 use anyhow::{Result, ensure};
@@ -59,7 +60,11 @@ impl Session {
             "'{title}' is still running; wait for it or stop it"
         );
         let request = request.clone();
-        Ok(self.start(&title, JobKind::Short, move |context| {
+        let title = JobTitle {
+            text: title,
+            task: Some(JobTask::Network(request.name.clone())),
+        };
+        Ok(self.start(title, JobKind::Short, move |context| {
             let warnings = done(&request, &context.progress)?;
             Ok(Box::new(move |session: &mut Self| {
                 session.warn_all(warnings);

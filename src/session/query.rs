@@ -2,13 +2,16 @@ use std::cell::{Cell, RefCell};
 use std::sync::Arc;
 
 use crate::Event;
-use crate::jobs::{JobKind, Jobs};
+use crate::jobs::{JobKind, JobTask, Jobs};
 use ostra_core::job::JobId;
 
 /// What a background value depends on. The value is made again whenever its key changes.
 pub(crate) trait QueryKey: Clone + PartialEq + Send + 'static {
     /// Title of the job that makes the value.
     const TITLE: &'static str;
+
+    /// The task that panels find the job by; `None` for work that nothing looks for.
+    const TASK: Option<JobTask> = None;
 
     /// Reported when a value has arrived; `None` where the caller asks again by itself.
     const EVENT: Option<Event> = None;

@@ -3,7 +3,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 
-use crate::jobs::{Completion, Job, JobContext, JobKind, Jobs};
+use crate::jobs::{Completion, Job, JobContext, JobKind, JobTitle, Jobs};
 use crate::live_preview::LivePreview;
 use crate::live_revote::LiveRevote;
 use crate::prepared::Prompting;
@@ -227,15 +227,17 @@ impl Session {
     /// Starts a job and reports it.
     pub fn start(
         &mut self,
-        title: &str,
+        title: impl Into<JobTitle>,
         kind: JobKind,
         work: impl FnOnce(&JobContext<Self>) -> Result<JobCompletion> + Send + 'static,
     ) -> JobId {
+        let title = title.into();
+        let text = title.text.clone();
         let id = self.jobs.start(title, kind, work);
         if !kind.is_background() {
             self.events.push(Event::Started {
                 job: id,
-                title: title.to_owned(),
+                title: text,
             });
         }
         id

@@ -266,6 +266,7 @@ fn long_job() -> JobView {
     JobView {
         id: JobId(7),
         title: "Reconstruct".into(),
+        task: Some(ostra_session::JobTask::Reconstruct),
         report,
         elapsed: Duration::from_secs(180),
     }

@@ -1,4 +1,4 @@
-use std::path::PathBuf;
+use ostra_session::JobTask;
 
 use egui::{Button, ComboBox, ProgressBar, ScrollArea, Ui};
 
@@ -211,18 +211,6 @@ fn adding_ui(ui: &mut Ui, view: &mut ViewState, row: &Row, out: &mut Vec<Command
 }
 
 /// What is being done with a network.
-fn job_of<'a>(session: &SessionView<'a>, name: &str) -> Option<&'a JobView> {
-    let tasks = [
-        ModelTask::Install,
-        ModelTask::Add(Vec::<PathBuf>::new()),
-        ModelTask::Check,
-    ];
-    tasks.into_iter().find_map(|task| {
-        let title = ModelRequest {
-            name: name.to_owned(),
-            task,
-        }
-        .title();
-        session.jobs.iter().find(|job| job.title == title)
-    })
+fn job_of<'a>(session: &'a SessionView<'a>, name: &str) -> Option<&'a JobView> {
+    session.running(&JobTask::Network(name.to_owned()))
 }

@@ -1,4 +1,5 @@
 use egui::{DragValue, RichText, Ui};
+use ostra_session::JobTask;
 
 use super::jobs::{progress_text, run_button_ui};
 use crate::dialogs::{Pick, PickTarget, path_field_ui};
@@ -61,8 +62,15 @@ pub(crate) fn fuse_ui(
         .iter()
         .any(|frame| frame.posed_camera().is_some());
     ui.horizontal(|ui| {
-        run_button_ui(ui, session, view, (Action::Fuse, "Fuse"), ready, wishes);
-        if let Some(job) = session.running("Fuse") {
+        run_button_ui(
+            ui,
+            session,
+            view,
+            (Action::Fuse, &JobTask::Fuse),
+            ready,
+            wishes,
+        );
+        if let Some(job) = session.running(&JobTask::Fuse) {
             ui.weak(progress_text(job));
             return;
         }

@@ -1,4 +1,5 @@
 use egui::{ProgressBar, RichText, Ui};
+use ostra_session::JobTask;
 
 use crate::canvas::id_at;
 use crate::tips::{action_button, grouped};
@@ -129,19 +130,19 @@ pub(crate) fn jobs_ui(
     }
 }
 
-/// The button that starts long work; while that work runs it stops it.
+/// Shows the button that starts a task, or stops it while it runs.
 pub(super) fn run_button_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &ViewState,
-    (action, title): (Action, &str),
+    (action, task): (Action, &JobTask),
     enabled: bool,
     wishes: &mut Vec<Action>,
 ) {
-    let (action, text) = if session.running(title).is_some() {
+    let (action, text) = if session.running(task).is_some() {
         (Action::Stop, "Stop")
     } else {
-        (action, title)
+        (action, task.title())
     };
     let strong = egui::RichText::new(text).strong();
     let button = egui::Button::new(strong).min_size(egui::vec2(92.0, 24.0));

@@ -1,4 +1,5 @@
 use egui::{Button, ComboBox, DragValue, Ui};
+use ostra_session::JobTask;
 
 use super::measure_table::AngleChoice;
 use super::scene_tools::Ruler;
@@ -87,7 +88,7 @@ fn value_ui(ui: &mut Ui, session: &SessionView<'_>, pair: Option<[LabelId; 2]>) 
         Some(Err(why)) => {
             ui.weak(why);
         }
-        None if session.running("Measure angles").is_some() => {
+        None if session.running(&JobTask::MeasureAngles).is_some() => {
             ui.spinner();
             ui.label("Measuring…");
         }

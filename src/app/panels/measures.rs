@@ -1,4 +1,5 @@
 use egui::{Button, DragValue, Grid, RichText, ScrollArea, Ui};
+use ostra_session::JobTask;
 
 use super::label_edit::listed;
 use super::measure_settings::{add_angle_ui, angles_ui, ground_ui, unit_ui};
@@ -37,7 +38,7 @@ pub(crate) fn measures_ui(ui: &Ui, session: &SessionView<'_>, view: &mut ViewSta
                     view.measures.table.follow(rows);
                     table_ui(ui, session, view, tree);
                 }
-                None if session.running("Measure").is_some() => {
+                None if session.running(&JobTask::MeasureTraits).is_some() => {
                     ui.horizontal(|ui| {
                         ui.spinner();
                         ui.label("Measuring…");

@@ -1,5 +1,6 @@
 use egui::{DragValue, TextEdit, Ui};
 use ostra_project::{DeviceId, RegistrationId};
+use ostra_session::JobTask;
 
 use super::jobs::{progress_text, run_button_ui};
 use super::track::engine_choice_ui;
@@ -77,11 +78,11 @@ pub(crate) fn reconstruct_ui(
             ui,
             session,
             view,
-            (Action::Reconstruct, "Reconstruct"),
+            (Action::Reconstruct, &JobTask::Reconstruct),
             session.has_frames(),
             wishes,
         );
-        if let Some(job) = session.running("Reconstruct") {
+        if let Some(job) = session.running(&JobTask::Reconstruct) {
             ui.weak(progress_text(job));
             return;
         }

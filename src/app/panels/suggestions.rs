@@ -1,4 +1,5 @@
 use egui::{Key, Slider, TextEdit, Ui};
+use ostra_session::JobTask;
 
 use super::labels::add_label;
 use crate::canvas::id_at;
@@ -38,7 +39,8 @@ pub(crate) fn words_ui(
         .engines_of(EngineKind::Grounder)
         .next()
         .map_or("", |engine| engine.needs);
-    let ready = installed && session.has_frames() && session.running("Look for words").is_none();
+    let ready =
+        installed && session.has_frames() && session.running(&JobTask::FindByText).is_none();
     ui.add_enabled_ui(ready, |ui| {
         ui.horizontal(|ui| {
             let width = (ui.available_width() - 52.0).max(60.0);
@@ -119,9 +121,9 @@ pub(crate) fn suggestions_ui(
     out: &mut Vec<Command>,
     wishes: &mut Vec<Action>,
 ) {
-    let is_running = ["Suggest", "Propose"]
-        .into_iter()
-        .any(|title| session.running(title).is_some());
+    let is_running = [JobTask::Suggest, JobTask::Propose]
+        .iter()
+        .any(|task| session.running(task).is_some());
     ui.horizontal_wrapped(|ui| {
         for (action, text) in [
             (Action::Suggest, "Find unlabelled objects"),

@@ -1,4 +1,5 @@
 use egui::{Checkbox, DragValue, Ui};
+use ostra_session::JobTask;
 
 use super::jobs::{progress_text, run_button_ui};
 use crate::menu::is_possible;
@@ -45,11 +46,11 @@ pub(crate) fn track_ui(
             ui,
             session,
             view,
-            (Action::Track, "Track"),
+            (Action::Track, &JobTask::Track),
             anchors > 0,
             wishes,
         );
-        if let Some(job) = session.running("Track") {
+        if let Some(job) = session.running(&JobTask::Track) {
             ui.weak(progress_text(job));
             return;
         }
@@ -143,7 +144,7 @@ fn retrack_ui(
     wishes: &mut Vec<Action>,
 ) {
     let action = Action::Retrack;
-    let possible = session.running("Track").is_none() && is_possible(action, session, view);
+    let possible = session.running(&JobTask::Track).is_none() && is_possible(action, session, view);
     if action_button(ui, &view.prefs.shortcuts, action, &action.text(), possible).clicked() {
         wishes.push(action);
     }

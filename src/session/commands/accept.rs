@@ -26,7 +26,7 @@ impl Session {
         );
         let (store, labels) = (Arc::clone(&self.store), labels.to_vec());
         Ok(
-            self.start("Accept the vote", JobKind::Short, move |context| {
+            self.start("Use the 3-D vote", JobKind::Short, move |context| {
                 let loaded = match loaded {
                     Some(loaded) => loaded,
                     None => VotedCloud::read(&root, version, &project.frames, &context.progress)?,
@@ -46,7 +46,7 @@ impl Session {
                         "the mask of frame {number} changed meanwhile; accept again"
                     );
                     session.commit(
-                        &format!("Accept the vote on frame {number}"),
+                        &format!("Use the 3-D vote on frame {number}"),
                         by_hand(&now, number, &voted.mask),
                     )?;
                     session.warn_all(voted.warning.into_iter().collect());

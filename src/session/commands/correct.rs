@@ -1,3 +1,4 @@
+use crate::jobs::JobTitle;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -99,49 +100,53 @@ impl Session {
             selector,
         };
         let title = title.to_owned();
-        Ok(self.start(&title.clone(), JobKind::Long, move |context| {
-            let Corrected {
-                mut edits,
-                notice,
-                warnings,
-            } = corrected(&correcting, &context.progress)?;
-            if edits.is_empty() {
-                let text = notice
-                    .context("no mask changes: none that may change sees these points otherwise")?(
-                    None,
-                );
-                return Ok(Box::new(|session: &mut Self| {
-                    session.warn_all(warnings);
-                    session.events.push(Event::Notice(text));
-                    Ok(())
-                }) as JobCompletion);
-            }
-            let voted = correcting.voted_again(&edits, next_version, &context.progress)?;
-            let record = voted.as_ref().map(|(_, record)| record.clone());
-            let notice = notice.map(|notice| notice(voted.as_ref().map(|(fused, _)| &fused.cloud)));
-            edits.extend(record.map(|record| Edit::SetResult {
-                kind: ResultKind::Cloud,
-                record: Some(record),
-            }));
-            Ok(Box::new(move |session: &mut Self| {
-                let now = session.snapshot()?;
-                let same = Arc::ptr_eq(&now, &correcting.project) || now == correcting.project;
-                ensure!(same, "the project changed meanwhile; do it again");
-                session.commit(&title, edits)?;
-                session.warn_all(warnings);
-                session.events.extend(notice.map(Event::Notice));
-                if let Some((fused, _)) = voted {
-                    session.background.cloud.put(
-                        Some(next_version),
-                        fused.cloud,
-                        Some(fused.votes),
-                    );
-                    session.events.push(Event::CloudChanged);
-                    session.warn_all(fused.report.warnings);
+        Ok(self.start(
+            JobTitle::from(title.as_str()),
+            JobKind::Long,
+            move |context| {
+                let Corrected {
+                    mut edits,
+                    notice,
+                    warnings,
+                } = corrected(&correcting, &context.progress)?;
+                if edits.is_empty() {
+                    let text = notice.context(
+                        "no mask changes: none that may change sees these points otherwise",
+                    )?(None);
+                    return Ok(Box::new(|session: &mut Self| {
+                        session.warn_all(warnings);
+                        session.events.push(Event::Notice(text));
+                        Ok(())
+                    }) as JobCompletion);
                 }
-                Ok(())
-            }) as JobCompletion)
-        }))
+                let voted = correcting.voted_again(&edits, next_version, &context.progress)?;
+                let record = voted.as_ref().map(|(_, record)| record.clone());
+                let notice =
+                    notice.map(|notice| notice(voted.as_ref().map(|(fused, _)| &fused.cloud)));
+                edits.extend(record.map(|record| Edit::SetResult {
+                    kind: ResultKind::Cloud,
+                    record: Some(record),
+                }));
+                Ok(Box::new(move |session: &mut Self| {
+                    let now = session.snapshot()?;
+                    let same = Arc::ptr_eq(&now, &correcting.project) || now == correcting.project;
+                    ensure!(same, "the project changed meanwhile; do it again");
+                    session.commit(&title, edits)?;
+                    session.warn_all(warnings);
+                    session.events.extend(notice.map(Event::Notice));
+                    if let Some((fused, _)) = voted {
+                        session.background.cloud.put(
+                            Some(next_version),
+                            fused.cloud,
+                            Some(fused.votes),
+                        );
+                        session.events.push(Event::CloudChanged);
+                        session.warn_all(fused.report.warnings);
+                    }
+                    Ok(())
+                }) as JobCompletion)
+            },
+        ))
     }
 }
 

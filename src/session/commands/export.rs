@@ -64,7 +64,7 @@ impl Session {
     ) -> Result<JobId> {
         self.check_export(path, overwrite)?;
         let path = path.to_owned();
-        Ok(self.start("Write picture", JobKind::Short, move |context| {
+        Ok(self.start("Save image", JobKind::Short, move |context| {
             context.progress.stage("draw")?;
             ExportTargets::write_files(std::slice::from_ref(&path), || write(&path))?;
             Ok(Box::new(move |session: &mut Self| {
@@ -90,7 +90,7 @@ impl Session {
     ) -> Result<JobId> {
         self.check_export(path, overwrite)?;
         let path = path.to_owned();
-        Ok(self.start("Write film", JobKind::Short, move |context| {
+        Ok(self.start("Save video", JobKind::Short, move |context| {
             context.progress.stage("write film")?;
             let write = || Ok(write_film(&path, &options, draw, &context.progress)?);
             ExportTargets::write_files(std::slice::from_ref(&path), write)?;

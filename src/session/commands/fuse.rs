@@ -1,3 +1,4 @@
+use crate::jobs::JobTask;
 use ostra_project::ResultEngine;
 use std::path::Path;
 use std::sync::Arc;
@@ -40,7 +41,7 @@ impl Session {
         let loaded = self
             .cloud_version()
             .and_then(|version| self.background.cloud.voted(version));
-        Ok(self.start("Fuse", JobKind::Long, move |context| {
+        Ok(self.start(JobTask::Fuse, JobKind::Long, move |context| {
             let begun = Instant::now();
             let geometry = geometry_digest(&project, &request)?;
             let before = ReusableVotes::find(&project, &root, &request, &geometry, loaded);

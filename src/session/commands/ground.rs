@@ -1,3 +1,4 @@
+use crate::jobs::JobTask;
 use std::sync::Arc;
 
 use anyhow::{Result, ensure};
@@ -25,7 +26,7 @@ impl Session {
         request.grounder.installed()?;
         let (store, request) = (Arc::clone(&self.store), request.clone());
         Ok(
-            self.start("Look for words", JobKind::Short, move |context| {
+            self.start(JobTask::FindByText, JobKind::Short, move |context| {
                 let grounder = engines::grounder(request.grounder)?;
                 context.progress.stage("look")?;
                 let wish = ostra_masks::GroundRequest {
@@ -71,7 +72,7 @@ impl Session {
             request.clone(),
         );
         Ok(
-            self.start("Take what was found", JobKind::Short, move |context| {
+            self.start("Add found objects", JobKind::Short, move |context| {
                 let ready = prepared.get(segmenter.as_ref(), &frame, &store, &context.progress)?;
                 context.progress.stage("segment")?;
                 let mut next = Project::clone(&project);
@@ -119,7 +120,7 @@ impl Session {
                         request.things.iter().map(|(_, extent)| *extent).collect();
                     session.drop_found(request.frame, &extents);
                     session.commit(
-                        &format!("Take what was found on frame {}", request.frame),
+                        &format!("Add found objects on frame {}", request.frame),
                         edits,
                     )?;
                     session.warn_all(warning.into_iter().collect());

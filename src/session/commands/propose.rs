@@ -1,3 +1,4 @@
+use crate::jobs::JobTask;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
@@ -23,7 +24,7 @@ impl Session {
             Arc::clone(&self.prompting.prepared),
             Arc::clone(&self.store),
         );
-        Ok(self.start("Propose", JobKind::Short, move |context| {
+        Ok(self.start(JobTask::Propose, JobKind::Short, move |context| {
             let ready = prepared.get(segmenter.as_ref(), &of, &store, &context.progress)?;
             context.progress.stage("propose")?;
             let proposals = ready.proposals(&context.progress)?;

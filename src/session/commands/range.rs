@@ -1,3 +1,4 @@
+use crate::jobs::JobTitle;
 use std::collections::BTreeSet;
 
 use anyhow::{Result, ensure};
@@ -41,17 +42,22 @@ impl Session {
         labels: BTreeSet<LabelId>,
     ) -> Result<JobId> {
         let (made_from, request) = (self.snapshot()?, request.clone());
-        Ok(self.start(&title.clone(), JobKind::Short, move |context| {
-            let edits = range::edits(&made_from, &request, &labels, &context.progress)?;
-            Ok(Box::new(move |session: &mut Self| {
-                let now = session.snapshot()?;
-                let touched = || request.from..=request.to;
-                let same =
-                    touched().all(|frame| now.masks.get(&frame) == made_from.masks.get(&frame));
-                let same = same && now.marks == made_from.marks && now.prompts == made_from.prompts;
-                ensure!(same, "the masks changed meanwhile; do it again");
-                session.commit_range(&title, edits)
-            }) as JobCompletion)
-        }))
+        Ok(self.start(
+            JobTitle::from(title.as_str()),
+            JobKind::Short,
+            move |context| {
+                let edits = range::edits(&made_from, &request, &labels, &context.progress)?;
+                Ok(Box::new(move |session: &mut Self| {
+                    let now = session.snapshot()?;
+                    let touched = || request.from..=request.to;
+                    let same =
+                        touched().all(|frame| now.masks.get(&frame) == made_from.masks.get(&frame));
+                    let same =
+                        same && now.marks == made_from.marks && now.prompts == made_from.prompts;
+                    ensure!(same, "the masks changed meanwhile; do it again");
+                    session.commit_range(&title, edits)
+                }) as JobCompletion)
+            },
+        ))
     }
 }

@@ -1,3 +1,4 @@
+use crate::jobs::JobTask;
 use ostra_project::ResultEngine;
 use std::sync::Arc;
 
@@ -53,22 +54,24 @@ impl Session {
             request: request.clone(),
             version: self.opened()?.next_version()?,
         };
-        Ok(self.start("Reconstruct", JobKind::Long, move |context| {
-            let mut work = work;
-            if let Some(camera_work) = camera_work {
-                let found = camera_work.find(context)?;
-                let stopped = found.stopped;
-                work.project = Arc::new(found.applied()?);
-                context.send(move |session: &mut Self| found.land(session))?;
-                if stopped {
-                    return Err(Stopped.into());
+        Ok(
+            self.start(JobTask::Reconstruct, JobKind::Long, move |context| {
+                let mut work = work;
+                if let Some(camera_work) = camera_work {
+                    let found = camera_work.find(context)?;
+                    let stopped = found.stopped;
+                    work.project = Arc::new(found.applied()?);
+                    context.send(move |session: &mut Self| found.land(session))?;
+                    if stopped {
+                        return Err(Stopped.into());
+                    }
                 }
-            }
-            if depths {
-                make_depths(work, context)?;
-            }
-            Ok(Box::new(|_: &mut Self| Ok(())) as JobCompletion)
-        }))
+                if depths {
+                    make_depths(work, context)?;
+                }
+                Ok(Box::new(|_: &mut Self| Ok(())) as JobCompletion)
+            }),
+        )
     }
 
     fn take_given(&mut self, project: &Project, request: &ReconstructRequest) -> Result<JobId> {
@@ -116,7 +119,7 @@ impl Session {
                 (record.coordinates, record.scaled) = (before.coordinates, before.scaled);
             }
         }
-        Ok(self.start("Reconstruct", JobKind::Long, move |_| {
+        Ok(self.start(JobTask::Reconstruct, JobKind::Long, move |_| {
             Ok(
                 Box::new(move |session: &mut Self| session.commit("Reconstruct", edits))
                     as JobCompletion,

@@ -18,7 +18,7 @@ impl Session {
     pub(crate) fn relocate(&mut self, from: &Path, to: &Path) -> Result<JobId> {
         let project = self.snapshot()?;
         let (from, to) = (plain(from)?, plain(to)?);
-        Ok(self.start("Look for moved frames", JobKind::Short, move |context| {
+        Ok(self.start("Locate frames", JobKind::Short, move |context| {
             let (mut edits, mut missing) = (Vec::new(), Vec::new());
             for (number, frame) in project.frames.iter().enumerate() {
                 context.progress.step(number, project.frames.len())?;

@@ -1,3 +1,4 @@
+use crate::jobs::JobTask;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -33,14 +34,16 @@ impl Session {
             !project.masks.is_empty(),
             "no frame has a mask; prompt and track first"
         );
-        Ok(self.start("Suggest", JobKind::Short, move |context| {
-            let (found, warning) = suggestions(&project, &store, &context.progress)?;
-            Ok(Box::new(move |session: &mut Self| {
-                session.suggestions = found;
-                session.warn_all(warning.into_iter().collect());
-                Ok(())
-            }) as JobCompletion)
-        }))
+        Ok(
+            self.start(JobTask::Suggest, JobKind::Short, move |context| {
+                let (found, warning) = suggestions(&project, &store, &context.progress)?;
+                Ok(Box::new(move |session: &mut Self| {
+                    session.suggestions = found;
+                    session.warn_all(warning.into_iter().collect());
+                    Ok(())
+                }) as JobCompletion)
+            }),
+        )
     }
 
     /// What the last search for unexplained things found, the most telling first.

@@ -1,3 +1,4 @@
+use crate::jobs::JobTask;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -30,7 +31,7 @@ impl Session {
                 .push(Event::Notice(format!("tracker: {}", tracker.name())));
         }
         let engine = tracker.name();
-        let job = self.start("Track", JobKind::Long, move |context| {
+        let job = self.start(JobTask::Track, JobKind::Long, move |context| {
             context.progress.stage("track")?;
             let mut emit = |tracked: TrackedFrame| {
                 let preliminary = tracked.preliminary;

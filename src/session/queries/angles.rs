@@ -1,3 +1,4 @@
+use crate::jobs::JobTask;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::traits::MeasuredCloud;
@@ -20,6 +21,7 @@ pub(crate) struct AnglesKey {
 
 impl QueryKey for AnglesKey {
     const TITLE: &'static str = "Measure angles";
+    const TASK: Option<JobTask> = Some(JobTask::MeasureAngles);
 
     fn kind(&self) -> JobKind {
         JobKind::Short

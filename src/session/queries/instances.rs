@@ -29,7 +29,7 @@ pub(crate) struct InstancesKey {
 }
 
 impl QueryKey for InstancesKey {
-    const TITLE: &'static str = "Look for instances";
+    const TITLE: &'static str = "Find instances";
     const EVENT: Option<Event> = Some(Event::CloudChanged);
 
     fn kind(&self) -> JobKind {

@@ -37,7 +37,7 @@ impl PartialEq for SelectionKey {
 }
 
 impl QueryKey for SelectionKey {
-    const TITLE: &'static str = "Choose points";
+    const TITLE: &'static str = "Select points";
 
     /// Work on other steps goes on: it makes the cloud ready for all.
     fn is_obsolete(&self, wanted: &Self) -> bool {

@@ -1,3 +1,4 @@
+use crate::jobs::JobTask;
 use std::sync::{Arc, Weak};
 
 use anyhow::Result;
@@ -50,6 +51,7 @@ pub(crate) struct TraitsKey {
 
 impl QueryKey for TraitsKey {
     const TITLE: &'static str = "Measure";
+    const TASK: Option<JobTask> = Some(JobTask::MeasureTraits);
 
     fn kind(&self) -> JobKind {
         JobKind::Short
