@@ -11,7 +11,9 @@ pub(super) fn action_button(
     enabled: bool,
 ) -> Response {
     let tip = shortcuts.tip(ui.ctx(), action);
-    let button = ui.add_enabled(enabled, Button::new(text));
+    // A button in a bar moves to the next row as a whole: its text must not break.
+    let button = Button::new(text).wrap_mode(egui::TextWrapMode::Extend);
+    let button = ui.add_enabled(enabled, button);
     button.on_hover_text(&tip).on_disabled_hover_text(tip)
 }
 

@@ -28,7 +28,7 @@ fn a_new_project_is_made_from_what_was_typed() {
             .accesskit_node()
             .is_disabled()
     );
-    type_into(&mut harness, "Frames folder or film", "/photos/rice");
+    type_into(&mut harness, "Frames folder or video", "/photos/rice");
     type_into(&mut harness, "Depth folder", "/photos/rice-depth");
     type_into(&mut harness, "Cameras file or folder", "/photos/sparse");
     harness.get_by_label("Create").click();

@@ -171,7 +171,7 @@ fn an_angle_between_two_chosen_labels_is_told_and_explained() {
     for told in [
         "angle between leaf and pot",
         "From 2345 points",
-        "Of the largest of 2 pieces: 34.5°, 61.0°",
+        "Largest of 2 parts: 34.5°, 61.0°",
     ] {
         assert!(
             harness.query_all_by_label_contains(told).next().is_some(),

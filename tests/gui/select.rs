@@ -263,7 +263,7 @@ fn hanging_pieces_are_adopted_where_it_is_known_who_voted() {
             },
             Key::P,
         );
-        harness.event(Event::Text("adopt".into()));
+        harness.event(Event::Text("attach".into()));
         harness.run_steps(2);
         press(&mut harness, Modifiers::NONE, Key::Enter);
         harness.state().asked.clone()

@@ -1,4 +1,4 @@
-use egui::{Checkbox, ComboBox, Slider, Ui};
+use egui::{Checkbox, ComboBox, Slider, TextWrapMode, Ui};
 
 use super::draft::Tool;
 use crate::menu::is_possible;
@@ -30,7 +30,10 @@ fn tools_ui(ui: &mut Ui, view: &mut ViewState) {
     for tool in Tool::ALL {
         let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::UseTool(tool));
         if ui
-            .selectable_label(view.tool == tool, tool.text())
+            .add(
+                egui::Button::selectable(view.tool == tool, tool.text())
+                    .wrap_mode(TextWrapMode::Extend),
+            )
             .on_hover_text(tip)
             .clicked()
         {
