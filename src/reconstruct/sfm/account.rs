@@ -172,9 +172,8 @@ impl Outcome {
 /// Returns the outcome of each image.
 ///
 /// `frame_of` maps an image to its frame. `features` holds the number of features per image (`Err`
-/// = why it cannot be read). The pairs are those that were tried, and the models start with the
-/// kept one. The last argument gives the number of points and the median error of an image in the
-/// kept model.
+/// = why it cannot be read), and `tried` the pairs that were matched. `models` starts with the kept
+/// one; `placed` gives the number of points and the median error of an image in it.
 #[must_use]
 pub fn outcomes(
     frame_of: &[usize],
