@@ -224,9 +224,9 @@ const OVERLAPPING: usize = 10;
 
 /// Matches the first `most` keypoints of both images, if they overlap.
 ///
-/// If there are more than `first_look`, a first pass matches only so many. If fewer than
-/// [`OVERLAPPING`] match, these are returned. A network's time grows with the square of the number
-/// of keypoints, and most pairs of a set do not overlap.
+/// If there are more than `first_look`, a first pass matches only so many; if too few match, these
+/// are returned. A network's time grows with the square of the number of keypoints, and most pairs
+/// of a set do not overlap.
 pub fn look_twice(
     both: [&Features; 2],
     (first_look, most): (usize, usize),

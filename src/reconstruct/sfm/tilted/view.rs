@@ -25,8 +25,8 @@ const TILTS: [f64; 3] = [
 ];
 /// Angle between directions at a tilt of 1, in radians; smaller at larger tilts.
 const STEP: f64 = 1.256_637_061_435_917_3;
-/// Blur per unit of tilt that is needed before compression, as SIFT assumes half a pixel of blur in
-/// an image.
+/// Blur before compression, per √(tilt² − 1), in pixels; SIFT assumes that an image already has
+/// half a pixel of blur.
 const BLUR: f64 = 0.8;
 /// Longest processed side, in pixels: there are many tilts.
 const MAX_SIDE: usize = 1600;
