@@ -30,7 +30,8 @@ pub struct Source {
 pub struct Hint {
     /// A hypothesis from elsewhere; inverse depth 0 = none.
     pub plane: Plane,
-    /// Whether the surface here is known from the surroundings; a flat patch then gives no penalty.
+    /// Whether the surface here is known from the surroundings; missing texture is then no evidence
+    /// against it.
     pub is_known: bool,
 }
 
