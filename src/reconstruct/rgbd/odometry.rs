@@ -167,7 +167,7 @@ pub fn loops(
 
 /// Aligns two scans from the pose of their features.
 ///
-/// If that fails and they may be close to each other, they are aligned from the same pose.
+/// If that fails and `close` is set, the identity is tried as well.
 pub fn compare(
     scans: [&Scan; 2],
     matches: &[(u32, u32)],

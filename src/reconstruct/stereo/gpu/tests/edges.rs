@@ -19,7 +19,7 @@ fn assert_same_search(card: &Engine, pictures: &[Arc<Picture>], what: &str) {
 }
 
 #[test]
-fn sources_beyond_the_eighth_are_not_looked_at() {
+fn sources_beyond_the_eighth_are_not_used() {
     let Some(card) = card() else { return };
     assert_same_search(&card, &pictures(11, (72, 55)), "ten sources");
 }
@@ -30,7 +30,8 @@ fn one_source_is_enough() {
     assert_same_search(&card, &pictures(2, (97, 64)), "one source");
 }
 
-/// At the coarsest level only one of them can be compared; with a second that is smaller still, none.
+/// At the coarsest level only one of them can be compared; with a second that is smaller still,
+/// none.
 #[test]
 fn sources_of_other_sizes_are_compared_where_they_reach() {
     let Some(card) = card() else { return };
@@ -48,7 +49,7 @@ fn sources_of_other_sizes_are_compared_where_they_reach() {
 }
 
 #[test]
-fn a_stop_is_noticed() {
+fn stop_ends_the_search() {
     let Some(card) = card() else { return };
     let (progress, pictures) = (Progress::default(), pictures(2, (72, 55)));
     progress.stop();

@@ -9,7 +9,7 @@ use ostra_core::job::Progress;
 const SIZE: (u32, u32) = (141, 101);
 
 #[test]
-fn a_search_finds_what_the_processor_finds() {
+fn search_equals_the_processor() {
     let Some(card) = card() else { return };
     let pictures = pictures(4, SIZE);
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
@@ -24,7 +24,7 @@ fn a_search_finds_what_the_processor_finds() {
 }
 
 #[test]
-fn searches_at_once_find_what_they_find_alone() {
+fn parallel_searches_equal_single_ones() {
     let Some(card) = card() else { return };
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
     let tasks =
@@ -54,7 +54,7 @@ fn searches_at_once_find_what_they_find_alone() {
 }
 
 #[test]
-fn a_masked_search_finds_what_the_processor_finds() {
+fn masked_search_equals_the_processor() {
     let Some(card) = card() else { return };
     let pictures = pictures(3, SIZE);
     let (options, progress) = (
@@ -84,7 +84,7 @@ fn a_masked_search_finds_what_the_processor_finds() {
 }
 
 #[test]
-fn consistent_rounds_find_what_the_processor_finds() {
+fn consistent_rounds_equal_the_processor() {
     let Some(card) = card() else { return };
     let pictures = pictures(4, SIZE);
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
@@ -124,9 +124,9 @@ fn consistent_rounds_find_what_the_processor_finds() {
     }
 }
 
-/// Where there is no texture, both are pulled to the same surface around.
+/// Where there is no texture, both are pulled to the same surrounding surface.
 #[test]
-fn flat_parts_find_what_the_processor_finds() {
+fn flat_parts_equal_the_processor() {
     let Some(card) = card() else { return };
     let pictures: Vec<_> = (0..3)
         .map(|index| partly_flat(index, SIZE, |x| (x.x - 0.75).abs() < 0.2 && x.y.abs() < 0.4))
