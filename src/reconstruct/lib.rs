@@ -19,7 +19,7 @@
 //! * Pixel positions count from the corner of the image: the centre of the top-left pixel is at
 //!   (0.5, 0.5). PatchMatch uses pixel indices instead, see [`stereo::patchmatch::Raster`].
 //! * Depth is measured along the optical axis in world units; 0 means unknown.
-//! * Results depend on the input and the seed only, not on the number of threads.
+//! * On the processor, results depend on the input and the seed only, not on the number of threads.
 //! * Long steps take a progress handle and can be stopped.
 //!
 //! # Example

@@ -344,7 +344,7 @@ fn callback_receives_poses_in_order_and_then_the_final_ones() {
 }
 
 #[test]
-fn frames_without_information_are_reported() {
+fn frames_without_intrinsics_are_reported() {
     let mut recording = Recording::of(0..2);
     for frame in &mut recording.frames {
         frame.camera = None;

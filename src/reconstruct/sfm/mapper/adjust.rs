@@ -13,8 +13,7 @@ use ostra_geometry::bundle::{
 const REFINE_FROM_IMAGES: usize = 3;
 /// A camera took few of the images if this many times as many were placed.
 const FEW_SHARE: usize = 3;
-/// Rounds of global adjustment; each then looks for observations that fit and drops those that do
-/// not.
+/// Rounds of global adjustment; each then finds observations that fit and drops those that do not.
 const ROUNDS: usize = 5;
 /// Share of all observations that must change for another round.
 const CHANGE: f64 = 5e-4;

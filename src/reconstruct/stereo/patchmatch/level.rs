@@ -25,7 +25,7 @@ pub struct Source {
     pub found: Option<(Arc<Found>, Transfer)>,
 }
 
-/// What is known of a pixel before it is searched.
+/// Prior knowledge of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Hint {
     /// A hypothesis from elsewhere; inverse depth 0 = none.
