@@ -89,7 +89,13 @@ fn fountain_with_learned_features() {
         let line = listed(data.path(), network);
         assert!(line.contains(data.path().to_str().unwrap()), "{line}");
         let said = run(&["models", "check", network]);
-        assert!(said.lines().next().unwrap().ends_with(": inputs and outputs are as expected"), "{said}");
+        assert!(
+            said.lines()
+                .next()
+                .unwrap()
+                .ends_with(": inputs and outputs are as expected"),
+            "{said}"
+        );
     }
 
     let project = Project::new(&needs.set.join("images"), &[]);

@@ -7,8 +7,7 @@ use ostra_geometry::{Isometry, Pose};
 
 /// Maximum number of steps per level, from the finest to the coarsest.
 const STEPS: [usize; 4] = [10, 10, 12, 20];
-/// Maximum distance of a point from the surface that it is compared with, as a share of the depth,
-/// per level.
+/// Maximum distance of a point from the surface that it is compared with, as a share of the depth, per level.
 const GATES: [f32; 4] = [0.04, 0.06, 0.10, 0.15];
 /// Degrees of freedom of the t-distribution that errors are assumed to follow.
 const FREEDOM: f32 = 5.0;
@@ -21,8 +20,7 @@ const LEAST_SPREAD: [f32; 2] = [1e-3, 4e-3];
 const LUMA: [f32; 4] = [0.1, 0.1, 0.1, 0.5];
 /// A level has converged if the step (radians, shares of the typical depth) is below this.
 const CONVERGED: f64 = 2e-5;
-/// Share by which the diagonal of the equations grows, so that directions without information move
-/// little.
+/// Share by which the diagonal of the equations grows, so that directions without information move little.
 const DAMPING: f64 = 1e-4;
 const LEAST_DAMPING: f64 = 1e-9;
 /// Surfaces seen at a smaller cosine give no reliable information.

@@ -152,8 +152,7 @@ impl Graph {
         links
     }
 
-    /// Solves the pose graph; scans that no link then connects to the largest group lose their
-    /// pose.
+    /// Solves the pose graph; scans that no link then connects to the largest group lose their pose.
     pub fn solve(&mut self) {
         let is_posed = |link: &Link| link.scans.iter().all(|&scan| self.poses[scan].is_some());
         let posed: Vec<usize> = (0..self.links.len())
@@ -216,8 +215,7 @@ impl Components {
         self.first[scan] as usize
     }
 
-    /// Returns the members of each component, ascending; the largest first, of equal ones the
-    /// earlier.
+    /// Returns the members of each component, ascending; the largest first, of equal ones the earlier.
     #[must_use]
     pub fn members(&self) -> Vec<Vec<usize>> {
         let mut by_first = std::collections::BTreeMap::<usize, Vec<usize>>::new();

@@ -176,12 +176,10 @@ const SAMPLES: usize = 200;
 const TOLERANCE: f32 = 0.1;
 /// Minimum share of the points that both see.
 const LEAST: f64 = 0.3;
-/// Number of distance ranges in the recording, each twice the one before; one partner is taken from
-/// each.
+/// Number of distance ranges in the recording, each twice the one before; one partner is taken from each.
 const SPANS: usize = 12;
 
-/// Returns pairs of scans that see the same according to their poses and are not linked yet,
-/// ascending.
+/// Returns pairs of scans that see the same according to their poses and are not linked yet, ascending.
 ///
 /// Each scan gets the best partner at each distance in the recording (2–3 frames on, 4–7, 8–15, …),
 /// so that distant frames are connected as well as near ones.

@@ -131,8 +131,7 @@ impl Start {
     }
 }
 
-/// Estimates the pose that most matches of features agree on: source points, seen in the target's
-/// image.
+/// Estimates the pose that most matches of features agree on: source points, seen in the target's image.
 #[must_use]
 pub fn pose_from_features(
     source: &Scan,
@@ -173,8 +172,7 @@ pub struct Agreement {
     ///
     /// A surface in front would hide what the target sees behind it.
     pub consistent: f64,
-    /// Correlation of the two images where they show the same, −1 to 1; 1 where there is no
-    /// texture.
+    /// Correlation of the two images where they show the same, −1 to 1; 1 where there is no texture.
     pub likeness: f64,
 }
 

@@ -20,8 +20,7 @@ use ostra_geometry::Pose;
 /// worker threads.
 pub type OnPose<'a> = dyn Fn(usize, &Pose) + Sync + 'a;
 
-/// Poses from one scan to the next while odometry works on many at once: for display, not for the
-/// result.
+/// Poses from one scan to the next while odometry works on many at once: for display, not for the result.
 pub struct Chain<'a> {
     scans: &'a [Scan],
     on_pose: &'a OnPose<'a>,
@@ -88,8 +87,7 @@ const BACK: usize = 4;
 /// Result of comparing two scans: a link, or the best agreement found.
 pub type Tried = ([usize; 2], Result<Link, Option<Agreement>>);
 
-/// Links each scan with the one before; if that fails, with an earlier one. Results are reported to
-/// `chain`.
+/// Links each scan with the one before; if that fails, with an earlier one. Results are reported to `chain`.
 ///
 /// When stopped, it returns what it has by then.
 ///

@@ -89,8 +89,7 @@ impl Level {
         camera.project_inside(point)
     }
 
-    /// Returns luma at a position in pixels and its slope per pixel; `None` within half a pixel of
-    /// the border.
+    /// Returns luma at a position in pixels and its slope per pixel; `None` within half a pixel of the border.
     #[must_use]
     pub fn grey_at(&self, at_px: Vec2) -> Option<(f32, Vec2)> {
         let at = at_px - 0.5;

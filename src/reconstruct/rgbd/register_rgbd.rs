@@ -202,8 +202,7 @@ fn links(
 /// Outcome of a frame between, and its pose if it has one.
 type Between = (usize, Outcome, Option<Pose>);
 
-/// Places the frames between registered ones, by the ones before and after; `placed` holds the
-/// poses of the `scans`.
+/// Places the frames between registered ones, by the ones before and after; `placed` holds the poses of the `scans`.
 ///
 /// When stopped, it returns what it has by then.
 ///

@@ -50,8 +50,7 @@ pub enum Outcome {
     },
     /// No other image shows the same part of the scene.
     NoPair {
-        /// The frame with the most matches, and their number; they do not agree with one camera
-        /// motion.
+        /// The frame with the most matches, and their number; they do not agree with one camera motion.
         nearest: Option<(usize, usize)>,
     },
     /// It matches other images but sees too few points of the model.
@@ -243,8 +242,7 @@ fn left_out(
     }
 }
 
-/// Returns the image that shares most with this one, and how much; `None` if no image shares
-/// anything.
+/// Returns the image that shares most with this one, and how much; `None` if no image shares anything.
 fn most(
     image: usize,
     tried: &[TriedPair],

@@ -21,8 +21,7 @@ pub struct PictureFeatures {
     pub unreadable: Option<String>,
 }
 
-/// Returns the allowed pixels of a frame by its number: `width · height` values row by row; `None`
-/// = all.
+/// Returns the allowed pixels of a frame by its number: `width · height` values row by row; `None` = all.
 pub type AllowedPixels<'a> = &'a dyn Fn(usize) -> Option<Vec<bool>>;
 
 /// Extracts features of the chosen frames, in their order. An unreadable image has none.
@@ -83,8 +82,7 @@ pub fn of_picture(
     Ok(coloured(features, &image))
 }
 
-/// Extracts features of simulated tilted views of a frame's image, at their positions in the image
-/// itself.
+/// Extracts features of simulated tilted views of a frame's image, at their positions in the image itself.
 ///
 /// Returns nothing if the image cannot be read.
 ///

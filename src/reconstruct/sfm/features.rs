@@ -70,8 +70,7 @@ pub struct Features {
     pub width: u32,
     /// Rows of the image.
     pub height: u32,
-    /// Positions in pixels of the image as shown; the centre of the top-left pixel is at (0.5,
-    /// 0.5).
+    /// Positions in pixels of the image as shown; the centre of the top-left pixel is at (0.5, 0.5).
     pub keypoints: Vec<DVec2>,
     /// Radius of each keypoint in pixels; empty if the extractor gives none.
     pub scales_px: Vec<f32>,
@@ -140,8 +139,7 @@ pub trait FeatureMatcher: Send + Sync {
     /// Short name for menus and reports.
     fn name(&self) -> &'static str;
 
-    /// Returns pairs (index in `first`, index in `second`), one to one, ascending by the first
-    /// index.
+    /// Returns pairs (index in `first`, index in `second`), one to one, ascending by the first index.
     ///
     /// # Errors
     /// [`FeatureError::Kinds`] if the two cannot be compared, [`FeatureError::Network`] if a

@@ -180,8 +180,7 @@ impl Locator<'_> {
     }
 }
 
-/// Refines the pose over the observations that fit it well; also returns their errors in pixels,
-/// ascending.
+/// Refines the pose over the observations that fit it well; also returns their errors in pixels, ascending.
 fn refined(camera: &Camera, start: Pose, at_px: &[DVec2], points: &[DVec3]) -> (Pose, Vec<f64>) {
     let error = |pose: &Pose, (at_px, point): (&DVec2, &DVec3)| {
         camera

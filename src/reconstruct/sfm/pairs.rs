@@ -19,8 +19,7 @@ pub struct PairOptions {
     /// In larger sets: number of following images of the same sequence that an image is compared
     /// with. Those 2, 4, 8, … further on are added.
     pub window: usize,
-    /// In larger sets: number of further images that each is compared with because their appearance
-    /// is most similar.
+    /// In larger sets: number of further images that each is compared with because their appearance is most similar.
     pub alike: usize,
     /// In larger sets: additional pairs (indices, in either order).
     pub given: Vec<(usize, usize)>,
@@ -48,8 +47,7 @@ fn exhaustive_pairs(n: usize) -> BTreeSet<(usize, usize)> {
         .collect()
 }
 
-/// Pairs every image of a sequence of `n` with the next `window` ones and with those 2, 4, 8, …
-/// further on.
+/// Pairs every image of a sequence of `n` with the next `window` ones and with those 2, 4, 8, … further on.
 #[must_use]
 fn sequence_pairs(n: usize, window: usize) -> BTreeSet<(usize, usize)> {
     let doubling = (0..usize::BITS - 1)

@@ -136,8 +136,7 @@ pub fn sparse_points(
     sparse
 }
 
-/// Returns the reprojection error of an observation in pixels; infinite if the image does not see
-/// it.
+/// Returns the reprojection error of an observation in pixels; infinite if the image does not see it.
 #[must_use]
 pub fn error_px(
     problem: &MapProblem,

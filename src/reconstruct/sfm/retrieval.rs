@@ -66,8 +66,7 @@ impl Vocabulary {
         }
     }
 
-    /// Returns one vector of length 1 per image; the cosine of two measures how similar the images
-    /// are.
+    /// Returns one vector of length 1 per image; the cosine of two measures how similar the images are.
     ///
     /// The vector is 0 for an image without descriptors, or with another kind than the
     /// vocabulary's.
@@ -144,8 +143,7 @@ fn sample(all: &[&Descriptors], dim: usize, seed: u64) -> Vec<f32> {
     rows
 }
 
-/// Returns pairs of each image with the `k` others of largest cosine, besides pairs already
-/// `known`.
+/// Returns pairs of each image with the `k` others of largest cosine, besides pairs already `known`.
 ///
 /// Pairs are ascending, first < second. The vectors have length 1. The lower index comes first if
 /// two are equally similar. Vectors of length 0 are similar to no other.

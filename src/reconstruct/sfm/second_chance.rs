@@ -18,8 +18,7 @@ use super::{
 use ostra_core::job::Progress;
 use ostra_frames::FrameStore;
 
-/// Maximum number of images in the second attempt; those with most matches with one other come
-/// first.
+/// Maximum number of images in the second attempt; those with most matches with one other come first.
 const MOST: usize = 8;
 
 /// Input of the mapper, and its result.

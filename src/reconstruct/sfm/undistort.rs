@@ -6,11 +6,9 @@ use ostra_frames::Image;
 use ostra_geometry::{Camera, Distortion};
 use ostra_masks::{LabelId, LabelMask};
 
-/// Smallest share of its focal length at which a wide lens is drawn; the parts further out are cut
-/// off.
+/// Smallest share of its focal length at which a wide lens is drawn; the parts further out are cut off.
 const SMALLEST_SCALE: f64 = 0.2;
-/// Pixels of a row between which positions are interpolated: less than 0.02 px off even for strong
-/// lenses.
+/// Pixels of a row between which positions are interpolated: less than 0.02 px off even for strong lenses.
 const RUN: usize = 8;
 /// Border positions sampled per side.
 const BORDER_STEPS: u32 = 256;
@@ -53,8 +51,7 @@ pub fn undistorted_camera(camera: &Camera) -> Camera {
     }
 }
 
-/// Converts an image of camera `from` to camera `to` at the same position, interpolating between
-/// four pixels.
+/// Converts an image of camera `from` to camera `to` at the same position, interpolating between four pixels.
 ///
 /// Pixels that `from` does not see are black. `image` has the size of `from`.
 #[must_use]

@@ -80,8 +80,7 @@ impl DepthEstimate {
         (self.depths[at], self.normals[at], self.confidence[at]) = (0.0, [0; 3], 0);
     }
 
-    /// Returns the planes of all pixels and their costs, as a search returns them; no plane where
-    /// depth is unknown.
+    /// Returns the planes of all pixels and their costs, as a search returns them; no plane where depth is unknown.
     #[must_use]
     pub fn found(&self, picture: &Picture) -> Found {
         let raster = picture.raster(0);
@@ -121,8 +120,7 @@ pub enum Stage {
     Complete,
 }
 
-/// Storage of depths during and after a run; stages that exist when a run starts are not computed
-/// again.
+/// Storage of depths during and after a run; stages that exist when a run starts are not computed again.
 pub trait DepthStore: Sync {
     /// Returns the depth of a frame at a stage; `None` if it does not exist.
     ///

@@ -77,8 +77,7 @@ pub fn tones(image: &Image) -> Tones {
     }
 }
 
-/// Shrinks an image: each pixel is the mean over its area, with partial pixels weighted by their
-/// share.
+/// Shrinks an image: each pixel is the mean over its area, with partial pixels weighted by their share.
 fn area_mean(image: &Image, width: u32, height: u32) -> Image {
     if (width, height) == (image.width, image.height) {
         return image.clone();
@@ -115,8 +114,7 @@ fn add(sum: &mut [f32; 3], value: [f32; 3], share: f32) {
         .for_each(|(sum, value)| *sum += share * value);
 }
 
-/// Returns for each pixel of a shorter side the pixels of the longer one that it covers, with
-/// shares that sum to 1.
+/// Returns for each pixel of a shorter side the pixels of the longer one that it covers, with shares that sum to 1.
 fn spans(from: u32, to: u32) -> Vec<Vec<(usize, f32)>> {
     let ratio = f64::from(from) / f64::from(to);
     let span = |at: u32| {

@@ -10,15 +10,13 @@ use ostra_frames::cameras::SparsePoints;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SelectOptions {
-    /// Useful angles between two rays to a shared point: smallest, best and largest, 0–180 degrees,
-    /// ascending.
+    /// Useful angles between two rays to a shared point: smallest, best and largest, 0–180 degrees, ascending.
     pub angles_deg: [f64; 3],
     /// Minimum number of shared points, at least 1.
     pub min_shared: usize,
     /// Source views per view, 1–8.
     pub sources: usize,
-    /// Number of views per view from which it may be completed, including its sources; at least as
-    /// many.
+    /// Number of views per view from which it may be completed, including its sources; at least as many.
     ///
     /// Accuracy of the demo from images alone on three plants: 0.938, 0.945, 0.904 without
     /// completion; 0.942, 0.944, 0.917 with the six sources; 0.940, 0.946, 0.926 with the twelve of

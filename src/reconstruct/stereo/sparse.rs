@@ -169,8 +169,7 @@ fn matched_tracks(
     Ok(tracks.finish())
 }
 
-/// Returns the fundamental matrix of two posed views: from positions in the first to lines in the
-/// second.
+/// Returns the fundamental matrix of two posed views: from positions in the first to lines in the second.
 fn epipolar_lines(first: &View, second: &View) -> DMat3 {
     let second_from_first = second.pose.compose(&first.pose.inverse());
     fundamental_in_pixels(
@@ -179,8 +178,7 @@ fn epipolar_lines(first: &View, second: &View) -> DMat3 {
     )
 }
 
-/// Returns the larger distance of two matched positions from each other's epipolar lines, in
-/// pixels.
+/// Returns the larger distance of two matched positions from each other's epipolar lines, in pixels.
 fn line_distance(lines: DMat3, [a, b]: [DVec2; 2]) -> f64 {
     let (a, b) = (a.extend(1.0), b.extend(1.0));
     let (in_second, in_first) = (lines * a, lines.transpose() * b);

@@ -19,8 +19,7 @@ const LEAST_PAIRS: usize = 6;
 /// A parallax is only accepted if it reduces the differences in brightness to this share, on pairs
 /// that it was not fitted to.
 const BETTER: f64 = 0.85;
-/// Maximum disagreement of two halves of the pairs about the image's corners, as a share of how far
-/// these move.
+/// Maximum disagreement of two halves of the pairs about the image's corners, as a share of how far these move.
 ///
 /// Both halves together are then off by about half as much.
 const AGREE: f64 = 0.5;
@@ -199,11 +198,9 @@ const FREEDOM: f32 = 5.0;
 const USUAL: [f64; UNKNOWNS] = [0.1, 0.02, 0.005, 0.005, 0.03, 0.03];
 /// Number of unknowns of the relative pose of a pair.
 const OF_POSE: usize = 6;
-/// Information that holds a pose where neither depth nor image does: one over the square of radians
-/// and world units.
+/// Information that holds a pose where neither depth nor image does: one over the square of radians and world units.
 const LEAST_HELD: f64 = 1.0;
-/// Expected error of an alignment by depth alone, in each direction of the pose, divided by the
-/// typical depth.
+/// Expected error of an alignment by depth alone, in each direction of the pose, divided by the typical depth.
 ///
 /// With poses taken as exact, a whole recording gives 2.5 cm for the camera's shift and 0.4 across,
 /// nearer to the truth. But the first 15 frames of it then put the camera 10 cm down, and seven
@@ -255,8 +252,7 @@ pub fn fit(pairs: &[&Pair]) -> (Parallax, Matrix) {
     (parallax(&unknowns), covariance)
 }
 
-/// Measures how much luma differs where the depths of pairs show the same, under a parallax and
-/// under none.
+/// Measures how much luma differs where the depths of pairs show the same, under a parallax and under none.
 ///
 /// The difference is relative to the standard deviation of luma, over the points that are seen
 /// under both. A pair that loses more than half of them counts as no better.

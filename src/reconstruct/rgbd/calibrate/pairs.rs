@@ -13,8 +13,7 @@ use ostra_geometry::{Camera, Isometry, Pose, is_same_depth};
 
 /// Number of pairs to find.
 const PAIRS: usize = 40;
-/// Distance in frames at which the other frame of a pair is searched: the farther, the more of the
-/// parallax shows.
+/// Distance in frames at which the other frame of a pair is searched: the farther, the more of the parallax shows.
 const GAPS: [usize; 3] = [8, 4, 1];
 /// Depths of the same surface differ by at most this share.
 const SAME: f32 = 0.02;
@@ -122,8 +121,7 @@ impl Recording<'_> {
         Ok(pairs.into_iter().flatten().collect())
     }
 
-    /// Returns the registration's view of a frame; `None` if it cannot be read, which registration
-    /// reports.
+    /// Returns the registration's view of a frame; `None` if it cannot be read, which registration reports.
     fn view(&self, frame: usize) -> Option<View> {
         let frame = &self.frames[frame];
         let (image, depth) = (

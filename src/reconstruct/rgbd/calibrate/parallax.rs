@@ -23,8 +23,7 @@ pub struct Parallax {
     pub roll: f32,
     /// Shift of the principal point, on the plane at depth 1.
     pub shift: Vec2,
-    /// Position of the depth's camera relative to the image's, in world units, across the optical
-    /// axis.
+    /// Position of the depth's camera relative to the image's, in world units, across the optical axis.
     pub aside: Vec2,
 }
 
@@ -109,8 +108,7 @@ impl Parallax {
         )
     }
 
-    /// Returns the largest distance between images under both, as a share of the image's width, at
-    /// depth `typical`.
+    /// Returns the largest distance between images under both, as a share of the image's width, at depth `typical`.
     #[must_use]
     pub fn apart(&self, other: &Self, camera: &Camera, typical: f32) -> f64 {
         let off =

@@ -101,8 +101,7 @@ fn own_histogram(cloud: &OrientedCloud, index: usize, around: &Around) -> Option
     (counted > 0.0).then(|| histogram.map(|bin| bin * SUM / counted))
 }
 
-/// Returns the three angles between two normals and the line between their points, each scaled to
-/// 0–1.
+/// Returns the three angles between two normals and the line between their points, each scaled to 0–1.
 ///
 /// `None` if the line is parallel to a normal.
 fn angles(line: Vec3, here: Vec3, there: Vec3) -> Option<[f32; 3]> {
@@ -142,8 +141,7 @@ fn mixed(own: Descriptor, around: &Around, all: &[Option<Descriptor>]) -> Descri
     mixed
 }
 
-/// A thinned cloud and descriptors of its points; computed once for a cloud that is registered with
-/// many.
+/// A thinned cloud and descriptors of its points; computed once for a cloud that is registered with many.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DescribedCloud {
     pub(super) cloud: OrientedCloud,

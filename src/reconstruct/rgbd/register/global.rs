@@ -139,8 +139,7 @@ fn settled(pairs: &Pairs, mut pose: Pose) -> Pose {
 
 /// Minimum ratio of the edges of a tuple in both clouds.
 const TUPLE_RATIO: f64 = 0.95;
-/// Tuples tried for each pair; ten times the paper's, so that clouds which share a quarter still
-/// yield some.
+/// Tuples tried for each pair; ten times the paper's, so that clouds which share a quarter still yield some.
 const TRIALS: usize = 1000;
 /// Maximum number of tuples used.
 const MAX_TUPLES: usize = 1000;
@@ -149,8 +148,7 @@ const ITERATIONS: usize = 64;
 const DIVISION: f64 = 1.4;
 const STEPS: usize = 4;
 
-/// Runs Fast Global Registration (Q.-Y. Zhou, J. Park, V. Koltun, *Fast Global Registration*, ECCV
-/// 2016).
+/// Runs Fast Global Registration (Q.-Y. Zhou, J. Park, V. Koltun, *Fast Global Registration*, ECCV 2016).
 ///
 /// The result is the pose of least Geman–McClure cost over the matched points of tuples of three
 /// whose edges have the same lengths in both clouds. The kernel, as wide as the clouds at first,

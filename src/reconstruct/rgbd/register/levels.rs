@@ -34,8 +34,7 @@ pub struct Partner {
     pub target: usize,
 }
 
-/// Position of a source point when its distance to the target was last looked up; arbitrary before
-/// that.
+/// Position of a source point when its distance to the target was last looked up; arbitrary before that.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Seen {
     moved: DVec3,

@@ -80,8 +80,7 @@ fn blocks(descriptors: &[Descriptor]) -> Vec<Block> {
     descriptors.chunks(LANES).map(block).collect()
 }
 
-/// Returns the nearest of those in blocks to each of `asked`, as (index, squared distance); the
-/// earlier of equals.
+/// Returns the nearest of those in blocks to each of `asked`, as (index, squared distance); the earlier of equals.
 fn nearest(
     asked: &[Descriptor],
     blocks: &[Block],

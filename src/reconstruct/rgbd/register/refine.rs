@@ -64,8 +64,7 @@ pub struct Refined {
     /// most. Rotations are counted as shifts at the partners' typical distance from their middle. 0
     /// = the surfaces slide freely, as on one wall; rooms with furniture have more than 0.015.
     pub firmness: f64,
-    /// Pearson's correlation of the partners' intensities, −1 to 1; `None` if one side has a single
-    /// intensity.
+    /// Pearson's correlation of the partners' intensities, −1 to 1; `None` if one side has a single intensity.
     pub correlation: Option<f64>,
     /// Sum over partners of JᵀJ, a symmetric matrix.
     ///
@@ -203,8 +202,7 @@ pub fn rmse(level: &Level, partners: &[Partner]) -> f64 {
     (squares / partners.len().max(1) as f64).sqrt()
 }
 
-/// Returns Pearson's correlation of the partners' intensities; `None` if those of one cloud are all
-/// equal.
+/// Returns Pearson's correlation of the partners' intensities; `None` if those of one cloud are all equal.
 pub fn correlation(level: &Level, partners: &[Partner]) -> Option<f64> {
     let pairs = || {
         let intensity = |partner: &Partner| {

@@ -59,8 +59,7 @@ fn wrong_pose_lowers_the_agreement() {
     }
 }
 
-/// The rows of the information for a shift along a wall are almost zero, those for a shift against
-/// it are not.
+/// The rows of the information for a shift along a wall are almost zero, those for a shift against it are not.
 #[test]
 fn information_shows_what_a_bare_wall_leaves_open() {
     let camera = camera();

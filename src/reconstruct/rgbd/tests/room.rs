@@ -28,8 +28,7 @@ pub fn camera() -> Camera {
     Camera::pinhole(320, 240, 290.0, 290.0, 160.5, 119.0)
 }
 
-/// Returns the camera's pose after `step` steps of a hand that rotates 2.5° and moves some 3 cm
-/// with each.
+/// Returns the camera's pose after `step` steps of a hand that rotates 2.5° and moves some 3 cm with each.
 pub fn hand_at(step: f64) -> Pose {
     let turn = DQuat::from_rotation_y((2.5 * step - 20.0).to_radians())
         * DQuat::from_rotation_x(0.05 * (0.9 * step).sin());

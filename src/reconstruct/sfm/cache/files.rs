@@ -94,8 +94,7 @@ impl FeatureCache {
         })
     }
 
-    /// Writes unsaved entries and removes what exceeds the limit; returns why not everything could
-    /// be kept.
+    /// Writes unsaved entries and removes what exceeds the limit; returns why not everything could be kept.
     pub fn save(&self) -> Option<String> {
         self.save_pairs(&mut lock(&self.pairs));
         self.make_room();

@@ -151,8 +151,7 @@ impl PairKeys {
     }
 }
 
-/// Returns whether features are plausible for an image of this size: the folder may come from an
-/// untrusted source.
+/// Returns whether features are plausible for an image of this size: the folder may come from an untrusted source.
 fn are_of(features: &Features, width: usize, height: usize) -> bool {
     let (x_end, y_end) = (width as f64, height as f64);
     let is_inside = |at: &DVec2| (0.0..=x_end).contains(&at.x) && (0.0..=y_end).contains(&at.y);
@@ -178,8 +177,7 @@ fn fits(matches: &Matches, counts: [usize; 2]) -> bool {
         && matches.is_sorted_by(|one, next| one.0 < next.0)
 }
 
-/// Starts a digest with the names, each preceded by its length, so that no two lists give the same
-/// bytes.
+/// Starts a digest with the names, each preceded by its length, so that no two lists give the same bytes.
 fn begun(names: &[&str]) -> Sha256 {
     let mut digest = Sha256::new();
     digest.update(VERSION.to_le_bytes());

@@ -17,8 +17,7 @@ const FEW_SHARE: usize = 3;
 const ROUNDS: usize = 5;
 /// Share of all observations that must change for another round.
 const CHANGE: f64 = 5e-4;
-/// A lens counts as straight if the loss without distortion is at most this many times the loss
-/// with it.
+/// A lens counts as straight if the loss without distortion is at most this many times the loss with it.
 const NEEDLESS: f64 = 1.003;
 /// In addition, the focal length must differ by more than this share without distortion.
 const AMBIGUOUS: f64 = 0.005;
@@ -68,8 +67,7 @@ impl Mapper<'_> {
         Ok(())
     }
 
-    /// Adjusts all images and points, drops observations that do not fit and finds new ones, until
-    /// little changes.
+    /// Adjusts all images and points, drops observations that do not fit and finds new ones, until little changes.
     pub fn adjust_all(&mut self) -> Result<(), Stopped> {
         self.rounds(GLOBAL, 1)
     }
@@ -183,8 +181,7 @@ impl Mapper<'_> {
         neighbours.chain([image]).collect()
     }
 
-    /// Runs bundle adjustment of the free images and the points; other images that see these points
-    /// stay fixed.
+    /// Runs bundle adjustment of the free images and the points; other images that see these points stay fixed.
     fn adjust(
         &mut self,
         free: &BTreeSet<u32>,
@@ -229,8 +226,7 @@ impl Mapper<'_> {
         adjust(bundle, &options, &mut step).final_cost
     }
 
-    /// Collects the points with all their observations, and the image number of each image in the
-    /// bundle.
+    /// Collects the points with all their observations, and the image number of each image in the bundle.
     fn bundle(&self, points: &BTreeSet<u32>) -> (Bundle, Vec<u32>) {
         let tracks = || points.iter().filter_map(|&point| self.model.point(point));
         let images: Vec<u32> = tracks()

@@ -20,8 +20,7 @@ pub enum Start {
         matches: usize,
         /// Median angle between the rays of these matches in radians.
         parallax: f64,
-        /// Required number of matches and parallax in radians. Lower than in the options if no pair
-        /// had as much.
+        /// Required number of matches and parallax in radians. Lower than in the options if no pair had as much.
         asked: (usize, f64),
     },
 }
@@ -40,8 +39,7 @@ const TRIES: usize = 12;
 const POINT_SHARE: f64 = 0.5;
 
 impl Mapper<'_> {
-    /// Places two images that share enough points and are far enough apart, and creates these
-    /// points.
+    /// Places two images that share enough points and are far enough apart, and creates these points.
     ///
     /// # Errors
     /// [`Stopped`]; `Ok(None)` if no pair is good enough.

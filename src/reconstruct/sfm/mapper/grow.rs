@@ -24,8 +24,7 @@ pub struct Mapped {
     pub stopped: bool,
 }
 
-/// Focal lengths, relative to the guess, from which a start is tried if nothing is known of a
-/// camera.
+/// Focal lengths, relative to the guess, from which a start is tried if nothing is known of a camera.
 const FOCAL_FACTORS: [f64; 5] = [1.0, 0.7, 1.4, 0.5, 2.0];
 
 /// Runs incremental structure from motion and returns the models.
@@ -187,8 +186,7 @@ impl Mapper<'_> {
         Ok(Some(Start::Given))
     }
 
-    /// Places one image after the other until none can be placed; returns why the remaining ones
-    /// were refused.
+    /// Places one image after the other until none can be placed; returns why the remaining ones were refused.
     ///
     /// # Errors
     /// [`Stopped`]

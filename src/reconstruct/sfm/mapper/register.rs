@@ -126,8 +126,7 @@ impl Mapper<'_> {
     }
 }
 
-/// Counts the different keypoints among the chosen observations, which are in the order of the
-/// keypoints.
+/// Counts the different keypoints among the chosen observations, which are in the order of the keypoints.
 fn distinct(seen: &[(u32, u32)], chosen: &[u32]) -> usize {
     let mut keypoints: Vec<u32> = chosen.iter().map(|&i| seen[i as usize].0).collect();
     keypoints.dedup();
@@ -165,8 +164,7 @@ impl Mapper<'_> {
             .count()
     }
 
-    /// Sums the occupied cells over all levels, each weighted by the squared number of cells along
-    /// a side.
+    /// Sums the occupied cells over all levels, each weighted by the squared number of cells along a side.
     fn coverage(&self, image: u32) -> u64 {
         let seen = &self.problem.images[image as usize];
         let camera = &self.model.cameras[seen.camera];

@@ -9,8 +9,7 @@ use ostra_geometry::{
     Alignment, Camera, Distortion, Pose, TrajectoryError, TwoViewOptions, estimate_two_view,
 };
 
-/// A synthetic scene: cameras around a block of points, keypoints with noise, matches with
-/// outliers.
+/// A synthetic scene: cameras around a block of points, keypoints with noise, matches with outliers.
 struct Made {
     problem: MapProblem,
     truth: Vec<Pose>,
@@ -35,8 +34,7 @@ const RING: Recipe = Recipe {
     poses: on_an_arc,
 };
 
-/// Returns a pose on an arc of 4 units around the origin, 6° apart, facing inwards, rising and
-/// falling.
+/// Returns a pose on an arc of 4 units around the origin, 6° apart, facing inwards, rising and falling.
 fn on_an_arc(view: usize) -> Pose {
     let angle = (view as f64 * 6.0).to_radians();
     let centre = DVec3::new(

@@ -5,8 +5,7 @@ use crate::sfm::KeypointId;
 use ostra_geometry::{Sighting, TriangulationOptions, triangulate_robust};
 
 impl Mapper<'_> {
-    /// Triangulates keypoints of an image that see no point yet, or adds them to points of their
-    /// matches.
+    /// Triangulates keypoints of an image that see no point yet, or adds them to points of their matches.
     ///
     /// Returns how many keypoints got a point.
     pub fn triangulate_image(&mut self, image: u32) -> usize {
@@ -94,8 +93,7 @@ impl Mapper<'_> {
         added
     }
 
-    /// Merges a point with one that matches of its keypoints see, if one position fits all
-    /// observations.
+    /// Merges a point with one that matches of its keypoints see, if one position fits all observations.
     ///
     /// Returns the number of the merged point and how many observations moved.
     pub fn merge(&mut self, point: u32) -> usize {

@@ -43,8 +43,7 @@ impl Rule {
         }
     }
 
-    /// Returns the dot product from which a second neighbour spoils the best: |a − b|² = 2 − 2 a·b
-    /// for unit vectors.
+    /// Returns the dot product from which a second neighbour spoils the best: |a − b|² = 2 − 2 a·b for unit vectors.
     #[inline(always)]
     fn rival(self, best: f32) -> f32 {
         best - (1.0 - best).max(0.0) * self.excess
@@ -129,8 +128,7 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// Sorts descriptors into cells around centres that all images share; a single cell if there
-    /// are few.
+    /// Sorts descriptors into cells around centres that all images share; a single cell if there are few.
     pub fn of_set<T: Value>(pictures: &[&[T]], dim: usize) -> Vec<Self> {
         let most = pictures
             .iter()
@@ -177,8 +175,7 @@ impl Cells {
     }
 }
 
-/// Returns about `count` descriptors as vectors of length 1, spread evenly over all images, which
-/// take turns.
+/// Returns about `count` descriptors as vectors of length 1, spread evenly over all images, which take turns.
 fn sample<T: Value>(pictures: &[&[T]], dim: usize, count: usize) -> Vec<f32> {
     let all: usize = pictures.iter().map(|values| values.len() / dim).sum();
     let step = (all / count).max(1);

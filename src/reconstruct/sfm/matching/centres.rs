@@ -55,8 +55,7 @@ impl Value for f32 {
 
 /// Columns processed together.
 pub(crate) const LANES: usize = 16;
-/// Rows processed together: with [`LANES`] columns their sums fill twelve of AVX2's sixteen
-/// registers.
+/// Rows processed together: with [`LANES`] columns their sums fill twelve of AVX2's sixteen registers.
 pub(crate) const ROWS: usize = 6;
 
 /// Computes the dot products of some rows with the columns of a panel.

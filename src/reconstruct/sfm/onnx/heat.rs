@@ -20,8 +20,7 @@ const CHANNELS: usize = CELL * CELL + 1;
 const RADIUS: usize = 2;
 
 impl Heat {
-    /// Converts the network's logits, `[65, rows / 8, columns / 8]`, by a softmax over the 65
-    /// channels of a cell.
+    /// Converts the network's logits, `[65, rows / 8, columns / 8]`, by a softmax over the 65 channels of a cell.
     #[must_use]
     pub fn from_logits(logits: &[f32], columns: usize, rows: usize) -> Self {
         let (width, cells) = (columns * CELL, columns * rows);
@@ -49,8 +48,7 @@ impl Heat {
         self.values[y * self.width + x]
     }
 
-    /// Returns the pixels above `least` that are the largest of their 5 × 5 neighbourhood, row by
-    /// row.
+    /// Returns the pixels above `least` that are the largest of their 5 × 5 neighbourhood, row by row.
     ///
     /// Only the first `width` columns and `height` rows are searched. Of equal neighbours the first
     /// counts.
@@ -70,8 +68,7 @@ impl Heat {
         (0..height).into_par_iter().flat_map_iter(in_row).collect()
     }
 
-    /// Returns the pixels above `least` that no stronger one suppresses within `radius` pixels, row
-    /// by row.
+    /// Returns the pixels above `least` that no stronger one suppresses within `radius` pixels, row by row.
     ///
     /// The radius holds along both axes. Only the first `width` columns and `height` rows are
     /// searched.
@@ -151,8 +148,7 @@ fn softmax(mut values: [f32; CHANNELS]) -> [f32; CHANNELS] {
 /// Rounds in which values return that only a suppressed value had suppressed.
 const ROUNDS: usize = 2;
 
-/// Returns which values of an image, row by row, survive non-maximum suppression within `radius`
-/// pixels.
+/// Returns which values of an image, row by row, survive non-maximum suppression within `radius` pixels.
 ///
 /// A value survives if it is the largest within the radius. Values that only suppressed pixels
 /// exceed are compared again. This approximates suppression in order of the values, as the authors
@@ -254,14 +250,12 @@ impl Sampled {
         self
     }
 
-    /// Adds the values at a position in pixels (eight per cell) to `into`, bilinearly between the
-    /// centres of the cells.
+    /// Adds the values at a position in pixels (eight per cell) to `into`, bilinearly between the centres of the cells.
     pub fn read(&self, at: DVec2, into: &mut [f32]) {
         self.read_cells(at / CELL as f64 - 0.5, into);
     }
 
-    /// Works like [`Self::read`], at a position in cells: the centre of the top-left cell is at (0,
-    /// 0).
+    /// Works like [`Self::read`], at a position in cells: the centre of the top-left cell is at (0, 0).
     pub fn read_cells(&self, at: DVec2, into: &mut [f32]) {
         let (column, along_x) = between(at.x, self.columns);
         let (row, along_y) = between(at.y, self.rows);

@@ -108,8 +108,7 @@ pub struct Picture<'a> {
 }
 
 impl<'a> Picture<'a> {
-    /// Prepares a grey image with sides of at most `max_side` pixels that are multiples of
-    /// `multiple`.
+    /// Prepares a grey image with sides of at most `max_side` pixels that are multiples of `multiple`.
     ///
     /// Keypoints lie only where `allowed` is true, and not in black bars at the sides of the image.
     pub fn new(

@@ -60,8 +60,7 @@ impl SuperGlue {
         Self { network, options }
     }
 
-    /// Returns the scores of all pairs of the first `most` keypoints, `[1, first, second]`, and the
-    /// score of no match.
+    /// Returns the scores of all pairs of the first `most` keypoints, `[1, first, second]`, and the score of no match.
     ///
     /// `None` if an image has no keypoints.
     pub(super) fn agreement(
@@ -102,8 +101,7 @@ fn failed(error: &NnError) -> FeatureError {
     FeatureError::Network(error.to_string())
 }
 
-/// Returns positions, scores and descriptors of the first `most` keypoints as the network takes
-/// them.
+/// Returns positions, scores and descriptors of the first `most` keypoints as the network takes them.
 fn fed(features: &Features, most: usize) -> Result<[Tensor; 3], FeatureError> {
     let count = features.keypoints.len().min(most);
     let Descriptors::Floats { dim, values } = &features.descriptors else {
@@ -172,8 +170,7 @@ pub struct Transport {
 const BAND: usize = 128;
 
 impl Transport {
-    /// Solves the transport for the scores `[rows][columns]` of all pairs and the score `alone` of
-    /// no match.
+    /// Solves the transport for the scores `[rows][columns]` of all pairs and the score `alone` of no match.
     pub fn new(agreement: &[f32], columns: usize, alone: f32, rounds: usize) -> Self {
         let rows = agreement.len() / columns;
         let mut kernel = Vec::with_capacity((rows + 1) * (columns + 1));
@@ -240,8 +237,7 @@ impl Transport {
         }
     }
 
-    /// Returns pairs that are each other's largest share, if it is above `least`; ascending by the
-    /// first.
+    /// Returns pairs that are each other's largest share, if it is above `least`; ascending by the first.
     pub fn mutual(&self, least: f64) -> Vec<(u32, u32)> {
         let (rows, columns) = (self.of_rows.len() - 1, self.columns - 1);
         let mut best_of_column = vec![(0.0, 0); columns];
@@ -268,8 +264,7 @@ impl Transport {
     }
 }
 
-/// Replaces all values by exponentials, after subtracting the largest of the row and then of the
-/// column.
+/// Replaces all values by exponentials, after subtracting the largest of the row and then of the column.
 ///
 /// The scales compensate for the subtraction, and nothing overflows.
 fn exponentials(values: &mut [f32], columns: usize) {

@@ -46,8 +46,7 @@ pub struct SuperPoint {
 
 /// Rows and columns at the border of an image that have no keypoints.
 const RIM: usize = 4;
-/// Radius around a keypoint that counts most for a descriptor, in pixels of the image that the
-/// network sees.
+/// Radius around a keypoint that counts most for a descriptor, in pixels of the image that the network sees.
 const AROUND: f32 = 2.0 * CELL as f32;
 
 impl SuperPoint {

@@ -30,8 +30,7 @@ impl Kernel {
         }
     }
 
-    /// Returns kernels for doubling by linear interpolation followed by a Gaussian of `sigma`
-    /// doubled samples.
+    /// Returns kernels for doubling by linear interpolation followed by a Gaussian of `sigma` doubled samples.
     ///
     /// The two kernels work on the original samples: one for the doubled samples at `2i`, one for
     /// those at `2i + 1`.
@@ -137,8 +136,7 @@ pub(super) fn double(
         });
 }
 
-/// Returns `source` blurred, reduced to every other sample of every other row, starting with the
-/// first.
+/// Returns `source` blurred, reduced to every other sample of every other row, starting with the first.
 pub(super) fn halve(source: &Rows, kernel: &Kernel) -> Rows {
     let mut out = Rows::new(
         source.width.div_ceil(2),
@@ -177,8 +175,7 @@ fn tiles(width: usize) -> impl Iterator<Item = (usize, usize)> {
         .map(move |at| (at, (width - at).min(TILE).next_multiple_of(PAD)))
 }
 
-/// Sums `source` down its columns around row `y`, for the columns that `across` reaches from a tile
-/// (first, width).
+/// Sums `source` down its columns around row `y`, for the columns that `across` reaches from a tile (first, width).
 fn sum_columns<'a>(
     source: &Rows,
     y: usize,

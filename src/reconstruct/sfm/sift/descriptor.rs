@@ -10,8 +10,7 @@ const CELL: f32 = 3.0;
 /// Cells along a side.
 const CELLS: usize = 4;
 const DIRECTIONS: usize = 8;
-/// Half the side of the square that contributes to any cell, in cells: half a cell beyond the outer
-/// ones.
+/// Half the side of the square that contributes to any cell, in cells: half a cell beyond the outer ones.
 const HALF: f32 = 0.5 * (CELLS as f32 + 1.0);
 /// Half the side of the square that a descriptor covers, in the sigma of its keypoint.
 pub(super) const SUPPORT: f32 = HALF * CELL;
@@ -23,8 +22,7 @@ const SAMPLES: usize = PER_CELL * (CELLS + 1);
 const GRID: usize = SAMPLES + 2;
 /// Width of the Gaussian window in cells.
 const WINDOW: f32 = 0.5 * CELLS as f32;
-/// Largest share of the length that one value may have, so that a single strong gradient does not
-/// dominate.
+/// Largest share of the length that one value may have, so that a single strong gradient does not dominate.
 const LARGEST: f32 = 0.2;
 /// Maximum number of rows that a square can span.
 const MOST_ROWS: usize = 256;
@@ -32,8 +30,7 @@ const MOST_ROWS: usize = 256;
 /// Sums per row of cells, cell and direction.
 type Cells = [[[f32; DIRECTIONS]; CELLS]; CELLS];
 
-/// Computes descriptors: gradients on a grid rotated and scaled with the keypoint, in 4 × 4 cells ×
-/// 8 directions.
+/// Computes descriptors: gradients on a grid rotated and scaled with the keypoint, in 4 × 4 cells × 8 directions.
 ///
 /// D. Lowe, "Distinctive Image Features from Scale-Invariant Keypoints", IJCV 2004, section 6.
 #[derive(Debug, Clone)]
@@ -54,8 +51,7 @@ impl Describer {
         }
     }
 
-    /// Returns the descriptor of a keypoint of `sigma` samples of its octave, relative to the
-    /// direction `angle`.
+    /// Returns the descriptor of a keypoint of `sigma` samples of its octave, relative to the direction `angle`.
     pub fn describe(&self, level: &Rows, at: &Extremum, sigma: f32, angle: f32) -> [u8; 128] {
         let grid = grid(level, at, CELL / PER_CELL as f32 * sigma, angle);
         let cells = Arch::new().dispatch(Gather {

@@ -128,15 +128,13 @@ impl FeatureExtractor for Sift {
 
 /// Brightest line that a bar may begin with, in grey.
 const DARKEST: f32 = 20.0 / 255.0;
-/// Largest difference of a bar's pixel from the bar's grey: compression leaves artefacts next to
-/// the edge.
+/// Largest difference of a bar's pixel from the bar's grey: compression leaves artefacts next to the edge.
 const SPREAD: f32 = 8.0 / 255.0;
 /// Minimum number of lines of a bar; anything narrower is an image's dark rim.
 const NARROWEST: usize = 4;
 /// Lines beyond the edge that are examined to distinguish a bar from a dark background.
 const BEYOND: usize = 4;
-/// Minimum share of these pixels that must differ from the bar, because a bar ends everywhere at
-/// once.
+/// Minimum share of these pixels that must differ from the bar, because a bar ends everywhere at once.
 const LEAST_CONTENT: f32 = 0.5;
 
 /// The part of an image inside near-black bars at its sides.
@@ -185,8 +183,7 @@ impl Content {
     }
 }
 
-/// Returns how many lines the bar has that begins at line 0 of `lines` lines of `len` pixels; 0 =
-/// no bar.
+/// Returns how many lines the bar has that begins at line 0 of `lines` lines of `len` pixels; 0 = no bar.
 fn bar(lines: usize, len: usize, pixel: &dyn Fn(usize, usize) -> f32) -> usize {
     if lines == 0 || len == 0 {
         return 0;

@@ -16,12 +16,10 @@ pub(super) struct Candidate {
 const LANES: usize = 16;
 /// Columns processed at a time, so that the differences stay in the first-level cache.
 const TILE: usize = 256;
-/// Share of the threshold that a sample must reach before its peak is fitted: the fit can only
-/// raise it.
+/// Share of the threshold that a sample must reach before its peak is fitted: the fit can only raise it.
 const EARLY_SHARE: f32 = 0.8;
 
-/// Differences of three rows of a tile, wider than the tile on either side; row `y` is at `y`
-/// modulo 3.
+/// Differences of three rows of a tile, wider than the tile on either side; row `y` is at `y` modulo 3.
 type Differences = [[f32; TILE + 2 * LANES]; 3];
 
 /// Finds extrema in rows `first..last` of the differences of neighbouring levels.
@@ -121,8 +119,7 @@ impl WithSimd for Scan<'_> {
     }
 }
 
-/// Returns one bit for each sample from tile column `start` on that is extreme among its 26
-/// neighbours.
+/// Returns one bit for each sample from tile column `start` on that is extreme among its 26 neighbours.
 #[inline(always)]
 fn extreme_lanes(around: &[Differences], y: usize, start: usize, least: f32) -> u32 {
     let centre: [f32; LANES] = lanes(&around[1][y % 3], start + 1);
@@ -142,8 +139,7 @@ fn extreme_lanes(around: &[Differences], y: usize, start: usize, least: f32) -> 
     extreme(&centre, &bounds, least)
 }
 
-/// Widens the lower and upper bounds by the nine samples around each lane, or the eight without the
-/// centre.
+/// Widens the lower and upper bounds by the nine samples around each lane, or the eight without the centre.
 #[inline(always)]
 fn widen(
     difference: &Differences,
@@ -166,8 +162,7 @@ fn widen(
     }
 }
 
-/// Returns one bit for each lane that lies outside its bounds and is at least `least` from zero, on
-/// the same side.
+/// Returns one bit for each lane that lies outside its bounds and is at least `least` from zero, on the same side.
 #[inline(always)]
 fn extreme(centre: &[f32; LANES], (low, high): &([f32; LANES], [f32; LANES]), least: f32) -> u32 {
     let mut hits = 0;

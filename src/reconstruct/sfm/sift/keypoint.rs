@@ -20,8 +20,7 @@ pub struct SiftKeypoint {
 pub struct SiftFeatures {
     /// Strongest first.
     pub keypoints: Vec<SiftKeypoint>,
-    /// One per keypoint: 4 × 4 cells × 8 directions, square roots of shares that sum to 1, times
-    /// 512.
+    /// One per keypoint: 4 × 4 cells × 8 directions, square roots of shares that sum to 1, times 512.
     pub descriptors: Vec<[u8; 128]>,
 }
 
@@ -42,8 +41,7 @@ pub struct SiftOptions {
     pub edge_threshold: f32,
     /// Maximum number of orientations, and so features, per keypoint; the strongest are kept.
     pub max_orientations: usize,
-    /// Longest processed side in pixels. Larger images are shrunk first; positions are given in
-    /// pixels of the original.
+    /// Longest processed side in pixels. Larger images are shrunk first; positions are given in pixels of the original.
     pub max_side: u32,
 }
 

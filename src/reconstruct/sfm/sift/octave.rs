@@ -108,8 +108,7 @@ impl<'a> Octave<'a> {
         }
     }
 
-    /// Adds the features at every extremum that `keypoint` turns into a keypoint to the strongest
-    /// ones.
+    /// Adds the features at every extremum that `keypoint` turns into a keypoint to the strongest ones.
     pub fn find(
         mut self,
         keypoint: &(impl Fn(&Extremum) -> Option<SiftKeypoint> + Sync),

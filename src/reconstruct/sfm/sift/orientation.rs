@@ -26,8 +26,7 @@ impl GradientRow {
         }
     }
 
-    /// Computes the central differences at columns `first..=last` of row `y`, all inside the
-    /// image's border.
+    /// Computes the central differences at columns `first..=last` of row `y`, all inside the image's border.
     #[inline(always)]
     pub fn fill(&mut self, level: &Rows, y: usize, first: usize, last: usize) {
         let [above, below] = [level.row(y - 1), level.row(y + 1)].map(|row| &row[first..=last]);
@@ -71,8 +70,7 @@ const SMOOTHINGS: usize = 6;
 /// Share of the highest peak that another one must reach.
 const PEAK_SHARE: f32 = 0.8;
 
-/// Returns the directions of the strongest gradients around a keypoint in radians, 0–2π, strongest
-/// first.
+/// Returns the directions of the strongest gradients around a keypoint in radians, 0–2π, strongest first.
 ///
 /// There are at most `most` (Lowe 2004, section 5). `sigma` is the keypoint's in samples of the
 /// octave.

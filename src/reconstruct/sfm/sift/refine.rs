@@ -62,8 +62,7 @@ pub(super) fn refine(
     None
 }
 
-/// Returns the extremum of a quadratic through the nine samples at the peak's own scale, from the
-/// middle sample.
+/// Returns the extremum of a quadratic through the nine samples at the peak's own scale, from the middle sample.
 ///
 /// The shape of the surroundings changes with the scale, which the fit in all three dimensions
 /// leaves out.

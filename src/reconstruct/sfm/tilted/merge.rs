@@ -34,8 +34,7 @@ impl Merged {
         merged
     }
 
-    /// Returns the number of a view's feature: that of an existing one at its position, or a new
-    /// one.
+    /// Returns the number of a view's feature: that of an existing one at its position, or a new one.
     pub fn number(&mut self, view: &PictureFeatures, index: u32) -> u32 {
         let at_px = view.features.keypoints[index as usize];
         if let Some(known) = self.nearest(at_px) {

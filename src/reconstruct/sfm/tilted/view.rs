@@ -25,8 +25,7 @@ const TILTS: [f64; 3] = [
 ];
 /// Angle between directions at a tilt of 1, in radians; smaller at larger tilts.
 const STEP: f64 = 1.256_637_061_435_917_3;
-/// Blur before compression, per √(tilt² − 1), in pixels; SIFT assumes that an image already has
-/// half a pixel of blur.
+/// Blur before compression, per √(tilt² − 1), in pixels; SIFT assumes that an image already has half a pixel of blur.
 const BLUR: f64 = 0.8;
 /// Longest processed side, in pixels: there are many tilts.
 const MAX_SIDE: usize = 1600;
@@ -177,8 +176,7 @@ fn between(grey: &[f32], [width, height]: [usize; 2], at: DVec2) -> f32 {
     (1.0 - down) * row(top) + down * row(low)
 }
 
-/// Extracts features of a grey image under a simulated tilt, at their positions in the image
-/// itself.
+/// Extracts features of a grey image under a simulated tilt, at their positions in the image itself.
 ///
 /// The image has `width · height` values in 0–1, row by row. Features lie only where `allowed` is
 /// true, or anywhere without it.

@@ -15,8 +15,7 @@ pub struct CompleteOptions {
     pub before: f32,
     /// Maximum difference of colour between the view and what it takes over, in grey levels.
     pub color_difference: f32,
-    /// If the view has a depth of its own, the difference of colour may be this many times that of
-    /// this depth, above 0.
+    /// If the view has a depth of its own, the difference of colour may be this many times that of this depth, above 0.
     pub color_ratio: f32,
 }
 
@@ -42,8 +41,7 @@ pub struct FilterOptions {
     pub min_agreeing: usize,
     /// Minimum confidence, 0–1.
     pub min_confidence: f32,
-    /// Connected surfaces are removed if the agreements of other views with their pixels sum to
-    /// less than this.
+    /// Connected surfaces are removed if the agreements of other views with their pixels sum to less than this.
     pub min_support: usize,
     /// Gaps of up to this many pixels between two pixels of one surface are filled.
     pub gap_pixels: usize,
@@ -195,8 +193,7 @@ impl View<'_> {
         self.neighbours.iter().filter_map(matched).collect()
     }
 
-    /// Returns the median difference of colour between a pixel and its matches, in squared grey
-    /// levels.
+    /// Returns the median difference of colour between a pixel and its matches, in squared grey levels.
     fn difference(&self, at: usize, matches: &[(&Neighbour, Match)]) -> f32 {
         let of = |(neighbour, found): &(&Neighbour, Match)| {
             neighbour.color_difference(found.pixel, self.picture, at)
@@ -213,8 +210,7 @@ impl View<'_> {
         )
     }
 
-    /// Returns the limit for the difference of colour of a surface in front of a pixel's own, in
-    /// squared grey levels.
+    /// Returns the limit for the difference of colour of a surface in front of a pixel's own, in squared grey levels.
     fn most_difference(&self, at: usize) -> f32 {
         let options = &self.options.complete;
         let most = options.color_difference * options.color_difference;

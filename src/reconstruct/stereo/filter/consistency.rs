@@ -14,8 +14,7 @@ pub struct Agreement {
     pub depth: f32,
     /// Maximum distance after projecting there and back, in pixels of the raster, above 0.
     pub reprojection_px: f32,
-    /// Minimum cosine between the normals, −1–1; the normals of parts a pixel or two wide are
-    /// hardly known.
+    /// Minimum cosine between the normals, −1–1; the normals of parts a pixel or two wide are hardly known.
     pub normal_cosine: f32,
 }
 
@@ -109,8 +108,7 @@ impl Neighbour {
             .find_map(|pixel| self.agreeing(&point, pixel, agreement))
     }
 
-    /// Returns for each pixel of a view of `width · height` pixels the neighbour's pixel that is
-    /// seen nearest there.
+    /// Returns for each pixel of a view of `width · height` pixels the neighbour's pixel that is seen nearest there.
     ///
     /// [`UNSEEN`] where there is none.
     #[must_use]
@@ -139,8 +137,7 @@ impl Neighbour {
         seen
     }
 
-    /// Returns the surface of one of its pixels in the view; `None` if depth is unknown, and for
-    /// [`UNSEEN`].
+    /// Returns the surface of one of its pixels in the view; `None` if depth is unknown, and for [`UNSEEN`].
     #[must_use]
     pub fn surface(&self, pixel: u32) -> Option<Surface> {
         let pixel = pixel as usize;
@@ -159,8 +156,7 @@ impl Neighbour {
         })
     }
 
-    /// Returns the difference of colour between a pixel and pixel `at` of `texture`, in squared
-    /// grey levels.
+    /// Returns the difference of colour between a pixel and pixel `at` of `texture`, in squared grey levels.
     ///
     /// # Panics
     /// If the neighbour's image came without its pixels.

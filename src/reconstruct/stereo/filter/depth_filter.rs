@@ -48,12 +48,10 @@ pub fn filter(
     kept
 }
 
-/// A depth is in front of a surface if it is nearer by more than this many times the tolerance
-/// within the surface.
+/// A depth is in front of a surface if it is nearer by more than this many times the tolerance within the surface.
 const IN_FRONT: f32 = 2.0;
 
-/// Fills short runs of unknown pixels between two pixels of one surface, along rows, then along
-/// columns.
+/// Fills short runs of unknown pixels between two pixels of one surface, along rows, then along columns.
 ///
 /// Inverse depth is interpolated linearly; normal and confidence are those of the nearer end. A run
 /// stays open if one of its pixels saw something in front (`seen`: the depths before any were

@@ -10,8 +10,7 @@ use crate::stereo::patchmatch::Texture;
 pub struct SnapOptions {
     /// Depths that differ by more than this share belong to two surfaces, above 0.
     pub surface_step: f32,
-    /// Difference of colour (in grey levels) at which the fit of a pixel falls to `exp(−½)`, above
-    /// 0.
+    /// Difference of colour (in grey levels) at which the fit of a pixel falls to `exp(−½)`, above 0.
     pub color_sigma: f32,
     /// Minimum number of fitting pixels of the other surface, each weighted by its fit.
     pub least_fit: f32,

@@ -10,8 +10,7 @@ use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_geometry::Camera;
 
-/// Maximum number of attempts to find the edge that gives the requested number of points; three are
-/// usual.
+/// Maximum number of attempts to find the edge that gives the requested number of points; three are usual.
 const MOST_TRIES: usize = 8;
 /// An edge is fine enough if it gives at least this share of the maximum.
 const ENOUGH: f64 = 0.7;
@@ -19,8 +18,7 @@ const ENOUGH: f64 = 0.7;
 const AIM: f64 = 0.85;
 
 impl DenseCloud {
-    /// Splits the cloud into points without labels and, for each frame, the points that it sees and
-    /// their pixels.
+    /// Splits the cloud into points without labels and, for each frame, the points that it sees and their pixels.
     ///
     /// The latter are the votes for [`ostra_cloud::fuse::vote_onto`]. Contributors outside the
     /// frame's lens are left out.

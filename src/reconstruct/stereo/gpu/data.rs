@@ -120,8 +120,7 @@ impl SizesData {
 }
 
 impl LevelData {
-    /// Collects the input of the passes except images and fields; `firsts` holds the first texel of
-    /// each source.
+    /// Collects the input of the passes except images and fields; `firsts` holds the first texel of each source.
     pub fn new(level: &Level<'_>, firsts: &[usize]) -> Self {
         let mut sources = [SourceData::zeroed(); MAX_SOURCES];
         for ((data, source), &first) in sources.iter_mut().zip(&level.sources).zip(firsts) {

@@ -185,8 +185,7 @@ impl Engine {
         }
     }
 
-    /// Returns how many views keep it busy: the work of each outside the passes over its pixels
-    /// runs on one core.
+    /// Returns how many views keep it busy: the work of each outside the passes over its pixels runs on one core.
     #[must_use]
     pub fn views_at_once(&self) -> usize {
         match self {

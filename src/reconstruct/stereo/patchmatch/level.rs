@@ -30,8 +30,7 @@ pub struct Source {
 pub struct Hint {
     /// A hypothesis from elsewhere; inverse depth 0 = none.
     pub plane: Plane,
-    /// Whether the surface here is known from the surroundings; missing texture is then no evidence
-    /// against it.
+    /// Whether the surface here is known from the surroundings; missing texture is then no evidence against it.
     pub is_known: bool,
 }
 
@@ -55,8 +54,7 @@ pub struct Level<'a> {
     pub allowed: Option<&'a [bool]>,
     /// Known data of each pixel, row by row; empty = nothing is known.
     pub hints: Vec<Hint>,
-    /// Cost of a flat patch that differs from its hint by [`Self::pull_reach`] or more; 0 if hints
-    /// do not pull.
+    /// Cost of a flat patch that differs from its hint by [`Self::pull_reach`] or more; 0 if hints do not pull.
     pub pull: f32,
     /// Its options.
     pub options: &'a PatchMatchOptions,
@@ -154,8 +152,7 @@ impl Level<'_> {
     }
 }
 
-/// Returns the distance in pixels between a pixel and its projection to the source and back, by the
-/// source's own depth.
+/// Returns the distance in pixels between a pixel and its projection to the source and back, by the source's own depth.
 ///
 /// `None` outside the source and where it has no depth.
 #[inline(always)]
@@ -237,8 +234,7 @@ impl Regions {
         }
     }
 
-    /// Returns the pixel of least cost in each region, as its offset and its index among the pixels
-    /// of its colour.
+    /// Returns the pixel of least cost in each region, as its offset and its index among the pixels of its colour.
     #[inline(always)]
     pub fn best(&self, other: &Color, x: usize, y: usize) -> [Option<(i32, i32, usize)>; 8] {
         let (reach, width, height) = (self.reach, self.width, self.height);
@@ -314,8 +310,7 @@ pub fn level<'a>(
     }
 }
 
-/// Returns the change of inverse depth that moves the middle of the image by a pixel in the median
-/// source.
+/// Returns the change of inverse depth that moves the middle of the image by a pixel in the median source.
 fn pixel_step(sources: &[Source], (x, y): (f32, f32), w: f32) -> f32 {
     let change = 1e-3 * w;
     let seen = |source: &Source, w: f32| {

@@ -120,8 +120,7 @@ fn mul_add<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
     simd.add_f32s(simd.mul_f32s(a, b), c)
 }
 
-/// Splits a position, clamped to the image, into the texel below it and the share of the way to the
-/// next.
+/// Splits a position, clamped to the image, into the texel below it and the share of the way to the next.
 ///
 /// The texel is given as the bits of [`ROUNDING`] plus its index.
 #[inline(always)]

@@ -22,8 +22,7 @@ pub struct Tones {
 }
 
 impl Tones {
-    /// Returns the image at half the size, each pixel the mean of four; an odd last row or column
-    /// is dropped.
+    /// Returns the image at half the size, each pixel the mean of four; an odd last row or column is dropped.
     pub fn halved(&self) -> Self {
         let (width, height) = (self.width / 2, self.height / 2);
         let luma = halve(&self.luma, self.width, self.height, mean_of_four);
@@ -70,8 +69,7 @@ fn split(at: f32) -> (usize, f32) {
     )
 }
 
-/// An image prepared for bilinear sampling: each element holds four neighbouring greys, so that a
-/// sample is one load.
+/// An image prepared for bilinear sampling: each element holds four neighbouring greys, so that a sample is one load.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Texture {
     /// Columns.
@@ -137,8 +135,7 @@ impl Texture {
         self.quads[y * self.width + x] as u8
     }
 
-    /// Returns the squared difference of colour between a pixel and one of another image, in grey
-    /// levels.
+    /// Returns the squared difference of colour between a pixel and one of another image, in grey levels.
     ///
     /// Chroma has the same weight as in the weights of a patch.
     pub fn color_difference(&self, at: usize, other: &Self, there: usize) -> f32 {

@@ -5,8 +5,7 @@ use glam::Vec3;
 /// Cost of a hypothesis that cannot be compared.
 pub const WORST: f32 = 2.0;
 
-/// A slanted plane in a view: inverse depth is linear over the image, `w(x + dx, y + dy) = w + a·dx
-/// + b·dy`.
+/// A slanted plane in a view: inverse depth is linear over the image, `w(x + dx, y + dy) = w + a·dx + b·dy`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Plane {
     /// Inverse depth at the pixel's centre, per world unit; 0 = none.
@@ -59,8 +58,7 @@ impl Plane {
         }
     }
 
-    /// Returns the vector `m` with `m · X = 1` on the plane (camera space); it points away from the
-    /// camera.
+    /// Returns the vector `m` with `m · X = 1` on the plane (camera space); it points away from the camera.
     #[inline(always)]
     pub fn vector(self, raster: &Raster, x: f32, y: f32) -> Vec3 {
         let [a, b] = self.slope;
@@ -74,8 +72,7 @@ impl Plane {
         -self.vector(raster, x, y).normalize_or_zero()
     }
 
-    /// Returns the plane through the point at `depth` of a pixel with this normal (camera space,
-    /// towards the camera).
+    /// Returns the plane through the point at `depth` of a pixel with this normal (camera space, towards the camera).
     ///
     /// The plane faces the camera if the normal is zero or seen edge-on.
     pub fn from_normal(depth: f32, normal: Vec3, raster: &Raster, x: f32, y: f32) -> Self {
@@ -97,8 +94,7 @@ impl Plane {
         }
     }
 
-    /// Returns whether the cosine of the angle between the normal and the viewing ray is at least
-    /// `least`.
+    /// Returns whether the cosine of the angle between the normal and the viewing ray is at least `least`.
     #[inline(always)]
     pub fn is_facing(self, raster: &Raster, (x, y): (f32, f32), least: f32) -> bool {
         let ray = raster.ray(x, y);
@@ -187,8 +183,7 @@ impl Transfer {
         std::array::from_fn(|i| c[i] + a[i] * x + b[i] * y + self.offset[i] * w)
     }
 
-    /// Returns the plane's homography around a pixel: position, and change per pixel to the right
-    /// and down.
+    /// Returns the plane's homography around a pixel: position, and change per pixel to the right and down.
     #[inline(always)]
     pub(super) fn homography(&self, plane: Plane, x: f32, y: f32) -> [[f32; 3]; 3] {
         let [a, b] = plane.slope;

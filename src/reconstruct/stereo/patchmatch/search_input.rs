@@ -27,16 +27,13 @@ pub struct PatchMatchOptions {
     pub min_facing: f32,
     /// Maximum number of source views that the cost of a pixel is averaged over, 1–8.
     pub best_views: usize,
-    /// Random depths per pixel and iteration at finer levels, and as many planes from more distant
-    /// pixels, 0–8.
+    /// Random depths per pixel and iteration at finer levels, and as many planes from more distant pixels, 0–8.
     pub restarts: u32,
     /// Hypotheses that differ by less than this are compared once, 0–1 pixels.
     pub alike_px: f32,
-    /// Pixels with a lower variance of grey (0–255) are left out unless they lie within a surface,
-    /// 0–100.
+    /// Pixels with a lower variance of grey (0–255) are left out unless they lie within a surface, 0–100.
     pub min_variance: f32,
-    /// Cost of differing from the surrounding surface, for a patch without texture that lies within
-    /// one, 0–1.
+    /// Cost of differing from the surrounding surface, for a patch without texture that lies within one, 0–1.
     pub prior_weight: f32,
     /// Seed of the random hypotheses.
     pub seed: u32,
@@ -77,8 +74,7 @@ pub struct Search<'a> {
     pub allowed: Option<&'a [bool]>,
 }
 
-/// The best plane of every pixel, row by row, and its cost, 0–2; no plane where nothing was
-/// searched.
+/// The best plane of every pixel, row by row, and its cost, 0–2; no plane where nothing was searched.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Found {
     /// Columns.

@@ -17,15 +17,13 @@ const NEAREST: isize = 3;
 const FARTHEST: isize = 32;
 /// Number of confident pixels used in each direction.
 const SEEN: usize = 3;
-/// Pixels lie on a plane if they are off by at most this many pixels of the coarser level in
-/// another image.
+/// Pixels lie on a plane if they are off by at most this many pixels of the coarser level in another image.
 const TOLERANCE_PX: f32 = 0.5;
 /// Lines through a pixel, and how many of them must meet one surface on both sides.
 const LINES: [(isize, isize); 4] = [(1, 0), (0, 1), (1, 1), (1, -1)];
 const LEAST_LINES: usize = 2;
 
-/// Returns for each pixel of a level the plane of the surrounding surface according to a coarser
-/// level.
+/// Returns for each pixel of a level the plane of the surrounding surface according to a coarser level.
 ///
 /// Patches without texture are pulled to this plane. It is a planar prior as in Q. Xu and W. Tao,
 /// *Planar Prior Assisted PatchMatch Multi-View Stereo*, AAAI 2020, but through the nearest
@@ -62,8 +60,7 @@ pub fn priors(level: &Level<'_>, coarser: &Field) -> Vec<Hint> {
     (0..width * height).map(hint).collect()
 }
 
-/// Returns the plane of the surface that a pixel lies within; inverse depth 0 if it lies within
-/// none.
+/// Returns the plane of the surface that a pixel lies within; inverse depth 0 if it lies within none.
 fn surface_around(field: &Field, pixel: (usize, usize), tolerance: f32) -> Plane {
     let mut lines: Vec<Line> = LINES
         .iter()
@@ -162,8 +159,7 @@ fn fitted(lines: &[Line]) -> Option<Plane> {
     })
 }
 
-/// Creates planes with random depths, uniform in inverse depth over the range, and those of the
-/// seeds.
+/// Creates planes with random depths, uniform in inverse depth over the range, and those of the seeds.
 pub fn random_field(level: &Level<'_>, seeds: &[(usize, usize, f32)], number: usize) -> Field {
     let (width, height) = (level.picture.width, level.picture.height);
     let [low, high] = level.range;

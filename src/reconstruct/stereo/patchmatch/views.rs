@@ -1,7 +1,6 @@
 use super::level::MAX_SOURCES;
 
-/// Hypotheses compared when views are chosen: a pixel's own, one of each region, and one of another
-/// view.
+/// Hypotheses compared when views are chosen: a pixel's own, one of each region, and one of another view.
 pub const COMPARED: usize = 10;
 /// A higher cost means that a view does not see the surface.
 pub const BAD: f32 = 1.2;
@@ -17,8 +16,7 @@ pub struct ViewWeights {
     pub count: usize,
 }
 
-/// Chooses views by the costs of several hypotheses together, so that all are compared over the
-/// same views.
+/// Chooses views by the costs of several hypotheses together, so that all are compared over the same views.
 ///
 /// A view counts if more than a quarter of the hypotheses are good in it and less than a third bad
 /// (Xu and Tao, CVPR 2019). `times` is how often each hypothesis occurred.

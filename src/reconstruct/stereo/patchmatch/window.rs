@@ -4,8 +4,7 @@ use super::picture::Texture;
 pub const TAPS: usize = 24;
 /// Taps padded by ones without weight, to whole vectors of any width.
 pub const PADDED: usize = 32;
-/// Reach of the window in pixels: small, so that a thin part is not matched by the background
-/// behind it.
+/// Reach of the window in pixels: small, so that a thin part is not matched by the background behind it.
 const REACH: usize = 2;
 /// Columns and rows of the window.
 const SIDE: usize = 2 * REACH + 1;

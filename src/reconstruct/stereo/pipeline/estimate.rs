@@ -19,8 +19,7 @@ use ostra_frames::{FrameError, FrameStore};
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default)]
 pub struct StereoOptions {
-    /// Longer side of the raster on which depth is estimated, 32–8192 pixels; images are never
-    /// enlarged.
+    /// Longer side of the raster on which depth is estimated, 32–8192 pixels; images are never enlarged.
     pub max_side: u32,
     /// Rounds with geometric consistency, 0–4.
     pub rounds: u32,
@@ -102,8 +101,7 @@ pub fn estimate_depths(
     Ok(outcomes)
 }
 
-/// Maximum number of pixels of the views processed at once, which bounds memory; a single view may
-/// have more.
+/// Maximum number of pixels of the views processed at once, which bounds memory; a single view may have more.
 ///
 /// The fountain at 1536×1024 takes 880 MiB, 508 with one view at a time (`cargo bench --bench
 /// depths -- full`).
@@ -426,8 +424,7 @@ impl<'a> Work<'a> {
     }
 }
 
-/// Returns how many views of at most `pixels` pixels are processed at once, if `most` would keep
-/// the engine busy.
+/// Returns how many views of at most `pixels` pixels are processed at once, if `most` would keep the engine busy.
 fn at_once(pixels: usize, most: usize) -> usize {
     (PIXELS_AT_ONCE / pixels).clamp(1, most)
 }

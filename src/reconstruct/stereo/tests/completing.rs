@@ -9,8 +9,7 @@ use crate::stereo::patchmatch::{Picture, Tones};
 
 const WIDTH: usize = SIZE.0 as usize;
 
-/// Depth of a rod in front of the wall, half its width, and its colour in front of that of the
-/// wall.
+/// Depth of a rod in front of the wall, half its width, and its colour in front of that of the wall.
 const ROD: (f64, f64) = (1.5, 0.02);
 const GREEN: [f32; 2] = [-60.0, -60.0];
 const RED: [f32; 2] = [0.0, 60.0];

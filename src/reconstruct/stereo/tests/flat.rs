@@ -25,8 +25,7 @@ fn is_inside(x: DVec3) -> bool {
     x.x.abs() < 0.5 && x.y.abs() < 0.4
 }
 
-/// Returns the first view's depth after all steps of stereo, of a wall that has texture in some
-/// places only.
+/// Returns the first view's depth after all steps of stereo, of a wall that has texture in some places only.
 fn depth(has_texture: impl Fn(DVec3) -> bool, prior_weight: f32) -> DepthEstimate {
     let folder = tempfile::tempdir().unwrap();
     let shown = |view: usize, at: usize, x: DVec3| if has_texture(x) { paint(x) } else { 90.0 } + noise(view, at);
@@ -77,8 +76,7 @@ fn depth(has_texture: impl Fn(DVec3) -> bool, prior_weight: f32) -> DepthEstimat
         .clone()
 }
 
-/// Counts pixels away from the borders: those with depth, those whose depth is right to a third of
-/// a pixel, and all.
+/// Counts pixels away from the borders: those with depth, those whose depth is right to a third of a pixel, and all.
 fn counted(estimate: &DepthEstimate, counts: impl Fn(DVec3) -> bool) -> (usize, usize, usize) {
     let (mut known, mut right, mut all) = (0, 0, 0);
     for at in 0..estimate.depths.len() {

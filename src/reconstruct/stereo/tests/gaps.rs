@@ -4,8 +4,7 @@ use super::wall::{SIZE, camera, picture};
 use crate::stereo::DepthEstimate;
 use crate::stereo::filter::{FilterOptions, Neighbour, filter};
 
-/// Returns a wall at depth 2 with a strip of three columns at `depth` that is not confident enough
-/// to be kept.
+/// Returns a wall at depth 2 with a strip of three columns at `depth` that is not confident enough to be kept.
 fn with_strip(depth: f32) -> DepthEstimate {
     let mut wall = DepthEstimate::empty(camera());
     wall.depths.fill(2.0);

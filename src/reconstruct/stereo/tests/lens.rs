@@ -53,8 +53,7 @@ fn depths(frames: &[Frame], store: &FrameStore) -> MemoryDepths {
     depths
 }
 
-/// Returns the share of the first view's pixels, away from the borders, whose depth is right to
-/// half a hundredth.
+/// Returns the share of the first view's pixels, away from the borders, whose depth is right to half a hundredth.
 fn share_right(depths: &MemoryDepths) -> f64 {
     let estimate = depths.load(0, Stage::Complete).unwrap().unwrap();
     let (width, height) = (estimate.width(), estimate.height());

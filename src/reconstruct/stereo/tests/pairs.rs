@@ -4,8 +4,7 @@ use crate::stereo::{SparseOptions, sparse_from_cameras};
 use ostra_core::job::Progress;
 use ostra_frames::FrameStore;
 
-/// Points of matches lie on the wall, and are the same, in the same order, for any number of
-/// threads.
+/// Points of matches lie on the wall, and are the same, in the same order, for any number of threads.
 #[test]
 fn sparse_points_do_not_depend_on_threads() {
     let folder = tempfile::tempdir().unwrap();

@@ -190,8 +190,7 @@ fn run_resumes_where_the_previous_one_stopped() {
     }
 }
 
-/// Damages the last result before a stop, one from long before, or a final result of a complete
-/// run.
+/// Damages the last result before a stop, one from long before, or a final result of a complete run.
 #[test]
 fn damaged_results_are_computed_again() {
     let wall = Wall::new();

@@ -5,8 +5,7 @@ use crate::stereo::patchmatch::{Texture, Tones};
 
 const WIDTH: usize = SIZE.0 as usize;
 
-/// Returns a strip of four columns at depth 1 in front of a wall at depth 2, too wide by `told`
-/// columns on the right.
+/// Returns a strip of four columns at depth 1 in front of a wall at depth 2, too wide by `told` columns on the right.
 fn strip(told: usize) -> DepthEstimate {
     let mut estimate = DepthEstimate::empty(camera());
     estimate.normals.fill([0, 0, -127]);

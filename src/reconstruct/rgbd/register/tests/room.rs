@@ -89,8 +89,7 @@ impl Room {
         cloud
     }
 
-    /// Returns two scans that share about 0.6 of each, the first moved by the inverse of the pose:
-    /// target_from_source.
+    /// Returns two scans that share about 0.6 of each, the first moved by the inverse of the pose: target_from_source.
     pub fn pair(seed: u64, per_area: f32) -> (OrientedCloud, OrientedCloud, Pose) {
         let mut room = Self::new(seed);
         let pose = random_pose(&mut room.random);

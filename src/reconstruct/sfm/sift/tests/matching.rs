@@ -16,8 +16,7 @@ fn moved(at_px: Vec2, centre: Vec2, angle: f32, scale: f32) -> Vec2 {
     centre + scale * Vec2::from_angle(angle).rotate(at_px - centre)
 }
 
-/// Returns the index of the feature with the nearest descriptor, if it is clearly nearer than the
-/// second.
+/// Returns the index of the feature with the nearest descriptor, if it is clearly nearer than the second.
 fn best(of: &[u8; 128], among: &SiftFeatures) -> Option<usize> {
     let apart = |other: &[u8; 128]| {
         of.iter()

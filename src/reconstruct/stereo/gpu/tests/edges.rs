@@ -30,8 +30,7 @@ fn one_source_is_enough() {
     assert_same_search(&card, &pictures(2, (97, 64)), "one source");
 }
 
-/// At the coarsest level only one of them can be compared; with a second that is smaller still,
-/// none.
+/// At the coarsest level only one of them can be compared; with a second that is smaller still, none.
 #[test]
 fn sources_of_other_sizes_are_compared_where_they_reach() {
     let Some(card) = card() else { return };

@@ -10,8 +10,7 @@ use super::Engine;
 use crate::stereo::patchmatch::Found;
 use ostra_compute::gpu::{Device, Software};
 
-/// Returns a device with the programs; `None`, after a printed line, if there is no adapter, which
-/// `CI` does not allow.
+/// Returns a device with the programs; `None`, after a printed line, if there is no adapter, which `CI` does not allow.
 fn card() -> Option<Engine> {
     match Device::open(Software::Allowed) {
         Ok(device) => Some(Engine::on(device.into()).unwrap()),
@@ -23,8 +22,7 @@ fn card() -> Option<Engine> {
     }
 }
 
-/// Returns the minimum share of pixels, in hundredths, that have the same depth within a
-/// thousandth.
+/// Returns the minimum share of pixels, in hundredths, that have the same depth within a thousandth.
 ///
 /// It refers to the pixels for which the processor found a plane. A real card may round otherwise;
 /// the processor itself, with products fused into sums, comes to the same depth for about 80 to 99

@@ -13,8 +13,7 @@ pub const RANGE: [f64; 2] = [1.2, 6.0];
 /// The coarsest level's longer side.
 const COARSEST_PX: u32 = 40;
 
-/// Returns a slanted textured wall with a board in front of it, from one of several positions; any
-/// size.
+/// Returns a slanted textured wall with a board in front of it, from one of several positions; any size.
 pub fn picture(index: usize, size: (u32, u32)) -> Arc<Picture> {
     partly_flat(index, size, |_| false)
 }
