@@ -5,38 +5,42 @@ use wide::f32x8;
 use super::pyramid::{Level, Pyramid};
 use ostra_geometry::{Isometry, Pose};
 
-/// Steps at most per level, from the finest to the coarsest.
+/// Maximum number of steps per level, from the finest to the coarsest.
 const STEPS: [usize; 4] = [10, 10, 12, 20];
-/// Share of the depth by which a point may lie off the surface it is compared with, per level.
+/// Maximum distance of a point from the surface that it is compared with, as a share of the depth, per level.
 const GATES: [f32; 4] = [0.04, 0.06, 0.10, 0.15];
-/// Degrees of freedom of the t-distribution that errors are taken to follow.
+/// Degrees of freedom of the t-distribution that errors are assumed to follow.
 const FREEDOM: f32 = 5.0;
-/// The least standard deviation: of depth as a share of it, at the typical depth; of luma.
+/// Minimum standard deviation: of depth as a share of it, at the typical depth; of luma.
 const LEAST_SPREAD: [f32; 2] = [1e-3, 4e-3];
-/// What luma counts beside depth, per level. On the fine ones enough to hold a pose where surfaces leave it open, too little
-/// to pull it aside where a sensor's picture is not exactly in line with its depth.
+/// Weight of luma relative to depth, per level.
+///
+/// On the fine levels it is enough to hold a pose where surfaces leave it open. It is too little to
+/// pull the pose off where a sensor's image is not exactly aligned with its depth.
 const LUMA: [f32; 4] = [0.1, 0.1, 0.1, 0.5];
-/// Step (radians, shares of the typical depth) at which a level has converged.
+/// A level has converged if the step (radians, shares of the typical depth) is below this.
 const CONVERGED: f64 = 2e-5;
-/// Share by which the diagonal of the equations grows: what no pixel tells moves little.
+/// Share by which the diagonal of the equations grows, so that directions without information move little.
 const DAMPING: f64 = 1e-4;
 const LEAST_DAMPING: f64 = 1e-9;
-/// Surfaces seen flatter than this cosine tell nothing sure.
+/// Surfaces seen at a smaller cosine give no reliable information.
 const LEAST_COSINE: f32 = 0.2;
 
-/// Two views aligned.
+/// Alignment of two views.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Aligned {
-    /// The pose.
+    /// The estimated pose.
     pub target_from_source: Pose,
-    /// `δᵀ · information · δ` is the mean squared displacement, along what the pixels tell, by a small movement δ (rotation
-    /// vector, then translation) in the target's axes.
+    /// `δᵀ · information · δ` is the mean squared displacement caused by a small motion δ, in the
+    /// directions that the pixels constrain.
+    ///
+    /// δ is a rotation vector followed by a translation, in the target's axes.
     pub information: [[f64; 6]; 6],
-    /// Pixels of the source that took part at the finest level.
+    /// Number of source pixels used at the finest level.
     pub pixels: usize,
 }
 
-/// Spreads of the errors and the difference in brightness, which the steps estimate as they go.
+/// Spreads of the errors and the difference in brightness, estimated along with the pose.
 #[derive(Clone, Copy)]
 struct Spread {
     depth: f32,
@@ -44,15 +48,15 @@ struct Spread {
     brighter: f32,
 }
 
-/// What errors are measured by.
+/// Parameters by which errors are measured.
 #[derive(Clone, Copy)]
 struct Errors {
     spread: Spread,
-    /// Share of the depth by which a point may lie off the surface.
+    /// Maximum distance of a point from the surface, as a share of the depth.
     gate: f32,
-    /// What luma counts.
+    /// Weight of luma.
     luma: f32,
-    /// Depth in world units at which the spread of depths holds.
+    /// Depth in world units to which the spread of depths applies.
     typical: f32,
 }
 
@@ -61,9 +65,9 @@ struct Sums {
     /// Weighted products of the derivatives.
     hessian: Matrix6<f64>,
     gradient: Vector6<f64>,
-    /// Pixels.
+    /// Number of pixels.
     count: usize,
-    /// Of depth and luma: weights, weighted squared errors.
+    /// For depth and luma: sums of the weights and of the weighted squared errors.
     depth: [f64; 2],
     luma: [f64; 2],
     /// Weighted sum of the errors of luma.
@@ -84,10 +88,13 @@ impl Sums {
     }
 }
 
-/// Aligns two views from a guess: points to the surface in front of them, and their brightness to the picture there, coarse
-/// to fine (after F. Steinbrücker, J. Sturm, D. Cremers, *Real-Time Visual Odometry from Dense RGB-D Images*, ICCV
-/// Workshops 2011, and C. Kerl, J. Sturm, D. Cremers, *Dense Visual SLAM for RGB-D Cameras*, IROS 2013). `None` where too
-/// little is seen by both. What they see may leave the pose open, as one wall does: the information tells.
+/// Aligns two views from an initial pose, coarse to fine.
+///
+/// Points are aligned to the surface in front of them, and their brightness to the image there
+/// (after F. Steinbrücker, J. Sturm, D. Cremers, *Real-Time Visual Odometry from Dense RGB-D
+/// Images*, ICCV Workshops 2011, and C. Kerl, J. Sturm, D. Cremers, *Dense Visual SLAM for RGB-D
+/// Cameras*, IROS 2013). `None` if too little is seen by both. The content may leave the pose open,
+/// as a single wall does; the information matrix shows this.
 #[must_use]
 pub fn align(source: &Pyramid, target: &Pyramid, guess: &Pose, coarsest: usize) -> Option<Aligned> {
     let mut pose = *guess;
@@ -166,12 +173,13 @@ impl Sums {
     }
 }
 
-/// Sums over one row of pixels, where single precision does: six rows of products with the derivatives, then the error.
+/// Sums over one row of pixels, where single precision is sufficient: six rows of products with the
+/// derivatives, then the error.
 #[derive(Default)]
 struct RowSums([f32x8; 6]);
 
 impl RowSums {
-    /// Adds derivatives by turns and shifts with their error, all over the spread.
+    /// Adds derivatives by rotation and translation with their error, all divided by the spread.
     #[inline]
     fn add(&mut self, turn: Vec3, shift: Vec3, error: f32, weight: f32) {
         let row = [
@@ -218,7 +226,7 @@ fn sums(source: &Level, target: &Level, pose: &Pose, errors: &Errors) -> Sums {
     sums
 }
 
-/// What a point of the source, in the target's axes, tells of the pose.
+/// Adds the contribution of a source point, given in the target's axes.
 #[inline]
 fn add_point(
     (sums, row): (&mut Sums, &mut RowSums),
@@ -247,7 +255,7 @@ fn add_point(
         return;
     }
     sums.count += 1;
-    // A sensor's depths scatter with their square.
+    // The scatter of a sensor's depths grows with their square.
     let scatter = spread.depth * depth * depth / typical;
     let error = normal.dot(point - ray * depth) / scatter;
     let weight = t_weight(error);
@@ -265,7 +273,7 @@ fn add_point(
     let raw = seen - grey - spread.brighter;
     let error = raw / spread.luma;
     let weight = t_weight(error);
-    // The slope of luma in the target's picture, by movements of the point.
+    // The slope of luma in the target's image by motions of the point.
     let scaled = slope * target.focal / (point.z * spread.luma);
     let by = Vec3::new(
         scaled.x,
@@ -278,7 +286,7 @@ fn add_point(
     sums.brighter += f64::from(weight * raw);
 }
 
-/// Weight of an error over its spread.
+/// Returns the weight of an error divided by its spread.
 fn t_weight(error: f32) -> f32 {
     (FREEDOM + 1.0) / (FREEDOM + error * error)
 }

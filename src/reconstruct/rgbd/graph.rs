@@ -1,4 +1,4 @@
-//! The pose graph of all links, the parts that links tie together, and their clouds.
+//! The pose graph of all links, the groups that links connect, and their clouds.
 
 use std::collections::{BTreeSet, BinaryHeap};
 
@@ -10,27 +10,27 @@ use super::scan::Scan;
 use ostra_core::union_find::DisjointSets;
 use ostra_geometry::{Pose, PoseEdge, PoseGraphOptions, solve_pose_graph};
 
-/// Share of its weight that a link must keep to hold scans together.
+/// A link must keep this share of its weight to hold scans together.
 const HOLDS: f64 = 0.25;
-/// Share of the typical depth by which links may contradict each other before they lose weight.
+/// Links may contradict each other by this share of the typical depth before they lose weight.
 const SWITCH: f64 = 0.02;
 
 /// Scans with the links between them, and their poses as far as known.
 pub struct Graph {
     /// The links.
     pub links: Vec<Link>,
-    /// Share of its weight that each kept.
+    /// Share of its weight that each link kept.
     pub shares: Vec<f64>,
-    /// Of each scan.
+    /// Pose of each scan.
     pub poses: Vec<Option<Pose>>,
     /// Pairs that were tried, whether they agreed or not.
     tried: BTreeSet<[usize; 2]>,
-    /// Mean of the scans' mean depths, world units.
+    /// Mean of the scans' mean depths, in world units.
     pub typical_depth: f64,
 }
 
 impl Graph {
-    /// The graph of some scans, with the poses of those that links tie to the largest group.
+    /// Builds the graph of some scans; the poses of the largest connected group are known.
     #[must_use]
     pub fn new(scans: &[Scan], tried: &[Tried]) -> Self {
         let typical: f64 =
@@ -50,7 +50,7 @@ impl Graph {
         graph
     }
 
-    /// Adds what was tried since.
+    /// Adds pairs that were tried since.
     pub fn add(&mut self, tried: impl IntoIterator<Item = Tried>) {
         for (pair, result) in tried {
             self.tried.insert(pair);
@@ -61,13 +61,13 @@ impl Graph {
         }
     }
 
-    /// Pairs that were tried, whether they agreed or not.
+    /// Returns the pairs that were tried, whether they agreed or not.
     #[must_use]
     pub fn tried(&self) -> &BTreeSet<[usize; 2]> {
         &self.tried
     }
 
-    /// The scans whose poses are known.
+    /// Returns the scans whose poses are known.
     #[must_use]
     pub fn whole(&self) -> Fragment {
         let posed = self
@@ -79,8 +79,9 @@ impl Graph {
         Fragment { scans, poses }
     }
 
-    /// Scans without a pose that links tie together, the largest group first, each in a world of its own: its poses follow the
-    /// links that agree best.
+    /// Returns the connected groups of scans without a pose, largest first.
+    ///
+    /// Each is in a world of its own: its poses follow the links that agree best.
     #[must_use]
     pub fn fragments(&self) -> Vec<Fragment> {
         let links: Vec<Link> = self.holding().copied().collect();
@@ -100,14 +101,14 @@ impl Graph {
         open.map(fragment).collect()
     }
 
-    /// Takes the poses of a fragment, of which it is known how it stands to the world.
+    /// Adds the poses of a fragment, given its pose in the world.
     pub fn place(&mut self, fragment: &Fragment, fragment_from_world: &Pose) {
         for (&scan, pose) in fragment.scans.iter().zip(&fragment.poses) {
             self.poses[scan] = Some(pose.compose(fragment_from_world));
         }
     }
 
-    /// Links that the others do not contradict.
+    /// Returns the links that the others do not contradict.
     pub fn holding(&self) -> impl Iterator<Item = &Link> {
         self.links
             .iter()
@@ -116,7 +117,7 @@ impl Graph {
             .map(|(link, _)| link)
     }
 
-    /// Tells all poses that are known, in the world of the first scan that has one.
+    /// Reports all known poses, in the world of the first scan that has one.
     pub fn tell(&self, scans: &[Scan], on_pose: &OnPose<'_>) {
         let world_from_first = self
             .poses
@@ -132,7 +133,7 @@ impl Graph {
         }
     }
 
-    /// All links by the frames' numbers, ascending.
+    /// Returns all links by the frames' numbers, ascending.
     #[must_use]
     pub fn frame_links(&self, scans: &[Scan]) -> Vec<FrameLink> {
         let frame_link = |(link, share): (&Link, &f64)| FrameLink {
@@ -151,7 +152,7 @@ impl Graph {
         links
     }
 
-    /// Solves the pose graph; scans that no link then holds to the largest group lose their pose.
+    /// Solves the pose graph; scans that no link then connects to the largest group lose their pose.
     pub fn solve(&mut self) {
         let is_posed = |link: &Link| link.scans.iter().all(|&scan| self.poses[scan].is_some());
         let posed: Vec<usize> = (0..self.links.len())
@@ -188,7 +189,7 @@ impl Graph {
     }
 }
 
-/// Sets of scans that links tie together.
+/// Sets of scans that links connect.
 #[derive(Debug, Clone)]
 pub struct Components {
     /// By scan, the first scan of its component.
@@ -196,7 +197,7 @@ pub struct Components {
 }
 
 impl Components {
-    /// The components of `count` scans under some links, given by their ends.
+    /// Computes the components of `count` scans under some links, given by their ends.
     #[must_use]
     pub fn new(count: usize, links: impl IntoIterator<Item = [usize; 2]>) -> Self {
         let mut sets = DisjointSets::new(count);
@@ -208,13 +209,13 @@ impl Components {
         }
     }
 
-    /// The first scan of the component that a scan belongs to.
+    /// Returns the first scan of the component that a scan belongs to.
     #[must_use]
     pub fn of(&self, scan: usize) -> usize {
         self.first[scan] as usize
     }
 
-    /// Members of each component, ascending; the largest first, of equal ones the earlier.
+    /// Returns the members of each component, ascending; the largest first, of equal ones the earlier.
     #[must_use]
     pub fn members(&self) -> Vec<Vec<usize>> {
         let mut by_first = std::collections::BTreeMap::<usize, Vec<usize>>::new();
@@ -227,8 +228,10 @@ impl Components {
     }
 }
 
-/// Poses of the scans that links tie to `root`, which stays at the world's origin, along the links that agree best (a
-/// maximum spanning tree); `None` for the others.
+/// Returns poses of the scans that links connect to `root`, along the links that agree best.
+///
+/// These form a maximum spanning tree. `root` is at the world's origin; `None` for scans that are
+/// not connected.
 #[must_use]
 fn chained(count: usize, links: &[Link], root: usize) -> Vec<Option<Pose>> {
     let mut by_scan: Vec<Vec<usize>> = vec![Vec::new(); count];
@@ -261,22 +264,22 @@ fn chained(count: usize, links: &[Link], root: usize) -> Vec<Option<Pose>> {
     poses
 }
 
-/// Scans of a fragment that its cloud is made of, at most.
+/// Maximum number of scans that a fragment's cloud is made from.
 const SCANS: usize = 30;
 /// The level of the views whose pixels become points.
 const LEVEL: usize = 1;
 
-/// Scans that odometry and loops tie together, and where they stand to each other.
+/// Scans that odometry and loops connect, and their relative poses.
 #[derive(Debug, Clone)]
 pub struct Fragment {
-    /// Places of its scans, ascending.
+    /// Indices of its scans, ascending.
     pub scans: Vec<usize>,
-    /// Of each: the pose, in a world of the fragment's own.
+    /// Pose of each scan, in a world of the fragment's own.
     pub poses: Vec<Pose>,
 }
 
 impl Fragment {
-    /// What its scans see, in its own world.
+    /// Returns the points that its scans see, in its own world.
     #[must_use]
     pub fn cloud(&self, scans: &[Scan]) -> OrientedCloud {
         let mut cloud = OrientedCloud::default();

@@ -1,4 +1,4 @@
-//! Fragments that no link ties together are joined by their shape; frames that overlap are found.
+//! Joins fragments without links by their shape, and finds frames that overlap.
 
 use std::collections::BTreeSet;
 
@@ -18,13 +18,13 @@ use super::scan::Scan;
 use ostra_core::job::Progress;
 use ostra_geometry::{Isometry, Pinhole, Pose, is_same_depth};
 
-/// How an RGB-D recording is registered.
+/// Options of RGB-D registration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RgbdOptions {
-    /// How fragments that nothing else ties together are laid onto each other; `None` = one way after the other.
+    /// Method that aligns fragments without links; `None` = one method after the other.
     pub registration: Option<GlobalRegistration>,
-    /// Frames that each is compared with because they look most alike.
+    /// Number of frames that each is compared with because their appearance is most similar.
     pub alike: usize,
     /// Seed of all samples.
     pub seed: u64,
@@ -42,13 +42,15 @@ impl Default for RgbdOptions {
 
 /// Edge of the voxels that fragments are compared on, as a share of the typical depth.
 const VOXEL: f64 = 0.025;
-/// Pairs of frames that must bear witness to where a fragment is placed.
+/// Number of pairs of frames that must confirm the pose of a fragment.
 const WITNESSES: usize = 2;
-/// Scans that a fragment needs to be placed by its shape.
+/// Minimum number of scans of a fragment that is placed by its shape.
 const LEAST_SCANS: usize = 3;
 
-/// Joins fragments that no link ties to the largest one: their clouds are laid onto it by their shape alone, and stay there
-/// where frames of both then agree in depth and picture. What finds no witnesses stays apart.
+/// Joins fragments that no link connects to the largest one.
+///
+/// Their clouds are aligned with it by their shape alone. The result is kept if frames of both then
+/// agree in depth and image; otherwise the fragment stays separate.
 ///
 /// # Errors
 /// [`RgbdError::Stopped`].
@@ -72,7 +74,8 @@ pub fn join(
         let cloud = fragment.cloud(scans);
         open.push((describe(&cloud)?, cloud, fragment));
     }
-    // Each that is joined makes the whole larger, so that others may find their place: until none does.
+    // Each joined fragment makes the whole larger, so that others may find their place; repeated
+    // until none does.
     loop {
         let whole_cloud = graph.whole().cloud(scans);
         let described = describe(&whole_cloud)?;
@@ -99,7 +102,7 @@ pub fn join(
     }
 }
 
-/// Poses by shape, refined, of each method that is to be tried.
+/// Returns the poses by shape, refined, of each method to try.
 fn guesses(
     [source, target]: [(&OrientedCloud, &DescribedCloud); 2],
     typical: f64,
@@ -138,7 +141,7 @@ fn guesses(
     Ok(poses)
 }
 
-/// Places a fragment where enough pairs of its frames and those of the whole agree.
+/// Places a fragment if enough pairs of its frames and those of the whole agree.
 fn witnessed(
     scans: &[Scan],
     graph: &mut Graph,
@@ -167,17 +170,19 @@ fn witnessed(
         .any(|&scan| graph.poses[scan].is_some())
 }
 
-/// Points of a view that are looked at.
+/// Number of points sampled from a view.
 const SAMPLES: usize = 200;
-/// Share of the depth by which poses may still be off.
+/// Maximum remaining error of poses, as a share of the depth.
 const TOLERANCE: f32 = 0.1;
-/// Least share of the points that both see.
+/// Minimum share of the points that both see.
 const LEAST: f64 = 0.3;
-/// Distances in the recording, each double the one before, of which one partner is taken from each.
+/// Number of distance ranges in the recording, each twice the one before; one partner is taken from each.
 const SPANS: usize = 12;
 
-/// Pairs of scans that poses show to see the same and that are not linked yet, ascending: for each scan the best partner at
-/// each distance in the recording (2–3 frames on, 4–7, 8–15, …), so that long ways are tied as well as short ones.
+/// Returns pairs of scans that see the same according to their poses and are not linked yet, ascending.
+///
+/// Each scan gets the best partner at each distance in the recording (2–3 frames on, 4–7, 8–15, …),
+/// so that distant frames are connected as well as near ones.
 #[must_use]
 pub fn overlapping(
     scans: &[Scan],
@@ -215,7 +220,7 @@ pub fn overlapping(
 
 fn samples(scan: &Scan) -> Vec<Vec3> {
     let pixels = scan.view.grey.len();
-    // A step that shares no factor with the width: no columns of pixels.
+    // A step without a common factor with the width: no columns of pixels.
     let step = (pixels / SAMPLES).max(1) | 1;
     (0..pixels)
         .step_by(step)
@@ -223,7 +228,7 @@ fn samples(scan: &Scan) -> Vec<Vec3> {
         .collect()
 }
 
-/// Share of a scan's points that another sees at their depth.
+/// Returns the share of a scan's points that another sees at their depth.
 fn shared(points: &[Vec3], target: &Scan, pose: &Pose) -> f64 {
     let target_from_source = Isometry::from(pose);
     let camera = Pinhole::new(&target.view.camera);

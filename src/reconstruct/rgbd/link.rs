@@ -1,4 +1,4 @@
-//! Links between two frames: their relative pose, and whether depth and picture agree on it.
+//! Links between two frames: their relative pose, and whether depth and image agree on it.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,57 +9,57 @@ use ostra_geometry::{
     AbsolutePoseOptions, Isometry, Pose, PoseEdge, estimate_absolute_pose, is_same_depth,
 };
 
-/// Least share of one view that the other sees.
+/// Minimum share of one view that the other sees.
 const LEAST_OVERLAP: f64 = 0.15;
-/// Least share of what is seen that agrees; see [`Agreement::consistent`].
+/// Minimum share of what is seen that agrees; see [`Agreement::consistent`].
 const LEAST_CONSISTENT: f64 = 0.9;
-/// Least likeness of the pictures where the surfaces agree.
+/// Minimum similarity of the images where the surfaces agree.
 const LEAST_LIKENESS: f64 = 0.5;
-/// Features that must agree on a pose for it to be a guess.
+/// Minimum number of features that must agree on a pose to make it an initial guess.
 const LEAST_FEATURES: usize = 12;
 
-/// How two frames came to be compared.
+/// Reason why two frames were compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum LinkKind {
     /// One follows the other.
     Odometry,
-    /// They look alike, or were named by hand.
+    /// Their appearance is similar, or the user named them.
     Loop,
     /// Poses known by then showed that they see the same.
     Overlap,
-    /// The shapes of the pieces that they belong to fit.
+    /// The shapes of their fragments fit.
     Shape,
 }
 
-/// Two frames that agree in depth and picture.
+/// Two frames that agree in depth and image.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FrameLink {
     /// Numbers of the two frames.
     pub frames: [usize; 2],
-    /// How they came to be compared.
+    /// Reason why they were compared.
     pub kind: LinkKind,
-    /// Share of what both see that agrees, 0–1.
+    /// Share of the jointly visible pixels that agrees, 0–1.
     pub consistent: f64,
-    /// Whether it counts: the other links do not contradict it.
+    /// Whether it is used: the other links do not contradict it.
     pub holds: bool,
 }
 
 /// Two scans whose views were aligned and agree.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Link {
-    /// Places of the two scans, the source's first.
+    /// Indices of the two scans, the source's first.
     pub scans: [usize; 2],
-    /// How they came to be compared.
+    /// Reason why they were compared.
     pub kind: LinkKind,
-    /// How the target stands to the source.
+    /// Alignment of the target with the source.
     pub aligned: Aligned,
     /// How well they agree.
     pub agreement: Agreement,
 }
 
 impl Link {
-    /// The edge of a pose graph.
+    /// Returns the edge of a pose graph.
     #[must_use]
     pub fn edge(&self) -> PoseEdge {
         let [source, target] = self.scans;
@@ -79,10 +79,10 @@ impl Link {
     }
 }
 
-/// Aligns two views from the first guess that leads to agreement.
+/// Aligns two views from the first initial pose that leads to agreement.
 ///
 /// # Errors
-/// The best agreement, where none is enough.
+/// The best agreement, if none is sufficient.
 pub fn align_and_check(
     [source, target]: [&Pyramid; 2],
     guesses: &[(Pose, Start)],
@@ -105,7 +105,7 @@ pub fn align_and_check(
     Err(best)
 }
 
-/// Whether two views that agree so much show the same place.
+/// Returns whether an agreement is sufficient for two views of the same place.
 #[must_use]
 fn is_enough(agreement: &Agreement) -> bool {
     agreement.overlap >= LEAST_OVERLAP
@@ -113,12 +113,12 @@ fn is_enough(agreement: &Agreement) -> bool {
         && agreement.likeness >= LEAST_LIKENESS
 }
 
-/// How far off a guess may be.
+/// Possible error of an initial pose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Start {
-    /// As far as the camera may move between two frames.
+    /// As large as the camera motion between two frames.
     Far,
-    /// About as much as poses from features are.
+    /// About as large as for poses from features.
     Near,
 }
 
@@ -131,7 +131,7 @@ impl Start {
     }
 }
 
-/// The pose that most matches of features agree on: places of the source's, seen in the target's picture.
+/// Estimates the pose that most matches of features agree on: source points, seen in the target's image.
 #[must_use]
 pub fn pose_from_features(
     source: &Scan,
@@ -156,27 +156,28 @@ pub fn pose_from_features(
     Some(found.camera_from_world)
 }
 
-/// The level that agreement is looked at on.
+/// The level on which agreement is measured.
 const LEVEL: usize = 1;
-/// Share of the depth by which surfaces may differ and be the same.
+/// Surfaces that differ by at most this share of the depth are the same.
 const TOLERANCE: f32 = 0.03;
-/// Standard deviation of luma below which likeness of the pictures tells nothing.
+/// Below this standard deviation of luma, similarity of the images is not informative.
 const LEAST_TEXTURE: f64 = 0.02;
 
-/// How well what two views see fits together under a pose.
+/// How well the content of two views fits together under a pose.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Agreement {
-    /// Share of the source's pixels of known depth that lie on what the target sees, 0–1.
+    /// Share of the source's pixels with known depth that lie on surfaces of the target, 0–1.
     pub overlap: f64,
-    /// Of the pixels on or in front of what the target sees: the share on it, 0–1. What stands in front would hide what the
-    /// target sees behind it.
+    /// Share of the pixels on or in front of the target's surfaces that lie on them, 0–1.
+    ///
+    /// A surface in front would hide what the target sees behind it.
     pub consistent: f64,
-    /// Correlation of the two pictures where they show the same, −1 to 1; 1 where that has no texture.
+    /// Correlation of the two images where they show the same, −1 to 1; 1 where there is no texture.
     pub likeness: f64,
 }
 
 impl Agreement {
-    /// Both directions in one: the lesser of each.
+    /// Measures both directions and returns the smaller value of each.
     #[must_use]
     pub fn of(source: &Pyramid, target: &Pyramid, target_from_source: &Pose) -> Self {
         let one = seen_by(

@@ -1,10 +1,11 @@
-//! RGB-D recordings without cameras → cameras: odometry, loops, pose graph, and the account of what was left out.
+//! Registration of RGB-D recordings without cameras: odometry, loops, pose graph, and a report per
+//! frame.
 //!
-//! There is one pose graph over all frames, not one per fragment and another over fragments. A link is two
-//! views aligned by depth and brightness that then agree in both, each as the other sees it, and the other
-//! links may switch it off. Fragments are what links tie together; further fragments are registered to the
-//! largest one by shape and kept only where frames of both agree. Once poses are known, more links are made
-//! where they show overlap.
+//! There is one pose graph over all frames, not one per fragment and another over fragments. A link
+//! is two views that were aligned by depth and brightness and then agree in both, each as the other
+//! sees it. The other links may switch it off. A fragment is a set of frames that links connect.
+//! Further fragments are registered to the largest one by shape, and kept only if frames of both
+//! agree. Once poses are known, more links are made where they show overlap.
 
 mod align;
 mod calibrate;

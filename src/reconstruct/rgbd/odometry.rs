@@ -14,11 +14,13 @@ use crate::sfm::{FeatureError, PairMatches};
 use ostra_core::job::Progress;
 use ostra_geometry::Pose;
 
-/// Is told poses as they come to be known, by frame number, in the world of the first frame: while odometry goes on, and
-/// better ones after it. Called from worker threads.
+/// Callback for poses as they become known, by frame number, in the world of the first frame.
+///
+/// It is called while odometry runs, and again with better poses afterwards. The calls come from
+/// worker threads.
 pub type OnPose<'a> = dyn Fn(usize, &Pose) + Sync + 'a;
 
-/// Poses from one scan to the next while odometry works on many at once: for looking at, not for the result.
+/// Poses from one scan to the next while odometry works on many at once: for display, not for the result.
 pub struct Chain<'a> {
     scans: &'a [Scan],
     on_pose: &'a OnPose<'a>,
@@ -27,14 +29,14 @@ pub struct Chain<'a> {
 
 #[derive(Default)]
 struct Known {
-    /// Of the first scans, in order; `None` behind a break.
+    /// Poses of the first scans, in order; `None` after a break.
     poses: Vec<Option<Pose>>,
-    /// What is known of scans beyond.
+    /// Links of later scans that are known already.
     beyond: BTreeMap<usize, Option<Link>>,
 }
 
 impl<'a> Chain<'a> {
-    /// A chain that begins at the first scan.
+    /// Creates a chain that begins at the first scan.
     #[must_use]
     pub fn new(scans: &'a [Scan], on_pose: &'a OnPose<'a>) -> Self {
         Self {
@@ -44,7 +46,7 @@ impl<'a> Chain<'a> {
         }
     }
 
-    /// Takes what links a scan to one before it, and tells the poses that are known by that.
+    /// Adds the link of a scan to an earlier one, and reports the poses that become known.
     pub fn take(&self, scan: usize, link: Option<&Link>) {
         for (scan, pose) in self
             .known
@@ -58,7 +60,7 @@ impl<'a> Chain<'a> {
 }
 
 impl Known {
-    /// The poses that become known by a link.
+    /// Returns the poses that become known by a link.
     fn extend(&mut self, scan: usize, link: Option<&Link>) -> Vec<(usize, Pose)> {
         self.beyond.insert(scan, link.copied());
         let mut news = Vec::new();
@@ -78,18 +80,19 @@ impl Known {
     }
 }
 
-/// Frames back that one is compared with where the nearer ones do not fit: a spoilt frame breaks no recording.
+/// Number of earlier frames that one is compared with if the nearer ones do not fit, so that a
+/// damaged frame does not break the recording.
 const BACK: usize = 4;
 
-/// What came of comparing two scans: a link, or the best agreement there was.
+/// Result of comparing two scans: a link, or the best agreement found.
 pub type Tried = ([usize; 2], Result<Link, Option<Agreement>>);
 
-/// Links each scan with the one before; where that fails, with one of those before it. `chain` is told of each.
+/// Links each scan with the one before; if that fails, with an earlier one. Results are reported to `chain`.
 ///
-/// Stopped, it gives what it has by then.
+/// When stopped, it returns what it has by then.
 ///
 /// # Errors
-/// Where the matcher fails.
+/// If the matcher fails.
 pub fn odometry(
     scans: &[Scan],
     matches: &PairMatches<'_>,
@@ -129,12 +132,12 @@ pub fn odometry(
     Ok(tried.into_iter().flatten().collect())
 }
 
-/// Links scans that lie apart in time where their features agree on a pose.
+/// Links scans that are distant in time if their features agree on a pose.
 ///
-/// Stopped, it gives what it has by then.
+/// When stopped, it returns what it has by then.
 ///
 /// # Errors
-/// Where the matcher fails.
+/// If the matcher fails.
 pub fn loops(
     scans: &[Scan],
     pairs: &[[usize; 2]],
@@ -160,7 +163,9 @@ pub fn loops(
     pairs.par_iter().filter_map(of_pair).collect()
 }
 
-/// Aligns two scans from the pose that their features give; where that leads nowhere and they may stand close, as they are.
+/// Aligns two scans from the pose of their features.
+///
+/// If that fails and `close` is set, the identity is tried as well.
 pub fn compare(
     scans: [&Scan; 2],
     matches: &[(u32, u32)],
@@ -196,14 +201,14 @@ fn linked(
     )
 }
 
-/// A seed of its own for each pair.
+/// Returns a separate seed for each pair.
 fn seed_of([a, b]: [usize; 2], seed: u64) -> u64 {
     seed ^ ((a as u64) << 32 | b as u64)
 }
 
-/// Links scans that poses known so far show to see the same.
+/// Links scans that see the same according to the poses known so far.
 ///
-/// Stopped, it gives what it has by then.
+/// When stopped, it returns what it has by then.
 #[must_use]
 pub fn densify(
     scans: &[Scan],

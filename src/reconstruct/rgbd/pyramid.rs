@@ -5,15 +5,15 @@ use super::view::{SAME_SURFACE, View};
 use ostra_core::image::{halve, lerp, mean_of_four};
 use ostra_geometry::{Pinhole, is_same_depth};
 
-/// Levels, each half as large as the one before.
+/// Number of levels, each half as large as the one before.
 pub const LEVELS: usize = 4;
 
-/// A view at several sizes, the largest first, ready to be aligned with another.
+/// A view at several sizes, largest first, prepared for alignment.
 #[derive(Debug, Clone)]
 pub struct Pyramid {
     /// The levels.
     pub levels: Vec<Level>,
-    /// Mean of the known depths, world units; 0 without any.
+    /// Mean of the known depths, in world units; 0 without any.
     pub typical_depth: f32,
 }
 
@@ -24,9 +24,9 @@ pub struct Level {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Focal lengths, pixels.
+    /// Focal lengths in pixels.
     pub focal: Vec2,
-    /// Principal point, pixels; centre of the top-left pixel at (0.5, 0.5).
+    /// Principal point in pixels; the centre of the top-left pixel is at (0.5, 0.5).
     pub principal: Vec2,
     /// Luma, 0–1.
     pub grey: Vec<f32>,
@@ -37,7 +37,7 @@ pub struct Level {
 }
 
 impl Pyramid {
-    /// All levels of a view.
+    /// Computes all levels of a view.
     #[must_use]
     pub fn new(view: &View) -> Self {
         let pixels = view.grey.len();
@@ -72,13 +72,13 @@ impl Pyramid {
 }
 
 impl Level {
-    /// The ray of a pixel: its point at depth 1.
+    /// Returns the ray of a pixel: its point at depth 1.
     #[must_use]
     pub fn ray(&self, x: usize, y: usize) -> Vec3 {
         ((Vec2::new(x as f32 + 0.5, y as f32 + 0.5) - self.principal) / self.focal).extend(1.0)
     }
 
-    /// Where a point in the camera's axes is seen, in pixels; `None` outside the picture.
+    /// Projects a point in the camera's axes to pixels; `None` outside the image.
     #[must_use]
     pub fn project(&self, point: Vec3) -> Option<Vec2> {
         let camera = Pinhole {
@@ -89,7 +89,7 @@ impl Level {
         camera.project_inside(point)
     }
 
-    /// Luma at a position in pixels and its slope per pixel; `None` within half a pixel of the border.
+    /// Returns luma at a position in pixels and its slope per pixel; `None` within half a pixel of the border.
     #[must_use]
     pub fn grey_at(&self, at_px: Vec2) -> Option<(f32, Vec2)> {
         let at = at_px - 0.5;
@@ -112,7 +112,7 @@ impl Level {
         ))
     }
 
-    /// Half the size: means of 2 × 2 pixels, of their depths only those on the surface of the nearest.
+    /// Halves the size: means of 2 × 2 pixels; of depths only those on the nearest surface.
     fn halved(&self) -> Self {
         let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
         Self {
@@ -165,7 +165,7 @@ impl Level {
     }
 }
 
-/// The mean of the depths on the surface of the nearest; 0 without any.
+/// Returns the mean of the depths on the nearest surface; 0 without any.
 fn mean_depth(depths: [f32; 4]) -> f32 {
     let nearest = depths
         .iter()

@@ -1,4 +1,4 @@
-//! Cameras of an RGB-D recording: all steps, the frames between, and what became of each frame.
+//! Cameras of an RGB-D recording: all steps, the frames between, and the outcome of each frame.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -18,49 +18,49 @@ use ostra_core::statistics::upper_median;
 use ostra_frames::{Frame, FrameCamera, FrameStore};
 use ostra_geometry::Pose;
 
-/// What registration is to do.
+/// Input of registration.
 pub struct RgbdRequest<'a> {
     /// All frames of the project.
     pub frames: &'a [Frame],
-    /// Numbers of those that are registered with each other, ascending.
+    /// Numbers of the frames that are registered with each other, ascending.
     pub chosen: &'a [usize],
-    /// Numbers of those that are then placed beside them, ascending.
+    /// Numbers of the frames that are then placed between these, ascending.
     pub between: &'a [usize],
-    /// Pairs of frames that are compared besides those that look alike.
+    /// Pairs of frames that are compared besides those of similar appearance.
     pub pairs: &'a [[usize; 2]],
-    /// Finds features.
+    /// Extracts features.
     pub extractor: &'a dyn FeatureExtractor,
-    /// Matches them.
+    /// Matches features.
     pub matcher: &'a dyn FeatureMatcher,
-    /// Looks on.
+    /// Called with poses as they become known.
     pub on_pose: &'a OnPose<'a>,
-    /// How.
+    /// Options.
     pub options: RgbdOptions,
 }
 
-/// What registration made of a recording.
+/// Result of registration.
 #[derive(Debug, Clone)]
 pub struct RgbdResult {
-    /// By frame number, its camera; the world is that of the first of them.
+    /// Cameras by frame number; the world is that of the first of them.
     pub cameras: BTreeMap<usize, FrameCamera>,
-    /// By frame number, what became of it.
+    /// Outcomes by frame number.
     pub outcomes: BTreeMap<usize, Outcome>,
-    /// Links between frames, those too that the others contradict, by rising numbers.
+    /// Links between frames, including those that the others contradict, by ascending numbers.
     pub links: Vec<FrameLink>,
-    /// Whether it was stopped and is a part of what it could be.
+    /// Whether the run was stopped, so that the result is incomplete.
     pub stopped: bool,
 }
 
-/// Frames on up to which overlap shows by the poses alone: no likeness is needed to find it.
+/// Up to this many frames on, overlap is found by the poses alone, without comparing appearance.
 const NEAR: usize = 10;
 /// Rounds in which more links are made where poses show overlap.
 const ROUNDS: usize = 2;
 
-/// Cameras of an RGB-D recording from its depth and pictures.
+/// Estimates the cameras of an RGB-D recording from its depth and images.
 ///
 /// # Errors
-/// [`RgbdError::NoStart`] with the reason where no two frames agree; where features fail; when stopped before any two were
-/// linked.
+/// [`RgbdError::NoStart`] with the reason if no two frames agree; other [`RgbdError`]s if features
+/// fail, or the run is stopped before any two frames were linked.
 pub fn register_rgbd(
     request: &RgbdRequest<'_>,
     store: &FrameStore,
@@ -85,7 +85,7 @@ pub fn register_rgbd(
     let tried = links(&scans, request, progress)?;
     let mut graph = Graph::new(&scans, &tried);
     graph.tell(&scans, request.on_pose);
-    // Stopped, what links tie together by then is kept.
+    // When stopped, what links connect by then is kept.
     join(&scans, &mut graph, &request.options, progress).or_else(|error| {
         if progress.check().is_err() {
             Ok(())
@@ -138,7 +138,7 @@ pub fn register_rgbd(
     })
 }
 
-/// The cameras of frames by number, in the world of the first that has a pose.
+/// Returns the cameras of frames by number, in the world of the first that has a pose.
 fn cameras(
     frames: &[Frame],
     mut poses: Vec<(usize, Option<Pose>)>,
@@ -162,7 +162,7 @@ fn cameras(
     poses.into_iter().filter_map(camera).collect()
 }
 
-/// Links between neighbours, and between scans that look alike.
+/// Links neighbouring scans, and scans of similar appearance.
 fn links(
     scans: &[Scan],
     request: &RgbdRequest<'_>,
@@ -199,15 +199,15 @@ fn links(
     Ok(tried)
 }
 
-/// What became of a frame between, and its pose where it has one.
+/// Outcome of a frame between, and its pose if it has one.
 type Between = (usize, Outcome, Option<Pose>);
 
-/// Places the frames between beside the registered ones before and after them; `placed` tells the poses of the `scans`.
+/// Places the frames between registered ones, by the ones before and after; `placed` holds the poses of the `scans`.
 ///
-/// Stopped, it gives what it has by then.
+/// When stopped, it returns what it has by then.
 ///
 /// # Errors
-/// Where features cannot be found or matched.
+/// If features cannot be extracted or matched.
 fn place_between(
     request: &RgbdRequest<'_>,
     (scans, placed): (&[Scan], &[Option<Pose>]),
@@ -275,7 +275,7 @@ fn place_between(
     request.between.par_iter().map(place).collect()
 }
 
-/// Tells what became of each scan.
+/// Returns the outcome of each scan.
 pub fn account(
     scans: &[Scan],
     tried: &[Tried],
@@ -310,7 +310,7 @@ fn registered(at: usize, graph: &Graph) -> Outcome {
     }
 }
 
-/// The frame that agrees most with one that agrees with none.
+/// Returns the outcome of a frame that agrees with none, with the frame that agrees most.
 fn unlike(at: usize, scans: &[Scan], tried: &[Tried]) -> Outcome {
     let other = |[a, b]: [usize; 2]| if a == at { b } else { a };
     let nearest = tried
@@ -326,7 +326,7 @@ fn unlike(at: usize, scans: &[Scan], tried: &[Tried]) -> Outcome {
     Outcome::Unlike { nearest }
 }
 
-/// Why no two frames were put together, in words.
+/// Explains to the user why no two frames were joined.
 #[must_use]
 pub fn why_no_start(outcomes: &BTreeMap<usize, Outcome>) -> String {
     let count = |is: fn(&Outcome) -> bool| outcomes.values().filter(|outcome| is(outcome)).count();

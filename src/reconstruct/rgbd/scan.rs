@@ -10,34 +10,34 @@ use ostra_core::job::Progress;
 use ostra_frames::{DepthMap, Frame, FrameStore};
 use ostra_geometry::Camera;
 
-/// Least share of known depths that a frame can be registered by.
+/// Minimum share of known depths of a frame that can be registered.
 const LEAST_KNOWN: f64 = 0.02;
 
-/// Features kept per frame: recordings have thousands of frames.
+/// Number of features kept per frame: recordings have thousands of frames.
 const FEATURES: usize = 1000;
 
-/// What registration knows of one frame.
+/// Data of one frame for registration.
 #[derive(Debug, Clone)]
 pub struct Scan {
     /// Number of the frame.
     pub frame: usize,
-    /// Its camera, in the picture's full size.
+    /// Its camera, in the image's full size.
     pub camera: Camera,
-    /// Picture and depth, small.
+    /// Image and depth, reduced in size.
     pub view: View,
-    /// Features of the picture in full size.
+    /// Features of the image in full size.
     pub features: Features,
-    /// Where each feature lies, in the camera's axes; `None` where the depth is unknown.
+    /// Position of each feature in the camera's axes; `None` if the depth is unknown.
     pub places: Vec<Option<DVec3>>,
 }
 
 /// A frame by its number, or why it cannot be used.
 pub type Read = (usize, Result<Scan, Outcome>);
 
-/// Reads frames; what cannot be used is told apart.
+/// Reads frames; for unusable ones it returns the reason.
 ///
 /// # Errors
-/// [`RgbdError::Stopped`], and where features cannot be looked for.
+/// [`RgbdError::Stopped`], or an error if features cannot be extracted.
 pub fn scans(
     frames: &[Frame],
     chosen: &[usize],
@@ -53,10 +53,10 @@ pub fn scans(
     chosen.par_iter().map(one).collect()
 }
 
-/// Reads one frame, or tells why it cannot be used.
+/// Reads one frame, or returns why it cannot be used.
 ///
 /// # Errors
-/// Where features cannot be looked for.
+/// If features cannot be extracted.
 pub fn scan(
     number: usize,
     frame: &Frame,
@@ -105,7 +105,7 @@ pub fn scan(
     }))
 }
 
-/// The features that are kept: those of known depth first, the coarser before the finer.
+/// Returns the features to keep: those of known depth first, coarser before finer.
 fn kept(features: &Features, places: &[Option<DVec3>]) -> Vec<u32> {
     let scale = |at: u32| features.scales_px.get(at as usize).copied().unwrap_or(0.0);
     let mut order: Vec<u32> = (0..places.len() as u32).collect();
@@ -129,7 +129,7 @@ fn place(camera: &Camera, depth: &DepthMap, at_px: glam::DVec2) -> Option<DVec3>
 }
 
 impl Scan {
-    /// Mean of its known depths, world units.
+    /// Returns the mean of its known depths, in world units.
     #[must_use]
     pub fn typical_depth(&self) -> f64 {
         self.view.mean_depth()

@@ -4,12 +4,12 @@ use crate::sfm::{for_each_source, undistorted_camera};
 use ostra_frames::{DepthMap, Image};
 use ostra_geometry::{Camera, is_same_depth};
 
-/// Longest side that registration works on, in pixels.
+/// Longest side of the images that registration uses, in pixels.
 const SIDE: u32 = 320;
-/// Depths that differ by less than this share are of one surface.
+/// Depths that differ by less than this share belong to one surface.
 pub(super) const SAME_SURFACE: f32 = 0.03;
 
-/// What registration keeps of a frame: small, without lens distortion, 3 bytes a pixel.
+/// A frame as registration stores it: small, without lens distortion, 3 bytes per pixel.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
     /// The pinhole camera of these pixels.
@@ -23,7 +23,7 @@ pub struct View {
 }
 
 impl View {
-    /// Shrinks a frame. Picture and depth have the camera's size.
+    /// Shrinks a frame. Image and depth have the camera's size.
     #[must_use]
     pub fn new(image: &Image, depth: &DepthMap, camera: &Camera) -> Self {
         let small = shrunk(&undistorted_camera(camera));
@@ -50,7 +50,7 @@ impl View {
         }
     }
 
-    /// With depth alone: a picture that shows nothing.
+    /// Returns the view with depth alone, and an image without content.
     #[must_use]
     pub fn without_picture(&self) -> Self {
         Self {
@@ -59,20 +59,20 @@ impl View {
         }
     }
 
-    /// Depth of a pixel in world units; 0 = unknown.
+    /// Returns the depth of a pixel in world units; 0 = unknown.
     #[must_use]
     pub fn depth(&self, pixel: usize) -> f32 {
         f32::from(self.depths[pixel]) * self.unit
     }
 
-    /// Share of the pixels whose depth is known.
+    /// Returns the share of the pixels with known depth.
     #[must_use]
     pub fn known(&self) -> f64 {
         self.depths.iter().filter(|&&depth| depth > 0).count() as f64
             / self.depths.len().max(1) as f64
     }
 
-    /// Mean of the known depths, world units; 0 without any.
+    /// Returns the mean of the known depths, in world units; 0 without any.
     #[must_use]
     pub fn mean_depth(&self) -> f64 {
         let (sum, count) = self
@@ -84,7 +84,7 @@ impl View {
         sum as f64 / count.max(1) as f64 * f64::from(self.unit)
     }
 
-    /// The point that a pixel of known depth shows, in the camera's axes.
+    /// Returns the point that a pixel of known depth shows, in the camera's axes.
     #[must_use]
     pub fn point(&self, pixel: usize) -> Option<Vec3> {
         let depth = self.depth(pixel);
@@ -98,7 +98,7 @@ impl View {
     }
 }
 
-/// The same camera with pictures of at most [`SIDE`] pixels.
+/// Returns the same camera with images of at most [`SIDE`] pixels.
 fn shrunk(camera: &Camera) -> Camera {
     let longest = camera.width.max(camera.height).max(1);
     let share = (f64::from(SIDE) / f64::from(longest)).min(1.0);
@@ -117,7 +117,7 @@ fn shrunk(camera: &Camera) -> Camera {
     }
 }
 
-/// The pixels of the frame that one of the small picture stands for.
+/// The pixels of the frame that one pixel of the small image covers.
 struct Cell {
     columns: std::ops::Range<u32>,
     rows: std::ops::Range<u32>,
@@ -141,7 +141,7 @@ impl Cell {
             .flat_map(|y| self.columns.clone().map(move |x| (x, y)))
     }
 
-    /// Mean luma as in ITU-R BT.601.
+    /// Returns the mean luma as in ITU-R BT.601.
     fn grey(&self, image: &Image) -> u8 {
         let (mut sum, mut count) = (0u32, 0);
         for (x, y) in self.pixels() {
@@ -152,7 +152,7 @@ impl Cell {
         ((sum + count / 2) / count.max(1)) as u8
     }
 
-    /// Mean depth of the surface that the known pixel nearest to the middle lies on.
+    /// Returns the mean depth of the surface of the known pixel nearest to the middle.
     fn depth(&self, depth: &DepthMap, middle: DVec2) -> f32 {
         let known = |&(x, y): &(u32, u32)| {
             let depth = depth.at(x, y);

@@ -3,94 +3,94 @@ use serde::{Deserialize, Serialize};
 use super::{Mapped, MapperOptions, TriedPair};
 use ostra_geometry::TwoViewKind;
 
-/// What became of a frame, and why.
+/// Result for one frame: how it got a camera, or why it has none.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// It has a camera.
+    /// Structure from motion found its camera.
     Placed {
-        /// Points that it sees.
+        /// Number of model points that it sees.
         points: usize,
-        /// Median reprojection error of these in pixels.
+        /// Median reprojection error of these points in pixels.
         error_px: f64,
     },
-    /// It has a camera by its depth.
+    /// RGB-D registration found its camera.
     Registered {
-        /// Frames whose depth and picture agree with its own.
+        /// Number of frames whose depth and image agree with its own.
         neighbours: usize,
-        /// Median share of what it and one of these see that agrees, 0–1.
+        /// Median over these frames of the share of the jointly visible pixels that agree, 0–1.
         consistent: f64,
     },
-    /// Its camera's intrinsics are not known, without which depth is no shape.
+    /// Its intrinsics are unknown, so its depth has no known shape.
     NoIntrinsics,
-    /// Too little depth to register it by.
+    /// It has too little depth to be registered.
     NoDepth {
-        /// Share of its pixels whose depth is known, 0–1.
+        /// Share of its pixels with known depth, 0–1.
         known: f64,
     },
-    /// Its depth and picture agree with those of no other frame.
+    /// Its depth and image agree with those of no other frame.
     Unlike {
-        /// The frame that agrees most, and the share of what both see that agrees.
+        /// The frame that agrees most, and the share of the jointly visible pixels that agrees.
         nearest: Option<(usize, f64)>,
     },
-    /// It belongs to frames that nothing joins with those kept.
+    /// It belongs to a group of frames that no link joins with the kept ones.
     Apart {
-        /// How many these are.
+        /// Number of frames in this group.
         frames: usize,
     },
-    /// Its picture cannot be read.
+    /// Its image cannot be read.
     Unreadable {
-        /// What was said.
+        /// Message of the read error.
         why: String,
     },
-    /// Too little to recognise in the picture.
+    /// Its image has too few features.
     FewFeatures {
-        /// Features found.
+        /// Number of features found.
         found: usize,
     },
-    /// No other picture shows the same.
+    /// No other image shows the same part of the scene.
     NoPair {
-        /// The frame with most matches, and how many; they do not agree with one camera movement.
+        /// The frame with the most matches, and their number; they do not agree with one camera motion.
         nearest: Option<(usize, usize)>,
     },
-    /// It shows the same as others, but too little of what is in the model.
+    /// It matches other images but sees too few points of the model.
     FewPoints {
         /// Keypoints that see points of the model.
         seen: usize,
-        /// What was needed.
+        /// Number needed.
         needed: usize,
-        /// The frame that shares most with it, and the matches that agree.
+        /// The frame that shares most with it, and the number of matches that agree.
         nearest: Option<(usize, usize)>,
     },
-    /// What it sees of the model does not agree on a place for its camera.
+    /// The model points that it sees do not agree on a camera pose.
     NoPose {
         /// Keypoints that see points of the model.
         seen: usize,
-        /// Of these, how many agreed.
+        /// Number of these that agreed.
         agreeing: usize,
     },
-    /// It belongs to another model, which nothing joins with the one kept.
+    /// It belongs to another model that is not connected with the kept one.
     OtherModel {
-        /// Which, counted from 2.
+        /// Number of that model, counted from 2.
         model: usize,
-        /// Images in it.
+        /// Number of images in it.
         images: usize,
     },
-    /// The run was stopped before it was tried.
+    /// The run was stopped before this frame was tried.
     NotReached,
 }
 
-/// Features below which a picture has too little to recognise.
+/// Images with fewer features than this are reported as having too few.
 pub(super) const FEW_FEATURES: usize = 50;
 
 impl Outcome {
-    /// Whether the frame has a camera.
+    /// Returns whether the frame has a camera.
     #[must_use]
     pub fn is_placed(&self) -> bool {
         matches!(self, Self::Placed { .. } | Self::Registered { .. })
     }
 
-    /// What became of it, in words; `name` tells the name of another frame.
+    /// Describes the outcome for people; `name` returns the name of another frame by its number.
     #[must_use]
     pub fn text<'a>(&self, name: impl Fn(usize) -> &'a str) -> String {
         match self {
@@ -168,8 +168,11 @@ impl Outcome {
     }
 }
 
-/// What became of each image, of which `frame_of` tells the frame: `features` per image (`Err` = why it cannot be
-/// read), pairs that were tried, models with the one kept first, points and median error of an image in that.
+/// Returns the outcome of each image.
+///
+/// `frame_of` maps an image to its frame. `features` holds the number of features per image (`Err`
+/// = why it cannot be read), and `tried` the pairs that were matched. `models` starts with the kept
+/// one; `placed` gives the number of points and the median error of an image in it.
 #[must_use]
 pub fn outcomes(
     frame_of: &[usize],
@@ -239,7 +242,7 @@ fn left_out(
     }
 }
 
-/// The image that shares most with this one, and how much; `None` where none shares anything.
+/// Returns the image that shares most with this one, and how much; `None` if no image shares anything.
 fn most(
     image: usize,
     tried: &[TriedPair],
@@ -257,7 +260,7 @@ fn most(
         .max_by_key(|&(other, shared)| (shared, std::cmp::Reverse(other)))
 }
 
-/// Why fewer than two pictures can be matched at all.
+/// Explains why fewer than two images can be matched at all.
 fn why_nothing_to_match(features: &[Result<usize, String>]) -> Option<String> {
     let rich = features
         .iter()
@@ -284,7 +287,7 @@ fn why_nothing_to_match(features: &[Result<usize, String>]) -> Option<String> {
     ))
 }
 
-/// Why there is no pair to start from, and what to do.
+/// Explains why there is no pair to start from, and what the user can do.
 #[must_use]
 pub fn why_no_start(
     names: &[&str],

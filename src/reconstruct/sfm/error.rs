@@ -2,19 +2,19 @@ use super::FeatureError;
 use ostra_core::job::Stopped;
 use ostra_frames::FrameError;
 
-/// What ends structure from motion without a result.
+/// Reasons why structure from motion ends without a result.
 #[derive(Debug, thiserror::Error)]
 pub enum SfmError {
-    /// Features or matches could not be made.
+    /// Features or matches could not be computed.
     #[error(transparent)]
     Feature(#[from] FeatureError),
     /// A frame could not be read.
     #[error(transparent)]
     Frame(#[from] FrameError),
-    /// No two pictures to start from; what was found, and what to do.
+    /// There is no image pair to start from; the message says what was found and what to do.
     #[error("{0}")]
     NoStart(String),
-    /// The user stopped it.
+    /// The user stopped the run.
     #[error(transparent)]
     Stopped(#[from] Stopped),
 }

@@ -7,27 +7,27 @@ use super::{Descriptors, FeatureExtractor, Features, SfmError};
 use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameError, FrameStore, Image};
 
-/// Pictures that are decoded while features of another are looked for.
+/// Number of images that are decoded ahead while features of another are extracted.
 const AHEAD: usize = 2;
 
-/// What a picture gives for structure from motion.
+/// Features of one image for structure from motion.
 #[derive(Debug, Clone)]
 pub struct PictureFeatures {
     /// Its features.
     pub features: Features,
-    /// The picture's colour at each keypoint, sRGB.
+    /// Colour of the image at each keypoint, sRGB.
     pub colors: Vec<[u8; 3]>,
-    /// Why there are none, where the picture cannot be read.
+    /// Why the image cannot be read; it then has no features.
     pub unreadable: Option<String>,
 }
 
-/// Where features may lie in the frame of this number: `width · height` pixels row by row; `None` = everywhere.
+/// Returns the allowed pixels of a frame by its number: `width · height` values row by row; `None` = all.
 pub type AllowedPixels<'a> = &'a dyn Fn(usize) -> Option<Vec<bool>>;
 
-/// Features of the chosen frames, in their order. A picture that cannot be read has none.
+/// Extracts features of the chosen frames, in their order. An unreadable image has none.
 ///
 /// # Errors
-/// [`SfmError::Feature`] where the extractor fails, [`SfmError::Stopped`].
+/// [`SfmError::Feature`] if the extractor fails, [`SfmError::Stopped`].
 pub fn extract(
     frames: &[Frame],
     chosen: &[usize],
@@ -55,7 +55,7 @@ pub fn extract(
     Ok(all)
 }
 
-/// Features of one frame's picture; none where that cannot be read.
+/// Extracts features of one frame's image; none if it cannot be read.
 ///
 /// # Errors
 /// As [`extract`].
@@ -82,8 +82,9 @@ pub fn of_picture(
     Ok(coloured(features, &image))
 }
 
-/// Features of one frame's picture as it looks under many tilts, at their places in the picture; nothing where that
-/// cannot be read.
+/// Extracts features of simulated tilted views of a frame's image, at their positions in the image itself.
+///
+/// Returns nothing if the image cannot be read.
 ///
 /// # Errors
 /// As [`extract`].
@@ -111,7 +112,7 @@ pub fn tilted_picture(
     Tilt::all().into_iter().map(under).collect()
 }
 
-/// The allowed pixels without transparent ones, which show nothing of the scene.
+/// Removes transparent pixels, which show nothing of the scene, from the allowed ones.
 fn opaque<'a>(
     frame: &Frame,
     store: &FrameStore,

@@ -1,6 +1,6 @@
 use glam::DVec2;
 
-/// How the surroundings of keypoints look, one row of `dim` values per keypoint, row by row.
+/// Descriptors of keypoints: one row of `dim` values per keypoint, row by row.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Descriptors {
     /// Bytes whose rows have about the same length (SIFT: 128 values, length about 512).
@@ -20,7 +20,7 @@ pub enum Descriptors {
 }
 
 impl Descriptors {
-    /// Values per keypoint.
+    /// Returns the number of values per keypoint.
     #[must_use]
     pub fn dim(&self) -> usize {
         match *self {
@@ -28,7 +28,7 @@ impl Descriptors {
         }
     }
 
-    /// Keypoints described.
+    /// Returns the number of described keypoints.
     #[must_use]
     pub fn len(&self) -> usize {
         let values = match self {
@@ -38,7 +38,7 @@ impl Descriptors {
         values / self.dim().max(1)
     }
 
-    /// The values, where they are bytes.
+    /// Returns the values if they are bytes.
     #[must_use]
     pub fn as_bytes(&self) -> Option<&[u8]> {
         match self {
@@ -47,7 +47,7 @@ impl Descriptors {
         }
     }
 
-    /// The values, where they are floats.
+    /// Returns the values if they are floats.
     #[must_use]
     pub fn as_floats(&self) -> Option<&[f32]> {
         match self {
@@ -56,32 +56,32 @@ impl Descriptors {
         }
     }
 
-    /// Whether no keypoint is described.
+    /// Returns whether no keypoint is described.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 }
 
-/// What an extractor found in one picture.
+/// Features that an extractor found in one image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Features {
-    /// Columns of the picture.
+    /// Columns of the image.
     pub width: u32,
-    /// Rows of the picture.
+    /// Rows of the image.
     pub height: u32,
-    /// Positions in pixels of the picture as shown; centre of the top-left pixel at (0.5, 0.5).
+    /// Positions in pixels of the image as shown; the centre of the top-left pixel is at (0.5, 0.5).
     pub keypoints: Vec<DVec2>,
-    /// Radius that each keypoint stands for, in pixels; empty where the extractor has none.
+    /// Radius of each keypoint in pixels; empty if the extractor gives none.
     pub scales_px: Vec<f32>,
-    /// How sure the extractor is of each keypoint, 0..1; empty where it does not say.
+    /// Confidence of each keypoint, 0–1; empty if the extractor gives none.
     pub scores: Vec<f32>,
     /// One row per keypoint.
     pub descriptors: Descriptors,
 }
 
 impl Features {
-    /// Some of the features, by index, in the order given.
+    /// Returns the features with these indices, in the order given.
     #[must_use]
     pub fn select(&self, keep: &[u32]) -> Self {
         fn some<T: Copy>(values: &[T], dim: usize, keep: &[u32]) -> Vec<T> {
@@ -113,16 +113,18 @@ impl Features {
     }
 }
 
-/// Finds keypoints that show again in other pictures of the same scene.
+/// Finds keypoints that can be found again in other images of the same scene.
 pub trait FeatureExtractor: Send + Sync {
     /// Short name for menus and reports.
     fn name(&self) -> &'static str;
 
-    /// Features of a grey picture (`width · height` values in 0..1, row by row); only where `allowed` (one value per
-    /// pixel) is true, everywhere without it.
+    /// Extracts features of a grey image (`width · height` values in 0–1, row by row).
+    ///
+    /// `allowed` has one value per pixel; features lie only where it is true, or anywhere without
+    /// it.
     ///
     /// # Errors
-    /// [`FeatureError::Network`] where a learned network fails.
+    /// [`FeatureError::Network`] if a learned network fails.
     fn extract(
         &self,
         grey: &[f32],
@@ -132,24 +134,27 @@ pub trait FeatureExtractor: Send + Sync {
     ) -> Result<Features, FeatureError>;
 }
 
-/// Tells which keypoints of two pictures show the same point.
+/// Finds which keypoints of two images show the same point.
 pub trait FeatureMatcher: Send + Sync {
     /// Short name for menus and reports.
     fn name(&self) -> &'static str;
 
-    /// Pairs (index in `first`, index in `second`), ascending by the first, one to one.
+    /// Returns pairs (index in `first`, index in `second`), one to one, ascending by the first index.
     ///
     /// # Errors
-    /// [`FeatureError::Kinds`] where the two cannot be compared, [`FeatureError::Network`] where a network fails.
+    /// [`FeatureError::Kinds`] if the two cannot be compared, [`FeatureError::Network`] if a
+    /// network fails.
     fn matches(&self, first: &Features, second: &Features)
     -> Result<Vec<(u32, u32)>, FeatureError>;
 
-    /// Whether matches of two pictures depend on the other pictures of their set.
+    /// Returns whether matches of two images depend on the other images of their set.
     fn depends_on_set(&self) -> bool {
         false
     }
 
-    /// The same for pairs of a set of pictures, told by number: what they have in common is worked out once.
+    /// Prepares matching within a set of images; pairs are then given by index into the set.
+    ///
+    /// Data that the images share is computed once.
     ///
     /// # Errors
     /// As [`Self::matches`].
@@ -159,7 +164,7 @@ pub trait FeatureMatcher: Send + Sync {
         }))
     }
 
-    /// As [`Self::of_set`], where only these pairs will be asked for.
+    /// Prepares matching like [`Self::of_set`] when only these pairs will be requested.
     ///
     /// # Errors
     /// As [`Self::matches`].
@@ -172,17 +177,17 @@ pub trait FeatureMatcher: Send + Sync {
     }
 }
 
-/// Matches of two pictures of a set, as [`FeatureMatcher::matches`].
+/// Returns the matches of two images of a set, as [`FeatureMatcher::matches`].
 pub type PairMatches<'a> =
     Box<dyn Fn(usize, usize) -> Result<Vec<(u32, u32)>, FeatureError> + Send + Sync + 'a>;
 
-/// Why features could not be found or matched.
+/// Reasons why features could not be extracted or matched.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum FeatureError {
     /// A learned network failed.
     #[error("the feature network failed: {0}")]
     Network(String),
-    /// Two pictures have descriptors of different kinds or sizes.
+    /// Two images have descriptors of different kinds or sizes.
     #[error("{0}; extract the features of all pictures with the same extractor")]
     Kinds(String),
 }
@@ -192,7 +197,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn some_features_keep_their_rows() {
+    fn selected_features_keep_their_rows() {
         let features = Features {
             width: 9,
             height: 7,

@@ -4,31 +4,33 @@ use super::{IntrinsicsSource, MapCamera};
 use ostra_frames::{Frame, Orientation, PictureSource, exif_focal_px};
 use ostra_geometry::{Camera, Distortion};
 
-/// Focal length of a camera of which nothing is known, relative to the longer side of its pictures.
+/// Guessed focal length of an unknown camera, relative to the longer side of its images.
 const GUESSED_FOCAL: f64 = 1.2;
 
-/// What two pictures of one unknown camera have in common.
+/// Properties that all images of one unknown camera share.
 #[derive(PartialEq)]
 struct Trace {
-    /// The folder of the picture, or the film.
+    /// The folder of the image, or the video.
     place: PathBuf,
     size: (u32, u32),
     orientation: Orientation,
     exif_focal_px: Option<f64>,
 }
 
-/// Which camera took which frame: one for all frames with the same given intrinsics, and one for all other frames of a
-/// folder or film with the same size, turn and focal length in their EXIF data.
+/// Assigns frames to cameras.
+///
+/// Frames with the same given intrinsics share a camera. The other frames share one if they come
+/// from the same folder or video and have the same size, rotation and EXIF focal length.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CameraGroups {
     /// The cameras.
     pub cameras: Vec<MapCamera>,
-    /// By frame, which of them.
+    /// Index of the camera of each frame.
     pub camera_of: Vec<usize>,
 }
 
 impl CameraGroups {
-    /// Groups frames, of which some may have intrinsics. Estimated ones count as unknown.
+    /// Groups frames, some of which may have intrinsics. Estimated intrinsics count as unknown.
     #[must_use]
     pub fn new(frames: &[&Frame]) -> Self {
         let mut groups = Self::default();

@@ -11,7 +11,7 @@ use ostra_geometry::{
     AbsolutePoseOptions, Camera, Pose, estimate_absolute_pose, refine_absolute_pose,
 };
 
-/// Places frames in a map that stays as it is.
+/// Estimates poses of further frames in a map that stays fixed.
 pub(super) struct Locator<'a> {
     pub request: &'a SfmRequest<'a>,
     pub problem: &'a MapProblem,
@@ -19,27 +19,27 @@ pub(super) struct Locator<'a> {
     pub pictures: &'a [PictureFeatures],
 }
 
-/// What became of a frame between.
+/// Result for a frame between mapped ones.
 pub(super) struct Located {
     pub camera: Option<FrameCamera>,
     pub outcome: Outcome,
 }
 
-/// What the matches of a frame see of the model.
+/// Model points that the matches of a frame lead to.
 struct Sightings {
-    /// Pixels of the frame and the points that they see, each pair once.
+    /// Pixels of the frame with the points that they see, each pair once.
     seen: Vec<(DVec2, DVec3)>,
-    /// The frame that shares most with it, and the matches with that.
+    /// The frame that shares most with it, and their number of matches.
     nearest: Option<(usize, usize)>,
 }
 
-/// Mapped frames on either side that a frame is matched with first, and where that is not enough.
+/// Mapped frames on either side that a frame is matched with: first, and if these are not enough.
 const REACH: [usize; 2] = [2, 8];
-/// Reprojection error in pixels up to which a sighting refines the pose.
+/// Observations with a reprojection error up to this, in pixels, refine the pose.
 const FINE_ERROR_PX: f64 = 4.0;
 
 impl Locator<'_> {
-    /// The pose of a frame, from its matches with mapped frames near it in the sequence.
+    /// Estimates the pose of a frame from its matches with mapped frames near it in the sequence.
     pub fn locate(&self, number: usize, store: &FrameStore) -> Result<Located, SfmError> {
         let frame = &self.request.frames[number];
         let picture = of_picture(
@@ -69,7 +69,7 @@ impl Locator<'_> {
         })
     }
 
-    /// Placed images nearest in the sequence, up to `reach` on either side.
+    /// Returns the nearest placed images in the sequence, up to `reach` on either side.
     fn near(&self, number: usize, reach: usize) -> Vec<usize> {
         let mapped = self.request.mapped;
         let middle = mapped.partition_point(|&other| other < number);
@@ -157,7 +157,7 @@ impl Locator<'_> {
         })
     }
 
-    /// The frame's own intrinsics where they are given, else those of the nearest mapped frame of the same size.
+    /// Returns the frame's given intrinsics, or those of the nearest mapped frame of the same size.
     fn intrinsics(&self, frame: &Frame, near: &[usize]) -> (Camera, bool) {
         let camera_of = |image: usize| self.problem.images[image].camera;
         let of_size =
@@ -180,7 +180,7 @@ impl Locator<'_> {
     }
 }
 
-/// The pose refined over the sightings that fit it well, and their errors in pixels, ascending.
+/// Refines the pose over the observations that fit it well; also returns their errors in pixels, ascending.
 fn refined(camera: &Camera, start: Pose, at_px: &[DVec2], points: &[DVec3]) -> (Pose, Vec<f64>) {
     let error = |pose: &Pose, (at_px, point): (&DVec2, &DVec3)| {
         camera

@@ -1,6 +1,7 @@
-//! Structure from motion: features, matches, pairs, incremental mapping, the account of what was left out.
+//! Structure from motion: features, pair selection, matching, incremental mapping, and a report per
+//! image.
 //!
-//! Every image that is left out has an [`Outcome`] with the reason.
+//! Every image that gets no camera has an [`Outcome`] with the reason.
 
 mod account;
 mod cache;

@@ -1,4 +1,4 @@
-//! Which pairs of pictures are matched, and which of their matches agree on a geometry.
+//! Selection of the image pairs to match, and geometric verification of their matches.
 
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -11,18 +11,19 @@ use super::{FeatureMatcher, Features, IntrinsicsSource, MapCamera, SfmError, Ver
 use ostra_core::job::Progress;
 use ostra_geometry::{TwoViewOptions, estimate_two_view};
 
-/// Which pictures of a set are compared with each other.
+/// Options of pair selection.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct PairOptions {
-    /// Up to this many pictures each is compared with each.
+    /// In sets of up to this many images, every image is compared with every other.
     pub exhaustive_up_to: usize,
-    /// In larger sets: next pictures of the same sequence that a picture is compared with, besides those 2, 4, 8, … on.
+    /// In larger sets: number of following images of the same sequence that an image is compared
+    /// with. Those 2, 4, 8, … further on are added.
     pub window: usize,
-    /// In larger sets: other pictures that each is compared with because they look most alike.
+    /// In larger sets: number of further images that each is compared with because their appearance is most similar.
     pub alike: usize,
-    /// In larger sets: pairs (indices, in either order) besides those that are chosen.
+    /// In larger sets: additional pairs (indices, in either order).
     pub given: Vec<(usize, usize)>,
-    /// For the sample of descriptors by which likeness is judged.
+    /// Seed for the sample of descriptors by which similarity is judged.
     pub seed: u64,
 }
 
@@ -38,7 +39,7 @@ impl Default for PairOptions {
     }
 }
 
-/// Every pair (first < second) of `n` pictures.
+/// Returns every pair (first < second) of `n` images.
 #[must_use]
 fn exhaustive_pairs(n: usize) -> BTreeSet<(usize, usize)> {
     (0..n)
@@ -46,7 +47,7 @@ fn exhaustive_pairs(n: usize) -> BTreeSet<(usize, usize)> {
         .collect()
 }
 
-/// Every picture of a sequence of `n` with the next `window` ones and with those 2, 4, 8, … further on.
+/// Pairs every image of a sequence of `n` with the next `window` ones and with those 2, 4, 8, … further on.
 #[must_use]
 fn sequence_pairs(n: usize, window: usize) -> BTreeSet<(usize, usize)> {
     let doubling = (0..usize::BITS - 1)
@@ -59,9 +60,11 @@ fn sequence_pairs(n: usize, window: usize) -> BTreeSet<(usize, usize)> {
         .collect()
 }
 
-/// The pairs of pictures to compare: ascending, first < second. `sequence` tells for each picture which sequence (folder,
-/// film) it belongs to, whose pictures follow each other in the order given; windows do not cross sequences, likeness
-/// does.
+/// Returns the pairs of images to compare: ascending, first < second.
+///
+/// `sequence` holds for each image the sequence (folder, video) that it belongs to. Images of one
+/// sequence follow each other in the order given. Windows do not cross sequences; pairs by
+/// similarity do.
 #[must_use]
 pub fn choose_pairs(
     features: &[&Features],
@@ -82,7 +85,7 @@ pub fn choose_pairs(
     pairs.into_iter().collect()
 }
 
-/// [`sequence_pairs`] within each sequence.
+/// Returns [`sequence_pairs`] within each sequence.
 fn windows(sequence: &[usize], window: usize) -> BTreeSet<(usize, usize)> {
     let ids: BTreeSet<usize> = sequence.iter().copied().collect();
     let mut pairs = BTreeSet::new();
@@ -104,16 +107,18 @@ fn windows(sequence: &[usize], window: usize) -> BTreeSet<(usize, usize)> {
 pub struct TriedPair {
     /// The two images, the lower number first.
     pub images: [u32; 2],
-    /// Matches before they had to agree with a geometry.
+    /// Number of matches before geometric verification.
     pub matches: usize,
-    /// What agreed, where enough did.
+    /// The verified pair, if enough matches agree.
     pub verified: Option<VerifiedPair>,
 }
 
-/// Matches pairs of images and keeps the matches that agree with a geometry of the two views; in the order of the pairs.
+/// Matches pairs of images and keeps the matches that agree with a two-view geometry.
+///
+/// The result is in the order of the pairs.
 ///
 /// # Errors
-/// [`SfmError`] where the matcher fails, and when stopped.
+/// [`SfmError`] if the matcher fails or the run is stopped.
 pub fn match_pairs(
     features: &[&Features],
     cameras: &[MapCamera],
@@ -137,7 +142,7 @@ pub fn match_pairs(
     tried.collect()
 }
 
-/// The matches of two images, given by number, that agree with a geometry; the image with the lower number first.
+/// Verifies the matches of two images, given by number; the lower number comes first.
 pub(super) fn verify(
     both: [(usize, &Features, MapCamera); 2],
     matches: &[(u32, u32)],
@@ -198,7 +203,7 @@ mod tests {
     use super::*;
     use crate::sfm::Descriptors;
 
-    /// A picture of one of several places, each with descriptors of its own.
+    /// Returns features of an image of one of several places, each with its own descriptors.
     fn picture(place: u64) -> Features {
         let mut random = Pcg64Mcg::seed_from_u64(place);
         Features {
@@ -215,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sequence_pairs_neighbours_and_doubling_steps() {
+    fn sequences_pair_neighbours_and_doubling_steps() {
         let pairs = sequence_pairs(20, 3);
         let of_first: Vec<usize> = pairs
             .iter()
@@ -239,8 +244,8 @@ mod tests {
     }
 
     #[test]
-    fn windows_stay_in_their_sequence_but_likeness_does_not() {
-        // Two folders, pictures taken in turn; only pictures 0 and 7 show the same thing.
+    fn windows_stay_in_their_sequence_but_similarity_pairs_cross() {
+        // Two folders, with images taken in turn; only images 0 and 7 show the same place.
         let set = [0, 1, 1, 2, 2, 3, 3, 0].map(picture);
         let set: Vec<&Features> = set.iter().collect();
         let options = PairOptions {
@@ -283,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn given_pairs_come_besides_the_others() {
+    fn given_pairs_are_added_to_the_chosen_ones() {
         let set: Vec<Features> = (0..4).map(picture).collect();
         let given = vec![(3, 0), (0, 3), (1, 1), (1, 7)];
         let options = PairOptions {

@@ -13,13 +13,15 @@ use ostra_core::job::Progress;
 use ostra_core::statistics::upper_median;
 use ostra_frames::{Frame, FrameStore, PictureSource};
 
-/// Cameras and sparse points from pictures: features, matches, incremental mapping; then the frames between are placed
-/// in the map, and the scale is taken from depth where there is any and no pose was given. Stopped while it maps or
-/// later, it gives what it has by then.
+/// Estimates cameras and sparse points from images.
+///
+/// The steps are features, matches and incremental mapping. Frames between the mapped ones are then
+/// located in the map. The scale is taken from depth if there is any and no pose was given. When
+/// stopped during mapping or later, it returns what it has by then.
 ///
 /// # Errors
-/// [`SfmError::NoStart`] with the reason where nothing can be placed; where the extractor or the matcher fails; when
-/// stopped before anything was placed.
+/// [`SfmError::NoStart`] with the reason if nothing can be placed; other [`SfmError`]s if the
+/// extractor or the matcher fails, or the run is stopped before anything was placed.
 pub fn structure_from_motion(
     request: &SfmRequest<'_>,
     store: &FrameStore,
@@ -87,7 +89,7 @@ pub fn structure_from_motion(
         pictures: &pictures,
     };
     match finish(&locator, store, &mut result, progress) {
-        // What is kept has its scale all the same: nothing could give it later.
+        // A partial result is scaled all the same: its scale could not be determined later.
         Err(SfmError::Stopped(_)) => {
             scale_to_metres(request, store, &mut result, &Progress::default())?;
         }
@@ -162,7 +164,7 @@ fn problem(
     ))
 }
 
-/// Number of the folder or film that each frame comes from.
+/// Returns the number of the folder or video that each frame comes from.
 fn sequences(frames: &[&Frame]) -> Vec<usize> {
     let mut places = Vec::new();
     let place = |frame: &&Frame| match &frame.picture {
@@ -201,7 +203,7 @@ fn account(
     request.mapped.iter().copied().zip(outcomes).collect()
 }
 
-/// Features of each picture, or why it cannot be read.
+/// Returns the number of features of each image, or why it cannot be read.
 fn found(pictures: &[PictureFeatures]) -> Vec<Result<usize, String>> {
     let one = |picture: &PictureFeatures| {
         picture
@@ -212,7 +214,8 @@ fn found(pictures: &[PictureFeatures]) -> Vec<Result<usize, String>> {
     pictures.iter().map(one).collect()
 }
 
-/// Points that an image sees and the median of their reprojection errors in pixels; `None` where it is not placed.
+/// Returns how many points an image sees and the median of their reprojection errors in pixels;
+/// `None` if it is not placed.
 fn residual(problem: &MapProblem, model: &SparseModel, image: usize) -> Option<(usize, f64)> {
     model.poses[image]?;
     let keypoints = (0..problem.images[image].keypoints.len() as u32).map(|index| KeypointId {
@@ -254,7 +257,7 @@ fn locate_rest(
     Ok(())
 }
 
-/// Depth gives the unit, unless given poses have one.
+/// Scales the model to the unit of the depth maps, unless given poses fix the unit.
 fn scale_to_metres(
     request: &SfmRequest<'_>,
     store: &FrameStore,

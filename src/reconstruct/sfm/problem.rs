@@ -1,46 +1,46 @@
-//! What is mapped, which keypoints correspond, and the sparse models that are made of it.
+//! The mapping problem: images, cameras, correspondences, and the sparse models made from them.
 
 use glam::{DVec2, DVec3};
 
 use ostra_geometry::{Camera, Pose, TwoViewKind};
 
-/// A keypoint of an image, by number.
+/// A keypoint, by image and index.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct KeypointId {
-    /// Which image.
+    /// Number of the image.
     pub image: u32,
-    /// Which of its keypoints.
+    /// Index among its keypoints.
     pub index: u32,
 }
 
-/// How far a camera's intrinsics can be trusted.
+/// How reliable a camera's intrinsics are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum IntrinsicsSource {
-    /// Known; they stay as they are.
+    /// Known; they stay fixed.
     Given,
-    /// The focal length is told by the picture file; all is refined.
+    /// The focal length is from the image file's EXIF data; everything is refined.
     Exif,
-    /// Nothing is known; the focal length is looked for, all is refined.
+    /// Nothing is known; the focal length is searched for, and everything is refined.
     Guessed,
 }
 
 /// A physical camera, shared by all images that it took.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MapCamera {
-    /// Its intrinsics, or where their refinement starts.
+    /// Its intrinsics, or the initial values of their refinement.
     pub intrinsics: Camera,
-    /// How far they can be trusted.
+    /// How reliable they are.
     pub source: IntrinsicsSource,
 }
 
 /// An image as the mapper sees it.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct MapImage {
-    /// Which of the cameras took it.
+    /// Index of the camera that took it.
     pub camera: usize,
     /// Its keypoints in pixels.
     pub keypoints: Vec<DVec2>,
-    /// `camera_from_world` where it is known and shall stay.
+    /// `camera_from_world` if it is known and must stay fixed.
     pub given: Option<Pose>,
 }
 
@@ -49,39 +49,39 @@ pub struct MapImage {
 pub struct VerifiedPair {
     /// The two images, the lower number first.
     pub images: [u32; 2],
-    /// Pairs of keypoints that agree.
+    /// Pairs of keypoint indices that agree.
     pub matches: Vec<[u32; 2]>,
-    /// Which geometry explains them.
+    /// The kind of geometry that explains them.
     pub kind: TwoViewKind,
-    /// `second_from_first` with a translation of length 1, where it could be found.
+    /// `second_from_first` with a translation of length 1, if it could be determined.
     pub second_from_first: Option<Pose>,
     /// Median angle between the two rays of a match in radians.
     pub parallax: f64,
 }
 
-/// All that the mapper works on.
+/// Input of the mapper.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct MapProblem {
     /// The cameras that took the images.
     pub cameras: Vec<MapCamera>,
     /// The images.
     pub images: Vec<MapImage>,
-    /// Pairs of images that see the same.
+    /// Pairs of images that show the same part of the scene.
     pub pairs: Vec<VerifiedPair>,
 }
 
-/// For every keypoint the keypoints of other images that it was matched with.
+/// For every keypoint, the keypoints of other images that it was matched with.
 #[derive(Debug)]
 pub struct Correspondences {
     /// Number of the first keypoint of each image, counted over all images.
     first: Vec<u32>,
-    /// Where the links of each keypoint begin; one more at the end.
+    /// Start of the links of each keypoint; one more at the end.
     starts: Vec<u32>,
     links: Vec<KeypointId>,
 }
 
 impl Correspondences {
-    /// Gathers the matches of all pairs.
+    /// Collects the matches of all pairs.
     #[must_use]
     pub fn new(problem: &MapProblem) -> Self {
         let mut first = vec![0];
@@ -123,7 +123,7 @@ impl Correspondences {
         }
     }
 
-    /// What a keypoint was matched with, in the order of the pairs.
+    /// Returns what a keypoint was matched with, in the order of the pairs.
     #[must_use]
     pub fn of(&self, keypoint: KeypointId) -> &[KeypointId] {
         let slot = (self.first[keypoint.image as usize] + keypoint.index) as usize;
@@ -134,7 +134,7 @@ impl Correspondences {
 /// A point of the model and the keypoints that see it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelPoint {
-    /// In world units.
+    /// Position in world units.
     pub position: DVec3,
     /// Keypoints that see it, in the order in which they were found.
     pub track: Vec<KeypointId>,
@@ -154,7 +154,7 @@ pub struct SparseModel {
 }
 
 impl SparseModel {
-    /// Nothing placed.
+    /// Creates a model in which nothing is placed.
     #[must_use]
     pub fn new(problem: &MapProblem) -> Self {
         Self {
@@ -173,31 +173,31 @@ impl SparseModel {
         }
     }
 
-    /// Whether an image is placed.
+    /// Returns whether an image is placed.
     #[must_use]
     pub fn is_placed(&self, image: u32) -> bool {
         self.poses[image as usize].is_some()
     }
 
-    /// The images that are placed.
+    /// Returns the images that are placed.
     pub fn placed(&self) -> impl Iterator<Item = u32> + '_ {
         (0..self.poses.len() as u32).filter(|&image| self.is_placed(image))
     }
 
-    /// The point that a keypoint sees.
+    /// Returns the point that a keypoint sees.
     #[must_use]
     pub fn point_of(&self, keypoint: KeypointId) -> Option<u32> {
         Some(self.point_of[keypoint.image as usize][keypoint.index as usize])
             .filter(|&point| point != NO_POINT)
     }
 
-    /// A point by number; `None` where it was taken out.
+    /// Returns a point by number; `None` if it was removed.
     #[must_use]
     pub fn point(&self, point: u32) -> Option<&ModelPoint> {
         self.points.get(point as usize)?.as_ref()
     }
 
-    /// All points with their numbers, which never change.
+    /// Returns all points with their numbers, which never change.
     pub fn points(&self) -> impl Iterator<Item = (u32, &ModelPoint)> + '_ {
         self.points
             .iter()
@@ -205,13 +205,13 @@ impl SparseModel {
             .filter_map(|(i, point)| Some((i as u32, point.as_ref()?)))
     }
 
-    /// One above the highest number of a point.
+    /// Returns one above the highest number of a point.
     #[must_use]
     pub fn point_slots(&self) -> u32 {
         self.points.len() as u32
     }
 
-    /// How many of an image's keypoints see a point.
+    /// Returns how many of an image's keypoints see a point.
     #[must_use]
     pub fn points_seen(&self, image: u32) -> usize {
         self.point_of[image as usize]
@@ -220,7 +220,7 @@ impl SparseModel {
             .count()
     }
 
-    /// Puts in a point; none of the keypoints sees another. Gives its number.
+    /// Adds a point whose keypoints see no other point, and returns its number.
     pub fn add(&mut self, position: DVec3, track: Vec<KeypointId>) -> u32 {
         let number = self.points.len() as u32;
         for keypoint in &track {
@@ -237,7 +237,7 @@ impl SparseModel {
         }
     }
 
-    /// Adds a keypoint, which sees no other, to those that see a point.
+    /// Adds a keypoint that sees no point yet to the track of a point.
     pub fn extend(&mut self, number: u32, keypoint: KeypointId) {
         if let Some(point) = self.points[number as usize].as_mut() {
             point.track.push(keypoint);
@@ -245,7 +245,7 @@ impl SparseModel {
         }
     }
 
-    /// Takes a keypoint from those that see its point.
+    /// Removes a keypoint from the track of its point.
     pub fn detach(&mut self, keypoint: KeypointId) {
         let Some(number) = self.point_of(keypoint) else {
             return;
@@ -256,7 +256,7 @@ impl SparseModel {
         }
     }
 
-    /// Takes a point out; gives what it was.
+    /// Removes a point and returns it.
     pub fn remove(&mut self, number: u32) -> Option<ModelPoint> {
         let point = self.points[number as usize].take()?;
         for keypoint in &point.track {

@@ -1,4 +1,4 @@
-//! What structure from motion is given, and what it gives.
+//! Input and result of structure from motion.
 
 use std::collections::BTreeMap;
 
@@ -11,53 +11,53 @@ use ostra_frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
 use ostra_frames::{Frame, FrameCamera};
 use ostra_geometry::Pose;
 
-/// What structure from motion is to do.
+/// Input of structure from motion.
 pub struct SfmRequest<'a> {
     /// All frames of the project.
     pub frames: &'a [Frame],
-    /// Numbers of those that make the map, ascending.
+    /// Numbers of the frames that form the map, ascending.
     pub mapped: &'a [usize],
-    /// Numbers of those that are then placed in it, ascending.
+    /// Numbers of the frames that are then located in it, ascending.
     pub located: &'a [usize],
-    /// Whether poses that frames have stay as they are; else all are found anew.
+    /// Whether poses that frames already have stay fixed; otherwise all are estimated again.
     pub keep_poses: bool,
-    /// Where features may lie.
+    /// Pixels where features may lie.
     pub allowed: AllowedPixels<'a>,
-    /// Finds features.
+    /// Extracts features.
     pub extractor: &'a dyn FeatureExtractor,
-    /// Matches them.
+    /// Matches features.
     pub matcher: &'a dyn FeatureMatcher,
-    /// Which pairs are matched, by place among the mapped frames.
+    /// Selection of the pairs to match, by position among the mapped frames.
     pub pairs: PairOptions,
-    /// How the map is grown.
+    /// Options of the mapper.
     pub mapper: MapperOptions,
 }
 
-/// What structure from motion made of some frames.
+/// Result of structure from motion.
 #[derive(Debug, Clone)]
 pub struct SfmResult {
-    /// By frame number, its camera.
+    /// Cameras by frame number.
     pub cameras: BTreeMap<usize, FrameCamera>,
     /// Points and the keypoints that see them; frame numbers as in `cameras`.
     pub sparse: SparsePoints,
-    /// By frame number, what became of it.
+    /// Outcomes by frame number.
     pub outcomes: BTreeMap<usize, Outcome>,
-    /// How the model was begun.
+    /// How the model was started.
     pub start: Start,
-    /// Frames per model, that of the one kept first.
+    /// Number of frames per model, the kept one first.
     pub models: Vec<usize>,
-    /// The scale that depth pictures gave, where the model was scaled by it.
+    /// The scale from depth maps, if the model was scaled by it.
     pub scale: Option<MetricScale>,
-    /// What the user should know.
+    /// Messages that the user should know about.
     pub warnings: Vec<String>,
     /// Names of the extractor and the matcher.
     pub methods: [&'static str; 2],
-    /// Whether it was stopped and is a part of what it could be.
+    /// Whether the run was stopped, so that the result is incomplete.
     pub stopped: bool,
 }
 
 impl SfmResult {
-    /// Makes the model larger by a factor.
+    /// Scales the model by a factor.
     pub fn scale_by(&mut self, factor: f64) {
         for pose in self
             .cameras
@@ -72,7 +72,7 @@ impl SfmResult {
     }
 }
 
-/// The model's cameras by frame number; `chosen` tells the frame of each image.
+/// Returns the model's cameras by frame number; `chosen` holds the frame of each image.
 #[must_use]
 pub fn frame_cameras(
     problem: &MapProblem,
@@ -96,7 +96,7 @@ pub fn frame_cameras(
     chosen.iter().enumerate().filter_map(camera).collect()
 }
 
-/// The model's points with their colours and errors, and the keypoints that see one.
+/// Returns the model's points with their colours and errors, and the keypoints that see them.
 #[must_use]
 pub fn sparse_points(
     problem: &MapProblem,
@@ -136,7 +136,7 @@ pub fn sparse_points(
     sparse
 }
 
-/// Reprojection error of a sighting in pixels; infinite where it is not seen.
+/// Returns the reprojection error of an observation in pixels; infinite if the image does not see it.
 #[must_use]
 pub fn error_px(
     problem: &MapProblem,

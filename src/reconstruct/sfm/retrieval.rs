@@ -1,4 +1,4 @@
-//! Which pictures look alike, judged by what their descriptors have in common.
+//! Image similarity, measured by pooled descriptors.
 
 use std::collections::BTreeSet;
 
@@ -10,14 +10,14 @@ use rayon::prelude::*;
 use super::matching::{Value, k_means, nearest_centres};
 use super::{Descriptors, Features};
 
-/// Centres that descriptors are sorted to.
+/// Number of centres that descriptors are assigned to.
 const CENTRES: usize = 64;
-/// Descriptors that the centres are found from.
+/// Number of descriptors from which the centres are found.
 const SAMPLE: usize = 8192;
 /// Rounds of k-means; later ones hardly move the centres.
 const ROUNDS: usize = 8;
 
-/// Typical descriptors of a set of pictures, against which each picture is summed up in one vector.
+/// Typical descriptors of a set of images, used to summarise each image in one vector.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Vocabulary {
     kind: Kind,
@@ -25,7 +25,7 @@ pub struct Vocabulary {
     centres: Vec<f32>,
 }
 
-/// What descriptors need to have in common to be compared.
+/// Properties that descriptors must share to be compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Kind {
     dim: usize,
@@ -42,7 +42,9 @@ impl Kind {
 }
 
 impl Vocabulary {
-    /// k-means over a seeded sample of the pictures' own descriptors, of the kind that the first picture with any has.
+    /// Learns a vocabulary by k-means over a seeded sample of the images' own descriptors.
+    ///
+    /// The kind of descriptor is that of the first image that has any.
     #[must_use]
     pub fn learn(features: &[&Features], seed: u64) -> Self {
         let all: Vec<&Descriptors> = features.iter().map(|one| &one.descriptors).collect();
@@ -64,11 +66,14 @@ impl Vocabulary {
         }
     }
 
-    /// One vector of length 1 per picture; cosines between them say how alike two look. 0 without descriptors, and where
-    /// they are of another kind than the vocabulary's.
+    /// Returns one vector of length 1 per image; the cosine of two measures how similar the images are.
     ///
-    /// VLAD: H. Jégou et al., "Aggregating local descriptors into a compact image representation", CVPR 2010, with each
-    /// centre's share brought to length 1 as in R. Arandjelović and A. Zisserman, "All about VLAD", CVPR 2013.
+    /// The vector is 0 for an image without descriptors, or with another kind than the
+    /// vocabulary's.
+    ///
+    /// VLAD: H. Jégou et al., "Aggregating local descriptors into a compact image representation",
+    /// CVPR 2010, with each centre's share scaled to length 1 as in R. Arandjelović and A.
+    /// Zisserman, "All about VLAD", CVPR 2013.
     #[must_use]
     pub fn pooled(&self, features: &Features) -> Vec<f32> {
         if Kind::of(&features.descriptors) != self.kind {
@@ -80,7 +85,7 @@ impl Vocabulary {
         }
     }
 
-    /// [`Self::pooled`] of each picture.
+    /// Returns [`Self::pooled`] of each image.
     #[must_use]
     pub fn pool_all(&self, features: &[&Features]) -> Vec<Vec<f32>> {
         features.par_iter().map(|one| self.pooled(one)).collect()
@@ -110,7 +115,7 @@ fn normalise(values: &mut [f32]) {
     }
 }
 
-/// About [`SAMPLE`] descriptors, every one of the set equally likely.
+/// Samples about [`SAMPLE`] descriptors, every one of the set equally likely.
 fn sample(all: &[&Descriptors], dim: usize, seed: u64) -> Vec<f32> {
     let ends: Vec<usize> = all
         .iter()
@@ -138,9 +143,10 @@ fn sample(all: &[&Descriptors], dim: usize, seed: u64) -> Vec<f32> {
     rows
 }
 
-/// Pairs (first < second, ascending) of each picture with the `k` others whose vectors (of length 1) have the largest
-/// cosine with its own, besides pairs already `known`; the lower index first where two are equally alike. Vectors of
-/// length 0 are like no other.
+/// Returns pairs of each image with the `k` others of largest cosine, besides pairs already `known`.
+///
+/// Pairs are ascending, first < second. The vectors have length 1. The lower index comes first if
+/// two are equally similar. Vectors of length 0 are similar to no other.
 #[must_use]
 pub fn most_alike(
     pooled: &[Vec<f32>],

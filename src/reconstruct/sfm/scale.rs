@@ -7,32 +7,34 @@ use ostra_core::statistics::nth_smallest;
 use ostra_frames::cameras::SparsePoints;
 use ostra_frames::{Frame, FrameCamera, FrameError, FrameStore};
 
-/// Metres per unit of a model, and how well it is known.
+/// Scale of a model, and its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MetricScale {
-    /// World units of the depth pictures per unit of the model.
+    /// World units of the depth maps per unit of the model.
     pub factor: f64,
-    /// Half the width, relative to the factor, of the band around it that holds two thirds of the samples within a
-    /// factor of 2.
+    /// Half the width, relative to the factor, of the band around it that holds two thirds of the
+    /// samples within a factor of 2.
     pub spread: f64,
-    /// Sightings with depth that it was taken from.
+    /// Number of observations with depth that it was estimated from.
     pub samples: usize,
 }
 
-/// Largest mean reprojection error of points that tell the scale, in pixels.
+/// Points with a larger mean reprojection error, in pixels, are not used.
 const MAX_ERROR_PX: f64 = 2.0;
-/// Sightings with depth below which nothing is said.
+/// With fewer observations with depth than this, there is no result.
 const LEAST_SAMPLES: usize = 30;
 /// Width of the kernel in natural logarithms of the scale.
 const KERNEL: f64 = 0.01;
 
-/// Steps from the fullest place to the densest.
+/// Mean-shift steps from the fullest bin to the densest position.
 const MEAN_SHIFTS: usize = 20;
 
-/// The scale at which the model agrees with the depth of its frames: the mode, by kernel density, of depth / z over all
-/// sightings of points (OSTRA's ScaleCalculator: Xu, Zhao, Tang, Gan, "A One Stop 3D Target Reconstruction and multilevel
-/// Segmentation Method"). `None` where too few sightings have depth. With it a line that names the frames whose depth cannot
-/// be read: they say nothing.
+/// Estimates the scale at which the model agrees with the depth of its frames.
+///
+/// It is the mode, by kernel density, of depth / z over all observations of points (OSTRA's
+/// ScaleCalculator: Xu, Zhao, Tang, Gan, "A One Stop 3D Target Reconstruction and multilevel
+/// Segmentation Method"). `None` if too few observations have depth. A line that names the frames
+/// with unreadable depth comes with it; these frames are left out.
 ///
 /// # Errors
 /// [`SfmError::Stopped`].
@@ -84,7 +86,7 @@ pub fn metric_scale(
     Ok((mode(logs), warning))
 }
 
-/// The densest place among logarithms of the scale.
+/// Returns the densest position among logarithms of the scale.
 fn mode(mut logs: Vec<f64>) -> Option<MetricScale> {
     if logs.len() < LEAST_SAMPLES {
         return None;
@@ -140,7 +142,7 @@ mod tests {
     use ostra_frames::{DepthSource, Orientation, PictureSource};
     use ostra_geometry::{Camera, Pose};
 
-    /// A frame of 8 × 6 pixels whose depth says 2 m everywhere.
+    /// Returns a frame of 8 × 6 pixels with a depth of 2 m everywhere.
     fn frame(folder: &Path, number: usize) -> Frame {
         let depth =
             image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::from_pixel(8, 6, image::Luma([2000]));
@@ -170,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn a_depth_that_cannot_be_read_is_named_and_the_others_give_the_scale() {
+    fn unreadable_depth_is_named_and_the_others_give_the_scale() {
         let folder = tempfile::tempdir().unwrap();
         let frames: Vec<Frame> = (0..3).map(|number| frame(folder.path(), number)).collect();
         std::fs::write(folder.path().join("d1.png"), "").unwrap();
@@ -209,8 +211,9 @@ mod tests {
     }
 
     #[test]
-    fn the_mode_is_found_among_outliers() {
-        // Two thirds agree on 2.5 within 1 %, a third is spread widely (depth behind or before the point).
+    fn mode_is_found_among_outliers() {
+        // Two thirds agree on 2.5 within 1 %; a third is spread widely (depth behind or in front of
+        // the point).
         let logs = (0..300).map(|i| {
             let spread = f64::from(i % 100) / 50.0 - 1.0;
             2.5f64.ln()
@@ -226,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn few_samples_say_nothing() {
+    fn too_few_samples_give_no_scale() {
         assert_eq!(mode(vec![0.3; LEAST_SAMPLES - 1]), None);
     }
 }

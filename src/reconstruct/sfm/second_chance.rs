@@ -1,4 +1,5 @@
-//! Another attempt at pictures that no model holds: they are tilted, matched and mapped again.
+//! Second attempt at images that no model contains: simulated tilts of them are matched, and all is
+//! mapped again.
 
 use std::collections::BTreeMap;
 
@@ -17,29 +18,30 @@ use super::{
 use ostra_core::job::Progress;
 use ostra_frames::FrameStore;
 
-/// Pictures that get a second chance at most, those first that have most matches with one other.
+/// Maximum number of images in the second attempt; those with most matches with one other come first.
 const MOST: usize = 8;
 
-/// What the mapper was given, and what it made of it.
+/// Input of the mapper, and its result.
 pub(super) struct Attempt {
-    /// What was mapped.
+    /// The mapping problem.
     pub problem: MapProblem,
     /// Features by image.
     pub pictures: Vec<PictureFeatures>,
     /// All pairs that were matched.
     pub tried: Vec<TriedPair>,
-    /// The models, the one kept first.
+    /// The models, the kept one first.
     pub models: Vec<Mapped>,
 }
 
-/// Looks for more matches of pictures that no model holds, and maps again where there are any: taken at a grazing angle,
-/// a picture shows what others show so foreshortened that its features are not recognised, until it is tilted back.
-/// Where every image was placed, nothing of this runs.
+/// Searches for more matches of images that no model contains, and maps again if there are any.
 ///
-/// Gives the first attempt back where that places no more pictures, and when stopped.
+/// An image taken at a grazing angle shows its content so foreshortened that its features are not
+/// recognised until the tilt is simulated away. If every image was placed, nothing of this runs.
+///
+/// Returns the first attempt if the second places no more images, or when stopped.
 ///
 /// # Errors
-/// [`SfmError`] where the extractor or the matcher fails.
+/// [`SfmError`] if the extractor or the matcher fails.
 pub(super) fn second_chance(
     mut first: Attempt,
     request: &SfmRequest<'_>,
@@ -70,7 +72,7 @@ pub(super) fn second_chance(
     })
 }
 
-/// By image that was left out, more matches, where they were found.
+/// Returns additional matches by image that was left out, where any were found.
 fn look_again(
     first: &Attempt,
     request: &SfmRequest<'_>,
@@ -111,7 +113,7 @@ fn look_again(
     Ok(gained)
 }
 
-/// Images that no model holds although there is something to recognise in them.
+/// Returns the images that no model contains although they have enough features.
 fn left_out(attempt: &Attempt) -> Vec<usize> {
     let is_placed = |image: usize| {
         attempt
@@ -135,7 +137,7 @@ fn left_out(attempt: &Attempt) -> Vec<usize> {
     images
 }
 
-/// The problem and its pairs with what was gained.
+/// Returns the problem and its pairs, extended by the additional matches.
 fn with_gains(first: &Attempt, gained: &BTreeMap<usize, Gained>) -> (MapProblem, Vec<TriedPair>) {
     let (mut problem, mut tried) = (first.problem.clone(), first.tried.clone());
     for (&image, found) in gained {
@@ -156,23 +158,23 @@ fn with_gains(first: &Attempt, gained: &BTreeMap<usize, Gained>) -> (MapProblem,
     (problem, tried)
 }
 
-/// Images of the model that is kept.
+/// Returns how many images the kept model contains.
 fn placed(models: &[Mapped]) -> usize {
     models.first().map_or(0, |kept| kept.model.placed().count())
 }
 
-/// Images of the model that an image is compared with, those first with which it has most matches.
+/// Number of model images that an image is compared with; those with most matches come first.
 const NEIGHBOURS: usize = 24;
 
-/// More matches of one image.
+/// Additional matches of one image.
 struct Gained {
-    /// Its features, with those of tilted views behind its own.
+    /// Its features, followed by those of tilted views.
     pub picture: PictureFeatures,
-    /// Pairs of which more matches agree than before.
+    /// Pairs for which more matches agree than before.
     pub pairs: Vec<TriedPair>,
 }
 
-/// Looks for matches of an image that no model holds with those of a model.
+/// Searches for matches between an image that no model contains and the images of a model.
 struct LookAgain<'a> {
     pub attempt: &'a Attempt,
     pub model: &'a SparseModel,
@@ -184,8 +186,10 @@ struct LookAgain<'a> {
 type OfView = (usize, Vec<(u32, u32)>);
 
 impl LookAgain<'_> {
-    /// Matches of the image and of its tilted `views`; `None` where no more agree than before, or fewer than `enough` with
-    /// any one image: too few for a place.
+    /// Matches the image and its tilted `views`; `None` without a sufficient gain.
+    ///
+    /// There is none if no more matches agree than before, or fewer than `enough` with any one
+    /// image, which is too few for a pose.
     pub fn gains(
         &self,
         views: &[PictureFeatures],
@@ -221,7 +225,7 @@ impl LookAgain<'_> {
             .then_some(Gained { picture, pairs }))
     }
 
-    /// Images of the model, ascending.
+    /// Returns images of the model, ascending.
     fn neighbours(&self) -> Vec<usize> {
         let matches = |other: u32| {
             let pair = ordered(self.image as u32, other);
@@ -246,7 +250,9 @@ impl LookAgain<'_> {
         neighbours
     }
 
-    /// By neighbour the matches of each view. Nearest neighbours whatever the matcher in use: there are many views.
+    /// Returns the matches of each view by neighbour.
+    ///
+    /// Nearest neighbours are used whatever the chosen matcher, because there are many views.
     fn matches(
         &self,
         views: &[&PictureFeatures],
@@ -280,7 +286,7 @@ impl LookAgain<'_> {
             .collect()
     }
 
-    /// What agrees of the matches of the picture, which is this image's, with another image.
+    /// Verifies the matches of this image with another one.
     fn verified(
         &self,
         picture: &PictureFeatures,
@@ -298,7 +304,7 @@ impl LookAgain<'_> {
         verify([other, own], &turned, self.seed)
     }
 
-    /// Matches of a pair that agreed in the first attempt.
+    /// Returns how many matches of a pair agreed in the first attempt.
     fn agreed(&self, images: [u32; 2]) -> usize {
         self.attempt
             .tried

@@ -6,15 +6,17 @@ use ostra_frames::Image;
 use ostra_geometry::{Camera, Distortion};
 use ostra_masks::{LabelId, LabelMask};
 
-/// A wide lens is drawn no smaller than this share of its focal length; what lies further out is left off.
+/// Smallest share of its focal length at which a wide lens is drawn; the parts further out are cut off.
 const SMALLEST_SCALE: f64 = 0.2;
 /// Pixels of a row between which positions are interpolated: less than 0.02 px off even for strong lenses.
 const RUN: usize = 8;
-/// Border positions looked at per side.
+/// Border positions sampled per side.
 const BORDER_STEPS: u32 = 256;
 
-/// The pinhole camera of the same size, centre and pixel shape that sees as much as fits of what `camera` sees while
-/// every one of its pixels is seen by `camera`.
+/// Returns the pinhole camera that shows as much as possible of an image without empty pixels.
+///
+/// It has the size, centre and pixel shape of `camera`, and every one of its pixels is seen by
+/// `camera`.
 #[must_use]
 pub fn undistorted_camera(camera: &Camera) -> Camera {
     let plain = Camera {
@@ -25,7 +27,8 @@ pub fn undistorted_camera(camera: &Camera) -> Camera {
         return plain;
     }
     let size = DVec2::new(f64::from(camera.width), f64::from(camera.height));
-    // Where the picture's edges are without distortion, in pixels of the plain camera from the principal point.
+    // Position of the image's edges without distortion, in pixels of the pinhole camera from the
+    // principal point.
     let inner = |from: DVec2, to: DVec2, outwards: DVec2| {
         (0..=BORDER_STEPS)
             .map(|step| from.lerp(to, f64::from(step) / f64::from(BORDER_STEPS)))
@@ -48,8 +51,9 @@ pub fn undistorted_camera(camera: &Camera) -> Camera {
     }
 }
 
-/// The picture of camera `from` as camera `to` at the same place sees it, colours interpolated between four pixels;
-/// black where `from` does not see. `image` has the size of `from`.
+/// Converts an image of camera `from` to camera `to` at the same position, interpolating between four pixels.
+///
+/// Pixels that `from` does not see are black. `image` has the size of `from`.
 #[must_use]
 pub fn undistort_image(image: &Image, from: &Camera, to: &Camera) -> Image {
     let mut pixels = vec![[0; 3]; to.width as usize * to.height as usize];
@@ -61,8 +65,10 @@ pub fn undistort_image(image: &Image, from: &Camera, to: &Camera) -> Image {
     }
 }
 
-/// The mask of camera `from` as camera `to` at the same place sees it: the id of the pixel hit, never a mixture; no label
-/// where `from` does not see. `mask` has the size of `from`.
+/// Converts a mask of camera `from` to camera `to` at the same position.
+///
+/// Each pixel takes the id of the pixel that it hits, never a mixture; pixels that `from` does not
+/// see get no label. `mask` has the size of `from`.
 #[must_use]
 pub fn undistort_mask(mask: &LabelMask, from: &Camera, to: &Camera) -> LabelMask {
     let mut ids = vec![LabelId::NONE; to.width as usize * to.height as usize];
@@ -76,7 +82,9 @@ pub fn undistort_mask(mask: &LabelMask, from: &Camera, to: &Camera) -> LabelMask
     }
 }
 
-/// Sets every pixel of `to` by its position in `from`, in pixels, where it has one. The cameras stand at the same place.
+/// Sets every pixel of `to` by its position in `from`, in pixels, if it has one.
+///
+/// The cameras are at the same position.
 pub fn for_each_source<T: Send>(
     pixels: &mut [T],
     from: &Camera,
@@ -108,7 +116,7 @@ pub fn for_each_source<T: Send>(
         });
 }
 
-/// The colour at a position inside the picture, from the four pixel centres around it.
+/// Returns the colour at a position inside the image, from the four pixel centres around it.
 fn between(image: &Image, at_px: DVec2) -> [u8; 3] {
     let last = DVec2::new(f64::from(image.width) - 1.0, f64::from(image.height) - 1.0);
     let at = (at_px - 0.5).clamp(DVec2::ZERO, last);
@@ -131,7 +139,7 @@ fn between(image: &Image, at_px: DVec2) -> [u8; 3] {
 mod tests {
     use super::*;
 
-    /// Strong barrel, pincushion, off-centre and fisheye lenses.
+    /// Returns strong barrel, pincushion, off-centre and fisheye lenses.
     fn lenses() -> [Camera; 4] {
         let base = Camera::pinhole(160, 120, 110.0, 112.0, 83.0, 57.5);
         [
@@ -159,7 +167,7 @@ mod tests {
         ]
     }
 
-    /// What a camera sees of a wall whose colour depends on the place on the plane z = 1.
+    /// Renders a wall whose colour depends on the position on the plane z = 1.
     fn seen<T>(camera: &Camera, wall: impl Fn(DVec2) -> T) -> Vec<T> {
         (0..camera.width * camera.height)
             .map(|at| {
@@ -172,14 +180,14 @@ mod tests {
             .collect()
     }
 
-    /// Soft stripes that are straight on the wall.
+    /// Returns soft stripes that are straight on the wall.
     fn stripes(at: DVec2) -> [u8; 3] {
         [at.x + 0.3 * at.y, at.y, at.y - at.x]
             .map(|along| (127.5 + 100.0 * (12.0 * along).sin()).round() as u8)
     }
 
     #[test]
-    fn straight_lines_come_out_straight() {
+    fn straight_lines_stay_straight_after_undistortion() {
         for from in lenses() {
             let to = undistorted_camera(&from);
             let image = Image {
@@ -211,7 +219,7 @@ mod tests {
     }
 
     #[test]
-    fn every_pixel_is_seen_and_none_is_given_away() {
+    fn undistorted_camera_sees_the_largest_view_without_empty_pixels() {
         for from in lenses() {
             let to = undistorted_camera(&from);
             assert_eq!(to.distortion, Distortion::None);
@@ -241,9 +249,10 @@ mod tests {
     }
 
     #[test]
-    fn interpolated_positions_are_right() {
+    fn interpolated_positions_are_accurate() {
         for lens in lenses() {
-            // At the size that lenses are used at: the smaller a picture, the more a lens bends within one run.
+            // At the size that lenses are used at: the smaller an image, the more a lens bends
+            // within one run.
             let from = Camera {
                 width: 1280,
                 height: 960,
@@ -268,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn ids_are_never_mixed() {
+    fn label_ids_are_never_mixed() {
         // Neighbours 3 and 40: any id between them would be a mixture.
         let part = |at: DVec2| {
             LabelId(if (9.0 * at.x).sin() * (9.0 * at.y).sin() > 0.0 {
@@ -300,7 +309,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pinhole_camera_stays_as_it_is() {
+    fn pinhole_camera_is_unchanged() {
         let camera = Camera::pinhole(4, 3, 5.0, 5.0, 2.1, 1.4);
         assert_eq!(undistorted_camera(&camera), camera);
         let image = Image {

@@ -3,19 +3,19 @@ use ostra_cloud::SceneError;
 use ostra_compute::gpu::GpuError;
 use ostra_core::job::Stopped;
 
-/// What ends stereo as a whole; what concerns one view is its [`super::ViewOutcome`].
+/// Reasons why stereo ends as a whole; problems of single views are in [`super::ViewOutcome`].
 #[derive(Debug, thiserror::Error)]
 pub enum StereoError {
-    /// Features or matches for the sparse points could not be made.
+    /// Features or matches for the sparse points could not be computed.
     #[error(transparent)]
     Sfm(#[from] SfmError),
-    /// Something is asked for that the input cannot give, or a result could not be kept.
+    /// The input does not allow what was requested, or a result could not be stored.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// The graphics card that it was to run on failed.
+    /// The graphics card failed.
     #[error(transparent)]
     Gpu(#[from] GpuError),
-    /// The user stopped it.
+    /// The user stopped the run.
     #[error(transparent)]
     Stopped(#[from] Stopped),
 }

@@ -1,4 +1,4 @@
-//! What stereo gives of a view, and where it is kept.
+//! Results of stereo for a view, and their storage.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -9,7 +9,9 @@ use super::patchmatch::{Found, Picture, Plane};
 use ostra_cloud::SceneError;
 use ostra_geometry::Camera;
 
-/// Depth, normal and confidence of one view, on its raster. All vectors have `width · height` elements.
+/// Depth, normal and confidence of one view, on its raster.
+///
+/// All vectors have `width · height` elements, row by row.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DepthEstimate {
     /// Intrinsics of the raster, without distortion.
@@ -23,7 +25,7 @@ pub struct DepthEstimate {
 }
 
 impl DepthEstimate {
-    /// What a search found.
+    /// Converts the result of a search.
     #[must_use]
     pub fn new(found: &Found, picture: &Picture) -> Self {
         let raster = picture.raster(0);
@@ -43,7 +45,7 @@ impl DepthEstimate {
         estimate
     }
 
-    /// Nothing known.
+    /// Creates an estimate in which all depths are unknown.
     #[must_use]
     pub fn empty(camera: Camera) -> Self {
         let count = camera.width as usize * camera.height as usize;
@@ -55,30 +57,30 @@ impl DepthEstimate {
         }
     }
 
-    /// Columns.
+    /// Returns the number of columns.
     #[must_use]
     pub fn width(&self) -> usize {
         self.camera.width as usize
     }
 
-    /// Rows.
+    /// Returns the number of rows.
     #[must_use]
     pub fn height(&self) -> usize {
         self.camera.height as usize
     }
 
-    /// The normal of a pixel (camera space, about unit length); zero where unknown.
+    /// Returns the normal of a pixel (camera space, about unit length); zero if unknown.
     #[must_use]
     pub fn normal(&self, at: usize) -> Vec3 {
         Vec3::from(self.normals[at].map(f32::from)) / 127.0
     }
 
-    /// Forgets a pixel.
+    /// Marks a pixel as unknown.
     pub fn clear(&mut self, at: usize) {
         (self.depths[at], self.normals[at], self.confidence[at]) = (0.0, [0; 3], 0);
     }
 
-    /// The planes of all pixels and their costs, as a search tells them; no plane where depth is unknown.
+    /// Returns the planes of all pixels and their costs, as a search returns them; no plane where depth is unknown.
     #[must_use]
     pub fn found(&self, picture: &Picture) -> Found {
         let raster = picture.raster(0);
@@ -107,40 +109,40 @@ impl DepthEstimate {
     }
 }
 
-/// How far a view's depth is.
+/// Processing stage of a view's depth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Stage {
-    /// After so many rounds with geometric consistency; 0 = by the pictures alone.
+    /// After this many rounds with geometric consistency; 0 = by the images alone.
     Round(u32),
-    /// What of the last round other views agree with.
+    /// Depths of the last round that other views agree with.
     Filtered,
-    /// With what others see: ready to be looked at and fused.
+    /// Completed by what others see: ready to be viewed and fused.
     Complete,
 }
 
-/// Where depths are kept while others are made, and afterwards: what is there when a run starts is not made again.
+/// Storage of depths during and after a run; stages that exist when a run starts are not computed again.
 pub trait DepthStore: Sync {
-    /// The depth of a frame at a stage; `None` when it is not there.
+    /// Returns the depth of a frame at a stage; `None` if it does not exist.
     ///
     /// # Errors
-    /// [`SceneError`] when it cannot be read; [`ostra_frames::FrameError::Invalid`] within it when it is damaged, for which
-    /// it is made again.
+    /// [`SceneError`] if it cannot be read; it contains [`ostra_frames::FrameError::Invalid`] if it
+    /// is damaged, in which case it is computed again.
     fn load(&self, frame: usize, stage: Stage) -> Result<Option<Arc<DepthEstimate>>, SceneError>;
 
-    /// Keeps the depth of a frame at a stage.
+    /// Stores the depth of a frame at a stage.
     ///
     /// # Errors
-    /// [`SceneError`] when it cannot be written.
+    /// [`SceneError`] if it cannot be written.
     fn save(&self, frame: usize, stage: Stage, estimate: DepthEstimate) -> Result<(), SceneError>;
 
-    /// Called when no more of a stage is needed by any view.
+    /// Removes a stage that no view needs any more.
     ///
     /// # Errors
-    /// [`SceneError`] when it cannot be removed.
+    /// [`SceneError`] if it cannot be removed.
     fn forget(&self, stage: Stage) -> Result<(), SceneError>;
 }
 
-/// Keeps depths in memory: 8 bytes a pixel and stage.
+/// Stores depths in memory: 8 bytes per pixel and stage.
 #[derive(Debug, Default)]
 pub struct MemoryDepths {
     estimates: Mutex<BTreeMap<(Stage, usize), Arc<DepthEstimate>>>,

@@ -1,4 +1,5 @@
-//! PatchMatch stereo: posed pictures → depth, normal and confidence per view → points and the pixels that made them.
+//! PatchMatch stereo: posed images → depth, normal and confidence per view → points and the pixels
+//! that contributed to them.
 
 mod error;
 pub mod filter;

@@ -4,8 +4,9 @@ use ostra_geometry::Camera;
 
 use super::patchmatch::Tones;
 
-/// The camera of the raster that depth is found on: without distortion, the longer side at most `max_side` pixels, never
-/// enlarged.
+/// Returns the camera of the raster on which depth is estimated.
+///
+/// It has no distortion and a longer side of at most `max_side` pixels; it is never enlarged.
 #[must_use]
 pub fn raster_camera(camera: &Camera, max_side: u32) -> Camera {
     let plain = undistorted_camera(camera);
@@ -26,11 +27,12 @@ pub fn raster_camera(camera: &Camera, max_side: u32) -> Camera {
     }
 }
 
-/// The frame's picture without distortion on the raster of [`raster_camera`], each pixel the mean of the area that it
-/// covers.
+/// Returns the frame's image without distortion on the raster of [`raster_camera`].
+///
+/// Each pixel is the mean of the area that it covers.
 ///
 /// # Errors
-/// [`FrameError`] when the picture cannot be read.
+/// [`FrameError`] if the image cannot be read.
 pub fn raster_image(
     frame: &Frame,
     camera: &Camera,
@@ -50,7 +52,7 @@ pub fn raster_image(
     ))
 }
 
-/// Luma and chroma as in ITU-R BT.601.
+/// Computes luma and chroma as in ITU-R BT.601.
 #[must_use]
 pub fn tones(image: &Image) -> Tones {
     let (mut luma, mut chroma) = (
@@ -75,7 +77,7 @@ pub fn tones(image: &Image) -> Tones {
     }
 }
 
-/// Each pixel the mean over its area in a larger picture, parts of pixels counted as parts.
+/// Shrinks an image: each pixel is the mean over its area, with partial pixels weighted by their share.
 fn area_mean(image: &Image, width: u32, height: u32) -> Image {
     if (width, height) == (image.width, image.height) {
         return image.clone();
@@ -112,7 +114,7 @@ fn add(sum: &mut [f32; 3], value: [f32; 3], share: f32) {
         .for_each(|(sum, value)| *sum += share * value);
 }
 
-/// For each pixel of a shorter side the pixels of the longer one that it covers, with shares that sum to 1.
+/// Returns for each pixel of a shorter side the pixels of the longer one that it covers, with shares that sum to 1.
 fn spans(from: u32, to: u32) -> Vec<Vec<(usize, f32)>> {
     let ratio = f64::from(from) / f64::from(to);
     let span = |at: u32| {

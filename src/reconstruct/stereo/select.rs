@@ -6,20 +6,21 @@ use serde::{Deserialize, Serialize};
 use ostra_frames::Frame;
 use ostra_frames::cameras::SparsePoints;
 
-/// Which views a view is compared with.
+/// Options for choosing the views that a view is compared with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SelectOptions {
-    /// Angles between two rays to a shared point that count: smallest, best and largest, 0–180 degrees, rising.
+    /// Useful angles between two rays to a shared point: smallest, best and largest, 0–180 degrees, ascending.
     pub angles_deg: [f64; 3],
-    /// Shared points needed, at least 1.
+    /// Minimum number of shared points, at least 1.
     pub min_shared: usize,
     /// Source views per view, 1–8.
     pub sources: usize,
-    /// Views per view that may know what it does not, its sources among them; no fewer than these.
+    /// Number of views per view from which it may be completed, including its sources; at least as many.
     ///
-    /// Accuracy of the demo from images alone on three plants: 0.938, 0.945, 0.904 without completion; 0.942,
-    /// 0.944, 0.917 with the six sources; 0.940, 0.946, 0.926 with the twelve of the default.
+    /// Accuracy of the demo from images alone on three plants: 0.938, 0.945, 0.904 without
+    /// completion; 0.942, 0.944, 0.917 with the six sources; 0.940, 0.946, 0.926 with the twelve of
+    /// the default.
     pub around: usize,
 }
 
@@ -39,21 +40,23 @@ impl Default for SelectOptions {
 pub struct SourceView {
     /// Frame number.
     pub frame: usize,
-    /// Points that both see under an angle that counts.
+    /// Number of points that both see under a useful angle.
     pub shared: usize,
-    /// The higher the better.
+    /// Higher is better.
     pub score: f64,
 }
 
-/// Cells along each side of the picture by which overlap is measured.
+/// Cells along each side of the image by which overlap is measured.
 const CELLS: usize = 8;
 /// Spread of the weight below and above the best angle, degrees.
 const SPREAD_DEG: [f64; 2] = [5.0, 15.0];
 
-/// For each view those around it that it can be compared with, the best first: those that share many points seen under a
-/// good angle, at a like scale, over much of the picture (weights as in Y. Yao et al., *MVSNet*, ECCV 2018; overlap and scale as in
-/// M. Goesele et al., *Multi-View Stereo for Community Photo Collections*, ICCV 2007). Empty for a view that shares too
-/// little with any other.
+/// Returns for each view those that it can be compared with, best first.
+///
+/// These share many points seen under a good angle, at a similar scale, over much of the image
+/// (weights as in Y. Yao et al., *MVSNet*, ECCV 2018; overlap and scale as in M. Goesele et al.,
+/// *Multi-View Stereo for Community Photo Collections*, ICCV 2007). Empty for a view that shares
+/// too little with any other.
 #[must_use]
 pub fn select_sources(
     frames: &[Frame],
@@ -99,7 +102,7 @@ pub fn select_sources(
         .collect()
 }
 
-/// What a view shares with those that see any of its points, by their place among the views.
+/// What a view shares with those that see any of its points, by index of the view.
 type Tallies = BTreeMap<usize, Tally>;
 
 fn ranked(tallies: &Tallies, views: &[usize], options: &SelectOptions) -> Vec<SourceView> {
@@ -120,7 +123,7 @@ fn ranked(tallies: &Tallies, views: &[usize], options: &SelectOptions) -> Vec<So
 /// A point as one view sees it.
 struct Sight {
     towards: DVec3,
-    /// Pixels per world unit at the point, as a share of the picture's longer side.
+    /// Pixels per world unit at the point, as a share of the image's longer side.
     scale: f64,
     cell: usize,
 }
@@ -141,12 +144,12 @@ impl Sight {
     }
 }
 
-/// What two views share, from the side of the first.
+/// What two views share, as seen by the first.
 #[derive(Debug, Clone, Copy, Default)]
 struct Tally {
     shared: usize,
     weight: f64,
-    /// One bit per cell of the picture.
+    /// One bit per cell of the image.
     cells: u64,
 }
 

@@ -1,4 +1,4 @@
-//! Sparse points of frames whose cameras are known.
+//! Sparse points of frames with known cameras.
 
 use std::collections::BTreeMap;
 
@@ -18,16 +18,16 @@ use ostra_geometry::{
     triangulate_robust,
 };
 
-/// How sparse points are made where cameras are given without any.
+/// Options of sparse points for cameras that come without any.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SparseOptions {
-    /// Longer side of the pictures that features are looked for in, 64–8192 pixels.
+    /// Longer side of the images in which features are extracted, 64–8192 pixels.
     pub max_side: u32,
-    /// Largest distance of a match from its epipolar line, and of a point from where it is seen, pixels of those
-    /// pictures, above 0.
+    /// Maximum distance of a match from its epipolar line, and of a point from its observations, in
+    /// pixels of those images, above 0.
     pub max_error_px: f64,
-    /// Least angle between two rays to a point, 0–90 degrees.
+    /// Minimum angle between two rays to a point, 0–90 degrees.
     pub min_angle_deg: f64,
 }
 
@@ -41,7 +41,7 @@ impl Default for SparseOptions {
     }
 }
 
-/// Pairs matched side by side before what they found is joined.
+/// Number of pairs matched in parallel before their results are joined.
 const TOGETHER: usize = 64;
 
 /// A view's features and camera.
@@ -51,15 +51,17 @@ struct View {
     pose: Pose,
     features: Features,
     colors: Vec<[u8; 3]>,
-    /// Pixels of the frame per pixel of the features' picture.
+    /// Pixels of the frame per pixel of the features' image.
     scale: DVec2,
 }
 
-/// Sparse points from features matched between posed views, in pixels of the frames (without distortion where a lens
-/// has some). Views that cannot be read take no part.
+/// Computes sparse points from features matched between posed views.
+///
+/// Observations are in pixels of the frames (without distortion if a lens has some). Views that
+/// cannot be read are left out.
 ///
 /// # Errors
-/// [`StereoError::Sfm`] where features cannot be made or matched, [`StereoError::Stopped`].
+/// [`StereoError::Sfm`] if features cannot be extracted or matched, [`StereoError::Stopped`].
 pub fn sparse_from_cameras(
     frames: &[Frame],
     views: &[usize],
@@ -127,7 +129,7 @@ fn view(
     }))
 }
 
-/// Tracks of (view, keypoint) over all matches that agree with the poses.
+/// Returns tracks of (view, keypoint) over all matches that agree with the poses.
 fn matched_tracks(
     views: &[View],
     matcher: &dyn FeatureMatcher,
@@ -167,7 +169,7 @@ fn matched_tracks(
     Ok(tracks.finish())
 }
 
-/// The fundamental matrix of two posed views: from positions in the first to lines in the second.
+/// Returns the fundamental matrix of two posed views: from positions in the first to lines in the second.
 fn epipolar_lines(first: &View, second: &View) -> DMat3 {
     let second_from_first = second.pose.compose(&first.pose.inverse());
     fundamental_in_pixels(
@@ -176,7 +178,7 @@ fn epipolar_lines(first: &View, second: &View) -> DMat3 {
     )
 }
 
-/// The larger of the distances of two matched positions from each other's epipolar lines, pixels.
+/// Returns the larger distance of two matched positions from each other's epipolar lines, in pixels.
 fn line_distance(lines: DMat3, [a, b]: [DVec2; 2]) -> f64 {
     let (a, b) = (a.extend(1.0), b.extend(1.0));
     let (in_second, in_first) = (lines * a, lines.transpose() * b);
@@ -239,13 +241,13 @@ fn add_point(
 /// Keypoints of several views joined by matches (union–find).
 #[derive(Debug)]
 struct Tracks {
-    /// Number of the first keypoint of each view, counted over all, then the number of all.
+    /// Number of the first keypoint of each view, counted over all, then the total.
     first: Vec<usize>,
     sets: DisjointSets,
 }
 
 impl Tracks {
-    /// Keypoints of each view, none joined.
+    /// Creates the keypoints of each view, none joined.
     pub fn new(counts: impl Iterator<Item = usize>) -> Self {
         let mut first = vec![0];
         counts.for_each(|count| first.push(first[first.len() - 1] + count));
@@ -259,7 +261,9 @@ impl Tracks {
         self.sets.unite(a, b);
     }
 
-    /// The tracks of two or more (view, keypoint), without those of views that come up twice: one of the two is wrong.
+    /// Returns the tracks of two or more (view, keypoint).
+    ///
+    /// Keypoints of views that occur twice are left out: one of the two is wrong.
     pub fn finish(mut self) -> Vec<Vec<(usize, usize)>> {
         let mut members: BTreeMap<u32, Vec<(usize, usize)>> = BTreeMap::new();
         for view in 0..self.first.len() - 1 {

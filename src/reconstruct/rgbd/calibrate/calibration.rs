@@ -14,38 +14,45 @@ use ostra_core::statistics::upper_median;
 use ostra_frames::{DepthCamera, DepthSource, Frame, FrameStore};
 use ostra_geometry::{Camera, Distortion};
 
-/// Pairs of frames without which nothing is told.
+/// With fewer pairs of frames there is no result.
 const LEAST_PAIRS: usize = 6;
-/// What differences in brightness must come down to, on pairs that were not fitted to, for a parallax to be believed.
+/// A parallax is only accepted if it reduces the differences in brightness to this share, on pairs
+/// that it was not fitted to.
 const BETTER: f64 = 0.85;
-/// How far apart two halves of the pairs may put the picture's corners, as a share of how far these move: both together are
-/// then off by about half as much.
+/// Maximum disagreement of two halves of the pairs about the image's corners, as a share of how far these move.
+///
+/// Both halves together are then off by about half as much.
 const AGREE: f64 = 0.5;
-/// How far off they must be expected to lie by all pairs, as the same share: a camera that hardly moves tells little, and both halves
-/// the same little.
+/// Maximum expected error of the corners by all pairs, as the same share.
+///
+/// A camera that hardly moves gives little information, and both halves then agree on little.
 const SURE: f64 = 0.33;
 
-/// The camera of pictures that do not lie on their depths.
+/// The cameras of a sensor whose images are not aligned with its depths.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
-    /// Numbers of the frames that were taken with it, ascending.
+    /// Numbers of the frames taken by this sensor, ascending.
     pub frames: Vec<usize>,
-    /// Intrinsics of the pictures.
+    /// Intrinsics of the images.
     pub picture: Camera,
-    /// The camera of the depths, whose intrinsics are those that were given for both.
+    /// The camera of the depths; its intrinsics are those that were given for both.
     pub depth: DepthCamera,
 }
 
-/// Finds the cameras of pictures that do not lie on their depths, for frames whose depth has no camera of its own: two
-/// cameras stand side by side in most sensors, and many recordings hold what they saw as they saw it. The depths of some
-/// pairs of frames are laid onto each other; under the right parallax the pictures then show the same where the depths do.
-/// It is believed only where half of the pairs finds nearly what the other half does, each is better by it on the other, and what
-/// all tell leaves little open.
-/// Frames that share the intrinsics of others for which this was found earlier are taken to be from the same sensor. A
-/// given lens distortion tells that the picture's camera was calibrated: such frames are left as they are.
+/// Estimates the cameras of images that are not aligned with their depths.
+///
+/// Most sensors have two cameras next to each other, and many recordings contain their images
+/// unaligned. Only frames are considered whose depth has no camera of its own. The depths of some
+/// pairs of frames are aligned; under the right parallax, the images then show the same where the
+/// depths do.
+///
+/// A parallax is accepted only if both halves of the pairs find nearly the same, each half improves
+/// by the result of the other, and all pairs together leave little uncertainty. Frames with the
+/// same intrinsics as others with an earlier result are assumed to be from the same sensor. A given
+/// lens distortion means that the image's camera was calibrated: such frames stay unchanged.
 ///
 /// # Errors
-/// When stopped.
+/// If stopped.
 pub fn calibrate(
     frames: &[Frame],
     store: &FrameStore,
@@ -75,7 +82,7 @@ pub fn calibrate(
 }
 
 impl Calibration {
-    /// Gives the frames their cameras.
+    /// Sets the cameras of the frames.
     pub fn apply(&self, frames: &mut [Frame]) {
         for &number in &self.frames {
             let frame = &mut frames[number];
@@ -109,8 +116,9 @@ fn depth_camera(frame: &Frame) -> Option<&DepthCamera> {
     }
 }
 
-/// The cameras of picture and depth of a sensor whose depth camera has these intrinsics, where they were found earlier: what
-/// is given for some frames says nothing of others.
+/// Returns the cameras of a sensor with these depth intrinsics, if they were estimated earlier.
+///
+/// Cameras given for some frames do not count, because they say nothing about others.
 fn of_same_sensor(frames: &[Frame], given: &Camera) -> Option<(Camera, DepthCamera)> {
     let of_frame = |frame: &Frame| {
         let depth =
@@ -120,7 +128,7 @@ fn of_same_sensor(frames: &[Frame], given: &Camera) -> Option<(Camera, DepthCame
     frames.iter().find_map(of_frame)
 }
 
-/// Frames with a sensor's depth that has no camera of its own, by their intrinsics.
+/// Returns the frames with a sensor's depth that has no camera of its own, by their intrinsics.
 fn lenses(frames: &[Frame]) -> Vec<(Camera, Vec<usize>)> {
     let mut lenses: Vec<(Camera, Vec<usize>)> = Vec::new();
     for (number, frame) in frames.iter().enumerate() {
@@ -142,7 +150,7 @@ fn lenses(frames: &[Frame]) -> Vec<(Camera, Vec<usize>)> {
     lenses
 }
 
-/// The parallax of a recording, where it is beyond doubt.
+/// Returns the parallax of a recording if it is reliable.
 fn parallax(recording: &Recording<'_>, progress: &Progress) -> Result<Option<Parallax>, Stopped> {
     let pairs = recording.pairs(progress)?;
     if pairs.len() < LEAST_PAIRS {
@@ -172,41 +180,44 @@ type Own = SVector<f64, { UNKNOWNS + OF_POSE }>;
 type OwnMatrix = SMatrix<f64, { UNKNOWNS + OF_POSE }, { UNKNOWNS + OF_POSE }>;
 type PoseMatrix = SMatrix<f64, OF_POSE, OF_POSE>;
 
-/// Steps at most per level.
+/// Maximum number of steps per level.
 const STEPS: usize = 20;
-/// Step, over what is taken to be usual, at which a level has converged.
+/// A level has converged if the step, divided by the usual sizes, is below this.
 const CONVERGED: f64 = 1e-4;
-/// Degrees of freedom of the t-distribution that errors are taken to follow.
+/// Degrees of freedom of the t-distribution that errors are assumed to follow.
 const FREEDOM: f32 = 5.0;
-/// Standard deviations that the unknowns are taken to have before any image is seen. A shifted principal
-/// point and a shifted camera look the same to first order, so that the usual size of both has to decide
-/// between them: sensors have their cameras some centimetres apart, and their principal points off by some
-/// pixels.
+/// Prior standard deviations of the unknowns.
 ///
-/// The price is that the shift of the camera is pulled towards zero: of a Kinect's 2.5 cm a whole recording
-/// gives 1.1 cm, and 0.7 cm across ([`LAID_OFF`]). Objects much nearer than most then lie some pixels off.
+/// A shifted principal point and a shifted camera have the same effect to first order, so that the
+/// usual size of both has to decide between them: sensors have their cameras some centimetres
+/// apart, and their principal points off by some pixels.
+///
+/// The price is that the shift of the camera is pulled towards zero: of a Kinect's 2.5 cm a whole
+/// recording gives 1.1 cm, and 0.7 cm across ([`LAID_OFF`]). Objects much nearer than most are then
+/// off by some pixels.
 const USUAL: [f64; UNKNOWNS] = [0.1, 0.02, 0.005, 0.005, 0.03, 0.03];
-/// Unknowns of how the views of a pair stand to each other.
+/// Number of unknowns of the relative pose of a pair.
 const OF_POSE: usize = 6;
-/// What holds a pose where neither depth nor picture does: one over the square of radians and world units.
+/// Information that holds a pose where neither depth nor image does: one over the square of radians and world units.
 const LEAST_HELD: f64 = 1.0;
-/// How far off depth alone lays what both see in each of the ways that a pose can be off, over the typical depth.
+/// Expected error of an alignment by depth alone, in each direction of the pose, divided by the typical depth.
 ///
-/// With poses taken as exact, a whole recording gives 2.5 cm for the camera's shift and 0.4 across, nearer to
-/// the truth. But the first 15 frames of it then put the camera 10 cm down, and seven frames that hardly moved
-/// gave a focal length of 555 px instead of 526 with both halves agreeing. With this allowance the remaining
-/// uncertainty shows that so few frames are not enough.
+/// With poses taken as exact, a whole recording gives 2.5 cm for the camera's shift and 0.4 across,
+/// nearer to the truth. But the first 15 frames of it then put the camera 10 cm down, and seven
+/// frames that hardly moved gave a focal length of 555 px instead of 526 with both halves agreeing.
+/// With this allowance the remaining uncertainty shows that so few frames are not enough.
 const LAID_OFF: f64 = 1e-3;
-/// Pixels that tell as much as one that is independent of all others.
+/// Number of pixels that carry as much information as one independent of all others.
 const ALIKE: f64 = 300.0;
-/// The finest level that is looked at.
+/// The finest level used.
 const LEVEL: usize = 1;
-/// The least standard deviation of luma.
+/// Minimum standard deviation of luma.
 const LEAST_SPREAD: f32 = 4e-3;
 
-/// The parallax under which the pictures of pairs show the same where their depths do: Gauss–Newton steps on brightness,
-/// coarse to fine. Where nothing is told it is what was taken to be. With the covariance of its unknowns by the pixels that told
-/// of it.
+/// Fits the parallax under which the images of pairs show the same where their depths do.
+///
+/// Gauss–Newton steps on brightness, coarse to fine. Without information it stays at the prior.
+/// Also returns the covariance of its unknowns, by the pixels used.
 #[must_use]
 pub fn fit(pairs: &[&Pair]) -> (Parallax, Matrix) {
     let usual = Vector::from(USUAL);
@@ -241,8 +252,10 @@ pub fn fit(pairs: &[&Pair]) -> (Parallax, Matrix) {
     (parallax(&unknowns), covariance)
 }
 
-/// How much luma differs where the depths of pairs show the same, as a share of its standard deviation: under a parallax, and
-/// under none; over the points that are seen under both. A pair that loses more than half of them counts as no better.
+/// Measures how much luma differs where the depths of pairs show the same, under a parallax and under none.
+///
+/// The difference is relative to the standard deviation of luma, over the points that are seen
+/// under both. A pair that loses more than half of them counts as no better.
 #[must_use]
 pub fn errors(pairs: &[&Pair], parallax: &Parallax) -> [f64; 2] {
     let of_pair = |pair: &&Pair| {
@@ -270,7 +283,8 @@ pub fn errors(pairs: &[&Pair], parallax: &Parallax) -> [f64; 2] {
         .map(|which| all.iter().map(|errors| errors[which]).sum::<f64>() / all.len().max(1) as f64)
 }
 
-/// Mean difference of luma less its mean, over the standard deviation in the first of both views.
+/// Returns the mean difference of luma after subtracting its mean, divided by the standard
+/// deviation in the first view of both.
 fn unlikeness(points: &[[f32; 2]]) -> f64 {
     let mean = |value: &dyn Fn([f32; 2]) -> f64| {
         points.iter().map(|&point| value(point)).sum::<f64>() / points.len().max(1) as f64
@@ -281,7 +295,8 @@ fn unlikeness(points: &[[f32; 2]]) -> f64 {
     mean(&|[a, b]| (f64::from(b - a) - brighter).abs()) / spread.max(f64::from(LEAST_SPREAD))
 }
 
-/// Luma where a view of a pair sees a point, with its slope on the plane at depth 1; `None` where it does not see it.
+/// Returns luma where a view of a pair sees a point, with its slope on the plane at depth 1; `None`
+/// if it does not see it.
 fn seen(
     pair: &Pair,
     level: usize,
@@ -303,17 +318,21 @@ struct Sums {
 }
 
 impl Sums {
-    /// One pair counts by its own spread and difference in brightness, and its pose may be a little off, where depth tells little of
-    /// it the more: else what is off would be taken for parallax, and for certain.
+    /// Computes the sums of one pair.
+    ///
+    /// A pair is weighted by its own spread and difference in brightness. Its pose may be slightly
+    /// off, the more so the less the depth constrains it. Otherwise the error of the pose would be
+    /// taken for parallax, and for a certain one.
     fn of(pair: &Pair, shared: &[Shared], level: usize, parallax: &Parallax) -> Self {
         let turn = pair.turn_of_picture();
         let told = |shared: &Shared| {
             let seen = |view: usize| seen(pair, level, shared, view, parallax);
             let ((a, slope_a), (b, slope_b)) = (seen(0)?, seen(1)?);
-            // How a small shift in the source's picture shows in the target's.
+            // How a small shift in the source's image appears in the target's.
             let carried = turn * (shared[0].z / shared[1].z);
-            // The mean of both images' slopes. With the slope of one alone, the noise of texture that is not yet
-            // aligned exceeds the signal, and the fit stops halfway (546 px for a focal length of 527).
+            // The mean of both images' slopes. With the slope of one alone, the noise of texture
+            // that is not yet aligned exceeds the signal, and the fit stops halfway (546 px for a
+            // focal length of 527).
             let slope = 0.5 * (slope_b + carried.inverse().transpose() * slope_a);
             let [by_a, by_b] = shared.map(|point: Vec3| parallax.slopes(point));
             let by_pose = parallax.slopes_of_pose(shared[1]);
@@ -340,7 +359,8 @@ impl Sums {
         Self::without_pose(&hessian, &gradient, &held(pair))
     }
 
-    /// What is told of the parallax, however the pose be a little off; nothing where something is not finite.
+    /// Returns the information about the parallax after eliminating the error of the pose; zero if
+    /// a value is not finite.
     fn without_pose(hessian: &OwnMatrix, gradient: &Own, held: &PoseMatrix) -> Self {
         let shared = hessian.fixed_view::<OF_POSE, UNKNOWNS>(UNKNOWNS, 0);
         let Some(of_pose) =
@@ -360,14 +380,14 @@ impl Sums {
     }
 }
 
-/// How firmly depth holds the pose of a pair.
+/// Returns how strongly depth constrains the pose of a pair.
 fn held(pair: &Pair) -> PoseMatrix {
     let laid_off = LAID_OFF * f64::from(pair.typical_depth());
     let told = PoseMatrix::from_fn(|row, column| pair.information()[row][column]);
     told / (laid_off * laid_off) + PoseMatrix::identity() * LEAST_HELD
 }
 
-/// The median and a standard deviation from the median distance to it.
+/// Returns the median, and a standard deviation from the median distance to it.
 fn middle(mut values: Vec<f32>) -> (f32, f32) {
     let Some(median) = upper_median(&mut values) else {
         return (0.0, LEAST_SPREAD);

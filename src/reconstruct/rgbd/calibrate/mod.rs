@@ -1,4 +1,4 @@
-//! Whether a recording's pictures lie on its depths, and the pictures' camera where they do not.
+//! Detection of images that are not aligned with their depths, and calibration of their camera.
 
 mod calibration;
 mod pairs;

@@ -11,27 +11,27 @@ use ostra_core::job::{Progress, Stopped};
 use ostra_frames::{Frame, FrameStore};
 use ostra_geometry::{Camera, Isometry, Pose, is_same_depth};
 
-/// Pairs looked for.
+/// Number of pairs to find.
 const PAIRS: usize = 40;
-/// Frames on at which the other one of a pair is looked for: the farther the more of the parallax shows.
+/// Distance in frames at which the other frame of a pair is searched: the farther, the more of the parallax shows.
 const GAPS: [usize; 3] = [8, 4, 1];
-/// Share by which depths may differ where both see the same.
+/// Depths of the same surface differ by at most this share.
 const SAME: f32 = 0.02;
 
-/// Two views whose depths were laid onto each other.
+/// Two views whose depths were aligned.
 pub struct Pair {
     /// Both, the source first.
     pub views: [Pyramid; 2],
     aligned: Aligned,
 }
 
-/// Frames that were taken to have one camera for pictures and depths.
+/// Frames that are assumed to have one camera for images and depths.
 pub struct Recording<'a> {
     /// All frames of the project.
     pub frames: &'a [Frame],
-    /// Numbers of those, ascending.
+    /// Numbers of these frames, ascending.
     pub numbers: &'a [usize],
-    /// That camera.
+    /// The assumed camera.
     pub camera: Camera,
     /// Reads them.
     pub store: &'a FrameStore,
@@ -41,8 +41,10 @@ pub struct Recording<'a> {
 pub type Shared = [Vec3; 2];
 
 impl Pair {
-    /// Lays the depths of two views onto each other. Images only give the first guess: where they do not lie
-    /// on their depths, they would pull the pose with them.
+    /// Aligns the depths of two views.
+    ///
+    /// Images only give the initial pose: where they are not aligned with their depths, they would
+    /// pull the pose off.
     fn of(views: [&View; 2]) -> Option<Self> {
         let blind = views.map(|view| Pyramid::new(&view.without_picture()));
         let views = views.map(Pyramid::new);
@@ -52,7 +54,7 @@ impl Pair {
         Some(Self { views, aligned })
     }
 
-    /// The points that the depths of both show, at a level of the pyramids.
+    /// Returns the points that the depths of both show, at a level of the pyramids.
     #[must_use]
     pub fn shared(&self, level: usize) -> Vec<Shared> {
         let [source, target] = self.views.each_ref().map(|view| &view.levels[level]);
@@ -66,19 +68,19 @@ impl Pair {
         (0..source.depths.len()).filter_map(both).collect()
     }
 
-    /// How directions across the source's picture are turned in the target's.
+    /// Returns how directions in the source's image are rotated in the target's.
     #[must_use]
     pub fn turn_of_picture(&self) -> Mat2 {
         Mat2::from_mat3(Isometry::from(&self.aligned.target_from_source).rotation)
     }
 
-    /// As [`Aligned::information`], by depth alone.
+    /// Returns the information as in [`Aligned::information`], by depth alone.
     #[must_use]
     pub fn information(&self) -> &[[f64; 6]; 6] {
         &self.aligned.information
     }
 
-    /// Mean depth of what the target sees, world units.
+    /// Returns the mean depth of the target, in world units.
     #[must_use]
     pub fn typical_depth(&self) -> f32 {
         self.views[1].typical_depth
@@ -94,10 +96,10 @@ fn meets(target: &Level, point: Vec3) -> bool {
 }
 
 impl Recording<'_> {
-    /// Pairs of frames from all through the recording that see the same.
+    /// Returns pairs of frames from all over the recording that see the same.
     ///
     /// # Errors
-    /// When stopped.
+    /// If stopped.
     pub fn pairs(&self, progress: &Progress) -> Result<Vec<Pair>, Stopped> {
         let done = AtomicUsize::new(0);
         let count = PAIRS.min(self.numbers.len());
@@ -119,7 +121,7 @@ impl Recording<'_> {
         Ok(pairs.into_iter().flatten().collect())
     }
 
-    /// What registration sees of a frame; `None` where it cannot be read, which registration tells.
+    /// Returns the registration's view of a frame; `None` if it cannot be read, which registration reports.
     fn view(&self, frame: usize) -> Option<View> {
         let frame = &self.frames[frame];
         let (image, depth) = (

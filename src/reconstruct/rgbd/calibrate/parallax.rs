@@ -4,29 +4,31 @@ use nalgebra::{SMatrix, SVector};
 use ostra_frames::DepthCamera;
 use ostra_geometry::{Camera, Pose};
 
-/// Unknowns of a [`Parallax`].
+/// Number of unknowns of a [`Parallax`].
 pub const UNKNOWNS: usize = 6;
-/// One number for each of them.
+/// One number for each unknown.
 pub type Vector = SVector<f64, UNKNOWNS>;
-/// One number for each two of them.
+/// One number for each pair of unknowns.
 pub type Matrix = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
 
-/// How pictures lie beside the depths that they are taken to lie on: by another focal length, a turn about the axis, another
-/// principal point, and a camera that stands aside.
+/// Offset between images and the depths that they are assumed to be aligned with.
+///
+/// It consists of another focal length, a rotation about the axis, another principal point, and a
+/// shifted camera.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Parallax {
-    /// Logarithm of the picture's focal length over the depth's.
+    /// Logarithm of the image's focal length divided by the depth's.
     pub zoom: f32,
-    /// Turn about the optical axis, radians.
+    /// Rotation about the optical axis, in radians.
     pub roll: f32,
     /// Shift of the principal point, on the plane at depth 1.
     pub shift: Vec2,
-    /// Where the depth's camera stands in the picture's, world units: across the optical axis.
+    /// Position of the depth's camera relative to the image's, in world units, across the optical axis.
     pub aside: Vec2,
 }
 
 impl Parallax {
-    /// From its unknowns, in the order of the fields.
+    /// Creates it from its unknowns, in the order of the fields.
     #[must_use]
     pub fn of([zoom, roll, shift_x, shift_y, aside_x, aside_y]: [f32; UNKNOWNS]) -> Self {
         Self {
@@ -37,15 +39,16 @@ impl Parallax {
         }
     }
 
-    /// Where the picture sees a point in the depth camera's axes, on the plane at depth 1 of the camera that was taken to be
-    /// the picture's.
+    /// Projects a point in the depth camera's axes to the image.
+    ///
+    /// The result is on the plane at depth 1 of the camera that was assumed for the image.
     #[must_use]
     pub fn project(&self, point: Vec3) -> Vec2 {
         let beside = Mat2::from_angle(self.roll) * point.truncate() + self.aside;
         self.zoom.exp() * beside / point.z + self.shift
     }
 
-    /// How the place where the picture sees a point moves by the unknowns.
+    /// Returns the derivatives of the projection of a point by the unknowns.
     #[must_use]
     pub fn slopes(&self, point: Vec3) -> [Vec2; UNKNOWNS] {
         let larger = self.zoom.exp() / point.z;
@@ -60,8 +63,8 @@ impl Parallax {
         ]
     }
 
-    /// How the place where the picture sees a point moves when the point is turned about the depth camera's axes, and when it is shifted
-    /// along them.
+    /// Returns the derivatives of the projection when the point is rotated about the depth camera's
+    /// axes and shifted along them.
     #[must_use]
     pub fn slopes_of_pose(&self, point: Vec3) -> [Vec2; 6] {
         let turned = Mat2::from_angle(self.roll);
@@ -80,7 +83,9 @@ impl Parallax {
         ]
     }
 
-    /// The camera of pictures that were taken to have the intrinsics `given`, which are the depth's, and the depth's to it.
+    /// Returns the camera of the images, and the depth's camera relative to it.
+    ///
+    /// `given` holds the intrinsics that were assumed for the images, which are the depth's.
     #[must_use]
     pub fn cameras(&self, given: &Camera) -> (Camera, DepthCamera) {
         let larger = f64::from(self.zoom).exp();
@@ -103,8 +108,7 @@ impl Parallax {
         )
     }
 
-    /// The farthest that pictures of one and the other lie apart, as a share of the picture's width; things at depth
-    /// `typical`.
+    /// Returns the largest distance between images under both, as a share of the image's width, at depth `typical`.
     #[must_use]
     pub fn apart(&self, other: &Self, camera: &Camera, typical: f32) -> f64 {
         let off =
@@ -116,7 +120,8 @@ impl Parallax {
             / f64::from(camera.width)
     }
 
-    /// How far off pictures must be expected to lie for a covariance of the unknowns, in the measure of [`Self::apart`].
+    /// Returns the expected error of image positions for a covariance of the unknowns, in the
+    /// measure of [`Self::apart`].
     #[must_use]
     pub fn doubt(&self, covariance: &Matrix, camera: &Camera, typical: f32) -> f64 {
         let square = |point: Vec3| {
@@ -138,7 +143,7 @@ impl Parallax {
     }
 }
 
-/// What is seen at depth `typical` in the corners of a camera's pictures.
+/// Returns the points at depth `typical` in the corners of a camera's images.
 fn corners(camera: &Camera, typical: f32) -> [Vec3; 4] {
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
     [[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]]
@@ -157,7 +162,7 @@ mod tests {
     };
 
     #[test]
-    fn the_cameras_see_what_it_says() {
+    fn cameras_project_like_the_parallax() {
         let given = Camera::pinhole(640, 480, 585.0, 580.0, 320.0, 240.0);
         let (picture, depth) = PARALLAX.cameras(&given);
         for point in [Vec3::new(0.4, -0.2, 1.5), Vec3::new(-0.5, 0.7, 3.0)] {
@@ -170,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn slopes_are_those_of_small_steps() {
+    fn slopes_match_small_steps() {
         let point = Vec3::new(0.4, -0.2, 1.5);
         let Parallax {
             zoom,
@@ -196,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn slopes_of_a_pose_are_those_of_small_steps() {
+    fn slopes_of_a_pose_match_small_steps() {
         let point = Vec3::new(0.4, -0.2, 1.5);
         for (unknown, slope) in PARALLAX.slopes_of_pose(point).into_iter().enumerate() {
             let axis = Vec3::AXES[unknown % 3];
@@ -216,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn doubt_is_how_far_corners_move() {
+    fn expected_error_is_the_motion_of_corners() {
         let camera = Camera::pinhole(640, 480, 600.0, 600.0, 320.0, 240.0);
         let shift =
             |by: f64| Matrix::from_diagonal(&Vector::from([0.0, 0.0, by * by, 0.0, 0.0, 0.0]));

@@ -10,15 +10,15 @@ use ostra_core::job::{Progress, Stopped};
 
 /// Bins of each of the three angles.
 const BINS: usize = 11;
-/// Numbers of a descriptor.
+/// Length of a descriptor.
 pub const SIZE: usize = 3 * BINS;
-/// What the bins of each angle add up to in the histogram of one point.
+/// Sum of the bins of each angle in the histogram of one point.
 const SUM: f32 = 100.0;
-/// How far a descriptor sees, in voxels.
+/// Radius that a descriptor covers, in voxels.
 const RADIUS: f32 = 5.0;
-/// How many points it sees at most, the nearest.
+/// Maximum number of neighbours, the nearest.
 const NEIGHBOURS: usize = 100;
-/// Fewer neighbours than this describe nothing.
+/// With fewer neighbours there is no descriptor.
 const MIN_NEIGHBOURS: usize = 5;
 
 /// Three histograms of the angles between normals around a point.
@@ -26,10 +26,13 @@ pub type Descriptor = [f32; SIZE];
 
 type Around = Vec<(u32, f32)>;
 
-/// Fast point feature histograms (R. B. Rusu, N. Blodow, M. Beetz, *Fast Point Feature Histograms (FPFH) for 3D
-/// Registration*, ICRA 2009) of a cloud thinned to `voxel`: a point's own histogram of the angles to its neighbours'
-/// normals and the mean of its neighbours' histograms, the nearer the more. A rigid motion changes nothing. `None` for
-/// points without normal, or with fewer than 5 neighbours that have one within 5 voxels.
+/// Computes Fast Point Feature Histograms of a cloud thinned to `voxel`.
+///
+/// R. B. Rusu, N. Blodow, M. Beetz, *Fast Point Feature Histograms (FPFH) for 3D Registration*,
+/// ICRA 2009. A descriptor is a point's own histogram of the angles to its neighbours' normals,
+/// plus the mean of its neighbours' histograms, weighted by nearness. It is invariant to rigid
+/// motions. `None` for points without normal, or with fewer than 5 neighbours that have one within
+/// 5 voxels.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -63,7 +66,7 @@ fn in_chunks<T: Send>(
         .collect()
 }
 
-/// Neighbours that have a normal.
+/// Returns the neighbours that have a normal.
 fn around(cloud: &OrientedCloud, tree: &Neighbours, index: usize, radius: f32) -> Around {
     if cloud.normals[index] == Vec3::ZERO {
         return Vec::new();
@@ -98,10 +101,12 @@ fn own_histogram(cloud: &OrientedCloud, index: usize, around: &Around) -> Option
     (counted > 0.0).then(|| histogram.map(|bin| bin * SUM / counted))
 }
 
-/// The three angles between two normals and the line between their points, each as 0–1 of its range; `None` where the
-/// line runs along a normal.
+/// Returns the three angles between two normals and the line between their points, each scaled to 0–1.
+///
+/// `None` if the line is parallel to a normal.
 fn angles(line: Vec3, here: Vec3, there: Vec3) -> Option<[f32; 3]> {
-    // The frame stands on the point whose normal is nearer to the line, so that both points see the same.
+    // The frame is attached to the point whose normal is nearer to the line, so that both points
+    // get the same.
     let (along_here, along_there) = (here.dot(line), there.dot(line));
     let (from, to, line, phi) = if along_here.abs() < along_there.abs() {
         (there, here, -line, -along_there)
@@ -136,7 +141,7 @@ fn mixed(own: Descriptor, around: &Around, all: &[Option<Descriptor>]) -> Descri
     mixed
 }
 
-/// A thinned cloud and descriptors of its points; made once for a cloud that is registered with many.
+/// A thinned cloud and descriptors of its points; computed once for a cloud that is registered with many.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DescribedCloud {
     pub(super) cloud: OrientedCloud,
@@ -148,11 +153,14 @@ pub struct DescribedCloud {
 }
 
 impl DescribedCloud {
-    /// Thins the cloud to `voxel` (world units, above 0) and describes its points; 5 voxels around a point should hold
-    /// more than one surface, and what the two clouds share should be some 20 voxels long: 0.05 m for rooms.
+    /// Thins the cloud to `voxel` (world units, above 0) and describes its points.
+    ///
+    /// 5 voxels around a point should contain more than one surface, and what the two clouds share
+    /// should be some 20 voxels long: 0.05 m for rooms.
     ///
     /// # Errors
-    /// [`SceneError::Request`] for lists of unequal length or an edge that is no length above 0; [`SceneError::Stopped`].
+    /// [`SceneError::Request`] for lists of unequal length or an edge that is not above 0;
+    /// [`SceneError::Stopped`].
     pub fn new(cloud: &OrientedCloud, voxel: f32, progress: &Progress) -> Result<Self, SceneError> {
         cloud.check()?;
         check_voxel(voxel)?;

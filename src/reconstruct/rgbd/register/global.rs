@@ -1,4 +1,4 @@
-//! The pose between two clouds without a guess: Fast Global Registration, or RANSAC.
+//! Pose between two clouds without an initial guess: Fast Global Registration, or RANSAC.
 
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
@@ -13,7 +13,7 @@ use ostra_core::job::Progress;
 use ostra_geometry::Pose;
 use ostra_geometry::ransac::{Estimator, RansacOptions, consensus};
 
-/// How a pose is found without a guess.
+/// Method that finds a pose without an initial guess.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GlobalRegistration {
@@ -24,17 +24,17 @@ pub enum GlobalRegistration {
     Ransac,
 }
 
-/// How two clouds are laid onto each other without a guess.
+/// Options of alignment without an initial guess.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct GlobalOptions {
-    /// What finds the pose.
+    /// Method that finds the pose.
     pub method: GlobalRegistration,
-    /// Matches that must agree on a pose, 3 or more; with fewer there is none.
+    /// Minimum number of matches that agree on a pose, 3 or more; with fewer there is no result.
     pub min_agreeing: usize,
-    /// Share of all matches that must agree, 0–1; chance brings about 0.01 to 0.03 of them together.
+    /// Minimum share of all matches that agree, 0–1; by chance about 0.01 to 0.03 of them agree.
     pub min_share: f64,
-    /// Seed of the draws.
+    /// Seed of the random samples.
     pub seed: u64,
 }
 
@@ -49,33 +49,37 @@ impl Default for GlobalOptions {
     }
 }
 
-/// How near the points of a pair must come to agree with a pose, in voxels.
+/// Maximum distance of the points of a pair that agrees with a pose, in voxels.
 const AGREEING: f64 = 1.5;
-/// How often the pose is fitted again to the pairs that agree with it.
+/// Maximum number of times that the pose is fitted again to the pairs that agree with it.
 const REFINEMENTS: usize = 5;
 
-/// A pose found without a guess, right to about a voxel where it is right.
+/// A pose found without an initial guess, accurate to about a voxel if it is right.
 ///
-/// Whether to believe it, `agreeing` tells. Matches are made from the shapes around points alone, so wrong ones lie
-/// anywhere and hardly any wrong pose brings many of them together. In fragments of a Kinect's clip through a kitchen
-/// (some 500 to 1500 matches) wrong poses had 3 to 22 that agree, at most 0.03 of `matches`; right ones had more than 27,
-/// and where the fragments share half mostly more than 100. Below 40 a right one may be off by several voxels. What looks the
-/// same in two places, and a thing and its mirror image, have many that agree too: that no number here shows.
+/// `agreeing` shows whether to trust it. Matches depend on the shapes around points alone. So wrong
+/// ones lie anywhere, and hardly any wrong pose makes many of them agree. In fragments of a
+/// Kinect's clip through a kitchen (some 500 to 1500 matches) wrong poses had 3 to 22 that agree,
+/// at most 0.03 of `matches`; right ones had more than 27, and where the fragments share half
+/// mostly more than 100. Below 40 a right one may be off by several voxels. Two places of the same
+/// shape, and an object and its mirror image, have many that agree too; no number here shows that.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GlobalAlignment {
-    /// What brings the source onto the target.
+    /// Pose that brings the source onto the target.
     pub target_from_source: Pose,
-    /// Points whose descriptors are each other's nearest.
+    /// Number of pairs of points whose descriptors are each other's nearest.
     pub matches: usize,
-    /// How many of them the pose brings within 1.5 voxels, with normals within 45°.
+    /// Number of these that the pose brings within 1.5 voxels, with normals within 45°.
     pub agreeing: usize,
 }
 
-/// Lays two clouds onto each other without a guess; `None` where too few matches agree on a pose. Both must be described with
-/// the same voxels. The same input and seed give the same bytes, whatever the number of threads.
+/// Aligns two clouds without an initial guess; `None` if too few matches agree on a pose.
+///
+/// Both must be described with the same voxels. The same input and seed give the same bytes,
+/// whatever the number of threads.
 ///
 /// # Errors
-/// [`SceneError::Request`] for clouds of different voxels, or a share that is none; [`SceneError::Stopped`].
+/// [`SceneError::Request`] for clouds of different voxels, or a share out of range;
+/// [`SceneError::Stopped`].
 pub fn register_globally(
     source: &DescribedCloud,
     target: &DescribedCloud,
@@ -117,7 +121,7 @@ pub fn register_globally(
     Ok(alignment.filter(|found| found.agreeing >= least))
 }
 
-/// The pose fitted again to what agrees with it, while that costs less.
+/// Fits the pose again to the pairs that agree with it, as long as that reduces the cost.
 fn settled(pairs: &Pairs, mut pose: Pose) -> Pose {
     let mut cost = pairs.cost(&pose, f64::INFINITY);
     for _ in 0..REFINEMENTS {
@@ -133,21 +137,23 @@ fn settled(pairs: &Pairs, mut pose: Pose) -> Pose {
     pose
 }
 
-/// How alike the edges of a tuple must be in both clouds.
+/// Minimum ratio of the edges of a tuple in both clouds.
 const TUPLE_RATIO: f64 = 0.95;
 /// Tuples tried for each pair; ten times the paper's, so that clouds which share a quarter still yield some.
 const TRIALS: usize = 1000;
-/// Tuples used at most.
+/// Maximum number of tuples used.
 const MAX_TUPLES: usize = 1000;
 const ITERATIONS: usize = 64;
-/// What the width of the kernel is divided by, every `STEPS` iterations.
+/// Divisor of the width of the kernel, every `STEPS` iterations.
 const DIVISION: f64 = 1.4;
 const STEPS: usize = 4;
 
-/// Fast Global Registration (Q.-Y. Zhou, J. Park, V. Koltun, *Fast Global Registration*, ECCV 2016): the pose of least
-/// Geman–McClure cost over the matched points of tuples of three whose edges have the same lengths in both clouds; the
-/// kernel, as wide as the clouds at first, narrows in steps down to `distance`. The pose of each step is solved in
-/// closed form, so turns of any size are found.
+/// Runs Fast Global Registration (Q.-Y. Zhou, J. Park, V. Koltun, *Fast Global Registration*, ECCV 2016).
+///
+/// The result is the pose of least Geman–McClure cost over the matched points of tuples of three
+/// whose edges have the same lengths in both clouds. The kernel, as wide as the clouds at first,
+/// narrows in steps down to `distance`. The pose of each step is solved in closed form, so
+/// rotations of any size are found.
 fn fast(pairs: &Pairs, distance: f64, seed: u64) -> Option<Pose> {
     let chosen = tuples(pairs, seed);
     let diameter = [0, 1]
@@ -169,7 +175,7 @@ fn fast(pairs: &Pairs, distance: f64, seed: u64) -> Option<Pose> {
     Some(pose)
 }
 
-/// Matched points of random tuples that fit together.
+/// Returns matched points of random tuples that fit together.
 fn tuples(pairs: &Pairs, seed: u64) -> Vec<[DVec3; 2]> {
     let (count, mut random) = (pairs.points.len(), Pcg64Mcg::seed_from_u64(seed));
     let mut chosen = Vec::new();
@@ -191,7 +197,7 @@ fn tuples(pairs: &Pairs, seed: u64) -> Vec<[DVec3; 2]> {
     chosen
 }
 
-/// The largest distance of a point to the middle of all.
+/// Returns the largest distance of a point to the middle of all.
 fn reach(points: &[[DVec3; 2]], end: usize) -> f64 {
     let middle = points.iter().map(|pair| pair[end]).sum::<DVec3>() / points.len().max(1) as f64;
     points
@@ -200,14 +206,16 @@ fn reach(points: &[[DVec3; 2]], end: usize) -> f64 {
         .fold(0.0, f64::max)
 }
 
-/// How alike the edges of a sample must be in both clouds.
+/// Minimum ratio of the edges of a sample in both clouds.
 const EDGE_RATIO: f64 = 0.9;
 const MAX_ITERATIONS: usize = 1_000_000;
 const CONFIDENCE: f64 = 0.999;
 
-/// The pose that most matched points agree on, over random samples of three whose edges have the same lengths in both
-/// clouds (M. A. Fischler, R. C. Bolles, *Random sample consensus*, CACM 1981; the check of edges: A. G. Buch et al.,
-/// *Pose estimation using local structure-specific shape and appearance context*, ICRA 2013).
+/// Returns the pose that most matched points agree on, over random samples.
+///
+/// Samples are three matches whose edges have the same lengths in both clouds (M. A. Fischler, R.
+/// C. Bolles, *Random sample consensus*, CACM 1981; the check of edges: A. G. Buch et al., *Pose
+/// estimation using local structure-specific shape and appearance context*, ICRA 2013).
 pub fn sampled(pairs: &Pairs, min_agreeing: usize, seed: u64) -> Option<Pose> {
     let options = RansacOptions {
         confidence: CONFIDENCE,

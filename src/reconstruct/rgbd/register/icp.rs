@@ -6,25 +6,29 @@ use ostra_core::job::{Progress, Stopped};
 use ostra_core::statistics::upper_median;
 use ostra_geometry::Pose;
 
-/// Tukey's constant: as good as least squares for 95 % where errors are normal.
+/// Tukey's constant: 95 % as efficient as least squares for normal errors.
 const TUKEY: f64 = 4.685;
-/// Standard deviations in a median of absolute errors.
+/// Standard deviations per median absolute error.
 const DEVIATIONS: f64 = 1.4826;
-/// A step is the last that turns by less (radians) …
+/// Iteration ends when a step rotates by less than this (radians) …
 const LAST_TURN: f64 = 1e-5;
-/// … and shifts by less (voxels).
+/// … and shifts by less than this (voxels).
 const LAST_SHIFT: f64 = 1e-3;
-/// Motions that the partners hold by less than this share of how they hold another are left alone: noise holds them.
+/// Motions that the partners constrain by less than this share of the best constrained one are not
+/// made: only noise constrains them.
 const HELD: f64 = 1e-3;
 
-/// How a residual changes with a motion in [`Extent`]'s units, and the residual.
+/// Derivative of a residual by a motion in [`Extent`]'s units, and the residual.
 type Row = (Vector6<f64>, f64);
 
-/// Iterative closest point on one level: point-to-plane (Y. Chen, G. Medioni, *Object modelling by registration of
-/// multiple range images*, Image and Vision Computing 1992) and, as 1 − `lambda` of the cost, the difference of
-/// brightness (J. Park, Q.-Y. Zhou, V. Koltun, *Colored Point Cloud Registration Revisited*, ICCV 2017); both with
-/// Tukey's weights for the spread of the errors at hand. A motion that nothing holds, as along a wall, is not made (J. Zhang,
-/// M. Kaess, S. Singh, *On degeneracy of optimization-based state estimation problems*, ICRA 2016).
+/// Runs iterative closest point on one level.
+///
+/// The cost is point-to-plane (Y. Chen, G. Medioni, *Object modelling by registration of multiple
+/// range images*, Image and Vision Computing 1992) and, as 1 − `lambda` of it, the difference of
+/// brightness (J. Park, Q.-Y. Zhou, V. Koltun, *Colored Point Cloud Registration Revisited*, ICCV
+/// 2017). Both have Tukey's weights for the current spread of the errors. An unconstrained motion,
+/// as along a wall, is not made (J. Zhang, M. Kaess, S. Singh, *On degeneracy of optimization-based
+/// state estimation problems*, ICRA 2016).
 pub fn iterate(
     level: &Level,
     start: Pose,
@@ -50,8 +54,10 @@ pub fn iterate(
     Ok(pose)
 }
 
-/// Where partners lie. In its units a motion is a turn about their middle, as shift at their typical distance from it,
-/// then a shift.
+/// Position and size of the set of partners.
+///
+/// In its units a motion is a rotation about their middle, expressed as the shift at their typical
+/// distance from it, followed by a shift.
 pub struct Extent {
     middle: DVec3,
     /// Root mean square distance from the middle; above 0.
@@ -72,7 +78,7 @@ impl Extent {
         }
     }
 
-    /// How the place of a point along a direction changes with a motion.
+    /// Returns the derivative of a point's position along a direction by a motion.
     pub fn along(&self, point: DVec3, direction: DVec3) -> Vector6<f64> {
         let turn = ((point - self.middle) / self.radius).cross(direction);
         Vector6::new(
@@ -96,7 +102,7 @@ impl Extent {
     }
 }
 
-/// The motion that lowers the cost most.
+/// Returns the motion that lowers the cost most.
 fn step(level: &Level, partners: &[Partner], extent: &Extent, lambda: f64) -> Vector6<f64> {
     let rows = |of: fn(&Level, &Extent, &Partner) -> Row| {
         weighted(
@@ -113,7 +119,7 @@ fn step(level: &Level, partners: &[Partner], extent: &Extent, lambda: f64) -> Ve
         matrix += brightness.0 * (1.0 - lambda);
         right += brightness.1 * (1.0 - lambda);
     }
-    // Brightness that is no number must not reach the eigenvectors.
+    // Brightness that is not a number must not reach the eigenvectors.
     if !matrix
         .iter()
         .chain(right.iter())
@@ -154,7 +160,7 @@ fn brightness_row(level: &Level, extent: &Extent, partner: &Partner) -> Row {
     )
 }
 
-/// Sums of J Jᵀ and J r.
+/// Returns the sums of J Jᵀ and J r.
 fn weighted(rows: Vec<Row>) -> (Matrix6<f64>, Vector6<f64>) {
     let mut errors: Vec<f64> = rows.iter().map(|(_, residual)| residual.abs()).collect();
     let (mut matrix, mut right) = (Matrix6::zeros(), Vector6::zeros());

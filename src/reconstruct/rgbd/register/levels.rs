@@ -1,4 +1,4 @@
-//! Clouds at one size of voxels, with the slopes of their brightness.
+//! Clouds at one voxel size, with the slopes of their brightness.
 
 use glam::{DMat2, DVec2, DVec3, Vec3};
 use rayon::prelude::*;
@@ -9,18 +9,18 @@ use ostra_cloud::points::Neighbours;
 use ostra_core::job::{Progress, Stopped};
 use ostra_geometry::Pose;
 
-/// How far partners may be apart, in voxels.
+/// Maximum distance of partners, in voxels.
 const REACH: f64 = 1.4;
-/// Points that are looked at between two looks at the stop.
+/// Points processed between two checks for a stop.
 const CHUNK: usize = 1024;
 
-/// Two clouds thinned alike, ready to be laid onto each other.
+/// Two clouds thinned to the same voxels, ready for alignment.
 pub struct Level {
     pub source: OrientedCloud,
     pub target: OrientedCloud,
-    /// How the target's brightness changes along its surface; empty where brightness is not looked at.
+    /// How the target's brightness changes along its surface; empty if brightness is not used.
     pub slopes: Vec<Vec3>,
-    /// Edge of the voxels, world units.
+    /// Edge of the voxels, in world units.
     pub voxel: f64,
     tree: Neighbours,
 }
@@ -28,13 +28,13 @@ pub struct Level {
 /// A source point and the target point nearest to it.
 #[derive(Debug, Clone, Copy)]
 pub struct Partner {
-    /// Source point, brought into the target's space.
+    /// Source point, transformed to the target's space.
     pub moved: DVec3,
     pub source: usize,
     pub target: usize,
 }
 
-/// Where a source point was when its distance to the target was last looked up; before that, anywhere.
+/// Position of a source point when its distance to the target was last looked up; arbitrary before that.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Seen {
     moved: DVec3,
@@ -73,8 +73,10 @@ impl Level {
         }))
     }
 
-    /// Source points that have a target point near and with a normal within 45° of theirs. Points that were seen so far
-    /// from the target that they cannot have come near since are not looked up again.
+    /// Returns source points with a near target point whose normal is within 45° of theirs.
+    ///
+    /// Points that were so far from the target that they cannot have come near since are not looked
+    /// up again.
     pub fn partners(
         &self,
         target_from_source: &Pose,
@@ -122,22 +124,24 @@ impl Level {
         })
     }
 
-    /// How far a partner is in front of the target's surface.
+    /// Returns the distance of a partner in front of the target's surface.
     pub fn distance(&self, partner: &Partner) -> f64 {
         let normal = self.target.normals[partner.target].as_dvec3();
         normal.dot(partner.moved - self.target.positions[partner.target].as_dvec3())
     }
 }
 
-/// Points that a slope is fitted to.
+/// Number of points that a slope is fitted to.
 const NEIGHBOURS: usize = 20;
-/// Fewer give no slope.
+/// With fewer points there is no slope.
 const MIN_NEIGHBOURS: usize = 5;
-/// How far they may be, in voxels.
+/// Maximum distance of these points, in voxels.
 const RADIUS: f32 = 2.5;
 
-/// How brightness changes along the surface at a point: the vector in the tangent plane whose product with a step is the
-/// change of intensity, by least squares over the neighbours; zero where there are too few.
+/// Fits how brightness changes along the surface at a point.
+///
+/// The result is a vector in the tangent plane whose product with a step is the change of
+/// intensity, by least squares over the neighbours; zero if there are too few.
 pub fn slope(cloud: &OrientedCloud, tree: &Neighbours, index: usize, voxel: f32) -> Vec3 {
     let (here, normal) = (cloud.positions[index], cloud.normals[index]);
     if normal == Vec3::ZERO {
@@ -155,7 +159,7 @@ pub fn slope(cloud: &OrientedCloud, tree: &Neighbours, index: usize, voxel: f32)
         }
     }
     let spread = matrix.x_axis.x + matrix.y_axis.y;
-    // Neighbours in a line do not tell the slope across it.
+    // Neighbours in a line do not determine the slope across it.
     if count < MIN_NEIGHBOURS || matrix.determinant() < 1e-3 * spread * spread {
         return Vec3::ZERO;
     }

@@ -4,27 +4,29 @@ use rayon::prelude::*;
 use super::fpfh::{Descriptor, SIZE};
 use ostra_core::job::{Progress, Stopped};
 
-/// Descriptors that are looked at side by side.
+/// Descriptors compared in parallel.
 const LANES: usize = 16;
-/// Descriptors that are looked for between two looks at the stop.
+/// Descriptors processed between two checks for a stop.
 const CHUNK: usize = 64;
 
-/// Descriptors turned over: a row of `LANES` for each of their numbers.
+/// Transposed descriptors: a row of `LANES` for each of their values.
 type Block = [[f32; LANES]; SIZE];
 
 /// Two descriptors that are each other's nearest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Match {
-    /// Place in the source's list.
+    /// Index in the source's list.
     pub source: u32,
-    /// Place in the target's list.
+    /// Index in the target's list.
     pub target: u32,
     /// Squared distance of the descriptors.
     pub distance: f32,
 }
 
-/// Pairs of descriptors of which each is the other's nearest, the most alike first. All are compared with all: a k-d
-/// tree in 33 dimensions looks at so many of them that it takes longer (16 000 descriptors).
+/// Returns pairs of descriptors that are each other's nearest, most similar first.
+///
+/// All are compared with all: a k-d tree in 33 dimensions visits so many of them that it takes
+/// longer (16 000 descriptors).
 ///
 /// # Errors
 /// [`Stopped`].
@@ -66,7 +68,7 @@ pub fn mutual(
 
 fn blocks(descriptors: &[Descriptor]) -> Vec<Block> {
     let block = |chunk: &[Descriptor]| {
-        // Places without a descriptor are infinitely far.
+        // Positions without a descriptor are infinitely far.
         let mut block = [[f32::INFINITY; LANES]; SIZE];
         for (lane, descriptor) in chunk.iter().enumerate() {
             for (row, value) in block.iter_mut().zip(descriptor) {
@@ -78,7 +80,7 @@ fn blocks(descriptors: &[Descriptor]) -> Vec<Block> {
     descriptors.chunks(LANES).map(block).collect()
 }
 
-/// The nearest of those in blocks to each of `asked`, as (place, squared distance); the earlier of equals.
+/// Returns the nearest of those in blocks to each of `asked`, as (index, squared distance); the earlier of equals.
 fn nearest(
     asked: &[Descriptor],
     blocks: &[Block],
@@ -148,7 +150,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
 
     #[test]
-    fn mutual_pairs_are_those_of_the_plain_way() {
+    fn mutual_pairs_equal_those_of_a_plain_search() {
         let mut random = rand_pcg::Pcg64Mcg::seed_from_u64(2);
         let mut list = |count: usize| -> Vec<Descriptor> {
             (0..count)

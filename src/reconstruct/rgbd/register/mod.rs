@@ -1,5 +1,7 @@
-//! Two clouds of the same place, seen apart → the pose between them, without a guess: descriptors, their matches, the
-//! pose that most matches agree on, and its refinement on the surfaces themselves.
+//! Registration of two clouds of the same place without an initial guess.
+//!
+//! The steps are descriptors, their matches, the pose that most matches agree on, and its
+//! refinement on the surfaces themselves.
 
 mod fpfh;
 mod global;

@@ -3,20 +3,22 @@ use rayon::prelude::*;
 
 use ostra_cloud::SceneError;
 
-/// Points of surfaces, what they face and how bright they are; three lists of one length.
+/// Points of surfaces with normals and brightness; three lists of the same length.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct OrientedCloud {
-    /// World units.
+    /// In world units.
     pub positions: Vec<Vec3>,
-    /// Unit vectors that point off the surface, towards the camera; zero where not known.
+    /// Unit vectors off the surface, towards the camera; zero if unknown.
     pub normals: Vec<Vec3>,
-    /// Grey, 0–1; all alike where there is no colour.
+    /// Grey, 0–1; all equal if there is no colour.
     pub intensities: Vec<f32>,
 }
 
 impl OrientedCloud {
-    /// One point for each cube of edge `voxel` (world units, above 0) that holds points: mean position, normal and
-    /// intensity, in the order of the cubes. Points that are not finite are dropped.
+    /// Returns one point for each cube of edge `voxel` (world units, above 0) that contains points.
+    ///
+    /// A point has the mean position, normal and intensity; the order is that of the cubes.
+    /// Non-finite points are dropped.
     #[must_use]
     pub fn thinned(&self, voxel: f32) -> Self {
         let cell = |position: &Vec3| {
@@ -54,12 +56,12 @@ impl OrientedCloud {
         self.intensities.push((intensity / count) as f32);
     }
 
-    /// How many points there are.
+    /// Returns the number of points.
     pub(super) fn len(&self) -> usize {
         self.positions.len()
     }
 
-    /// That the lists have one length.
+    /// Checks that the lists have the same length.
     pub(super) fn check(&self) -> Result<(), SceneError> {
         if self.normals.len() == self.len() && self.intensities.len() == self.len() {
             return Ok(());
@@ -72,7 +74,7 @@ impl OrientedCloud {
     }
 }
 
-/// That an edge is a length above 0.
+/// Checks that an edge is a length above 0.
 pub(super) fn check_voxel(voxel: f32) -> Result<(), SceneError> {
     if voxel.is_finite() && voxel > 0.0 {
         return Ok(());

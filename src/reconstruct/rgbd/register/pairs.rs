@@ -1,4 +1,4 @@
-//! Matches as pairs of points, and the pose that lays them onto each other.
+//! Matches as pairs of points, and the pose that aligns them.
 
 use glam::{DMat3, DQuat, DVec3};
 use nalgebra::{Matrix3, Vector3};
@@ -9,12 +9,14 @@ use super::matching::Match;
 use ostra_geometry::Pose;
 use ostra_geometry::ransac::{Cutoff, LANES, within};
 
-/// Below this ratio of singular values points count as lying in one line.
+/// Below this ratio of singular values, points count as lying on one line.
 const LINE_RATIO: f64 = 1e-9;
 
-/// The rigid motion that brings sources nearest to targets in the sense of weighted least squares, from (source, target,
-/// weight): W. Kabsch, *A solution for the best rotation to relate two sets of vectors*, Acta Cryst. A 1976. `None` for
-/// pairs in one place or line, or without weight.
+/// Returns the rigid motion that brings sources nearest to targets, by weighted least squares.
+///
+/// Pairs are (source, target, weight): W. Kabsch, *A solution for the best rotation to relate two
+/// sets of vectors*, Acta Cryst. A 1976. `None` for pairs in one position or line, or without
+/// weight.
 pub fn align(pairs: impl Iterator<Item = (DVec3, DVec3, f64)> + Clone) -> Option<Pose> {
     let (mut source_mean, mut target_mean, mut total) = (DVec3::ZERO, DVec3::ZERO, 0.0);
     for (source, target, weight) in pairs.clone() {
@@ -49,12 +51,12 @@ pub fn align(pairs: impl Iterator<Item = (DVec3, DVec3, f64)> + Clone) -> Option
     })
 }
 
-/// Cosine of the angle that the normals of two points that are one may differ by.
+/// Minimum cosine of the angle between the normals of two points that are the same.
 pub const SAME_NORMAL: f64 = std::f64::consts::FRAC_1_SQRT_2;
-/// How much the cosine of the angle between two normals may differ between the clouds.
+/// Maximum difference of the cosine of the angle between two normals in both clouds.
 const NORMAL_TOLERANCE: f64 = 0.35;
 
-/// Matched points of two clouds, the most alike first.
+/// Matched points of two clouds, most similar first.
 pub struct Pairs {
     /// Source and target point.
     pub points: Vec<[DVec3; 2]>,
@@ -68,7 +70,7 @@ pub struct Pairs {
 type Block = [[f64; LANES]; 6];
 
 impl Pairs {
-    /// Of matched descriptors; pairs agree with a pose within `distance`.
+    /// Creates pairs of matched descriptors; pairs agree with a pose within `distance`.
     pub fn new(
         source: &DescribedCloud,
         target: &DescribedCloud,
@@ -91,25 +93,27 @@ impl Pairs {
         }
     }
 
-    /// Whether two pairs can be of one rigid motion: the distances between the points are alike up to the ratio
-    /// `edge_ratio`, and so are the angles between the normals.
+    /// Returns whether two pairs can belong to one rigid motion.
+    ///
+    /// The distances between the points must be equal up to the ratio `edge_ratio`, and the angles
+    /// between the normals similar.
     pub fn fit_together(&self, one: usize, other: usize, edge_ratio: f64) -> bool {
         let [here, there] =
             [0, 1].map(|end| self.points[one][end].distance(self.points[other][end]));
         let [here_turn, there_turn] =
             [0, 1].map(|end| self.normals[one][end].dot(self.normals[other][end]));
-        // Two pairs that share a point are at distance 0 and say nothing about a motion.
+        // Two pairs that share a point are at distance 0 and do not constrain a motion.
         here > edge_ratio * there
             && there > edge_ratio * here
             && (here_turn - there_turn).abs() < NORMAL_TOLERANCE
     }
 
-    /// Whether the pose turns a pair's normals onto each other.
+    /// Returns whether the pose rotates a pair's normals onto each other.
     pub fn same_normal(&self, pose: &Pose, pair: usize) -> bool {
         (pose.rotation * self.normals[pair][0]).dot(self.normals[pair][1]) > SAME_NORMAL
     }
 
-    /// Sum of squared distances cut off at the limit; free to end early above `enough`.
+    /// Returns the sum of squared distances, truncated at the limit; may end early above `enough`.
     pub fn cost(&self, pose: &Pose, enough: f64) -> f64 {
         let rotation = DMat3::from_quat(pose.rotation);
         self.arch.dispatch(Cutoff::new(
@@ -121,7 +125,7 @@ impl Pairs {
         ))
     }
 
-    /// Pairs within the distance, ascending.
+    /// Returns the pairs within the distance, ascending.
     pub fn within(&self, pose: &Pose) -> Vec<u32> {
         let rotation = DMat3::from_quat(pose.rotation);
         within(&self.blocks, self.limit, |block| {
@@ -129,7 +133,7 @@ impl Pairs {
         })
     }
 
-    /// How many pairs agree with a pose, in distance and normals.
+    /// Returns how many pairs agree with a pose, in distance and normals.
     pub fn agreeing(&self, pose: &Pose) -> usize {
         self.within(pose)
             .into_iter()
@@ -137,7 +141,7 @@ impl Pairs {
             .count()
     }
 
-    /// The pose that fits best to what agrees with a pose.
+    /// Returns the pose that fits best to the pairs that agree with a pose.
     pub fn refined(&self, pose: &Pose) -> Option<Pose> {
         let near = self.within(pose);
         align(near.iter().map(|&pair| {

@@ -1,4 +1,4 @@
-//! Refinement of the pose between two clouds on their surfaces, and what it tells of the pose.
+//! Refinement of the pose between two clouds on their surfaces, and measures of its quality.
 
 use glam::DVec3;
 use nalgebra::{Matrix6, Vector6};
@@ -11,14 +11,14 @@ use ostra_cloud::SceneError;
 use ostra_core::job::{Progress, Stopped};
 use ostra_geometry::Pose;
 
-/// How a pose is refined.
+/// Options of refinement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct RefineOptions {
-    /// Edge of the coarsest voxels, world units, above 0; the start may be wrong by about this much. The finest are a
-    /// quarter of it.
+    /// Edge of the coarsest voxels in world units, above 0; the initial pose may be off by about
+    /// this much. The finest voxels are a quarter of it.
     pub voxel: f32,
-    /// Weight of the surfaces' distance, the rest is brightness: 0–1, 1 = brightness is not looked at.
+    /// Weight of the surfaces' distance, 0–1; the rest is brightness. 1 = brightness is not used.
     pub lambda_geometric: f64,
 }
 
@@ -31,48 +31,61 @@ impl Default for RefineOptions {
     }
 }
 
-/// How fine the voxels of each level are (a share of the coarsest), and how many iterations it has.
+/// Voxels of each level (as a share of the coarsest), and number of iterations.
 const LEVELS: [(f32, usize); 3] = [(1.0, 50), (0.5, 30), (0.25, 14)];
-/// What share of the partners that the surfaces alone find must be left after brightness had its say.
+/// Minimum share of the partners found by surfaces alone that must remain after brightness is used.
 const KEPT: f64 = 0.97;
 
-/// A refined pose and what speaks for it, measured on the finest voxels, where partners are source and target points
-/// within 0.35 of the coarsest voxels with normals within 45°.
+/// A refined pose and measures of its quality.
 ///
-/// None of the numbers proves a pose right: in a room with walls at right angles a wrong one can have a quarter of its
-/// points beside a partner, with a small error and like brightness. What tells is `agreeing` of the
-/// [`super::GlobalAlignment`] that it started from. These tell what is wrong all the same: a refined pose more than a few
-/// voxels from its start has left what the matches agree on, a low `fitness` is little overlap, a low `firmness` a surface
-/// that slides, and a low `correlation` two surfaces that do not look alike.
+/// They are measured on the finest voxels. Partners are source and target points within 0.35 of the
+/// coarsest voxels with normals within 45°.
+///
+/// None of the numbers proves a pose right: in a room with walls at right angles a wrong one can
+/// have a quarter of its points next to a partner, with a small error and similar brightness. The
+/// reliable measure is `agreeing` of the [`super::GlobalAlignment`] that it started from. The
+/// numbers do show some errors. A refined pose more than a few voxels from its start has left what
+/// the matches agree on. A low `fitness` is little overlap, a low `firmness` a surface that slides,
+/// and a low `correlation` two surfaces of different appearance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Refined {
-    /// What brings the source onto the target.
+    /// Pose that brings the source onto the target.
     pub target_from_source: Pose,
     /// Share of the source's points that have a partner, 0–1.
     pub fitness: f64,
-    /// Root mean square of the partners' point-to-plane distances, world units; never above 0.35 voxels, so it tells the
-    /// noise of the clouds and not whether the pose is right.
+    /// Root mean square of the partners' point-to-plane distances, in world units.
+    ///
+    /// It is never above 0.35 voxels, so it shows the noise of the clouds and not whether the pose
+    /// is right.
     pub rmse: f64,
-    /// How firmly the surfaces hold the motion that they hold least, turns counted as shifts at the partners' typical
-    /// distance from their middle: mean squared cosine between it and the motion that each partner feels most. At most
-    /// 1/6; 0 = the surfaces slide freely, as on one wall; rooms with furniture have more than 0.015.
+    /// How strongly the surfaces constrain the least constrained motion, 0 to 1/6.
+    ///
+    /// It is the mean squared cosine between that motion and the one that each partner constrains
+    /// most. Rotations are counted as shifts at the partners' typical distance from their middle. 0
+    /// = the surfaces slide freely, as on one wall; rooms with furniture have more than 0.015.
     pub firmness: f64,
-    /// Pearson's correlation of the partners' intensities, −1 to 1; `None` where one side has a single intensity.
+    /// Pearson's correlation of the partners' intensities, −1 to 1; `None` if one side has a single intensity.
     pub correlation: Option<f64>,
-    /// Sum over partners of JᵀJ, J = how the source point, brought into the target's space, changes with `delta` in
-    /// `target_from_source ← exp(delta) · target_from_source`: turn about x, y, z (radians), then shift. Symmetric. It
-    /// counts partners as points that coincide, so it grows with the overlap and does not show a surface that slides;
-    /// `firmness` does.
+    /// Sum over partners of JᵀJ, a symmetric matrix.
+    ///
+    /// J is the derivative of the source point, transformed to the target's space, by `delta` in
+    /// `target_from_source ← exp(delta) · target_from_source`: rotation about x, y, z (radians),
+    /// then shift. It counts partners as points that coincide, so it grows with the overlap and
+    /// does not show a surface that slides; `firmness` does.
     pub information: [[f64; 6]; 6],
 }
 
-/// Refines a pose that is right to about a voxel, on voxels of the edge in the options, a half and a quarter of it (as
-/// J. Park et al. 2017 do, see `icp`). Surfaces come first: brightness then moves the pose only if that leaves the
-/// surfaces as near to each other, so colours that do not lie on their depths spoil nothing. The same input gives the same
-/// bytes, whatever the number of threads. `None` where no source point finds a partner.
+/// Refines a pose that is accurate to about a voxel.
+///
+/// The voxels have the edge in the options, a half and a quarter of it (as J. Park et al. 2017 do,
+/// see `icp`). Surfaces come first: brightness then moves the pose only if that leaves the surfaces
+/// as near to each other, so colours that are not aligned with their depths do no harm. The same
+/// input gives the same bytes, whatever the number of threads. `None` if no source point finds a
+/// partner.
 ///
 /// # Errors
-/// [`SceneError::Request`] for lists of unequal length or options out of range; [`SceneError::Stopped`].
+/// [`SceneError::Request`] for lists of unequal length or options out of range;
+/// [`SceneError::Stopped`].
 pub fn refine_registration(
     source: &OrientedCloud,
     target: &OrientedCloud,
@@ -147,7 +160,8 @@ fn check(
     ))
 }
 
-/// Sum over partners of JᵀJ with J = how the moved point changes with a motion `exp(delta)`, turn first.
+/// Returns the sum over partners of JᵀJ, J = the derivative of the moved point by a motion
+/// `exp(delta)`, rotation first.
 pub fn information(partners: &[Partner]) -> [[f64; 6]; 6] {
     let mut sum = Matrix6::zeros();
     for partner in partners {
@@ -160,8 +174,10 @@ pub fn information(partners: &[Partner]) -> [[f64; 6]; 6] {
     sum.into()
 }
 
-/// How firmly the surfaces hold the motion that they hold least, 0 to 1/6: the mean over partners of the squared cosine
-/// between that motion and the one that changes their point-to-plane distance most, in the units of their extent.
+/// Returns how strongly the surfaces constrain the least constrained motion, 0 to 1/6.
+///
+/// It is the mean over partners of the squared cosine between that motion and the one that changes
+/// their point-to-plane distance most, in the units of their extent.
 pub fn firmness(level: &Level, partners: &[Partner]) -> f64 {
     let extent = Extent::new(partners);
     let mut sum: Matrix6<f64> = Matrix6::zeros();
@@ -177,7 +193,7 @@ pub fn firmness(level: &Level, partners: &[Partner]) -> f64 {
     (sum.symmetric_eigenvalues().min() / partners.len() as f64).max(0.0)
 }
 
-/// Root mean square of the partners' point-to-plane distances.
+/// Returns the root mean square of the partners' point-to-plane distances.
 pub fn rmse(level: &Level, partners: &[Partner]) -> f64 {
     let squares: f64 = partners
         .iter()
@@ -186,7 +202,7 @@ pub fn rmse(level: &Level, partners: &[Partner]) -> f64 {
     (squares / partners.len().max(1) as f64).sqrt()
 }
 
-/// Pearson's correlation of the partners' intensities; `None` where one cloud's are all alike.
+/// Returns Pearson's correlation of the partners' intensities; `None` if those of one cloud are all equal.
 pub fn correlation(level: &Level, partners: &[Partner]) -> Option<f64> {
     let pairs = || {
         let intensity = |partner: &Partner| {

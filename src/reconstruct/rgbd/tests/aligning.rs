@@ -41,7 +41,7 @@ fn neighbouring_views_are_aligned_without_a_guess() {
 }
 
 #[test]
-fn a_wrong_pose_shows() {
+fn wrong_pose_lowers_the_agreement() {
     let (a, b) = (hand_at(0.0), hand_at(3.0));
     let truth = b.compose(&a.inverse());
     let (source, target) = (pyramid(&a, 1), pyramid(&b, 2));
@@ -59,9 +59,9 @@ fn a_wrong_pose_shows() {
     }
 }
 
-/// The rows of the information that tell of a shift along a wall are as good as empty, those against it are not.
+/// The rows of the information for a shift along a wall are almost zero, those for a shift against it are not.
 #[test]
-fn information_tells_what_a_bare_wall_leaves_open() {
+fn information_shows_what_a_bare_wall_leaves_open() {
     let camera = camera();
     let pixels = camera.width as usize * camera.height as usize;
     let image = Image {
@@ -81,7 +81,7 @@ fn information_tells_what_a_bare_wall_leaves_open() {
 }
 
 #[test]
-fn a_view_is_small_and_straight_and_keeps_depth() {
+fn view_is_small_and_undistorted_and_keeps_depth() {
     let large = Camera::pinhole(1280, 960, 1160.0, 1160.0, 642.0, 476.0);
     let bent = Camera {
         distortion: Distortion::Radial { k: [-0.15, 0.02] },

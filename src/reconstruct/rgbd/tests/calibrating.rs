@@ -8,7 +8,8 @@ use ostra_core::job::Progress;
 use ostra_frames::{DepthCamera, DepthSource, FrameStore};
 use ostra_geometry::{Camera, Distortion, Pose};
 
-/// The pictures' camera of a sensor as it is: a shorter focal length, beside that of the depths and a little turned.
+/// Returns the images' camera of a typical sensor: a shorter focal length, next to that of the
+/// depths and slightly rotated.
 fn beside() -> (Camera, Pose) {
     let picture = Camera::pinhole(320, 240, 264.0, 264.0, 159.8, 119.6);
     let picture_from_depth = Pose {
@@ -18,12 +19,12 @@ fn beside() -> (Camera, Pose) {
     (picture, picture_from_depth)
 }
 
-/// A recording by two cameras side by side; the truth is that of the pictures.
+/// Returns a recording by two cameras next to each other; the true poses are those of the images.
 fn by_two_cameras(steps: usize) -> Recording {
     by_two_cameras_at((0..steps).map(|step| step as f64))
 }
 
-/// The same where the hand is at these steps of its way.
+/// Returns the same with the hand at these steps of its path.
 fn by_two_cameras_at(steps: impl Iterator<Item = f64>) -> Recording {
     let (picture, picture_from_depth) = beside();
     let mut recording = Recording::new();
@@ -46,7 +47,7 @@ fn found(recording: &Recording) -> Vec<Calibration> {
     .unwrap()
 }
 
-/// How far the picture's corners are off for what lies at a depth, pixels.
+/// Returns the error of the image's corners for points at a depth, in pixels.
 fn off_px(found: &Calibration, depth: f64) -> f64 {
     let (picture, picture_from_depth) = beside();
     let off = |x: f64, y: f64| {
@@ -72,7 +73,7 @@ fn off_px(found: &Calibration, depth: f64) -> f64 {
 }
 
 #[test]
-fn a_camera_beside_the_depths_is_found_and_the_recording_placed_by_it() {
+fn shifted_image_camera_is_found_and_the_recording_placed_by_it() {
     let mut recording = by_two_cameras(18);
     let calibrations = found(&recording);
     assert_eq!(calibrations.len(), 1);
@@ -83,8 +84,8 @@ fn a_camera_beside_the_depths_is_found_and_the_recording_placed_by_it() {
         camera(),
         "the depths' camera is the one that was given"
     );
-    // As they were taken to lie, the corners are up to 21 pixels off. Most lies at 2.4 m; how far aside the camera stands is hardly told, so
-    // that what is near lies farther off.
+    // Without calibration the corners are up to 21 pixels off. Most points are at 2.4 m. The shift
+    // of the camera is hardly constrained, so that near points are farther off.
     for (depth, most_px) in [(2.4, 2.5), (1.2, 6.0)] {
         let off = off_px(calibration, depth);
         println!("pictures beside their depths: {off:.2} px off at {depth} m");
@@ -110,12 +111,12 @@ fn a_camera_beside_the_depths_is_found_and_the_recording_placed_by_it() {
 }
 
 #[test]
-fn pictures_that_lie_on_their_depths_are_left() {
+fn images_aligned_with_their_depths_stay_unchanged() {
     assert_eq!(found(&Recording::of(0..18)), []);
 }
 
 #[test]
-fn more_frames_of_a_known_sensor_take_its_cameras() {
+fn further_frames_of_a_known_sensor_take_its_cameras() {
     let mut recording = by_two_cameras(18);
     let whole = found(&recording).remove(0);
     Calibration {
@@ -123,7 +124,7 @@ fn more_frames_of_a_known_sensor_take_its_cameras() {
         ..whole
     }
     .apply(&mut recording.frames);
-    // Two frames alone would tell nothing.
+    // Two frames alone would not be enough.
     assert_eq!(
         found(&recording),
         [Calibration {
@@ -131,7 +132,7 @@ fn more_frames_of_a_known_sensor_take_its_cameras() {
             ..whole
         }]
     );
-    // What was given for some says nothing of others.
+    // Cameras given for some frames say nothing about others.
     let depth = DepthCamera {
         estimated: false,
         ..whole.depth
@@ -146,7 +147,7 @@ fn more_frames_of_a_known_sensor_take_its_cameras() {
 }
 
 #[test]
-fn too_few_frames_and_calibrated_lenses_are_left() {
+fn too_few_frames_and_calibrated_lenses_stay_unchanged() {
     assert_eq!(found(&by_two_cameras(5)), []);
     let mut recording = by_two_cameras(18);
     for frame in &mut recording.frames {
@@ -157,7 +158,7 @@ fn too_few_frames_and_calibrated_lenses_are_left() {
 }
 
 #[test]
-fn a_sensor_that_hardly_moves_tells_nothing() {
+fn sensor_that_hardly_moves_gives_no_calibration() {
     for (frames, speed) in [(8, 0.05), (16, 0.02)] {
         let found = found(&by_two_cameras_at(
             (0..frames).map(|step| speed * f64::from(step)),
@@ -167,7 +168,7 @@ fn a_sensor_that_hardly_moves_tells_nothing() {
 }
 
 #[test]
-fn depth_of_another_size_is_seen_in_the_pictures() {
+fn depth_of_another_size_is_projected_to_the_images() {
     let (picture, picture_from_depth) = beside();
     let mut recording = by_two_cameras(1);
     let larger = Camera {

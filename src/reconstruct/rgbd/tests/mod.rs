@@ -1,4 +1,4 @@
-//! A made room, recorded by hand.
+//! A synthetic room, recorded by hand.
 
 mod aligning;
 mod calibrating;

@@ -15,7 +15,7 @@ use ostra_core::job::Progress;
 use ostra_frames::{DepthMap, DepthSource, Frame, FrameCamera, FrameStore, Image, PictureSource};
 use ostra_geometry::{Alignment, Pose, Similarity};
 
-/// A recording on disk and where the camera truly stood.
+/// A recording on disk, and the true poses of the camera.
 pub struct Recording {
     folder: tempfile::TempDir,
     pub frames: Vec<Frame>,
@@ -103,11 +103,13 @@ impl Recording {
         register_rgbd(&request, &FrameStore::new(64 << 20), progress)
     }
 
-    /// Of each frame with a camera: how far its centre (metres) and its axes (degrees) are off after alignment by the
-    /// centres of those in `sound`.
+    /// Returns the error of each frame with a camera: centre (metres) and axes (degrees).
+    ///
+    /// The result is aligned by the centres of the frames in `sound` first.
     pub fn errors(&self, result: &RgbdResult, sound: &[usize]) -> Vec<(usize, f64, f64)> {
         let pose = |frame: usize| result.cameras[&frame].camera_from_world.unwrap();
-        // A point before each camera too: a hand's path alone is too straight to tell how it is turned.
+        // A point in front of each camera too: a hand's path alone is too straight to determine the
+        // rotation about it.
         let points = |pose: &Pose| {
             [DVec3::ZERO, DVec3::Z, DVec3::X].map(|point| pose.inverse().transform(point))
         };
@@ -164,7 +166,7 @@ fn write(color: &Path, depth_path: &Path, image: &Image, depth: &DepthMap) {
     .unwrap();
 }
 
-/// Recognises nothing: what is left is depth.
+/// An extractor that finds nothing: only depth is left.
 struct Blind;
 
 impl FeatureMatcher for Blind {
@@ -178,7 +180,7 @@ impl FeatureMatcher for Blind {
 }
 
 #[test]
-fn a_recording_is_placed_and_comes_out_the_same_twice() {
+fn recording_is_placed_reproducibly() {
     let recording = Recording::of(0..14);
     let result = recording.register(&NearestMatcher::for_bytes(), 1).unwrap();
     assert_eq!(result.cameras.len(), 14);
@@ -193,7 +195,7 @@ fn a_recording_is_placed_and_comes_out_the_same_twice() {
 }
 
 #[test]
-fn spoilt_frames_are_told_and_the_others_placed() {
+fn damaged_frames_are_reported_and_the_others_placed() {
     // A gap of four steps after the eighth frame.
     let mut recording = Recording::of((0..8).chain(12..18));
     let (repeated, truth) = (seen(&hand_at(17.0), 0.0015, 17), hand_at(17.0));
@@ -225,7 +227,7 @@ fn spoilt_frames_are_told_and_the_others_placed() {
 }
 
 #[test]
-fn pieces_without_features_are_joined_by_their_shape() {
+fn fragments_without_features_are_joined_by_shape() {
     let recording = Recording::of((0..8).chain((2..14).rev()));
     let result = recording.register(&Blind, 1).unwrap();
     assert_eq!(result.cameras.len(), 20, "{:?}", result.outcomes);
@@ -243,7 +245,7 @@ fn pieces_without_features_are_joined_by_their_shape() {
     );
 }
 
-/// Stops the work after some pairs were matched.
+/// Stops the run after some pairs were matched.
 struct Stopping {
     progress: Progress,
     left: AtomicUsize,
@@ -263,7 +265,7 @@ impl FeatureMatcher for Stopping {
 }
 
 #[test]
-fn a_stopped_run_keeps_what_it_has() {
+fn stopped_run_keeps_its_partial_result() {
     let recording = Recording::of(0..10);
     let progress = Progress::default();
     let matcher = Stopping {
@@ -286,7 +288,7 @@ fn a_stopped_run_keeps_what_it_has() {
 }
 
 #[test]
-fn a_piece_of_another_place_stays_apart() {
+fn fragment_of_another_place_is_not_joined() {
     let mut recording = Recording::of(0..6);
     // The room behind the camera: nothing of it is seen from the front.
     let behind = Pose {
@@ -310,7 +312,7 @@ fn a_piece_of_another_place_stays_apart() {
 }
 
 #[test]
-fn frames_between_are_placed_beside_the_others() {
+fn frames_between_are_placed() {
     let recording = Recording::of(0..13);
     let result = recording.register(&NearestMatcher::for_bytes(), 3).unwrap();
     assert_eq!(result.cameras.len(), 13);
@@ -318,7 +320,7 @@ fn frames_between_are_placed_beside_the_others() {
 }
 
 #[test]
-fn who_looks_on_sees_the_cameras_one_after_the_other_and_then_as_they_end() {
+fn callback_receives_poses_in_order_and_then_the_final_ones() {
     let recording = Recording::of(0..9);
     let told = Mutex::new(Vec::new());
     let take = |frame: usize, pose: &Pose| told.lock().unwrap().push((frame, *pose));
@@ -342,7 +344,7 @@ fn who_looks_on_sees_the_cameras_one_after_the_other_and_then_as_they_end() {
 }
 
 #[test]
-fn frames_that_have_nothing_to_go_by_say_so() {
+fn frames_without_intrinsics_are_reported() {
     let mut recording = Recording::of(0..2);
     for frame in &mut recording.frames {
         frame.camera = None;

@@ -7,14 +7,14 @@ use ostra_geometry::{Camera, Pose};
 
 /// Half the extent of the room, metres; y points down.
 const ROOM: DVec3 = DVec3::new(2.0, 1.3, 2.2);
-/// Middle and half extent of what stands in it.
+/// Middle and half extent of the furniture.
 const FURNITURE: [[DVec3; 2]; 3] = [
     [DVec3::new(0.6, 0.7, 1.2), DVec3::new(0.3, 0.6, 0.25)],
     [DVec3::new(-0.7, 1.0, 1.0), DVec3::new(0.35, 0.3, 0.3)],
     [DVec3::new(-0.2, -0.2, 1.9), DVec3::new(0.5, 0.15, 0.3)],
 ];
 
-/// Middle and radius of balls: no two corners of a room are as little alike as they.
+/// Middle and radius of balls, which make the corners of the room distinguishable.
 const BALLS: [(DVec3, f64); 5] = [
     (DVec3::new(-1.2, 0.3, 1.8), 0.45),
     (DVec3::new(1.3, -0.3, 1.7), 0.3),
@@ -23,12 +23,12 @@ const BALLS: [(DVec3, f64); 5] = [
     (DVec3::new(-0.6, -0.7, 2.0), 0.35),
 ];
 
-/// The camera that records it.
+/// Returns the camera that records the room.
 pub fn camera() -> Camera {
     Camera::pinhole(320, 240, 290.0, 290.0, 160.5, 119.0)
 }
 
-/// The camera's pose after `step` steps of a hand that turns 2.5° and moves some 3 cm with each.
+/// Returns the camera's pose after `step` steps of a hand that rotates 2.5° and moves some 3 cm with each.
 pub fn hand_at(step: f64) -> Pose {
     let turn = DQuat::from_rotation_y((2.5 * step - 20.0).to_radians())
         * DQuat::from_rotation_x(0.05 * (0.9 * step).sin());
@@ -44,12 +44,12 @@ pub fn hand_at(step: f64) -> Pose {
     }
 }
 
-/// What the camera sees; depth scatters by `noise` times its square, metres.
+/// Renders what the camera sees; depth scatters by `noise` times its square, in metres.
 pub fn seen(camera_from_world: &Pose, noise: f64, seed: u64) -> (Image, DepthMap) {
     seen_through(&camera(), camera_from_world, noise, seed)
 }
 
-/// What another camera sees.
+/// Renders what another camera sees.
 pub fn seen_through(
     camera: &Camera,
     camera_from_world: &Pose,
@@ -113,7 +113,7 @@ fn first_hit(origin: DVec3, along: DVec3) -> f64 {
     things.chain(balls).fold(walls, f64::min)
 }
 
-/// Smooth noise of three sizes.
+/// Returns smooth noise of three sizes.
 fn texture(at: DVec3) -> u8 {
     let value = 0.5 * noise(at / 0.7, 3) + 0.3 * noise(at / 0.16, 1) + 0.2 * noise(at / 0.05, 2);
     (40.0 + 180.0 * value) as u8

@@ -13,24 +13,27 @@ use super::format::{
 use crate::sfm::Features;
 use ostra_core::disk;
 
-/// Bytes kept on the disk: features of some 1,500 pictures with 8,192 each, with their matches.
+/// Size limit of the folder: features of about 1,500 images with 8,192 each, with their matches.
 const BUDGET_BYTES: u64 = 2 << 30;
-/// A larger file was not written by this program.
+/// Larger files cannot have been written by this program.
 const LARGEST_FILE: u64 = 256 << 20;
-/// Bytes of matches read at most, the latest used ones: they stay in memory.
+/// Limit for the matches that are read, most recently used first, because they stay in memory.
 const LOADED_BYTES: u64 = 256 << 20;
-/// Matches reach the disk at the latest after this time, so that a killed run loses little.
+/// Matches are written at least this often, so that a killed run loses little.
 const SAVE_EVERY: Duration = Duration::from_secs(2);
 
-/// Features and matches in a folder: `features-KEY.bin` for each picture, `matches-KEY.bin` for those of some pairs. A file that is
-/// gone, damaged or cannot be written costs the work again, nothing else. What was not used for longest goes first when
-/// there is too much.
+/// Features and matches cached in a folder.
+///
+/// Each image has a file `features-KEY.bin`; the matches of several pairs share a file
+/// `matches-KEY.bin`. A file that is missing, damaged or cannot be written only means that the work
+/// is done again. When the folder exceeds its limit, the least recently used files are removed
+/// first.
 #[derive(Debug)]
 pub struct FeatureCache {
     folder: PathBuf,
     budget_bytes: u64,
     pairs: Mutex<Pairs>,
-    /// Why nothing is written any more.
+    /// Why nothing more is written.
     failure: Mutex<Option<String>>,
     found: Counts,
     made: Counts,
@@ -39,7 +42,7 @@ pub struct FeatureCache {
 #[derive(Debug, Default)]
 struct Pairs {
     known: FxHashMap<Key, Matches>,
-    /// Those that are not on the disk yet.
+    /// Keys of the entries that are not on the disk yet.
     unsaved: Vec<Key>,
     saved: Option<Instant>,
 }
@@ -51,7 +54,7 @@ struct Counts {
 }
 
 impl FeatureCache {
-    /// What is kept in a folder, which need not exist yet.
+    /// Opens the cache of a folder, which need not exist yet.
     #[must_use]
     pub fn open(folder: PathBuf) -> Self {
         Self::bounded(folder, BUDGET_BYTES)
@@ -76,7 +79,7 @@ impl FeatureCache {
         }
     }
 
-    /// What was found again and what had to be made, for people; `None` where nothing was found.
+    /// Reports for people what was reused and what was computed; `None` if nothing was reused.
     #[must_use]
     pub fn report(&self) -> Option<String> {
         let count = |counts: &AtomicUsize| counts.load(Ordering::Relaxed);
@@ -91,7 +94,7 @@ impl FeatureCache {
         })
     }
 
-    /// Writes what is not on the disk yet and drops what is too much; why not everything could be kept.
+    /// Writes unsaved entries and removes what exceeds the limit; returns why not everything could be kept.
     pub fn save(&self) -> Option<String> {
         self.save_pairs(&mut lock(&self.pairs));
         self.make_room();
@@ -99,7 +102,7 @@ impl FeatureCache {
         failure.map(|why| format!("features and matches are not kept for the next run: {why}"))
     }
 
-    /// The features of a key, where they are kept and `is_right`.
+    /// Returns the features of a key if they are cached and pass `is_right`.
     pub(super) fn features(
         &self,
         key: &Key,
@@ -167,7 +170,7 @@ impl FeatureCache {
         self.folder.join(format!("features-{}.bin", hex(key)))
     }
 
-    /// After one failure nothing more is tried: a full disk does not become emptier by it.
+    /// Writing is not tried again after a failure: a full disk does not become emptier by it.
     fn write(&self, path: &Path, bytes: &[u8]) {
         let mut failure = lock(&self.failure);
         if failure.is_none() {
@@ -194,7 +197,7 @@ impl Drop for FeatureCache {
     }
 }
 
-/// A folder of the project, not a link that leads out of it.
+/// Returns whether this is a folder of the project, not a link that leads out of it.
 fn is_own_folder(folder: &Path) -> bool {
     fs::symlink_metadata(folder).is_ok_and(|about| about.is_dir())
 }
@@ -227,7 +230,7 @@ fn is_named(name: &OsStr, start: &str) -> bool {
         .is_some_and(|name| name.starts_with(start) && name.ends_with(".bin"))
 }
 
-/// The bytes of a regular file of a likely size; links are not followed.
+/// Reads a regular file of plausible size; links are not followed.
 fn read(path: &Path) -> Option<Vec<u8>> {
     let about = fs::symlink_metadata(path).ok()?;
     (about.is_file() && about.len() <= LARGEST_FILE)

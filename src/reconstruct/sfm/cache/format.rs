@@ -3,20 +3,20 @@ use sha2::{Digest, Sha256};
 
 use crate::sfm::{Descriptors, Features};
 
-/// Matches of two pictures.
+/// Matches of two images: (keypoint of the first, keypoint of the second).
 pub(super) type Matches = Vec<(u32, u32)>;
 
-/// Names one thing that is kept: a digest of all that it was made of.
+/// Key of a cached entry: a digest of everything that it depends on.
 pub(super) type Key = [u8; 32];
 
-/// First bytes of a file: what it holds, and the version of its layout.
+/// First bytes of a file: its kind and the version of its layout.
 const FEATURES: &[u8; 8] = b"OSTRAFT1";
 const MATCHES: &[u8; 8] = b"OSTRAMT1";
 const KIND: usize = FEATURES.len();
-/// Bytes of the digest at the end of a file.
+/// Length of the digest at the end of a file, in bytes.
 const DIGEST: usize = 32;
 
-/// Little-endian values, then a digest of them all.
+/// Encodes features as little-endian values followed by their digest.
 pub(super) fn encode_features(features: &Features) -> Vec<u8> {
     let mut bytes = FEATURES.to_vec();
     let (is_floats, dim) = (
@@ -62,7 +62,7 @@ pub(super) fn encode_features(features: &Features) -> Vec<u8> {
     sealed(bytes)
 }
 
-/// `None` where the bytes are not those of whole features.
+/// Decodes features; `None` if the bytes are damaged or incomplete.
 pub(super) fn decode_features(bytes: &[u8]) -> Option<Features> {
     let mut values = Reader(opened(bytes, FEATURES)?);
     let [width, height, is_floats] = [values.u32()?, values.u32()?, values.u32()?];
@@ -119,7 +119,7 @@ pub(super) fn encode_pairs<'a>(pairs: impl Iterator<Item = (&'a Key, &'a Matches
     sealed(bytes)
 }
 
-/// `None` where the bytes are not those of whole pairs.
+/// Decodes pairs; `None` if the bytes are damaged or incomplete.
 pub(super) fn decode_pairs(bytes: &[u8]) -> Option<Vec<(Key, Matches)>> {
     let mut values = Reader(opened(bytes, MATCHES)?);
     let mut pairs = Vec::new();
@@ -154,7 +154,7 @@ fn sealed(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// What lies between the kind and the digest, where both are right.
+/// Returns the bytes between kind and digest, if both are right.
 fn opened<'a>(bytes: &'a [u8], kind: &[u8; KIND]) -> Option<&'a [u8]> {
     let (content, digest) = bytes.split_at_checked(bytes.len().checked_sub(DIGEST)?)?;
     (Sha256::digest(content)[..] == *digest)

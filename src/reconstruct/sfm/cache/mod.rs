@@ -1,5 +1,7 @@
-//! Features and matches that are kept on the disk from one run to the next, by the content that they were made of: a
-//! pixel, an option or a network that differs makes another key, so nothing outdated is ever found.
+//! Cache of features and matches on the disk, shared by all runs.
+//!
+//! Entries are addressed by the content that they depend on. A different pixel, option or network
+//! gives a different key, so an outdated entry is never found.
 
 mod files;
 mod format;

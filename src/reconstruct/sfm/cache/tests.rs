@@ -8,7 +8,7 @@ use sha2::{Digest, Sha256};
 use super::*;
 use crate::sfm::{Descriptors, FeatureError, FeatureExtractor, FeatureMatcher, Features};
 
-/// Counts how often it works; its features are as many as the picture is wide.
+/// Counts its calls; returns as many features as the image is wide.
 #[derive(Default)]
 struct Worker {
     pictures: AtomicUsize,
@@ -110,7 +110,7 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 }
 
 #[test]
-fn the_same_picture_is_looked_at_once_and_any_other_again() {
+fn same_image_is_extracted_once_and_others_again() {
     let scratch = tempfile::tempdir().unwrap();
     let run = Run {
         folder: scratch.path().join("cache"),
@@ -135,7 +135,7 @@ fn the_same_picture_is_looked_at_once_and_any_other_again() {
 }
 
 #[test]
-fn matches_are_kept_by_their_pictures_and_where_it_matters_by_the_set() {
+fn matches_are_cached_by_images_and_by_set_if_they_depend_on_it() {
     let scratch = tempfile::tempdir().unwrap();
     for (depends_on_set, expected) in [(false, 1), (true, 2)] {
         let worker = Worker {
@@ -160,7 +160,7 @@ fn matches_are_kept_by_their_pictures_and_where_it_matters_by_the_set() {
 }
 
 #[test]
-fn a_damaged_or_foreign_file_costs_the_work_again() {
+fn damaged_or_foreign_files_are_computed_again() {
     let scratch = tempfile::tempdir().unwrap();
     let run = Run {
         folder: scratch.path().join("cache"),
@@ -197,7 +197,7 @@ fn a_damaged_or_foreign_file_costs_the_work_again() {
 }
 
 #[test]
-fn whole_files_of_other_pictures_are_not_taken() {
+fn intact_files_of_other_images_are_not_used() {
     let scratch = tempfile::tempdir().unwrap();
     let run = Run {
         folder: scratch.path().join("cache"),
@@ -213,7 +213,7 @@ fn whole_files_of_other_pictures_are_not_taken() {
         .unwrap();
     fs::copy(of_large, &of_small).unwrap();
     assert_eq!(run.features("a", &small, None), right);
-    // The same for matches: of pictures with fewer keypoints than the file names.
+    // The same for matches: of images with fewer keypoints than the file names.
     let wide = run.features("a", &large, None);
     run.matches(&[&wide, &wide], (0, 1));
     let is_matches = |path: &PathBuf| {
@@ -239,7 +239,7 @@ fn whole_files_of_other_pictures_are_not_taken() {
 }
 
 #[test]
-fn what_cannot_be_kept_is_said_and_the_work_is_done() {
+fn write_failures_are_reported_and_the_work_is_done() {
     let scratch = tempfile::tempdir().unwrap();
     let folder = scratch.path().join("cache");
     fs::write(&folder, "a file where the folder should be").unwrap();
@@ -272,7 +272,7 @@ fn links_out_of_the_project_are_not_followed() {
 }
 
 #[test]
-fn what_was_not_used_for_longest_makes_room() {
+fn least_recently_used_entries_are_removed() {
     let scratch = tempfile::tempdir().unwrap();
     let worker = Worker::default();
     let cache = FeatureCache::bounded(scratch.path().join("cache"), 1000);

@@ -5,16 +5,16 @@ use super::FeatureCache;
 use super::format::{Key, Matches, encode_features};
 use crate::sfm::{FeatureError, FeatureExtractor, FeatureMatcher, Features, PairMatches};
 
-/// Raised when the same input gives other features or matches than before.
+/// Increase this when the same input gives other features or matches than before.
 const VERSION: u32 = 1;
 
-/// An extractor whose features are kept: those of a picture that it saw before are not looked for again.
+/// An extractor with a cache: features of an image that it processed before are read instead.
 pub struct CachedExtractor<'a> {
-    /// Finds features that are not there.
+    /// Extracts features that are not cached.
     pub extractor: &'a dyn FeatureExtractor,
-    /// Distinguishes the extractor, with its options and networks, from all others.
+    /// Identifies the extractor with its options and networks.
     pub identity: &'a str,
-    /// What is kept.
+    /// The cache.
     pub cache: &'a FeatureCache,
 }
 
@@ -50,13 +50,13 @@ impl FeatureExtractor for CachedExtractor<'_> {
     }
 }
 
-/// A matcher whose matches are kept: pairs of pictures of a set that it matched before are not matched again.
+/// A matcher with a cache: pairs of a set that it matched before are not matched again.
 pub struct CachedMatcher<'a> {
-    /// Finds matches that are not there.
+    /// Matches pairs that are not cached.
     pub matcher: &'a dyn FeatureMatcher,
-    /// Distinguishes the matcher, with its options and networks, from all others.
+    /// Identifies the matcher with its options and networks.
     pub identity: &'a str,
-    /// What is kept.
+    /// The cache.
     pub cache: &'a FeatureCache,
 }
 
@@ -89,8 +89,9 @@ impl FeatureMatcher for CachedMatcher<'_> {
         let keys = self.keys(pictures);
         let is_known =
             |&(first, second): &(usize, usize)| self.cache.has_pair(&keys.of(first, second));
-        // What the pictures of a set have in common is only worked out where a pair is not known; not within the closure,
-        // which runs in parallel: work that waits for other work there can come to wait for itself.
+        // The shared data of a set is only computed if some pair is unknown. It is computed outside
+        // the closure, which runs in parallel: a parallel job that waits for another one can end up
+        // waiting for itself.
         let needs_matcher = !pairs.iter().all(is_known);
         let matcher = needs_matcher
             .then(|| self.matcher.of_pairs(pictures, pairs))
@@ -126,7 +127,7 @@ impl CachedMatcher<'_> {
             }
             let made = match &matcher {
                 Some(matcher) => matcher(first, second)?,
-                // The kept matches do not fit the keypoints: a file was changed.
+                // The cached matches do not fit the keypoints: a file was changed.
                 None => self.matcher.matches(pictures[first], pictures[second])?,
             };
             self.cache.keep_pair(key, &made);
@@ -135,7 +136,7 @@ impl CachedMatcher<'_> {
     }
 }
 
-/// The keys of the pairs of a set of pictures.
+/// Keys of the pairs of a set of images.
 struct PairKeys {
     set: Sha256,
     digests: Vec<Key>,
@@ -150,7 +151,7 @@ impl PairKeys {
     }
 }
 
-/// Whether features can be those of a picture of this size: the folder may come from a stranger.
+/// Returns whether features are plausible for an image of this size: the folder may come from an untrusted source.
 fn are_of(features: &Features, width: usize, height: usize) -> bool {
     let (x_end, y_end) = (width as f64, height as f64);
     let is_inside = |at: &DVec2| (0.0..=x_end).contains(&at.x) && (0.0..=y_end).contains(&at.y);
@@ -168,7 +169,7 @@ fn are_of(features: &Features, width: usize, height: usize) -> bool {
         && features.descriptors.len() == features.keypoints.len()
 }
 
-/// Whether matches name keypoints that are there, in order.
+/// Returns whether all matches refer to existing keypoints and are in order.
 fn fits(matches: &Matches, counts: [usize; 2]) -> bool {
     matches
         .iter()
@@ -176,7 +177,7 @@ fn fits(matches: &Matches, counts: [usize; 2]) -> bool {
         && matches.is_sorted_by(|one, next| one.0 < next.0)
 }
 
-/// A digest of names, each with its length, so that no two lists give the same bytes.
+/// Starts a digest with the names, each preceded by its length, so that no two lists give the same bytes.
 fn begun(names: &[&str]) -> Sha256 {
     let mut digest = Sha256::new();
     digest.update(VERSION.to_le_bytes());

@@ -9,30 +9,30 @@ use ostra_geometry::bundle::{
     Bundle, BundleImage, BundleObservation, BundleOptions, Loss, Refine, adjust,
 };
 
-/// Images that a camera must have taken before its intrinsics are refined.
+/// A camera's intrinsics are refined once it took at least this many images.
 const REFINE_FROM_IMAGES: usize = 3;
-/// A camera took few of the images when this many times as many were placed.
+/// A camera took few of the images if this many times as many were placed.
 const FEW_SHARE: usize = 3;
-/// Rounds of adjusting all, each followed by finding what fits now and dropping what does not.
+/// Rounds of global adjustment; each then finds observations that fit and drops those that do not.
 const ROUNDS: usize = 5;
-/// Share of all sightings that must change for another round.
+/// Share of all observations that must change for another round.
 const CHANGE: f64 = 5e-4;
-/// Lenses count as straight where the loss without distortion is at most this many times that with it.
+/// A lens counts as straight if the loss without distortion is at most this many times the loss with it.
 const NEEDLESS: f64 = 1.003;
-/// And where the focal length is another by more than this share without it.
+/// In addition, the focal length must differ by more than this share without distortion.
 const AMBIGUOUS: f64 = 0.005;
 
-/// How thoroughly is adjusted.
+/// How thorough an adjustment is.
 #[derive(Clone, Copy)]
 struct Effort {
     loss: Loss,
     iterations: usize,
     tolerance: f64,
-    /// Principal points of cameras that took few of the images are refined too.
+    /// Also refines the principal points of cameras that took few of the images.
     principal: bool,
 }
 
-/// A lens without distortion, as the models write it that have some.
+/// A lens without distortion, written as a model that has some.
 const STRAIGHT: Distortion = Distortion::Radial { k: [0.0; 2] };
 
 const LOCAL: Effort = Effort {
@@ -55,7 +55,7 @@ const FINAL: Effort = Effort {
 };
 
 impl Mapper<'_> {
-    /// Adjusts a new image with those that share most points with it.
+    /// Adjusts a new image together with those that share most points with it.
     pub fn adjust_around(&mut self, image: u32) -> Result<(), Stopped> {
         let free = self.neighbourhood(image);
         let seen: BTreeSet<u32> = free
@@ -67,20 +67,22 @@ impl Mapper<'_> {
         Ok(())
     }
 
-    /// Adjusts everything, drops what does not fit, finds what fits now; until nothing much changes.
+    /// Adjusts all images and points, drops observations that do not fit and finds new ones, until little changes.
     pub fn adjust_all(&mut self) -> Result<(), Stopped> {
         self.rounds(GLOBAL, 1)
     }
 
-    /// As [`Self::adjust_all`], to the end.
+    /// Runs [`Self::adjust_all`] with the final, thorough effort.
     pub fn adjust_finally(&mut self) -> Result<(), Stopped> {
         self.rounds(FINAL, ROUNDS)?;
         self.straighten()
     }
 
-    /// Takes the distortion out of all lenses where it trades off against the focal length. On an orbit around an object
-    /// these two and the object's size are almost free together: the pictures are explained as well without a distortion
-    /// that spoils the other two by some per cent.
+    /// Removes the distortion from all lenses where it trades off against the focal length.
+    ///
+    /// On an orbit around an object, distortion, focal length and the object's size are almost free
+    /// together. The images are then explained as well without a distortion, which would put the
+    /// other two off by some per cent.
     fn straighten(&mut self) -> Result<(), Stopped> {
         let free: BTreeSet<u32> = self.model.placed().collect();
         let all: BTreeSet<u32> = self.model.points().map(|(point, _)| point).collect();
@@ -133,7 +135,7 @@ impl Mapper<'_> {
         Ok(())
     }
 
-    /// Completes and merges points and makes new ones; gives how many sightings changed.
+    /// Completes and merges points and creates new ones; returns how many observations changed.
     fn find_more(&mut self) -> usize {
         let mut changes = 0;
         for point in 0..self.model.point_slots() {
@@ -152,7 +154,7 @@ impl Mapper<'_> {
         (0..keypoints).filter_map(move |index| self.model.point_of(KeypointId { image, index }))
     }
 
-    /// The image and those that share most points with it.
+    /// Returns the image and those that share most points with it.
     fn neighbourhood(&self, image: u32) -> BTreeSet<u32> {
         let mut shared: BTreeMap<u32, usize> = BTreeMap::new();
         for point in self
@@ -179,7 +181,7 @@ impl Mapper<'_> {
         neighbours.chain([image]).collect()
     }
 
-    /// Bundle adjustment of the free images and of points; other images that see them stay where they are.
+    /// Runs bundle adjustment of the free images and the points; other images that see these points stay fixed.
     fn adjust(
         &mut self,
         free: &BTreeSet<u32>,
@@ -192,7 +194,7 @@ impl Mapper<'_> {
         self.progress.check()
     }
 
-    /// Adjusts a bundle in which only the free images move; gives the loss that is left.
+    /// Adjusts a bundle in which only the free images move; returns the remaining loss.
     fn adjusted(
         &self,
         bundle: &mut Bundle,
@@ -224,7 +226,7 @@ impl Mapper<'_> {
         adjust(bundle, &options, &mut step).final_cost
     }
 
-    /// The points with all their sightings, and which image each of the bundle's is.
+    /// Collects the points with all their observations, and the image number of each image in the bundle.
     fn bundle(&self, points: &BTreeSet<u32>) -> (Bundle, Vec<u32>) {
         let tracks = || points.iter().filter_map(|&point| self.model.point(point));
         let images: Vec<u32> = tracks()
@@ -263,7 +265,7 @@ impl Mapper<'_> {
         (bundle, images)
     }
 
-    /// Takes over what was adjusted.
+    /// Copies adjusted values back into the model.
     fn take(&mut self, bundle: &Bundle, images: &[u32], points: &BTreeSet<u32>) {
         for (&image, adjusted) in images.iter().zip(&bundle.images) {
             self.place(image, adjusted.camera_from_world);
@@ -284,9 +286,11 @@ impl Mapper<'_> {
         }
     }
 
-    /// What of a camera is refined: nothing of one that is given, and nothing while some of its images stay fixed or
-    /// there are few. The principal point of a camera with few of the images, which may be crops, is held well enough by
-    /// what the others see.
+    /// Returns which intrinsics of a camera are refined.
+    ///
+    /// Nothing is refined if the intrinsics are given, if some of the camera's images stay fixed,
+    /// or if it has few images. The principal point of a camera with few of the images, which may
+    /// be crops, is held well enough by what the others see.
     fn refine(&self, camera: usize, free: &BTreeSet<u32>, effort: Effort) -> Refine {
         let own = || {
             self.model
@@ -307,7 +311,8 @@ impl Mapper<'_> {
         }
     }
 
-    /// Drops sightings with a large error, and points that are left without parallax; gives how many sightings went.
+    /// Drops observations with a large error and points without enough parallax; returns how many
+    /// observations were dropped.
     pub fn filter(&mut self, points: &BTreeSet<u32>) -> usize {
         let mut dropped = 0;
         for &point in points {

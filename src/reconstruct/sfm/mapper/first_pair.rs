@@ -7,26 +7,25 @@ use ostra_core::job::Stopped;
 use ostra_core::statistics::upper_median;
 use ostra_geometry::{Pose, TwoViewKind};
 
-/// How a model was begun.
+/// How a model was started.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Start {
-    /// From images whose poses were given.
+    /// From images with given poses.
     Given,
     /// From two images.
     Pair {
-        /// Which.
+        /// The two images.
         images: [u32; 2],
-        /// Matches that agree with their geometry.
+        /// Number of matches that agree with their geometry.
         matches: usize,
         /// Median angle between the rays of these matches in radians.
         parallax: f64,
-        /// What was asked of the pair: matches, and parallax in radians. Less than the options say where no pair had
-        /// as much.
+        /// Required number of matches and parallax in radians. Lower than in the options if no pair had as much.
         asked: (usize, f64),
     },
 }
 
-/// Shares of the matches and of the parallax asked for that are asked of the first pair, one after the other.
+/// Shares of the required matches and parallax, tried one after the other for the first pair.
 const RELAXED: [(f64, f64); 5] = [
     (1.0, 1.0),
     (0.5, 1.0),
@@ -34,16 +33,16 @@ const RELAXED: [(f64, f64); 5] = [
     (0.3, 0.25),
     (0.3, 0.125),
 ];
-/// Pairs that are tried for each.
+/// Number of pairs tried for each.
 const TRIES: usize = 12;
-/// Share of the matches asked for that must become points.
+/// Share of the required matches that must become points.
 const POINT_SHARE: f64 = 0.5;
 
 impl Mapper<'_> {
-    /// Places two images that see enough of the same from places far enough apart, with the points they share.
+    /// Places two images that share enough points and are far enough apart, and creates these points.
     ///
     /// # Errors
-    /// [`Stopped`]; `Ok(None)` where no pair will do.
+    /// [`Stopped`]; `Ok(None)` if no pair is good enough.
     pub fn start_from_pair(&mut self) -> Result<Option<Start>, Stopped> {
         let problem = self.problem;
         let mut tried = BTreeSet::new();
@@ -78,7 +77,7 @@ impl Mapper<'_> {
             && pair.parallax >= parallax
     }
 
-    /// Places the pair; takes it back where too few points come of it.
+    /// Places the pair; undoes this if it yields too few points.
     fn try_pair(
         &mut self,
         pair: &VerifiedPair,
@@ -100,7 +99,7 @@ impl Mapper<'_> {
         Ok(false)
     }
 
-    /// Median angle between the rays of the points that a pair shares.
+    /// Returns the median angle between the rays of the points that a pair shares.
     fn median_angle(&self, pair: &VerifiedPair) -> f64 {
         let [Some(a), Some(b)] = pair.images.map(|image| self.model.poses[image as usize]) else {
             return 0.0;
@@ -114,7 +113,7 @@ impl Mapper<'_> {
         upper_median(&mut angles).unwrap_or(0.0)
     }
 
-    /// Takes out all points and poses.
+    /// Removes all points and poses.
     pub fn clear(&mut self) {
         for point in 0..self.model.point_slots() {
             self.remove_point(point);

@@ -1,4 +1,4 @@
-//! Models grown one after the other, each from its first pair, image by image.
+//! Growing of models one after the other, each from its first pair, image by image.
 
 use std::collections::BTreeMap;
 
@@ -11,25 +11,28 @@ use super::state::Mapper;
 use crate::sfm::{Correspondences, IntrinsicsSource, MapProblem, SparseModel};
 use ostra_core::job::{Progress, Stopped};
 
-/// One model, and why images that see something of it are not in it.
+/// One model, and why images that match something in it are not part of it.
 #[derive(Debug, Clone)]
 pub struct Mapped {
-    /// What was placed.
+    /// The model.
     pub model: SparseModel,
-    /// How it was begun.
+    /// How it was started.
     pub start: Start,
     /// Images that were tried and refused.
     pub refused: BTreeMap<u32, Refusal>,
-    /// Whether it was stopped before every image had been tried.
+    /// Whether the run was stopped before every image had been tried.
     pub stopped: bool,
 }
 
-/// Focal lengths, relative to the guess, with which a start is tried where nothing is known of a camera.
+/// Focal lengths, relative to the guess, from which a start is tried if nothing is known of a camera.
 const FOCAL_FACTORS: [f64; 5] = [1.0, 0.7, 1.4, 0.5, 2.0];
 
-/// Incremental structure from motion: places images one after the other, and makes another model of those left over as
-/// long as that is possible. The largest model comes first; where poses are given, theirs (Schönberger & Frahm,
-/// "Structure-from-Motion Revisited", CVPR 2016). Stopped, it gives what it has.
+/// Runs incremental structure from motion and returns the models.
+///
+/// Images are placed one after the other; the remaining ones form further models as long as that is
+/// possible. The largest model comes first; if poses are given, the model that contains them does
+/// (Schönberger & Frahm, "Structure-from-Motion Revisited", CVPR 2016). When stopped, it returns
+/// what it has.
 ///
 /// # Errors
 /// [`Stopped`] before anything was placed.
@@ -61,8 +64,10 @@ pub fn map(
     Ok(models)
 }
 
-/// One model; where a camera is unknown and not half of the images that could be are placed, the best of several focal
-/// lengths to start from.
+/// Builds one model.
+///
+/// If a camera is unknown and fewer than half of the possible images are placed, several initial
+/// focal lengths are tried and the best model is kept.
 fn best_start(
     problem: &MapProblem,
     links: &Correspondences,
@@ -152,11 +157,11 @@ fn one_model(
     }))
 }
 
-/// Points that an image must see to stay in the model.
+/// Images that see fewer points than this are removed from the model.
 const LEAST_POINTS: usize = 15;
 
 impl Mapper<'_> {
-    /// Places the images whose poses are given, with the points that they share.
+    /// Places the images whose poses are given, and creates the points that they share.
     ///
     /// # Errors
     /// [`Stopped`]
@@ -181,7 +186,7 @@ impl Mapper<'_> {
         Ok(Some(Start::Given))
     }
 
-    /// Places one image after the other until none can be placed; gives why those left over were refused.
+    /// Places one image after the other until none can be placed; returns why the remaining ones were refused.
     ///
     /// # Errors
     /// [`Stopped`]
@@ -227,7 +232,7 @@ impl Mapper<'_> {
         Ok(refused)
     }
 
-    /// Images and points.
+    /// Returns the numbers of images and points.
     fn size(&self) -> (usize, usize) {
         (self.model.placed().count(), self.model.points().count())
     }
@@ -239,7 +244,7 @@ impl Mapper<'_> {
         grown(now.0, since.0) || grown(now.1, since.1)
     }
 
-    /// Takes out images that see next to nothing any more.
+    /// Removes images that see almost no points any more.
     fn drop_lost(&mut self, refused: &mut BTreeMap<u32, Refusal>) {
         let lost: Vec<u32> = self
             .model

@@ -1,7 +1,8 @@
-//! Grows sparse models from verified pairs: first pair, resection, triangulation, adjustment.
+//! Incremental mapping: first pair, resection, triangulation and adjustment of verified pairs.
 //!
-//! One file per step around one state (`state::Mapper`), which also counts the keypoints of unplaced images
-//! that see a point: the next image is the one that they cover best. Knows neither files nor frames.
+//! There is one file per step around one state (`state::Mapper`). The state also counts the
+//! keypoints of unplaced images that see a point: the next image is the one that these cover best.
+//! The mapper does not know files or frames.
 
 mod adjust;
 mod first_pair;

@@ -1,4 +1,4 @@
-//! Which image comes next, and its registration by resection.
+//! Choice of the next image, and its registration by resection.
 
 use std::collections::BTreeMap;
 
@@ -17,15 +17,15 @@ use ostra_geometry::{
 pub struct Refusal {
     /// Keypoints matched with one that sees a point of the model.
     pub seen: usize,
-    /// Of these, how many agreed on a pose.
+    /// Number of these that agreed on a pose.
     pub agreeing: usize,
 }
 
-/// Focal lengths that are tried where nothing is known, relative to the guess.
+/// Focal lengths tried if nothing is known, relative to the guess.
 const FOCAL_FACTORS: [f64; 9] = [1.0, 0.84, 1.19, 0.71, 1.41, 0.59, 1.68, 0.5, 2.0];
 
 impl Mapper<'_> {
-    /// Finds an image's pose from the points that it sees, and adds it to their sightings.
+    /// Estimates an image's pose from the points that it sees, and adds it to their observations.
     pub fn register(&mut self, image: u32) -> Result<(), Refusal> {
         let seen = self.points_in_view(image);
         let (at_px, positions): (Vec<DVec2>, Vec<DVec3>) = seen
@@ -67,7 +67,7 @@ impl Mapper<'_> {
         Ok(())
     }
 
-    /// Keypoints of an image with the points that their links see, each pair once.
+    /// Returns keypoints of an image with the points that their matches see, each pair once.
     fn points_in_view(&self, image: u32) -> Vec<(u32, u32)> {
         let mut seen = Vec::new();
         for (index, _) in self
@@ -126,19 +126,21 @@ impl Mapper<'_> {
     }
 }
 
-/// How many different keypoints are among the chosen sightings, which are in the order of the keypoints.
+/// Counts the different keypoints among the chosen observations, which are in the order of the keypoints.
 fn distinct(seen: &[(u32, u32)], chosen: &[u32]) -> usize {
     let mut keypoints: Vec<u32> = chosen.iter().map(|&i| seen[i as usize].0).collect();
     keypoints.dedup();
     keypoints.len()
 }
 
-/// Levels of the grids in which an image's sightings are counted: 2 × 2, 4 × 4, … cells.
+/// Levels of the grids in which an image's observations are counted: 2 × 2, 4 × 4, … cells.
 const LEVELS: u32 = 5;
 
 impl Mapper<'_> {
-    /// Images that may be placed, the one whose sightings of points cover it best first (Schönberger & Frahm,
-    /// "Structure-from-Motion Revisited", CVPR 2016). An image that was refused comes again once it sees a fifth more.
+    /// Returns the images that may be placed, best covered by observations of points first.
+    ///
+    /// The order is that of Schönberger & Frahm, "Structure-from-Motion Revisited", CVPR 2016. A
+    /// refused image is tried again once it sees a fifth more.
     pub fn candidates(&self, refused: &BTreeMap<u32, usize>) -> Vec<u32> {
         let open = (0..self.problem.images.len() as u32).filter(|&image| self.is_open(image));
         let mut ranked: Vec<(u64, u32)> = open
@@ -154,7 +156,7 @@ impl Mapper<'_> {
         ranked.into_iter().map(|(_, image)| image).collect()
     }
 
-    /// How many of an image's keypoints are matched with one that sees a point.
+    /// Returns how many of an image's keypoints are matched with one that sees a point.
     pub fn supported(&self, image: u32) -> usize {
         self.support(image)
             .iter()
@@ -162,7 +164,7 @@ impl Mapper<'_> {
             .count()
     }
 
-    /// Occupied cells over all levels, each worth as much as its level has cells along a side, squared.
+    /// Sums the occupied cells over all levels, each weighted by the squared number of cells along a side.
     fn coverage(&self, image: u32) -> u64 {
         let seen = &self.problem.images[image as usize];
         let camera = &self.model.cameras[seen.camera];

@@ -1,4 +1,4 @@
-//! The model that is being grown, and the options of its growth.
+//! The model that is being grown, and the options.
 
 use glam::{DVec2, DVec3};
 
@@ -8,30 +8,32 @@ use crate::sfm::{
 use ostra_core::job::Progress;
 use ostra_geometry::{Pose, Sighting};
 
-/// How a model is grown. Defaults follow Schönberger & Frahm, "Structure-from-Motion Revisited", CVPR 2016.
+/// Options of incremental mapping.
+///
+/// The defaults follow Schönberger & Frahm, "Structure-from-Motion Revisited", CVPR 2016.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MapperOptions {
     /// Matches that the first pair must have.
     pub first_pair_matches: usize,
     /// Median angle between the rays of the first pair's matches, in radians.
     pub first_pair_parallax: f64,
-    /// Reprojection error in pixels up to which a sighting supports a camera's pose.
+    /// Observations with a reprojection error up to this, in pixels, support a camera's pose.
     pub pose_error_px: f64,
-    /// Sightings that must support a camera's pose.
+    /// Minimum number of observations that support a camera's pose.
     pub pose_inliers: usize,
-    /// Share of an image's sightings that must support its pose.
+    /// Minimum share of an image's observations that support its pose, 0–1.
     pub pose_inlier_share: f64,
-    /// Reprojection error in pixels above which a sighting is dropped.
+    /// Observations with a larger reprojection error, in pixels, are dropped.
     pub max_error_px: f64,
     /// Smallest angle between two rays of a point, in radians.
     pub min_angle: f64,
-    /// Images whose poses are adjusted with a new one.
+    /// Number of images whose poses are adjusted together with a new one.
     pub local_images: usize,
-    /// Growth of images or points at which all is adjusted.
+    /// Growth of the number of images or points after which all is adjusted.
     pub global_growth: f64,
-    /// Images below which a model is not kept.
+    /// Models with fewer images are not kept.
     pub min_model_images: usize,
-    /// Points below which a model is not kept.
+    /// Models with fewer points are not kept.
     pub min_model_points: usize,
     /// Seed of all random choices.
     pub seed: u64,
@@ -56,22 +58,22 @@ impl Default for MapperOptions {
     }
 }
 
-/// A model that grows, with what is kept up to date beside it.
+/// A growing model, with the data that is updated along with it.
 pub(super) struct Mapper<'a> {
     pub problem: &'a MapProblem,
     pub links: &'a Correspondences,
     pub options: &'a MapperOptions,
     pub progress: &'a Progress,
     pub model: SparseModel,
-    /// Images that may not be placed: they are in another model.
+    /// Images that may not be placed because they are in another model.
     pub closed: Vec<bool>,
     /// By camera, whether its focal length is more than a guess.
     pub focal_known: Vec<bool>,
-    /// By camera, whether its lens is taken to be without distortion.
+    /// By camera, whether its lens is assumed to have no distortion.
     pub straight: Vec<bool>,
     /// Keypoints on the plane z = 1, by image.
     rays: Vec<Vec<DVec2>>,
-    /// By image and keypoint, how many of its links see a point.
+    /// By image and keypoint, how many of its matches see a point.
     support: Vec<Vec<u16>>,
 }
 
@@ -107,7 +109,7 @@ impl<'a> Mapper<'a> {
         mapper
     }
 
-    /// Undistorts the keypoints of a camera's images anew.
+    /// Computes the undistorted keypoints of a camera's images again.
     pub fn cast_rays(&mut self, camera: usize) {
         let intrinsics = self.model.cameras[camera];
         for (image, rays) in self
@@ -131,7 +133,7 @@ impl<'a> Mapper<'a> {
         self.problem.images[keypoint.image as usize].keypoints[keypoint.index as usize]
     }
 
-    /// The keypoint as seen from its image, when that is placed.
+    /// Returns the observation of a keypoint by its image, if that is placed.
     pub fn sighting(&self, keypoint: KeypointId) -> Option<Sighting<'_>> {
         let image = keypoint.image as usize;
         let at_plane = self.rays[image][keypoint.index as usize];
@@ -147,7 +149,7 @@ impl<'a> Mapper<'a> {
         })
     }
 
-    /// Reprojection error of a point in pixels; infinite where it is not seen.
+    /// Returns the reprojection error of a point in pixels; infinite if the image does not see it.
     pub fn error_px(&self, keypoint: KeypointId, position: DVec3) -> f64 {
         let Some(pose) = self.model.poses[keypoint.image as usize] else {
             return f64::INFINITY;
@@ -157,7 +159,7 @@ impl<'a> Mapper<'a> {
         seen.map_or(f64::INFINITY, |at| at.distance(self.at_px(keypoint)))
     }
 
-    /// Whether some two of the keypoints see the position under a large enough angle.
+    /// Returns whether any two of the keypoints see the position under a large enough angle.
     pub fn has_parallax(&self, track: &[KeypointId], position: DVec3) -> bool {
         let rays: Vec<DVec3> = track
             .iter()
@@ -170,7 +172,7 @@ impl<'a> Mapper<'a> {
             .any(|(i, a)| rays[..i].iter().any(|b| a.dot(*b) < limit))
     }
 
-    /// Whether an image is free to be placed.
+    /// Returns whether an image may still be placed.
     pub fn is_open(&self, image: u32) -> bool {
         !self.closed[image as usize] && !self.model.is_placed(image)
     }
@@ -179,7 +181,7 @@ impl<'a> Mapper<'a> {
         self.model.poses[image as usize] = Some(camera_from_world);
     }
 
-    /// Takes an image out, with its sightings.
+    /// Removes an image and its observations.
     pub fn displace(&mut self, image: u32) {
         for index in 0..self.problem.images[image as usize].keypoints.len() as u32 {
             let keypoint = KeypointId { image, index };
@@ -190,7 +192,7 @@ impl<'a> Mapper<'a> {
         self.model.poses[image as usize] = None;
     }
 
-    /// By keypoint of an image, how many of its links see a point.
+    /// Returns by keypoint of an image how many of its matches see a point.
     pub fn support(&self, image: u32) -> &[u16] {
         &self.support[image as usize]
     }

@@ -9,7 +9,7 @@ use ostra_geometry::{
     Alignment, Camera, Distortion, Pose, TrajectoryError, TwoViewOptions, estimate_two_view,
 };
 
-/// A made scene: cameras around a block of points, keypoints with noise, matches with outliers.
+/// A synthetic scene: cameras around a block of points, keypoints with noise, matches with outliers.
 struct Made {
     problem: MapProblem,
     truth: Vec<Pose>,
@@ -34,7 +34,7 @@ const RING: Recipe = Recipe {
     poses: on_an_arc,
 };
 
-/// On an arc of 4 units around the origin, 6° apart, looking inwards, rising and falling.
+/// Returns a pose on an arc of 4 units around the origin, 6° apart, facing inwards, rising and falling.
 fn on_an_arc(view: usize) -> Pose {
     let angle = (view as f64 * 6.0).to_radians();
     let centre = DVec3::new(
@@ -56,7 +56,7 @@ fn looking_at_origin(centre: DVec3) -> Pose {
     }
 }
 
-/// From one place, turning by 3°.
+/// Returns a pose at a fixed position, rotating by 3°.
 fn on_the_spot(view: usize) -> Pose {
     let turn = Pose {
         rotation: DQuat::from_rotation_y((view as f64 * 3.0).to_radians()),
@@ -81,7 +81,7 @@ impl Made {
         let images: Vec<MapImage> = truth
             .iter()
             .map(|pose| {
-                // A point out of sight has a keypoint that nothing is matched with.
+                // A point out of sight has a keypoint without matches.
                 let seen = |x: &DVec3| {
                     camera
                         .project(pose.transform(*x))
@@ -179,7 +179,8 @@ impl Made {
         .unwrap()
     }
 
-    /// Largest centre error as a share of the extent, and largest rotation error in degrees, after Sim(3).
+    /// Returns the largest centre error as a share of the extent, and the largest rotation error in
+    /// degrees, after Sim(3).
     fn errors(&self, mapped: &Mapped) -> (f64, f64) {
         let placed = self
             .truth
@@ -193,7 +194,7 @@ impl Made {
 }
 
 #[test]
-fn thirty_views_with_noise_and_outliers() {
+fn thirty_views_are_placed_despite_noise_and_outliers() {
     for seed in 0..3 {
         let made = Made::new(&RING, seed);
         let models = made.map();
@@ -208,7 +209,7 @@ fn thirty_views_with_noise_and_outliers() {
 }
 
 #[test]
-fn an_unknown_focal_length_is_found() {
+fn unknown_focal_length_is_found() {
     let mut made = Made::new(&RING, 5);
     let guess = Camera {
         distortion: Distortion::Radial { k: [0.0; 2] },
@@ -237,7 +238,7 @@ fn an_unknown_focal_length_is_found() {
 }
 
 #[test]
-fn a_camera_that_only_turns_gives_no_model() {
+fn rotating_camera_gives_no_model() {
     let made = Made::new(
         &Recipe {
             views: 8,
@@ -252,7 +253,7 @@ fn a_camera_that_only_turns_gives_no_model() {
 }
 
 #[test]
-fn what_nothing_joins_becomes_models_of_their_own() {
+fn unconnected_images_become_separate_models() {
     let mut made = Made::new(&RING, 2);
     made.problem
         .pairs
@@ -266,7 +267,7 @@ fn what_nothing_joins_becomes_models_of_their_own() {
 }
 
 #[test]
-fn given_poses_stay_and_the_rest_is_placed_beside_them() {
+fn given_poses_stay_and_the_rest_is_placed_relative_to_them() {
     let mut made = Made::new(&RING, 3);
     for (image, truth) in made.problem.images.iter_mut().zip(&made.truth).take(20) {
         image.given = Some(*truth);
@@ -290,7 +291,7 @@ fn given_poses_stay_and_the_rest_is_placed_beside_them() {
 }
 
 #[test]
-fn stopped_it_keeps_what_it_placed() {
+fn stopped_run_keeps_what_it_placed() {
     let made = Made::new(&RING, 7);
     let progress = Progress::default();
     let watched = progress.clone();
@@ -319,7 +320,7 @@ fn stopped_it_keeps_what_it_placed() {
 }
 
 #[test]
-fn an_image_of_another_place_is_refused() {
+fn image_of_another_place_is_refused() {
     let mut made = Made::new(
         &Recipe {
             outliers: 0.0,
@@ -341,7 +342,7 @@ fn an_image_of_another_place_is_refused() {
 }
 
 #[test]
-fn the_model_does_not_depend_on_the_number_of_threads() {
+fn model_does_not_depend_on_the_number_of_threads() {
     let made = Made::new(&Recipe { views: 12, ..RING }, 6);
     let with = |threads| {
         rayon::ThreadPoolBuilder::new()

@@ -5,8 +5,9 @@ use crate::sfm::KeypointId;
 use ostra_geometry::{Sighting, TriangulationOptions, triangulate_robust};
 
 impl Mapper<'_> {
-    /// Makes points of an image's keypoints that see none yet, or adds them to points that their links see. Gives how
-    /// many keypoints found a point.
+    /// Triangulates keypoints of an image that see no point yet, or adds them to points of their matches.
+    ///
+    /// Returns how many keypoints got a point.
     pub fn triangulate_image(&mut self, image: u32) -> usize {
         let keypoints = self.problem.images[image as usize].keypoints.len() as u32;
         let mut found = 0;
@@ -18,7 +19,7 @@ impl Mapper<'_> {
         found
     }
 
-    /// Adds the keypoint to the point among its links' that it fits best.
+    /// Adds the keypoint to the best-fitting point among those of its matches.
     fn continue_track(&mut self, keypoint: KeypointId) -> bool {
         let points = self
             .links
@@ -39,7 +40,7 @@ impl Mapper<'_> {
         true
     }
 
-    /// Makes a point of the keypoint and its links in placed images that see none.
+    /// Creates a point from the keypoint and its matches in placed images that see none.
     fn create_point(&mut self, keypoint: KeypointId) -> bool {
         let mut track = vec![keypoint];
         track.extend(
@@ -69,8 +70,9 @@ impl Mapper<'_> {
         true
     }
 
-    /// Adds to a point the keypoints that its sightings are matched with and that fit it, theirs, and so on. Gives how
-    /// many.
+    /// Extends the track of a point by matches of its keypoints that fit it, and matches of these.
+    ///
+    /// Returns how many were added.
     pub fn complete(&mut self, point: u32) -> usize {
         let Some(known) = self.model.point(point) else {
             return 0;
@@ -91,8 +93,9 @@ impl Mapper<'_> {
         added
     }
 
-    /// Makes one of a point and another that its sightings' links see, where one position fits all sightings of both.
-    /// Gives the number of the point that holds them, and how many sightings moved.
+    /// Merges a point with one that matches of its keypoints see, if one position fits all observations.
+    ///
+    /// Returns the number of the merged point and how many observations moved.
     pub fn merge(&mut self, point: u32) -> usize {
         let Some(known) = self.model.point(point) else {
             return 0;
@@ -121,7 +124,7 @@ impl Mapper<'_> {
         0
     }
 
-    /// The mean of two points, weighted by their sightings, where it fits all of them.
+    /// Returns the mean of two points, weighted by their observations, if it fits all of them.
     fn common_position(&self, a: u32, b: u32) -> Option<DVec3> {
         let (a, b) = (self.model.point(a)?, self.model.point(b)?);
         let (n, m) = (a.track.len() as f64, b.track.len() as f64);

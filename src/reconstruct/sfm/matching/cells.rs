@@ -1,37 +1,41 @@
-//! Descriptors sorted into cells by their nearest centres, compared cell by cell, and the best matches of each.
+//! Descriptors sorted into cells by their nearest centres, compared cell by cell, and the best
+//! matches of each.
 
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::centres::{LANES, NO_CENTRE, ROWS, Value, k_means, nearest_centres, tile};
 
-/// The nearest descriptor seen so far, and whether another one is nearly as near.
+/// The nearest descriptor so far, and whether another one is nearly as near.
 ///
-/// The second nearest itself is not kept: once it spoils the ratio only a nearer one can matter, and that turns the
-/// present nearest into the second. So the bar for further scores stands as high as it can without changing a result.
+/// The second nearest itself is not kept. Once it spoils the ratio, only a nearer descriptor can
+/// matter, and that one turns the present nearest into the second. So the bar for further scores is
+/// as high as it can be without changing a result.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Record {
-    /// Dot product with the nearest, of unit vectors.
+    /// Dot product with the nearest, for unit vectors.
     best: f32,
     /// Its index; [`NOBODY`] before the first.
     index: u32,
-    /// Whether the second nearest spoils it.
+    /// Whether the second nearest spoils the ratio.
     ambiguous: bool,
 }
 
 const NOBODY: u32 = u32::MAX;
 
-/// What makes a nearest neighbour a match.
+/// The conditions under which a nearest neighbour is a match.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Rule {
-    /// 1 / ratio² − 1; 0 = seconds do not matter.
+    /// 1 / ratio² − 1; 0 = the second nearest does not matter.
     excess: f32,
-    /// Dot products of matches are larger.
+    /// Dot products of matches are larger than this.
     floor: f32,
 }
 
 impl Rule {
-    /// Distance to the nearest < `ratio` (0..1; 1 = any) · distance to the second nearest, and dot product > `floor`.
+    /// Creates the rule: distance < `ratio` · second distance, and dot product > `floor`.
+    ///
+    /// `ratio` is in 0–1; 1 = any.
     pub fn new(ratio: f32, floor: f32) -> Self {
         Self {
             excess: 1.0 / (ratio * ratio).clamp(1e-6, 1.0) - 1.0,
@@ -39,7 +43,7 @@ impl Rule {
         }
     }
 
-    /// The dot product from which on a second spoils a best: |a − b|² = 2 − 2 a·b for unit vectors.
+    /// Returns the dot product from which a second neighbour spoils the best: |a − b|² = 2 − 2 a·b for unit vectors.
     #[inline(always)]
     fn rival(self, best: f32) -> f32 {
         best - (1.0 - best).max(0.0) * self.excess
@@ -50,7 +54,7 @@ impl Rule {
         self.excess > 0.0 && second >= self.rival(best)
     }
 
-    /// Before anything was seen.
+    /// Returns the record before the first score.
     fn blank(self) -> Record {
         Record {
             best: self.rival(self.floor),
@@ -59,7 +63,7 @@ impl Rule {
         }
     }
 
-    /// Scores below this one change nothing.
+    /// Returns the score below which further scores change nothing.
     #[inline(always)]
     fn bar(self, record: Record) -> f32 {
         if record.ambiguous {
@@ -69,8 +73,9 @@ impl Rule {
         }
     }
 
-    /// The record after one more score, in whichever order they come; the lower index wins a tie. The nearest may come
-    /// again.
+    /// Returns the record after one more score; the lower index wins a tie.
+    ///
+    /// The order of the scores does not matter. The nearest may be given more than once.
     #[inline(always)]
     fn after(self, record: Record, score: f32, index: u32) -> Record {
         if index == record.index {
@@ -96,34 +101,34 @@ impl Rule {
         }
     }
 
-    /// The match, if the record holds one.
+    /// Returns the match, if the record holds one.
     fn accepted(self, record: Record) -> Option<u32> {
         (record.index != NOBODY && !record.ambiguous && record.best > self.floor)
             .then_some(record.index)
     }
 }
 
-/// Cells in which a descriptor of the first picture is looked for, and cells in which one of the second lies: those of
-/// its nearest centres.
+/// Number of nearest centres per descriptor: cells searched for one of the first image, cells that
+/// hold one of the second.
 const PROBES: [usize; 2] = [3, 2];
-/// Descriptors of the largest picture per centre; at most [`MAX_CENTRES`] centres.
+/// Descriptors of the largest image per centre; there are at most [`MAX_CENTRES`] centres.
 const PER_CENTRE: usize = 32;
 const MAX_CENTRES: usize = 256;
-/// Descriptors per centre that the centres are found from, and rounds of k-means.
+/// Descriptors per centre used to find the centres, and rounds of k-means.
 const SAMPLE: usize = 32;
 const ROUNDS: usize = 4;
-/// Up to this many descriptors in the largest picture all are compared with all.
+/// Up to this many descriptors in the largest image, all are compared with all.
 const EXHAUSTIVE: usize = 512;
 
-/// The descriptors of one picture by cell.
+/// The descriptors of one image by cell.
 #[derive(Debug)]
 pub(super) struct Cells {
-    /// As a first and as a second picture, by cell.
+    /// Members by cell, as a first and as a second image.
     members: [Vec<Vec<u32>>; 2],
 }
 
 impl Cells {
-    /// Cells around centres that the descriptors of all pictures have in common; one for all where there are few.
+    /// Sorts descriptors into cells around centres that all images share; a single cell if there are few.
     pub fn of_set<T: Value>(pictures: &[&[T]], dim: usize) -> Vec<Self> {
         let most = pictures
             .iter()
@@ -170,7 +175,7 @@ impl Cells {
     }
 }
 
-/// About `count` descriptors of all pictures, evenly spread and the pictures in turn, as vectors of length 1.
+/// Returns about `count` descriptors as vectors of length 1, spread evenly over all images, which take turns.
 fn sample<T: Value>(pictures: &[&[T]], dim: usize, count: usize) -> Vec<f32> {
     let all: usize = pictures.iter().map(|values| values.len() / dim).sum();
     let step = (all / count).max(1);
@@ -193,7 +198,7 @@ fn sample<T: Value>(pictures: &[&[T]], dim: usize, count: usize) -> Vec<f32> {
     }
 }
 
-/// Records of one picture's descriptors, with their bars beside them.
+/// Records of one image's descriptors, with their bars next to them.
 struct Ranking {
     rule: Rule,
     records: Vec<Record>,
@@ -213,7 +218,7 @@ impl Ranking {
     #[inline(always)]
     fn enter(&mut self, at: u32, score: f32, index: u32) {
         let at = at as usize;
-        // Most scores are of no consequence; the records of those are not even looked up.
+        // Most scores change nothing; their records are not even read.
         if score >= self.bars[at] {
             let record = self.rule.after(self.records[at], score, index);
             self.records[at] = record;
@@ -229,8 +234,9 @@ impl Ranking {
     }
 }
 
-/// The comparison of two pictures cell by cell, compiled for the processor at hand: for every descriptor of both its
-/// match in the other one.
+/// The comparison of two images cell by cell, compiled for the present processor.
+///
+/// For every descriptor of both images it finds the match in the other one.
 pub(super) struct Comparison<'a, T> {
     pub cells: [&'a Cells; 2],
     pub values: [&'a [T]; 2],
@@ -258,7 +264,7 @@ impl<T: Value> Comparison<'_, T> {
         rankings.map(|ranking| ranking.accepted())
     }
 
-    /// The members' descriptors one after the other, filled up to whole groups of rows.
+    /// Copies the members' descriptors one after the other, padded to whole groups of rows.
     #[inline(always)]
     fn gather_rows(&self, members: &[u32], rows: &mut Vec<f32>) {
         rows.clear();
@@ -271,7 +277,7 @@ impl<T: Value> Comparison<'_, T> {
         }
     }
 
-    /// The members' descriptors as columns, in panels of [`LANES`].
+    /// Copies the members' descriptors as columns, in panels of [`LANES`].
     #[inline(always)]
     fn gather_panels(&self, members: &[u32], panels: &mut Vec<[f32; LANES]>) {
         panels.clear();
@@ -317,7 +323,7 @@ impl<T: Value> Comparison<'_, T> {
     }
 }
 
-/// Whether any of a row's scores reaches its bar or that of its column.
+/// Returns whether any of a row's scores reaches its bar or that of its column.
 #[inline(always)]
 fn reaches(scores: &[f32; LANES], row_bar: f32, column_bars: &[f32; LANES]) -> bool {
     let mut any = false;

@@ -1,18 +1,18 @@
-//! Centres of descriptors: their inner products many at once, nearest centres, k-means.
+//! Centres of descriptors: blocked inner products, nearest centres, k-means.
 
 use pulp::{Arch, Simd, WithSimd};
 
-/// Length of SIFT's descriptors in bytes.
+/// Length of SIFT descriptors in bytes.
 const BYTE_LENGTH: f32 = 512.0;
-/// Partial sums of a dot product of floats, in an order that every processor keeps.
+/// Number of partial sums of a dot product of floats, in the same order on every processor.
 const PARTS: usize = 16;
 
 /// One value of a descriptor.
 pub(crate) trait Value: Copy + Send + Sync {
-    /// As a value of a vector of length 1.
+    /// Returns it as a value of a vector of length 1.
     fn unit(self) -> f32;
 
-    /// Dot product of two descriptors as vectors of length 1.
+    /// Returns the dot product of two descriptors as vectors of length 1.
     fn dot(a: &[Self], b: &[Self]) -> f32;
 }
 
@@ -53,13 +53,15 @@ impl Value for f32 {
     }
 }
 
-/// Columns that are worked on together.
+/// Columns processed together.
 pub(crate) const LANES: usize = 16;
-/// Rows that are worked on together: with [`LANES`] columns their sums fill twelve of AVX2's sixteen registers.
+/// Rows processed together: with [`LANES`] columns their sums fill twelve of AVX2's sixteen registers.
 pub(crate) const ROWS: usize = 6;
 
-/// Dot products of some rows with the columns of a panel. `FUSED` where the processor multiplies and adds in one
-/// instruction; without one, `mul_add` would be a slow function call.
+/// Computes the dot products of some rows with the columns of a panel.
+///
+/// `FUSED` is set if the processor multiplies and adds in one instruction; otherwise `mul_add`
+/// would be a slow function call.
 #[inline(always)]
 pub(crate) fn tile<const FUSED: bool>(
     rows: [&[f32]; ROWS],
@@ -81,7 +83,7 @@ pub(crate) fn tile<const FUSED: bool>(
     sums
 }
 
-/// Instead of a centre's number where there are fewer centres than are asked for.
+/// Stands for a centre where there are fewer than requested.
 pub(crate) const NO_CENTRE: u32 = u32::MAX;
 
 /// The `N` nearest of a few centres for each of many descriptors.
@@ -91,8 +93,9 @@ struct Assign<'a, T, const N: usize> {
     values: &'a [T],
 }
 
-/// For each descriptor (`values`, `dim` each) the numbers of its `N` nearest centres, the nearest first; of equally near
-/// ones the lowest.
+/// Returns the numbers of the `N` nearest centres of each descriptor, nearest first.
+///
+/// `values` holds `dim` values per descriptor. The lower number wins a tie.
 pub(crate) fn nearest_centres<T: Value, const N: usize>(
     values: &[T],
     centres: &[f32],
@@ -105,8 +108,9 @@ pub(crate) fn nearest_centres<T: Value, const N: usize>(
     })
 }
 
-/// Lloyd's k-means, started from the first `count` rows of a sample (which should be in no order); a centre that nothing
-/// is near to stays.
+/// Runs Lloyd's k-means, started from the first `count` rows of a sample.
+///
+/// The sample should be in random order. A centre without nearest rows stays where it is.
 pub(crate) fn k_means(sample: &[f32], dim: usize, count: usize, rounds: usize) -> Vec<f32> {
     let mut centres = sample[..sample.len().min(count * dim)].to_vec();
     for _ in 0..rounds {
@@ -174,7 +178,9 @@ impl<T: Value, const N: usize> Assign<'_, T, N> {
         nearest
     }
 
-    /// Centres as columns, and half their squared lengths: |x − c|² is least where x·c − c·c / 2 is largest.
+    /// Returns the centres as columns, and half their squared lengths.
+    ///
+    /// |x − c|² is smallest where x·c − c·c / 2 is largest.
     #[inline(always)]
     fn panels(&self) -> (Vec<Vec<[f32; LANES]>>, Vec<[f32; LANES]>) {
         let count = self.centres.len() / self.dim;
@@ -191,7 +197,7 @@ impl<T: Value, const N: usize> Assign<'_, T, N> {
     }
 }
 
-/// Puts a score in its place among the best.
+/// Inserts a score in its place among the best.
 #[inline(always)]
 fn enter<const N: usize>(best: &mut [(f32, u32); N], score: f32, centre: u32) {
     if score > best[N - 1].0 {

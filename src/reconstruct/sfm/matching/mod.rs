@@ -1,4 +1,4 @@
-//! Which keypoints of two pictures show the same point: nearest descriptors, found cell by cell.
+//! Matching of keypoints of two images by nearest descriptors, found cell by cell.
 
 mod cells;
 mod centres;

@@ -4,19 +4,25 @@ use super::cells::{Cells, Comparison, Rule};
 use super::centres::Value;
 use crate::sfm::{Descriptors, FeatureError, FeatureMatcher, Features, PairMatches};
 
-/// Pairs descriptors of which each is the other's nearest. In pictures with many descriptors only those are compared
-/// that share one of their nearest centres of k-means over all (an inverted file: J. Sivic and A. Zisserman, "Video
-/// Google", ICCV 2003), which finds nearly all matches with a small part of the work.
+/// Matches descriptors that are each other's nearest.
 ///
-/// The ratio test is from D. Lowe, "Distinctive Image Features from Scale-Invariant Keypoints", IJCV 2004.
+/// In images with many descriptors, only those that share one of their nearest k-means centres are
+/// compared (an inverted file: J. Sivic and A. Zisserman, "Video Google", ICCV 2003). This finds
+/// nearly all matches with a small part of the work.
+///
+/// The ratio test is from D. Lowe, "Distinctive Image Features from Scale-Invariant Keypoints",
+/// IJCV 2004.
 #[derive(Debug, Clone, Copy)]
 pub struct NearestMatcher {
     rule: Rule,
 }
 
 impl NearestMatcher {
-    /// Both descriptors' nearest is nearer than `ratio` (0..1; 1 = any) of the distance to their second nearest, and the
-    /// cosine between the two larger than `min_cosine` (−1 = any).
+    /// Creates a matcher with a ratio test and a smallest cosine.
+    ///
+    /// For both descriptors, the distance to the nearest must be below `ratio` (0–1; 1 = any) times
+    /// the distance to the second nearest. The cosine between the two must be larger than
+    /// `min_cosine` (−1 = any).
     #[must_use]
     pub fn new(ratio: f32, min_cosine: f32) -> Self {
         Self {
@@ -24,19 +30,19 @@ impl NearestMatcher {
         }
     }
 
-    /// For SIFT: ratio 0.8, at most 0.7 rad between the two.
+    /// Creates a matcher for SIFT: ratio 0.8, at most 0.7 rad between the two.
     #[must_use]
     pub fn for_bytes() -> Self {
         Self::new(0.8, 0.764_842)
     }
 
-    /// For learned descriptors such as XFeat's: no ratio, cosine above 0.82.
+    /// Creates a matcher for learned descriptors such as XFeat's: no ratio test, cosine above 0.82.
     #[must_use]
     pub fn for_floats() -> Self {
         Self::new(1.0, 0.82)
     }
 
-    /// Matches of pairs of pictures that all have descriptors of `T`; an empty picture has none.
+    /// Matches pairs of images that all have descriptors of `T`; an empty image has none.
     fn of_values<'a, T: Value + 'a>(&self, pictures: Vec<&'a [T]>, dim: usize) -> PairMatches<'a> {
         let (cells, rule) = (Cells::of_set(&pictures, dim), self.rule);
         Box::new(move |first, second| {
@@ -63,7 +69,7 @@ impl FeatureMatcher for NearestMatcher {
         "nearest"
     }
 
-    /// Its cells are found by the descriptors of all pictures.
+    /// The descriptors of all images determine the cells.
     fn depends_on_set(&self) -> bool {
         true
     }

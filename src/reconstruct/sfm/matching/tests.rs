@@ -22,8 +22,10 @@ fn unit(raw: &[f32]) -> Vec<f32> {
     raw.iter().map(|value| value / length).collect()
 }
 
-/// Two pictures of a world whose descriptors come in crowds of look-alikes: some keypoints of the second are nearly those
-/// of the first, in another order, the others are its own.
+/// Returns descriptors of two images of a world with crowds of similar descriptors.
+///
+/// Some keypoints of the second are nearly those of the first, in another order; the others are its
+/// own.
 fn two_pictures(counts: [usize; 2], dim: usize, seed: u64) -> [Vec<Vec<f32>>; 2] {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let mut row = |spread: f32, around: &[f32]| -> Vec<f32> {
@@ -66,7 +68,7 @@ fn floats(rows: &[Vec<f32>]) -> Descriptors {
     }
 }
 
-/// The same by comparing everything with everything in double precision.
+/// Computes the same by comparing everything with everything in double precision.
 fn expected(
     first: &[Vec<f64>],
     second: &[Vec<f64>],
@@ -101,7 +103,7 @@ fn expected(
 }
 
 #[test]
-fn bytes_are_matched_as_by_comparing_all_with_all() {
+fn byte_matches_equal_exhaustive_search() {
     for (counts, seed) in [([300, 410], 1), ([95, 7], 2), ([1, 33], 3), ([257, 256], 4)] {
         let both = two_pictures(counts, 128, seed).map(|rows| bytes(&rows));
         let exact = both.each_ref().map(|descriptors| match descriptors {
@@ -136,7 +138,7 @@ fn bytes_are_matched_as_by_comparing_all_with_all() {
 }
 
 #[test]
-fn floats_are_matched_as_by_comparing_all_with_all() {
+fn float_matches_equal_exhaustive_search() {
     for dim in [7, 64, 256] {
         let both = two_pictures([300, 220], dim, 9);
         let exact = both.each_ref().map(|rows| {
@@ -164,7 +166,7 @@ fn floats_are_matched_as_by_comparing_all_with_all() {
 }
 
 #[test]
-fn in_large_pictures_nearly_all_matches_are_found() {
+fn nearly_all_matches_are_found_in_large_images() {
     let both = two_pictures([3000, 2600], 128, 5);
     let exact = both.each_ref().map(|rows| {
         let rounded = rows.iter().map(|row| {
@@ -196,7 +198,7 @@ fn in_large_pictures_nearly_all_matches_are_found() {
 }
 
 #[test]
-fn twins_are_ambiguous_unless_any_will_do() {
+fn equal_descriptors_are_ambiguous_unless_the_ratio_is_one() {
     let row = unit(&[1.0, 2.0, 3.0, 4.0]);
     let one = features(floats(std::slice::from_ref(&row)));
     let twins = features(floats(&[row.clone(), row]));
@@ -215,7 +217,7 @@ fn twins_are_ambiguous_unless_any_will_do() {
 }
 
 #[test]
-fn only_like_can_be_compared_with_like() {
+fn descriptors_of_different_kinds_are_refused() {
     let rows = two_pictures([5, 5], 32, 1);
     let longer = two_pictures([5, 5], 64, 1);
     let matcher = NearestMatcher::for_floats();
@@ -234,7 +236,7 @@ fn only_like_can_be_compared_with_like() {
 }
 
 #[test]
-fn descriptors_that_are_not_numbers_match_nothing() {
+fn nan_descriptors_match_nothing() {
     let [first, mut second] = two_pictures([40, 40], 32, 8);
     second[3][5] = f32::NAN;
     let bad = second

@@ -1,26 +1,26 @@
-//! Maps that networks give: heat with its local maxima, and descriptors sampled between cells.
+//! Maps that networks return: heat with its local maxima, and descriptors sampled between cells.
 
 use glam::DVec2;
 use rayon::prelude::*;
 
 use ostra_core::image::bilinear_weights;
 
-/// How likely each pixel is a keypoint, 0..1.
+/// Probability of a keypoint at each pixel, 0–1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Heat {
     width: usize,
     values: Vec<f32>,
 }
 
-/// Side of the square of pixels that one cell of the network's output tells about.
+/// Side of the square of pixels that one cell of the network's output covers.
 pub const CELL: usize = 8;
-/// Pixels of a cell and "no keypoint here".
+/// Channels per cell: its pixels, and "no keypoint here".
 const CHANNELS: usize = CELL * CELL + 1;
 /// Keypoints are at least this many pixels + 1 apart.
 const RADIUS: usize = 2;
 
 impl Heat {
-    /// From the network's logits, `[65, rows / 8, columns / 8]`, softmax over the 65 channels of a cell.
+    /// Converts the network's logits, `[65, rows / 8, columns / 8]`, by a softmax over the 65 channels of a cell.
     #[must_use]
     pub fn from_logits(logits: &[f32], columns: usize, rows: usize) -> Self {
         let (width, cells) = (columns * CELL, columns * rows);
@@ -42,14 +42,16 @@ impl Heat {
         Self { width, values }
     }
 
-    /// Value of one pixel.
+    /// Returns the value of one pixel.
     #[must_use]
     pub fn at(&self, x: usize, y: usize) -> f32 {
         self.values[y * self.width + x]
     }
 
-    /// Pixels above `least` that are the largest of their 5 × 5 neighbourhood, within `width` columns and `height`
-    /// rows, row by row; of equal neighbours the first.
+    /// Returns the pixels above `least` that are the largest of their 5 × 5 neighbourhood, row by row.
+    ///
+    /// Only the first `width` columns and `height` rows are searched. Of equal neighbours the first
+    /// counts.
     #[must_use]
     pub fn peaks(&self, width: usize, height: usize, least: f32) -> Vec<(usize, usize)> {
         let in_row = |y: usize| {
@@ -66,8 +68,10 @@ impl Heat {
         (0..height).into_par_iter().flat_map_iter(in_row).collect()
     }
 
-    /// Pixels above `least` that no stronger one suppresses within `radius` pixels along both axes, within `width` columns
-    /// and `height` rows, row by row.
+    /// Returns the pixels above `least` that no stronger one suppresses within `radius` pixels, row by row.
+    ///
+    /// The radius holds along both axes. Only the first `width` columns and `height` rows are
+    /// searched.
     #[must_use]
     pub fn separate(
         &self,
@@ -103,8 +107,10 @@ impl Heat {
         })
     }
 
-    /// Position of a peak in pixels (centre of the top-left pixel at (0.5, 0.5)): top of the parabolas through the
-    /// logarithms of it and its neighbours, as the heat of a keypoint falls off like a bell.
+    /// Returns the position of a peak in pixels (centre of the top-left pixel at (0.5, 0.5)).
+    ///
+    /// It is the top of the parabolas through the logarithms of the peak and its neighbours,
+    /// because the heat of a keypoint falls off like a Gaussian.
     #[must_use]
     pub fn refined(&self, x: usize, y: usize) -> DVec2 {
         let last = (self.width - 1, self.values.len() / self.width - 1);
@@ -119,7 +125,7 @@ impl Heat {
     }
 }
 
-/// Offset of the top of the parabola through three values' logarithms, −0.5..0.5.
+/// Returns the offset of the top of the parabola through three values' logarithms, −0.5–0.5.
 fn top(values: [f32; 3]) -> f64 {
     let [before, at, after] = values.map(|value| f64::from(value.max(f32::MIN_POSITIVE)).ln());
     let bend = before - 2.0 * at + after;
@@ -139,12 +145,14 @@ fn softmax(mut values: [f32; CHANNELS]) -> [f32; CHANNELS] {
     values.map(|value| value / sum)
 }
 
-/// Rounds in which values return that only a suppressed one had suppressed.
+/// Rounds in which values return that only a suppressed value had suppressed.
 const ROUNDS: usize = 2;
 
-/// Which values of a picture, row by row, are the largest within `radius` pixels, and of those that only such pixels exceed
-/// that are themselves near a larger one, again the largest: an approximation of suppression in order of the values, as the
-/// authors of SuperPoint use it. Equal neighbours both stay.
+/// Returns which values of an image, row by row, survive non-maximum suppression within `radius` pixels.
+///
+/// A value survives if it is the largest within the radius. Values that only suppressed pixels
+/// exceed are compared again. This approximates suppression in order of the values, as the authors
+/// of SuperPoint use it. Equal neighbours both stay.
 pub fn suppressed(values: &[f32], width: usize, radius: usize) -> Vec<bool> {
     let mut kept: Vec<bool> = is_largest(values, &largest_around(values, width, radius));
     for _ in 0..ROUNDS {
@@ -175,7 +183,7 @@ fn is_largest(values: &[f32], largest: &[f32]) -> Vec<bool> {
         .collect()
 }
 
-/// The largest value within `radius` pixels along both axes.
+/// Returns the largest value within `radius` pixels along both axes.
 fn largest_around(values: &[f32], width: usize, radius: usize) -> Vec<f32> {
     let height = values.len() / width;
     let mut along = vec![0.0; values.len()];
@@ -204,7 +212,7 @@ fn largest_around(values: &[f32], width: usize, radius: usize) -> Vec<f32> {
     around
 }
 
-/// A coarse grid of rows of values, one per cell, read between the cells.
+/// A coarse grid of vectors, one per cell, interpolated between the cells.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sampled {
     columns: usize,
@@ -215,7 +223,7 @@ pub struct Sampled {
 }
 
 impl Sampled {
-    /// From a network's output, `[dim, rows, columns]`.
+    /// Converts a network's output, `[dim, rows, columns]`.
     #[must_use]
     pub fn new(planes: &[f32], dim: usize, columns: usize, rows: usize) -> Self {
         let cells = columns * rows;
@@ -235,7 +243,7 @@ impl Sampled {
         }
     }
 
-    /// With each cell's values scaled to length 1.
+    /// Scales each cell's values to length 1.
     #[must_use]
     pub fn normalised(mut self) -> Self {
         self.values.chunks_exact_mut(self.dim).for_each(normalise);
@@ -247,7 +255,7 @@ impl Sampled {
         self.read_cells(at / CELL as f64 - 0.5, into);
     }
 
-    /// As [`Self::read`], at a position in cells: the centre of the top-left cell at (0, 0).
+    /// Works like [`Self::read`], at a position in cells: the centre of the top-left cell is at (0, 0).
     pub fn read_cells(&self, at: DVec2, into: &mut [f32]) {
         let (column, along_x) = between(at.x, self.columns);
         let (row, along_y) = between(at.y, self.rows);
@@ -273,7 +281,7 @@ impl Sampled {
     }
 }
 
-/// Scales to length 1; zeros stay.
+/// Scales values to length 1; zeros stay.
 pub fn normalise(values: &mut [f32]) {
     let length = values.iter().map(|value| value * value).sum::<f32>().sqrt();
     if length > 0.0 {
@@ -281,7 +289,7 @@ pub fn normalise(values: &mut [f32]) {
     }
 }
 
-/// Cell before a position, and the way towards the next, 0..1.
+/// Returns the cell before a position, and the share of the way to the next, 0–1.
 fn between(at: f64, cells: usize) -> (usize, f32) {
     let at = at.clamp(0.0, (cells - 1) as f64);
     (at as usize, at.fract() as f32)

@@ -1,4 +1,5 @@
-//! Pictures as networks take them, keypoints as they give them, and the first look that matchers share.
+//! Images in the form that networks take, keypoints in the form that they give, and the first pass
+//! that matchers share.
 
 use std::path::Path;
 
@@ -10,27 +11,29 @@ use crate::sfm::sift::Content;
 use crate::sfm::{Descriptors, FeatureError, Features};
 use ostra_compute::nn::{Network, NnError, Tensor, load};
 
-/// A picture as a network takes it: shrunk where it is large, its last column and row repeated up to a multiple that
-/// the network asks for.
+/// An image as a network takes it.
+///
+/// Large images are shrunk. The last column and row are repeated up to a multiple that the network
+/// requires.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prepared {
-    /// Row by row, in 0..1.
+    /// Grey values row by row, 0–1.
     pub grey: Vec<f32>,
-    /// Columns with the repeated ones.
+    /// Columns, including the repeated ones.
     pub width: usize,
-    /// Rows with the repeated ones.
+    /// Rows, including the repeated ones.
     pub height: usize,
-    /// Columns that show the picture.
+    /// Columns that show the image.
     pub shown_width: usize,
-    /// Rows that show the picture.
+    /// Rows that show the image.
     pub shown_height: usize,
-    /// Pixels of the picture per pixel here.
+    /// Pixels of the original image per pixel here.
     pub original_from_here: DVec2,
 }
 
 impl Prepared {
-    /// Prepares a grey picture so that its longer side has at most `max_side` pixels and both sides are multiples of
-    /// `multiple`.
+    /// Prepares a grey image so that its longer side has at most `max_side` pixels and both sides
+    /// are multiples of `multiple`.
     #[must_use]
     pub fn new(
         grey: &[f32],
@@ -86,27 +89,28 @@ fn padded(grey: &[f32], from: (usize, usize), to: (usize, usize)) -> Vec<f32> {
     wide
 }
 
-/// A keypoint in a prepared picture.
+/// A keypoint in a prepared image.
 pub struct Found {
-    /// In pixels of the prepared picture.
+    /// In pixels of the prepared image.
     pub at: DVec2,
-    /// How sure the network is, 0..1.
+    /// Confidence of the network, 0–1.
     pub score: f32,
 }
 
-/// A picture of which a network finds keypoints.
+/// An image in which a network finds keypoints.
 pub struct Picture<'a> {
     /// Columns, rows.
     pub size: (usize, usize),
-    /// As the network sees it.
+    /// The image as the network sees it.
     pub shown: Prepared,
     allowed: Option<&'a [bool]>,
     content: Content,
 }
 
 impl<'a> Picture<'a> {
-    /// A grey picture, prepared with sides of at most `max_side` pixels that are multiples of `multiple`; keypoints only
-    /// where `allowed` is true, and not in bars beside the picture.
+    /// Prepares a grey image with sides of at most `max_side` pixels that are multiples of `multiple`.
+    ///
+    /// Keypoints lie only where `allowed` is true, and not in black bars at the sides of the image.
     pub fn new(
         grey: &[f32],
         size: (usize, usize),
@@ -122,8 +126,10 @@ impl<'a> Picture<'a> {
         }
     }
 
-    /// The `most` strongest keypoints, of equal ones the first; those that are described by `around` pixels of the prepared
-    /// picture lie as far from a bar.
+    /// Returns the `most` strongest keypoints, of equal ones the first.
+    ///
+    /// Keypoints are described by `around` pixels of the prepared image and stay that far from a
+    /// bar.
     pub fn strongest(
         &self,
         found: impl Iterator<Item = Found>,
@@ -149,7 +155,8 @@ impl<'a> Picture<'a> {
             && self.content.holds(px.as_vec2(), around)
     }
 
-    /// What was found, with descriptors of `dim` values that `describe` writes for a position in the prepared picture.
+    /// Returns the keypoints with descriptors of `dim` values, which `describe` writes for a
+    /// position in the prepared image.
     pub fn features(
         &self,
         found: &[Found],
@@ -174,10 +181,12 @@ impl<'a> Picture<'a> {
         }
     }
 
-    /// What a network says of the picture, in planes as many as told per output, one value per cell of `cell` pixels.
+    /// Runs the network on the image; returns the given number of planes per output.
+    ///
+    /// A plane has one value per cell of `cell` pixels.
     ///
     /// # Errors
-    /// Where it gives something else.
+    /// Fails if the network returns something else.
     pub fn run<const N: usize>(
         &self,
         network: &Network,
@@ -203,17 +212,20 @@ impl<'a> Picture<'a> {
     }
 }
 
-/// The network of an entry that has one file.
+/// Loads the network of an entry that has a single file.
 pub fn load_only(folder: &Path, name: &str) -> Result<Network, NnError> {
     let missing = || NnError::Request(format!("the catalogue has no file for `{name}`"));
     load(folder, name)?.pop().ok_or_else(missing)
 }
 
-/// Matches at a first look below which two pictures do not overlap.
+/// With fewer matches than this in the first pass, two images do not overlap.
 const OVERLAPPING: usize = 10;
 
-/// Matches of the first `most` keypoints of both pictures; where there are many more than `first_look`, only if so many
-/// match already: a network's time grows with the square of their number, and most pairs of a set do not overlap.
+/// Matches the first `most` keypoints of both images, if they overlap.
+///
+/// If there are more than `first_look`, a first pass matches only so many; if too few match, these
+/// are returned. A network's time grows with the square of the number of keypoints, and most pairs
+/// of a set do not overlap.
 pub fn look_twice(
     both: [&Features; 2],
     (first_look, most): (usize, usize),

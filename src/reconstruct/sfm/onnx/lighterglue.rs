@@ -5,16 +5,16 @@ use super::xfeat::DIM;
 use crate::sfm::{Descriptors, FeatureError, FeatureMatcher, Features};
 use ostra_compute::nn::{Network, NnError, Tensor};
 
-/// Settings of [`LighterGlue`].
+/// Options of [`LighterGlue`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LighterGlueOptions {
-    /// Keypoints of a picture that are looked at, the first (an extractor gives the strongest first); time grows
-    /// with its square.
+    /// Number of keypoints used per image. The first are taken, as extractors return the strongest
+    /// first; time grows with the square.
     pub most: usize,
-    /// Keypoints that are looked at before, where there are more: pictures of which hardly any of these match do not
-    /// overlap and are not looked at further.
+    /// Number of keypoints in a first pass, if there are more. If hardly any of these match, the
+    /// images do not overlap and are not matched further.
     pub first_look: usize,
-    /// Least score of a match, 0..1.
+    /// Minimum score of a match, 0–1.
     pub least_score: f32,
 }
 
@@ -28,10 +28,10 @@ impl Default for LighterGlueOptions {
     }
 }
 
-/// Matches the keypoints of [`super::XFeat`] by a network that looks at both pictures as wholes.
+/// Matches keypoints of [`super::XFeat`] by a network that sees all keypoints of both images.
 ///
-/// Lindenberger, Sarlin, Pollefeys: "LightGlue: Local Feature Matching at Light Speed", ICCV 2023, in the smaller form
-/// that the authors of XFeat trained.
+/// Lindenberger, Sarlin, Pollefeys: "LightGlue: Local Feature Matching at Light Speed", ICCV 2023,
+/// in the smaller form that the authors of XFeat trained.
 #[derive(Debug)]
 pub struct LighterGlue {
     network: Network,
@@ -39,10 +39,10 @@ pub struct LighterGlue {
 }
 
 impl LighterGlue {
-    /// The network `lighterglue` of a folder of networks.
+    /// Loads the network `lighterglue` from a folder of networks.
     ///
     /// # Errors
-    /// When it is not installed there, does not load, or ONNX Runtime is missing.
+    /// Fails if it is not installed there, does not load, or ONNX Runtime is missing.
     pub fn load(folder: &Path, options: LighterGlueOptions) -> Result<Self, NnError> {
         Ok(Self {
             network: load_only(folder, "lighterglue")?,
@@ -50,7 +50,7 @@ impl LighterGlue {
         })
     }
 
-    /// Matches of the first `most` keypoints of both.
+    /// Matches the first `most` keypoints of both images.
     fn matched(&self, both: [&Features; 2], most: usize) -> Result<Vec<(u32, u32)>, FeatureError> {
         let [first, second] = both.map(|features| fed(features, most));
         let (first, second) = (first?, second?);
@@ -91,7 +91,7 @@ impl LighterGlue {
     }
 }
 
-/// Positions and descriptors of the first `most` keypoints as the network takes them.
+/// Returns positions and descriptors of the first `most` keypoints as the network takes them.
 fn fed(features: &Features, most: usize) -> Result<[Tensor; 2], FeatureError> {
     let Descriptors::Floats { dim: DIM, values } = &features.descriptors else {
         return Err(FeatureError::Kinds(

@@ -1,4 +1,4 @@
-//! SuperGlue: matching by a network, and the transport of its scores.
+//! SuperGlue: matching by a network, and optimal transport of its scores.
 
 use std::path::Path;
 
@@ -8,21 +8,21 @@ use super::keypoints::{load_only, look_twice};
 use crate::sfm::{Descriptors, FeatureError, FeatureMatcher, Features};
 use ostra_compute::nn::{Network, NnError, Tensor};
 
-/// Settings of [`SuperGlue`].
+/// Options of [`SuperGlue`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SuperGlueOptions {
-    /// Keypoints of a picture that are looked at, the first (an extractor gives the strongest first); time grows
-    /// with its square.
+    /// Number of keypoints used per image. The first are taken, as extractors return the strongest
+    /// first; time grows with the square.
     pub most: usize,
-    /// Keypoints that are looked at before, where there are more: pictures of which hardly any of these match do not
-    /// overlap and are not looked at further.
+    /// Number of keypoints in a first pass, if there are more. If hardly any of these match, the
+    /// images do not overlap and are not matched further.
     pub first_look: usize,
-    /// Least share of a keypoint that goes to its partner, 0..1.
+    /// Minimum share of a keypoint that is assigned to its partner, 0–1.
     pub least_share: f64,
 }
 
 impl Default for SuperGlueOptions {
-    /// The share as the authors publish.
+    /// Uses the share that the authors published.
     fn default() -> Self {
         Self {
             most: 1024,
@@ -32,25 +32,26 @@ impl Default for SuperGlueOptions {
     }
 }
 
-/// Matches the keypoints of [`super::SuperPoint`] by a network that looks at both pictures as wholes.
+/// Matches keypoints of [`super::SuperPoint`] by a network that sees all keypoints of both images.
 ///
-/// Sarlin, DeTone, Malisiewicz, Rabinovich: "SuperGlue: Learning Feature Matching with Graph Neural Networks", CVPR 2020.
+/// Sarlin, DeTone, Malisiewicz, Rabinovich: "SuperGlue: Learning Feature Matching with Graph Neural
+/// Networks", CVPR 2020.
 #[derive(Debug)]
 pub struct SuperGlue {
     network: Network,
     options: SuperGlueOptions,
 }
 
-/// Rounds of the transport, as the authors publish.
+/// Iterations of the transport, as published by the authors.
 const ROUNDS: usize = 100;
 /// Share of the longer side to which positions are scaled.
 const SCALE: f64 = 0.7;
 
 impl SuperGlue {
-    /// The network of this name (`superglue-indoor`, `superglue-outdoor`) of a folder of networks.
+    /// Loads a network (`superglue-indoor`, `superglue-outdoor`) from a folder of networks.
     ///
     /// # Errors
-    /// When it is not installed there, does not load, or ONNX Runtime is missing.
+    /// Fails if it is not installed there, does not load, or ONNX Runtime is missing.
     pub fn load(folder: &Path, name: &str, options: SuperGlueOptions) -> Result<Self, NnError> {
         Ok(Self::of_network(load_only(folder, name)?, options))
     }
@@ -59,8 +60,9 @@ impl SuperGlue {
         Self { network, options }
     }
 
-    /// How well each two of the first `most` keypoints agree, `[1, first, second]`, and the agreement with nobody; `None`
-    /// where a picture has no keypoints.
+    /// Returns the scores of all pairs of the first `most` keypoints, `[1, first, second]`, and the score of no match.
+    ///
+    /// `None` if an image has no keypoints.
     pub(super) fn agreement(
         &self,
         both: [&Features; 2],
@@ -99,7 +101,7 @@ fn failed(error: &NnError) -> FeatureError {
     FeatureError::Network(error.to_string())
 }
 
-/// Positions, scores and descriptors of the first `most` keypoints as the network takes them.
+/// Returns positions, scores and descriptors of the first `most` keypoints as the network takes them.
 fn fed(features: &Features, most: usize) -> Result<[Tensor; 3], FeatureError> {
     let count = features.keypoints.len().min(most);
     let Descriptors::Floats { dim, values } = &features.descriptors else {
@@ -108,7 +110,7 @@ fn fed(features: &Features, most: usize) -> Result<[Tensor; 3], FeatureError> {
         ));
     };
     let size = glam::DVec2::new(f64::from(features.width), f64::from(features.height));
-    // It was trained on positions that count from the centre of the first pixel.
+    // The network was trained on positions that count from the centre of the first pixel.
     let placed = features.keypoints[..count]
         .iter()
         .map(|&at| (at - 0.5 - size / 2.0) / (SCALE * size.max_element()));
@@ -148,15 +150,17 @@ impl FeatureMatcher for SuperGlue {
     }
 }
 
-/// How much of each keypoint of one picture goes to each of another, or to nobody.
+/// Shares of each keypoint of one image that are assigned to each of another, or to none.
 ///
-/// Scaling rows and columns in turn (Sinkhorn, Knopp: "Concerning Nonnegative Matrices and Doubly Stochastic Matrices",
-/// Pacific Journal of Mathematics 1967) until each keypoint has given one and nobody the rest.
+/// Rows and columns are scaled in turn (Sinkhorn, Knopp: "Concerning Nonnegative Matrices and
+/// Doubly Stochastic Matrices", Pacific Journal of Mathematics 1967) until each keypoint has given
+/// one, and the unmatched row and column have taken the rest.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Transport {
-    /// Keypoints of the second picture and nobody.
+    /// Keypoints of the second image, and one column for "no match".
     columns: usize,
-    /// Row by row, the last row and column for nobody; each divided by the scales of its row and column.
+    /// Row by row; the last row and column stand for "no match". Each value is divided by the
+    /// scales of its row and column.
     kernel: Vec<f32>,
     of_rows: Vec<f64>,
     of_columns: Vec<f64>,
@@ -166,7 +170,7 @@ pub struct Transport {
 const BAND: usize = 128;
 
 impl Transport {
-    /// From how well each two agree, `[rows][columns]`, and the agreement `alone` with nobody.
+    /// Solves the transport for the scores `[rows][columns]` of all pairs and the score `alone` of no match.
     pub fn new(agreement: &[f32], columns: usize, alone: f32, rounds: usize) -> Self {
         let rows = agreement.len() / columns;
         let mut kernel = Vec::with_capacity((rows + 1) * (columns + 1));
@@ -191,7 +195,7 @@ impl Transport {
         transport
     }
 
-    /// Scales that make rows and columns sum to what `of_rows` and `of_columns` ask for.
+    /// Finds scales such that rows and columns sum to `of_rows` and `of_columns`.
     fn balance(&mut self, rounds: usize) {
         let (wanted_rows, wanted_columns) = (self.of_rows.clone(), self.of_columns.clone());
         let columns = self.columns;
@@ -233,7 +237,7 @@ impl Transport {
         }
     }
 
-    /// Pairs of which each is to the other what goes to it most, with more than `least` of it; ascending by the first.
+    /// Returns pairs that are each other's largest share, if it is above `least`; ascending by the first.
     pub fn mutual(&self, least: f64) -> Vec<(u32, u32)> {
         let (rows, columns) = (self.of_rows.len() - 1, self.columns - 1);
         let mut best_of_column = vec![(0.0, 0); columns];
@@ -260,8 +264,9 @@ impl Transport {
     }
 }
 
-/// Exponentials of all values, each less the largest of its row and then of its column: what that takes away the scales
-/// give back, and nothing overflows.
+/// Replaces all values by exponentials, after subtracting the largest of the row and then of the column.
+///
+/// The scales compensate for the subtraction, and nothing overflows.
 fn exponentials(values: &mut [f32], columns: usize) {
     values.par_chunks_exact_mut(columns).for_each(|row| {
         let largest = row.iter().copied().fold(f32::NEG_INFINITY, f32::max);

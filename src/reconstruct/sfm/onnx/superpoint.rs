@@ -7,21 +7,21 @@ use super::keypoints::{Found, Picture, load_only};
 use crate::sfm::{FeatureError, FeatureExtractor, Features};
 use ostra_compute::nn::{Network, NnError};
 
-/// Settings of [`SuperPoint`].
+/// Options of [`SuperPoint`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SuperPointOptions {
-    /// Most keypoints of a picture, the strongest.
+    /// Maximum number of keypoints per image; the strongest are kept.
     pub most: usize,
-    /// Pictures with a longer side are shrunk to this, in pixels.
+    /// Images with a longer side are shrunk to this, in pixels.
     pub max_side: usize,
-    /// Least heat of a keypoint, 0..1.
+    /// Minimum heat of a keypoint, 0–1.
     pub least_heat: f32,
-    /// Keypoints are farther apart than this, in pixels.
+    /// Minimum distance of keypoints: they are farther apart than this, in pixels.
     pub radius: usize,
 }
 
 impl Default for SuperPointOptions {
-    /// Heat and radius as the authors publish.
+    /// Uses the heat and radius that the authors published.
     fn default() -> Self {
         Self {
             most: 4096,
@@ -32,32 +32,33 @@ impl Default for SuperPointOptions {
     }
 }
 
-/// Keypoints and descriptors from a network, the strongest keypoints first, at the centres of pixels.
+/// Extracts keypoints and descriptors by a network, strongest first, at the centres of pixels.
 ///
-/// DeTone, Malisiewicz, Rabinovich: "SuperPoint: Self-Supervised Interest Point Detection and Description", CVPRW 2018.
+/// DeTone, Malisiewicz, Rabinovich: "SuperPoint: Self-Supervised Interest Point Detection and
+/// Description", CVPRW 2018.
 #[derive(Debug)]
 pub struct SuperPoint {
     network: Network,
-    /// Values of a descriptor.
+    /// Values per descriptor.
     dim: usize,
     options: SuperPointOptions,
 }
 
-/// Rows and columns at the rim of a picture that have no keypoints.
+/// Rows and columns at the border of an image that have no keypoints.
 const RIM: usize = 4;
-/// Radius of the surroundings that count most for a descriptor, in pixels of the picture that the network sees.
+/// Radius around a keypoint that counts most for a descriptor, in pixels of the image that the network sees.
 const AROUND: f32 = 2.0 * CELL as f32;
 
 impl SuperPoint {
-    /// The network `superpoint` of a folder of networks.
+    /// Loads the network `superpoint` from a folder of networks.
     ///
     /// # Errors
-    /// When it is not installed there, does not load, or ONNX Runtime is missing.
+    /// Fails if it is not installed there, does not load, or ONNX Runtime is missing.
     pub fn load(folder: &Path, options: SuperPointOptions) -> Result<Self, NnError> {
         Self::of_network(load_only(folder, "superpoint")?, options)
     }
 
-    /// A network that gives logits of keypoints and descriptors of any number of values.
+    /// Wraps a network that returns logits of keypoints, and descriptors of any number of values.
     pub(super) fn of_network(
         network: Network,
         options: SuperPointOptions,
@@ -79,7 +80,7 @@ impl SuperPoint {
         })
     }
 
-    /// Keypoints of the part of the heat that shows the picture.
+    /// Returns the keypoints in the part of the heat that shows the image.
     fn found(&self, heat: &Heat, (width, height): (usize, usize)) -> Vec<Found> {
         let peaks = heat.separate(width, height, self.options.least_heat, self.options.radius);
         let is_inside =
@@ -131,8 +132,9 @@ impl FeatureExtractor for SuperPoint {
     }
 }
 
-/// Where a position is read among the cells, as the authors do and SuperGlue was trained on: the first centre is met, the
-/// last is missed by 7/16 of a cell.
+/// Converts a position to cells the way the authors do and SuperGlue was trained on.
+///
+/// The first centre is exact; the last is off by 7/16 of a cell.
 fn cell_at(at: DVec2, cells: DVec2) -> DVec2 {
     let cell = CELL as f64;
     (at - cell / 2.0) / (cells * cell - (cell + 1.0) / 2.0) * (cells - 1.0)

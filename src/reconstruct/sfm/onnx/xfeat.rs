@@ -5,14 +5,14 @@ use super::keypoints::{Found, Picture, load_only};
 use crate::sfm::{FeatureError, FeatureExtractor, Features};
 use ostra_compute::nn::{Network, NnError};
 
-/// Settings of [`XFeat`].
+/// Options of [`XFeat`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct XFeatOptions {
-    /// Most keypoints of a picture, the strongest.
+    /// Maximum number of keypoints per image; the strongest are kept.
     pub most: usize,
-    /// Pictures with a longer side are shrunk to this, in pixels.
+    /// Images with a longer side are shrunk to this, in pixels.
     pub max_side: usize,
-    /// Least heat of a keypoint, 0..1.
+    /// Minimum heat of a keypoint, 0–1.
     pub least_heat: f32,
 }
 
@@ -26,28 +26,29 @@ impl Default for XFeatOptions {
     }
 }
 
-/// Keypoints and descriptors of 64 floats from a small network, the strongest keypoints first.
+/// Extracts keypoints and descriptors of 64 floats by a small network, strongest first.
 ///
-/// Potje, Cadar, Araujo, Martins, Nascimento: "XFeat: Accelerated Features for Lightweight Image Matching", CVPR 2024.
+/// Potje, Cadar, Araujo, Martins, Nascimento: "XFeat: Accelerated Features for Lightweight Image
+/// Matching", CVPR 2024.
 #[derive(Debug)]
 pub struct XFeat {
     network: Network,
     options: XFeatOptions,
 }
 
-/// Values of a descriptor.
+/// Values per descriptor.
 pub const DIM: usize = 64;
-/// It halves the picture five times.
+/// The network halves the image five times.
 const MULTIPLE: usize = 32;
-/// Radius of the surroundings that count most for a descriptor, in pixels of the picture that the network sees: two of
-/// its cells.
+/// Radius around a keypoint that counts most for a descriptor, in pixels of the image that the
+/// network sees: two of its cells.
 const AROUND: f32 = 2.0 * CELL as f32;
 
 impl XFeat {
-    /// The network `xfeat` of a folder of networks.
+    /// Loads the network `xfeat` from a folder of networks.
     ///
     /// # Errors
-    /// When it is not installed there, does not load, or ONNX Runtime is missing.
+    /// Fails if it is not installed there, does not load, or ONNX Runtime is missing.
     pub fn load(folder: &Path, options: XFeatOptions) -> Result<Self, NnError> {
         Ok(Self {
             network: load_only(folder, "xfeat")?,

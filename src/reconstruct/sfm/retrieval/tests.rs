@@ -6,7 +6,9 @@ use rand_pcg::Pcg64Mcg;
 use super::*;
 use crate::sfm::{Descriptors, Features};
 
-/// Places of a made world: each shows descriptors around prototypes of its own, more than a vocabulary has centres.
+/// Returns images of a synthetic world of several places.
+///
+/// Each place has descriptors around prototypes of its own, more than a vocabulary has centres.
 fn pictures(bytes: bool) -> Vec<Features> {
     let mut random = Pcg64Mcg::seed_from_u64(4);
     let mut row = |spread: f32, around: &[f32]| -> Vec<f32> {
@@ -45,14 +47,14 @@ fn pictures(bytes: bool) -> Vec<Features> {
         .into()
 }
 
-/// Vectors of all pictures by their own vocabulary.
+/// Returns vectors of all images by their own vocabulary.
 fn pooled(set: &[Features]) -> Vec<Vec<f32>> {
     let set: Vec<&Features> = set.iter().collect();
     Vocabulary::learn(&set, 1).pool_all(&set)
 }
 
 #[test]
-fn pictures_of_one_place_are_most_alike() {
+fn images_of_one_place_are_most_similar() {
     for bytes in [false, true] {
         let pooled = pooled(&pictures(bytes));
         let pairs = most_alike(&pooled, 1, &BTreeSet::new());
@@ -87,7 +89,7 @@ fn ties_go_to_the_lower_index() {
 }
 
 #[test]
-fn the_seed_decides_the_vocabulary() {
+fn seed_determines_the_vocabulary() {
     let set = pictures(false);
     let set: Vec<&Features> = set.iter().collect();
     assert_eq!(Vocabulary::learn(&set, 1), Vocabulary::learn(&set, 1));
@@ -95,7 +97,7 @@ fn the_seed_decides_the_vocabulary() {
 }
 
 #[test]
-fn pictures_without_descriptors_or_with_others_are_like_none() {
+fn images_without_comparable_descriptors_are_similar_to_none() {
     let mut set = pictures(false);
     set[0].descriptors = Descriptors::Bytes {
         dim: 1,

@@ -18,7 +18,7 @@ const WIDTH: u32 = 480;
 const HEIGHT: u32 = 360;
 const FOCAL: f64 = 450.0;
 
-/// A camera above a carpet that looks at its middle; degrees.
+/// Returns a camera above a carpet that faces its middle; angles in degrees.
 fn view(azimuth: f64, elevation: f64, distance: f64) -> Pose {
     let (around, up) = (azimuth.to_radians(), elevation.to_radians());
     let centre = distance * DVec3::new(around.sin() * up.cos(), -around.cos() * up.cos(), up.sin());
@@ -43,7 +43,7 @@ fn camera() -> Camera {
     )
 }
 
-/// Shade of a speckled surface, 0..1.
+/// Returns the shade of a speckled surface, 0–1.
 fn speckles(x: f64, y: f64, seed: i64) -> f64 {
     let corner = |x: f64, y: f64| {
         let mut mixed = (x as i64).wrapping_mul(0x9E37_79B9)
@@ -63,7 +63,7 @@ fn speckles(x: f64, y: f64, seed: i64) -> f64 {
     0.4 * octave(5.0) + 0.6 * octave(13.0)
 }
 
-/// A carpet with a square sheet above its middle.
+/// Returns the shade of a carpet with a square sheet above its middle.
 fn shade(from: DVec3, along: DVec3, seed: i64) -> f64 {
     let at = |height: f64| from + along * ((height - from.z) / along.z);
     let sheet = at(0.4);
@@ -132,7 +132,8 @@ impl Photos {
         }
     }
 
-    /// Numbers of the images placed in the first attempt and after a second one, and the error of their centres.
+    /// Returns the numbers of the images placed in the first and after the second attempt, and the
+    /// error of their centres.
     fn placed(&self, progress: &Progress) -> (Vec<u32>, Vec<u32>, f64) {
         let (store, sift, nearest) = (
             FrameStore::new(16 << 20),
@@ -212,7 +213,7 @@ fn attempt(request: &SfmRequest<'_>, store: &FrameStore) -> Attempt {
 }
 
 #[test]
-fn a_grazing_view_is_placed_after_tilting_it() {
+fn grazing_view_is_placed_by_simulated_tilts() {
     let photos = Photos::new(view(30.0, 15.0, 2.6), 1);
     let (before, after, error) = photos.placed(&Progress::default());
     assert_eq!(
@@ -223,14 +224,14 @@ fn a_grazing_view_is_placed_after_tilting_it() {
 }
 
 #[test]
-fn a_picture_of_another_carpet_stays_out() {
+fn image_of_another_carpet_is_not_placed() {
     let photos = Photos::new(view(30.0, 30.0, 2.6), 2);
     let (before, after, _) = photos.placed(&Progress::default());
     assert_eq!((&before, &after), (&vec![0, 1, 2, 3, 4], &before));
 }
 
 #[test]
-fn stopped_the_first_attempt_stays() {
+fn stopped_run_keeps_the_first_attempt() {
     let photos = Photos::new(view(30.0, 15.0, 2.6), 1);
     let progress = Progress::default();
     progress.stop();

@@ -1,14 +1,14 @@
-//! Gaussian kernels, and blurring, doubling and halving by them.
+//! Gaussian kernels, and their use to blur, double and halve images.
 
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
 use super::rows::{MARGIN, PAD, Rows, extend_margins};
 
-/// Reach of a Gaussian kernel in standard deviations: what lies beyond weighs less than a ten-thousandth.
+/// Reach of a Gaussian kernel in standard deviations: weights beyond are below a ten-thousandth.
 const REACH: f32 = 4.0;
 
-/// Weights of neighbouring samples; `taps[0]` belongs to the sample `first` steps from the one asked for.
+/// Weights of neighbouring samples; `taps[0]` belongs to the sample at offset `first`.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Kernel {
     /// Offset of the first tap in samples.
@@ -18,7 +18,7 @@ pub(super) struct Kernel {
 }
 
 impl Kernel {
-    /// A Gaussian of standard deviation `sigma` samples.
+    /// Creates a Gaussian of standard deviation `sigma` samples.
     pub fn gaussian(sigma: f32) -> Self {
         let reach = (REACH * sigma).ceil().max(1.0) as isize;
         let weights: Vec<f32> = (-reach..=reach)
@@ -30,8 +30,10 @@ impl Kernel {
         }
     }
 
-    /// Doubling by linear interpolation followed by a Gaussian of `sigma` doubled samples, as two kernels over the
-    /// original samples: for the doubled samples at `2i` and for those at `2i + 1`.
+    /// Returns kernels for doubling by linear interpolation followed by a Gaussian of `sigma` doubled samples.
+    ///
+    /// The two kernels work on the original samples: one for the doubled samples at `2i`, one for
+    /// those at `2i + 1`.
     pub fn doubling(sigma: f32) -> [Self; 2] {
         let fine = Self::gaussian(sigma);
         let reach = -fine.first + 1;
@@ -56,7 +58,7 @@ impl Kernel {
     }
 }
 
-/// Variance that linear interpolation to the double adds, in squared doubled samples.
+/// Variance that doubling by linear interpolation adds, in squared doubled samples.
 pub(super) const DOUBLING_VARIANCE: f32 = 0.5;
 
 fn normalised(weights: Vec<f32>) -> Vec<f32> {
@@ -64,11 +66,11 @@ fn normalised(weights: Vec<f32>) -> Vec<f32> {
     weights.into_iter().map(|weight| weight / sum).collect()
 }
 
-/// Columns worked on at a time: the rows that a kernel spans then fit the first-level cache.
+/// Columns processed at a time: the rows that a kernel spans then fit the first-level cache.
 const TILE: usize = 256;
 /// Rows per parallel task.
 const TASK_ROWS: usize = 16;
-/// Most taps of a kernel.
+/// Maximum number of taps of a kernel.
 const MAX_TAPS: usize = 2 * MARGIN + 1;
 
 /// Writes rows `first..last` of `out`: `source` filtered with `kernel` in both directions.
@@ -91,8 +93,9 @@ pub(super) fn blur(source: &Rows, kernel: &Kernel, out: &mut Rows, first: usize,
         });
 }
 
-/// Writes rows `first..last` of `out`, which is twice as large as `source`: doubled and blurred by the kernels for its
-/// even and its odd samples.
+/// Writes rows `first..last` of `out`, which is twice as large as `source`.
+///
+/// The image is doubled and blurred by the kernels for its even and its odd samples.
 pub(super) fn double(
     source: &Rows,
     kernels: &[Kernel; 2],
@@ -133,7 +136,7 @@ pub(super) fn double(
         });
 }
 
-/// `source` blurred, then every other sample of every other row, the first ones included.
+/// Returns `source` blurred, reduced to every other sample of every other row, starting with the first.
 pub(super) fn halve(source: &Rows, kernel: &Kernel) -> Rows {
     let mut out = Rows::new(
         source.width.div_ceil(2),
@@ -165,14 +168,14 @@ pub(super) fn halve(source: &Rows, kernel: &Kernel) -> Rows {
     out
 }
 
-/// First column and padded width of each tile.
+/// Returns the first column and the padded width of each tile.
 fn tiles(width: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..width)
         .step_by(TILE)
         .map(move |at| (at, (width - at).min(TILE).next_multiple_of(PAD)))
 }
 
-/// Sums `source` down its columns around row `y`: for the columns that `across` reaches from a tile (first, width).
+/// Sums `source` down its columns around row `y`, for the columns that `across` reaches from a tile (first, width).
 fn sum_columns<'a>(
     source: &Rows,
     y: usize,
@@ -195,7 +198,7 @@ fn sum_columns<'a>(
     &out[..len]
 }
 
-/// Sums along the row: `out[x]` is the weighted sum of `row[x..]`.
+/// Filters along the row: `out[x]` is the weighted sum of `row[x..]`.
 fn sum_shifted(row: &[f32], across: &Kernel, out: &mut [f32]) {
     let mut rows: [&[f32]; MAX_TAPS] = [&[]; MAX_TAPS];
     let count = across.taps.len();
@@ -209,14 +212,14 @@ fn sum_shifted(row: &[f32], across: &Kernel, out: &mut [f32]) {
     });
 }
 
-/// The sum of rows, each weighted; lengths are multiples of [`PAD`].
+/// The weighted sum of rows; lengths are multiples of [`PAD`].
 struct WeightedSum<'a> {
     rows: &'a [&'a [f32]],
     taps: &'a [f32],
     out: &'a mut [f32],
 }
 
-/// Vectors summed side by side, so that an addition need not wait for the one before.
+/// Vectors summed in parallel, so that an addition need not wait for the one before.
 const ABREAST: usize = 4;
 
 impl WithSimd for WeightedSum<'_> {

@@ -5,16 +5,16 @@ use super::refine::Extremum;
 use super::rows::{MARGIN, Rows};
 use ostra_core::image::lerp;
 
-/// Side of a cell in the keypoint's sigma.
+/// Side of a cell, in the keypoint's sigma.
 const CELL: f32 = 3.0;
 /// Cells along a side.
 const CELLS: usize = 4;
 const DIRECTIONS: usize = 8;
-/// Half the side of the square that adds to any cell, in cells: half a cell beyond the outer ones.
+/// Half the side of the square that contributes to any cell, in cells: half a cell beyond the outer ones.
 const HALF: f32 = 0.5 * (CELLS as f32 + 1.0);
-/// Half the side of the square that a descriptor sees, in the sigma of its keypoint.
+/// Half the side of the square that a descriptor covers, in the sigma of its keypoint.
 pub(super) const SUPPORT: f32 = HALF * CELL;
-/// Samples across a cell: one per 0.75 sigma, which misses nothing of a picture blurred by sigma.
+/// Samples across a cell: one per 0.75 sigma, which misses nothing of an image blurred by sigma.
 const PER_CELL: usize = 4;
 /// Samples across the square.
 const SAMPLES: usize = PER_CELL * (CELLS + 1);
@@ -22,20 +22,20 @@ const SAMPLES: usize = PER_CELL * (CELLS + 1);
 const GRID: usize = SAMPLES + 2;
 /// Width of the Gaussian window in cells.
 const WINDOW: f32 = 0.5 * CELLS as f32;
-/// Largest share of the length that one value may have, so that a single strong gradient does not rule.
+/// Largest share of the length that one value may have, so that a single strong gradient does not dominate.
 const LARGEST: f32 = 0.2;
-/// Rows that a square can span.
+/// Maximum number of rows that a square can span.
 const MOST_ROWS: usize = 256;
 
 /// Sums per row of cells, cell and direction.
 type Cells = [[[f32; DIRECTIONS]; CELLS]; CELLS];
 
-/// Makes descriptors: gradients on a grid that is turned and scaled with the keypoint, in 4 × 4 cells × 8 directions.
+/// Computes descriptors: gradients on a grid rotated and scaled with the keypoint, in 4 × 4 cells × 8 directions.
 ///
 /// D. Lowe, "Distinctive Image Features from Scale-Invariant Keypoints", IJCV 2004, section 6.
 #[derive(Debug, Clone)]
 pub(super) struct Describer {
-    /// What each sample along a side adds to each cell, the Gaussian window included.
+    /// Weight of each sample along a side for each cell, including the Gaussian window.
     weights: [[f32; CELLS]; SAMPLES],
 }
 
@@ -51,7 +51,7 @@ impl Describer {
         }
     }
 
-    /// The descriptor of a keypoint of `sigma` samples of its octave, relative to the direction `angle`.
+    /// Returns the descriptor of a keypoint of `sigma` samples of its octave, relative to the direction `angle`.
     pub fn describe(&self, level: &Rows, at: &Extremum, sigma: f32, angle: f32) -> [u8; 128] {
         let grid = grid(level, at, CELL / PER_CELL as f32 * sigma, angle);
         let cells = Arch::new().dispatch(Gather {
@@ -62,7 +62,7 @@ impl Describer {
     }
 }
 
-/// The picture sampled on the turned grid, `step` samples of the octave apart.
+/// Samples the image on the rotated grid, `step` samples of the octave apart.
 fn grid(level: &Rows, at: &Extremum, step: f32, angle: f32) -> [[f32; GRID]; GRID] {
     let (sin, cos) = angle.sin_cos();
     let (right, down) = ((step * cos, step * sin), (-step * sin, step * cos));
@@ -88,7 +88,7 @@ fn grid(level: &Rows, at: &Extremum, step: f32, angle: f32) -> [[f32; GRID]; GRI
     })
 }
 
-/// Bilinear interpolation, with the last row repeated.
+/// Interpolates bilinearly, with the last row repeated.
 #[inline(always)]
 fn interpolated(rows: &[&[f32]; MOST_ROWS], x: f32, y: f32, last: usize) -> f32 {
     let (column, row) = (x as i32 as usize, (y as i32 as usize) % MOST_ROWS);
@@ -125,7 +125,7 @@ impl WithSimd for Gather<'_> {
     }
 }
 
-/// The gradients of a row of samples, summed into the cells along it.
+/// Sums the gradients of a row of samples into the cells along it.
 #[inline(always)]
 fn sum_row(around: &[[f32; GRID]], across: &[[f32; CELLS]; SAMPLES]) -> [[f32; DIRECTIONS]; CELLS] {
     let (mut lengths, mut directions) = ([0.0; SAMPLES], [0.0; SAMPLES]);
@@ -147,7 +147,7 @@ fn sum_row(around: &[[f32; GRID]], across: &[[f32; CELLS]; SAMPLES]) -> [[f32; D
     sums
 }
 
-/// Shares a gradient between the two nearest of the eight directions.
+/// Divides a gradient between the two nearest of the eight directions.
 #[inline(always)]
 fn direction_shares(direction: f32, length: f32) -> [f32; DIRECTIONS] {
     std::array::from_fn(|k| {
@@ -157,8 +157,10 @@ fn direction_shares(direction: f32, length: f32) -> [f32; DIRECTIONS] {
     })
 }
 
-/// Square roots of the values' shares (R. Arandjelović and A. Zisserman, "Three things everyone should know to improve
-/// object retrieval", CVPR 2012), times 512.
+/// Returns the square roots of the values' shares, times 512.
+///
+/// R. Arandjelović and A. Zisserman, "Three things everyone should know to improve object
+/// retrieval", CVPR 2012.
 fn quantised(values: &[f32]) -> [u8; 128] {
     let length = values.iter().map(|value| value * value).sum::<f32>().sqrt();
     let capped = |value: f32| value.min(LARGEST * length);

@@ -1,4 +1,4 @@
-//! SIFT of a whole picture, as a feature extractor, without what belongs to black borders.
+//! SIFT of a whole image as a feature extractor, without features at black borders.
 
 use glam::Vec2;
 
@@ -9,10 +9,13 @@ use super::refine::Extremum;
 use super::rows::shrunk;
 use crate::sfm::{Descriptors, FeatureError, FeatureExtractor, Features};
 
-/// SIFT features of a grey picture (`width · height` values in 0..1, row by row), where `mask` (one value per pixel) is
-/// true, everywhere without it; none whose surroundings touch a near-black bar at a side of the picture. Above
-/// `max_features` the strongest stay. Empty where the lengths do not fit the size or
-/// the options are out of range. Runs on rayon's threads; the result does not depend on how many there are.
+/// Extracts SIFT features of a grey image (`width · height` values in 0–1, row by row).
+///
+/// Features lie only where `mask` (one value per pixel) is true, or anywhere without it. Features
+/// whose surroundings touch a near-black bar at a side of the image are dropped. Above
+/// `max_features` the strongest are kept. The result is empty if the lengths do not fit the size or
+/// the options are out of range. Runs on rayon's threads; the result does not depend on their
+/// number.
 ///
 /// D. Lowe, "Distinctive Image Features from Scale-Invariant Keypoints", IJCV 2004.
 #[must_use]
@@ -55,10 +58,12 @@ pub fn extract_sift(
     strongest.into_features()
 }
 
-/// Shortest side of a picture in pixels that is looked at.
+/// Images with a shorter side below this, in pixels, get no features.
 const SMALLEST_SIDE: usize = 16;
 
-/// A keypoint in pixels of the original picture, of which one pixel worked on spans `width` by `height`; without angle.
+/// Converts to a keypoint in pixels of the original image, without angle.
+///
+/// One processed pixel spans `width` by `height` pixels of the original.
 fn keypoint(
     extremum: &Extremum,
     octave: i32,
@@ -76,13 +81,13 @@ fn keypoint(
     }
 }
 
-/// SIFT with L1-root descriptors: needs no weights.
+/// SIFT with L1-root descriptors; needs no network weights.
 ///
-/// It is the most accurate extractor on the sets with ground truth and therefore what `auto` takes; learned
-/// features are for images in which it finds too little.
+/// It is the most accurate extractor on the sets with ground truth, and therefore the choice of
+/// `auto`. Learned features are for images in which it finds too little.
 #[derive(Debug, Clone, Default)]
 pub struct Sift {
-    /// How features are found.
+    /// Options of the extraction.
     pub options: SiftOptions,
 }
 
@@ -123,27 +128,28 @@ impl FeatureExtractor for Sift {
 
 /// Brightest line that a bar may begin with, in grey.
 const DARKEST: f32 = 20.0 / 255.0;
-/// Farthest that a pixel of a bar may be from the bar's grey: compression leaves traces beside the edge.
+/// Largest difference of a bar's pixel from the bar's grey: compression leaves artefacts next to the edge.
 const SPREAD: f32 = 8.0 / 255.0;
-/// Fewest lines of a bar: what is narrower is a frame's dark rim.
+/// Minimum number of lines of a bar; anything narrower is an image's dark rim.
 const NARROWEST: usize = 4;
-/// Lines beyond the edge that are looked at to tell a bar from a dark background.
+/// Lines beyond the edge that are examined to distinguish a bar from a dark background.
 const BEYOND: usize = 4;
-/// Least share of these that must differ from the bar, since a bar ends everywhere at once.
+/// Minimum share of these pixels that must differ from the bar, because a bar ends everywhere at once.
 const LEAST_CONTENT: f32 = 0.5;
 
-/// The part of a picture inside near-black bars at its sides; features whose surroundings touch the bars would stand
-/// still where the scene moves.
+/// The part of an image inside near-black bars at its sides.
+///
+/// Features whose surroundings touch the bars would stay fixed while the scene moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Content {
-    /// First and past-the-last column; infinitely far where there is no bar.
+    /// First and past-the-last column; infinite where there is no bar.
     pub columns: (f32, f32),
     /// First and past-the-last row.
     pub rows: (f32, f32),
 }
 
 impl Content {
-    /// Finds the bars of a grey picture.
+    /// Finds the bars of a grey image.
     pub fn of(grey: &[f32], width: usize, height: usize) -> Self {
         let [columns, rows] = [(width, height, 1, width), (height, width, width, 1)].map(
             |(lines, len, step, along)| {
@@ -169,7 +175,7 @@ impl Content {
         Self { columns, rows }
     }
 
-    /// Whether a disc lies inside.
+    /// Returns whether a disc lies inside.
     pub fn holds(&self, at: glam::Vec2, radius: f32) -> bool {
         let inside =
             |at: f32, (first, last): (f32, f32)| at - radius >= first && at + radius <= last;
@@ -177,7 +183,7 @@ impl Content {
     }
 }
 
-/// Lines of the bar that begins at line 0 of `lines` lines of `len` pixels; 0 = none.
+/// Returns how many lines the bar has that begins at line 0 of `lines` lines of `len` pixels; 0 = no bar.
 fn bar(lines: usize, len: usize, pixel: &dyn Fn(usize, usize) -> f32) -> usize {
     if lines == 0 || len == 0 {
         return 0;

@@ -1,28 +1,28 @@
 use super::rows::{MARGIN, Rows};
 use pulp::{Arch, Simd, WithSimd};
 
-/// A sample whose difference of Gaussians is above or below all its 26 neighbours'.
+/// A sample whose difference of Gaussians is above or below that of all its 26 neighbours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Candidate {
     /// Column.
     pub x: usize,
     /// Row.
     pub y: usize,
-    /// Its difference is that of levels `level + 1` and `level`.
+    /// Its difference is between levels `level + 1` and `level`.
     pub level: usize,
 }
 
 /// Samples compared at a time.
 const LANES: usize = 16;
-/// Columns worked on at a time, so that the differences stay in the first-level cache.
+/// Columns processed at a time, so that the differences stay in the first-level cache.
 const TILE: usize = 256;
 /// Share of the threshold that a sample must reach before its peak is fitted: the fit can only raise it.
 const EARLY_SHARE: f32 = 0.8;
 
-/// Differences of three rows of a tile, one column wider to either side; row `y` is at `y` modulo 3.
+/// Differences of three rows of a tile, wider than the tile on either side; row `y` is at `y` modulo 3.
 type Differences = [[f32; TILE + 2 * LANES]; 3];
 
-/// Extrema in rows `first..last` of the differences of neighbouring levels.
+/// Finds extrema in rows `first..last` of the differences of neighbouring levels.
 pub(super) fn find_extrema(
     levels: &[Rows],
     first: usize,
@@ -84,7 +84,7 @@ impl WithSimd for Subtract<'_> {
     }
 }
 
-/// Looks for extrema of row `y` in the tile from column `at` on.
+/// Finds extrema of row `y` in the tile from column `at` on.
 struct Scan<'a> {
     differences: &'a [Differences],
     at: usize,
@@ -119,7 +119,7 @@ impl WithSimd for Scan<'_> {
     }
 }
 
-/// One bit for each of the samples from tile column `start` on that is extreme among its 26 neighbours.
+/// Returns one bit for each sample from tile column `start` on that is extreme among its 26 neighbours.
 #[inline(always)]
 fn extreme_lanes(around: &[Differences], y: usize, start: usize, least: f32) -> u32 {
     let centre: [f32; LANES] = lanes(&around[1][y % 3], start + 1);
@@ -162,7 +162,7 @@ fn widen(
     }
 }
 
-/// One bit for each lane that lies outside its bounds and is at least `least` from zero, on the same side.
+/// Returns one bit for each lane that lies outside its bounds and is at least `least` from zero, on the same side.
 #[inline(always)]
 fn extreme(centre: &[f32; LANES], (low, high): &([f32; LANES], [f32; LANES]), least: f32) -> u32 {
     let mut hits = 0;

@@ -1,47 +1,47 @@
-//! Keypoints, the options of their finding, and the strongest of them.
+//! Keypoints, the options of their detection, and the selection of the strongest.
 
 use std::cmp::Ordering;
 
 use glam::Vec2;
 
-/// A place that looks the same at every distance and turn.
+/// A keypoint: a position that is found again at other scales and rotations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SiftKeypoint {
-    /// Position in pixels of the original picture; centre of the top-left pixel at (0.5, 0.5).
+    /// Position in pixels of the original image; the centre of the top-left pixel is at (0.5, 0.5).
     pub at_px: Vec2,
-    /// Standard deviation of the Gaussian that it was found at, in pixels of the original picture.
+    /// Standard deviation of the Gaussian at which it was found, in pixels of the original image.
     pub scale_px: f32,
     /// Direction of the strongest gradient in radians, 0..2π, from the x axis towards the y axis (down).
     pub angle: f32,
 }
 
-/// Keypoints of one picture and how their surroundings look.
+/// Keypoints of one image with their descriptors.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct SiftFeatures {
-    /// The strongest first.
+    /// Strongest first.
     pub keypoints: Vec<SiftKeypoint>,
     /// One per keypoint: 4 × 4 cells × 8 directions, square roots of shares that sum to 1, times 512.
     pub descriptors: Vec<[u8; 128]>,
 }
 
-/// How [`extract_sift`](super::extract_sift) looks for keypoints.
+/// Options of [`extract_sift`](super::extract_sift).
 #[derive(Debug, Clone, PartialEq)]
 pub struct SiftOptions {
-    /// Most features told per picture; the strongest stay (those of the highest contrast).
+    /// Maximum number of features per image; those of the highest contrast are kept.
     pub max_features: usize,
-    /// Where the finest octave lies: -1 = the picture doubled, 0 = as it is, 1 = halved.
+    /// First octave: -1 = the doubled image, 0 = the image itself, 1 = the halved image.
     pub first_octave: i32,
-    /// Octaves, from the first one on; each halves the one before. At least 1.
+    /// Number of octaves from the first one on, at least 1; each halves the one before.
     pub octaves: usize,
     /// Scales per octave, 1..=8.
     pub scales: usize,
-    /// Least contrast of a keypoint: its difference of Gaussians, in grey of 0..1.
+    /// Minimum contrast of a keypoint: its difference of Gaussians, for grey in 0–1.
     pub peak_threshold: f32,
-    /// Largest ratio of the two principal curvatures; more is an edge.
+    /// Maximum ratio of the two principal curvatures; higher ratios are edges.
     pub edge_threshold: f32,
-    /// Most orientations, and so features, per keypoint; the strongest stay.
+    /// Maximum number of orientations, and so features, per keypoint; the strongest are kept.
     pub max_orientations: usize,
-    /// Longest side worked on, in pixels: larger pictures are shrunk first, positions are told in the original's pixels.
+    /// Longest processed side in pixels. Larger images are shrunk first; positions are given in pixels of the original.
     pub max_side: u32,
 }
 
@@ -60,18 +60,20 @@ impl Default for SiftOptions {
     }
 }
 
-/// A feature with what it is chosen by.
+/// A feature with the strength by which it is selected.
 #[derive(Debug, Clone)]
 pub(super) struct Feature {
-    /// Where it is.
+    /// The keypoint.
     pub keypoint: SiftKeypoint,
     /// Contrast of its peak, in grey.
     pub strength: f32,
-    /// How its surroundings look.
+    /// Its descriptor.
     pub descriptor: [u8; 128],
 }
 
-/// The strongest features so far. Strong ones are found again more often and more exactly than large ones.
+/// The strongest features so far.
+///
+/// Strong features are found again more often and more precisely than large ones.
 #[derive(Debug)]
 pub(super) struct Strongest {
     most: usize,
@@ -80,7 +82,7 @@ pub(super) struct Strongest {
 }
 
 impl Strongest {
-    /// None yet, `most` at the end.
+    /// Creates an empty selection that keeps at most `most` features.
     pub fn new(most: usize) -> Self {
         Self {
             most,
@@ -89,12 +91,12 @@ impl Strongest {
         }
     }
 
-    /// What is weaker will not be among the strongest.
+    /// Returns the strength below which features will not be among the strongest.
     pub fn least_strength(&self) -> f32 {
         self.least
     }
 
-    /// Adds features and drops the weakest where there are too many.
+    /// Adds features and drops the weakest if there are too many.
     pub fn add(&mut self, features: Vec<Feature>) {
         self.features.extend(features);
         if self.most > 0 && self.features.len() > self.most {
@@ -106,7 +108,7 @@ impl Strongest {
         self.features.truncate(self.most);
     }
 
-    /// All that stayed, the strongest first.
+    /// Returns the selected features, strongest first.
     pub fn into_features(mut self) -> SiftFeatures {
         self.features.sort_unstable_by(stronger_first);
         let (keypoints, descriptors) = self
@@ -121,7 +123,7 @@ impl Strongest {
     }
 }
 
-/// An order without ties, so that the same features stay in whatever order they came.
+/// Orders features without ties, so that the same ones are kept in whatever order they came.
 fn stronger_first(a: &Feature, b: &Feature) -> Ordering {
     let place = |f: &Feature| {
         [

@@ -1,5 +1,5 @@
-//! SIFT: scale- and turn-invariant keypoints with their descriptors (Lowe, "Distinctive Image Features from
-//! Scale-Invariant Keypoints", IJCV 2004).
+//! SIFT: scale- and rotation-invariant keypoints with their descriptors (Lowe, "Distinctive Image
+//! Features from Scale-Invariant Keypoints", IJCV 2004).
 
 mod blur;
 mod descriptor;

@@ -1,4 +1,4 @@
-//! The pyramid of octaves, and the keypoints of one.
+//! The pyramid of octaves, and the keypoints of one octave.
 
 use rayon::prelude::*;
 
@@ -10,33 +10,34 @@ use super::orientation::orientations;
 use super::refine::{Extremum, refine};
 use super::rows::Rows;
 
-/// Blur of the first level of every octave, in samples of the octave (Lowe 2004, section 3.3). It is given in full: the
-/// blur that a picture has already, which Lowe takes to be 0.5 pixels, is not counted, since its noise has none. That
-/// finds a tenth more true matches in real pictures.
+/// Blur of the first level of every octave, in samples of the octave (Lowe 2004, section 3.3).
+///
+/// The full blur is applied. Lowe subtracts the blur that an image already has, assumed to be 0.5
+/// pixels; its noise has none. Applying it in full finds a tenth more true matches in real images.
 const FIRST_SIGMA: f32 = 1.6;
 
-/// Blur of level `level` in samples of its octave.
+/// Returns the blur of level `level` in samples of its octave.
 pub(super) fn level_sigma(level: f32, scales: usize) -> f32 {
     FIRST_SIGMA * (level / scales as f32).exp2()
 }
 
-/// The blur that takes level `level - 1` to level `level`.
+/// Returns the blur that takes level `level - 1` to level `level`.
 fn step_kernel(level: usize, scales: usize) -> Kernel {
     let [before, after] = [level - 1, level].map(|level| level_sigma(level as f32, scales));
     Kernel::gaussian((after * after - before * before).sqrt())
 }
 
-/// The kernels that make the first level of octave -1 out of the picture.
+/// Returns the kernels that make the first level of octave -1 from the image.
 fn doubling_kernels() -> [Kernel; 2] {
     Kernel::doubling((FIRST_SIGMA * FIRST_SIGMA - DOUBLING_VARIANCE).sqrt())
 }
 
-/// The blur that makes the first level of octave 0 out of the picture.
+/// Returns the blur that makes the first level of octave 0 from the image.
 fn picture_kernel() -> Kernel {
     Kernel::gaussian(FIRST_SIGMA)
 }
 
-/// First levels of the octaves 0, 1, … that the options ask for, as far as the picture is large enough.
+/// Returns the first levels of the requested octaves 0, 1, …, as far as the image is large enough.
 pub(super) fn bases(picture: &Rows, options: &SiftOptions) -> Vec<Rows> {
     let last = options.first_octave.max(-1) + options.octaves.max(1) as i32 - 1;
     let mut bases = Vec::new();
@@ -57,16 +58,18 @@ pub(super) fn bases(picture: &Rows, options: &SiftOptions) -> Vec<Rows> {
     bases
 }
 
-/// Shortest side of an octave in samples: below, no descriptor fits.
+/// Shortest side of an octave in samples; no descriptor fits into a smaller one.
 const SMALLEST_SIDE: usize = 12;
 
-/// Rows that each level moves on by; no keypoint's surroundings reach farther.
+/// Rows by which each level advances; no keypoint's surroundings reach farther.
 const BLOCK: usize = 128;
 /// Rows per task of the search for extrema.
 const TASK_ROWS: usize = 16;
 
-/// One octave of the scale space. Its levels pass through block by block of rows: level `l` is at block `k - l` when
-/// the first level is at block `k`, and only the rows that are still needed are held.
+/// One octave of the scale space.
+///
+/// Its levels are computed block by block of rows: level `l` is at block `k - l` when the first
+/// level is at block `k`. Only the rows that are still needed are kept.
 pub(super) struct Octave<'a> {
     levels: Vec<Rows>,
     kernels: Vec<Kernel>,
@@ -76,12 +79,12 @@ pub(super) struct Octave<'a> {
 }
 
 impl<'a> Octave<'a> {
-    /// The octave whose first level is `base`.
+    /// Creates the octave whose first level is `base`.
     pub fn of(base: Rows, options: &'a SiftOptions) -> Self {
         Self::new(base, None, options)
     }
 
-    /// The octave of the doubled picture.
+    /// Creates the octave of the doubled image.
     pub fn doubled(picture: &'a Rows, options: &'a SiftOptions) -> Self {
         let held = (options.scales + 5) * BLOCK;
         let base = Rows::new(2 * picture.width, 2 * picture.height, held);
@@ -105,7 +108,7 @@ impl<'a> Octave<'a> {
         }
     }
 
-    /// Lets the strongest have the features at every extremum that `keypoint` turns into a keypoint.
+    /// Adds the features at every extremum that `keypoint` turns into a keypoint to the strongest ones.
     pub fn find(
         mut self,
         keypoint: &(impl Fn(&Extremum) -> Option<SiftKeypoint> + Sync),
@@ -123,7 +126,7 @@ impl<'a> Octave<'a> {
         }
     }
 
-    /// Moves every level on to its block of step `step`.
+    /// Advances every level to its block of step `step`.
     fn advance(&mut self, step: usize, blocks: usize) {
         let height = self.levels[0].height;
         let span = |block: usize| (block * BLOCK, ((block + 1) * BLOCK).min(height));
@@ -179,7 +182,7 @@ impl<'a> Octave<'a> {
             .collect()
     }
 
-    /// The features at an extremum, one per orientation.
+    /// Returns the features at an extremum, one per orientation.
     fn described(&self, extremum: &Extremum, keypoint: SiftKeypoint) -> Vec<Feature> {
         let level = &self.levels[extremum.level];
         let sigma = level_sigma(extremum.scale, self.options.scales);

@@ -1,4 +1,4 @@
-//! Gradients, and the orientations of keypoints by them.
+//! Gradients, and the orientations of keypoints from them.
 
 use std::f32::consts::TAU;
 
@@ -7,14 +7,14 @@ use pulp::{Arch, Simd, WithSimd};
 use super::refine::Extremum;
 use super::rows::Rows;
 
-/// Most samples of a row that a keypoint's surroundings span.
+/// Maximum number of samples of a row that a keypoint's surroundings span.
 const MOST_COLUMNS: usize = 256;
 
-/// Gradients of a stretch of a row.
+/// Gradients of a section of a row.
 struct GradientRow {
     /// Length, in grey per sample.
     pub length: [f32; MOST_COLUMNS],
-    /// Direction in turns, 0..1, from the x axis towards the y axis.
+    /// Direction in turns, 0–1, from the x axis towards the y axis.
     pub turn: [f32; MOST_COLUMNS],
 }
 
@@ -26,7 +26,7 @@ impl GradientRow {
         }
     }
 
-    /// Fills in the central differences at columns `first..=last` of row `y`, all inside the picture's border.
+    /// Computes the central differences at columns `first..=last` of row `y`, all inside the image's border.
     #[inline(always)]
     pub fn fill(&mut self, level: &Rows, y: usize, first: usize, last: usize) {
         let [above, below] = [level.row(y - 1), level.row(y + 1)].map(|row| &row[first..=last]);
@@ -43,8 +43,10 @@ impl GradientRow {
     }
 }
 
-/// The direction of (dx, dy) in turns, 0..1, to 2e-6: the polynomial of Abramowitz and Stegun, "Handbook of Mathematical
-/// Functions", 1964, 4.4.47. Without branches, so that it is vectorised.
+/// Returns the direction of (dx, dy) in turns, 0–1, to 2e-6.
+///
+/// This is the polynomial of Abramowitz and Stegun, "Handbook of Mathematical Functions", 1964,
+/// 4.4.47. It has no branches, so that it is vectorised.
 #[inline(always)]
 pub(super) fn turn_of(dx: f32, dy: f32) -> f32 {
     const COEFFICIENTS: [f32; 5] = [0.999_866, -0.330_299_5, 0.180_141, -0.085_133, 0.020_835_1];
@@ -68,8 +70,10 @@ const SMOOTHINGS: usize = 6;
 /// Share of the highest peak that another one must reach.
 const PEAK_SHARE: f32 = 0.8;
 
-/// Directions of the strongest gradients around a keypoint in radians, 0..2π, the strongest first, at most `most`
-/// (Lowe 2004, section 5). `sigma` is the keypoint's in samples of the octave.
+/// Returns the directions of the strongest gradients around a keypoint in radians, 0–2π, strongest first.
+///
+/// There are at most `most` (Lowe 2004, section 5). `sigma` is the keypoint's in samples of the
+/// octave.
 pub(super) fn orientations(level: &Rows, at: &Extremum, sigma: f32, most: usize) -> Vec<f32> {
     let mut histogram = Arch::new().dispatch(Histogram { level, at, sigma });
     (0..SMOOTHINGS).for_each(|_| histogram = smoothed(&histogram));
@@ -134,7 +138,7 @@ fn histogram(level: &Rows, at: &Extremum, sigma: f32) -> [f32; BINS] {
     bins
 }
 
-/// Samples within `reach` of `centre` that have neighbours on both sides.
+/// Returns the samples within `reach` of `centre` that have neighbours on both sides.
 #[inline(always)]
 fn span(centre: f32, reach: f32, size: usize) -> (usize, usize) {
     let first = (centre - reach).ceil().max(1.0) as usize;
@@ -146,7 +150,7 @@ fn smoothed(bins: &[f32; BINS]) -> [f32; BINS] {
     std::array::from_fn(|k| (bins[(k + BINS - 1) % BINS] + bins[k] + bins[(k + 1) % BINS]) / 3.0)
 }
 
-/// Angle and height of each peak, fitted by a parabola.
+/// Returns angle and height of each peak, fitted by a parabola.
 fn peaks(bins: &[f32; BINS]) -> Vec<(f32, f32)> {
     let least = PEAK_SHARE * bins.iter().copied().fold(0.0, f32::max);
     let peak = |k: usize| {

@@ -7,7 +7,7 @@ use super::rows::Rows;
 /// A keypoint in samples of its octave.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Extremum {
-    /// Column of the sample's centre = its index.
+    /// Column; integers are the centres of samples.
     pub x: f32,
     /// Row.
     pub y: f32,
@@ -19,16 +19,19 @@ pub(super) struct Extremum {
     pub strength: f32,
 }
 
-/// Moves before a fit that leads away from its sample is given up.
+/// Maximum number of moves to a neighbouring sample before a fit is given up.
 const MOST_MOVES: usize = 5;
-/// The fit is taken at the next sample where the peak is farther off than this, in samples.
+/// The fit moves to the next sample if the peak is farther away than this, in samples.
 const MOVE_BEYOND: f32 = 0.6;
-/// Farthest that a peak may lie from the last sample tried.
+/// Maximum distance of a peak from the last sample tried.
 const FARTHEST: f32 = 1.5;
 
-/// Fits a quadratic to the differences around a candidate; none where it has no clear peak, is too weak or an edge.
+/// Fits a quadratic to the differences around a candidate.
 ///
-/// Brown and Lowe, "Invariant Features from Interest Point Groups", BMVC 2002; the edge test is Lowe 2004, section 4.1.
+/// Returns `None` if it has no clear peak, is too weak or lies on an edge.
+///
+/// Brown and Lowe, "Invariant Features from Interest Point Groups", BMVC 2002; the edge test is
+/// Lowe 2004, section 4.1.
 pub(super) fn refine(
     levels: &[Rows],
     candidate: Candidate,
@@ -59,8 +62,10 @@ pub(super) fn refine(
     None
 }
 
-/// Where a quadratic through the nine samples at the peak's own scale is extreme, from the sample in the middle: the
-/// surroundings' shape changes with the scale, which the fit in all three leaves out.
+/// Returns the extremum of a quadratic through the nine samples at the peak's own scale, from the middle sample.
+///
+/// The shape of the surroundings changes with the scale, which the fit in all three dimensions
+/// leaves out.
 fn slice_peak(levels: &[Rows], at: Candidate, scale: f32) -> Option<Vec2> {
     let scale = scale.clamp(-1.0, 1.0);
     let sample = |dx: isize, dy: isize| {
@@ -109,7 +114,7 @@ fn extremum(levels: &[Rows], at: Candidate, offset: Vec3, strength: f32) -> Opti
     })
 }
 
-/// The neighbouring sample that the peak is nearer to, as far as it has neighbours on all sides.
+/// Returns the neighbouring sample that is nearer to the peak, if it has neighbours on all sides.
 fn moved(levels: &[Rows], at: Candidate, offset: Vec3) -> Candidate {
     let step = |position: usize, offset: f32, last: usize| match offset {
         _ if offset > MOVE_BEYOND && position < last => position + 1,
@@ -157,13 +162,13 @@ impl Fit {
         }
     }
 
-    /// Where the quadratic is extreme, from the sample; none where it is flat.
+    /// Returns the extremum of the quadratic, from the sample; `None` if it is flat.
     fn peak(&self) -> Option<Vec3> {
         let offset = self.curvature.as_dmat3().inverse() * -self.slope.as_dvec3();
         offset.is_finite().then(|| offset.as_vec3())
     }
 
-    /// Whether the ratio of the principal curvatures in the picture plane is above `most`.
+    /// Returns whether the ratio of the principal curvatures in the image plane is above `most`.
     fn is_edge(&self, most: f32) -> bool {
         let [x, y] = [self.curvature.x_axis, self.curvature.y_axis];
         let (trace, determinant) = (x.x + y.y, x.x * y.y - x.y * x.y);

@@ -1,18 +1,18 @@
-//! Rows of pixels with margins, and pictures made smaller.
+//! Rows of pixels with margins, and images made smaller.
 
 use ostra_core::image::tent_shrink;
 
-/// Samples kept beside each row, so that filters need no test for the border.
+/// Samples kept on either side of each row, so that filters need no test for the border.
 pub(super) const MARGIN: usize = 64;
 /// Rows are padded to multiples of this, so that vector loops leave no remainder.
 pub(super) const PAD: usize = 64;
 
-/// A grey picture, or the rows of it that are held at a time: row `y` lies at `y` modulo `held`.
+/// A grey image, or the rows of it that are kept at a time: row `y` is stored at `y` modulo `held`.
 #[derive(Debug, Clone)]
 pub(super) struct Rows {
     /// Columns.
     pub width: usize,
-    /// Rows of the whole picture.
+    /// Rows of the whole image.
     pub height: usize,
     held: usize,
     stride: usize,
@@ -20,7 +20,7 @@ pub(super) struct Rows {
 }
 
 impl Rows {
-    /// A picture of zeros that holds `held` rows at a time.
+    /// Creates an image of zeros that keeps `held` rows at a time.
     pub fn new(width: usize, height: usize, held: usize) -> Self {
         let stride = width.next_multiple_of(PAD) + 2 * MARGIN + PAD;
         let held = held.clamp(1, height.max(1));
@@ -33,7 +33,7 @@ impl Rows {
         }
     }
 
-    /// A whole picture.
+    /// Creates a whole image.
     pub fn from_grey(grey: &[f32], width: usize, height: usize) -> Self {
         let mut rows = Self::new(width, height, height);
         if width > 0 {
@@ -49,31 +49,31 @@ impl Rows {
         rows
     }
 
-    /// Samples from one row to the next.
+    /// Returns the number of samples from one row to the next.
     pub fn stride(&self) -> usize {
         self.stride
     }
 
-    /// Row `y` without its margins.
+    /// Returns row `y` without its margins.
     #[inline(always)]
     pub fn row(&self, y: usize) -> &[f32] {
         &self.with_margins(y)[MARGIN..MARGIN + self.width]
     }
 
-    /// Row `y`; the sample of column `x` is at `MARGIN + x`.
+    /// Returns row `y` with margins; the sample of column `x` is at `MARGIN + x`.
     #[inline(always)]
     pub fn with_margins(&self, y: usize) -> &[f32] {
         let start = (y % self.held) * self.stride;
         &self.samples[start..start + self.stride]
     }
 
-    /// Row `y`, or the nearest one where there is none.
+    /// Returns row `y`, or the nearest existing one.
     #[inline(always)]
     pub fn nearest(&self, y: isize) -> &[f32] {
         self.with_margins(y.clamp(0, self.height as isize - 1) as usize)
     }
 
-    /// Rows `first..last` with their margins, to be written; they must lie in one piece.
+    /// Returns rows `first..last` with their margins for writing; they must be contiguous.
     pub fn piece_mut(&mut self, first: usize, last: usize) -> &mut [f32] {
         let start = (first % self.held) * self.stride;
         &mut self.samples[start..start + (last - first) * self.stride]
@@ -88,8 +88,9 @@ pub(super) fn extend_margins(row: &mut [f32], width: usize) {
     row[MARGIN + width..].fill(last);
 }
 
-/// A picture whose longer side is at most `longest` pixels, and how many of the original's pixels one of its pixels
-/// spans in x and y.
+/// Shrinks an image so that its longer side is at most `longest` pixels.
+///
+/// Also returns how many of the original's pixels one of its pixels spans in x and y.
 pub(super) fn shrunk(
     grey: &[f32],
     width: usize,

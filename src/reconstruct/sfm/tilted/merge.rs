@@ -5,20 +5,20 @@ use rustc_hash::{FxHashMap, FxHashSet};
 
 use crate::sfm::{Descriptors, Features, PictureFeatures};
 
-/// Keypoints so near to each other in pixels are one.
+/// Keypoints nearer to each other than this, in pixels, are one.
 const RADIUS_PX: f64 = 1.5;
 
-/// A picture's features together with some of its tilted views, each place once.
+/// An image's features merged with those of some of its tilted views, each position once.
 #[derive(Debug, Clone)]
 pub struct Merged {
-    /// The picture's own features first, in their order.
+    /// The image's own features first, in their order.
     picture: PictureFeatures,
     /// Numbers of the keypoints in squares as wide as the radius.
     squares: FxHashMap<[i64; 2], Vec<u32>>,
 }
 
 impl Merged {
-    /// Only the picture's own features.
+    /// Starts with the image's own features only.
     pub fn new(own: &PictureFeatures) -> Self {
         let mut merged = Self {
             picture: own.clone(),
@@ -34,7 +34,7 @@ impl Merged {
         merged
     }
 
-    /// Number of a view's feature: that of the one which is there already, else a new one.
+    /// Returns the number of a view's feature: that of an existing one at its position, or a new one.
     pub fn number(&mut self, view: &PictureFeatures, index: u32) -> u32 {
         let at_px = view.features.keypoints[index as usize];
         if let Some(known) = self.nearest(at_px) {
@@ -47,7 +47,7 @@ impl Merged {
         number
     }
 
-    /// All features.
+    /// Returns all features.
     pub fn into_picture(self) -> PictureFeatures {
         self.picture
     }
@@ -87,7 +87,7 @@ fn add(features: &mut Features, from: &Features, index: usize) {
     }
 }
 
-/// Matches one to one out of those of several views, preferring what most views found.
+/// Selects one-to-one matches from those of several views, preferring those that most views found.
 pub fn one_to_one(found: impl IntoIterator<Item = (u32, u32)>) -> Vec<(u32, u32)> {
     let mut votes: BTreeMap<(u32, u32), u32> = BTreeMap::new();
     found

@@ -1,4 +1,5 @@
-//! Features of a picture as it looks tilted, for pictures that were taken at a grazing angle to what others show.
+//! Features of simulated tilted views, for images taken at a grazing angle to the content of
+//! others.
 
 mod merge;
 #[cfg(test)]

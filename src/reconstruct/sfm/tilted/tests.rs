@@ -11,7 +11,7 @@ use crate::sfm::{Descriptors, FeatureExtractor, FeatureMatcher, Features, Pictur
 
 const SIDE: usize = 320;
 
-/// Round spots of many sizes and shades on grey.
+/// Returns round spots of many sizes and shades on grey.
 fn spotted(seed: u64) -> Vec<f32> {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let mut grey = vec![0.5; SIDE * SIDE];
@@ -40,7 +40,7 @@ fn spot(grey: &mut [f32], at: DVec2, size: f64, shade: f64) {
     }
 }
 
-/// The picture a third as wide.
+/// Returns the image at a third of its width.
 fn foreshortened(grey: &[f32]) -> (Vec<f32>, usize) {
     let width = SIDE / 3;
     let mean = |y: usize, x: usize| (0..3).map(|i| grey[y * SIDE + 3 * x + i]).sum::<f32>() / 3.0;
@@ -54,7 +54,7 @@ fn foreshortened(grey: &[f32]) -> (Vec<f32>, usize) {
 }
 
 #[test]
-fn a_view_tells_where_it_shows_what() {
+fn view_positions_map_to_the_image() {
     let at = DVec2::new(200.3, 120.8);
     let mut grey = vec![0.0; SIDE * SIDE];
     spot(&mut grey, at, 5.0, 1.0);
@@ -74,7 +74,7 @@ fn a_view_tells_where_it_shows_what() {
             "{tilt:?}: {}",
             view.original(mean)
         );
-        // A tilted picture has less of everything.
+        // A tilted image has less of everything.
         let expected = 2.0 * std::f64::consts::PI * 25.0 / tilt.by;
         assert!(
             (sum / expected - 1.0).abs() < 0.02,
@@ -84,7 +84,7 @@ fn a_view_tells_where_it_shows_what() {
 }
 
 #[test]
-fn large_pictures_are_shrunk_and_told_in_their_own_pixels() {
+fn positions_in_large_images_are_in_their_own_pixels() {
     let (width, height, at) = (3301, 40, DVec2::new(2001.3, 22.1));
     let shade = |i: usize| {
         let distance = (DVec2::new((i % width) as f64, (i / width) as f64) + 0.5).distance(at);
@@ -115,7 +115,7 @@ fn large_pictures_are_shrunk_and_told_in_their_own_pixels() {
 }
 
 #[test]
-fn larger_tilts_are_looked_at_from_more_sides() {
+fn larger_tilts_have_more_directions() {
     let all = Tilt::all();
     let sides = |by: f64| {
         all.iter()
@@ -127,7 +127,7 @@ fn larger_tilts_are_looked_at_from_more_sides() {
 }
 
 #[test]
-fn a_tilted_view_finds_what_is_foreshortened() {
+fn tilted_view_matches_foreshortened_content() {
     let grey = spotted(3);
     let (narrow, width) = foreshortened(&grey);
     let (sift, matcher) = (Sift::default(), NearestMatcher::for_bytes());
@@ -157,7 +157,7 @@ fn a_tilted_view_finds_what_is_foreshortened() {
 }
 
 #[test]
-fn features_lie_where_they_may() {
+fn features_lie_only_in_allowed_pixels() {
     let allowed: Vec<bool> = (0..SIDE * SIDE).map(|i| i % SIDE < SIDE / 2).collect();
     for tilt in Tilt::all() {
         let found = tilted_features(
@@ -183,7 +183,7 @@ fn features_lie_where_they_may() {
     }
 }
 
-/// A feature per place, described by its number.
+/// Returns one feature per position, described by its number.
 fn picture(places: &[[f64; 2]]) -> PictureFeatures {
     let features = Features {
         width: 100,
@@ -204,7 +204,7 @@ fn picture(places: &[[f64; 2]]) -> PictureFeatures {
 }
 
 #[test]
-fn keypoints_of_one_place_are_one() {
+fn keypoints_at_one_position_are_merged() {
     let (own, view) = (
         picture(&[[10.0, 10.0], [50.0, 50.0]]),
         picture(&[[51.0, 50.9], [70.0, 70.0], [10.0, 12.0]]),

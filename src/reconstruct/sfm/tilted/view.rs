@@ -1,4 +1,4 @@
-//! Views of a picture as it looks tilted, and the features found there.
+//! Simulated tilted views of an image, and the features found in them.
 
 use glam::{DMat2, DVec2};
 use rayon::prelude::*;
@@ -6,8 +6,9 @@ use rayon::prelude::*;
 use crate::sfm::{FeatureError, FeatureExtractor, Features};
 use ostra_core::image::{blend, block_means};
 
-/// A direction in a picture and how much shorter the picture is made along it, as if it were seen at an angle whose
-/// cosine is 1 / `by`.
+/// A direction in an image and the compression along it.
+///
+/// The image is compressed as if seen at an angle whose cosine is 1 / `by`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tilt {
     /// Angle of the direction with the rows, in radians.
@@ -16,24 +17,26 @@ pub struct Tilt {
     pub by: f64,
 }
 
-/// Tilts that are simulated: powers of √2.
+/// Simulated tilts: powers of √2.
 const TILTS: [f64; 3] = [
     std::f64::consts::SQRT_2,
     2.0,
     2.0 * std::f64::consts::SQRT_2,
 ];
-/// Angle between directions at a tilt of 1, in radians; less at larger ones.
+/// Angle between directions at a tilt of 1, in radians; smaller at larger tilts.
 const STEP: f64 = 1.256_637_061_435_917_3;
-/// Blur of the picture per side that a tilt takes away, as SIFT takes a picture to have half a pixel already.
+/// Blur before compression, per √(tilt² − 1), in pixels; SIFT assumes that an image already has half a pixel of blur.
 const BLUR: f64 = 0.8;
-/// Longest side that is worked on, in pixels: there are many tilts.
+/// Longest processed side, in pixels: there are many tilts.
 const MAX_SIDE: usize = 1600;
-/// The kernel ends after so many of its standard deviations.
+/// The kernel ends after this many standard deviations.
 const KERNEL_REACH: f64 = 3.0;
 
 impl Tilt {
-    /// Tilts such that every other one up to the largest is near one of them (J.-M. Morel, G. Yu, *ASIFT: A New
-    /// Framework for Fully Affine Invariant Image Comparison*, SIAM J. Imaging Sciences 2009).
+    /// Returns tilts such that every other one up to the largest is near one of them.
+    ///
+    /// J.-M. Morel, G. Yu, *ASIFT: A New Framework for Fully Affine Invariant Image Comparison*,
+    /// SIAM J. Imaging Sciences 2009.
     pub fn all() -> Vec<Self> {
         let of = |by: f64| {
             let count = (std::f64::consts::PI * by / STEP).round();
@@ -46,23 +49,25 @@ impl Tilt {
     }
 }
 
-/// A picture as it looks tilted.
+/// A simulated tilted view of an image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TiltedView {
-    /// In 0..1, row by row.
+    /// Grey values in 0–1, row by row.
     pub grey: Vec<f32>,
     /// Columns.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Where the view's pixels lie in the picture: `original_from_view · x + origin`.
+    /// Position of the view's pixels in the image: `original_from_view · x + origin`.
     original_from_view: DMat2,
     origin: DVec2,
     size: DVec2,
 }
 
 impl TiltedView {
-    /// Of a grey picture in 0..1, row by row; beyond its edge the edge goes on. Large pictures are shrunk.
+    /// Creates a view of a grey image in 0–1, row by row.
+    ///
+    /// Beyond the edge the edge is repeated. Large images are shrunk.
     pub fn new(grey: &[f32], width: usize, height: usize, tilt: Tilt) -> Self {
         let step = width.max(height).div_ceil(MAX_SIDE).max(1);
         if step == 1 {
@@ -121,19 +126,19 @@ impl TiltedView {
         }
     }
 
-    /// Position in the picture of a position in the view, both in pixels.
+    /// Returns the position in the image of a position in the view, both in pixels.
     pub fn original(&self, at_px: DVec2) -> DVec2 {
         self.original_from_view * at_px + self.origin
     }
 
-    /// Whether a position in the view lies in the picture.
+    /// Returns whether a position in the view lies in the image.
     pub fn shows(&self, at_px: DVec2) -> bool {
         let at = self.original(at_px);
         at.cmpge(DVec2::ZERO).all() && at.cmplt(self.size).all()
     }
 }
 
-/// Half of a symmetric kernel of sum 1, from its middle on.
+/// Returns half of a symmetric kernel of sum 1, from its middle on.
 fn kernel(sigma: f64) -> Vec<f32> {
     if sigma <= 0.0 {
         return vec![1.0];
@@ -146,7 +151,7 @@ fn kernel(sigma: f64) -> Vec<f32> {
     half.iter().map(|value| (value / sum) as f32).collect()
 }
 
-/// A blurred line between two of its places.
+/// Returns a blurred line at a position between two samples.
 fn blurred(line: &[f32], kernel: &[f32], at: f64) -> f32 {
     let last = line.len() as isize - 1;
     let value = |x: isize| line[x.clamp(0, last) as usize];
@@ -160,7 +165,7 @@ fn blurred(line: &[f32], kernel: &[f32], at: f64) -> f32 {
     blend(sum(before), sum(before + 1), share)
 }
 
-/// The picture between four pixels.
+/// Interpolates the image between four pixels.
 fn between(grey: &[f32], [width, height]: [usize; 2], at: DVec2) -> f32 {
     let limit = |at: f64, side: usize| (at - 0.5).clamp(0.0, (side - 1) as f64);
     let (x, y) = (limit(at.x, width), limit(at.y, height));
@@ -171,11 +176,13 @@ fn between(grey: &[f32], [width, height]: [usize; 2], at: DVec2) -> f32 {
     (1.0 - down) * row(top) + down * row(low)
 }
 
-/// Features of a grey picture (`width · height` values in 0..1, row by row) as it looks under a tilt, at their places in
-/// the picture itself; only where `allowed` is true, everywhere without it.
+/// Extracts features of a grey image under a simulated tilt, at their positions in the image itself.
+///
+/// The image has `width · height` values in 0–1, row by row. Features lie only where `allowed` is
+/// true, or anywhere without it.
 ///
 /// # Errors
-/// Where the extractor fails.
+/// Fails if the extractor fails.
 pub fn tilted_features(
     extractor: &dyn FeatureExtractor,
     grey: &[f32],
@@ -202,7 +209,7 @@ pub fn tilted_features(
     })
 }
 
-/// Pixels of a view that show an allowed one of the picture.
+/// Returns which pixels of a view show an allowed one of the image.
 fn allowed_in(view: &TiltedView, width: usize, allowed: Option<&[bool]>) -> Vec<bool> {
     let pixels = (0..view.height)
         .flat_map(|y| (0..view.width).map(move |x| DVec2::new(x as f64, y as f64) + 0.5));

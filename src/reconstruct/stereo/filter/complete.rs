@@ -7,15 +7,15 @@ use crate::stereo::DepthEstimate;
 use crate::stereo::patchmatch::{Picture, Texture};
 use ostra_core::statistics::upper_median;
 
-/// When a view takes over what others see.
+/// When a view takes over depth that other views see.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct CompleteOptions {
-    /// Nearer than a view's own depth by this share is before it, 0–1.
+    /// A surface is in front of a view's own depth if it is nearer by this share, 0–1.
     pub before: f32,
-    /// Largest difference of colour between the view and what is taken over, grey levels.
+    /// Maximum difference of colour between the view and what it takes over, in grey levels.
     pub color_difference: f32,
-    /// The difference of colour may be this many times that of the view's own depth, where it has one, above 0.
+    /// If the view has a depth of its own, the difference of colour may be this many times that of this depth, above 0.
     pub color_ratio: f32,
 }
 
@@ -29,25 +29,25 @@ impl Default for CompleteOptions {
     }
 }
 
-/// Which depths are kept.
+/// Options of filtering: which depths are kept.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FilterOptions {
-    /// What happens at borders first.
+    /// First step: borders move to changes of colour.
     pub snap: SnapOptions,
     /// When another view agrees.
     pub agreement: Agreement,
-    /// Other views that must agree, at least 1; all there are where these are fewer.
+    /// Number of other views that must agree, at least 1; all of them if there are fewer.
     pub min_agreeing: usize,
-    /// Least confidence, 0–1.
+    /// Minimum confidence, 0–1.
     pub min_confidence: f32,
-    /// Connected surfaces are left out whose pixels other views agree with fewer times in all.
+    /// Connected surfaces are removed if the agreements of other views with their pixels sum to less than this.
     pub min_support: usize,
-    /// Gaps of up to this many pixels between two of one surface are filled.
+    /// Gaps of up to this many pixels between two pixels of one surface are filled.
     pub gap_pixels: usize,
-    /// Neighbouring pixels are one surface where their depths differ by at most this share, 0–1.
+    /// Neighbouring pixels belong to one surface if their depths differ by at most this share, 0–1.
     pub surface_tolerance: f32,
-    /// What is taken over from others in the end.
+    /// Last step: what is taken over from other views.
     pub complete: CompleteOptions,
 }
 
@@ -66,18 +66,21 @@ impl Default for FilterOptions {
     }
 }
 
-/// Neighbours at least that must see what a view takes over.
+/// Minimum number of neighbours that must see what a view takes over.
 const WITNESSES: usize = 2;
 
-/// Takes over into a view's filtered depth what several neighbours see before it, or where it knows nothing, and the
-/// view's own picture shows in the same colours: thin parts before a strong pattern win in some views and lose in others
-/// (after P. Merrell et al., *Real-Time Visibility-Based Fusion of Depth Maps*, ICCV 2007). Pixels that are not `allowed`,
-/// row by row, stay as they are; `None` = all are.
+/// Completes a view's filtered depth by surfaces that several neighbours see.
 ///
-/// The neighbours are taken as they were filtered, not as completed, so that within a run no depth is confirmed
-/// by one that was itself taken over. On the synthetic scene 94.7 % of the labelled pixels come within 1 % of
-/// the true depth (91.0 % without); on dtu and fountain a little more is found, as exactly
-/// (`cargo bench --bench depths`). Takes about 0.04 s a view at 640 pixels.
+/// A surface is taken over if it is in front of the view's own depth, or the view has none there,
+/// and the view's own image shows it in the same colours. Thin parts in front of a strong pattern
+/// win in some views and lose in others (after P. Merrell et al., *Real-Time Visibility-Based
+/// Fusion of Depth Maps*, ICCV 2007). Pixels that are not `allowed`, row by row, stay as they are;
+/// `None` = all are allowed.
+///
+/// The neighbours are used as filtered, not as completed, so that within a run no depth is
+/// confirmed by one that was itself taken over. On the synthetic scene 94.7 % of the labelled
+/// pixels come within 1 % of the true depth (91.0 % without); on dtu and fountain a little more is
+/// found, as exactly (`cargo bench --bench depths`). Takes about 0.04 s a view at 640 pixels.
 #[must_use]
 pub fn completed(
     own: &DepthEstimate,
@@ -130,7 +133,8 @@ struct View<'a> {
 }
 
 impl View<'_> {
-    /// The surface that a pixel takes over: the nearest that enough neighbours agree on and its colour fits.
+    /// Returns the surface that a pixel takes over: the nearest one that enough neighbours agree on
+    /// and that fits its colour.
     fn taken(&self, at: usize, seen: &[Vec<u32>]) -> Option<Surface> {
         let depth = self.own.depths[at];
         let least = if depth > 0.0 {
@@ -155,7 +159,8 @@ impl View<'_> {
             .find_map(|surface| self.confirmed(at, surface, most))
     }
 
-    /// A surface at a pixel, on the pixel's own ray, where enough neighbours agree with it and the colours differ by less.
+    /// Returns a surface on the pixel's own ray, if enough neighbours agree with it and the colours
+    /// differ by less than `most`.
     fn confirmed(&self, at: usize, surface: Surface, most: f32) -> Option<Surface> {
         let matches = self.matches(at, surface);
         if matches.len() < self.options.min_agreeing.max(WITNESSES)
@@ -172,7 +177,7 @@ impl View<'_> {
         })
     }
 
-    /// What the neighbours show of a surface at a pixel.
+    /// Returns what the neighbours show of a surface at a pixel.
     fn matches(&self, at: usize, surface: Surface) -> Vec<(&Neighbour, Match)> {
         let place = self.place(at);
         let matched = |neighbour| {
@@ -188,7 +193,7 @@ impl View<'_> {
         self.neighbours.iter().filter_map(matched).collect()
     }
 
-    /// The middle difference of colour between a pixel and what neighbours show, squared grey levels.
+    /// Returns the median difference of colour between a pixel and its matches, in squared grey levels.
     fn difference(&self, at: usize, matches: &[(&Neighbour, Match)]) -> f32 {
         let of = |(neighbour, found): &(&Neighbour, Match)| {
             neighbour.color_difference(found.pixel, self.picture, at)
@@ -205,7 +210,7 @@ impl View<'_> {
         )
     }
 
-    /// The difference of colour that a surface before a pixel's own must stay below, squared grey levels.
+    /// Returns the limit for the difference of colour of a surface in front of a pixel's own, in squared grey levels.
     fn most_difference(&self, at: usize) -> f32 {
         let options = &self.options.complete;
         let most = options.color_difference * options.color_difference;

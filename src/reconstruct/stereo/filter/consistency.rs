@@ -6,15 +6,15 @@ use serde::{Deserialize, Serialize};
 use crate::stereo::DepthEstimate;
 use crate::stereo::patchmatch::{Picture, Plane, Raster, Texture, Transfer};
 
-/// When two views' depths are the same surface.
+/// When the depths of two views show the same surface.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Agreement {
-    /// Largest difference of depth as a share of it, 0–1.
+    /// Maximum difference of depth as a share of it, 0–1.
     pub depth: f32,
-    /// Largest distance after going there and back, pixels of the raster, above 0.
+    /// Maximum distance after projecting there and back, in pixels of the raster, above 0.
     pub reprojection_px: f32,
-    /// Least cosine between the normals, −1–1: those of parts a pixel or two wide are hardly known.
+    /// Minimum cosine between the normals, −1–1; the normals of parts a pixel or two wide are hardly known.
     pub normal_cosine: f32,
 }
 
@@ -28,10 +28,10 @@ impl Default for Agreement {
     }
 }
 
-/// No pixel of a neighbour.
+/// Stands for no pixel of a neighbour.
 pub const UNSEEN: u32 = u32::MAX;
 
-/// Another view's depths beside a view.
+/// Another view's depths, seen from a view.
 #[derive(Debug, Clone)]
 pub struct Neighbour {
     estimate: Arc<DepthEstimate>,
@@ -43,12 +43,12 @@ pub struct Neighbour {
     here_from_there: Mat3,
 }
 
-/// A neighbour's pixel that sees what a pixel sees.
+/// A neighbour's pixel that sees the same point as a pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Match {
-    /// The neighbour's pixel, row by row.
+    /// Index of the neighbour's pixel, row by row.
     pub pixel: usize,
-    /// Inverse depth that the neighbour's plane gives along the pixel's own ray.
+    /// Inverse depth of the neighbour's plane along the pixel's own ray.
     pub inverse_depth: f32,
     /// The neighbour's normal in the pixel's own camera space.
     pub normal: Vec3,
@@ -71,8 +71,11 @@ impl Neighbour {
         }
     }
 
-    /// The neighbour's pixel that sees the point of a pixel `(x, y)` at `inverse_depth` with `normal`, where its depth
-    /// agrees: the nearest of the four around the place, else another of them, as thin parts lie between pixels.
+    /// Returns the neighbour's pixel that sees the point of a pixel, if its depth agrees.
+    ///
+    /// The point is that of pixel `(x, y)` at `inverse_depth` with `normal`. The nearest of the
+    /// four pixels around the projection is tried first, then the others, because thin parts lie
+    /// between pixels.
     #[must_use]
     pub fn matched(
         &self,
@@ -105,8 +108,9 @@ impl Neighbour {
             .find_map(|pixel| self.agreeing(&point, pixel, agreement))
     }
 
-    /// For each pixel of a view of `width · height` pixels what the neighbour sees nearest there: its own pixel,
-    /// [`UNSEEN`] where it sees nothing.
+    /// Returns for each pixel of a view of `width · height` pixels the neighbour's pixel that is seen nearest there.
+    ///
+    /// [`UNSEEN`] where there is none.
     #[must_use]
     pub fn projected(&self, (width, height): (usize, usize)) -> Vec<u32> {
         let mut seen = vec![UNSEEN; width * height];
@@ -133,7 +137,7 @@ impl Neighbour {
         seen
     }
 
-    /// The surface of one of its pixels as the view sees it; `None` where depth is unknown, and for [`UNSEEN`].
+    /// Returns the surface of one of its pixels in the view; `None` if depth is unknown, and for [`UNSEEN`].
     #[must_use]
     pub fn surface(&self, pixel: u32) -> Option<Surface> {
         let pixel = pixel as usize;
@@ -152,16 +156,16 @@ impl Neighbour {
         })
     }
 
-    /// How far a pixel's colour is from that of a pixel of `texture`, squared grey levels.
+    /// Returns the difference of colour between a pixel and pixel `at` of `texture`, in squared grey levels.
     ///
     /// # Panics
-    /// When the neighbour's picture came without its pixels.
+    /// If the neighbour's image came without its pixels.
     #[must_use]
     pub fn color_difference(&self, pixel: usize, texture: &Texture, at: usize) -> f32 {
         texture.color_difference(at, &self.texture, pixel)
     }
 
-    /// Where the view sees a pixel of known depth, and its inverse depth there.
+    /// Returns where the view sees a pixel of known depth, and its inverse depth there.
     fn place(&self, pixel: usize, depth: f32) -> (f32, f32, f32) {
         let width = self.estimate.width();
         let [x, y, z] =
@@ -170,7 +174,7 @@ impl Neighbour {
         (x / z, y / z, 1.0 / (depth * z))
     }
 
-    /// The neighbour's pixel in a column and row, where it agrees.
+    /// Returns the neighbour's pixel in a column and row, if it agrees.
     fn agreeing(
         &self,
         point: &Seen,
@@ -192,7 +196,7 @@ impl Neighbour {
             Plane::from_normal(depth, there, &self.raster, column, row).moved(u - column, v - row);
         let [s, t, w] = self.back.apply(u, v, plane.inverse_depth);
         let (s, t) = (s / w - point.at.0, t / w - point.at.1);
-        // Depth here of what is seen there, as a share of the depth here.
+        // Depth here of the point that is seen there, as a share of the depth here.
         let ratio = w / plane.inverse_depth * point.inverse_depth;
         let normal = self.here_from_there * there;
         let agrees = (ratio - 1.0).abs() <= agreement.depth
@@ -209,7 +213,7 @@ impl Neighbour {
 /// A neighbour's surface as a view sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surface {
-    /// Inverse depth; below 0 behind the view.
+    /// Inverse depth; below 0 if behind the view.
     pub inverse_depth: f32,
     /// Normal in the view's camera space.
     pub normal: Vec3,
@@ -217,7 +221,7 @@ pub struct Surface {
     pub confidence: u8,
 }
 
-/// A pixel's point and where a neighbour sees it.
+/// A pixel's point, and where a neighbour sees it.
 struct Seen {
     at: (f32, f32),
     there: (f32, f32),

@@ -1,4 +1,5 @@
-//! The depths kept that other views agree with, on surfaces of some size, with small gaps filled.
+//! Filtering: keeps depths that other views agree with, on surfaces of some size, and fills small
+//! gaps.
 
 use rayon::prelude::*;
 
@@ -6,7 +7,7 @@ use super::complete::FilterOptions;
 use super::consistency::Neighbour;
 use crate::stereo::DepthEstimate;
 
-/// Keeps the depths that enough neighbours agree with; takes speckles out and fills small gaps.
+/// Keeps the depths that enough neighbours agree with, removes speckles and fills small gaps.
 #[must_use]
 pub fn filter(
     own: &DepthEstimate,
@@ -47,12 +48,14 @@ pub fn filter(
     kept
 }
 
-/// What is nearer than a surface by more than this many times the tolerance within it is in front.
+/// A depth is in front of a surface if it is nearer by more than this many times the tolerance within the surface.
 const IN_FRONT: f32 = 2.0;
 
-/// Fills short runs of unknown pixels between two of one surface, along rows, then along columns: inverse depth goes
-/// evenly from one end to the other; normal and confidence are those of the nearer end. A run is left open where a pixel
-/// of it saw something in front (`seen`: the depths before any were left out): a thin part is no gap of its background.
+/// Fills short runs of unknown pixels between two pixels of one surface, along rows, then along columns.
+///
+/// Inverse depth is interpolated linearly; normal and confidence are those of the nearer end. A run
+/// stays open if one of its pixels saw something in front (`seen`: the depths before any were
+/// removed): a thin part is not a gap of its background.
 fn fill_gaps(estimate: &mut DepthEstimate, seen: &DepthEstimate, options: &FilterOptions) {
     let (width, height) = (estimate.width(), estimate.height());
     for y in 0..height {
@@ -113,8 +116,10 @@ fn fill_run(
     }
 }
 
-/// Forgets connected surfaces that other views support too little: a small one stays where many views see it, as a thin
-/// part's pieces are. `support` counts the views by pixel, `least` is the sum over a surface that it needs.
+/// Removes connected surfaces that other views support too little.
+///
+/// A small surface stays if many views see it, as for the pieces of a thin part. `support` counts
+/// the views by pixel; `least` is the required sum over a surface.
 fn remove_speckles(estimate: &mut DepthEstimate, support: &[u8], least: usize, tolerance: f32) {
     let mut seen = vec![false; estimate.depths.len()];
     let mut surface = Vec::new();
@@ -134,7 +139,7 @@ fn remove_speckles(estimate: &mut DepthEstimate, support: &[u8], least: usize, t
     }
 }
 
-/// The pixels that are one surface with a pixel.
+/// Returns the pixels that form one surface with a pixel.
 fn grow(
     estimate: &DepthEstimate,
     start: usize,

@@ -1,5 +1,8 @@
-//! Borders of surfaces are put where colours change, the depths kept that other views agree with, on surfaces of some
-//! size, and what several other views see before them, or where nothing is known, taken over.
+//! Filtering of depth maps.
+//!
+//! Borders of surfaces move to changes of colour. Depths that other views agree with are kept, on
+//! surfaces of some size. Finally, a view takes over what several other views see in front of its
+//! surfaces or where it has no depth.
 
 mod complete;
 mod consistency;

@@ -4,17 +4,17 @@ use serde::{Deserialize, Serialize};
 use crate::stereo::DepthEstimate;
 use crate::stereo::patchmatch::Texture;
 
-/// When borders of surfaces move to where colours change.
+/// When borders of surfaces move to changes of colour.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SnapOptions {
-    /// Depths that differ by more than this share are two surfaces, above 0.
+    /// Depths that differ by more than this share belong to two surfaces, above 0.
     pub surface_step: f32,
-    /// Difference of colour (in grey levels) of `exp(−½)` in how well pixels fit, above 0.
+    /// Difference of colour (in grey levels) at which the fit of a pixel falls to `exp(−½)`, above 0.
     pub color_sigma: f32,
-    /// Pixels of the other surface that must fit at least, each counted by how well it does.
+    /// Minimum number of fitting pixels of the other surface, each weighted by its fit.
     pub least_fit: f32,
-    /// How many times better its colours must fit, above 1.
+    /// How many times better the other surface's colours must fit, above 1.
     pub better: f32,
 }
 
@@ -29,13 +29,15 @@ impl Default for SnapOptions {
     }
 }
 
-/// Reach of the window in which surfaces are compared by colour, pixels.
+/// Reach of the window in which surfaces are compared by colour, in pixels.
 const REACH: usize = 3;
 
-/// Moves borders of surfaces to where the picture's colours change: a pixel beside another surface that its colour fits
-/// much better takes the depth of that one. Windows make surfaces reach a pixel or two beyond their border, and lose thin
-/// tips; colour knows better (after Z. Ma et al., *Constant Time Weighted Median Filtering for Stereo Matching and
-/// Beyond*, ICCV 2013). What it says is for other views to confirm.
+/// Moves borders of surfaces to changes of colour in the image.
+///
+/// A pixel next to another surface takes the depth of that one if its colour fits much better.
+/// Matching windows extend surfaces a pixel or two beyond their border and lose thin tips; colour
+/// is more exact (after Z. Ma et al., *Constant Time Weighted Median Filtering for Stereo Matching
+/// and Beyond*, ICCV 2013). The result must then be confirmed by other views.
 #[must_use]
 pub fn snapped(
     estimate: &DepthEstimate,
@@ -57,7 +59,7 @@ pub fn snapped(
     snapped
 }
 
-/// How far the colours of a surface's pixels fit.
+/// How well the colours of a surface's pixels fit.
 #[derive(Default)]
 struct Fit {
     sum: f32,
@@ -75,7 +77,7 @@ impl Fit {
     }
 }
 
-/// The pixel whose depth a pixel takes; `None` where its own fits well enough.
+/// Returns the pixel whose depth a pixel takes; `None` if its own fits well enough.
 fn better(
     estimate: &DepthEstimate,
     picture: &Texture,

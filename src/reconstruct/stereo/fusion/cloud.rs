@@ -10,16 +10,18 @@ use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_geometry::Camera;
 
-/// Tries to find the edge that gives as many points as wanted; three are usual.
+/// Maximum number of attempts to find the edge that gives the requested number of points; three are usual.
 const MOST_TRIES: usize = 8;
-/// Share of the most points from which on an edge is fine enough.
+/// An edge is fine enough if it gives at least this share of the maximum.
 const ENOUGH: f64 = 0.7;
-/// Share of the most points that is aimed at.
+/// Share of the maximum that is aimed at.
 const AIM: f64 = 0.85;
 
 impl DenseCloud {
-    /// The points without labels, and for each frame that made points which of them it sees, in which pixel: what
-    /// [`ostra_cloud::fuse::vote_onto`] lets vote. Contributors that the lens does not show are left out.
+    /// Splits the cloud into points without labels and, for each frame, the points that it sees and their pixels.
+    ///
+    /// The latter are the votes for [`ostra_cloud::fuse::vote_onto`]. Contributors outside the
+    /// frame's lens are left out.
     #[must_use]
     pub fn into_points(self) -> (LabelledCloud, SeenPoints) {
         let mut seen: SeenPoints = self
@@ -46,7 +48,9 @@ impl DenseCloud {
         (points, seen)
     }
 
-    /// At most one point per voxel: the one nearest to the mean of all in it, with the pixels of all of them, one a view.
+    /// Keeps at most one point per voxel: the one nearest to the mean of all in it.
+    ///
+    /// It gets the pixels of all of them, one per view.
     ///
     /// # Errors
     /// [`SceneError::Request`] for an edge (world units) that is not above 0.
@@ -94,8 +98,10 @@ impl DenseCloud {
         Ok(thin)
     }
 
-    /// About as many points as `most` at most: as they are where they are no more, else thinned with the smallest edge that
-    /// gives no more, which is returned too.
+    /// Thins the cloud to about `most` points at most.
+    ///
+    /// The cloud stays unchanged if it has no more. Otherwise it is thinned with the smallest edge
+    /// that gives no more; the edge is returned too.
     ///
     /// # Errors
     /// [`SceneError::Stopped`]; [`SceneError::Request`] for points without extent.
@@ -111,7 +117,7 @@ impl DenseCloud {
             (Vec3::INFINITY, Vec3::NEG_INFINITY),
             |(min, max), &position| (min.min(position), max.max(position)),
         );
-        // The points fill a surface about as large as their box's sides, or less.
+        // The points fill a surface about as large as the sides of their box, or less.
         let mut voxel = f64::from((max - min).length()) / (most as f64).sqrt();
         for _ in 0..MOST_TRIES {
             progress.check()?;
@@ -119,13 +125,13 @@ impl DenseCloud {
             if (ENOUGH..=1.0).contains(&ratio) {
                 break;
             }
-            // Aims below the most: surfaces have two dimensions, noise adds to them.
+            // Aims below the maximum: surfaces have two dimensions, noise adds to them.
             voxel *= (ratio / AIM).powf(0.45).clamp(0.1, 10.0);
         }
         Ok((self.thinned(voxel)?, Some(voxel)))
     }
 
-    /// The number of voxels that hold points.
+    /// Returns the number of voxels that hold points.
     fn voxels(&self, origin: Vec3, voxel: f64) -> usize {
         let keys: FxHashSet<[i64; 3]> = self
             .positions
@@ -135,7 +141,7 @@ impl DenseCloud {
         keys.len()
     }
 
-    /// Of some points the one nearest to their mean.
+    /// Returns the point nearest to the mean of some points.
     fn middle(&self, points: &[u32]) -> u32 {
         let at = |&point: &u32| self.positions[point as usize];
         let mean = points.iter().map(at).sum::<Vec3>() / points.len() as f32;
@@ -154,63 +160,65 @@ fn voxel_of(position: Vec3, origin: Vec3, voxel: f64) -> [i64; 3] {
         .map(|along| (f64::from(along) / voxel).floor() as i64)
 }
 
-/// A pixel that made a point.
+/// A pixel that contributed to a point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Contributor {
-    /// Which of the cloud's views.
+    /// Index of the cloud's view.
     pub view: u32,
-    /// The pixel of that view's raster, row by row.
+    /// Index of the pixel in that view's raster, row by row.
     pub pixel: u32,
 }
 
-/// A view that gave points.
+/// A view that contributed points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FusedView {
     /// Frame number.
     pub frame: usize,
-    /// The raster that its depth lies on, without distortion.
+    /// The raster of its depth, without distortion.
     pub raster: Camera,
     /// The frame's own camera.
     pub camera: Camera,
 }
 
-/// Points and the very pixels that made each. All vectors but `offsets` and `contributors` have a value per point.
+/// Points and the pixels that contributed to each.
+///
+/// All vectors except `offsets` and `contributors` have one value per point.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DenseCloud {
     /// Positions in world units.
     pub positions: Vec<Vec3>,
     /// Unit normals towards the cameras; zero = unknown.
     pub normals: Vec<Vec3>,
-    /// sRGB.
+    /// Colours, sRGB.
     pub colors: Vec<[u8; 3]>,
-    /// First contributor of each point, then the number of all.
+    /// Index of the first contributor of each point, then the number of all.
     pub offsets: Vec<u32>,
-    /// The pixels that made the points, those of a point together; each pixel once.
+    /// The contributing pixels, grouped by point; each pixel occurs once.
     pub contributors: Vec<Contributor>,
-    /// The views, as contributors number them.
+    /// The views, indexed by contributors.
     pub views: Vec<FusedView>,
 }
 
 impl DenseCloud {
-    /// Number of points.
+    /// Returns the number of points.
     #[must_use]
     pub fn len(&self) -> usize {
         self.positions.len()
     }
 
-    /// Whether there are no points.
+    /// Returns whether there are no points.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
     }
 
-    /// The pixels that made a point.
+    /// Returns the pixels that contributed to a point.
     #[must_use]
     pub fn contributors(&self, point: usize) -> &[Contributor] {
         &self.contributors[self.offsets[point] as usize..self.offsets[point + 1] as usize]
     }
 
-    /// Column and row of the frame's picture that a contributor lies in; `None` outside it.
+    /// Returns column and row of a contributor in the frame's image; `None` if it lies outside.
     #[must_use]
     pub fn frame_pixel(&self, contributor: Contributor) -> Option<(u32, u32)> {
         let view = &self.views[contributor.view as usize];
@@ -234,7 +242,8 @@ mod tests {
     use crate::stereo::FusedView;
     use ostra_geometry::Camera;
 
-    /// Three points on a line, the first two 0.2 apart, of two views with 4 × 3 pixels at half the pictures' size.
+    /// Returns three points on a line, the first two 0.2 apart, of two views with 4 × 3 pixels at
+    /// half the images' size.
     fn cloud() -> DenseCloud {
         let raster = Camera::pinhole(4, 3, 4.0, 4.0, 2.0, 1.5);
         let camera = Camera::pinhole(8, 6, 8.0, 8.0, 4.0, 3.0);
@@ -256,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn every_contributor_is_a_pixel_of_its_frame() {
+    fn contributors_map_to_pixels_of_their_frame() {
         let (points, seen) = cloud().into_points();
         assert_eq!(
             (points.len(), points.colors[2], points.normals[1]),
@@ -268,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cloud_of_too_many_points_is_thinned_to_about_as_many_as_wanted() {
+    fn large_cloud_is_thinned_to_about_the_requested_size() {
         let at = |k: u32| Vec3::new((k % 200) as f32, (k / 200) as f32, 0.0);
         let dense = DenseCloud {
             positions: (0..40_000).map(at).collect(),
@@ -296,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn a_voxel_keeps_one_point_and_one_pixel_of_each_view() {
+    fn voxel_keeps_one_point_and_one_pixel_per_view() {
         let thin = cloud().thinned(1.0).unwrap();
         assert_eq!(thin.positions, [Vec3::ZERO, Vec3::new(3.0, 0.0, 0.0)]);
         let of = |point| {

@@ -1,4 +1,4 @@
-//! Depths of all views become points.
+//! Fusion of the depths of all views into points.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -18,17 +18,20 @@ use ostra_core::job::Progress;
 use ostra_core::statistics::mean_median;
 use ostra_frames::{Frame, FrameStore, Image};
 
-/// Makes points of the complete depths of some views: view after view, each pixel that no point has taken yet makes one
-/// with the pixels of the neighbouring views that see the same (J. Schönberger et al., *Pixelwise View Selection for
-/// Unstructured Multi-View Stereo*, ECCV 2016, over the graph of views instead of pixels). The point lies on the pixel's
-/// own ray, at the median of what their planes say; every pixel is used once.
+/// Fuses the complete depths of some views into points.
 ///
-/// `neighbours` gives for each view the frames that it was compared with. The same input gives the same bytes, whatever
-/// the number of threads. A view whose picture or depth cannot be read makes no points of its own; the line that is
-/// returned with the cloud names such views.
+/// View after view, each pixel that no point uses yet creates one, together with the pixels of
+/// neighbouring views that see the same point (J. Schönberger et al., *Pixelwise View Selection for
+/// Unstructured Multi-View Stereo*, ECCV 2016, over the graph of views instead of pixels). The
+/// point lies on the pixel's own ray, at the median of the depths of their planes. Every pixel is
+/// used once.
+///
+/// `neighbours` gives for each view the frames that it was compared with. The same input gives the
+/// same bytes, whatever the number of threads. A view whose image or depth cannot be read creates
+/// no points; the line that is returned with the cloud names such views.
 ///
 /// # Errors
-/// [`StereoError::Scene`] where no view can be read, [`StereoError::Stopped`].
+/// [`StereoError::Scene`] if no view can be read, [`StereoError::Stopped`].
 #[expect(
     clippy::too_many_lines,
     reason = "under 80 lines before rustfmt's defaults; to be split"
@@ -128,7 +131,7 @@ pub fn fuse_depths(
     ))
 }
 
-/// A picture's geometry without its pixels.
+/// Returns an image's geometry without its pixels.
 fn picture(frame: &Frame, max_side: u32) -> Option<Picture> {
     let (camera, pose) = frame.posed_camera()?;
     Some(Picture::new(
@@ -139,7 +142,7 @@ fn picture(frame: &Frame, max_side: u32) -> Option<Picture> {
     ))
 }
 
-/// The frames that a frame was compared with, and those that were compared with it.
+/// Returns the frames that a frame was compared with, and those that were compared with it.
 fn connected(neighbours: &BTreeMap<usize, Vec<usize>>, number: usize) -> Vec<usize> {
     let own = neighbours.get(&number).into_iter().flatten().copied();
     let others = neighbours
@@ -164,7 +167,7 @@ struct View<'a> {
 }
 
 impl View<'_> {
-    /// Rows of pixels are matched in parallel, points are taken one after the other.
+    /// Rows of pixels are matched in parallel; points are created one after the other.
     fn add_points(
         &self,
         cloud: &mut DenseCloud,
@@ -257,14 +260,14 @@ impl View<'_> {
     }
 }
 
-/// How depth maps become points.
+/// Options of fusion.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FusionOptions {
     /// When pixels of two views see the same point.
     pub agreement: Agreement,
-    /// Pixels that a point needs, each of another view and its own among them, at least 1; as many as there are views
-    /// where these are fewer.
+    /// Pixels per point, each of another view and including its own, at least 1; the number of
+    /// views if there are fewer.
     pub min_pixels: usize,
 }
 

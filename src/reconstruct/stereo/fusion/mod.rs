@@ -1,4 +1,5 @@
-//! Complete depths → points with the pixels that made them, which vote on labels (`fuse::vote_onto`).
+//! Fusion of complete depths into points with their contributing pixels, which vote on labels
+//! (`fuse::vote_onto`).
 
 mod cloud;
 mod fuse;

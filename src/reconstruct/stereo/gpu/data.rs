@@ -108,7 +108,7 @@ pub struct SizesData {
 }
 
 impl SizesData {
-    /// Columns and rows of a finer field and of the coarser one that it is made of.
+    /// Stores columns and rows of a finer field, and of the coarser one that it is made from.
     pub fn new(fine: [u32; 2], coarse: [u32; 2]) -> Self {
         Self {
             fine,
@@ -120,7 +120,7 @@ impl SizesData {
 }
 
 impl LevelData {
-    /// What the passes look at, less pictures and fields; `firsts` says where each source's texels begin.
+    /// Collects the input of the passes except images and fields; `firsts` holds the first texel of each source.
     pub fn new(level: &Level<'_>, firsts: &[usize]) -> Self {
         let mut sources = [SourceData::zeroed(); MAX_SOURCES];
         for ((data, source), &first) in sources.iter_mut().zip(&level.sources).zip(firsts) {
@@ -172,7 +172,7 @@ impl SourceData {
 }
 
 impl TurnData {
-    /// Scoring of some rows of one colour.
+    /// Describes the scoring of some rows of one colour.
     pub fn scoring(color: u32, rows: Range<u32>) -> Self {
         Self {
             color,
@@ -182,7 +182,7 @@ impl TurnData {
         }
     }
 
-    /// Some rows of one colour in an iteration.
+    /// Describes some rows of one colour in an iteration.
     pub fn new(level: &Level<'_>, turn: Turn, color: u32, rows: Range<u32>) -> Self {
         let changes = turn.changes(level);
         Self {

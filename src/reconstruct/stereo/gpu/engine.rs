@@ -1,4 +1,4 @@
-//! What PatchMatch runs on, and its passes on a graphics card.
+//! The device that PatchMatch runs on, and its passes on a graphics card.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -14,7 +14,7 @@ use crate::stereo::patchmatch::{
 use ostra_compute::gpu::{Device, GpuError, Kernel, Pieces};
 use ostra_core::job::Progress;
 
-/// Pixels of a workgroup, to the right and down.
+/// Side of a workgroup in pixels.
 pub const GROUP: u32 = 8;
 
 /// The passes of one view on a graphics card.
@@ -26,7 +26,7 @@ struct CardPasses<'a> {
 }
 
 impl<'a> CardPasses<'a> {
-    /// Nothing done yet.
+    /// Creates the passes, with no work done yet.
     pub fn new(kernels: &'a Kernels) -> Self {
         Self {
             kernels,
@@ -122,7 +122,7 @@ impl Passes for CardPasses<'_> {
     }
 }
 
-/// One colour of a field, piece by piece.
+/// Processes one colour of a field, piece by piece.
 fn run(
     Kernels { device, .. }: &Kernels,
     kernel: &Kernel,
@@ -145,11 +145,13 @@ fn run(
     })
 }
 
-/// Most views that are worked on at once: what a view needs besides its passes is one core's work, which would
-/// leave the other cores or the graphics card idle.
+/// Maximum number of views processed at once.
+///
+/// The work of a view outside its passes runs on one core, which would leave the other cores or the
+/// graphics card idle.
 const MOST_AT_ONCE: usize = 4;
 
-/// What PatchMatch runs on.
+/// The device that PatchMatch runs on.
 #[derive(Debug, Clone, Default)]
 pub enum Engine {
     /// All cores of the processor.
@@ -160,15 +162,15 @@ pub enum Engine {
 }
 
 impl Engine {
-    /// A device with the programs compiled for it; takes up to seconds.
+    /// Compiles the programs for a device; takes up to seconds.
     ///
     /// # Errors
-    /// [`GpuError`] where the device does not take them.
+    /// [`GpuError`] if the device does not accept them.
     pub fn on(device: Arc<Device>) -> Result<Self, GpuError> {
         Ok(Self::Gpu(Arc::new(Kernels::new(device)?)))
     }
 
-    /// What it runs on, in words that can follow "on".
+    /// Returns the name of the device, in a form that can follow "on".
     #[must_use]
     pub fn name(&self) -> String {
         match self {
@@ -183,7 +185,7 @@ impl Engine {
         }
     }
 
-    /// How many views keep it busy: what each needs besides the passes over its pixels is one core's work.
+    /// Returns how many views keep it busy: the work of each outside the passes over its pixels runs on one core.
     #[must_use]
     pub fn views_at_once(&self) -> usize {
         match self {
@@ -192,7 +194,7 @@ impl Engine {
         }
     }
 
-    /// The planes of a view, from coarse to fine, by the pictures alone.
+    /// Estimates the planes of a view, from coarse to fine, by the images alone.
     ///
     /// # Errors
     /// [`StereoError::Stopped`], [`StereoError::Gpu`].
@@ -208,7 +210,7 @@ impl Engine {
         }
     }
 
-    /// The planes of a view after a round with geometric consistency.
+    /// Estimates the planes of a view in a round with geometric consistency.
     ///
     /// # Errors
     /// [`StereoError::Stopped`], [`StereoError::Gpu`].

@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use ostra_compute::gpu::{Binding, Device, GpuError, Kernel, Program};
 
-/// The parts of the program; WGSL takes them in any order.
+/// The parts of the program; WGSL accepts them in any order.
 const PATCHMATCH: &str = concat!(
     include_str!("shaders/patchmatch/data.wgsl"),
     include_str!("shaders/patchmatch/random.wgsl"),
@@ -14,28 +14,28 @@ const PATCHMATCH: &str = concat!(
     include_str!("shaders/patchmatch/entry.wgsl"),
 );
 
-/// The compiled passes, and the device that they run on.
+/// The compiled passes and their device.
 #[derive(Debug)]
 pub struct Kernels {
     /// The device.
     pub device: Arc<Device>,
-    /// Where `score` and `sweep` come from.
+    /// The program of `score` and `sweep`.
     pub patchmatch: Program,
-    /// Costs of a field's hypotheses.
+    /// Computes the costs of a field's hypotheses.
     pub score: Kernel,
-    /// An iteration over one colour.
+    /// Runs an iteration over one colour.
     pub sweep: Kernel,
-    /// Where `enlarge` comes from.
+    /// The program of `enlarge`.
     pub enlargement: Program,
-    /// A finer field of a coarser one.
+    /// Makes a finer field from a coarser one.
     pub enlarge: Kernel,
 }
 
 impl Kernels {
-    /// Compiles all.
+    /// Compiles all programs.
     ///
     /// # Errors
-    /// [`GpuError`] where the device does not take them.
+    /// [`GpuError`] if the device does not accept them.
     pub fn new(device: Arc<Device>) -> Result<Self, GpuError> {
         let mut bindings = [Binding::Read; 10];
         (bindings[0], bindings[1], bindings[9]) =

@@ -1,7 +1,9 @@
-//! PatchMatch on a graphics card: the same depths as the processor's, up to the rounding that a card is free to
-//! do. A card that does not fuse products into sums gives depths equal to the bit.
+//! PatchMatch on a graphics card.
 //!
-//! What is done once a view (random start, mask, hints) stays on the processor.
+//! The depths equal the processor's up to the rounding that a card is free to do. A card that does
+//! not fuse products into sums gives depths that are equal to the bit.
+//!
+//! Work that is done once per view (random start, mask, hints) stays on the processor.
 
 mod data;
 mod engine;

@@ -3,7 +3,7 @@ use super::kernels::Kernels;
 use crate::stereo::patchmatch::{Color, Field, Hint, Level, Plane};
 use ostra_compute::gpu::{Bindings, Buffer, Device, GpuError};
 
-/// A field on the device, bound together with all that the passes over it look at.
+/// A field on the device, bound together with all input of the passes over it.
 #[derive(Debug)]
 pub struct CardField {
     /// Columns and rows.
@@ -17,10 +17,10 @@ pub struct CardField {
 }
 
 impl CardField {
-    /// Room for a level's field, all zeros, and its pictures beside it.
+    /// Allocates a level's field, all zeros, and its images.
     ///
     /// # Errors
-    /// [`GpuError`] where that is too much for the device.
+    /// [`GpuError`] if the device has too little memory.
     pub fn new(kernels: &Kernels, level: &Level<'_>) -> Result<Self, GpuError> {
         let device = &*kernels.device;
         let (width, height) = (level.picture.width, level.picture.height);
@@ -45,7 +45,7 @@ impl CardField {
     }
 }
 
-/// A field as the device holds it.
+/// Converts a field to the layout of the device.
 pub fn packed(field: &Field) -> Vec<[f32; 4]> {
     let pack = |(plane, &cost): (&Plane, &f32)| {
         [plane.inverse_depth, plane.slope[0], plane.slope[1], cost]
@@ -57,7 +57,7 @@ pub fn packed(field: &Field) -> Vec<[f32; 4]> {
         .collect()
 }
 
-/// The way back of [`packed`].
+/// Reverses [`packed`].
 pub fn unpacked(values: &[[f32; 4]], [width, height]: [u32; 2]) -> Field {
     let (width, height) = (width as usize, height as usize);
     let (red, black) = values.split_at(values.len() / 2);
@@ -78,7 +78,7 @@ pub fn unpacked(values: &[[f32; 4]], [width, height]: [u32; 2]) -> Field {
     }
 }
 
-/// The pictures of all sources, one after the other, and where each begins.
+/// Uploads the images of all sources, one after the other; also returns the first texel of each.
 fn texels(device: &Device, level: &Level<'_>) -> Result<(Buffer, Vec<usize>), GpuError> {
     let mut firsts = vec![0];
     for source in &level.sources {
@@ -91,7 +91,7 @@ fn texels(device: &Device, level: &Level<'_>) -> Result<(Buffer, Vec<usize>), Gp
     Ok((texels, firsts))
 }
 
-/// The chroma of the picture, then of all sources.
+/// Uploads the chroma of the image, then of all sources.
 fn chromas(device: &Device, level: &Level<'_>, firsts: &[usize]) -> Result<Buffer, GpuError> {
     let own = level.picture.chroma.len();
     let chromas = device.zeros::<u32>("colours", own + firsts[firsts.len() - 1])?;
@@ -111,8 +111,9 @@ fn chromas(device: &Device, level: &Level<'_>, firsts: &[usize]) -> Result<Buffe
     Ok(chromas)
 }
 
-/// For each pixel its hint, whether it is worked on (1) and its surface known (2); nothing where all are worked on and
-/// there are no hints.
+/// Returns for each pixel its hint, and flags for being processed (1) and for a known surface (2).
+///
+/// Empty if all pixels are processed and there are no hints.
 fn guides(level: &Level<'_>) -> Vec<[f32; 4]> {
     if level.allowed.is_none() && level.hints.is_empty() {
         return Vec::new();
@@ -137,7 +138,9 @@ fn guides(level: &Level<'_>) -> Vec<[f32; 4]> {
         .collect()
 }
 
-/// What was found in the sources, each part apart, where the texels lie; nothing where no source has any.
+/// Uploads the planes found in the sources, each component separately, in the order of the texels.
+///
+/// Empty if no source has any.
 fn found(device: &Device, level: &Level<'_>, firsts: &[usize]) -> Result<[Buffer; 3], GpuError> {
     let is_any = level.sources.iter().any(|source| source.found.is_some());
     let count = if is_any { firsts[firsts.len() - 1] } else { 0 };

@@ -1,4 +1,4 @@
-//! One level of the pyramid: all that its search looks at, and the regions around its pixels.
+//! One level of the pyramid: all input of its search, and the regions around its pixels.
 
 use std::sync::Arc;
 
@@ -11,36 +11,36 @@ use super::search_input::{Found, PatchMatchOptions, Search};
 use super::window::{Patch, Window};
 use ostra_core::statistics::upper_median;
 
-/// Source views at most.
+/// Maximum number of source views.
 pub const MAX_SOURCES: usize = 8;
 
 /// A source view at one level of the pyramid.
 #[derive(Debug, Clone)]
 pub struct Source {
-    /// From the reference to the source.
+    /// Transfer from the reference to the source.
     pub transfer: Transfer,
-    /// Its picture.
+    /// Its image.
     pub texture: Arc<Texture>,
-    /// What an earlier round found there, with the way back; `None` = not to be compared.
+    /// Planes that an earlier round found there, with the transfer back; `None` = not compared.
     pub found: Option<(Arc<Found>, Transfer)>,
 }
 
-/// What is known of a pixel before it is looked at.
+/// Prior knowledge of a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Hint {
     /// A hypothesis from elsewhere; inverse depth 0 = none.
     pub plane: Plane,
-    /// What surface lies here is known from around: a flat patch is no reason for doubt.
+    /// Whether the surface here is known from the surroundings; missing texture is then no evidence against it.
     pub is_known: bool,
 }
 
-/// Hints pull up to so many pixels away.
+/// Hints pull up to this many pixels away.
 const PULL_REACH_PX: f32 = 2.0;
 
-/// All that the search of one view at one level looks at.
+/// All input of the search of one view at one level.
 #[derive(Debug)]
 pub struct Level<'a> {
-    /// The reference picture.
+    /// The reference image.
     pub picture: Arc<Texture>,
     /// The reference camera at this level.
     pub raster: Raster,
@@ -48,13 +48,13 @@ pub struct Level<'a> {
     pub sources: Vec<Source>,
     /// Smallest and largest inverse depth.
     pub range: [f32; 2],
-    /// Change of inverse depth that moves the picture in a source by about a pixel.
+    /// Change of inverse depth that moves the image in a source by about a pixel.
     pub step: f32,
-    /// Pixels to be worked on, row by row; `None` = all.
+    /// Pixels to process, row by row; `None` = all.
     pub allowed: Option<&'a [bool]>,
-    /// What is known of each pixel beforehand, row by row; empty = nothing of any.
+    /// Known data of each pixel, row by row; empty = nothing is known.
     pub hints: Vec<Hint>,
-    /// Cost of a flat patch that lies off its hint by [`Self::pull_reach`] or more; 0 where hints do not pull.
+    /// Cost of a flat patch that differs from its hint by [`Self::pull_reach`] or more; 0 if hints do not pull.
     pub pull: f32,
     /// Its options.
     pub options: &'a PatchMatchOptions,
@@ -65,7 +65,7 @@ pub struct Level<'a> {
 }
 
 impl Level<'_> {
-    /// A pixel's surroundings, made ready to be compared.
+    /// Prepares a pixel's surroundings for comparison.
     #[inline(always)]
     pub fn patch(&self, x: usize, y: usize) -> Patch {
         let is_known = self
@@ -75,7 +75,9 @@ impl Level<'_> {
         Patch::new(self.window, &self.picture, x, y).on(is_known)
     }
 
-    /// A pixel's hypothesis from elsewhere, if it has one; of the surface around only where its patch is flat.
+    /// Returns a pixel's hypothesis from elsewhere, if it has one.
+    ///
+    /// A hypothesis from the surrounding surface is only used if the patch is flat.
     #[inline(always)]
     pub fn hint_for(&self, patch: &Patch, x: usize, y: usize) -> Option<Plane> {
         let counts = self.pull <= 0.0 || patch.flatness > 0.0;
@@ -85,12 +87,12 @@ impl Level<'_> {
             .map(|hint| hint.plane)
     }
 
-    /// Change of inverse depth beyond which hints do not pull more.
+    /// Returns the change of inverse depth beyond which the pull of hints does not increase.
     pub fn pull_reach(&self) -> f32 {
         PULL_REACH_PX * self.step
     }
 
-    /// Cost of how far a hypothesis lies off a pixel's hint, where its patch is flat.
+    /// Returns the cost of a hypothesis' difference from a pixel's hint, if its patch is flat.
     #[inline(always)]
     pub fn pulled(&self, patch: &Patch, (plane, x, y): (Plane, f32, f32)) -> f32 {
         let most = patch.flatness * self.pull;
@@ -102,7 +104,7 @@ impl Level<'_> {
         (most * off).min(most)
     }
 
-    /// Whether a hypothesis lies in range and faces the camera.
+    /// Returns whether a hypothesis lies in range and faces the camera.
     #[inline(always)]
     pub fn is_possible(&self, plane: Plane, x: f32, y: f32) -> bool {
         let [low, high] = self.range;
@@ -111,7 +113,9 @@ impl Level<'_> {
             && plane.is_facing(&self.raster, (x, y), self.options.min_facing)
     }
 
-    /// Cost of a hypothesis in one source: `1 − NCC`, and forward-backward error where the source's depth is known.
+    /// Returns the cost of a hypothesis in one source.
+    ///
+    /// It is `1 − NCC`, plus the forward-backward error if the source's depth is known.
     #[inline(always)]
     pub fn cost<S: Simd>(
         &self,
@@ -148,8 +152,9 @@ impl Level<'_> {
     }
 }
 
-/// Distance in pixels between a pixel and where the source's own depth, at the place where the source sees the pixel,
-/// is seen; `None` outside and where the source has no depth.
+/// Returns the distance in pixels between a pixel and its projection to the source and back, by the source's own depth.
+///
+/// `None` outside the source and where it has no depth.
 #[inline(always)]
 fn forward_backward(
     (plane, x, y): (Plane, f32, f32),
@@ -159,7 +164,7 @@ fn forward_backward(
     let [u, v, z] = source.transfer.apply(x, y, plane.inverse_depth);
     let scale = 1.0 / z;
     let (u, v) = (u * scale, v * scale);
-    // Signed 32 bits are what processors convert to.
+    // Processors convert to signed 32 bits.
     let (column, row) = ((u + 0.5).max(0.0) as i32, (v + 0.5).max(0.0) as i32);
     let (width, height) = (source.texture.width, source.texture.height);
     if column as usize >= width || row as usize >= height {
@@ -176,17 +181,19 @@ fn forward_backward(
     Some((s * s + t * t).sqrt())
 }
 
-/// Pixels of a region at most.
+/// Maximum number of pixels per region.
 const MOST: usize = 11;
 
-/// Eight regions around a pixel, four V-shaped near ones and four far strips, all on the other colour of the
-/// checkerboard (Q. Xu and W. Tao, *Multi-Scale Geometric Consistency Guided Multi-View Stereo*, CVPR 2019).
+/// Eight regions around a pixel: four V-shaped near ones and four far strips.
+///
+/// All lie on the other colour of the checkerboard (Q. Xu and W. Tao, *Multi-Scale Geometric
+/// Consistency Guided Multi-View Stereo*, CVPR 2019).
 #[derive(Debug, Clone)]
 pub struct Regions {
     regions: [Vec<Place>; 8],
     width: usize,
     height: usize,
-    /// Columns and rows that a region reaches at most.
+    /// Maximum reach of a region in columns and rows.
     reach: usize,
 }
 
@@ -195,12 +202,12 @@ pub struct Regions {
 struct Place {
     /// Offset in columns and rows.
     offset: (i32, i32),
-    /// The same among the pixels of a colour, from even and from odd columns.
+    /// The same offset among the pixels of a colour, from even and from odd columns.
     steps: [isize; 2],
 }
 
 impl Regions {
-    /// The regions around pixels of a picture.
+    /// Creates the regions around pixels of an image.
     #[must_use]
     pub fn new(width: usize, height: usize) -> Self {
         let near: Vec<(i32, i32)> = vec![(0, 1), (1, 2), (-1, 2), (2, 3), (-2, 3), (3, 4), (-3, 4)];
@@ -227,7 +234,7 @@ impl Regions {
         }
     }
 
-    /// The pixel of least cost in each region, as its offset and its place among the pixels of its colour.
+    /// Returns the pixel of least cost in each region, as its offset and its index among the pixels of its colour.
     #[inline(always)]
     pub fn best(&self, other: &Color, x: usize, y: usize) -> [Option<(i32, i32, usize)>; 8] {
         let (reach, width, height) = (self.reach, self.width, self.height);
@@ -249,7 +256,7 @@ impl Regions {
                 if !is_far_in && !is_within() {
                     continue;
                 }
-                // Without a branch, which could not be foreseen.
+                // Without a branch, which could not be predicted.
                 let cost = other.costs[from.wrapping_add_signed(steps[x % 2])];
                 best = if cost < least { number } else { best };
                 least = least.min(cost);
@@ -263,7 +270,7 @@ impl Regions {
     }
 }
 
-/// A level of the pyramid, 0 = the finest.
+/// Prepares a level of the pyramid, 0 = the finest.
 pub fn level<'a>(
     search: &Search<'_>,
     number: usize,
@@ -303,7 +310,7 @@ pub fn level<'a>(
     }
 }
 
-/// Change of inverse depth that moves the middle of the picture by a pixel in the median source.
+/// Returns the change of inverse depth that moves the middle of the image by a pixel in the median source.
 fn pixel_step(sources: &[Source], (x, y): (f32, f32), w: f32) -> f32 {
     let change = 1e-3 * w;
     let seen = |source: &Source, w: f32| {
@@ -322,7 +329,7 @@ fn pixel_step(sources: &[Source], (x, y): (f32, f32), w: f32) -> f32 {
     upper_median(&mut steps).unwrap_or(change)
 }
 
-/// Pixels of a level of which any pixel of the finest is to be worked on.
+/// Returns the pixels of a level that contain a pixel of the finest level to process.
 pub fn coarse_mask(allowed: &[bool], picture: &Picture, number: usize) -> Vec<bool> {
     let (width, height) = picture.size();
     let level = &picture.levels[number];

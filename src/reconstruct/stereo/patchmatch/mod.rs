@@ -1,13 +1,13 @@
-//! PatchMatch: the plane of every pixel of a view, found by comparing pictures.
+//! PatchMatch: finds the plane of every pixel of a view by comparing images.
 //!
-//! Works on pyramids of posed pinhole pictures alone; a pixel of one colour of the checkerboard depends only on the other
-//! colour and itself, and random numbers only on the pixel and its visit. Products are rounded before they are added,
-//! quotients are products with the reciprocal, and sums begin with what is no product, so that `stereo::gpu` comes to the
-//! same.
+//! It works on pyramids of posed pinhole images alone. A pixel of one colour of the checkerboard
+//! depends only on the other colour and itself, and random numbers only on the pixel and its visit.
+//! Products are rounded before they are added, quotients are products with the reciprocal, and sums
+//! begin with a term that is not a product, so that `stereo::gpu` computes the same.
 //!
-//! The CPU and the GPU share the driver in `search`; only the passes over a level (`Passes`) exist twice.
-//! Everything else (random start, hints, the planes that flat patches are pulled to) runs on the CPU in both
-//! cases.
+//! The CPU and the GPU share the driver in `search`; only the passes over a level (`Passes`) exist
+//! twice. Everything else (random start, hints, the planes that flat patches are pulled to) runs on
+//! the CPU in both cases.
 
 mod level;
 mod ncc;
@@ -33,7 +33,7 @@ pub use search_input::{Found, PatchMatchOptions, Round, Search};
 pub(super) use sweep::{Passes, Processor};
 pub(super) use visit::Turn;
 
-/// What `stereo::gpu` is told of, so that it is stated once.
+/// Constants that `stereo::gpu` shares, so that they are defined once.
 pub(super) mod constants {
     pub use super::ncc::{CHROMA_RANGE, FLAT_COST, SAME_CHROMA, UNLIKE_COST};
     pub use super::plane::WORST;

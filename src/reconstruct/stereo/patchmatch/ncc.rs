@@ -4,23 +4,27 @@ use super::picture::{ROUNDING, Texture};
 use super::plane::{Plane, Transfer, WORST};
 use super::window::{FLAT_VARIANCE, NOISE, PADDED, Patch, TAPS, Window};
 
-/// The bits of this and a byte are their sum's.
+/// The bits of the sum of this and a byte are this number's bits plus the byte.
 const COUNTING: f32 = 8_388_608.0;
-/// Sum of differences of chroma up to which colours are the same (noise, and what JPEG leaves), 0–255 each.
+/// Chromas count as equal up to this sum of differences (noise and JPEG artefacts), 0–255 each.
 pub const SAME_CHROMA: f32 = 10.0;
-/// By how much more they are wholly others.
+/// Additional difference at which they count as completely different.
 pub const CHROMA_RANGE: f32 = 40.0;
-/// Cost of a flat patch that is seen as flat: less than of texture that is like nothing, more than of what is alike.
+/// Cost of a flat patch that is flat in the source too: less than that of texture without
+/// similarity, more than that of similar texture.
 pub const FLAT_COST: f32 = 0.6;
-/// What is added to it where texture is seen instead.
+/// Added to this cost where the source shows texture instead.
 pub const UNLIKE_COST: f32 = 0.7;
 
-/// `1 − NCC` between a patch and where its plane is seen in a source picture, 0–2 (bilateral weights as in J. Schönberger
-/// et al., *Pixelwise View Selection for Unstructured Multi-View Stereo*, ECCV 2016); [`WORST`] where the centre is not
-/// seen. A little noise is added to both variances, so that flat patches are like nothing; they are told by how far the
-/// centre's chroma is off, which does not change with the light, and counts the less the more texture a patch has. Where
-/// a patch without texture lies on a surface that is known from around, being like nothing is no reason for doubt;
-/// texture seen in its place is.
+/// Returns `1 − NCC` between a patch and its projection to a source image by its plane, 0–2.
+///
+/// The weights are bilateral as in J. Schönberger et al., *Pixelwise View Selection for
+/// Unstructured Multi-View Stereo*, ECCV 2016. The cost is [`WORST`] if the source does not see the
+/// centre. A little noise is added to both variances, so that flat patches correlate with nothing.
+/// They are distinguished by the chroma difference of the centre, which does not change with the
+/// light, and counts less the more texture a patch has. Where a patch without texture lies on a
+/// surface that is known from the surroundings, lack of correlation is no evidence against it;
+/// texture in the source is.
 #[inline(always)]
 pub fn cost<S: Simd>(
     simd: S,
@@ -54,14 +58,15 @@ pub fn cost<S: Simd>(
     correlate(simd, patch, &quads, (&places.share_x, &places.share_y), off)
 }
 
-/// Which texels the taps lie between, as the upper left one's place among all, and how far towards the right and lower one.
+/// Texels between which the taps lie: the index of the upper left one, and the distance towards the
+/// right and lower one.
 struct Places {
     texels: [u32; PADDED],
     share_x: [f32; PADDED],
     share_y: [f32; PADDED],
 }
 
-/// Finds the places of all taps.
+/// Computes the positions of all taps.
 #[inline(always)]
 fn locate<S: Simd>(
     simd: S,
@@ -109,13 +114,15 @@ fn locate<S: Simd>(
     }
 }
 
-/// `a · b + c`, rounded twice: fused, processors and graphics cards would differ.
+/// Returns `a · b + c`, rounded twice: if fused, processors and graphics cards would differ.
 #[inline(always)]
 fn mul_add<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
     simd.add_f32s(simd.mul_f32s(a, b), c)
 }
 
-/// A position, kept within the picture, as the bits of [`ROUNDING`] and the texel below it, and the share of the way to the next.
+/// Splits a position, clamped to the image, into the texel below it and the share of the way to the next.
+///
+/// The texel is given as the bits of [`ROUNDING`] plus its index.
 #[inline(always)]
 fn split<S: Simd>(simd: S, at: S::f32s, last: S::f32s) -> (S::u32s, S::f32s) {
     let at = simd.min_f32s(simd.max_f32s(at, simd.splat_f32s(0.0)), last);
@@ -127,14 +134,14 @@ fn split<S: Simd>(simd: S, at: S::f32s, last: S::f32s) -> (S::u32s, S::f32s) {
     )
 }
 
-/// [`COUNTING`] and the integers in the lowest 8 bits as floats.
+/// Returns [`COUNTING`] plus the integers in the lowest 8 bits as floats.
 #[inline(always)]
 fn counted<S: Simd>(simd: S, bits: S::u32s) -> S::f32s {
     let byte = simd.and_u32s(bits, simd.splat_u32s(0xFF));
     simd.transmute_f32s_u32s(simd.or_u32s(byte, simd.splat_u32s(COUNTING.to_bits())))
 }
 
-/// `1 − NCC` of a patch with bilinear samples, and what its chroma being off costs.
+/// Returns `1 − NCC` of a patch with bilinear samples, plus the cost of its chroma difference.
 #[inline(always)]
 fn correlate<S: Simd>(
     simd: S,

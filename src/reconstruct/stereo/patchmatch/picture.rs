@@ -1,4 +1,4 @@
-//! Pictures as PatchMatch reads them: tones, textures, and their pyramids.
+//! Images as PatchMatch reads them: tones, textures, and their pyramids.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use super::plane::{Raster, Transfer};
 use ostra_core::image::{bilinear, halve, mean_of_four};
 use ostra_geometry::{Camera, Pose};
 
-/// A picture as it is compared, row by row.
+/// An image prepared for comparison, row by row.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Tones {
     /// Columns.
@@ -17,12 +17,12 @@ pub struct Tones {
     pub height: usize,
     /// `width · height` greys, 0–255.
     pub luma: Vec<f32>,
-    /// `width · height` colours apart from grey (blue, red), −128–127; empty = grey throughout.
+    /// `width · height` chroma values (blue, red), −128–127; empty = grey throughout.
     pub chroma: Vec<[f32; 2]>,
 }
 
 impl Tones {
-    /// The picture of half the size, each pixel the mean of four; an odd last row or column is left off.
+    /// Returns the image at half the size, each pixel the mean of four; an odd last row or column is dropped.
     pub fn halved(&self) -> Self {
         let (width, height) = (self.width / 2, self.height / 2);
         let luma = halve(&self.luma, self.width, self.height, mean_of_four);
@@ -42,7 +42,7 @@ impl Tones {
         }
     }
 
-    /// Whether no two pixels differ by more than rounding.
+    /// Returns whether no two pixels differ by more than rounding.
     pub fn is_constant(&self) -> bool {
         let (low, high) = self
             .luma
@@ -52,11 +52,14 @@ impl Tones {
     }
 }
 
-/// Adding and taking away this rounds a float between −2²² and 2²² to an integer; between the two, its bits are this one's and
-/// the integer.
+/// Adding and subtracting this rounds a float between −2²² and 2²² to an integer.
+///
+/// After the addition, the bits are those of this number plus the integer.
 pub const ROUNDING: f32 = 12_582_912.0;
 
-/// The pixel below a position, 0 or more, and the share of the way to the next; either one where the position is a pixel's.
+/// Splits a position, 0 or more, into the pixel below and the share of the way to the next.
+///
+/// If the position is that of a pixel, it may be either one.
 #[inline(always)]
 fn split(at: f32) -> (usize, f32) {
     let counted = at - 0.5 + ROUNDING;
@@ -66,7 +69,7 @@ fn split(at: f32) -> (usize, f32) {
     )
 }
 
-/// A picture made ready for bilinear sampling: each element holds four neighbouring greys, so that a sample is one load.
+/// An image prepared for bilinear sampling: each element holds four neighbouring greys, so that a sample is one load.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Texture {
     /// Columns.
@@ -75,12 +78,12 @@ pub struct Texture {
     pub height: usize,
     /// Greys 0–255 of (x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1), from the lowest byte on.
     pub quads: Vec<u32>,
-    /// Colours apart from grey (blue, red) of each pixel, 128 = grey.
+    /// Chroma (blue, red) of each pixel, 128 = grey.
     pub chroma: Vec<[u8; 2]>,
 }
 
 impl Texture {
-    /// The texture of a picture, rounded to 8 bits.
+    /// Converts an image, rounded to 8 bits.
     pub fn new(tones: &Tones) -> Self {
         let (width, height) = (tones.width, tones.height);
         let bytes: Vec<u8> = tones
@@ -113,27 +116,28 @@ impl Texture {
         }
     }
 
-    /// The number of the last column.
+    /// Returns the index of the last column.
     #[inline(always)]
     pub fn last_column(&self) -> f32 {
-        // Signed 32 bits are what processors convert.
+        // Processors convert signed 32 bits.
         (self.width as i32 - 1) as f32
     }
 
-    /// The number of the last row.
+    /// Returns the index of the last row.
     #[inline(always)]
     pub fn last_row(&self) -> f32 {
         (self.height as i32 - 1) as f32
     }
 
-    /// The grey of a pixel.
+    /// Returns the grey of a pixel.
     #[inline(always)]
     pub fn grey(&self, x: usize, y: usize) -> u8 {
         self.quads[y * self.width + x] as u8
     }
 
-    /// Squared difference of the colours of a pixel and one of another picture, in grey levels; chroma counts as in the
-    /// weights of a patch.
+    /// Returns the squared difference of colour between a pixel and one of another image, in grey levels.
+    ///
+    /// Chroma has the same weight as in the weights of a patch.
     pub fn color_difference(&self, at: usize, other: &Self, there: usize) -> f32 {
         let grey = f32::from(self.quads[at] as u8) - f32::from(other.quads[there] as u8);
         let (p, q) = (self.chroma[at], other.chroma[there]);
@@ -141,7 +145,7 @@ impl Texture {
         grey * grey + 3.0 * (chroma(0) + chroma(1))
     }
 
-    /// The colour at a place within the picture, between its four pixels.
+    /// Returns the chroma at a position within the image, interpolated between four pixels.
     #[inline(always)]
     pub fn chroma_at(&self, u: f32, v: f32) -> [f32; 2] {
         let ((left, share_x), (top, share_y)) = (split(u), split(v));
@@ -161,21 +165,21 @@ impl Texture {
     }
 }
 
-/// A posed pinhole picture with its pyramid, each level half the size of the one before.
+/// A posed pinhole image with its pyramid, each level half the size of the one before.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Picture {
     /// Intrinsics of the finest level, without distortion.
     pub camera: Camera,
-    /// The pose.
+    /// Pose of the image.
     pub camera_from_world: Pose,
-    /// From the finest level on; at least one.
+    /// Levels of the pyramid from the finest on; at least one.
     pub levels: Vec<Arc<Texture>>,
-    /// No two pixels differ: nothing can be compared.
+    /// Whether no two pixels differ, so that nothing can be compared.
     pub is_constant: bool,
 }
 
 impl Picture {
-    /// The pyramid of a picture, down to a longer side of at least `coarsest_px`.
+    /// Builds the pyramid of an image, down to a longer side of at least `coarsest_px`.
     #[must_use]
     pub fn new(tones: Tones, camera: Camera, camera_from_world: Pose, coarsest_px: u32) -> Self {
         let is_constant = tones.is_constant();
@@ -195,7 +199,7 @@ impl Picture {
         }
     }
 
-    /// Bytes of its pixels.
+    /// Returns the size of its pixels in bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
         let texel = size_of::<u32>() + size_of::<[u8; 2]>();
@@ -205,13 +209,13 @@ impl Picture {
             .sum()
     }
 
-    /// Columns and rows of the finest level.
+    /// Returns columns and rows of the finest level.
     #[must_use]
     pub fn size(&self) -> (usize, usize) {
         (self.levels[0].width, self.levels[0].height)
     }
 
-    /// The camera at a level.
+    /// Returns the camera at a level.
     #[must_use]
     pub fn raster(&self, level: usize) -> Raster {
         let (focal, principal) = self.at_level(level);
@@ -221,7 +225,7 @@ impl Picture {
         }
     }
 
-    /// Focal lengths and principal point in pixel indices of a level.
+    /// Returns focal lengths and principal point in pixel indices of a level.
     fn at_level(&self, level: usize) -> ([f64; 2], [f64; 2]) {
         let mut focal = self.camera.focal_px.to_array();
         let mut principal = (self.camera.principal_px - 0.5).to_array();
@@ -242,7 +246,7 @@ impl Picture {
         )
     }
 
-    /// The way from this picture's pixels to another's, both at a level.
+    /// Returns the transfer from this image's pixels to another's, both at a level.
     #[must_use]
     pub fn transfer(&self, to: &Self, level: usize) -> Transfer {
         let to_from_here = to

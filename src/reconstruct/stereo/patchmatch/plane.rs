@@ -1,11 +1,11 @@
-//! Planes of pixels, the fields that hold them, and how a plane looks from another camera.
+//! Planes of pixels, the fields that hold them, and their projection to other cameras.
 
 use glam::Vec3;
 
 /// Cost of a hypothesis that cannot be compared.
 pub const WORST: f32 = 2.0;
 
-/// A slanted plane as a view sees it: inverse depth is linear over the picture, `w(x + dx, y + dy) = w + a·dx + b·dy`.
+/// A slanted plane in a view: inverse depth is linear over the image, `w(x + dx, y + dy) = w + a·dx + b·dy`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Plane {
     /// Inverse depth at the pixel's centre, per world unit; 0 = none.
@@ -24,7 +24,7 @@ pub struct Raster {
 }
 
 impl Raster {
-    /// The viewing ray through a pixel's centre, with z = 1.
+    /// Returns the viewing ray through a pixel's centre, with z = 1.
     #[inline(always)]
     pub fn ray(&self, x: f32, y: f32) -> Vec3 {
         let [per_x, per_y] = self.focal.map(|focal| 1.0 / focal);
@@ -37,7 +37,7 @@ impl Raster {
 }
 
 impl Plane {
-    /// The same plane told at a pixel `(dx, dy)` further on.
+    /// Returns the same plane, expressed at a pixel `(dx, dy)` further on.
     #[inline(always)]
     pub fn moved(self, dx: f32, dy: f32) -> Self {
         let [a, b] = self.slope;
@@ -47,7 +47,7 @@ impl Plane {
         }
     }
 
-    /// The plane of a coarse pixel at a fine one, in a picture twice the size.
+    /// Converts the plane of a coarse pixel to a fine one, in an image twice the size.
     #[inline(always)]
     pub fn enlarged(self, (x, y): (usize, usize), (column, row): (usize, usize)) -> Self {
         let off = |fine: usize, coarse: usize| 0.5 * (fine as f32 - 0.5) - coarse as f32;
@@ -58,7 +58,7 @@ impl Plane {
         }
     }
 
-    /// The vector `m` with `m · X = 1` on the plane (camera space); it points away from the camera.
+    /// Returns the vector `m` with `m · X = 1` on the plane (camera space); it points away from the camera.
     #[inline(always)]
     pub fn vector(self, raster: &Raster, x: f32, y: f32) -> Vec3 {
         let [a, b] = self.slope;
@@ -67,13 +67,14 @@ impl Plane {
         Vec3::new(a * raster.focal[0], b * raster.focal[1], at_axis)
     }
 
-    /// Unit normal towards the camera, in camera space.
+    /// Returns the unit normal towards the camera, in camera space.
     pub fn normal(self, raster: &Raster, x: f32, y: f32) -> Vec3 {
         -self.vector(raster, x, y).normalize_or_zero()
     }
 
-    /// The plane through the point at `depth` of a pixel with this normal (camera space, towards the camera); facing the
-    /// camera where the normal is zero or seen edge-on.
+    /// Returns the plane through the point at `depth` of a pixel with this normal (camera space, towards the camera).
+    ///
+    /// The plane faces the camera if the normal is zero or seen edge-on.
     pub fn from_normal(depth: f32, normal: Vec3, raster: &Raster, x: f32, y: f32) -> Self {
         let along = normal.dot(raster.ray(x, y));
         let inverse_depth = 1.0 / depth;
@@ -93,7 +94,7 @@ impl Plane {
         }
     }
 
-    /// Whether the cosine of the angle between the normal and the viewing ray is at least this.
+    /// Returns whether the cosine of the angle between the normal and the viewing ray is at least `least`.
     #[inline(always)]
     pub fn is_facing(self, raster: &Raster, (x, y): (f32, f32), least: f32) -> bool {
         let ray = raster.ray(x, y);
@@ -103,13 +104,15 @@ impl Plane {
     }
 }
 
-/// Hypotheses and costs of a picture, the pixels of each colour of the checkerboard apart, so that one colour can be
-/// worked on while the other is read.
+/// Hypotheses and costs of an image.
+///
+/// The two colours of the checkerboard are stored separately, so that one can be updated while the
+/// other is read.
 #[derive(Debug, Clone)]
 pub struct Field {
-    /// Columns of the picture.
+    /// Columns of the image.
     pub width: usize,
-    /// Rows of the picture.
+    /// Rows of the image.
     pub height: usize,
     /// Red, then black.
     pub colors: [Color; 2],
@@ -125,7 +128,7 @@ pub struct Color {
 }
 
 impl Field {
-    /// A field of one hypothesis everywhere that costs most.
+    /// Creates a field with the same hypothesis everywhere, at the highest cost.
     pub fn new(width: usize, height: usize) -> Self {
         let count = width.div_ceil(2) * height;
         let color = Color {
@@ -139,20 +142,20 @@ impl Field {
         }
     }
 
-    /// Pixels of one colour in a row.
+    /// Returns the number of pixels of one colour in a row.
     #[inline(always)]
     pub fn half(&self) -> usize {
         self.width.div_ceil(2)
     }
 
-    /// The hypothesis and cost of a pixel.
+    /// Returns the hypothesis and cost of a pixel.
     pub fn at(&self, x: usize, y: usize) -> (Plane, f32) {
         let color = &self.colors[(x + y) % 2];
         let at = y * self.half() + x / 2;
         (color.planes[at], color.costs[at])
     }
 
-    /// Puts a hypothesis and its cost.
+    /// Sets the hypothesis and cost of a pixel.
     pub fn set(&mut self, x: usize, y: usize, plane: Plane, cost: f32) {
         let at = y * self.half() + x / 2;
         let color = &mut self.colors[(x + y) % 2];
@@ -160,25 +163,27 @@ impl Field {
     }
 }
 
-/// The way from pixels of one view into another: `(x, y, 1)` at inverse depth `w` is seen at
-/// `matrix · (x, y, 1) + w · offset`, in homogeneous pixel indices.
+/// Transfer of pixels of one view to another.
+///
+/// `(x, y, 1)` at inverse depth `w` is seen at `matrix · (x, y, 1) + w · offset`, in homogeneous
+/// pixel indices.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Transfer {
     /// Columns of the matrix.
     pub matrix: [[f32; 3]; 3],
-    /// Where the viewing camera's centre is seen.
+    /// Projection of the viewing camera's centre.
     pub offset: [f32; 3],
 }
 
 impl Transfer {
-    /// Homogeneous position of a pixel at inverse depth `w`.
+    /// Returns the homogeneous position of a pixel at inverse depth `w`.
     #[inline(always)]
     pub fn apply(&self, x: f32, y: f32, w: f32) -> [f32; 3] {
         let [a, b, c] = &self.matrix;
         std::array::from_fn(|i| c[i] + a[i] * x + b[i] * y + self.offset[i] * w)
     }
 
-    /// The plane's homography around a pixel: position, and change per pixel to the right and down.
+    /// Returns the plane's homography around a pixel: position, and change per pixel to the right and down.
     #[inline(always)]
     pub(super) fn homography(&self, plane: Plane, x: f32, y: f32) -> [[f32; 3]; 3] {
         let [a, b] = plane.slope;

@@ -1,5 +1,7 @@
-/// Random numbers that depend only on what they are for: a counter instead of a state, so that any order and any device
-/// give the same ones (M. Jarzynski and M. Olano, *Hash Functions for GPU Rendering*, JCGT 2020: PCG).
+/// Random numbers that depend only on their purpose.
+///
+/// A counter instead of a state gives the same numbers in any order and on any device (M. Jarzynski
+/// and M. Olano, *Hash Functions for GPU Rendering*, JCGT 2020: PCG).
 #[derive(Debug, Clone, Copy)]
 pub struct Dice {
     key: u32,
@@ -14,7 +16,7 @@ fn hash(value: u32) -> u32 {
 }
 
 impl Dice {
-    /// Numbers for one visit of one pixel.
+    /// Creates numbers for one visit of one pixel.
     #[inline(always)]
     pub fn new(seed: u32, visit: u32, pixel: u32) -> Self {
         Self {
@@ -23,7 +25,7 @@ impl Dice {
         }
     }
 
-    /// Numbers for something else in the same visit.
+    /// Creates numbers for another purpose in the same visit.
     #[inline(always)]
     pub fn beside(self) -> Self {
         Self {
@@ -32,14 +34,14 @@ impl Dice {
         }
     }
 
-    /// The next number, even in 0..1.
+    /// Returns the next number, uniform in 0–1.
     #[inline(always)]
     pub fn unit(&mut self) -> f32 {
         self.count = self.count.wrapping_add(0x9E37_79B9);
         (hash(self.key ^ self.count) >> 8) as f32 * (1.0 / 16_777_216.0)
     }
 
-    /// The next number, even in −1..1.
+    /// Returns the next number, uniform in −1–1.
     #[inline(always)]
     pub fn signed(&mut self) -> f32 {
         2.0 * self.unit() - 1.0

@@ -13,9 +13,11 @@ use super::visit::Turn;
 use super::window::Window;
 use ostra_core::job::Progress;
 
-/// PatchMatch stereo of one view from coarse to fine, by the pictures alone (M. Bleyer, C. Rhemann, C. Rother,
-/// *PatchMatch Stereo*, BMVC 2011; checkerboard order and sampling of Q. Xu and W. Tao, CVPR 2019), wherever the passes
-/// are carried out.
+/// Runs PatchMatch stereo of one view from coarse to fine, by the images alone.
+///
+/// The method is that of M. Bleyer, C. Rhemann, C. Rother, *PatchMatch Stereo*, BMVC 2011, with the
+/// checkerboard order and sampling of Q. Xu and W. Tao, CVPR 2019. `P` defines where the passes
+/// run.
 ///
 /// # Errors
 /// Those of the passes.
@@ -74,8 +76,10 @@ pub fn search<P: Passes>(
     Ok(field.map(|field| found(&field)).unwrap_or_default())
 }
 
-/// A round with geometric consistency: starts from an earlier round's planes and compares with those of the sources,
-/// which are hypotheses too where they are seen in the reference.
+/// Runs a round with geometric consistency.
+///
+/// It starts from an earlier round's planes and compares with those of the sources. The planes of
+/// the sources are hypotheses too where the reference sees them.
 ///
 /// # Errors
 /// Those of the passes.
@@ -139,13 +143,15 @@ fn found(field: &Field) -> Found {
     }
 }
 
-/// Planes of sources that cost more are no hints.
+/// Planes of sources with a higher cost are not used as hints.
 const MAX_COST: f32 = 0.6;
-/// The surface of a flat patch that cost less is known.
+/// The surface of a flat patch with a lower cost is known.
 const SURE: f32 = 0.7;
 
-/// What a round knows beforehand, row by row: the planes of other views, and what surface lies there where the round
-/// before was sure of it. `step` is the change of inverse depth that makes another surface.
+/// Returns what a round knows of each pixel beforehand, row by row.
+///
+/// This is planes of other views, and the surface where the round before was confident of it.
+/// `step` is the change of inverse depth that makes another surface.
 pub fn hints(search: &Search<'_>, round: &Round<'_>, step: f32) -> Vec<Hint> {
     let planes = of_sources(search, round.start, round.others, step);
     let hint = |(plane, &cost): (Plane, &f32)| Hint {
@@ -159,8 +165,10 @@ pub fn hints(search: &Search<'_>, round: &Round<'_>, step: f32) -> Vec<Hint> {
         .collect()
 }
 
-/// For each pixel of the reference the cheapest plane of a source that is seen there and is not the pixel's own surface
-/// (view propagation of M. Bleyer, C. Rhemann, C. Rother, *PatchMatch Stereo*, BMVC 2011); inverse depth 0 = none.
+/// Returns for each pixel of the reference the cheapest plane of a source that is seen there.
+///
+/// Planes of the pixel's own surface are left out; inverse depth 0 = none (view propagation of M.
+/// Bleyer, C. Rhemann, C. Rother, *PatchMatch Stereo*, BMVC 2011).
 fn of_sources(
     search: &Search<'_>,
     start: &Found,
@@ -201,7 +209,7 @@ fn of_sources(
     planes
 }
 
-/// The plane `vector · X = 1` (camera space) at a pixel.
+/// Returns the plane `vector · X = 1` (camera space) at a pixel.
 fn seen_from(vector: Vec3, raster: &Raster, x: f32, y: f32) -> Plane {
     let slope = [vector.x / raster.focal[0], vector.y / raster.focal[1]];
     Plane {

@@ -1,4 +1,4 @@
-//! What a search is given, and what it finds: options, the view, earlier rounds.
+//! Input and result of a search: options, the view, earlier rounds.
 
 use std::sync::Arc;
 
@@ -7,11 +7,11 @@ use serde::{Deserialize, Serialize};
 use super::picture::Picture;
 use super::plane::Plane;
 
-/// How PatchMatch looks for depth.
+/// Options of PatchMatch.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct PatchMatchOptions {
-    /// The coarsest level's longer side is at least this, 32–1024 pixels.
+    /// Minimum longer side of the coarsest level, 32–1024 pixels.
     pub coarsest_px: u32,
     /// Iterations at the coarsest level, 1–20.
     pub coarse_iterations: u32,
@@ -21,21 +21,21 @@ pub struct PatchMatchOptions {
     pub geometric_iterations: u32,
     /// Cost per pixel of forward-backward error, 0–1.
     pub geometric_weight: f32,
-    /// Forward-backward errors above this count as this, 0.5–10 pixels.
+    /// Larger forward-backward errors are limited to this, 0.5–10 pixels.
     pub max_geometric_px: f32,
-    /// Planes seen at a flatter angle than this cosine are not tried, 0.02–0.9.
+    /// Planes seen at a smaller cosine between normal and ray are not tried, 0.02–0.9.
     pub min_facing: f32,
-    /// Source views that the cost of a pixel is averaged over at most, 1–8.
+    /// Maximum number of source views that the cost of a pixel is averaged over, 1–8.
     pub best_views: usize,
-    /// Depths drawn anew per pixel and iteration at finer levels, and as many planes from farther off, 0–8.
+    /// Random depths per pixel and iteration at finer levels, and as many planes from more distant pixels, 0–8.
     pub restarts: u32,
     /// Hypotheses that differ by less than this are compared once, 0–1 pixels.
     pub alike_px: f32,
-    /// Variance of grey (0–255) around a pixel below which it is left out unless it lies within a surface, 0–100.
+    /// Pixels with a lower variance of grey (0–255) are left out unless they lie within a surface, 0–100.
     pub min_variance: f32,
-    /// Cost of lying off the surface around, where a patch without texture lies within one, 0–1.
+    /// Cost of differing from the surrounding surface, for a patch without texture that lies within one, 0–1.
     pub prior_weight: f32,
-    /// For the random hypotheses.
+    /// Seed of the random hypotheses.
     pub seed: u32,
 }
 
@@ -59,18 +59,18 @@ impl Default for PatchMatchOptions {
     }
 }
 
-/// What one view's depth is searched in.
+/// Input of the depth search of one view.
 #[derive(Debug, Clone)]
 pub struct Search<'a> {
     /// The view.
     pub reference: &'a Picture,
-    /// Its sources, the best first; those beyond the eighth are not looked at.
+    /// Its sources, best first; only the first eight are used.
     pub sources: &'a [Arc<Picture>],
-    /// Smallest and largest depth along the optical axis, world units, above 0.
+    /// Smallest and largest depth along the optical axis, in world units, above 0.
     pub depth_range: [f64; 2],
-    /// Pixels (column, row) whose depth is known from sparse points.
+    /// Pixels (column, row, depth) whose depth is known from sparse points.
     pub seeds: &'a [(usize, usize, f32)],
-    /// Pixels to be worked on, row by row; `None` = all.
+    /// Pixels to process, row by row; `None` = all.
     pub allowed: Option<&'a [bool]>,
 }
 
@@ -87,13 +87,13 @@ pub struct Found {
     pub costs: Vec<f32>,
 }
 
-/// What a round with geometric consistency goes on from.
+/// State from which a round with geometric consistency continues.
 #[derive(Debug, Clone, Copy)]
 pub struct Round<'a> {
-    /// What is known of the view.
+    /// Planes of the view.
     pub start: &'a Found,
-    /// What is known of each source; `None` for one of which nothing is.
+    /// Planes of each source; `None` if unknown.
     pub others: &'a [Option<Arc<Found>>],
-    /// Such rounds that went before.
+    /// Number of such rounds before this one.
     pub before: u32,
 }

@@ -1,4 +1,5 @@
-//! What a level starts from: random planes, those of a coarser level, surfaces around flat places.
+//! Initial planes of a level: random ones, those of a coarser level, and surfaces around flat
+//! patches.
 
 use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
@@ -7,25 +8,29 @@ use super::level::{Hint, Level};
 use super::plane::{Field, Plane, WORST};
 use super::random::Dice;
 
-/// Planes that cost less are surfaces; what is only guessed costs more.
+/// Planes with a lower cost count as surfaces; mere guesses cost more.
 const SURE: f32 = 0.45;
-/// Pixels of the coarser level to the nearest that tells of a surface around: windows reach as far beyond its border.
+/// Distance to the nearest pixel of the coarser level that shows a surrounding surface: windows
+/// reach this far beyond its border.
 const NEAREST: isize = 3;
-/// Pixels of the coarser level to the farthest.
+/// Distance to the farthest such pixel of the coarser level.
 const FARTHEST: isize = 32;
-/// Sure pixels looked at in each direction.
+/// Number of confident pixels used in each direction.
 const SEEN: usize = 3;
-/// Pixels lie on a plane that is off by at most so many pixels of the coarser level in another picture.
+/// Pixels lie on a plane if they are off by at most this many pixels of the coarser level in another image.
 const TOLERANCE_PX: f32 = 0.5;
 /// Lines through a pixel, and how many of them must meet one surface on both sides.
 const LINES: [(isize, isize); 4] = [(1, 0), (0, 1), (1, 1), (1, -1)];
 const LEAST_LINES: usize = 2;
 
-/// For each pixel of a level the plane that a coarser one tells of the surface around it, where it lies within one: what
-/// a patch without texture is pulled to (a planar prior, as in Q. Xu and W. Tao, *Planar Prior Assisted PatchMatch
-/// Multi-View Stereo*, AAAI 2020, through the nearest sure pixels on lines instead of the corners of triangles). A
-/// surface is never continued beyond its border, and a pixel without texture that lies within none gets no
-/// depth: the plane is only known between confident pixels. Empty where there is none at all.
+/// Returns for each pixel of a level the plane of the surrounding surface according to a coarser level.
+///
+/// Patches without texture are pulled to this plane. It is a planar prior as in Q. Xu and W. Tao,
+/// *Planar Prior Assisted PatchMatch Multi-View Stereo*, AAAI 2020, but through the nearest
+/// confident pixels on lines instead of the corners of triangles. A surface is never continued
+/// beyond its border: the plane is only known between confident pixels. A pixel without texture
+/// that lies within no surface gets no depth. The result is empty if no pixel lies within a
+/// surface.
 pub fn priors(level: &Level<'_>, coarser: &Field) -> Vec<Hint> {
     let tolerance = 2.0 * TOLERANCE_PX * level.step;
     let within =
@@ -55,7 +60,7 @@ pub fn priors(level: &Level<'_>, coarser: &Field) -> Vec<Hint> {
     (0..width * height).map(hint).collect()
 }
 
-/// The plane of the surface that a pixel lies within; none (inverse depth 0) where it lies within none.
+/// Returns the plane of the surface that a pixel lies within; inverse depth 0 if it lies within none.
 fn surface_around(field: &Field, pixel: (usize, usize), tolerance: f32) -> Plane {
     let mut lines: Vec<Line> = LINES
         .iter()
@@ -77,12 +82,12 @@ fn surface_around(field: &Field, pixel: (usize, usize), tolerance: f32) -> Plane
     Plane::default()
 }
 
-/// Sure pixels on a line through a pixel, some to either side.
+/// Confident pixels on a line through a pixel, some on either side.
 struct Line {
     seen: [Seen; 2 * SEEN],
 }
 
-/// A sure pixel: its place from the one in the middle, and its inverse depth.
+/// A confident pixel: its position relative to the middle one, and its inverse depth.
 #[derive(Clone, Copy)]
 struct Seen {
     at: Vec2,
@@ -100,7 +105,7 @@ impl Line {
         })
     }
 
-    /// How far the pixels lie off a plane at most.
+    /// Returns the maximum distance of the pixels from a plane.
     fn off(&self, plane: Plane) -> f32 {
         let off = |seen: &Seen| {
             (plane.moved(seen.at.x, seen.at.y).inverse_depth - seen.inverse_depth).abs()
@@ -109,7 +114,7 @@ impl Line {
     }
 }
 
-/// The nearest sure pixels in a direction.
+/// Returns the nearest confident pixels in a direction.
 fn sure(field: &Field, (x, y): (usize, usize), (dx, dy): (isize, isize)) -> Option<[Seen; SEEN]> {
     let mut seen = [Seen {
         at: Vec2::ZERO,
@@ -139,7 +144,7 @@ fn sure(field: &Field, (x, y): (usize, usize), (dx, dy): (isize, isize)) -> Opti
     None
 }
 
-/// The plane nearest to the pixels of some lines; those of a short line count more.
+/// Fits a plane to the pixels of some lines; those of a short line have more weight.
 fn fitted(lines: &[Line]) -> Option<Plane> {
     let (mut matrix, mut right) = (Mat3::ZERO, Vec3::ZERO);
     for seen in lines.iter().flat_map(|line| &line.seen) {
@@ -154,7 +159,7 @@ fn fitted(lines: &[Line]) -> Option<Plane> {
     })
 }
 
-/// Depths from anywhere in the range, evenly in inverse depth, and those of the seeds.
+/// Creates planes with random depths, uniform in inverse depth over the range, and those of the seeds.
 pub fn random_field(level: &Level<'_>, seeds: &[(usize, usize, f32)], number: usize) -> Field {
     let (width, height) = (level.picture.width, level.picture.height);
     let [low, high] = level.range;
@@ -195,12 +200,12 @@ pub fn random_field(level: &Level<'_>, seeds: &[(usize, usize, f32)], number: us
     field
 }
 
-/// The coarse pixel that a fine one is part of.
+/// Returns the coarse pixel that contains a fine one.
 fn coarse_pixel((x, y): (usize, usize), (width, height): (usize, usize)) -> (usize, usize) {
     ((x / 2).min(width - 1), (y / 2).min(height - 1))
 }
 
-/// The planes of a coarser field at each of its pixels' four.
+/// Copies the planes of a coarser field to the four fine pixels of each.
 pub fn finer_field(level: &Level<'_>, coarser: &Field) -> Field {
     let (width, height) = (level.picture.width, level.picture.height);
     let mut field = Field::new(width, height);

@@ -1,4 +1,4 @@
-//! Visits to all pixels of one colour after the other, and the passes that a search is made of.
+//! Sweeps over all pixels of one colour after the other, and the passes that a search consists of.
 
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
@@ -9,8 +9,10 @@ use super::start::finer_field;
 use super::visit::{Turn, own_cost, visit};
 use ostra_core::job::{Progress, Stopped};
 
-/// One iteration over a field: all red pixels, then all black ones. Pixels of one colour read only the other's, so the
-/// outcome is the same for any order and number of threads. Pixels that `empty` marks are left as they are.
+/// Runs one iteration over a field: all red pixels, then all black ones.
+///
+/// Pixels of one colour read only the other's, so the result is the same for any order and number
+/// of threads. Pixels marked by `empty` stay unchanged.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -59,10 +61,10 @@ pub fn sweep(
     Ok(())
 }
 
-/// Pixels with nothing to be compared, those of each colour as in a [`Field`].
+/// Pixels without texture to compare, by colour as in a [`Field`].
 type Empty = [Vec<bool>; 2];
 
-/// Gives every hypothesis of a field its cost, and tells which pixels have nothing to be compared.
+/// Computes the cost of every hypothesis of a field; returns which pixels have nothing to compare.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -101,11 +103,11 @@ struct Row<'a, 'b> {
     first: usize,
 }
 
-/// What is done with a row.
+/// The task for a row.
 enum Work<'a> {
-    /// Its hypotheses get their costs, and pixels with nothing to be compared a mark.
+    /// Computes costs of its hypotheses, and marks pixels with nothing to compare.
     Score { empty: &'a mut [bool] },
-    /// Better hypotheses are looked for where there is no mark.
+    /// Searches for better hypotheses at pixels that are not marked.
     Visit {
         other: &'a Color,
         turn: Turn,
@@ -150,30 +152,30 @@ impl Row<'_, '_> {
     }
 }
 
-/// What carries out the passes of a search: the processor, or a graphics card with the same outcome.
+/// Runs the passes of a search: on the processor, or on a graphics card with the same result.
 pub trait Passes {
-    /// Hypotheses and costs of a level, where the passes work on them.
+    /// Hypotheses and costs of a level, in the memory where the passes run.
     type Field;
-    /// What can go wrong.
+    /// Error of the passes.
     type Error: From<Stopped>;
 
-    /// A field of these hypotheses, without costs.
+    /// Creates a field of these hypotheses, without costs.
     ///
     /// # Errors
-    /// Where there is no room for it.
+    /// Fails if there is not enough memory.
     fn begin(&mut self, level: &Level<'_>, hypotheses: Field) -> Result<Self::Field, Self::Error>;
 
-    /// A field of the planes of a coarser one, without costs.
+    /// Creates a field of the planes of a coarser one, without costs.
     ///
     /// # Errors
-    /// Where there is no room for it.
+    /// Fails if there is not enough memory.
     fn finer(
         &mut self,
         level: &Level<'_>,
         coarser: &Self::Field,
     ) -> Result<Self::Field, Self::Error>;
 
-    /// Gives every hypothesis its cost.
+    /// Computes the cost of every hypothesis.
     ///
     /// # Errors
     /// [`Stopped`].
@@ -184,7 +186,7 @@ pub trait Passes {
         progress: &Progress,
     ) -> Result<(), Self::Error>;
 
-    /// One iteration over the field that was scored last: all red pixels, then all black ones.
+    /// Runs one iteration over the field that was scored last: all red pixels, then all black ones.
     ///
     /// # Errors
     /// [`Stopped`].
@@ -196,23 +198,23 @@ pub trait Passes {
         progress: &Progress,
     ) -> Result<(), Self::Error>;
 
-    /// A copy of a field as it is now.
+    /// Returns a copy of the current field.
     ///
     /// # Errors
-    /// Where it cannot be brought back.
+    /// Fails if it cannot be read back.
     fn copied(&mut self, field: &Self::Field) -> Result<Field, Self::Error>;
 
-    /// The field in the end.
+    /// Returns the final field.
     ///
     /// # Errors
-    /// Where it cannot be brought back.
+    /// Fails if it cannot be read back.
     fn finish(&mut self, field: Self::Field) -> Result<Field, Self::Error>;
 }
 
-/// The passes on all cores of the processor.
+/// Runs the passes on all cores of the processor.
 #[derive(Debug, Default)]
 pub struct Processor {
-    /// Of the field that was scored last.
+    /// Marks of the field that was scored last.
     empty: Empty,
 }
 

@@ -29,7 +29,7 @@ fn noise(seed: u32) -> Texture {
     })
 }
 
-/// The same in double precision, tap by tap.
+/// Computes the same in double precision, tap by tap.
 fn plain(
     reference: &Texture,
     source: &Texture,
@@ -72,7 +72,7 @@ fn plain(
 }
 
 #[test]
-fn ncc_is_that_of_a_plain_loop() {
+fn ncc_equals_that_of_a_plain_loop() {
     let (reference, source) = (noise(1), noise(2));
     let transfer = Transfer {
         matrix: [[0.95, 0.04, 1e-4], [-0.03, 1.02, -2e-4], [1.3, -0.6, 1.0]],
@@ -116,7 +116,7 @@ impl pulp::NullaryFnOnce for Apart<'_> {
 }
 
 #[test]
-fn a_picture_is_like_itself() {
+fn image_has_no_cost_against_itself() {
     let texture = noise(3);
     let same = Transfer {
         matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
@@ -132,7 +132,7 @@ fn a_picture_is_like_itself() {
 }
 
 #[test]
-fn without_texture_chroma_tells_and_light_does_not() {
+fn without_texture_chroma_counts_and_light_does_not() {
     let flat = |luma: f32, chroma: [f32; 2]| {
         Texture::new(&Tones {
             width: 40,
@@ -163,7 +163,7 @@ fn without_texture_chroma_tells_and_light_does_not() {
 }
 
 #[test]
-fn a_plane_comes_back_from_its_normal() {
+fn plane_is_recovered_from_its_normal() {
     let raster = Raster {
         focal: [300.0, 310.0],
         principal: [80.0, 60.0],

@@ -2,23 +2,24 @@ use super::level::MAX_SOURCES;
 
 /// Hypotheses compared when views are chosen: a pixel's own, one of each region, and one of another view.
 pub const COMPARED: usize = 10;
-/// A cost above this says that a view does not see the surface.
+/// A higher cost means that a view does not see the surface.
 pub const BAD: f32 = 1.2;
 
-/// How much each source counts at a pixel, and the sources that count, the heaviest first.
+/// Weight of each source at a pixel, and the sources with weight, heaviest first.
 #[derive(Debug, Clone, Copy)]
 pub struct ViewWeights {
     /// Weight by source; their sum is 1.
     pub weights: [f32; MAX_SOURCES],
-    /// Sources by falling weight.
+    /// Sources by decreasing weight.
     pub order: [u8; MAX_SOURCES],
-    /// How many of them count.
+    /// How many of them have weight.
     pub count: usize,
 }
 
-/// Chooses views by the costs of several hypotheses together, so that all are compared over the same views (Xu and Tao,
-/// CVPR 2019): a view counts where more than a quarter of the hypotheses are good in it and less than a third bad.
-/// `times` says how often each hypothesis was met.
+/// Chooses views by the costs of several hypotheses together, so that all are compared over the same views.
+///
+/// A view counts if more than a quarter of the hypotheses are good in it and less than a third bad
+/// (Xu and Tao, CVPR 2019). `times` is how often each hypothesis occurred.
 #[inline(always)]
 pub fn choose_views(
     costs: &[[f32; MAX_SOURCES]],
@@ -49,7 +50,7 @@ pub fn choose_views(
     ranked(weights, sources, best_views)
 }
 
-/// `exp(−c² / (2 · 0.3²))` by its rational approximation.
+/// Returns `exp(−c² / (2 · 0.3²))` by its rational approximation.
 #[inline(always)]
 fn likelihood(cost: f32) -> f32 {
     let x = cost * (1.0 / 0.18) * cost;
@@ -57,7 +58,7 @@ fn likelihood(cost: f32) -> f32 {
     1.0 / (y * y * y * y)
 }
 
-/// The two views in which any hypothesis costs least.
+/// Returns the two views in which any hypothesis costs least.
 #[inline(always)]
 fn nearest_two(costs: &[[f32; MAX_SOURCES]], sources: usize) -> [f32; MAX_SOURCES] {
     let mut weights = [0.0; MAX_SOURCES];

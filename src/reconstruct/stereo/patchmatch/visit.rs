@@ -1,4 +1,4 @@
-//! One visit to a pixel: hypotheses are gathered, and contest its place.
+//! One update of a pixel: hypotheses are gathered and compared with its own.
 
 use pulp::{NullaryFnOnce, Simd};
 
@@ -8,12 +8,12 @@ use super::random::Dice;
 use super::views::{COMPARED, ViewWeights, choose_views};
 use super::window::Patch;
 
-/// Reach of draws from other pixels, pixels.
+/// Maximum distance of pixels whose planes are sampled, in pixels.
 pub const FAR: f32 = 24.0;
 
-/// One pixel's hypotheses being compared.
+/// Comparison of one pixel's hypotheses.
 struct Contest<'a, 'b> {
-    /// Where.
+    /// Level of the pyramid.
     pub level: &'a Level<'b>,
     /// The pixel's surroundings.
     pub patch: Patch,
@@ -21,7 +21,7 @@ struct Contest<'a, 'b> {
     pub x: f32,
     /// Row.
     pub y: f32,
-    /// The sources that count.
+    /// The sources with weight.
     pub views: ViewWeights,
     /// The best hypothesis so far.
     pub plane: Plane,
@@ -30,7 +30,9 @@ struct Contest<'a, 'b> {
 }
 
 impl Contest<'_, '_> {
-    /// Takes a hypothesis where it costs less. Gives its cost; the sum so far where that is too much already.
+    /// Replaces the best hypothesis by this one if it costs less.
+    ///
+    /// Returns the cost, or the sum so far if that is already too much.
     #[inline(always)]
     fn challenge<S: Simd>(&mut self, simd: S, plane: Plane) -> f32 {
         let cost = self.cost_of(simd, plane, self.cost);
@@ -40,8 +42,9 @@ impl Contest<'_, '_> {
         cost
     }
 
-    /// The cost over the sources that count; the sum so far where that reaches a limit. Compiled once, as it is called
-    /// from many places.
+    /// Returns the cost over the sources with weight, or the sum so far if that reaches the limit.
+    ///
+    /// Compiled once, as it is called from many places.
     #[inline(always)]
     fn cost_of<S: Simd>(&self, simd: S, plane: Plane, limit: f32) -> f32 {
         simd.vectorize(Judgement {
@@ -72,8 +75,9 @@ impl Contest<'_, '_> {
         sum
     }
 
-    /// Depths from anywhere in the range, and planes of pixels farther off than the regions reach: a thin part before a
-    /// background that coarser levels took for the surface is found again.
+    /// Tries random depths over the whole range, and planes of pixels beyond the reach of the regions.
+    ///
+    /// This recovers a thin part in front of a background that coarser levels took for the surface.
     #[inline(always)]
     pub fn restart<S: Simd>(&mut self, simd: S, other: &Color, dice: Dice, turn: Turn) {
         let mut dice = dice.beside();
@@ -93,7 +97,7 @@ impl Contest<'_, '_> {
         }
     }
 
-    /// The plane of a pixel of the other colour at about an offset.
+    /// Returns the plane of a pixel of the other colour at about an offset.
     #[inline(always)]
     fn far_off(&self, other: &Color, dx: i32, dy: i32) -> Option<Plane> {
         let (width, height) = (self.level.picture.width, self.level.picture.height);
@@ -108,7 +112,7 @@ impl Contest<'_, '_> {
         Some(plane.moved(-dx as f32, -dy as f32))
     }
 
-    /// Random changes of depth, slope and both, then the vertex of a parabola.
+    /// Tries random changes of depth, slope and both, then the vertex of a parabola.
     #[inline(always)]
     pub fn refine<S: Simd>(&mut self, simd: S, mut dice: Dice, turn: Turn) {
         let Changes {
@@ -141,7 +145,7 @@ impl Contest<'_, '_> {
         plane
     }
 
-    /// A step to the vertex of the parabola through the costs here and a little to both sides.
+    /// Steps to the vertex of the parabola through the costs here and a little to both sides.
     #[inline(always)]
     fn descend<S: Simd>(&mut self, simd: S, by: f32, changed: impl Fn(Plane, f32) -> Plane) {
         let (middle, cost) = (self.plane, self.cost);
@@ -159,7 +163,7 @@ impl Contest<'_, '_> {
     }
 }
 
-/// A hypothesis and the cost from which on it does not matter.
+/// A hypothesis, and the cost from which on it does not matter.
 struct Judgement<'a, 'b, 'c, S> {
     simd: S,
     contest: &'a Contest<'b, 'c>,
@@ -176,26 +180,26 @@ impl<S: Simd> NullaryFnOnce for Judgement<'_, '_, '_, S> {
     }
 }
 
-/// Where the search stands.
+/// Progress of the search.
 #[derive(Debug, Clone, Copy)]
 pub struct Turn {
     /// Counts all iterations of the view, for the random numbers.
     pub visit: u32,
     /// Iterations done at this level.
     pub iteration: u32,
-    /// Reach of random changes of depth, in steps of a pixel.
+    /// Maximum random change of depth, in steps of a pixel.
     pub reach: f32,
-    /// Hypotheses drawn from the whole range, and as many from pixels farther off.
+    /// Number of hypotheses sampled from the whole range, and as many from more distant pixels.
     pub draws: u32,
 }
 
 impl Turn {
-    /// A cost below this says that a view sees the surface.
+    /// Returns the cost below which a view sees the surface.
     pub fn good(self) -> f32 {
         0.8 - 0.03 * self.iteration.min(10) as f32
     }
 
-    /// How the hypothesis of a pixel is changed at a level.
+    /// Returns how much the hypothesis of a pixel is changed at a level.
     pub fn changes(self, level: &Level<'_>) -> Changes {
         let near = level.step * self.reach.min(1.0);
         let depth = self.reach * level.step;
@@ -208,12 +212,12 @@ impl Turn {
     }
 }
 
-/// How far a hypothesis is changed.
+/// How much a hypothesis is changed.
 #[derive(Debug, Clone, Copy)]
 pub struct Changes {
-    /// Reach of random changes of inverse depth.
+    /// Maximum random change of inverse depth.
     pub depth: f32,
-    /// Reach of random changes of slope, as a share.
+    /// Maximum random change of slope, as a share.
     pub slope: f32,
     /// Step of the parabola along the inverse depth.
     pub by_depth: f32,
@@ -221,16 +225,22 @@ pub struct Changes {
     pub by_slope: f32,
 }
 
-/// The best hypothesis for a pixel with something to be compared, of its own, those of the other colour around it, and changed ones.
+/// Finds the best hypothesis for a pixel: its own, those of the other colour around it, and changed ones.
 ///
-/// Every hypothesis is compared in all sources. Three cheaper ways together take a quarter less time (temple:
-/// 2.87 s a view instead of 3.74 on two cores) and find as many of the reference points of dtu and fountain, as
-/// exactly (`cargo bench --bench depths`): only the first five distinct hypotheses compared in all sources, the
-/// others in the chosen ones; slopes sought by a parabola in consistent rounds only; consistent rounds begun
-/// with the costs of the round before. But the demo from images alone then falls below its floors of 0.93
-/// accuracy and 0.90 IoU of the leaves: from 0.938 to 0.929 by the first, to 0.914 by two, and to a leaf IoU of
-/// 0.86 by all three, probably because thin parts depend on hypotheses from farther away. Skipping sources
-/// whose cost alone already decides, with the same result to the bit, takes as long as computing all.
+/// The pixel must have something to compare. Every hypothesis is compared in all sources. Three
+/// cheaper ways together take a quarter less time (temple: 2.87 s a view instead of 3.74 on two
+/// cores) and find as many of the reference points of dtu and fountain, as exactly (`cargo bench
+/// --bench depths`):
+/// * only the first five distinct hypotheses compared in all sources, the others in the chosen
+///   ones;
+/// * slopes sought by a parabola in consistent rounds only;
+/// * consistent rounds begun with the costs of the round before.
+///
+/// But the demo from images alone then falls below its floors of 0.93 accuracy and 0.90 IoU of the
+/// leaves: from 0.938 to 0.929 by the first, to 0.914 by two, and to a leaf IoU of 0.86 by all
+/// three, probably because thin parts depend on hypotheses from farther away. Skipping sources
+/// whose cost alone already decides, with the same result to the bit, takes as long as computing
+/// all.
 #[inline(always)]
 pub fn visit<S: Simd>(
     simd: S,
@@ -290,7 +300,7 @@ pub fn visit<S: Simd>(
     (contest.plane, contest.cost)
 }
 
-/// Cost of a pixel's own hypothesis over the two sources that like it most; `None` where there is nothing to be compared.
+/// Returns the cost of a pixel's own hypothesis over its two best sources; `None` if there is nothing to compare.
 #[inline(always)]
 pub fn own_cost<S: Simd>(
     simd: S,
@@ -317,8 +327,9 @@ pub fn own_cost<S: Simd>(
     Some((seen + level.pulled(&patch, (own, x as f32, y as f32))).min(WORST))
 }
 
-/// Puts the planes of the best pixels around, and one from elsewhere, behind the pixel's own; planes that are nearly the
-/// same are counted.
+/// Appends the planes of the best pixels around, and one from elsewhere, to the pixel's own.
+///
+/// Planes that are nearly the same are counted.
 #[inline(always)]
 fn gather(
     level: &Level<'_>,

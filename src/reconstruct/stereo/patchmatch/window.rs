@@ -2,21 +2,22 @@ use super::picture::Texture;
 
 /// Taps of the window.
 pub const TAPS: usize = 24;
-/// Taps made up with ones of no weight to whole vectors of any width.
+/// Taps padded by ones without weight, to whole vectors of any width.
 pub const PADDED: usize = 32;
-/// Reach of the window in pixels: small, so that a thin part is not compared by what lies behind it.
+/// Reach of the window in pixels: small, so that a thin part is not matched by the background behind it.
 const REACH: usize = 2;
 /// Columns and rows of the window.
 const SIDE: usize = 2 * REACH + 1;
 /// Grey difference of `exp(−½)` in the weights.
 const GREY_SIGMA: f32 = 30.0;
-/// The same of colour, apart from grey: it tells a leaf from what lies behind it where both are equally bright.
+/// The same for chroma. It separates a leaf from its background where both are equally bright.
 const CHROMA_SIGMA: f32 = 17.3;
-/// Cost of a colour that is wholly another, where a patch has no texture.
+/// Cost of a completely different colour, for a patch without texture.
 pub const COLOR_WEIGHT: f32 = 1.4;
-/// Variance of grey at which colour counts half as much: texture tells more, and does not change with the light.
+/// Variance of grey at which colour counts half as much: texture is more informative and does not
+/// change with the light.
 pub const COLOR_VARIANCE: f32 = 200.0;
-/// Variance of grey (0–255) that is taken for noise.
+/// Variance of grey (0–255) that is attributed to noise.
 pub const NOISE: f32 = 2.0;
 /// Variance of grey below which a patch may be flat.
 pub const FLAT_BELOW: f32 = 4.0;
@@ -38,7 +39,7 @@ pub struct Window {
     pub alike_chroma: [f32; 256],
 }
 
-/// One pixel's surroundings in the reference picture, made ready for NCC with bilateral weights.
+/// One pixel's surroundings in the reference image, prepared for NCC with bilateral weights.
 #[derive(Debug, Clone)]
 pub struct Patch {
     /// Bilateral weights; their sum is 1.
@@ -47,11 +48,11 @@ pub struct Patch {
     pub weighted: [f32; PADDED],
     /// Weighted variance of grey.
     pub variance: f32,
-    /// The pixel's colour apart from grey, 128 = grey.
+    /// The pixel's chroma, 128 = grey.
     pub chroma: [f32; 2],
-    /// Cost of a colour that is wholly another.
+    /// Cost of a completely different colour.
     pub color_weight: f32,
-    /// How far texture is missing, 0–1; 0 where it is not known what surface lies around ([`Self::on`]).
+    /// How much texture is missing, 0–1; 0 if the surrounding surface is unknown ([`Self::on`]).
     pub flatness: f32,
 }
 
@@ -74,14 +75,14 @@ impl Default for Window {
     }
 }
 
-/// Where a tap lies in the window, row by row; the centre is no tap.
+/// Returns the position of a tap in the window, row by row; the centre is no tap.
 #[inline(always)]
 const fn place(tap: usize) -> usize {
     tap + tap / (TAPS / 2)
 }
 
 impl Patch {
-    /// The patch around a pixel; positions beyond the border take the border's grey.
+    /// Creates the patch around a pixel; positions beyond the border take the border's grey.
     #[inline(always)]
     pub fn new(window: &Window, picture: &Texture, x: usize, y: usize) -> Self {
         let (centre, own) = (picture.grey(x, y), picture.chroma[y * picture.width + x]);
@@ -109,7 +110,9 @@ impl Patch {
         }
     }
 
-    /// The same on a surface that is known from around where `is_known`: missing texture is then no reason for doubt.
+    /// Returns the same patch, on a surface known from the surroundings if `is_known`.
+    ///
+    /// Missing texture is then no evidence against the surface.
     #[inline(always)]
     pub fn on(self, is_known: bool) -> Self {
         let share = FLAT_VARIANCE * (1.0 / ((self.variance - NOISE).max(0.0) + FLAT_VARIANCE));
@@ -121,7 +124,7 @@ impl Patch {
         Self { flatness, ..self }
     }
 
-    /// Whether there is nothing to be compared.
+    /// Returns whether there is nothing to compare.
     #[inline(always)]
     pub fn is_empty(&self, min_variance: f32) -> bool {
         self.variance < min_variance && self.flatness <= 0.0

@@ -1,4 +1,4 @@
-//! Depth of every view: rounds, filtering and completion, as many views at once as memory holds.
+//! Depth of every view: rounds, filtering and completion, as many views at once as memory allows.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::panic::resume_unwind;
@@ -15,21 +15,21 @@ use ostra_cloud::SceneError;
 use ostra_core::job::Progress;
 use ostra_frames::{FrameError, FrameStore};
 
-/// How depth is made of posed pictures.
+/// Options of depth estimation from posed images.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default)]
 pub struct StereoOptions {
-    /// Longer side of the raster that depth is found on, 32–8192 pixels; pictures are never enlarged.
+    /// Longer side of the raster on which depth is estimated, 32–8192 pixels; images are never enlarged.
     pub max_side: u32,
     /// Rounds with geometric consistency, 0–4.
     pub rounds: u32,
-    /// Memory for pictures being worked on.
+    /// Memory for images in use, in bytes.
     pub picture_budget_bytes: usize,
-    /// Which views are compared.
+    /// Options for the choice of source views.
     pub select: SelectOptions,
-    /// How planes are searched.
+    /// Options of the plane search.
     pub patchmatch: PatchMatchOptions,
-    /// What is kept.
+    /// Options of filtering.
     pub filter: FilterOptions,
 }
 
@@ -46,13 +46,16 @@ impl Default for StereoOptions {
     }
 }
 
-/// Depth of every view that can have one: PatchMatch by the pictures alone, rounds with geometric consistency, filtering,
-/// completion.
-/// Some views are worked on at once, by threads of their own that share rayon's global pool. Each view's result goes to
-/// `depths` in its turn; what is there already and sound is not made again. Gives what became of each view.
+/// Estimates the depth of every view that can have one.
+///
+/// The steps are PatchMatch by the images alone, rounds with geometric consistency, filtering and
+/// completion. Several views are processed at once, by threads of their own that share rayon's
+/// global pool. Each view's result is stored in `depths` in order; sound results that already exist
+/// are not computed again. Returns the outcome of each view.
 ///
 /// # Errors
-/// [`StereoError::Scene`] where `depths` fails, [`StereoError::Gpu`], [`StereoError::Stopped`]; what was kept until then stays.
+/// [`StereoError::Scene`] if `depths` fails, [`StereoError::Gpu`], [`StereoError::Stopped`];
+/// results stored until then are kept.
 pub fn estimate_depths(
     request: &StereoRequest<'_>,
     store: &FrameStore,
@@ -98,22 +101,24 @@ pub fn estimate_depths(
     Ok(outcomes)
 }
 
-/// Most pixels of the views that are worked on at once, which bounds memory; one view may have more.
-/// The fountain at 1536×1024 takes 880 MiB, 508 with one view at a time (`cargo bench --bench depths -- full`).
+/// Maximum number of pixels of the views processed at once, which bounds memory; a single view may have more.
+///
+/// The fountain at 1536×1024 takes 880 MiB, 508 with one view at a time (`cargo bench --bench
+/// depths -- full`).
 const PIXELS_AT_ONCE: usize = 4 << 20;
 
-/// A run: its views, and what all steps look at.
+/// A run: its views, and the input of all steps.
 pub struct Work<'a> {
     request: &'a StereoRequest<'a>,
     depths: &'a dyn DepthStore,
     options: &'a StereoOptions,
     progress: &'a Progress,
     views: Vec<PlannedView>,
-    /// How far an earlier run brought each view.
+    /// Last stage of each view in an earlier run.
     reached: Vec<Option<Stage>>,
 }
 
-/// A view with its picture and those of the views beside it.
+/// A view with its image and those of its neighbouring views.
 struct Prepared<'a> {
     view: &'a PlannedView,
     picture: Arc<Picture>,
@@ -121,7 +126,7 @@ struct Prepared<'a> {
 }
 
 impl<'a> Prepared<'a> {
-    /// Reads what a stage of a view looks at.
+    /// Reads the input of a stage of a view.
     fn new(
         view: &'a PlannedView,
         stage: Stage,
@@ -147,10 +152,10 @@ impl<'a> Prepared<'a> {
 }
 
 impl<'a> Work<'a> {
-    /// Looks at what an earlier run has kept. What is damaged counts as not made.
+    /// Finds the stages that an earlier run stored. Damaged ones count as missing.
     ///
     /// # Errors
-    /// What the store of depths said, [`StereoError::Stopped`].
+    /// Those of the depth store, [`StereoError::Stopped`].
     pub fn new(
         (request, views): (&'a StereoRequest<'a>, Vec<PlannedView>),
         depths: &'a dyn DepthStore,
@@ -179,17 +184,18 @@ impl<'a> Work<'a> {
         Ok(Self { reached, ..work })
     }
 
-    /// Makes a stage of all views that are not that far, some of them at once. Each is kept in its turn, also those that
-    /// end after another has failed.
+    /// Computes a stage of all views that have not reached it, several at once.
     ///
-    /// Each view has a thread of its own, since one that waits for the graphics card would block a thread of
-    /// rayon's pool. Images are read and depths kept by the calling thread, in the order of the views, and a
-    /// stage reads finished stages only, so that the result is the same to the bit for any number of views at
-    /// once. (After damage the missing depth is made from what is left, which may be of a later stage, and then
-    /// need not be the same.)
+    /// Each result is stored in order, including those that finish after another has failed.
+    ///
+    /// Each view has a thread of its own, because one that waits for the graphics card would block
+    /// a thread of rayon's pool. The calling thread reads images and stores depths, in the order of
+    /// the views, and a stage reads finished stages only. So the result is the same to the bit for
+    /// any number of views at once. (After damage the missing depth is computed from what is left,
+    /// which may be of a later stage, and then need not be the same.)
     ///
     /// # Errors
-    /// The first that the store of depths or the engine said, [`StereoError::Stopped`].
+    /// The first one of the depth store or the engine, [`StereoError::Stopped`].
     pub fn make(&self, stage: Stage, pictures: &mut Pictures<'_>) -> Result<(), StereoError> {
         let pairs = self.views.iter().zip(&self.reached);
         let open: Vec<_> = pairs
@@ -226,10 +232,10 @@ impl<'a> Work<'a> {
         })
     }
 
-    /// What became of the views, once all are complete.
+    /// Returns the outcomes of the views, once all are complete.
     ///
     /// # Errors
-    /// What the store of depths said, [`StereoError::Stopped`].
+    /// Those of the depth store, [`StereoError::Stopped`].
     pub fn outcomes(self) -> Result<Vec<(usize, ViewOutcome)>, StereoError> {
         self.progress.stage("count pixels")?;
         let mut outcomes = Vec::new();
@@ -252,12 +258,12 @@ impl<'a> Work<'a> {
         Ok(outcomes)
     }
 
-    /// Tells how many views are done, and notices a stop.
+    /// Reports how many views are done, and checks for a stop.
     fn report(&self, done: usize) -> Result<(), StereoError> {
         Ok(self.progress.step(done, self.views.len())?)
     }
 
-    /// As many views as keep the engine busy and memory holds.
+    /// Returns as many views as keep the engine busy and memory allows.
     fn at_once(&self) -> usize {
         let pixels = |view: &PlannedView| {
             let (lens, _) = self.request.frames[view.frame].posed_camera()?;
@@ -268,7 +274,7 @@ impl<'a> Work<'a> {
         at_once(largest, self.request.engine.views_at_once())
     }
 
-    /// The last stage at which a view's depth is kept and sound.
+    /// Returns the last stage at which a view's depth is stored and sound.
     fn reached(&self, frame: usize) -> Result<Option<Stage>, SceneError> {
         for stage in self.since(Stage::Round(0)).rev() {
             if self.sound(frame, stage)?.is_some() {
@@ -278,7 +284,7 @@ impl<'a> Work<'a> {
         Ok(None)
     }
 
-    /// A view's depth at a stage; `None` where it is not there or damaged.
+    /// Returns a view's depth at a stage; `None` if it is missing or damaged.
     fn sound(&self, frame: usize, stage: Stage) -> Result<Option<Arc<DepthEstimate>>, SceneError> {
         match self.depths.load(frame, stage) {
             Err(SceneError::Frame(FrameError::Invalid { .. })) => Ok(None),
@@ -286,7 +292,7 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// A stage and those after it.
+    /// Returns a stage and those after it.
     fn since(&self, stage: Stage) -> impl DoubleEndedIterator<Item = Stage> {
         let rounds = (0..=self.options.rounds).map(Stage::Round);
         rounds
@@ -294,7 +300,7 @@ impl<'a> Work<'a> {
             .filter(move |&other| other >= stage)
     }
 
-    /// A view's depth at a stage, from what was made before.
+    /// Computes a view's depth at a stage from earlier stages.
     fn at_stage(&self, view: &Prepared<'_>, stage: Stage) -> Result<DepthEstimate, StereoError> {
         match stage {
             Stage::Round(round) => self.searched(view, round),
@@ -303,7 +309,7 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// A view's depth after a round.
+    /// Computes a view's depth of a round.
     fn searched(
         &self,
         Prepared {
@@ -350,7 +356,7 @@ impl<'a> Work<'a> {
         Ok(DepthEstimate::new(&found, picture))
     }
 
-    /// What of a view's depth its sources agree with.
+    /// Computes the part of a view's depth that its sources agree with.
     fn filtered(&self, prepared: &Prepared<'_>) -> Result<DepthEstimate, StereoError> {
         let (Prepared { view, picture, .. }, last) = (prepared, Stage::Round(self.options.rounds));
         let own = snapped(
@@ -365,7 +371,7 @@ impl<'a> Work<'a> {
         ))
     }
 
-    /// A view's depth, and what those around it see.
+    /// Completes a view's depth by what its neighbours see.
     fn completed(&self, prepared: &Prepared<'_>) -> Result<DepthEstimate, StereoError> {
         let Prepared { view, picture, .. } = prepared;
         let own = self.own(view, Stage::Filtered)?;
@@ -380,7 +386,7 @@ impl<'a> Work<'a> {
         ))
     }
 
-    /// The depths of the views beside a view at a stage.
+    /// Returns the depths of the neighbouring views at a stage.
     fn neighbours(&self, view: &Prepared<'_>, stage: Stage) -> Result<Vec<Neighbour>, StereoError> {
         let kept: Vec<_> = view
             .beside
@@ -394,7 +400,7 @@ impl<'a> Work<'a> {
         Ok(known.collect())
     }
 
-    /// A view's own depth at a stage, which was made before.
+    /// Returns a view's own depth at a stage that was computed before.
     fn own(&self, view: &PlannedView, stage: Stage) -> Result<Arc<DepthEstimate>, StereoError> {
         let name = &self.request.frames[view.frame].name;
         let gone = || {
@@ -405,8 +411,9 @@ impl<'a> Work<'a> {
         Ok(self.kept(view.frame, stage)?.ok_or_else(gone)?)
     }
 
-    /// A view's depth at a stage; of a run that goes on, at the next one that there is: earlier rounds of what was done
-    /// later are gone.
+    /// Returns a view's depth at a stage, or at the next existing one in a resumed run.
+    ///
+    /// A resumed run finds no earlier rounds of views that are further on.
     fn kept(&self, number: usize, stage: Stage) -> Result<Option<Arc<DepthEstimate>>, StereoError> {
         for stage in self.since(stage) {
             if let Some(estimate) = self.sound(number, stage)? {
@@ -417,7 +424,7 @@ impl<'a> Work<'a> {
     }
 }
 
-/// How many views of at most so many pixels are worked on at once where as many as `most` would keep the engine busy.
+/// Returns how many views of at most `pixels` pixels are processed at once, if `most` would keep the engine busy.
 fn at_once(pixels: usize, most: usize) -> usize {
     (PIXELS_AT_ONCE / pixels).clamp(1, most)
 }
@@ -427,7 +434,7 @@ mod tests {
     use super::at_once;
 
     #[test]
-    fn large_views_are_worked_on_one_by_one() {
+    fn large_views_are_processed_one_at_a_time() {
         assert_eq!(
             [640 * 480, 1600 * 1067, 3200 * 2400].map(|pixels| at_once(pixels, 4)),
             [4, 2, 1]

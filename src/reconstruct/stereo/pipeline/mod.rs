@@ -1,5 +1,5 @@
-//! Views through stereo: what is compared with what, rounds over all views, filtering and completion; bounded memory, stop and resume
-//! per view.
+//! Stereo over all views: choice of sources, rounds, filtering and completion; bounded memory, stop
+//! and resume per view.
 
 mod estimate;
 mod plan;

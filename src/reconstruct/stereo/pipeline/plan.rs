@@ -1,4 +1,4 @@
-//! Which views get depth, from what, and what became of the others.
+//! Selection of the views that get depth, their sources, and the outcomes of the others.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -14,10 +14,12 @@ use ostra_core::statistics::trimmed_range;
 use ostra_frames::cameras::SparsePoints;
 use ostra_frames::{Frame, FrameStore};
 
-/// Which pixels of a frame's raster (its camera's `width · height`, row by row) are to be worked on; `None` = all.
+/// Returns which pixels of a frame's raster are to be processed; `None` = all.
+///
+/// The raster is that of the given camera: `width · height` values, row by row.
 pub type RasterMask<'a> = &'a (dyn Fn(usize, &ostra_geometry::Camera) -> Option<Vec<bool>> + Sync);
 
-/// Frames, and which of them get depth.
+/// Input of depth estimation: frames, and which of them get depth.
 #[derive(Clone, Copy)]
 pub struct StereoRequest<'a> {
     /// All frames, by number.
@@ -26,37 +28,37 @@ pub struct StereoRequest<'a> {
     pub views: &'a [usize],
     /// Points with the keypoints that see them ([`crate::stereo::sparse_from_cameras`] where there are none).
     pub sparse: &'a SparsePoints,
-    /// Masked reconstruction.
+    /// Pixels to process, for masked reconstruction.
     pub mask: RasterMask<'a>,
-    /// What it runs on.
+    /// Device that it runs on.
     pub engine: &'a Engine,
 }
 
-/// What a view's depth is made from.
+/// Input from which a view's depth is computed.
 #[derive(Debug, Clone)]
 pub struct PlannedView {
     /// Its frame number.
     pub frame: usize,
-    /// The frames that it is compared with, the best first.
+    /// The frames that it is compared with, best first.
     pub sources: Vec<usize>,
     /// These, and further frames that see much of the same.
     pub around: Vec<usize>,
-    /// Depths to search.
+    /// Smallest and largest depth to search.
     pub depth_range: [f64; 2],
-    /// Pixels of the raster whose depth sparse points tell.
+    /// Pixels (column, row, depth) of the raster whose depth is known from sparse points.
     pub seeds: Vec<(usize, usize, f32)>,
 }
 
-/// The views that get depth, and what became of the others.
+/// The views that get depth, and the outcomes of the others.
 #[derive(Debug, Default)]
 pub struct Planned {
-    /// By rising frame number.
+    /// By ascending frame number.
     pub views: Vec<PlannedView>,
     /// By frame number.
     pub outcomes: BTreeMap<usize, ViewOutcome>,
 }
 
-/// Chooses sources and depth ranges; views that cannot be read or compared are told apart.
+/// Chooses sources and depth ranges; views that cannot be read or compared are listed separately.
 ///
 /// # Errors
 /// [`StereoError::Stopped`].
@@ -127,29 +129,29 @@ pub fn plan(
     Ok(planned)
 }
 
-/// What became of a view.
+/// Outcome for a view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ViewOutcome {
     /// It has depth.
     Done {
-        /// Pixels with a depth that other views confirm.
+        /// Number of pixels with a depth that other views confirm.
         pixels: usize,
-        /// The views that it was compared with, the best first.
+        /// The views that it was compared with, best first.
         sources: Vec<usize>,
     },
-    /// Its camera or pose is not known: reconstruct cameras first or give them.
+    /// Its camera or pose is unknown: reconstruct cameras first or provide them.
     NoCamera,
     /// It shares too few points, seen under a useful angle, with any other view.
     NothingShared {
-        /// Sparse points that it sees.
+        /// Number of sparse points that it sees.
         points: usize,
     },
-    /// All its pixels are alike: nothing can be compared.
+    /// All its pixels are equal, so nothing can be compared.
     Constant,
-    /// Its picture cannot be read.
+    /// Its image cannot be read.
     Unreadable {
-        /// What reading it said.
+        /// Message of the read error.
         why: String,
     },
 }
@@ -179,7 +181,7 @@ impl std::fmt::Display for ViewOutcome {
     }
 }
 
-/// The pictures that are worked on, as pyramids; the latest used are kept up to a budget.
+/// The images in use, as pyramids; the latest used are cached up to a budget.
 pub struct Pictures<'a> {
     frames: &'a [Frame],
     store: &'a FrameStore,
@@ -191,7 +193,7 @@ pub struct Pictures<'a> {
 }
 
 impl<'a> Pictures<'a> {
-    /// None kept yet.
+    /// Creates an empty cache.
     pub fn new(
         frames: &'a [Frame],
         store: &'a FrameStore,
@@ -209,10 +211,10 @@ impl<'a> Pictures<'a> {
         }
     }
 
-    /// The picture of a frame with a posed camera.
+    /// Returns the image of a frame with a posed camera.
     ///
     /// # Errors
-    /// What reading it said.
+    /// Returns the message of the read error.
     pub fn get(&mut self, number: usize) -> Result<Arc<Picture>, String> {
         self.clock += 1;
         if let Some((used, picture)) = self.kept.get_mut(&number) {
@@ -232,7 +234,7 @@ impl<'a> Pictures<'a> {
         Ok(picture)
     }
 
-    /// Longer side of the raster.
+    /// Returns the longer side of the raster.
     pub fn max_side(&self) -> u32 {
         self.max_side
     }
@@ -256,12 +258,12 @@ impl<'a> Pictures<'a> {
 
 /// Share of the points that may lie nearer, and farther, than the range before its margin.
 const OUTSIDE: f64 = 0.01;
-/// The range goes on by this share of its ends.
+/// Share of its ends by which the range is extended.
 const MARGIN: f64 = 0.25;
-/// Points needed for a range.
+/// Minimum number of points for a range.
 const LEAST: usize = 5;
 
-/// The sparse points that a frame sees, in its camera's axes: their z is above 0.
+/// Returns the sparse points that a frame sees, in its camera's axes: their z is above 0.
 #[must_use]
 fn seen_points(frame: &Frame, number: usize, sparse: &SparsePoints) -> Vec<DVec3> {
     let Some((_, pose)) = frame.posed_camera() else {
@@ -277,8 +279,10 @@ fn seen_points(frame: &Frame, number: usize, sparse: &SparsePoints) -> Vec<DVec3
         .collect()
 }
 
-/// Smallest and largest depth to search, from those of sparse points: all but the farthest off hundredth at either end,
-/// and a margin. `None` for too few points.
+/// Returns the smallest and largest depth to search, from those of sparse points.
+///
+/// The farthest off hundredth at either end is left out, and a margin added. `None` for too few
+/// points.
 #[must_use]
 pub fn depth_range(points_in_camera: &[DVec3]) -> Option<[f64; 2]> {
     let mut depths: Vec<f64> = points_in_camera.iter().map(|x| x.z).collect();

@@ -9,12 +9,12 @@ use crate::stereo::patchmatch::{Picture, Tones};
 
 const WIDTH: usize = SIZE.0 as usize;
 
-/// Depth of a rod before the wall, half its width, and its colour before that of the wall.
+/// Depth of a rod in front of the wall, half its width, and its colour in front of that of the wall.
 const ROD: (f64, f64) = (1.5, 0.02);
 const GREEN: [f32; 2] = [-60.0, -60.0];
 const RED: [f32; 2] = [0.0, 60.0];
 
-/// The depth of the rod where a view's pixel sees it.
+/// Returns the depth of the rod where a view's pixel sees it.
 fn rod(view: usize, at: usize) -> Option<f32> {
     let at_px = DVec2::new((at % WIDTH) as f64 + 0.5, (at / WIDTH) as f64 + 0.5);
     let (centre, ray) = (
@@ -25,7 +25,7 @@ fn rod(view: usize, at: usize) -> Option<f32> {
     ((centre + depth * ray).x.abs() <= ROD.1).then_some(depth as f32)
 }
 
-/// The rod before the wall as a view's depth has it, if it `knows` of the rod.
+/// Returns a view's depth of the wall, with the rod in front if it `knows` of the rod.
 fn estimate(view: usize, knows: bool) -> DepthEstimate {
     let mut estimate = DepthEstimate::empty(camera());
     for at in 0..estimate.depths.len() {
@@ -46,7 +46,7 @@ fn estimate(view: usize, knows: bool) -> DepthEstimate {
     estimate
 }
 
-/// A view's picture of both, of one grey; of the wall alone unless it `shows` the rod.
+/// Returns a view's image of both, of one grey; of the wall alone unless it `shows` the rod.
 fn picture(view: usize, shows: bool) -> Picture {
     let count = WIDTH * SIZE.1 as usize;
     let chroma = (0..count)
@@ -67,7 +67,7 @@ fn picture(view: usize, shows: bool) -> Picture {
     Picture::new(tones, camera(), pose(view), 60)
 }
 
-/// The first view's depth beside two others, which know of the rod or not.
+/// Completes the first view's depth by two others, which know of the rod or not.
 fn complete(
     own: &DepthEstimate,
     shows: bool,
@@ -89,7 +89,7 @@ fn complete(
     completed(own, &view, allowed, &neighbours, &FilterOptions::default())
 }
 
-/// Share of the first view's pixels of the rod whose depth is the rod's.
+/// Returns the share of the first view's pixels of the rod whose depth is the rod's.
 fn share_of_rod(depth: &DepthEstimate) -> f64 {
     let rod: Vec<(usize, f32)> = (0..depth.depths.len())
         .filter_map(|at| Some((at, rod(0, at)?)))
@@ -101,7 +101,7 @@ fn share_of_rod(depth: &DepthEstimate) -> f64 {
 }
 
 #[test]
-fn a_thin_part_that_others_see_is_taken_over() {
+fn thin_part_seen_by_others_is_taken_over() {
     let own = estimate(0, false);
     let found = complete(&own, true, None, [true; 2]);
     assert!(
@@ -127,7 +127,7 @@ fn a_thin_part_that_others_see_is_taken_over() {
 }
 
 #[test]
-fn what_is_seen_by_one_or_not_shown_or_not_allowed_is_left() {
+fn depth_seen_by_one_or_not_shown_or_not_allowed_is_not_taken_over() {
     let own = estimate(0, false);
     assert!(
         complete(&own, true, None, [true, false]) == own,

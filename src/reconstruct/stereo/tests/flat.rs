@@ -12,7 +12,7 @@ use ostra_frames::{Frame, FrameStore};
 
 const WIDTH: usize = SIZE.0 as usize;
 
-/// A camera's noise: a grey level or two, another in every picture.
+/// Returns a camera's noise: a grey level or two, different in every image.
 fn noise(view: usize, pixel: usize) -> f32 {
     let mixed = (pixel as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15)
         ^ (view as u64 + 1).wrapping_mul(0xD1B5_4A32_D192_ED03);
@@ -20,12 +20,12 @@ fn noise(view: usize, pixel: usize) -> f32 {
     (mixed >> 62) as f32 - 1.5
 }
 
-/// A place on the wall in the middle of the pictures, 50 × 40 pixels.
+/// Returns whether a point is on the wall in the middle of the images, 50 × 40 pixels.
 fn is_inside(x: DVec3) -> bool {
     x.x.abs() < 0.5 && x.y.abs() < 0.4
 }
 
-/// The first view's depth, with all that stereo does, of a wall that has texture in some places only.
+/// Returns the first view's depth after all steps of stereo, of a wall that has texture in some places only.
 fn depth(has_texture: impl Fn(DVec3) -> bool, prior_weight: f32) -> DepthEstimate {
     let folder = tempfile::tempdir().unwrap();
     let shown = |view: usize, at: usize, x: DVec3| if has_texture(x) { paint(x) } else { 90.0 } + noise(view, at);
@@ -51,7 +51,7 @@ fn depth(has_texture: impl Fn(DVec3) -> bool, prior_weight: f32) -> DepthEstimat
         prior_weight,
         ..PatchMatchOptions::default()
     };
-    // Each view by itself: what others know is not taken over.
+    // Each view by itself: nothing is taken over from others.
     let complete = CompleteOptions {
         color_difference: 0.0,
         ..CompleteOptions::default()
@@ -76,7 +76,7 @@ fn depth(has_texture: impl Fn(DVec3) -> bool, prior_weight: f32) -> DepthEstimat
         .clone()
 }
 
-/// Of some of the pixels away from the borders, those with depth, those whose depth is right to a third of a pixel, and all.
+/// Counts pixels away from the borders: those with depth, those whose depth is right to a third of a pixel, and all.
 fn counted(estimate: &DepthEstimate, counts: impl Fn(DVec3) -> bool) -> (usize, usize, usize) {
     let (mut known, mut right, mut all) = (0, 0, 0);
     for at in 0..estimate.depths.len() {
@@ -95,7 +95,7 @@ fn counted(estimate: &DepthEstimate, counts: impl Fn(DVec3) -> bool) -> (usize, 
 }
 
 #[test]
-fn a_wall_without_texture_between_textured_borders_is_found() {
+fn wall_without_texture_between_textured_borders_is_found() {
     let inside = |x: DVec3| is_inside(x);
     let (_, without, _) = counted(&depth(|x| !is_inside(x), 0.0), inside);
     let (known, right, all) = counted(
@@ -112,9 +112,9 @@ fn a_wall_without_texture_between_textured_borders_is_found() {
     );
 }
 
-/// Where a surface ends before a background without texture, it is not continued.
+/// Where a surface ends in front of a background without texture, it is not continued.
 #[test]
-fn a_board_before_nothing_keeps_its_border() {
+fn board_in_front_of_a_flat_background_keeps_its_border() {
     let beyond = |x: DVec3| x.x.abs() > 0.6 || x.y.abs() > 0.5;
     let board = depth(is_inside, PatchMatchOptions::default().prior_weight);
     let (known, _, all) = counted(&board, beyond);

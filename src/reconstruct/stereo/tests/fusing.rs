@@ -10,7 +10,7 @@ use crate::stereo::{
 use ostra_core::job::Progress;
 use ostra_frames::FrameStore;
 
-/// The wall as a view sees it.
+/// Returns the wall as a view sees it.
 fn exact(index: usize) -> DepthEstimate {
     let mut estimate = DepthEstimate::empty(camera());
     let normal = (pose(index).rotation * DVec3::new(0.4, -0.3, -1.0).normalize()).as_vec3();
@@ -30,7 +30,7 @@ fn fused(change: impl Fn(usize, &mut DepthEstimate)) -> DenseCloud {
     fused_without(&[], change).unwrap().0
 }
 
-/// The cloud where the pictures of some views are damaged, and the line that names these.
+/// Returns the cloud if the images of some views are damaged, and the line that names these.
 fn fused_without(
     damaged: &[usize],
     change: impl Fn(usize, &mut DepthEstimate),
@@ -65,7 +65,7 @@ fn off_the_wall(position: &Vec3) -> f32 {
 }
 
 #[test]
-fn two_views_of_a_wall_make_one_wall() {
+fn two_views_of_a_wall_fuse_to_one_wall() {
     let cloud = fused(|_, _| ());
     assert!(cloud.len() > 10_000, "{}", cloud.len());
     assert!(
@@ -90,7 +90,7 @@ fn two_views_of_a_wall_make_one_wall() {
 }
 
 #[test]
-fn depths_that_disagree_make_no_point() {
+fn conflicting_depths_create_no_point() {
     let cloud = fused(|index, estimate| {
         if index == 1 {
             estimate.depths.iter_mut().for_each(|depth| *depth *= 1.05);
@@ -100,7 +100,7 @@ fn depths_that_disagree_make_no_point() {
 }
 
 #[test]
-fn a_view_that_cannot_be_read_makes_no_points_of_its_own_and_is_named() {
+fn unreadable_view_creates_no_points_and_is_named() {
     let (cloud, warning) = fused_without(&[0], |_, _| ()).unwrap();
     assert!(
         warning

@@ -4,7 +4,7 @@ use super::wall::{SIZE, camera, picture};
 use crate::stereo::DepthEstimate;
 use crate::stereo::filter::{FilterOptions, Neighbour, filter};
 
-/// A wall at depth 2 with a strip of three columns at `depth` that is not sure enough to be kept.
+/// Returns a wall at depth 2 with a strip of three columns at `depth` that is not confident enough to be kept.
 fn with_strip(depth: f32) -> DepthEstimate {
     let mut wall = DepthEstimate::empty(camera());
     wall.depths.fill(2.0);
@@ -18,7 +18,7 @@ fn with_strip(depth: f32) -> DepthEstimate {
     wall
 }
 
-/// With the same picture for a neighbour; what is left out is what is not sure.
+/// Filters it with the same image as a neighbour; pixels that are not confident are removed.
 fn filtered(depth: f32) -> DepthEstimate {
     let (own, picture) = (with_strip(depth), picture(0));
     let neighbour = Neighbour::new(&picture, &picture, Arc::new(own.clone()));
@@ -26,7 +26,7 @@ fn filtered(depth: f32) -> DepthEstimate {
 }
 
 #[test]
-fn a_gap_in_a_wall_is_filled_and_a_thin_part_before_it_is_not() {
+fn gap_in_a_wall_is_filled_but_not_over_a_thin_part() {
     let strip = |estimate: &DepthEstimate| estimate.depths[60 * SIZE.0 as usize + 71];
     assert_eq!(strip(&filtered(1.0)), 0.0);
     assert_eq!(strip(&filtered(3.0)), 2.0);

@@ -12,7 +12,7 @@ use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameCamera, FrameStore};
 use ostra_geometry::{Camera, Distortion};
 
-/// A lens that moves what it shows in the corners by about 10 pixels.
+/// Returns a lens that moves its content in the corners by about 10 pixels.
 fn lens(k: f64) -> Camera {
     Camera {
         distortion: Distortion::Radial { k: [k, 0.1 * k] },
@@ -20,7 +20,7 @@ fn lens(k: f64) -> Camera {
     }
 }
 
-/// Three pictures of the wall that a lens made, with what is said of it.
+/// Returns three images of the wall, rendered through one lens and described by another.
 fn frames(folder: &Path, made_by: &Camera, told: Camera) -> Vec<Frame> {
     let of_view = |view: usize| {
         let frame = frame(
@@ -53,7 +53,7 @@ fn depths(frames: &[Frame], store: &FrameStore) -> MemoryDepths {
     depths
 }
 
-/// Share of the first view's pixels, away from the borders, whose depth is right to half a hundredth.
+/// Returns the share of the first view's pixels, away from the borders, whose depth is right to half a hundredth.
 fn share_right(depths: &MemoryDepths) -> f64 {
     let estimate = depths.load(0, Stage::Complete).unwrap().unwrap();
     let (width, height) = (estimate.width(), estimate.height());
@@ -84,7 +84,7 @@ fn depth_is_right_through_a_lens_with_distortion() {
         assert_eq!(estimate.camera.distortion, Distortion::None);
         let right = share_right(&depths);
         assert!(right > 0.9, "{k}: {right}");
-        // Points lie on the wall, and where the pixels of the pictures as taken see it.
+        // Points lie on the wall, and where the pixels of the original images see it.
         let neighbours = BTreeMap::from([(0, vec![1, 2]), (1, vec![0, 2]), (2, vec![0, 1])]);
         let (options, progress) = (FusionOptions::default(), Progress::default());
         let (cloud, _) = fuse_depths(
@@ -119,9 +119,9 @@ fn depth_is_right_through_a_lens_with_distortion() {
     }
 }
 
-/// The same pictures, taken for those of a straight lens: the test above would notice.
+/// The same images, taken for those of a lens without distortion: the test above would fail.
 #[test]
-fn a_lens_that_is_not_told_of_makes_depth_wrong() {
+fn ignored_distortion_makes_depth_wrong() {
     let (folder, store) = (tempfile::tempdir().unwrap(), FrameStore::new(1 << 20));
     let right = share_right(&depths(
         &frames(folder.path(), &lens(-0.3), camera()),
@@ -131,7 +131,7 @@ fn a_lens_that_is_not_told_of_makes_depth_wrong() {
 }
 
 #[test]
-fn a_straight_lens_changes_no_pixel() {
+fn lens_without_distortion_changes_no_pixel() {
     let (folder, store) = (tempfile::tempdir().unwrap(), FrameStore::new(1 << 20));
     let frames = frames(folder.path(), &camera(), camera());
     let taken = store.image(&frames[0]).unwrap();

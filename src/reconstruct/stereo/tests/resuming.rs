@@ -11,14 +11,14 @@ use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameError, FrameStore};
 use ostra_geometry::Camera;
 
-/// Notes what is made, and asks for a stop after so many.
+/// Records what is computed, and requests a stop after so many.
 #[derive(Default)]
 struct Noted {
     depths: MemoryDepths,
     made: Mutex<Vec<(usize, Stage)>>,
     stop_after: usize,
     progress: Progress,
-    /// What cannot be read until it is made again.
+    /// What cannot be read until it is computed again.
     damaged: Mutex<Option<(usize, Stage)>>,
 }
 
@@ -30,7 +30,7 @@ impl Noted {
         }
     }
 
-    /// With what was kept so far.
+    /// Starts another run with the results stored so far.
     fn going_on(self) -> Self {
         Self {
             depths: self.depths,
@@ -81,7 +81,7 @@ impl DepthStore for Noted {
     }
 }
 
-/// Three pictures of the wall.
+/// Three images of the wall.
 struct Wall {
     _folder: tempfile::TempDir,
     frames: Vec<Frame>,
@@ -99,7 +99,7 @@ impl Wall {
         }
     }
 
-    /// Runs stereo with so many views at once, as where rayon has so many threads.
+    /// Runs stereo with this many views at once, as with this many rayon threads.
     fn run(&self, at_once: usize, noted: &Noted) -> Result<(), StereoError> {
         self.run_with(at_once, noted, &|_, _| None)
     }
@@ -140,10 +140,10 @@ impl Wall {
     }
 }
 
-/// Wherever a run is stopped, the one after it makes what is left and nothing twice, and comes to the same, however many
-/// views each of them works on at once.
+/// After a stop at any point, the next run computes the rest and nothing twice, with the same
+/// result for any number of views at once.
 #[test]
-fn a_run_goes_on_where_the_one_before_was_stopped() {
+fn run_resumes_where_the_previous_one_stopped() {
     let wall = Wall::new();
     let whole = Noted::default();
     wall.run(1, &whole).unwrap();
@@ -166,7 +166,7 @@ fn a_run_goes_on_where_the_one_before_was_stopped() {
                 Err(StereoError::Stopped(_) | StereoError::Scene(SceneError::Stopped(_)))
             ));
             let kept = first.made();
-            // A search that is under way may stop or end; what comes after the searches ends.
+            // A running search may stop or finish; the steps after the searches finish.
             let most = stop_after.next_multiple_of(first_at_once);
             let least = if stop_after > searches {
                 most
@@ -190,9 +190,9 @@ fn a_run_goes_on_where_the_one_before_was_stopped() {
     }
 }
 
-/// Damaged is what was made last before a stop, what was made long before, or what is left at the end of a whole run.
+/// Damages the last result before a stop, one from long before, or a final result of a complete run.
 #[test]
-fn what_is_damaged_is_made_again() {
+fn damaged_results_are_computed_again() {
     let wall = Wall::new();
     let whole = Noted::default();
     wall.run(1, &whole).unwrap();
@@ -246,9 +246,9 @@ fn what_is_damaged_is_made_again() {
     }
 }
 
-/// In the mask that each view asks for it waits a moment for one more than may come.
+/// In the mask callback of each view, it waits a moment for one more view than may run.
 #[test]
-fn as_many_views_are_worked_on_at_once_as_there_are_threads() {
+fn as_many_views_run_at_once_as_there_are_threads() {
     let wall = Wall::new();
     for at_once in [1, 2, 3] {
         let (within, most) = (Mutex::new(0), Mutex::new(0));

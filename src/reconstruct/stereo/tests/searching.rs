@@ -20,7 +20,7 @@ fn found(allowed: Option<&[bool]>) -> Found {
         .unwrap()
 }
 
-/// Median error of depth as a share of it, away from the borders.
+/// Returns the median error of depth as a share of it, away from the borders.
 fn median_error(found: &Found) -> f64 {
     let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
     let inside = |at: &usize| {
@@ -41,13 +41,13 @@ fn median_error(found: &Found) -> f64 {
 }
 
 #[test]
-fn a_slanted_wall_is_found() {
+fn slanted_wall_is_found() {
     let error = median_error(&found(None));
     assert!(error < 1e-3, "{error}");
 }
 
 #[test]
-fn a_consistent_round_keeps_the_wall() {
+fn consistent_round_keeps_the_wall() {
     let first = found(None);
     let planes = |index: usize| {
         let raster = picture(index).raster(0);
@@ -91,7 +91,7 @@ fn a_consistent_round_keeps_the_wall() {
 }
 
 #[test]
-fn the_same_for_any_number_of_threads() {
+fn result_does_not_depend_on_the_number_of_threads() {
     let with = |threads| {
         rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -117,7 +117,7 @@ fn pixels_outside_the_mask_are_not_searched() {
 }
 
 #[test]
-fn a_stop_is_noticed() {
+fn stop_ends_the_search() {
     let progress = Progress::default();
     progress.stop();
     let reference = picture(0);

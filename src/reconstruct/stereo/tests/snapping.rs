@@ -5,7 +5,7 @@ use crate::stereo::patchmatch::{Texture, Tones};
 
 const WIDTH: usize = SIZE.0 as usize;
 
-/// A strip of four columns at depth 1 before a wall at depth 2; told as `told` columns wider on the right.
+/// Returns a strip of four columns at depth 1 in front of a wall at depth 2, too wide by `told` columns on the right.
 fn strip(told: usize) -> DepthEstimate {
     let mut estimate = DepthEstimate::empty(camera());
     estimate.normals.fill([0, 0, -127]);
@@ -20,7 +20,7 @@ fn strip(told: usize) -> DepthEstimate {
     estimate
 }
 
-/// Green before red, of one grey.
+/// Returns green in front of red, of one grey.
 fn picture(apart: f32) -> Texture {
     let count = WIDTH * SIZE.1 as usize;
     let chroma = |at: usize| {
@@ -40,7 +40,7 @@ fn picture(apart: f32) -> Texture {
 }
 
 #[test]
-fn a_border_moves_to_where_the_colour_changes() {
+fn border_moves_to_the_change_of_colour() {
     let (told, options) = (strip(2), SnapOptions::default());
     assert_eq!(
         snapped(&told, &picture(60.0), &options).depths,

@@ -17,7 +17,7 @@ fn frames(folder: &std::path::Path, count: usize) -> Vec<Frame> {
 fn sources_share_points_under_a_good_angle() {
     let folder = tempfile::tempdir().unwrap();
     let mut frames = frames(folder.path(), 4);
-    // The third stands where the first does: no angle.
+    // The third is at the position of the first: no angle.
     frames[2].camera = frames[0].camera;
     let sources = select_sources(
         &frames,
@@ -34,7 +34,7 @@ fn sources_share_points_under_a_good_angle() {
 }
 
 #[test]
-fn what_cannot_be_compared_is_told_and_the_rest_done() {
+fn views_without_sources_are_reported_and_the_rest_done() {
     let folder = tempfile::tempdir().unwrap();
     let mut frames = frames(folder.path(), 4);
     let (width, height) = (camera().width as usize, camera().height as usize);

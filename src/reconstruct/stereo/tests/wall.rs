@@ -8,7 +8,7 @@ use ostra_frames::cameras::{SparseKeypoint, SparsePoint, SparsePoints};
 use ostra_frames::{Frame, FrameCamera, PictureSource};
 use ostra_geometry::{Camera, Pose};
 
-/// Columns and rows of the pictures.
+/// Columns and rows of the images.
 pub const SIZE: (u32, u32) = (160, 120);
 
 /// Pixels at the borders that some view may not see.
@@ -18,7 +18,7 @@ pub fn camera() -> Camera {
     Camera::pinhole(SIZE.0, SIZE.1, 150.0, 150.0, 80.0, 60.0)
 }
 
-/// A camera to the side of the first, turned a little.
+/// Returns a camera to the side of the first, rotated a little.
 pub fn pose(index: usize) -> Pose {
     let side = [0.0, 0.35, -0.35, 0.7][index];
     Pose {
@@ -27,17 +27,17 @@ pub fn pose(index: usize) -> Pose {
     }
 }
 
-/// Depth of the wall `z = 3 + 0.4 x − 0.3 y` (world space) along a ray from a centre.
+/// Returns the depth of the wall `z = 3 + 0.4 x − 0.3 y` (world space) along a ray from a centre.
 fn along(centre: DVec3, ray: DVec3) -> f64 {
     (3.0 + 0.4 * centre.x - 0.3 * centre.y - centre.z) / (ray.z - 0.4 * ray.x + 0.3 * ray.y)
 }
 
-/// Where a straight camera's pixel sees the wall, and its depth.
+/// Returns where a pixel of a camera without distortion sees the wall, and its depth.
 pub fn seen(pose: &Pose, at_px: DVec2) -> (DVec3, f64) {
     seen_by(&camera(), pose, at_px)
 }
 
-/// Where a camera's pixel sees the wall, and its depth.
+/// Returns where a camera's pixel sees the wall, and its depth.
 pub fn seen_by(camera: &Camera, pose: &Pose, at_px: DVec2) -> (DVec3, f64) {
     let ray = camera.unproject(at_px).extend(1.0);
     let (centre, towards) = (pose.centre(), pose.rotation.conjugate() * ray);
@@ -45,7 +45,7 @@ pub fn seen_by(camera: &Camera, pose: &Pose, at_px: DVec2) -> (DVec3, f64) {
     (centre + depth * towards, depth)
 }
 
-/// The wall's grey, 0–255.
+/// Returns the wall's grey, 0–255.
 pub fn paint(x: DVec3) -> f32 {
     let wave = |kx: f64, ky: f64, phase: f64| (kx * x.x + ky * x.y + phase).sin();
     let sum = wave(17.0, 5.0, 0.3)
@@ -59,7 +59,7 @@ pub fn grey(pose: &Pose) -> Tones {
     painted(&camera(), pose, |_, x| paint(x))
 }
 
-/// A picture of which each pixel shows what is painted where it sees the wall.
+/// Renders an image in which each pixel shows the paint where it sees the wall.
 pub fn painted(camera: &Camera, pose: &Pose, paint: impl Fn(usize, DVec3) -> f32) -> Tones {
     let (width, height) = (SIZE.0 as usize, SIZE.1 as usize);
     let at = |i: usize| DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
@@ -78,7 +78,7 @@ pub fn picture(index: usize) -> Arc<Picture> {
     Arc::new(Picture::new(grey(&pose(index)), camera(), pose(index), 60))
 }
 
-/// A frame whose picture is written into a folder.
+/// Returns a frame whose image is written into a folder.
 pub fn frame(folder: &Path, index: usize, grey: &Tones) -> Frame {
     let name = format!("{index}.png");
     let bytes: Vec<u8> = grey
@@ -107,7 +107,7 @@ pub fn frame(folder: &Path, index: usize, grey: &Tones) -> Frame {
     }
 }
 
-/// Points of the wall, seen by some frames.
+/// Returns points of the wall, seen by some frames.
 pub fn sparse(frames: &[usize]) -> SparsePoints {
     let mut sparse = SparsePoints::default();
     for i in 0..80u32 {

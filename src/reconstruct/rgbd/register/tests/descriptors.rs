@@ -6,7 +6,7 @@ use crate::rgbd::register::{DescribedCloud, OrientedCloud};
 use ostra_core::job::Progress;
 
 #[test]
-fn descriptors_stay_under_a_rigid_motion_and_tell_places_apart() {
+fn descriptors_are_invariant_to_rigid_motion_and_distinguish_places() {
     let (source, _, pose) = Room::pair(3, 300.0);
     let cloud = source.thinned(VOXEL);
     let here = describe(&cloud, VOXEL, &Progress::default()).unwrap();
@@ -26,7 +26,7 @@ fn descriptors_stay_under_a_rigid_motion_and_tell_places_apart() {
 }
 
 #[test]
-fn each_angle_of_a_histogram_adds_up() {
+fn bins_of_each_angle_have_a_fixed_sum() {
     let cloud = Room::new(1).scan(0.0, 1.0, 200.0).thinned(VOXEL);
     for descriptor in describe(&cloud, VOXEL, &Progress::default())
         .unwrap()
@@ -40,7 +40,7 @@ fn each_angle_of_a_histogram_adds_up() {
 }
 
 #[test]
-fn points_without_normal_or_neighbours_have_none() {
+fn points_without_normal_or_neighbours_have_no_descriptor() {
     let mut cloud = Room::new(1).scan(0.0, 1.0, 200.0).thinned(VOXEL);
     cloud.normals[5] = Vec3::ZERO;
     cloud.positions[9] = Vec3::splat(50.0);
@@ -49,7 +49,7 @@ fn points_without_normal_or_neighbours_have_none() {
 }
 
 #[test]
-fn what_cannot_be_described_is_refused_and_a_stop_is_noticed() {
+fn invalid_clouds_are_refused_and_a_stop_ends_the_work() {
     let progress = Progress::default();
     let lopsided = OrientedCloud {
         positions: vec![Vec3::ONE],

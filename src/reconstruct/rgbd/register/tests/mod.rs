@@ -1,4 +1,4 @@
-//! Two views of a made room, and of two rooms that have nothing in common.
+//! Two views of a synthetic room, and of two rooms that have nothing in common.
 
 mod descriptors;
 mod recovery;

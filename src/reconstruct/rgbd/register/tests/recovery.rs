@@ -94,7 +94,7 @@ fn the_same_seed_gives_the_same_bytes_for_any_number_of_threads() {
 }
 
 #[test]
-fn empty_and_unlike_clouds() {
+fn empty_clouds_give_none_and_invalid_requests_are_errors() {
     let (source, target, _) = Room::pair(1, 100.0);
     let nothing = described(&OrientedCloud::default());
     for method in METHODS {

@@ -16,7 +16,7 @@ fn refine(clouds: [&OrientedCloud; 2], start: &Pose, options: &RefineOptions) ->
     refine_registration(clouds[0], clouds[1], start, options, &Progress::default()).unwrap()
 }
 
-/// Off by what a global alignment may be off by.
+/// Returns a pose with the error that a global alignment may have.
 fn off(truth: &Pose, degrees: f64, shift: f64) -> Pose {
     let turn = DQuat::from_axis_angle(DVec3::new(0.6, -0.48, 0.64), degrees.to_radians());
     let middle = DVec3::new(2.1, 1.5, 0.9);
@@ -29,7 +29,7 @@ fn off(truth: &Pose, degrees: f64, shift: f64) -> Pose {
 }
 
 #[test]
-fn a_rough_pose_becomes_exact_with_and_without_brightness() {
+fn rough_pose_becomes_exact_with_and_without_brightness() {
     for seed in 0..4 {
         let (source, target, truth) = Room::pair(seed, 2500.0);
         for lambda_geometric in [1.0, 0.968] {
@@ -55,7 +55,7 @@ fn a_rough_pose_becomes_exact_with_and_without_brightness() {
     }
 }
 
-/// A wall of 3 m × 3 m with points in other places for each seed.
+/// Returns a wall of 3 m × 3 m with different points for each seed.
 fn wall(seed: u64, brightness: impl Fn(Vec3) -> f32) -> OrientedCloud {
     let mut random = Pcg64Mcg::seed_from_u64(seed);
     let mut cloud = OrientedCloud::default();
@@ -77,7 +77,7 @@ fn pattern(place: Vec3) -> f32 {
 }
 
 #[test]
-fn a_wall_slides_unless_brightness_holds_it() {
+fn wall_slides_unless_brightness_constrains_it() {
     let [source, target] = [1, 2].map(|seed| wall(seed, pattern));
     let start = Pose {
         rotation: DQuat::from_rotation_z(0.01),
@@ -106,7 +106,7 @@ fn a_wall_slides_unless_brightness_holds_it() {
 }
 
 #[test]
-fn brightness_that_lies_beside_its_surfaces_spoils_nothing() {
+fn misaligned_brightness_does_no_harm() {
     let (mut source, target, truth) = Room::pair(2, 2500.0);
     let shift = Pose {
         translation: DVec3::new(0.05, 0.02, -0.04),
@@ -124,7 +124,7 @@ fn brightness_that_lies_beside_its_surfaces_spoils_nothing() {
 }
 
 #[test]
-fn information_is_the_sum_of_squares_of_the_points_motions() {
+fn information_is_the_sum_of_squared_point_motions() {
     let (source, target, truth) = Room::pair(4, 300.0);
     let found = refine([&source, &target], &truth, &OPTIONS).unwrap();
     let count = found.information[3][3];
@@ -137,14 +137,14 @@ fn information_is_the_sum_of_squares_of_the_points_motions() {
             assert!((found.information[row][column] - found.information[column][row]).abs() < 1e-6);
         }
     }
-    // d(moved)/d(turn) · d(moved)/d(shift): a turn about z moves x by -y.
+    // d(moved)/d(turn) · d(moved)/d(shift): a rotation about z moves x by -y.
     let mean_y = -found.information[2][3] / count;
     assert!((0.5..2.5).contains(&mean_y), "{mean_y}");
     assert_eq!(found.information[4][3], 0.0);
 }
 
 #[test]
-fn the_same_bytes_for_any_number_of_threads() {
+fn refinement_does_not_depend_on_the_number_of_threads() {
     let (source, target, truth) = Room::pair(6, 400.0);
     let run = || refine([&source, &target], &off(&truth, 1.0, 0.03), &OPTIONS);
     let alone = rayon::ThreadPoolBuilder::new()
@@ -163,7 +163,7 @@ fn the_same_bytes_for_any_number_of_threads() {
 }
 
 #[test]
-fn brightness_that_is_no_number_is_left_out() {
+fn nan_brightness_is_ignored() {
     let (mut source, mut target, truth) = Room::pair(3, 400.0);
     for intensities in [&mut source.intensities, &mut target.intensities] {
         intensities
@@ -180,7 +180,7 @@ fn brightness_that_is_no_number_is_left_out() {
 }
 
 #[test]
-fn nothing_to_meet_is_none_and_nonsense_is_refused() {
+fn missing_partners_give_none_and_invalid_input_is_refused() {
     let (source, target, truth) = Room::pair(1, 100.0);
     let far = Pose {
         translation: truth.translation + DVec3::splat(90.0),

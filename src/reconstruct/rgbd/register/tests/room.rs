@@ -5,15 +5,15 @@ use rand_pcg::Pcg64Mcg;
 use crate::rgbd::register::OrientedCloud;
 use ostra_geometry::Pose;
 
-/// Edge of the voxels that rooms are registered with, metres.
+/// Edge of the voxels with which rooms are registered, in metres.
 pub const VOXEL: f32 = 0.08;
-/// Standard deviation of the points along their normals, metres.
+/// Standard deviation of the points along their normals, in metres.
 const NOISE: f32 = 0.004;
 
 /// A corner of a wall, floor or piece of furniture, and the two edges from it.
 struct Patch([Vec3; 3]);
 
-/// Floor, three walls and boxes, of which the seed makes another room.
+/// Floor, three walls and boxes; another seed gives another room.
 pub struct Room {
     patches: Vec<Patch>,
     random: Pcg64Mcg,
@@ -61,8 +61,10 @@ impl Room {
         Self { patches, random }
     }
 
-    /// Points scattered anew over what lies at `from..to` of the room's length, with noise; `per_area` points a square
-    /// metre. Brightness is a pattern of the place.
+    /// Samples random points over the part at `from..to` of the room's length, with noise.
+    ///
+    /// There are `per_area` points per square metre. Brightness is a pattern that depends on the
+    /// position.
     pub fn scan(&mut self, from: f32, to: f32, per_area: f32) -> OrientedCloud {
         let mut cloud = OrientedCloud::default();
         for Patch([corner, a, b]) in &self.patches {
@@ -87,7 +89,7 @@ impl Room {
         cloud
     }
 
-    /// Two scans that share about 0.6 of each, the first moved by the inverse of the pose: target_from_source.
+    /// Returns two scans that share about 0.6 of each, the first moved by the inverse of the pose: target_from_source.
     pub fn pair(seed: u64, per_area: f32) -> (OrientedCloud, OrientedCloud, Pose) {
         let mut room = Self::new(seed);
         let pose = random_pose(&mut room.random);
@@ -125,7 +127,7 @@ pub fn moved(cloud: &OrientedCloud, pose: &Pose) -> OrientedCloud {
     }
 }
 
-/// Angle in degrees, and the distance by which the middle of the room is misplaced.
+/// Returns the angle in degrees, and the distance by which the middle of the room is misplaced.
 pub fn error(found: &Pose, truth: &Pose) -> (f64, f64) {
     let middle = truth.inverse().transform(DVec3::new(2.1, 1.5, 0.9));
     let turn = found.rotation.dot(truth.rotation).abs().min(1.0);

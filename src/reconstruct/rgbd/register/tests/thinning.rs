@@ -3,7 +3,7 @@ use glam::Vec3;
 use crate::rgbd::register::OrientedCloud;
 
 #[test]
-fn a_voxel_holds_the_means_in_the_order_of_the_voxels() {
+fn voxels_hold_means_in_their_order() {
     let cloud = OrientedCloud {
         positions: vec![Vec3::X * 2.5, Vec3::X * 0.25, Vec3::NAN, Vec3::X * 0.75],
         normals: vec![Vec3::ZERO, Vec3::X, Vec3::X, Vec3::Y],

@@ -1,4 +1,4 @@
-//! Tests of `scene/sfm/onnx`.
+//! Tests of learned features.
 
 mod pair;
 mod parts;
@@ -10,18 +10,18 @@ use std::path::{Path, PathBuf};
 
 use ostra_compute::nn::Runtime;
 
-/// The folder of networks for tests.
+/// Returns the folder of networks for tests.
 fn networks() -> PathBuf {
     Runtime::find().unwrap();
     given("OSTRA_MODELS", "../../../shared/models")
 }
 
-/// The folder of real data sets.
+/// Returns the folder of real data sets.
 fn data() -> PathBuf {
     given("OSTRA_DATA", "../../../shared/data")
 }
 
-/// A folder that a variable names.
+/// Returns the folder that an environment variable names.
 fn given(variable: &str, default: &str) -> PathBuf {
     let named = std::env::var_os(variable).map(PathBuf::from);
     let folder = named.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join(default));

@@ -22,7 +22,7 @@ fn rows(features: &Features) -> Vec<&[f32]> {
     values.chunks_exact(64).collect()
 }
 
-/// Mutually nearest with a cosine above 0.82, as the paper matches.
+/// Matches mutually nearest descriptors with a cosine above 0.82, as the paper does.
 fn mutual(first: &Features, second: &Features) -> Vec<(u32, u32)> {
     let (first, second) = (rows(first), rows(second));
     let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
@@ -99,7 +99,7 @@ fn matches_agree_with_the_true_geometry() {
 
 #[test]
 #[ignore = "needs real data sets (OSTRA_DATA), networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn refining_brings_keypoints_nearer_to_the_true_geometry() {
+fn refinement_brings_keypoints_nearer_to_the_true_geometry() {
     let (models, data) = (networks(), data());
     let views = [20, 21].map(|index| View::read(&data.join("dtu_scan24"), index));
     let xfeat = xfeat(
@@ -162,7 +162,7 @@ fn only_allowed_pixels_get_keypoints_and_the_strongest_come_first() {
 
 #[test]
 #[ignore = "needs real data sets (OSTRA_DATA), networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn black_bars_beside_a_picture_get_no_keypoints() {
+fn black_bars_at_the_sides_get_no_keypoints() {
     let (models, data) = (networks(), data());
     let mut view = View::read(&data.join("dtu_scan24"), 0);
     let is_bar = |column: usize| !(100..700).contains(&column);
@@ -183,7 +183,7 @@ fn black_bars_beside_a_picture_get_no_keypoints() {
 
 #[test]
 #[ignore = "needs real data sets (OSTRA_DATA), networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn pictures_that_share_little_at_a_first_look_are_not_looked_at_further() {
+fn images_with_few_first_matches_are_not_matched_further() {
     let (models, data) = (networks(), data());
     let xfeat = xfeat(&models, XFeatOptions::default());
     let [first, second] =
@@ -205,7 +205,7 @@ fn pictures_that_share_little_at_a_first_look_are_not_looked_at_further() {
         whole,
         "they overlap"
     );
-    // Of so few keypoints hardly any are the same: that is all there is then.
+    // Of so few keypoints hardly any are the same; the result is then only these.
     let glanced = matched(16);
     assert!(
         glanced.len() < 10 && glanced.iter().all(|&(a, b)| a.max(b) < 16),
@@ -215,7 +215,7 @@ fn pictures_that_share_little_at_a_first_look_are_not_looked_at_further() {
 
 #[test]
 #[ignore = "needs real data sets (OSTRA_DATA), networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn a_shrunk_picture_tells_positions_in_its_own_pixels() {
+fn positions_in_shrunk_images_are_in_original_pixels() {
     let (models, data) = (networks(), data());
     let view = View::read(&data.join("dtu_scan24"), 20);
     let options = XFeatOptions {
@@ -241,7 +241,8 @@ fn a_shrunk_picture_tells_positions_in_its_own_pixels() {
     let near: Vec<glam::DVec2> = shifts.filter(|shift| shift.length() < 3.0).collect();
     let mean = near.iter().sum::<glam::DVec2>() / near.len() as f64;
     assert!(near.len() > 200, "{} of {}", near.len(), matches.len());
-    // A wrong convention would move points down as well; to the left the network itself moves them, by 0.7 of its pixels.
+    // A wrong convention would move points down as well; to the left the network itself moves them,
+    // by 0.7 of its pixels.
     assert!(
         mean.y.abs() < 0.15 && mean.x.abs() < 0.6,
         "no common shift: {mean}"
@@ -250,7 +251,7 @@ fn a_shrunk_picture_tells_positions_in_its_own_pixels() {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn pictures_without_keypoints_are_no_error() {
+fn images_without_keypoints_are_no_error() {
     let models = networks();
     let blank = xfeat(&models, XFeatOptions::default())
         .extract(&[0.5; 35 * 21], 35, 21, None)
@@ -291,7 +292,7 @@ fn descriptors_of_another_kind_are_refused() {
 }
 
 #[test]
-fn a_network_that_is_not_installed_is_told() {
+fn missing_network_is_reported() {
     let scratch = tempfile::tempdir().unwrap();
     let error = XFeat::load(scratch.path(), XFeatOptions::default())
         .unwrap_err()

@@ -3,7 +3,8 @@ use glam::DVec2;
 use super::super::heat::{Heat, Sampled};
 use super::super::keypoints::Prepared;
 
-/// Logits of cells (columns · rows) whose softmax falls off like a bell around a position; nothing elsewhere.
+/// Returns logits of cells (columns · rows) whose softmax falls off like a Gaussian around a
+/// position; nothing elsewhere.
 fn logits(columns: usize, rows: usize, peak: DVec2) -> Vec<f32> {
     let mut logits = vec![0.0; 65 * columns * rows];
     for (channel, plane) in logits.chunks_exact_mut(columns * rows).enumerate() {
@@ -21,7 +22,7 @@ fn logits(columns: usize, rows: usize, peak: DVec2) -> Vec<f32> {
 }
 
 #[test]
-fn a_bell_is_found_once_and_between_pixels() {
+fn gaussian_peak_is_found_once_with_subpixel_position() {
     let peak = DVec2::new(12.7, 19.2);
     let heat = Heat::from_logits(&logits(3, 4, peak), 3, 4);
     let peaks = heat.peaks(24, 32, 0.05);
@@ -35,13 +36,13 @@ fn a_bell_is_found_once_and_between_pixels() {
 }
 
 #[test]
-fn of_equal_neighbours_the_first_is_the_peak() {
+fn first_of_equal_neighbours_is_the_peak() {
     let heat = Heat::from_logits(&logits(3, 4, DVec2::new(13.0, 20.0)), 3, 4);
     assert_eq!(heat.peaks(24, 32, 0.05), [(12, 19)]);
 }
 
 #[test]
-fn values_between_cells_follow_a_slope() {
+fn values_between_cells_are_interpolated() {
     let (columns, rows) = (4, 3);
     let plane =
         |weight: f32| (0..12).map(move |cell| weight * (cell % 4) as f32 + (cell / 4) as f32);
@@ -60,7 +61,7 @@ fn values_between_cells_follow_a_slope() {
 }
 
 #[test]
-fn a_picture_is_shrunk_and_its_edges_repeated() {
+fn image_is_shrunk_and_its_edges_repeated() {
     let slope: Vec<f32> = (0..100 * 50).map(|at| (at % 100) as f32 / 100.0).collect();
     let kept = Prepared::new(&slope, (100, 50), 100, 32);
     assert_eq!(

@@ -1,4 +1,4 @@
-//! SuperPoint and SuperGlue beside the reference's answers on the same weights.
+//! SuperPoint and SuperGlue compared with the reference's results on the same weights.
 
 use std::path::{Path, PathBuf};
 
@@ -19,27 +19,27 @@ struct Reference {
     glue: String,
     frames: Vec<FrameReference>,
     agreement: Place,
-    /// Per keypoint of the first picture its partner, or -1.
+    /// For each keypoint of the first image its partner, or -1.
     matches: Vec<i64>,
 }
 
 #[derive(Deserialize)]
 struct FrameReference {
     picture: String,
-    /// Positions count pixels from the middle of the first.
+    /// Positions are in pixels from the centre of the first pixel.
     keypoints: Place,
     scores: Place,
     descriptors: Place,
 }
 
-/// Where a tensor lies in `reference.bin`.
+/// Position of a tensor in `reference.bin`.
 #[derive(Deserialize)]
 struct Place {
     start: usize,
     shape: Vec<usize>,
 }
 
-/// A folder that `tests/parity/superglue.py` wrote, and its networks.
+/// A folder written by `tests/parity/superglue.py`, and its networks.
 struct Folder {
     path: PathBuf,
     reference: Reference,
@@ -106,7 +106,8 @@ impl Folder {
             .unwrap()
     }
 
-    /// The share of the reference's keypoints that are found, and the largest difference of scores and descriptors.
+    /// Returns the share of the reference's keypoints that are found, and the largest difference of
+    /// scores and descriptors.
     fn compare(&self, at: usize, found: &Features) -> (f64, f64) {
         let of = &self.reference.frames[at];
         let expected = self.tensor(&of.keypoints).chunks_exact(2);
@@ -144,7 +145,7 @@ impl Folder {
         (both.len() as f64 / count, largest)
     }
 
-    /// What the reference found, as features.
+    /// Returns the reference's results as features.
     fn expected(&self, at: usize) -> Features {
         let (of, image) = (&self.reference.frames[at], self.picture(at));
         let place = |at: &[f32]| DVec2::new(f64::from(at[0]), f64::from(at[1])) + 0.5;
@@ -173,7 +174,7 @@ impl Folder {
     }
 }
 
-/// Largest difference of two tensors in standard deviations of the first.
+/// Returns the largest difference of two tensors in standard deviations of the first.
 fn difference(expected: &[f32], found: &[f32]) -> f64 {
     assert_eq!(expected.len(), found.len());
     let count = expected.len() as f64;
@@ -195,20 +196,20 @@ fn tiny() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/parity/superglue-tiny")
 }
 
-/// The folder committed here, or the one that `OSTRA_PARITY_SUPERGLUE` names.
+/// Returns the committed folder, or the one that `OSTRA_PARITY_SUPERGLUE` names.
 fn folder() -> Folder {
     Folder::open(&std::env::var_os("OSTRA_PARITY_SUPERGLUE").map_or_else(tiny, PathBuf::from))
 }
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn keypoints_and_descriptors_are_those_of_the_reference() {
+fn keypoints_and_descriptors_equal_the_reference() {
     let folder = folder();
     for at in 0..2 {
         let found = folder.found(&folder.picture(at));
         let (share, largest) = folder.compare(at, &found);
         println!("picture {at}: {share:.4} of the keypoints, scores and descriptors {largest:.1e}");
-        // Of keypoints that are equally strong to the last bits another one may be the last.
+        // If keypoints are equally strong to the last bits, another one may be the last.
         assert!(
             share >= 0.995 && largest < TOLERANCE,
             "picture {at}: {share} {largest}"
@@ -218,7 +219,7 @@ fn keypoints_and_descriptors_are_those_of_the_reference() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn keypoints_have_the_partners_that_the_reference_gives_them() {
+fn keypoints_have_the_same_partners_as_in_the_reference() {
     let folder = folder();
     let both = [folder.expected(0), folder.expected(1)];
     let [first, second] = &both;
@@ -249,7 +250,7 @@ fn keypoints_have_the_partners_that_the_reference_gives_them() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn blue_for_red_and_half_a_pixel_are_noticed() {
+fn swapped_channels_and_half_pixel_shifts_are_detected() {
     let folder = Folder::open(&tiny());
     let right = folder.picture(0);
     let swapped = Image {
@@ -281,7 +282,7 @@ fn blue_for_red_and_half_a_pixel_are_noticed() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn a_picture_of_any_size_has_keypoints_within_it() {
+fn images_of_any_size_have_keypoints_within_them() {
     let folder = Folder::open(&tiny());
     let image = folder.picture(0);
     let (width, height) = (91usize, 77usize);

@@ -2,8 +2,8 @@ use super::super::heat::suppressed;
 use super::super::superglue::Transport;
 
 #[test]
-fn keypoints_go_to_who_agrees_and_the_rest_to_nobody() {
-    // Three of one picture, two of the other; the third agrees with none.
+fn keypoints_go_to_agreeing_ones_and_the_rest_stay_unmatched() {
+    // Three of one image, two of the other; the third agrees with none.
     let agreement = [9.0, 0.0, 1.0, 8.0, 0.5, 0.2];
     let transport = Transport::new(&agreement, 2, 4.0, 100);
     assert_eq!(transport.mutual(0.2), [(0, 0), (1, 1)]);
@@ -21,7 +21,7 @@ fn keypoints_go_to_who_agrees_and_the_rest_to_nobody() {
 }
 
 #[test]
-fn a_column_has_one_partner() {
+fn column_has_one_partner() {
     let transport = Transport::new(&[6.0, 0.0, 5.0, 0.0], 2, 1.0, 100);
     assert_eq!(
         transport
@@ -34,8 +34,9 @@ fn a_column_has_one_partner() {
 }
 
 #[test]
-fn what_only_a_suppressed_value_exceeds_returns() {
-    // Three heights, each within reach of the next: the middle one falls, so the last stands.
+fn value_exceeded_only_by_a_suppressed_one_returns() {
+    // Three heights, each within reach of the next: the middle one is suppressed, so the last
+    // stays.
     let mut values = vec![0.1; 30];
     (values[5], values[8], values[11]) = (0.9, 0.8, 0.7);
     let kept = suppressed(&values, 30, 4);

@@ -4,7 +4,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 use crate::sfm::Features;
 
-/// A picture with its true camera.
+/// An image with its true camera.
 pub struct View {
     pub grey: Vec<f32>,
     pub width: usize,
@@ -15,7 +15,7 @@ pub struct View {
 }
 
 impl View {
-    /// From the folder of the set `dtu_scan24`.
+    /// Reads a view from the folder of the set `dtu_scan24`.
     pub fn read(data: &Path, index: usize) -> Self {
         let text = std::fs::read_to_string(data.join("cameras.json")).unwrap();
         let cameras: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -27,7 +27,7 @@ impl View {
             }))
         };
         let mut intrinsics = matrix("K");
-        // The set's pixel centres lie at whole numbers.
+        // The set's pixel centres are at whole numbers.
         intrinsics.z_axis += DVec3::new(0.5, 0.5, 0.0);
         let shift = DVec3::from_array(std::array::from_fn(|row| {
             number(&frame["world_to_cam"][row][3])
@@ -50,7 +50,7 @@ impl View {
         }
     }
 
-    /// Distances of matches from the true epipolar geometry in pixels (Sampson), ascending.
+    /// Returns distances of matches from the true epipolar geometry in pixels (Sampson), ascending.
     pub fn errors(
         &self,
         other: &Self,

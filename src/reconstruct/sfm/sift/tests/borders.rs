@@ -5,7 +5,7 @@ use super::{painted, strewn};
 
 const BAR: usize = 40;
 
-/// A strewn picture with black bars left and right.
+/// Returns an image of random spots with black bars left and right.
 fn barred(width: usize, height: usize) -> Vec<f32> {
     let mut grey = painted(&strewn(300, width, height), width, height);
     for row in grey.chunks_exact_mut(width) {
@@ -16,7 +16,7 @@ fn barred(width: usize, height: usize) -> Vec<f32> {
 }
 
 #[test]
-fn no_feature_sees_a_black_bar() {
+fn features_stay_away_from_black_bars() {
     let (width, height) = (320, 200);
     let features = extract_sift(
         &barred(width, height),
@@ -54,7 +54,7 @@ fn bars_are_found_on_every_side() {
 }
 
 #[test]
-fn a_dark_background_is_no_bar() {
+fn dark_background_is_no_bar() {
     let (width, height) = (120, 100);
     let mut grey = vec![0.0; width * height];
     for y in 45..55 {

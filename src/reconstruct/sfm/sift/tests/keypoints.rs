@@ -35,7 +35,7 @@ fn assert_blob_found(
         error.length() < 0.02,
         "sigma {sigma_px} at {at_px}: off by {error}"
     );
-    // A difference of Gaussians is told by the finer of the two.
+    // A difference of Gaussians is attributed to the finer of the two.
     let scale_px = sigma_px * (-0.5 / options.scales as f32).exp2();
     assert!(
         (found.scale_px / scale_px - 1.0).abs() < 0.03,
@@ -45,7 +45,7 @@ fn assert_blob_found(
 }
 
 #[test]
-fn a_blob_is_found_where_it_is_in_every_octave() {
+fn blob_is_found_at_its_position_in_every_octave() {
     for sigma_px in [1.3, 2.6, 5.2, 10.4] {
         for at_px in [
             Vec2::new(101.37, 77.81),
@@ -58,14 +58,14 @@ fn a_blob_is_found_where_it_is_in_every_octave() {
 }
 
 #[test]
-fn a_blob_is_found_where_few_rows_are_held_at_a_time() {
+fn blob_is_found_when_few_rows_are_kept_at_a_time() {
     for y in [63.8, 127.4, 511.7, 640.3] {
         assert_blob_found(90, 760, Vec2::new(43.3, y), 2.6, &SiftOptions::default());
     }
 }
 
 #[test]
-fn a_shrunk_picture_tells_positions_in_its_own_pixels() {
+fn positions_in_shrunk_images_are_in_original_pixels() {
     let options = SiftOptions {
         max_side: 150,
         ..SiftOptions::default()
@@ -93,7 +93,7 @@ fn a_shrunk_picture_tells_positions_in_its_own_pixels() {
 }
 
 #[test]
-fn an_octave_is_left_out_where_asked() {
+fn first_octave_can_be_left_out() {
     let grey = painted(&strewn(200, 240, 200), 240, 200);
     let least_scale = |first_octave| {
         let options = SiftOptions {
@@ -112,7 +112,7 @@ fn an_octave_is_left_out_where_asked() {
 }
 
 #[test]
-fn features_lie_only_where_the_mask_allows() {
+fn features_lie_only_in_the_mask() {
     let grey = painted(&strewn(200, 240, 200), 240, 200);
     let mask: Vec<bool> = (0..240 * 200).map(|pixel| pixel % 240 >= 120).collect();
     let options = SiftOptions::default();
@@ -130,7 +130,7 @@ fn features_lie_only_where_the_mask_allows() {
 }
 
 #[test]
-fn the_strongest_features_stay() {
+fn strongest_features_are_kept() {
     let grey = painted(&strewn(300, 240, 200), 240, 200);
     let with = |max_features| {
         extract_sift(
@@ -152,7 +152,7 @@ fn the_strongest_features_stay() {
 }
 
 #[test]
-fn the_number_of_threads_changes_nothing() {
+fn features_do_not_depend_on_the_number_of_threads() {
     let grey = painted(&strewn(300, 240, 400), 240, 400);
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new()
@@ -176,7 +176,7 @@ fn the_number_of_threads_changes_nothing() {
 }
 
 #[test]
-fn nothing_is_found_in_nothing() {
+fn empty_images_have_no_features() {
     let options = SiftOptions::default();
     for (width, height) in [(0, 0), (1, 900), (15, 15), (16, 16), (64, 40)] {
         assert!(
@@ -193,7 +193,7 @@ fn nothing_is_found_in_nothing() {
 }
 
 #[test]
-fn any_number_of_scales_finds_the_blob() {
+fn blob_is_found_with_any_number_of_scales() {
     for scales in [1, 2, 5, 8] {
         let options = SiftOptions {
             scales,

@@ -2,7 +2,7 @@ use super::super::{SiftFeatures, SiftOptions, extract_sift};
 use super::{Blob, painted, strewn};
 use glam::Vec2;
 
-/// The same spots turned by `angle` and magnified about the picture's centre.
+/// Returns the same spots rotated by `angle` and magnified about the image's centre.
 fn turned(blobs: &[Blob], centre: Vec2, angle: f32, scale: f32) -> Vec<Blob> {
     let moved = |blob: &Blob| Blob {
         at_px: moved(blob.at_px, centre, angle, scale),
@@ -16,7 +16,7 @@ fn moved(at_px: Vec2, centre: Vec2, angle: f32, scale: f32) -> Vec2 {
     centre + scale * Vec2::from_angle(angle).rotate(at_px - centre)
 }
 
-/// Index of the feature with the nearest descriptor, where it is clearly nearer than the second.
+/// Returns the index of the feature with the nearest descriptor, if it is clearly nearer than the second.
 fn best(of: &[u8; 128], among: &SiftFeatures) -> Option<usize> {
     let apart = |other: &[u8; 128]| {
         of.iter()
@@ -35,7 +35,7 @@ fn best(of: &[u8; 128], among: &SiftFeatures) -> Option<usize> {
 }
 
 #[test]
-fn features_are_found_again_in_a_turned_and_magnified_picture() {
+fn features_match_in_a_rotated_and_magnified_image() {
     let (size, centre) = (400, Vec2::splat(200.0));
     let blobs = strewn(900, size, size);
     let options = SiftOptions::default();
@@ -77,7 +77,7 @@ fn features_are_found_again_in_a_turned_and_magnified_picture() {
 }
 
 #[test]
-fn a_descriptor_does_not_see_brightness_and_contrast() {
+fn descriptors_are_invariant_to_brightness_and_contrast() {
     let grey = painted(&strewn(200, 200, 200), 200, 200);
     let dimmed: Vec<f32> = grey.iter().map(|value| 0.1 + 0.5 * value).collect();
     let options = |peak_threshold| SiftOptions {

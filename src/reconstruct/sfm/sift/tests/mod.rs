@@ -1,4 +1,4 @@
-//! Tests of `scene/sfm/sift`.
+//! Tests of SIFT.
 
 mod borders;
 mod keypoints;
@@ -16,7 +16,7 @@ struct Blob {
     contrast: f32,
 }
 
-/// Spots of all sizes, strewn over a picture.
+/// Returns spots of all sizes, spread at random over an image.
 fn strewn(count: usize, width: usize, height: usize) -> Vec<Blob> {
     let mut random = Pcg64Mcg::seed_from_u64(7);
     let blob = |_| Blob {

@@ -3,7 +3,7 @@ use super::super::orientation::turn_of;
 use super::super::rows::Rows;
 use std::f32::consts::TAU;
 
-/// A plane that rises along x and y, as a picture of odd size.
+/// Returns a plane that rises along x and y, as an image of odd size.
 fn ramp(width: usize, height: usize) -> Rows {
     let grey: Vec<f32> = (0..width * height)
         .map(|k| 0.01 * (k % width) as f32 + 0.002 * (k / width) as f32)
@@ -12,7 +12,7 @@ fn ramp(width: usize, height: usize) -> Rows {
 }
 
 #[test]
-fn a_blur_keeps_a_plane() {
+fn blur_keeps_a_plane() {
     let source = ramp(301, 57);
     let mut out = Rows::new(301, 57, 57);
     blur(&source, &Kernel::gaussian(2.3), &mut out, 0, 57);
@@ -22,7 +22,7 @@ fn a_blur_keeps_a_plane() {
 }
 
 #[test]
-fn doubled_and_halved_samples_keep_their_place() {
+fn doubled_and_halved_samples_keep_their_position() {
     let source = ramp(201, 61);
     let mut doubled = Rows::new(402, 122, 122);
     double(&source, &Kernel::doubling(1.4), &mut doubled, 0, 122);
@@ -44,7 +44,7 @@ fn doubled_and_halved_samples_keep_their_place() {
 }
 
 #[test]
-fn directions_are_exact() {
+fn directions_are_accurate() {
     for k in 0..720 {
         let angle = (k as f32 + 0.25) / 720.0 * TAU;
         let turn = turn_of(3.0 * angle.cos(), 3.0 * angle.sin());

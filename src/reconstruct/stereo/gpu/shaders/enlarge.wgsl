@@ -1,9 +1,9 @@
-// The hypotheses of a coarser field at each of its pixels' four; nothing has a cost yet.
+// Copies the hypotheses of a coarser field to the four pixels of each of its pixels; costs are not known yet.
 
 struct Sizes {
     fine: vec2u,
     coarse: vec2u,
-    // What a plane costs that was not compared.
+    // Cost of a plane that was not compared.
     worst: f32,
 }
 

@@ -20,7 +20,7 @@ fn assert_same_search(card: &Engine, pictures: &[Arc<Picture>], what: &str) {
 
 #[test]
 #[ignore = "needs a GPU adapter: add --include-ignored"]
-fn sources_beyond_the_eighth_are_not_looked_at() {
+fn sources_beyond_the_eighth_are_not_used() {
     let card = card();
     assert_same_search(&card, &pictures(11, (72, 55)), "ten sources");
 }
@@ -52,7 +52,7 @@ fn sources_of_other_sizes_are_compared_where_they_reach() {
 
 #[test]
 #[ignore = "needs a GPU adapter: add --include-ignored"]
-fn a_stop_is_noticed() {
+fn stop_ends_the_search() {
     let card = card();
     let (progress, pictures) = (Progress::default(), pictures(2, (72, 55)));
     progress.stop();

@@ -1,4 +1,4 @@
-//! The graphics card's depths against the processor's.
+//! The graphics card's depths compared with the processor's.
 
 mod edges;
 mod real;
@@ -10,14 +10,16 @@ use super::Engine;
 use crate::stereo::patchmatch::Found;
 use ostra_compute::gpu::{Device, Software};
 
-/// A device with the programs.
+/// Returns a device with the programs.
 fn card() -> Engine {
     Engine::on(Device::open(Software::Allowed).unwrap().into()).unwrap()
 }
 
-/// Of the pixels that the processor found a plane for, this share, in hundredths, has the same depth within a thousandth.
-/// A real card may round otherwise; the processor itself, with products fused into sums, comes to the same depth for about
-/// 80 to 99 of 100 pixels, depending on texture.
+/// Returns the minimum share of pixels, in hundredths, that have the same depth within a thousandth.
+///
+/// It refers to the pixels for which the processor found a plane. A real card may round otherwise;
+/// the processor itself, with products fused into sums, comes to the same depth for about 80 to 99
+/// of 100 pixels, depending on texture.
 fn least_equal(card: &Engine) -> usize {
     match card {
         Engine::Gpu(kernels) if !kernels.device.is_software() => 70,

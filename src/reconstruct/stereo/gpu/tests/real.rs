@@ -8,10 +8,10 @@ use ostra_core::job::Progress;
 use ostra_frames::cameras::GivenCameras;
 use ostra_frames::{FrameFolder, FrameStore, OpenRequest, open};
 
-/// Longer side that the pictures are reduced to.
+/// Longer side that the images are reduced to.
 const SIDE: u32 = 260;
 
-/// The folder of a real set.
+/// Returns the folder of a real set.
 fn fountain() -> PathBuf {
     let named = std::env::var_os("OSTRA_DATA").map(PathBuf::from);
     let data =
@@ -21,7 +21,7 @@ fn fountain() -> PathBuf {
     set
 }
 
-/// Three neighbouring views.
+/// Reads three neighbouring views.
 fn pictures(set: &Path) -> Vec<Arc<Picture>> {
     let request = OpenRequest {
         sources: vec![FrameFolder::from(set.join("images"))],
@@ -46,7 +46,7 @@ fn pictures(set: &Path) -> Vec<Arc<Picture>> {
     frames[3..6].iter().map(picture).collect()
 }
 
-/// The first picture searched against the others.
+/// Returns the search of the first image against the others.
 fn task(pictures: &[Arc<Picture>]) -> Search<'_> {
     let (reference, sources) = (&pictures[0], &pictures[1..]);
     Search {
@@ -60,7 +60,7 @@ fn task(pictures: &[Arc<Picture>]) -> Search<'_> {
 
 #[test]
 #[ignore = "needs a GPU adapter and real data sets (OSTRA_DATA): add --include-ignored"]
-fn real_pictures_come_to_the_same() {
+fn real_images_give_the_same_depths_as_the_processor() {
     let card = card();
     let set = fountain();
     let pictures = pictures(&set);

@@ -1,9 +1,9 @@
 use crate::stereo::gpu::engine::GROUP;
 use crate::stereo::patchmatch::{MAX_SOURCES, constants};
 
-/// Sizes of arrays and groups cannot be handed to a program; they are stated in it again.
+/// Sizes of arrays and groups cannot be passed to a program; they are defined in it again.
 #[test]
-fn sizes_are_those_of_the_processor() {
+fn sizes_equal_those_of_the_processor() {
     let program = include_str!("../shaders/patchmatch/data.wgsl");
     let sizes = [
         ("MAX_SOURCES", MAX_SOURCES),

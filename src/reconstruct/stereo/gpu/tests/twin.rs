@@ -10,7 +10,7 @@ const SIZE: (u32, u32) = (141, 101);
 
 #[test]
 #[ignore = "needs a GPU adapter: add --include-ignored"]
-fn a_search_finds_what_the_processor_finds() {
+fn search_equals_the_processor() {
     let card = card();
     let pictures = pictures(4, SIZE);
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
@@ -26,7 +26,7 @@ fn a_search_finds_what_the_processor_finds() {
 
 #[test]
 #[ignore = "needs a GPU adapter: add --include-ignored"]
-fn searches_at_once_find_what_they_find_alone() {
+fn parallel_searches_equal_single_ones() {
     let card = card();
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
     let tasks =
@@ -57,7 +57,7 @@ fn searches_at_once_find_what_they_find_alone() {
 
 #[test]
 #[ignore = "needs a GPU adapter: add --include-ignored"]
-fn a_masked_search_finds_what_the_processor_finds() {
+fn masked_search_equals_the_processor() {
     let card = card();
     let pictures = pictures(3, SIZE);
     let (options, progress) = (
@@ -88,7 +88,7 @@ fn a_masked_search_finds_what_the_processor_finds() {
 
 #[test]
 #[ignore = "needs a GPU adapter: add --include-ignored"]
-fn consistent_rounds_find_what_the_processor_finds() {
+fn consistent_rounds_equal_the_processor() {
     let card = card();
     let pictures = pictures(4, SIZE);
     let (options, progress) = (PatchMatchOptions::default(), Progress::default());
@@ -128,10 +128,10 @@ fn consistent_rounds_find_what_the_processor_finds() {
     }
 }
 
-/// Where there is no texture, both are pulled to the same surface around.
+/// Where there is no texture, both are pulled to the same surrounding surface.
 #[test]
 #[ignore = "needs a GPU adapter: add --include-ignored"]
-fn flat_parts_find_what_the_processor_finds() {
+fn flat_parts_equal_the_processor() {
     let card = card();
     let pictures: Vec<_> = (0..3)
         .map(|index| partly_flat(index, SIZE, |x| (x.x - 0.75).abs() < 0.2 && x.y.abs() < 0.4))

@@ -7,18 +7,18 @@ use crate::stereo::patchmatch::{Found, PatchMatchOptions, Picture, Search, Tones
 use ostra_core::job::Progress;
 use ostra_geometry::{Camera, Pose};
 
-/// Depths that are searched.
+/// Range of depths that is searched.
 pub const RANGE: [f64; 2] = [1.2, 6.0];
 
 /// The coarsest level's longer side.
 const COARSEST_PX: u32 = 40;
 
-/// A slanted textured wall with a board before it, from one of several places; any size.
+/// Returns a slanted textured wall with a board in front of it, from one of several positions; any size.
 pub fn picture(index: usize, size: (u32, u32)) -> Arc<Picture> {
     partly_flat(index, size, |_| false)
 }
 
-/// The same without texture in some places.
+/// Returns the same without texture in some places.
 pub fn partly_flat(
     index: usize,
     (width, height): (u32, u32),
@@ -51,7 +51,7 @@ pub fn partly_flat(
     Arc::new(Picture::new(tones, camera, pose, COARSEST_PX))
 }
 
-/// Grey and chroma.
+/// Returns grey and chroma.
 fn paint(
     camera: &Camera,
     pose: &Pose,
@@ -86,12 +86,12 @@ fn paint(
     )
 }
 
-/// Pictures of one size.
+/// Returns images of one size.
 pub fn pictures(count: usize, size: (u32, u32)) -> Vec<Arc<Picture>> {
     (0..count).map(|index| picture(index, size)).collect()
 }
 
-/// The first picture searched against the others.
+/// Returns the search of the first image against the others.
 pub fn task<'a>(pictures: &'a [Arc<Picture>], allowed: Option<&'a [bool]>) -> Search<'a> {
     let (reference, sources) = (&pictures[0], &pictures[1..]);
     Search {
@@ -103,7 +103,7 @@ pub fn task<'a>(pictures: &'a [Arc<Picture>], allowed: Option<&'a [bool]>) -> Se
     }
 }
 
-/// What the processor finds in each picture against the others.
+/// Returns the processor's result for each image against the others.
 pub fn found(pictures: &[Arc<Picture>]) -> Vec<Arc<Found>> {
     let one = |index: usize| {
         let mut order = pictures.to_vec();

@@ -1,4 +1,4 @@
-// Changes.
+// Changes of hypotheses.
 
 fn changed(plane: vec3f, dice: ptr<function, Dice>, depth: f32, slope: f32) -> vec3f {
     var other = plane;
@@ -8,7 +8,7 @@ fn changed(plane: vec3f, dice: ptr<function, Dice>, depth: f32, slope: f32) -> v
     return other;
 }
 
-// The hypothesis of a pixel of the other colour at about an offset; its `w` is 0 outside the picture.
+// Returns the hypothesis of a pixel of the other colour at about an offset; its `w` is 0 outside the image.
 fn far_off(dice: ptr<function, Dice>) -> vec4f {
     var dx = i32(level.constants.far * signed(dice));
     let dy = i32(level.constants.far * signed(dice));
@@ -31,7 +31,7 @@ fn vertex(before: f32, middle: f32, after: f32) -> f32 {
     return select(1.0, -1.0, before < after);
 }
 
-// A plane moved by steps along the inverse depth, or along the slope that this visit looks at.
+// Returns a plane moved by steps along the inverse depth, or along the slope that this visit changes.
 fn stepped(plane: vec3f, along_slope: bool, steps: f32) -> vec3f {
     if !along_slope {
         return vec3f(plane.x + steps * turn.by_depth, plane.yz);
@@ -42,8 +42,8 @@ fn stepped(plane: vec3f, along_slope: bool, steps: f32) -> vec3f {
     return vec3f(plane.xy, plane.z + steps * turn.by_slope);
 }
 
-// Draws from the whole range and from far off, random changes, then two parabolas: one after the other through one
-// comparison, which keeps the program short. `best` holds the hypothesis and its cost.
+// Tries samples of the whole range and of distant pixels, random changes, then two parabolas. All go through one
+// comparison, one after the other, which keeps the program short. `best` holds the hypothesis and its cost.
 fn contest(start: vec4f, views: ptr<function, Views>) -> vec4f {
     var best = start;
     let place = u32(pixel.y) * level.size.x + u32(pixel.x);

@@ -4,7 +4,7 @@ fn alike(grey: u32) -> f32 {
     return level.alike[grey >> 2u][grey & 3u];
 }
 
-// Weight by difference of chroma.
+// Returns the weight by difference of chroma.
 fn alike_chroma(chroma: u32, own: u32) -> f32 {
     let a = absolute(chroma & 0xFFu, own & 0xFFu);
     let b = absolute(chroma >> 8u, own >> 8u);
@@ -15,7 +15,7 @@ fn absolute(a: u32, b: u32) -> u32 {
     return max(a, b) - min(a, b);
 }
 
-// The chroma of a pixel, counted as texels are after those of the picture.
+// Returns the chroma at an index: the pixels of the image come first, then the texels of the sources.
 fn chroma_of(at: u32) -> vec2f {
     return vec2f(f32(chromas[at] & 0xFFu), f32(chromas[at] >> 8u));
 }
@@ -24,7 +24,7 @@ fn sum_on(before: f32, v: vec4f) -> f32 {
     return (((before + v.x) + v.y) + v.z) + v.w;
 }
 
-// The bilateral weights of a patch, and its variance.
+// Computes the bilateral weights of a patch, and its variance.
 fn make_patch() {
     let last = vec2f(level.size) - 1.0;
     let here = u32(pixel.y) * level.size.x + u32(pixel.x);
@@ -68,7 +68,7 @@ fn make_patch() {
     }
 }
 
-// Homogeneous position of the pixel at inverse depth `w` in a source.
+// Returns the homogeneous position of the pixel at inverse depth `w` in a source.
 fn seen(source: u32, w: f32) -> vec3f {
     let m0 = level.sources[source].matrix[0].xyz;
     let m1 = level.sources[source].matrix[1].xyz;
@@ -80,7 +80,7 @@ fn byte(quads: vec4u, place: u32) -> vec4f {
     return vec4f((quads >> vec4u(place)) & vec4u(0xFFu));
 }
 
-// Bilinear samples of a source at positions within it.
+// Returns bilinear samples of a source at positions within it.
 fn sample(source: u32, x: vec4f, y: vec4f) -> vec4f {
     let below_x = round(x - 0.5);
     let below_y = round(y - 0.5);
@@ -96,7 +96,7 @@ fn sample(source: u32, x: vec4f, y: vec4f) -> vec4f {
     return share_y * (below - above) + above;
 }
 
-// How far the chroma of a source is off at a position within it.
+// Returns the difference of chroma of a source at a position within it.
 fn chroma_off(source: u32, u: f32, v: f32) -> f32 {
     let size = level.sources[source].size;
     let low = min(vec2u(vec2f(u, v)), size - 1u);
@@ -113,19 +113,19 @@ fn chroma_off(source: u32, u: f32, v: f32) -> f32 {
     return off.x + off.y;
 }
 
-// Eight sums side by side, as the processor's vectors hold them.
+// Eight parallel sums, as in the processor's vectors.
 fn reduced(low: vec4f, high: vec4f) -> f32 {
     let four = low + high;
     let two = four.xy + four.zw;
     return two.x + two.y;
 }
 
-// Whether there is nothing to be compared.
+// Returns whether there is nothing to compare.
 fn is_empty() -> bool {
     return variance < level.min_variance && flatness <= 0.0;
 }
 
-// Cost of how far a hypothesis lies off the pixel's hint, where its patch is flat.
+// Returns the cost of a hypothesis' difference from the pixel's hint, if its patch is flat.
 fn pulled(plane: vec3f) -> f32 {
     let most = flatness * level.pull;
     if most <= 0.0 {
@@ -135,7 +135,8 @@ fn pulled(plane: vec3f) -> f32 {
     return min(most * off, most);
 }
 
-// `1 - NCC`, or flatness for a flat patch, and what chroma being off costs; `worst` where the centre is not seen.
+// Returns `1 - NCC`, or flatness for a flat patch, plus the cost of the chroma difference; `worst` if the centre is
+// not seen.
 fn photometric(source: u32, plane: vec3f) -> f32 {
     let offset = level.sources[source].offset.xyz;
     let at = seen(source, plane.x);
@@ -180,7 +181,8 @@ fn photometric(source: u32, plane: vec3f) -> f32 {
     return min(min(unlike, flat_cost + (1.0 - flatness) * c.worst), c.worst);
 }
 
-// Pixels between the pixel and where the source's own depth, at the place where the source sees the pixel, is seen.
+// Returns the distance in pixels between the pixel and its projection to the source and back, by the source's own
+// depth.
 fn forward_backward(source: u32, plane: vec3f) -> f32 {
     let there = seen(source, plane.x);
     let forth = 1.0 / there.z;

@@ -1,19 +1,20 @@
-// The twin of `scene/stereo/patchmatch` on a graphics card: the same hypotheses in the same order, the same random
-// numbers, sums in the same order, ties broken alike. One thread works on one pixel of one colour of the checkerboard.
+// The counterpart of `stereo/patchmatch` on a graphics card: the same hypotheses in the same order, the same random
+// numbers, sums in the same order, ties broken the same way. One thread works on one pixel of one colour of the
+// checkerboard.
 //
-// WGSL lets compilers reorder sums and fuse products into them. Sums of both begin with what is no product, here and on
-// the processor: compilers bring others into that order, and leave these. Where a card fuses, depths differ by rounding,
-// which lets some pixels without texture end elsewhere.
+// WGSL lets compilers reorder sums and fuse products into them. Here and on the processor, mixed sums begin with a term
+// that is not a product: compilers bring others into that order, and leave these. If a card fuses, depths differ by
+// rounding, so that some pixels without texture get another result.
 
 const MAX_SOURCES: u32 = 8u;
 // Hypotheses compared when views are chosen.
 const COMPARED: u32 = 10u;
 // Vectors of four taps.
 const QUARTERS: u32 = 6u;
-// Stands for infinity, which WGSL does not promise.
+// Stands for infinity, which WGSL does not guarantee.
 const NEVER: f32 = 1e30;
 
-// A source view: the way there and back (columns of a matrix, offset), columns and rows, where its texels begin.
+// A source view: the transfer there and back (columns of a matrix, offset), columns and rows, its first texel.
 struct Source {
     matrix: array<vec4f, 3>,
     offset: vec4f,
@@ -24,7 +25,7 @@ struct Source {
     has_found: u32,
 }
 
-// What the processor's parts call by the same names in capitals.
+// Constants of the processor's modules, which have the same names in capitals.
 struct Constants {
     worst: f32,
     bad: f32,
@@ -60,7 +61,7 @@ struct Level {
     min_variance: f32,
     geometric_weight: f32,
     max_geometric_px: f32,
-    // Change of inverse depth below which hypotheses are alike.
+    // Change of inverse depth below which hypotheses count as the same.
     near_depth: f32,
     seed: u32,
     has_guides: u32,
@@ -77,7 +78,7 @@ struct Turn {
     visit: u32,
     draws: u32,
     good: f32,
-    // Reach of random changes of inverse depth, and of slope as a share.
+    // Maximum random change of inverse depth, and of slope as a share.
     depth: f32,
     slope: f32,
     // Steps of the parabola in inverse depth and in slope.
@@ -88,23 +89,23 @@ struct Turn {
 // A hypothesis: inverse depth, and its change per pixel to the right and down; then, in fields, its cost.
 @group(0) @binding(0) var<uniform> level: Level;
 @group(0) @binding(1) var<uniform> turn: Turn;
-// Four neighbouring greys an element.
+// Four neighbouring greys per element.
 @group(0) @binding(2) var<storage, read> picture: array<u32>;
 // The same of all sources, one after the other.
 @group(0) @binding(3) var<storage, read> texels: array<u32>;
-// For each pixel a hypothesis from elsewhere (none = inverse depth 0), and whether the pixel is worked on (1), and its
-// surface known from around (2).
+// For each pixel a hypothesis from elsewhere (none = inverse depth 0), and flags for being processed (1), and for a
+// surface known from the surroundings (2).
 @group(0) @binding(4) var<storage, read> guides: array<vec4f>;
-// What an earlier round found in the sources, where their texels lie.
+// Planes that an earlier round found in the sources, at the indices of their texels.
 @group(0) @binding(5) var<storage, read> found_depth: array<f32>;
 @group(0) @binding(6) var<storage, read> found_right: array<f32>;
 @group(0) @binding(7) var<storage, read> found_down: array<f32>;
-// Two bytes of chroma a pixel: the picture's, then the sources', where their texels lie.
+// Two bytes of chroma per pixel: the image's, then the sources', at the indices of their texels.
 @group(0) @binding(8) var<storage, read> chromas: array<u32>;
 // Red pixels, then black ones.
 @group(0) @binding(9) var<storage, read_write> field: array<vec4f>;
 
-// The pixel, and its surroundings in the reference picture.
+// The pixel, and its surroundings in the reference image.
 var<private> pixel: vec2f;
 var<private> weights: array<vec4f, QUARTERS>;
 var<private> weighted: array<vec4f, QUARTERS>;

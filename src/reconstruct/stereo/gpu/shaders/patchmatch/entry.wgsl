@@ -1,6 +1,6 @@
 // Entry points.
 
-// Where a thread's pixel lies in the field; sets the pixel and its patch. -1 where there is nothing to do.
+// Returns the index of a thread's pixel in the field, or -1 if there is nothing to do; sets the pixel and its patch.
 fn begin(id: vec3u) -> i32 {
     let row = turn.first_row + id.y;
     let column = 2u * id.x + ((row + turn.color) & 1u);
@@ -15,7 +15,7 @@ fn begin(id: vec3u) -> i32 {
     return i32((turn.color * level.size.y + row) * half_width() + id.x);
 }
 
-// Gives a pixel's own hypothesis its cost over the two sources that like it most.
+// Computes the cost of a pixel's own hypothesis over its two best sources.
 @compute @workgroup_size(8, 8)
 fn score(@builtin(global_invocation_id) id: vec3u) {
     let place = begin(id);
@@ -34,7 +34,7 @@ fn score(@builtin(global_invocation_id) id: vec3u) {
     field[place] = vec4f(plane, min(seen + pulled(plane), level.constants.worst));
 }
 
-// The best hypothesis of a pixel's own, those of the other colour around it, and changed ones.
+// Finds the best hypothesis for a pixel: its own, those of the other colour around it, and changed ones.
 @compute @workgroup_size(8, 8)
 fn sweep(@builtin(global_invocation_id) id: vec3u) {
     let place = begin(id);

@@ -1,10 +1,10 @@
-// Which hypotheses are compared.
+// Choice of the hypotheses that are compared.
 
 fn half_width() -> u32 {
     return (level.size.x + 1u) / 2u;
 }
 
-// The hypothesis and cost of a pixel of a colour.
+// Returns the hypothesis and cost of a pixel of a colour.
 fn field_at(color: u32, column: u32, row: u32) -> vec4f {
     return field[(color * level.size.y + row) * half_width() + column / 2u];
 }
@@ -13,7 +13,7 @@ fn is_within(column: i32, row: i32) -> bool {
     return column >= 0 && row >= 0 && column < i32(level.size.x) && row < i32(level.size.y);
 }
 
-// Offset of a pixel of a region: four V-shaped near ones, four far strips.
+// Returns the offset of a pixel of a region: four V-shaped near ones, four far strips.
 fn region_offset(region: u32, place: u32) -> vec2i {
     var offset = vec2i(0, 3 + 2 * i32(place));
     if region < 4u {
@@ -28,7 +28,8 @@ fn region_offset(region: u32, place: u32) -> vec2i {
     }
 }
 
-// The hypothesis of the pixel of least cost in a region, told at the pixel itself; its `w` is 0 where there is none.
+// Returns the hypothesis of the pixel of least cost in a region, moved to the pixel itself; its `w` is 0 if there is
+// none.
 fn best_of_region(region: u32) -> vec4f {
     let other = 1u - turn.color;
     let count = select(11u, 7u, region < 4u);

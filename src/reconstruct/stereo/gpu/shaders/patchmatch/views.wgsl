@@ -1,4 +1,4 @@
-// Which sources count.
+// Choice of the sources that count.
 
 struct Views {
     weights: array<f32, MAX_SOURCES>,
@@ -12,7 +12,7 @@ fn likelihood(cost: f32) -> f32 {
     return 1.0 / (y * y * y * y);
 }
 
-// How much a source counts, and the least cost of any hypothesis in it.
+// Weight of a source, and the lowest cost of any hypothesis in it.
 fn judged(source: u32, gathered: ptr<function, Gathered>, costs: ptr<function, array<f32, MAX_SOURCES * COMPARED>>) -> vec2f {
     var goods = 0u;
     var bads = 0u;
@@ -79,7 +79,7 @@ fn rank(views: ptr<function, Views>) {
     }
 }
 
-// The cost over the views that count; the sum so far where that reaches a limit.
+// Returns the cost over the views that count, or the sum so far if that reaches a limit.
 fn cost_of(plane: vec3f, views: ptr<function, Views>, limit: f32) -> f32 {
     if !is_possible(plane) {
         return NEVER;
