@@ -46,7 +46,7 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
     let Some(command) = cli.command else {
         return ostra_app::run(cli.path);
     };
-    stop::watch(if only_reads(&command) {
+    stop::watch(if saves_nothing(&command) {
         Duration::ZERO
     } else {
         stop::TIME_TO_SAVE
@@ -91,11 +91,12 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
     }
 }
 
-/// Whether a command never changes a project.
-fn only_reads(command: &Subcommand) -> bool {
+/// Whether a command has nothing to save when it is stopped. An export has: it takes back the note of the files that it has
+/// not finished, which the next export would report as left by an interrupted one.
+fn saves_nothing(command: &Subcommand) -> bool {
     matches!(
         command,
-        Subcommand::Export(_) | Subcommand::Shot(_) | Subcommand::Info(_) | Subcommand::Eval(_)
+        Subcommand::Shot(_) | Subcommand::Info(_) | Subcommand::Eval(_)
     )
 }
 

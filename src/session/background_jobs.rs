@@ -1,4 +1,4 @@
-use crate::jobs::JobTitle;
+use crate::job_task::JobTitle;
 use std::path::Path;
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-use crate::jobs::JobTask;
+use crate::job_task::JobTask;
 use std::path::PathBuf;
 use std::time::Duration;
 

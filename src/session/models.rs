@@ -1,4 +1,4 @@
-use crate::jobs::{JobTask, JobTitle};
+use crate::job_task::{JobTask, JobTitle};
 use std::path::PathBuf;
 
 use anyhow::{Result, ensure};

@@ -2,7 +2,8 @@ use std::cell::{Cell, RefCell};
 use std::sync::Arc;
 
 use crate::Event;
-use crate::jobs::{JobKind, JobTask, Jobs};
+use crate::job_task::JobTask;
+use crate::jobs::{JobKind, Jobs};
 use ostra_core::job::JobId;
 
 /// What a background value depends on. The value is made again whenever its key changes.

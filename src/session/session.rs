@@ -3,7 +3,8 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 
-use crate::jobs::{Completion, Job, JobContext, JobKind, JobTitle, Jobs};
+use crate::job_task::JobTitle;
+use crate::jobs::{Completion, Job, JobContext, JobKind, Jobs};
 use crate::live_preview::LivePreview;
 use crate::live_revote::LiveRevote;
 use crate::prepared::Prompting;

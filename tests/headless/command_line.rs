@@ -444,7 +444,7 @@ fn a_robot_user_counts_the_clicks_that_tracking_saves() {
     assert!(done(&play).contains(&format!("clicks to mean IoU 0.90 {clicks:>8}")));
     assert!(
         done(&[&play[..], &["--jitter", "1.5", "--seed", "7"]].concat())
-            .contains("that the first tracking failed")
+            .contains("on which the first tracking failed")
     );
     assert_eq!(
         ostra(&[&play[..], &["--jitter", "far"]].concat())

@@ -932,8 +932,7 @@ fn sources_of_an_older_project_are_found_next_to_it_but_no_others_are_taken() {
     let project = other.join("project").to_str().unwrap().to_owned();
     let (_, warnings) = warned(&["info", &project]);
     assert!(
-        warnings.contains("source files of the frames are missing")
-            && warnings.contains("ostra relocate"),
+        warnings.contains("source files are missing") && warnings.contains("ostra relocate"),
         "{warnings}"
     );
     let error = refused(&["fuse", &project, "--voxel", "0.03"]);
@@ -1012,7 +1011,7 @@ fn a_step_that_was_made_is_not_reported_as_failed() {
     assert!(
         out.status.success()
             && text.contains("warning")
-            && text.contains("safe in the project's journal"),
+            && text.contains("are in the project's journal"),
         "{text}"
     );
     assert!(done(&["info", &copy.project]).contains("full"));

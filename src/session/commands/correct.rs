@@ -1,4 +1,4 @@
-use crate::jobs::JobTitle;
+use crate::job_task::JobTitle;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;

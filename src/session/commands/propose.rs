@@ -1,4 +1,4 @@
-use crate::jobs::JobTask;
+use crate::job_task::JobTask;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};

@@ -1,4 +1,4 @@
-use crate::jobs::JobTitle;
+use crate::job_task::JobTitle;
 use std::collections::BTreeSet;
 
 use anyhow::{Result, ensure};

@@ -1,4 +1,4 @@
-use crate::jobs::JobTask;
+use crate::job_task::JobTask;
 use ostra_project::ResultEngine;
 use std::sync::Arc;
 

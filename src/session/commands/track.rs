@@ -1,4 +1,4 @@
-use crate::jobs::JobTask;
+use crate::job_task::JobTask;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};

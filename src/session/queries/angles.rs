@@ -1,4 +1,4 @@
-use crate::jobs::JobTask;
+use crate::job_task::JobTask;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::traits::MeasuredCloud;

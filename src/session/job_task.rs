@@ -1,0 +1,69 @@
+//! What a running job is called, and how panels find it.
+
+/// Work that panels look for while it runs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum JobTask {
+    /// Propagating masks.
+    Track,
+    /// Computing cameras and depth maps.
+    Reconstruct,
+    /// Fusing depth maps and labelling the points.
+    Fuse,
+    /// Finding objects by text.
+    FindByText,
+    /// Finding unlabelled objects.
+    Suggest,
+    /// Proposing the objects of a frame.
+    Propose,
+    /// Measuring the traits of all labels.
+    MeasureTraits,
+    /// Measuring the angle between labels.
+    MeasureAngles,
+    /// Installing, adding or checking the network of this name.
+    Network(String),
+}
+
+impl JobTask {
+    /// Returns the title of the job, for people.
+    #[must_use]
+    pub fn title(&self) -> &str {
+        match self {
+            Self::Track => "Track",
+            Self::Reconstruct => "Reconstruct",
+            Self::Fuse => "Fuse",
+            Self::FindByText => "Find by text",
+            Self::Suggest => "Suggest",
+            Self::Propose => "Propose",
+            Self::MeasureTraits => "Measure",
+            Self::MeasureAngles => "Measure angles",
+            Self::Network(name) => name,
+        }
+    }
+}
+
+/// What a job is called, and the task that panels find it by.
+#[derive(Debug, Clone)]
+pub struct JobTitle {
+    /// For people.
+    pub text: String,
+    /// `None` for work that nothing looks for.
+    pub task: Option<JobTask>,
+}
+
+impl From<&str> for JobTitle {
+    fn from(text: &str) -> Self {
+        Self {
+            text: text.to_owned(),
+            task: None,
+        }
+    }
+}
+
+impl From<JobTask> for JobTitle {
+    fn from(task: JobTask) -> Self {
+        Self {
+            text: task.title().to_owned(),
+            task: Some(task),
+        }
+    }
+}
