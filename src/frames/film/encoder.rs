@@ -9,19 +9,19 @@ use ostra_core::disk::{Unfinished, WorkFolder};
 use ostra_core::job::Progress;
 use ostra_core::programs::ChildProcess;
 
-/// What a film is made of.
+/// What a video is made of.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FilmOptions {
-    /// Columns and rows of every picture, above 0.
+    /// Columns and rows of every image, above 0.
     pub size: (u32, u32),
-    /// Number of pictures.
+    /// Number of images.
     pub count: usize,
-    /// Pictures a second, above 0.
+    /// Images a second, above 0.
     pub fps: f64,
 }
 
-/// Makes a film with the system's ffmpeg; `draw` gives each picture by its number. The ending of `path` says what kind of
-/// film (mp4, mkv, webm …). Written to a temporary name first, which goes away when the work is stopped or fails.
+/// Makes a video with the system's ffmpeg; `draw` gives each image by its number. The ending of `path` says what kind of
+/// video (mp4, mkv, webm …). Written to a temporary name first, which goes away when the work is stopped or fails.
 ///
 /// # Errors
 /// [`FrameError::Invalid`] where ffmpeg is missing or refuses, [`FrameError::Stopped`].
@@ -68,7 +68,7 @@ fn encode(
     ffmpeg.finish(path)
 }
 
-/// Refuses a film that does not hold all pictures: ffmpeg may end well although the disk was full.
+/// Refuses a video that does not hold all images: ffmpeg may end well although the disk was full.
 fn check_whole(path: &Path, part: &Path, count: usize) -> Result<(), FrameError> {
     let programs = Programs::default();
     let mut probe = command(

@@ -16,7 +16,7 @@ use crate::names::without_ending;
 use crate::{FrameError, PictureSource};
 use ostra_core::job::Progress;
 
-/// The pictures of one source, in order.
+/// The images of one source, in order.
 #[derive(Debug)]
 pub(super) struct Source {
     /// The path whose last parts go before names when there are several sources.
@@ -118,7 +118,7 @@ impl Listing<'_> {
         Ok(found.pictures)
     }
 
-    /// Gives pictures the depth the user named; that none fits is an error.
+    /// Gives images the depth the user named; that none fits is an error.
     fn paired(
         &mut self,
         items: Vec<Item>,
@@ -156,7 +156,7 @@ fn film_items(film: &Path, probed: &Probed) -> Vec<Item> {
     (0..).zip(&probed.times_s).map(item).collect()
 }
 
-/// What names of a source's frames begin with: for a film its name without the ending.
+/// What names of a source's frames begin with: for a video its name without the ending.
 pub(super) fn stem(source: &Source) -> PathBuf {
     match (source.kind, source.place.to_str()) {
         (Kind::Film, Some(place)) => without_ending(place).into(),
@@ -204,13 +204,13 @@ fn one_file(path: &Path) -> Listed {
     }
 }
 
-/// Names of folders that hold the colour pictures of an RGB-D recording, the likeliest first.
+/// Names of folders that hold the colour images of an RGB-D recording, the likeliest first.
 const COLOR_FOLDERS: [&str; 5] = ["color", "colour", "rgb", "image", "images"];
 
-/// Names of folders that hold its depth pictures.
+/// Names of folders that hold its depth images.
 const DEPTH_FOLDERS: [&str; 2] = ["depth", "depths"];
 
-/// One RGB-D recording among the listed pictures: a folder with a folder of colour and one of depth, or the rest,
+/// One RGB-D recording among the listed images: a folder with a folder of colour and one of depth, or the rest,
 /// told apart by file names.
 #[derive(Debug, Default)]
 struct Recording {
@@ -221,7 +221,7 @@ struct Recording {
 }
 
 /// Finds the RGB-D recordings in a folder given without depth (`color/` beside `depth/`, or `*.color.png` beside
-/// `*.depth.png`), so that depth is never taken for pictures, and says so in a warning.
+/// `*.depth.png`), so that depth is never taken for images, and says so in a warning.
 fn recognise(
     place: &Path,
     listed: Vec<Listed>,
@@ -235,7 +235,7 @@ fn recognise(
     Ok(items)
 }
 
-/// Tells colour from depth by the words in file names; depth is what says so and has a colour picture beside it.
+/// Tells colour from depth by the words in file names; depth is what says so and has a colour image beside it.
 fn split_by_name(listed: Vec<Listed>) -> (Vec<Listed>, Vec<Listed>) {
     let (depths, pictures): (Vec<_>, Vec<_>) =
         listed.into_iter().partition(|file| says_depth(&file.name));
@@ -249,7 +249,7 @@ fn split_by_name(listed: Vec<Listed>) -> (Vec<Listed>, Vec<Listed>) {
     (all, Vec::new())
 }
 
-/// The pictures that belong to a depth folder among them: those of the folder of colour beside it, if there is one.
+/// The images that belong to a depth folder among them: those of the folder of colour beside it, if there is one.
 fn beside_depth(mut pictures: Vec<Listed>, depth: &Path) -> Vec<Listed> {
     pictures.retain(|picture| !picture.path.starts_with(depth));
     let beside = COLOR_FOLDERS.iter().map(|name| depth.with_file_name(name));
