@@ -1,8 +1,8 @@
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
-/// Loads things by key on worker threads; the latest list of wishes replaces the one before, so that what nobody
-/// looks at any more is never loaded.
+/// Loads things by key on worker threads; the latest list of requests replaces the one before, so that keys
+/// no longer requested are never loaded.
 pub struct Loader<K, V> {
     wishes: Arc<Wishes<K>>,
     done: Mutex<Receiver<(K, V)>>,
@@ -52,7 +52,7 @@ impl<K: Clone + PartialEq + Send + 'static, V: Send + 'static> Loader<K, V> {
         }
     }
 
-    /// Replaces the list of wishes, first wish first. What is being loaded now goes on and is not begun twice.
+    /// Replaces the list of requests, most urgent first. Loads already running continue and are not started twice.
     pub fn want(&self, keys: Vec<K>) {
         let mut state = self.wishes.lock();
         state.wanted = keys

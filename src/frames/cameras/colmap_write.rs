@@ -276,7 +276,7 @@ impl<'a> ModelOut<'a> {
     /// All frames that have intrinsics and a pose; equal cameras once.
     ///
     /// # Errors
-    /// The name of a frame whose image is mirrored, and why that is none.
+    /// Name of a frame whose image is mirrored, and why it cannot be written.
     pub fn new(
         frames: &'a [Frame],
         sparse: &'a SparsePoints,

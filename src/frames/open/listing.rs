@@ -311,7 +311,7 @@ impl Item {
         }
     }
 
-    /// What tells this image from all others: its file, and which one of the video.
+    /// Identity of this image: its file, and its index in the video.
     pub fn identity(&self) -> (PathBuf, u64) {
         match &self.origin {
             Origin::File(path) => (path.clone(), 0),

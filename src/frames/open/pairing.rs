@@ -59,7 +59,7 @@ impl Pairs {
     }
 }
 
-/// Adds pairs by name: first by the path without its ending, then without the words that tell colour from depth,
+/// Adds pairs by name: first by the path without its ending, then without the words that distinguish colour from depth,
 /// then by the number in the file name.
 fn pair_by_name(pairs: &mut Pairs, pictures: &[&str], depths: &[&str]) {
     pairs.join_by_key(pictures, depths, |name| Some(without_ending(name).into()));
@@ -122,7 +122,7 @@ fn words_of(name: &str) -> impl Iterator<Item = &str> {
     file_of(name).split(['.', '_', '-'])
 }
 
-/// The name without the words that tell colour from depth, e.g. `frame-7.color` → `frame-7`.
+/// The name without the words that distinguish colour from depth, e.g. `frame-7.color` → `frame-7`.
 pub(super) fn without_role(name: &str) -> String {
     let is_role = |word: &&str| {
         ROLE_WORDS

@@ -35,7 +35,7 @@ pub(super) enum Kind {
     Film,
 }
 
-/// What listing needs to know besides the source, and what it tells.
+/// Inputs of listing other than the source, and its reports.
 pub(super) struct Listing<'a> {
     pub sensor: &'a Sensor,
     pub progress: &'a Progress,
@@ -211,7 +211,7 @@ const COLOR_FOLDERS: [&str; 5] = ["color", "colour", "rgb", "image", "images"];
 const DEPTH_FOLDERS: [&str; 2] = ["depth", "depths"];
 
 /// One RGB-D recording among the listed images: a folder with a folder of colour and one of depth, or the rest,
-/// told apart by file names.
+/// distinguished by file names.
 #[derive(Debug, Default)]
 struct Recording {
     place: PathBuf,
@@ -220,7 +220,7 @@ struct Recording {
     left_out: usize,
 }
 
-/// Finds the RGB-D recordings in a folder given without depth (`color/` beside `depth/`, or `*.color.png` beside
+/// Finds the RGB-D recordings in a folder given without depth (`color/` next to `depth/`, or `*.color.png` next to
 /// `*.depth.png`), so that depth is never taken for images, and says so in a warning.
 fn recognise(
     place: &Path,
@@ -235,7 +235,7 @@ fn recognise(
     Ok(items)
 }
 
-/// Tells colour from depth by the words in file names; depth is what says so and has a colour image beside it.
+/// Distinguishes colour from depth by words in file names. A depth image is named as such and has a colour image.
 fn split_by_name(listed: Vec<Listed>) -> (Vec<Listed>, Vec<Listed>) {
     let (depths, pictures): (Vec<_>, Vec<_>) =
         listed.into_iter().partition(|file| says_depth(&file.name));
@@ -249,7 +249,7 @@ fn split_by_name(listed: Vec<Listed>) -> (Vec<Listed>, Vec<Listed>) {
     (all, Vec::new())
 }
 
-/// The images that belong to a depth folder among them: those of the folder of colour beside it, if there is one.
+/// The images that belong to a depth folder among them: those of the colour folder next to it, if there is one.
 fn beside_depth(mut pictures: Vec<Listed>, depth: &Path) -> Vec<Listed> {
     pictures.retain(|picture| !picture.path.starts_with(depth));
     let beside = COLOR_FOLDERS.iter().map(|name| depth.with_file_name(name));
@@ -384,7 +384,7 @@ impl Recording {
     }
 }
 
-/// Why depth that nobody asked for cannot be used, judged by the first pair.
+/// Why depth that was not requested cannot be used, judged by the first pair.
 fn why_unfit(items: &[Item], sensor: &Sensor) -> Option<String> {
     let Some((picture, depth)) = items.iter().find_map(Item::files_with_depth) else {
         return Some("no depth picture fits a colour picture by name, number or time".into());

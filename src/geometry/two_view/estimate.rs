@@ -83,9 +83,9 @@ const AMONG_INLIERS: usize = 100;
 /// Which matches between two pictures agree with one motion, of what kind the agreement is, and the motion; `None` where
 /// fewer than `min_inliers` agree, or no more than chance lets agree.
 ///
-/// `matches_px` are positions in the first and second picture. `calibrated` tells that the intrinsics of both cameras
+/// `matches_px` are positions in the first and second image. `calibrated` means that the intrinsics of both cameras
 /// are known; otherwise a fundamental matrix or a homography decides about inliers, and the motion is the best under the
-/// intrinsics given. The kinds are told apart as by J. Schönberger, J.-M. Frahm, *Structure-from-Motion Revisited*, CVPR
+/// intrinsics given. The kinds are distinguished as by J. Schönberger, J.-M. Frahm, *Structure-from-Motion Revisited*, CVPR
 /// 2016.
 #[must_use]
 pub fn estimate_two_view(

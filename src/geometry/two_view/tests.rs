@@ -193,7 +193,7 @@ fn a_plane_is_told_from_depth() {
         .unwrap();
         assert_eq!(found.kind, TwoViewKind::Planar);
         assert_inliers(&found, &made);
-        // A plane allows two motions; only points behind a camera tell them apart.
+        // A plane allows two motions; only points behind a camera distinguish them.
         let pose = found.second_from_first.unwrap();
         let f = fundamental_in_pixels(essential_from_pose(&pose), [&FIRST; 2]);
         let off = found

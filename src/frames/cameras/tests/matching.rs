@@ -5,7 +5,7 @@ use crate::cameras::{CameraKey, GivenCamera, GivenCameras, GivenIntrinsics, atta
 use crate::{Frame, FrameCamera};
 use ostra_geometry::Camera;
 
-/// Cameras by name, told apart by the x of their translation.
+/// Cameras by name, distinguished by the x of their translation.
 fn given(names: &[&str]) -> GivenCameras {
     let camera = |(i, name): (usize, &&str)| GivenCamera {
         key: CameraKey::Name((*name).into()),
