@@ -1,7 +1,7 @@
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
-/// Loads things by key on worker threads; the latest list of requests replaces the one before, so that keys
+/// Loads values by key on worker threads; the latest list of requests replaces the one before, so that keys
 /// no longer requested are never loaded.
 pub struct Loader<K, V> {
     wishes: Arc<Wishes<K>>,
@@ -41,7 +41,7 @@ impl<K: Clone + PartialEq + Send + 'static, V: Send + 'static> Loader<K, V> {
         let (sender, done) = channel();
         for _ in 0..threads.max(1) {
             let (wishes, work, sender) = (Arc::clone(&wishes), Arc::clone(&work), sender.clone());
-            // Without a thread nothing is loaded; the window then shows empty pictures but goes on.
+            // Without a thread nothing is loaded; the window then shows empty images but goes on.
             let _ = std::thread::Builder::new()
                 .name(name.into())
                 .spawn(move || serve(&wishes, &work.0, &work.1, &sender));
@@ -63,7 +63,7 @@ impl<K: Clone + PartialEq + Send + 'static, V: Send + 'static> Loader<K, V> {
         self.wishes.changed.notify_all();
     }
 
-    /// What was finished since the last call.
+    /// Returns the loads finished since the last call.
     pub fn take_done(&self) -> Vec<(K, V)> {
         self.done
             .lock()

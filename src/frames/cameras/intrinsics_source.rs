@@ -77,7 +77,7 @@ impl FromStr for IntrinsicsSource {
     }
 }
 
-/// What Open3D writes; the matrix column by column.
+/// Intrinsics as Open3D writes them. The matrix is stored column by column.
 #[derive(Deserialize)]
 struct Open3d {
     width: u32,

@@ -235,7 +235,7 @@ fn recognise(
     Ok(items)
 }
 
-/// Distinguishes colour from depth by words in file names. A depth image is named as such and has a colour image.
+/// Splits images into colour and depth by words in file names. All are colour unless a depth name fits a colour name.
 fn split_by_name(listed: Vec<Listed>) -> (Vec<Listed>, Vec<Listed>) {
     let (depths, pictures): (Vec<_>, Vec<_>) =
         listed.into_iter().partition(|file| says_depth(&file.name));
