@@ -1,4 +1,4 @@
-//! Decoding of picture and depth files into pixels.
+//! Decoding of image and depth files into pixels.
 
 use std::fs::File;
 use std::io::BufReader;

@@ -7,7 +7,7 @@ use ostra_geometry::{Camera, Pose, is_same_depth};
 /// Depths farther apart than this share lie on different surfaces: nothing is drawn between them.
 const SAME_SURFACE: f32 = 0.03;
 
-/// The camera that measured depth, where it is not the one that took the picture.
+/// The camera that measured depth, where it is not the one that took the image.
 ///
 /// [`super::FrameStore`] converts such depth to the image's camera on loading, so that the vote, the trackers
 /// and the window handle one camera per frame.
@@ -15,15 +15,15 @@ const SAME_SURFACE: f32 = 0.03;
 pub struct DepthCamera {
     /// Intrinsics, for the depth as it is shown (turned upright).
     pub intrinsics: Camera,
-    /// How the picture's camera stands to this one; world units.
+    /// How the image's camera stands to this one; world units.
     pub picture_from_depth: Pose,
-    /// It was found with the pictures' camera by comparing pictures with depths, not given.
+    /// It was found with the images' camera by comparing images with depths, not given.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub estimated: bool,
 }
 
 impl DepthCamera {
-    /// What `picture`, the picture's camera, sees of what this one measured: surfaces between neighbouring pixels are drawn
+    /// What `picture`, the image's camera, sees of what this one measured: surfaces between neighbouring pixels are drawn
     /// as triangles, nearer ones before farther ones, and what only one of both cameras sees stays unknown.
     #[must_use]
     pub fn seen_by(&self, depth: &DepthMap, picture: &Camera) -> DepthMap {
@@ -69,7 +69,7 @@ impl DepthCamera {
     }
 }
 
-/// Where a pixel of the depth camera lies in the picture.
+/// Where a pixel of the depth camera lies in the image.
 #[derive(Clone, Copy)]
 struct Corner {
     at_px: Vec2,
@@ -107,7 +107,7 @@ impl Canvas {
         }
     }
 
-    /// Draws a triangle over the pixels whose centres lie in it; the inverse of depth is linear in a picture.
+    /// Draws a triangle over the pixels whose centres lie in it; the inverse of depth is linear in an image.
     fn draw(&mut self, corners: &[Corner; 3]) {
         let [a, b, c] = corners.map(|corner| corner.at_px);
         let area = (b - a).perp_dot(c - a);
@@ -210,7 +210,7 @@ mod tests {
         let camera = depth_camera();
         let (normal, offset) = (DVec3::new(0.3, -0.2, 1.0).normalize(), 1.5);
         let seen = camera.seen_by(&plane(&camera.intrinsics, normal, offset), &picture());
-        // The same plane in the picture's axes.
+        // The same plane in the image's axes.
         let turned = camera.picture_from_depth.rotation * normal;
         let exact = plane(
             &picture(),

@@ -2,10 +2,10 @@ use exif::{Exif, In, Reader, Tag, Value};
 
 use super::{Frame, PictureSource};
 
-/// Diagonal in millimetres of the 36 × 24 mm picture that "35 mm" focal lengths are told for.
+/// Diagonal in millimetres of the 36 × 24 mm image that "35 mm" focal lengths refer to.
 const DIAGONAL_35MM: f64 = 43.266_615_305_567_87;
 
-/// The focal length in pixels that a frame's picture file tells in its EXIF data; `None` where it tells none, for films
+/// Returns the focal length in pixels from the EXIF data of a frame's image file; `None` if there is none, for videos
 /// and for files that cannot be read.
 #[must_use]
 pub fn exif_focal_px(frame: &Frame) -> Option<f64> {

@@ -1,4 +1,4 @@
-//! A frame: where its picture and depth come from, how the picture is turned, its camera.
+//! One frame of a sequence: the sources of its image and depth, its orientation and its camera.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::DepthCamera;
 use ostra_geometry::{Camera, Pose};
 
-/// How a stored picture must be turned to be seen upright: the EXIF orientation, 1 to 8.
+/// EXIF orientation of a stored image, 1 to 8. Applying it turns the image upright.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Orientation(pub u8);
 
@@ -17,11 +17,11 @@ impl Default for Orientation {
     }
 }
 
-/// Where a frame's picture comes from. Sources are referenced, never copied or changed.
+/// Source of a frame's image. Sources are referenced, never copied or changed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PictureSource {
-    /// A picture file.
+    /// An image file.
     File {
         /// Absolute path.
         path: PathBuf,
@@ -29,11 +29,11 @@ pub enum PictureSource {
         #[serde(default)]
         orientation: Orientation,
     },
-    /// A picture of a film, decoded on demand.
+    /// One image of a video, decoded on demand.
     Film {
-        /// Absolute path of the film.
+        /// Absolute path of the video.
         path: PathBuf,
-        /// Which picture of the film, from 0.
+        /// Index of the image in the video, counted from 0.
         index: u64,
         /// Its time in seconds from the start.
         time_s: f64,
@@ -41,7 +41,7 @@ pub enum PictureSource {
 }
 
 impl PictureSource {
-    /// The picture file or the film.
+    /// Returns the path of the image file or the video.
     #[must_use]
     #[inline]
     pub fn path(&self) -> &Path {
@@ -50,7 +50,7 @@ impl PictureSource {
         }
     }
 
-    /// What tells this picture from all others: its file, and which one of the film (0 for a picture file).
+    /// Returns the path and the index in the video (0 for an image file), which together identify the image.
     pub(super) fn identity(&self) -> (PathBuf, u64) {
         match self {
             Self::File { path, .. } => (path.clone(), 0),
@@ -65,7 +65,7 @@ impl PictureSource {
     }
 }
 
-/// Where a frame's depth comes from.
+/// Source of a frame's depth.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum DepthSource {
@@ -77,24 +77,25 @@ pub enum DepthSource {
         /// World units (metres) per unit of the stored value. Unknown are 0, negative values, the largest integer, NaN and
         /// infinities.
         unit: f64,
-        /// Turn to apply, that of the colour picture.
+        /// Turn to apply, the same as for the colour image.
         #[serde(default)]
         orientation: Orientation,
-        /// The camera that measured it, where that is not the picture's; it is then seen through the picture's.
+        /// The camera that measured the depth, if it differs from the image's. The depth is then
+        /// transferred to the image's camera.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         camera: Option<Box<DepthCamera>>,
     },
-    /// A reconstruction: a depth map with a camera of its own, which lies with the project (see [`super::MadeDepth`]).
+    /// A reconstruction: a depth map with its own camera, stored in the project (see [`super::MadeDepth`]).
     Made {
-        /// Path below [`super::FrameStore`]'s home, the project's folder, with which it moves.
+        /// Path relative to the project folder, the home of [`super::FrameStore`].
         made: PathBuf,
-        /// World units per unit of the map: other than 1 where the scene was scaled since.
+        /// World units per unit of the map. Differs from 1 if the scene was scaled since.
         scale: f64,
     },
 }
 
 impl DepthSource {
-    /// The sensor's picture; `None` for depth that was made.
+    /// Returns the path of the sensor's depth image, or `None` for reconstructed depth.
     #[must_use]
     #[inline]
     pub fn sensor_path(&self) -> Option<&Path> {
@@ -112,20 +113,20 @@ impl DepthSource {
     }
 }
 
-/// The camera of one frame, for the picture as it is shown (turned upright).
+/// The camera of one frame, for the image as it is shown (turned upright).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FrameCamera {
     /// Intrinsics.
     pub intrinsics: Camera,
     /// `None` while only the intrinsics are known.
     pub camera_from_world: Option<Pose>,
-    /// The intrinsics were estimated with the pose, not given: another reconstruction estimates them anew.
+    /// Whether the intrinsics were estimated with the pose. Another reconstruction then estimates them again.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub estimated: bool,
 }
 
 impl FrameCamera {
-    /// A camera that is given.
+    /// Returns a camera whose intrinsics are given, not estimated.
     #[must_use]
     #[inline]
     pub fn given(intrinsics: Camera, camera_from_world: Option<Pose>) -> Self {
@@ -137,27 +138,27 @@ impl FrameCamera {
     }
 }
 
-/// One picture of the sequence, with what is known of it. Pixels are loaded through [`super::FrameStore`].
+/// One image of the sequence, with its depth source and camera if known. Pixels are loaded through [`super::FrameStore`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "StoredFrame")]
 pub struct Frame {
-    /// Unique in the project: the path below the folder given, with `/`; for a film `FILM/000123`.
+    /// Name, unique in the project: the path below the given folder, with `/`; for a video `FILM/000123`.
     pub name: String,
-    /// Columns of the picture as shown (turned upright).
+    /// Columns of the image as shown (turned upright).
     pub width: u32,
-    /// Rows of the picture as shown.
+    /// Rows of the image as shown.
     pub height: u32,
-    /// Where the picture comes from.
+    /// Source of the image.
     pub picture: PictureSource,
-    /// Where depth comes from, where there is any.
+    /// Source of the depth, if there is any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth: Option<DepthSource>,
-    /// The camera, where it is known.
+    /// The camera, if known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<FrameCamera>,
 }
 
-/// A frame as a project gives it, before it is checked.
+/// A frame as read from a project, before it is checked.
 #[derive(Deserialize)]
 struct StoredFrame {
     name: String,
@@ -173,7 +174,8 @@ struct StoredFrame {
 impl TryFrom<StoredFrame> for Frame {
     type Error = String;
 
-    /// Refuses sizes that no image has, before anything of that size is allocated, and a camera of another size.
+    /// Returns an error for impossible image sizes, before anything of that size is allocated, and for a
+    /// camera of another size.
     fn try_from(stored: StoredFrame) -> Result<Self, String> {
         let StoredFrame {
             name,
@@ -241,11 +243,11 @@ struct Steps {
     step_y: isize,
 }
 
-/// Side of the blocks in which a picture is turned, so that both sides of the copy stay in the processor's cache.
+/// Side of the blocks in which an image is turned, so that both sides of the copy stay in the processor's cache.
 const BLOCK: usize = 32;
 
 impl Orientation {
-    /// Whether width and height of the shown picture are those of the stored one exchanged.
+    /// Whether width and height of the shown image are those of the stored one exchanged.
     #[must_use]
     #[inline]
     pub fn swaps_sides(self) -> bool {

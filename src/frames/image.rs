@@ -2,7 +2,7 @@
 
 use ostra_core::image::area_mean_rgb8;
 
-/// A colour picture, row by row from the top left, sRGB.
+/// A colour image, row by row from the top left, sRGB.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Image {
     /// Columns.
@@ -13,7 +13,7 @@ pub struct Image {
     pub pixels: Vec<[u8; 3]>,
 }
 
-/// Depth along the optical axis, pixel for pixel with a picture, in world units; 0 = unknown.
+/// Depth along the optical axis, pixel for pixel with an image, in world units; 0 = unknown.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DepthMap {
     /// Columns.
@@ -52,7 +52,7 @@ impl DepthMap {
     }
 }
 
-/// Shrinks a picture by averaging so that its longer side has at most `max_side` pixels; never enlarges.
+/// Shrinks an image by averaging so that its longer side has at most `max_side` pixels; never enlarges.
 pub(super) fn shrink(image: &Image, max_side: u32) -> Image {
     let longest = image.width.max(image.height).max(1);
     let max_side = max_side.clamp(1, longest);

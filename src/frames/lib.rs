@@ -1,4 +1,4 @@
-//! Pictures in order: frames, images, depth maps; opening folders, films and RGB-D recordings; a bounded cache.
+//! Images in order: frames, images, depth maps; opening folders, videos and RGB-D recordings; a bounded cache.
 
 pub mod cameras;
 mod complete;

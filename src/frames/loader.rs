@@ -8,7 +8,7 @@ use super::{
 };
 use ostra_core::cache::{Cache, Weigh};
 
-/// Decodes pictures and depths and keeps the latest.
+/// Decodes images and depths and keeps the latest.
 #[derive(Debug)]
 pub(super) struct Loader {
     pixels: Cache<Key, Pixels>,
@@ -63,7 +63,7 @@ impl Weigh for Pixels {
 }
 
 impl Key {
-    /// The key of a frame's picture.
+    /// The key of a frame's image.
     pub fn of_picture(source: &PictureSource) -> Self {
         match source {
             PictureSource::File { path, orientation } => Self::File {
@@ -200,7 +200,7 @@ impl Loader {
         }
     }
 
-    /// The picture without keeping it.
+    /// The image without keeping it.
     pub fn decode_image(&self, frame: &Frame) -> Result<Arc<Image>, FrameError> {
         let image = match &frame.picture {
             PictureSource::File { path, orientation } => {
@@ -260,7 +260,7 @@ fn through_lens(
     Ok(by.seen_by(measured, &picture.intrinsics))
 }
 
-/// Bytes of a frame's decoded picture.
+/// Bytes of a frame's decoded image.
 pub(super) fn picture_bytes(frame: &Frame) -> usize {
     frame.width as usize * frame.height as usize * size_of::<[u8; 3]>()
 }

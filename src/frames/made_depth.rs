@@ -13,7 +13,7 @@ use ostra_core::disk;
 use ostra_core::image::bilinear;
 use ostra_geometry::Camera;
 
-/// A depth map that a reconstruction made, often smaller than the frame's picture, with what is known of each pixel.
+/// A depth map that a reconstruction made, often smaller than the frame's image, with what is known of each pixel.
 ///
 /// On disk it is a TIFF of three pages: depths as 32-bit floats, normals as RGB (0 to 255 for −1 to 1; black =
 /// unknown), confidences as 8-bit grey; the description of the first page is the camera as JSON.
@@ -55,7 +55,7 @@ impl MadeDepth {
     /// The file's bytes.
     ///
     /// # Errors
-    /// Where the sizes do not agree or a picture of this size cannot be written.
+    /// Where the sizes do not agree or an image of this size cannot be written.
     pub fn encode(&self) -> TiffResult<Vec<u8>> {
         let mut bytes = Cursor::new(Vec::new());
         let mut encoder = TiffEncoder::new(&mut bytes)?;
@@ -75,7 +75,7 @@ impl MadeDepth {
         Ok(bytes.into_inner())
     }
 
-    /// The depth of every pixel of the frame's picture, through the frame's lens and times `scale`; between neighbours
+    /// The depth of every pixel of the frame's image, through the frame's lens and times `scale`; between neighbours
     /// on one surface it is interpolated.
     #[must_use]
     pub fn seen_by(&self, frame: &Frame, scale: f64) -> DepthMap {
@@ -89,7 +89,7 @@ impl MadeDepth {
         }
     }
 
-    /// For every pixel of the frame's picture, row by row, the pixel of the map that lies there; `None` outside it.
+    /// For every pixel of the frame's image, row by row, the pixel of the map that lies there; `None` outside it.
     pub fn pixels_seen_by(&self, frame: &Frame) -> impl Iterator<Item = Option<usize>> {
         let pixel = |at_px: DVec2| {
             let inside = self.camera.contains(at_px);
@@ -99,7 +99,7 @@ impl MadeDepth {
             .map(move |at_px| at_px.and_then(pixel))
     }
 
-    /// Where in the map each pixel of the frame's picture lies, in pixels.
+    /// Where in the map each pixel of the frame's image lies, in pixels.
     fn positions_seen_by(&self, frame: &Frame) -> impl Iterator<Item = Option<DVec2>> {
         let (width, height) = (frame.width, frame.height);
         let intrinsics = frame.camera.map(|camera| camera.intrinsics);

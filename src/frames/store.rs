@@ -12,7 +12,7 @@ use ostra_core::job::{Pool, Progress, Stopped};
 /// Bytes of thumbnails that are kept.
 const THUMBNAIL_BYTES: usize = 32 << 20;
 
-/// Loads pictures and depths on demand and keeps the latest in a cache bounded in bytes. Shared by all threads: none
+/// Loads images and depths on demand and keeps the latest in a cache bounded in bytes. Shared by all threads: none
 /// decodes what another is decoding already, and all wait only for what they asked for.
 #[derive(Debug)]
 pub struct FrameStore {
@@ -50,7 +50,7 @@ impl FrameStore {
         self.loader.bytes()
     }
 
-    /// The frame's picture, turned upright. A picture larger than the budget is decoded anew each time.
+    /// The frame's image, turned upright. An image larger than the budget is decoded again each time.
     ///
     /// # Errors
     /// [`FrameError`] when the source is missing, damaged or of another size than when it was opened.
@@ -58,7 +58,7 @@ impl FrameStore {
         self.loader.image(frame)
     }
 
-    /// The frame's picture if it is decoded already; never waits for decoding.
+    /// The frame's image if it is decoded already; never waits for decoding.
     #[must_use]
     pub fn cached_image(&self, frame: &Frame) -> Option<Arc<Image>> {
         self.loader.cached_image(frame)
@@ -89,7 +89,7 @@ impl FrameStore {
         self.loader.made_depth(frame)
     }
 
-    /// Decodes pictures and depths in the background, the first first, until half the budget is spent on them. The
+    /// Decodes images and depths in the background, the first first, until half the budget is spent on them. The
     /// newest call wins: what an earlier one left undone is forgotten. Errors come when the frame is asked for.
     pub fn prefetch(&self, frames: &[Frame]) {
         let mut bytes = 0;
@@ -109,7 +109,7 @@ impl FrameStore {
         self.ahead.replace(tasks);
     }
 
-    /// The frame's picture with at most `max_side` pixels on its longer side, turned upright; never enlarged.
+    /// The frame's image with at most `max_side` pixels on its longer side, turned upright; never enlarged.
     ///
     /// # Errors
     /// As [`Self::image`].
@@ -142,7 +142,7 @@ impl FrameStore {
     }
 }
 
-/// The thumbnail, from the decoded picture where that is kept; decoding for a thumbnail drives nothing out of the cache.
+/// The thumbnail, from the decoded image where that is kept; decoding for a thumbnail drives nothing out of the cache.
 fn thumbnail(
     loader: &Loader,
     thumbnails: &Cache<(Key, u32), Arc<Image>>,
@@ -157,7 +157,7 @@ fn thumbnail(
     })
 }
 
-/// Pictures of one film are decoded by one thread in order, without seeking.
+/// Images of one video are decoded by one thread in order, without seeking.
 fn in_one_film(a: &Frame, b: &Frame) -> bool {
     match (&a.picture, &b.picture) {
         (PictureSource::Film { path: a, .. }, PictureSource::Film { path: b, .. }) => a == b,

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{GeometryError, Pose};
 
-/// What may change when one set of points is laid onto another.
+/// The degrees of freedom when one set of points is aligned to another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Alignment {

@@ -7,9 +7,9 @@ use super::Distortion;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "StoredCamera")]
 pub struct Camera {
-    /// Picture width in pixels.
+    /// Image width in pixels.
     pub width: u32,
-    /// Picture height in pixels.
+    /// Image height in pixels.
     pub height: u32,
     /// Focal lengths in pixels.
     pub focal_px: DVec2,
@@ -91,7 +91,7 @@ impl Camera {
     }
 
     /// Pixel position of a point in camera space; `None` behind the camera, for NaN, and where the lens model folds back
-    /// (points far outside the picture). The position may lie outside the picture.
+    /// (points far outside the image). The position may lie outside the image.
     #[must_use]
     #[inline]
     pub fn project(&self, x_in_camera: DVec3) -> Option<DVec2> {
@@ -128,7 +128,7 @@ impl Camera {
         }
     }
 
-    /// Whether a position lies in the picture.
+    /// Whether a position lies in the image.
     #[must_use]
     #[inline]
     pub fn contains(&self, at_px: DVec2) -> bool {
@@ -241,7 +241,7 @@ mod tests {
 
     #[test]
     fn a_point_beyond_the_fold_is_not_seen() {
-        // 1 − 0.3 r² folds back at r = 1.05: a point at r = 1.7 would land inside the picture.
+        // 1 − 0.3 r² folds back at r = 1.05: a point at r = 1.7 would land inside the image.
         let camera = Camera {
             distortion: Distortion::Radial { k: [-0.3, 0.0] },
             ..Camera::pinhole(640, 480, 300.0, 300.0, 320.0, 240.0)

@@ -44,7 +44,7 @@ pub enum Distortion {
 }
 
 impl Distortion {
-    /// The same lens seen through a picture that is turned by `rotation` (of the plane z = 1): what is not symmetric
+    /// The same lens seen through an image that is turned by `rotation` (of the plane z = 1): what is not symmetric
     /// about the optical axis turns with it.
     #[must_use]
     pub(super) fn rotated(self, rotation: DMat2) -> Self {

@@ -21,7 +21,7 @@ pub enum GeometryError {
         /// `se3` or `sim3`.
         kind: &'static str,
     },
-    /// A picture that must be mirrored to be seen upright; a pose only turns.
+    /// An image that must be mirrored to be seen upright; a pose only turns.
     #[error(
         "EXIF orientation {orientation} mirrors the picture, which no camera pose can; save the picture upright"
     )]

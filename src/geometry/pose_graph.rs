@@ -301,7 +301,7 @@ fn difference(to: &Pose, from: &Pose) -> Column {
     [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z]
 }
 
-/// Columns of the matrix that tells a small movement of the source in the target's axes.
+/// Columns of the matrix that expresses a small movement of the source in the target's axes.
 fn adjoint(target_from_source: &Pose) -> Block {
     let rotation = DMat3::from_quat(target_from_source.rotation);
     let shift = target_from_source.translation;

@@ -17,11 +17,11 @@ pub trait Estimator {
     /// Appends all models that satisfy the correspondences of a sample.
     fn fit(&self, sample: &[usize], found: &mut Vec<Self::Model>);
     /// The sum over all correspondences of the squared error, cut off at the squared threshold (MSAC: P. Torr, A.
-    /// Zisserman, *MLESAC*, CVIU 2000). Once the sum passes `enough` any number above it may be told.
+    /// Zisserman, *MLESAC*, CVIU 2000). Once the sum passes `enough` any number above it may be returned.
     fn cost(&self, model: &Self::Model, enough: f64) -> f64;
     /// Correspondences within the threshold, ascending.
     fn inliers(&self, model: &Self::Model) -> Vec<u32>;
-    /// A model that fits many correspondences better, found near `model`; `None` where there is none.
+    /// A model that fits many correspondences better, found near `model`; `None` if none was found.
     fn refine(&self, model: &Self::Model) -> Option<Self::Model>;
 }
 
@@ -213,7 +213,7 @@ impl Sampler {
 
 /// Correspondences that are looked at side by side.
 pub const LANES: usize = 8;
-/// How many blocks are summed between two looks at the sum.
+/// How many blocks are summed between two checks of the sum.
 const BLOCKS_BETWEEN_CHECKS: usize = 8;
 
 /// Sum of squared errors cut off at a limit, for [`Estimator::cost`]. Correspondences lie in blocks of [`LANES`],

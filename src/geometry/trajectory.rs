@@ -47,7 +47,7 @@ pub struct TrajectoryError {
     pub centre: ErrorStatistics,
     /// Angles between camera rotations in degrees.
     pub rotation_deg: ErrorStatistics,
-    /// The same with rotations laid onto each other by themselves, whatever the centres say, as is usual in rotation averaging
+    /// The same with rotations aligned to each other by themselves, whatever the centres say, as is usual in rotation averaging
     /// (R. Hartley et al., *Rotation Averaging*, IJCV 2013).
     pub own_rotation_deg: ErrorStatistics,
     /// The largest distance of a true centre from their centroid: what centre errors are set in relation to.
@@ -72,7 +72,7 @@ impl TrajectoryError {
     }
 
     /// The same after turning the whole by centres and orientations: about the line along which a path runs, the centres alone
-    /// hardly tell the turn. The squares of distances and of (small) angles are summed, with the centres' distance from their
+    /// hardly determine the turn. The squares of distances and of (small) angles are summed, with the centres' distance from their
     /// centroid (root of the mean square) as the distance that a radian counts. Scale and shift are those of the centres.
     ///
     /// # Errors

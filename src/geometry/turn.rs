@@ -2,7 +2,7 @@ use glam::{DMat2, DQuat, DVec2, DVec3, Vec2Swizzles};
 
 use super::{Camera, GeometryError, Pose};
 
-/// A turn of a picture by quarters, as a viewer sees it.
+/// A rotation of an image by a multiple of 90°, as a viewer sees it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Turn {
     /// Not turned.
@@ -17,10 +17,10 @@ pub enum Turn {
 }
 
 impl Turn {
-    /// The turn that EXIF orientation `orientation` (1 to 8) asks for to show a stored picture upright.
+    /// Returns the turn that shows a stored image of EXIF orientation `orientation` (1 to 8) upright.
     ///
     /// # Errors
-    /// [`GeometryError::Mirrored`] for 2, 4, 5 and 7, and for what is no orientation: no pose mirrors a picture.
+    /// [`GeometryError::Mirrored`] for 2, 4, 5 and 7 and for invalid values: no pose mirrors an image.
     #[inline]
     pub fn from_exif(orientation: u8) -> Result<Self, GeometryError> {
         match orientation {
@@ -32,7 +32,7 @@ impl Turn {
         }
     }
 
-    /// The turn back.
+    /// Returns the inverse turn.
     #[must_use]
     #[inline]
     pub fn inverse(self) -> Self {
@@ -43,7 +43,7 @@ impl Turn {
         }
     }
 
-    /// Where a position in a picture of `width` × `height` pixels lies after the turn.
+    /// Returns the position after the turn of a position in an image of `width` × `height` pixels.
     #[must_use]
     #[inline]
     pub fn turn_px(self, at_px: DVec2, width: u32, height: u32) -> DVec2 {
@@ -85,7 +85,7 @@ impl Turn {
 }
 
 impl Camera {
-    /// The intrinsics of the picture after the turn. The pose changes with it: [`Pose::turned`].
+    /// The intrinsics of the image after the turn. The pose changes with it: [`Pose::turned`].
     #[must_use]
     pub fn turned(&self, turn: Turn) -> Self {
         if turn == Turn::None {
@@ -114,7 +114,7 @@ impl Camera {
 }
 
 impl Pose {
-    /// `camera_from_world` of the camera after its picture was turned.
+    /// `camera_from_world` of the camera after its image was turned.
     #[must_use]
     #[inline]
     pub fn turned(&self, turn: Turn) -> Self {

@@ -92,7 +92,7 @@ impl Device {
         encoder.copy_buffer_to_buffer(&buffer.buffer, 0, &copy, 0, bytes);
         let submission = self.queue.submit([encoder.finish()]);
         self.check()?;
-        // A mapping that fails is told by `get_mapped_range`.
+        // `get_mapped_range` reports a mapping that failed.
         copy.map_async(wgpu::MapMode::Read, .., |_| ());
         self.wait_for(submission)?;
         let mapped = copy

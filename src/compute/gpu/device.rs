@@ -14,7 +14,7 @@ pub enum Software {
     Refused,
 }
 
-/// A device that computes, with the limits that every adapter has. Errors of the driver are kept and told by the next call
+/// A device that computes, with the limits that every adapter has. Errors of the driver are kept and reported by the next call
 /// that can fail.
 pub struct Device {
     pub(super) device: wgpu::Device,
@@ -94,7 +94,7 @@ impl Device {
         }
     }
 
-    /// Tells the first error that the driver told since the device was opened; what it does after one is worth nothing.
+    /// Reports the first error of the driver since the device was opened. Results computed after an error are worthless.
     pub(super) fn check(&self) -> Result<(), GpuError> {
         let fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
         fault.clone().map_or(Ok(()), Err)

@@ -156,7 +156,7 @@ impl Entry {
 }
 
 impl NetworkFile {
-    /// What the file must take and give; `None` where that is not told.
+    /// What the file must take and give; `None` if that is not specified.
     #[must_use]
     pub fn signature(&self) -> Option<Signature> {
         let is_told = !(self.inputs.is_empty() && self.outputs.is_empty());

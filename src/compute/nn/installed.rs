@@ -82,7 +82,7 @@ pub fn list(catalogue: &Catalogue, folder: &Path) -> Vec<Row> {
     catalogue.entries().iter().map(row).collect()
 }
 
-/// Loads what is installed under `name` and tells what it takes and gives.
+/// Loads the network installed under `name` and reports its inputs and outputs.
 ///
 /// # Errors
 /// When it is unknown, not installed, does not load or has another interface.

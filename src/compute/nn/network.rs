@@ -164,7 +164,7 @@ fn terminate_unless(
     }
 }
 
-/// Cores are left to others while the network waits: spinning threads would take them from whoever prepares the input.
+/// Cores are left to others while the network waits: spinning threads would take them from the threads that prepare the input.
 fn session(runtime: &Runtime, path: &Path, provider: Provider) -> ort::Result<Session> {
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     Session::builder(runtime.environment())?

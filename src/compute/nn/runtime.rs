@@ -113,7 +113,7 @@ fn load(place: &Place) -> Result<Option<Runtime>, NnError> {
     Ok(Some(Runtime { environment, path }))
 }
 
-/// With the folders above it, as far as the system tells them.
+/// With the folders above it, as far as the system reports them.
 pub(super) fn whole(path: &Path) -> PathBuf {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }

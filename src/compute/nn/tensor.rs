@@ -214,7 +214,7 @@ fn named(ports: &[Port]) -> String {
     }
 }
 
-/// A network that does not tell the number of dimensions has an empty shape: only running it can show.
+/// A network that does not declare the number of dimensions has an empty shape: only running it can show.
 fn shape_fits(expected: &[Option<usize>], found: &[Option<usize>], way: Way) -> bool {
     let size_fits = |(expected, found): (&Option<usize>, &Option<usize>)| match (expected, found) {
         (Some(expected), Some(found)) => expected == found,

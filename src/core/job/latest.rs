@@ -1,6 +1,6 @@
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
-/// A slot for one value between threads, in which the newest wins: a value that nobody took is replaced.
+/// A slot for one value between threads, in which the newest wins: a value that was not taken is replaced.
 #[derive(Debug)]
 pub struct Latest<T> {
     slot: Mutex<Slot<T>>,

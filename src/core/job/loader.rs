@@ -1,8 +1,8 @@
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 
-/// Loads things by key on worker threads; the latest list of wishes replaces the one before, so that what nobody
-/// looks at any more is never loaded.
+/// Loads values by key on worker threads; the latest list of requests replaces the one before, so that keys
+/// no longer requested are never loaded.
 pub struct Loader<K, V> {
     wishes: Arc<Wishes<K>>,
     done: Mutex<Receiver<(K, V)>>,
@@ -41,7 +41,7 @@ impl<K: Clone + PartialEq + Send + 'static, V: Send + 'static> Loader<K, V> {
         let (sender, done) = channel();
         for _ in 0..threads.max(1) {
             let (wishes, work, sender) = (Arc::clone(&wishes), Arc::clone(&work), sender.clone());
-            // Without a thread nothing is loaded; the window then shows empty pictures but goes on.
+            // Without a thread nothing is loaded; the window then shows empty images but goes on.
             let _ = std::thread::Builder::new()
                 .name(name.into())
                 .spawn(move || serve(&wishes, &work.0, &work.1, &sender));
@@ -52,7 +52,7 @@ impl<K: Clone + PartialEq + Send + 'static, V: Send + 'static> Loader<K, V> {
         }
     }
 
-    /// Replaces the list of wishes, first wish first. What is being loaded now goes on and is not begun twice.
+    /// Replaces the list of requests, most urgent first. Loads already running continue and are not started twice.
     pub fn want(&self, keys: Vec<K>) {
         let mut state = self.wishes.lock();
         state.wanted = keys
@@ -63,7 +63,7 @@ impl<K: Clone + PartialEq + Send + 'static, V: Send + 'static> Loader<K, V> {
         self.wishes.changed.notify_all();
     }
 
-    /// What was finished since the last call.
+    /// Returns the loads finished since the last call.
     pub fn take_done(&self) -> Vec<(K, V)> {
         self.done
             .lock()

@@ -24,11 +24,11 @@ pub enum ModelEncoding {
     Binary,
 }
 
-/// Writes a COLMAP model into `folder`, which is made: all frames that have intrinsics and a pose, for the pictures as
+/// Writes a COLMAP model into `folder`, which is made: all frames that have intrinsics and a pose, for the images as
 /// stored (turned back), equal cameras once, and the points with the keypoints that see them.
 ///
 /// # Errors
-/// [`FrameError::Io`] where a file cannot be written; [`FrameError::Geometry`] for a mirrored picture.
+/// [`FrameError::Io`] where a file cannot be written; [`FrameError::Geometry`] for a mirrored image.
 pub fn write_colmap_model(
     folder: &Path,
     frames: &[Frame],
@@ -253,13 +253,13 @@ fn points_bytes(model: &ModelOut<'_>) -> Vec<u8> {
     bytes
 }
 
-/// What is written of a frame: its camera as COLMAP knows it, for the picture as stored.
+/// What is written of a frame: its camera as COLMAP knows it, for the image as stored.
 pub struct ImageOut<'a> {
     pub name: &'a str,
     /// Index of its intrinsics; written numbers count from 1.
     pub camera: usize,
     pub camera_from_world: Pose,
-    /// For the picture as stored.
+    /// For the image as stored.
     pub keypoints: Vec<SparseKeypoint>,
 }
 
@@ -276,7 +276,7 @@ impl<'a> ModelOut<'a> {
     /// All frames that have intrinsics and a pose; equal cameras once.
     ///
     /// # Errors
-    /// The name of a frame whose picture is mirrored, and why that is none.
+    /// Name of a frame whose image is mirrored, and why it cannot be written.
     pub fn new(
         frames: &'a [Frame],
         sparse: &'a SparsePoints,

@@ -11,7 +11,7 @@ use crate::FrameError;
 const MAX_TRIED: usize = 8;
 
 impl GivenCameras {
-    /// Reads the cameras in `path`, whose format is told from names and content: a COLMAP model (its folder or one with
+    /// Reads the cameras in `path`, whose format is detected from names and content: a COLMAP model (its folder or one with
     /// `sparse/` or `sparse/0`), `transforms.json`, TUM trajectory, `.log` trajectory, folder of 4×4 pose files,
     /// Middlebury `*_par.txt`, folder of DTU `pos_NNN.txt`.
     ///

@@ -10,31 +10,31 @@ use ostra_geometry::{Camera, Distortion, GeometryError, Pose, Turn};
 /// What a given camera says about the frame it belongs to.
 #[derive(Debug, Clone, PartialEq)]
 pub enum CameraKey {
-    /// The picture's name, with or without folders and ending, with `/`.
+    /// The image's name, with or without folders and ending, with `/`.
     Name(String),
-    /// The picture's number: in its name, or in the order of frames.
+    /// The image's number: in its name, or in the order of frames.
     Index(u64),
-    /// The picture's time in seconds, which its name holds.
+    /// The image's time in seconds, which its name holds.
     Time(f64),
 }
 
 /// A given focal length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Focal {
-    /// Along x and y, in pixels of the stored picture.
+    /// Along x and y, in pixels of the stored image.
     Pixels(DVec2),
     /// From the full horizontal angle of view in radians.
     AngleX(f64),
 }
 
-/// Intrinsics of a stored picture as a file gives them: what it leaves out comes from the picture.
+/// Intrinsics of a stored image as a file gives them: what it leaves out comes from the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GivenIntrinsics {
-    /// Columns and rows; `None` = those of the picture.
+    /// Columns and rows; `None` = those of the image.
     pub size: Option<[u32; 2]>,
     /// Focal lengths.
     pub focal: Focal,
-    /// Principal point in pixels, centre of the top-left pixel at (0.5, 0.5); `None` = the picture's centre.
+    /// Principal point in pixels, centre of the top-left pixel at (0.5, 0.5); `None` = the image's centre.
     pub principal_px: Option<DVec2>,
     /// Lens distortion.
     pub distortion: Distortion,
@@ -126,7 +126,7 @@ impl GivenIntrinsics {
         }
     }
 
-    /// The camera of a stored picture of this size.
+    /// The camera of a stored image of this size.
     ///
     /// # Errors
     /// What is wrong and what to do: another size, a focal length that cannot be, a value that is no number.
@@ -160,7 +160,7 @@ impl GivenIntrinsics {
     }
 }
 
-/// The turn from the stored picture to the shown one.
+/// The turn from the stored image to the shown one.
 ///
 /// # Errors
 /// [`GeometryError::Mirrored`] for an orientation that mirrors.
@@ -174,10 +174,10 @@ pub(super) fn turn_of(frame: &Frame) -> Result<Turn, GeometryError> {
     }
 }
 
-/// The camera of the shown picture from that of the stored one. Without given intrinsics the frame's own are kept.
+/// The camera of the shown image from that of the stored one. Without given intrinsics the frame's own are kept.
 ///
 /// # Errors
-/// [`FrameError::NotFound`], naming the frame: a camera of another size, missing intrinsics, a mirrored picture.
+/// [`FrameError::NotFound`], naming the frame: a camera of another size, missing intrinsics, a mirrored image.
 pub(super) fn shown_camera(
     frame: &Frame,
     intrinsics: Option<&GivenIntrinsics>,
@@ -200,7 +200,7 @@ pub(super) fn shown_camera(
     ))
 }
 
-/// The camera and pose of the stored picture of a frame that has both; `None` otherwise.
+/// The camera and pose of the stored image of a frame that has both; `None` otherwise.
 pub(super) fn stored_camera(frame: &Frame) -> Result<Option<(Camera, Pose)>, GeometryError> {
     let Some((camera, pose)) = frame.posed_camera() else {
         return Ok(None);
@@ -216,10 +216,10 @@ pub(super) fn stored_size(frame: &Frame, turn: Turn) -> (u32, u32) {
     }
 }
 
-/// Gives every frame the same intrinsics, those of its stored picture, keeping poses. On an error no frame is changed.
+/// Gives every frame the same intrinsics, those of its stored image, keeping poses. On an error no frame is changed.
 ///
 /// # Errors
-/// [`FrameError::NotFound`] when values are no camera, pictures differ in size or one is mirrored.
+/// [`FrameError::NotFound`] when values are no camera, images differ in size or one is mirrored.
 pub fn attach_intrinsics(frames: &mut [Frame], given: &GivenIntrinsics) -> Result<(), FrameError> {
     let mut cameras = Vec::with_capacity(frames.len());
     let mut first: Option<(&Frame, (u32, u32))> = None;

@@ -15,7 +15,7 @@ use ostra_geometry::{Pose, Turn};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum IntrinsicsSource {
-    /// Focal lengths `fx`, `fy`, principal point `cx`, `cy` in pixels of the stored picture, centre of the top-left pixel at
+    /// Focal lengths `fx`, `fy`, principal point `cx`, `cy` in pixels of the stored image, centre of the top-left pixel at
     /// (0.5, 0.5).
     Values([f64; 4]),
     /// Open3D's `intrinsic.json` (Azure Kinect and RealSense recorders write it too), or a text of a 3 × 3 or 4 × 4 camera
@@ -77,7 +77,7 @@ impl FromStr for IntrinsicsSource {
     }
 }
 
-/// What Open3D writes; the matrix column by column.
+/// Intrinsics as Open3D writes them. The matrix is stored column by column.
 #[derive(Deserialize)]
 struct Open3d {
     width: u32,
@@ -131,12 +131,12 @@ fn from_matrix(
     Ok([fx, fy, cx + 0.5, cy + 0.5].into())
 }
 
-/// The camera that measured the depths of a recording, where it is known and not the pictures'.
+/// The camera that measured the depths of a recording, where it is known and not the images'.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DepthCameraSource {
     /// Its intrinsics, for depths as stored; focal lengths and principal point in their pixels.
     pub intrinsics: IntrinsicsSource,
-    /// A text of the 4 × 4 matrix that takes points of the depth camera to the pictures', row by row, in world units (metres); `None` = both stand
+    /// A text of the 4 × 4 matrix that takes points of the depth camera to the images', row by row, in world units (metres); `None` = both stand
     /// in one place and look the same way.
     #[serde(default)]
     pub pose: Option<PathBuf>,
@@ -169,7 +169,7 @@ impl DepthCameraSource {
 }
 
 impl GivenDepthCamera {
-    /// The camera of a stored depth of this size, shown after a turn that its picture takes too.
+    /// The camera of a stored depth of this size, shown after a turn that its image takes too.
     ///
     /// # Errors
     /// As [`GivenIntrinsics::for_picture`].

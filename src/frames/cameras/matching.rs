@@ -9,7 +9,7 @@ use crate::names::{file_of, without_ending};
 use crate::{Frame, FrameError, PictureSource};
 
 impl GivenCameras {
-    /// Gives each frame its camera, turned as the frame's picture is: by full name, then by file name alone where that
+    /// Gives each frame its camera, turned as the frame's image is: by full name, then by file name alone where that
     /// is unique, both with and without ending; by number in the name or order; by time. Give all frames of the source,
     /// before some are left out, because trajectories without names count them. Poses without intrinsics go with those
     /// the frame has. Answers with warnings: one that names the frames that have no camera. On an error no frame is
@@ -17,7 +17,7 @@ impl GivenCameras {
     ///
     /// # Errors
     /// [`FrameError::Invalid`] when no frame has a camera; [`FrameError::NotFound`], naming the frame, for a camera of
-    /// another size, missing intrinsics or a mirrored picture.
+    /// another size, missing intrinsics or a mirrored image.
     pub fn match_to(&self, frames: &mut [Frame]) -> Result<Vec<String>, FrameError> {
         let assigned = self.assign(frames);
         if assigned.iter().all(Option::is_none) && !frames.is_empty() {
@@ -269,7 +269,7 @@ fn by_time(times: &[f64], frames: &[Frame]) -> Vec<Option<usize>> {
         .collect()
 }
 
-/// The time that a frame's name ends in, or its time in a film.
+/// The time that a frame's name ends in, or its time in a video.
 fn time_of(frame: &Frame) -> Option<f64> {
     if let PictureSource::Film { time_s, .. } = frame.picture {
         return Some(time_s);

@@ -1,6 +1,6 @@
 //! Given cameras: one file per format, matched to frames by name, number or time.
 //!
-//! Cameras refer to pictures as stored; they are turned with the picture when attached to a frame, and back when
+//! Cameras refer to images as stored; they are turned with the image when attached to a frame, and back when
 //! written.
 
 mod colmap_binary;

@@ -6,7 +6,7 @@ use crate::FrameError;
 use ostra_geometry::Pose;
 
 /// One 4×4 matrix a file, camera-to-world, as in 7-Scenes (`frame-000123.pose.txt`) and ScanNet (`pose/123.txt`): the
-/// file's name is the picture's. ScanNet writes infinities for frames that were lost, others write NaN or zeros. A file
+/// file's name is the image's. ScanNet writes infinities for frames that were lost, others write NaN or zeros. A file
 /// that cannot be read gives no pose.
 pub fn read(files: &[PathBuf]) -> Result<Vec<GivenCamera>, FrameError> {
     let mut cameras = Vec::with_capacity(files.len());

@@ -22,10 +22,10 @@ pub struct SparsePoint {
     pub error_px: Option<f64>,
 }
 
-/// A keypoint of a frame's picture.
+/// A keypoint of a frame's image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SparseKeypoint {
-    /// In the picture as shown, centre of the top-left pixel at (0.5, 0.5).
+    /// In the image as shown, centre of the top-left pixel at (0.5, 0.5).
     pub at_px: DVec2,
     /// Index of the point that it sees.
     pub point: Option<u32>,
@@ -36,7 +36,7 @@ pub struct SparseKeypoint {
 pub struct SparsePoints {
     /// The points.
     pub points: Vec<SparsePoint>,
-    /// By frame number, the keypoints of its picture; empty where they are not known.
+    /// By frame number, the keypoints of its image; empty where they are not known.
     pub keypoints: BTreeMap<usize, Vec<SparseKeypoint>>,
 }
 

@@ -1,4 +1,4 @@
-//! A running ffmpeg that decodes a film: its pictures, and what its log says of them.
+//! A running ffmpeg that decodes a video: its images, and what its log says of them.
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;

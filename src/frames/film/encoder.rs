@@ -9,19 +9,21 @@ use ostra_core::disk::{Unfinished, WorkFolder};
 use ostra_core::job::Progress;
 use ostra_core::programs::ChildProcess;
 
-/// What a film is made of.
+/// Size, length and rate of a video to write.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FilmOptions {
-    /// Columns and rows of every picture, above 0.
+    /// Columns and rows of every image, above 0.
     pub size: (u32, u32),
-    /// Number of pictures.
+    /// Number of images.
     pub count: usize,
-    /// Pictures a second, above 0.
+    /// Images per second, above 0.
     pub fps: f64,
 }
 
-/// Makes a film with the system's ffmpeg; `draw` gives each picture by its number. The ending of `path` says what kind of
-/// film (mp4, mkv, webm …). Written to a temporary name first, which goes away when the work is stopped or fails.
+/// Writes a video with the system's ffmpeg. `draw` returns the image with a given number, from 0.
+///
+/// The file extension of `path` selects the format (mp4, mkv, webm …). The video is written to a temporary file first,
+/// which is removed if writing is stopped or fails.
 ///
 /// # Errors
 /// [`FrameError::Invalid`] where ffmpeg is missing or refuses, [`FrameError::Stopped`].
@@ -31,7 +33,7 @@ pub fn write_film(
     draw: impl Fn(usize) -> Image,
     progress: &Progress,
 ) -> Result<(), FrameError> {
-    // A folder of its own keeps the ending, by which ffmpeg knows what to write.
+    // A separate folder lets the file keep its extension, from which ffmpeg infers the format.
     let folder = path
         .parent()
         .filter(|folder| !folder.as_os_str().is_empty())
@@ -68,7 +70,7 @@ fn encode(
     ffmpeg.finish(path)
 }
 
-/// Refuses a film that does not hold all pictures: ffmpeg may end well although the disk was full.
+/// Refuses a video that does not hold all images: ffmpeg may end well although the disk was full.
 fn check_whole(path: &Path, part: &Path, count: usize) -> Result<(), FrameError> {
     let programs = Programs::default();
     let mut probe = command(

@@ -8,13 +8,13 @@ use super::search::{Damage, Knowledge, Running, Target, read_frame};
 use crate::{FrameError, Image};
 use ostra_core::job::Progress;
 
-/// How many ffmpeg processes run at once: one for each thread that goes through a part of a film, within these bounds.
+/// How many ffmpeg processes run at once: one for each thread that goes through a part of a video, within these bounds.
 const DECODERS: std::ops::RangeInclusive<usize> = 4..=16;
 
-/// A running decoder is read on over at most so many pictures; farther ahead, a new start is faster.
+/// A running decoder is read on over at most so many images; farther ahead, a new start is faster.
 const MAX_SKIP: u64 = 60;
 
-/// Bytes of pictures that all decoders together may decode ahead (each at least one picture).
+/// Bytes of images that all decoders together may decode ahead (each at least one image).
 const AHEAD_BYTES: usize = 64 << 20;
 
 /// How many decoders this machine may run.
@@ -23,7 +23,7 @@ static MAX_DECODERS: LazyLock<usize> = LazyLock::new(|| {
     cores.clamp(*DECODERS.start(), *DECODERS.end())
 });
 
-/// The films being read: a few running decoders, each of which goes on from where it is.
+/// The videos being read: a few running decoders, each of which goes on from where it is.
 #[derive(Debug, Default)]
 pub(crate) struct Films {
     programs: Programs,
@@ -44,7 +44,7 @@ struct State {
 struct Slot {
     id: u64,
     film: PathBuf,
-    /// The picture that comes next, once the read under way is done.
+    /// The image that comes next, once the read under way is done.
     next: u64,
     used: u64,
     /// `None` while a thread reads from it.
@@ -135,7 +135,7 @@ impl Films {
         Ok(locked().entry(film.into()).or_insert_with(new).clone())
     }
 
-    /// Waits for the right to read the picture: with a decoder that comes to it soon, or with none.
+    /// Waits for the right to read the image: with a decoder that comes to it soon, or with none.
     fn lease(&self, film: &Path, index: u64, max_skip: u64) -> Lease<'_> {
         let mut state = self.lock();
         loop {

@@ -1,4 +1,4 @@
-//! Films through the system's ffmpeg: when their pictures are, decoding them on demand, forwards without restart, and
+//! Videos through the system's ffmpeg: when their images are, decoding them on demand, forwards without restart, and
 //! making them.
 
 mod decoder;

@@ -9,16 +9,16 @@ use crate::FrameError;
 use ostra_core::job::Progress;
 use ostra_core::programs::ChildProcess;
 
-/// What opening a film finds out.
+/// What opening a video finds out.
 #[derive(Debug)]
 pub(crate) struct Probed {
-    /// Columns as shown (ffmpeg turns pictures upright).
+    /// Columns as shown (ffmpeg turns images upright).
     pub width: u32,
     /// Rows as shown.
     pub height: u32,
-    /// Time of each picture in seconds from the start, rising. At least one.
+    /// Time of each image in seconds from the start, rising. At least one.
     pub times_s: Vec<f64>,
-    /// What ffmpeg found wrong with the film, where it can be read all the same.
+    /// What ffmpeg found wrong with the video, where it can be read all the same.
     pub damage: Option<String>,
 }
 
@@ -309,7 +309,7 @@ impl Packets {
     }
 }
 
-/// The time of a picture that has none: as long after the one before as that is after its own.
+/// The time of an image that has none: as long after the one before as that is after its own.
 fn after(times_s: &[f64]) -> f64 {
     match times_s {
         [.., before, last] => 2.0 * last - before,
@@ -324,7 +324,7 @@ fn from_start(mut times_s: Vec<f64>, start_s: f64) -> Vec<f64> {
     times_s
 }
 
-/// Runs ffprobe on the film's pictures and hands over its lines; returns its first complaint.
+/// Runs ffprobe on the video's images and hands over its lines; returns its first complaint.
 fn ffprobe(
     programs: &Programs,
     path: &Path,

@@ -39,7 +39,7 @@ impl Programs {
         }
     }
 
-    /// The options that pass every picture on once, without doubling or dropping any to keep a rate.
+    /// The options that pass every image on once, without doubling or dropping any to keep a rate.
     pub fn every_picture_once(&self) -> [&'static str; 2] {
         *self.every_picture_once.get_or_init(|| {
             let mut text = String::new();

@@ -20,11 +20,11 @@ pub fn open(request: &OpenRequest, progress: &Progress) -> Result<Opened, FrameE
     open_more(&[], request, progress)
 }
 
-/// As [`open`], for frames that join `existing` ones: pictures that are there already are left out, and names that are
+/// As [`open`], for frames that join `existing` ones: images that are there already are left out, and names that are
 /// taken get more of the path's last parts in front. Only the new frames are returned.
 ///
 /// # Errors
-/// As [`open`], and when there is no new picture.
+/// As [`open`], and when there is no new image.
 pub fn open_more(
     existing: &[Frame],
     request: &OpenRequest,

@@ -22,7 +22,7 @@ pub(super) struct Sensor {
     pub unit: f64,
     /// World units per unit of a stored float.
     pub float_unit: f64,
-    /// The camera that measured them; `None` = the pictures'.
+    /// The camera that measured them; `None` = the images'.
     pub camera: Option<GivenDepthCamera>,
 }
 

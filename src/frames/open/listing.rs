@@ -1,4 +1,4 @@
-//! Pictures in folders, in natural order, and the items made of them.
+//! Images in folders, in natural order, and the items made of them.
 
 use std::cmp::Ordering;
 use std::collections::BTreeSet;
@@ -269,16 +269,16 @@ fn compare_numbers(a: &str, b: &str) -> Ordering {
     a.len().cmp(&b.len()).then_with(|| a.cmp(b))
 }
 
-/// Where a picture comes from, before its header is read.
+/// Where an image comes from, before its header is read.
 #[derive(Debug, Clone)]
 pub(super) enum Origin {
-    /// A picture file.
+    /// An image file.
     File(PathBuf),
-    /// A picture of a film, with its size as shown.
+    /// An image of a video, with its size as shown.
     Film(PictureSource, (u32, u32)),
 }
 
-/// A picture without depth so far.
+/// An image without depth so far.
 pub(super) fn without_depth(picture: Listed) -> Item {
     Item {
         name: picture.name,
@@ -287,12 +287,12 @@ pub(super) fn without_depth(picture: Listed) -> Item {
     }
 }
 
-/// One picture before its header is read.
+/// One image before its header is read.
 #[derive(Debug)]
 pub(super) struct Item {
-    /// Below the source; empty when the source is this one picture.
+    /// Below the source; empty when the source is this one image.
     pub name: String,
-    /// Where the picture comes from.
+    /// Where the image comes from.
     pub origin: Origin,
     /// The depth file that belongs to it.
     pub depth: Option<PathBuf>,
@@ -311,7 +311,7 @@ impl Item {
         }
     }
 
-    /// What tells this picture from all others: its file, and which one of the film.
+    /// Identity of this image: its file, and its index in the video.
     pub fn identity(&self) -> (PathBuf, u64) {
         match &self.origin {
             Origin::File(path) => (path.clone(), 0),
@@ -319,7 +319,7 @@ impl Item {
         }
     }
 
-    /// The picture file and the depth file, where there are both.
+    /// The image file and the depth file, where there are both.
     pub fn files_with_depth(&self) -> Option<(&Path, &Path)> {
         match (&self.origin, &self.depth) {
             (Origin::File(picture), Some(depth)) => Some((picture, depth)),

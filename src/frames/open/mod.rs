@@ -1,4 +1,4 @@
-//! From what the user names (folders, pictures, films, depth) to frames in project order.
+//! From what the user names (folders, images, videos, depth) to frames in project order.
 
 mod assemble;
 mod headers;

@@ -1,4 +1,4 @@
-//! Which depth belongs to which picture: by TUM associations, time, name or number.
+//! Which depth belongs to which image: by TUM associations, time, name or number.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -10,19 +10,19 @@ use crate::cameras::TUM_TOLERANCE_S;
 use crate::names::{file_of, without_ending};
 use ostra_core::disk;
 
-/// Words in file names that say what a picture holds, not which one it is.
+/// Words in file names that say what an image holds, not which one it is.
 const ROLE_WORDS: [&str; 5] = ["color", "colour", "rgb", "image", "depth"];
 
-/// Which depth belongs to which picture: for each picture the index of its depth.
+/// Which depth belongs to which image: for each image the index of its depth.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Pairs {
-    /// One entry a picture.
+    /// One entry an image.
     pub depth_of: Vec<Option<usize>>,
     used: Vec<bool>,
 }
 
 impl Pairs {
-    /// No pairs among so many pictures and depths.
+    /// No pairs among so many images and depths.
     pub fn none(pictures: usize, depths: usize) -> Self {
         Self {
             depth_of: vec![None; pictures],
@@ -30,7 +30,7 @@ impl Pairs {
         }
     }
 
-    /// How many pictures have a depth.
+    /// How many images have a depth.
     pub fn count(&self) -> usize {
         self.depth_of.iter().flatten().count()
     }
@@ -43,7 +43,7 @@ impl Pairs {
         }
     }
 
-    /// Pairs what has the same key, where only one picture and one depth have it.
+    /// Pairs what has the same key, where only one image and one depth have it.
     fn join_by_key(
         &mut self,
         pictures: &[&str],
@@ -59,7 +59,7 @@ impl Pairs {
     }
 }
 
-/// Adds pairs by name: first by the path without its ending, then without the words that tell colour from depth,
+/// Adds pairs by name: first by the path without its ending, then without the words that distinguish colour from depth,
 /// then by the number in the file name.
 fn pair_by_name(pairs: &mut Pairs, pictures: &[&str], depths: &[&str]) {
     pairs.join_by_key(pictures, depths, |name| Some(without_ending(name).into()));
@@ -122,7 +122,7 @@ fn words_of(name: &str) -> impl Iterator<Item = &str> {
     file_of(name).split(['.', '_', '-'])
 }
 
-/// The name without the words that tell colour from depth, e.g. `frame-7.color` → `frame-7`.
+/// The name without the words that distinguish colour from depth, e.g. `frame-7.color` → `frame-7`.
 pub(super) fn without_role(name: &str) -> String {
     let is_role = |word: &&str| {
         ROLE_WORDS
@@ -151,7 +151,7 @@ fn number_in_file_name(name: &str, position: Position) -> Option<String> {
     })
 }
 
-/// Decides which depth belongs to which picture: by `associations.txt` at `places` or above them, by the times that
+/// Decides which depth belongs to which image: by `associations.txt` at `places` or above them, by the times that
 /// names are, or by name and number.
 pub(super) fn pair(
     pictures: &[Listed],
@@ -185,7 +185,7 @@ pub(super) fn pair(
     Ok(pairs)
 }
 
-/// Puts the paired depths into the pictures they belong to.
+/// Puts the paired depths into the images they belong to.
 pub(super) fn with_depth(items: Vec<Item>, depths: &[Listed], pairs: &Pairs) -> Vec<Item> {
     let one = |(item, depth): (Item, &Option<usize>)| Item {
         depth: depth.map(|at| depths[at].path.clone()),

@@ -5,24 +5,24 @@ use serde::{Deserialize, Serialize};
 use crate::Frame;
 use crate::cameras::DepthCameraSource;
 
-/// What to open: one source after another, thinned.
+/// Sources to open, in order, and the selection of their frames.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct OpenRequest {
-    /// Folders, single pictures and films, in order.
+    /// Folders, single images and videos, in order.
     pub sources: Vec<FrameFolder>,
     /// World units (metres) per step of an integer depth value; > 0.
     pub depth_unit: f64,
     /// World units (metres) per unit of a float depth value; > 0.
     pub float_depth_unit: f64,
-    /// The camera that measured the depths, where it is not the pictures'; `None` = depth lies on its picture, pixel for
-    /// pixel.
+    /// The camera that measured the depths, if it differs from the images'. `None` = depth and image
+    /// correspond pixel for pixel.
     pub depth_camera: Option<DepthCameraSource>,
-    /// Takes every so-many-th source frame; ≥ 1.
+    /// Takes every `every`-th source frame; ≥ 1.
     pub every: usize,
-    /// The first source frame to take, counted from 0 over all sources; `None` = the first of all.
+    /// Index of the first source frame to take, counted from 0 over all sources; `None` = start at 0.
     pub from: Option<usize>,
-    /// The last source frame that may be taken, itself included; `None` = the last of all.
+    /// Index of the last source frame that may be taken (inclusive); `None` = no limit.
     pub to: Option<usize>,
 }
 
@@ -40,10 +40,10 @@ impl Default for OpenRequest {
     }
 }
 
-/// One place that frames come from.
+/// One source of frames, with its optional depth images.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FrameFolder {
-    /// A folder (read with its subfolders), a single picture, or a film.
+    /// A folder (read with its subfolders), a single image, or a video.
     pub frames: PathBuf,
     /// The folder (or single file) of depth images that belong to it, of 16-bit integers or floats.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -59,7 +59,7 @@ impl From<PathBuf> for FrameFolder {
     }
 }
 
-/// Frames in project order and what the user should know about them.
+/// Frames in project order, with warnings for the user.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Opened {
     /// Names are unique; sizes are as shown.

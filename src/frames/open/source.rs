@@ -16,7 +16,7 @@ use crate::names::without_ending;
 use crate::{FrameError, PictureSource};
 use ostra_core::job::Progress;
 
-/// The pictures of one source, in order.
+/// The images of one source, in order.
 #[derive(Debug)]
 pub(super) struct Source {
     /// The path whose last parts go before names when there are several sources.
@@ -35,7 +35,7 @@ pub(super) enum Kind {
     Film,
 }
 
-/// What listing needs to know besides the source, and what it tells.
+/// Inputs of listing other than the source, and its reports.
 pub(super) struct Listing<'a> {
     pub sensor: &'a Sensor,
     pub progress: &'a Progress,
@@ -118,7 +118,7 @@ impl Listing<'_> {
         Ok(found.pictures)
     }
 
-    /// Gives pictures the depth the user named; that none fits is an error.
+    /// Gives images the depth the user named; that none fits is an error.
     fn paired(
         &mut self,
         items: Vec<Item>,
@@ -156,7 +156,7 @@ fn film_items(film: &Path, probed: &Probed) -> Vec<Item> {
     (0..).zip(&probed.times_s).map(item).collect()
 }
 
-/// What names of a source's frames begin with: for a film its name without the ending.
+/// What names of a source's frames begin with: for a video its name without the ending.
 pub(super) fn stem(source: &Source) -> PathBuf {
     match (source.kind, source.place.to_str()) {
         (Kind::Film, Some(place)) => without_ending(place).into(),
@@ -204,14 +204,14 @@ fn one_file(path: &Path) -> Listed {
     }
 }
 
-/// Names of folders that hold the colour pictures of an RGB-D recording, the likeliest first.
+/// Names of folders that hold the colour images of an RGB-D recording, the likeliest first.
 const COLOR_FOLDERS: [&str; 5] = ["color", "colour", "rgb", "image", "images"];
 
-/// Names of folders that hold its depth pictures.
+/// Names of folders that hold its depth images.
 const DEPTH_FOLDERS: [&str; 2] = ["depth", "depths"];
 
-/// One RGB-D recording among the listed pictures: a folder with a folder of colour and one of depth, or the rest,
-/// told apart by file names.
+/// One RGB-D recording among the listed images: a folder with a folder of colour and one of depth, or the rest,
+/// distinguished by file names.
 #[derive(Debug, Default)]
 struct Recording {
     place: PathBuf,
@@ -220,8 +220,8 @@ struct Recording {
     left_out: usize,
 }
 
-/// Finds the RGB-D recordings in a folder given without depth (`color/` beside `depth/`, or `*.color.png` beside
-/// `*.depth.png`), so that depth is never taken for pictures, and says so in a warning.
+/// Finds the RGB-D recordings in a folder given without depth (`color/` next to `depth/`, or `*.color.png` next to
+/// `*.depth.png`), so that depth is never taken for images, and says so in a warning.
 fn recognise(
     place: &Path,
     listed: Vec<Listed>,
@@ -235,7 +235,7 @@ fn recognise(
     Ok(items)
 }
 
-/// Tells colour from depth by the words in file names; depth is what says so and has a colour picture beside it.
+/// Splits images into colour and depth by words in file names. All are colour unless a depth name fits a colour name.
 fn split_by_name(listed: Vec<Listed>) -> (Vec<Listed>, Vec<Listed>) {
     let (depths, pictures): (Vec<_>, Vec<_>) =
         listed.into_iter().partition(|file| says_depth(&file.name));
@@ -249,7 +249,7 @@ fn split_by_name(listed: Vec<Listed>) -> (Vec<Listed>, Vec<Listed>) {
     (all, Vec::new())
 }
 
-/// The pictures that belong to a depth folder among them: those of the folder of colour beside it, if there is one.
+/// The images that belong to a depth folder among them: those of the colour folder next to it, if there is one.
 fn beside_depth(mut pictures: Vec<Listed>, depth: &Path) -> Vec<Listed> {
     pictures.retain(|picture| !picture.path.starts_with(depth));
     let beside = COLOR_FOLDERS.iter().map(|name| depth.with_file_name(name));
@@ -384,7 +384,7 @@ impl Recording {
     }
 }
 
-/// Why depth that nobody asked for cannot be used, judged by the first pair.
+/// Why depth that was not requested cannot be used, judged by the first pair.
 fn why_unfit(items: &[Item], sensor: &Sensor) -> Option<String> {
     let Some((picture, depth)) = items.iter().find_map(Item::files_with_depth) else {
         return Some("no depth picture fits a colour picture by name, number or time".into());

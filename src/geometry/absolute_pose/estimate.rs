@@ -42,7 +42,7 @@ pub struct AbsolutePose {
     pub inliers: Vec<u32>,
 }
 
-/// Steps of a refinement between samples, and points that it looks at.
+/// Steps of a refinement between samples, and points that it uses.
 const QUICK_STEPS: usize = 6;
 const QUICK_POINTS: usize = 300;
 /// A wrong pose explains this many points by its sample, and a few more by chance.

@@ -44,7 +44,7 @@ impl Damping {
 /// Left out are observations that are not finite, name something that does not exist, or are not seen at the start
 /// (behind the camera, beyond a lens that folds back), and points seen from fewer than two images unless points are
 /// fixed. What is left without observations stays as it is. One that goes behind its camera on the way counts as an
-/// error of a picture's diagonal.
+/// error of an image's diagonal.
 pub fn adjust(
     bundle: &mut Bundle,
     options: &BundleOptions,

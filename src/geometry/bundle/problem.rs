@@ -2,12 +2,12 @@ use glam::{DVec2, DVec3};
 
 use crate::{Camera, Pose};
 
-/// What is adjusted: cameras, where each picture was taken, points, and where the points were seen.
+/// What is adjusted: cameras, where each image was taken, points, and where the points were seen.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Bundle {
     /// Intrinsics; several images may share one.
     pub cameras: Vec<Camera>,
-    /// The pictures' poses.
+    /// The images' poses.
     pub images: Vec<BundleImage>,
     /// In world space.
     pub points: Vec<DVec3>,
@@ -15,7 +15,7 @@ pub struct Bundle {
     pub observations: Vec<BundleObservation>,
 }
 
-/// One picture of a [`Bundle`].
+/// One image of a [`Bundle`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BundleImage {
     /// Index of its camera.
@@ -24,7 +24,7 @@ pub struct BundleImage {
     pub camera_from_world: Pose,
 }
 
-/// One point seen in one picture.
+/// One point seen in one image.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BundleObservation {
     /// Index of the image.

@@ -139,7 +139,7 @@ impl State {
     }
 
     /// The loss of one observation in px². One that has gone behind its camera costs as much as an error of the
-    /// picture's diagonal, so that no step gains by sending it there.
+    /// image's diagonal, so that no step gains by sending it there.
     #[inline(always)]
     pub fn cost(&self, point: DVec3, sighting: &Sighting) -> f64 {
         let view = &self.views[sighting.image as usize];

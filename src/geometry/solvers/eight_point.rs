@@ -3,7 +3,7 @@ use nalgebra::{Matrix3, SMatrix};
 
 use super::null_space::{epipolar_equation, from_rows};
 
-/// The fundamental matrix `F` with the least `Σ weight (x2ᵀ F x1)²` over eight or more pairs `[x1, x2]`, each picture's
+/// The fundamental matrix `F` with the least `Σ weight (x2ᵀ F x1)²` over eight or more pairs `[x1, x2]`, each image's
 /// points moved to their centroid and scaled first, made singular (R. Hartley, *In Defense of the Eight-Point
 /// Algorithm*, PAMI 1997). Frobenius norm 1; `None` for fewer pairs with a weight above 0, and for points in one place.
 #[must_use]

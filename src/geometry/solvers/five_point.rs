@@ -9,7 +9,7 @@ use super::real_roots::real_roots;
 
 /// The up to ten essential matrices `E` with `x2ᵀ E x1 = 0` for five pairs of rays `[x1, x2]` (D. Nistér, *An Efficient
 /// Solution to the Five-Point Relative Pose Problem*, PAMI 2004). Frobenius norm 1; none where the five pairs do not fix
-/// it, as for rays told twice.
+/// it, as for rays given twice.
 #[must_use]
 pub fn five_point(pairs: &[[DVec2; 2]; 5]) -> Vec<DMat3> {
     let Some(basis) = null_space::<5, 4>(pairs.map(epipolar_equation)) else {

@@ -80,12 +80,12 @@ const FOCAL_STEPS: i32 = 40;
 /// Samples among matches that are inliers of another model already.
 const AMONG_INLIERS: usize = 100;
 
-/// Which matches between two pictures agree with one motion, of what kind the agreement is, and the motion; `None` where
+/// Which matches between two images agree with one motion, of what kind the agreement is, and the motion; `None` where
 /// fewer than `min_inliers` agree, or no more than chance lets agree.
 ///
-/// `matches_px` are positions in the first and second picture. `calibrated` tells that the intrinsics of both cameras
+/// `matches_px` are positions in the first and second image. `calibrated` means that the intrinsics of both cameras
 /// are known; otherwise a fundamental matrix or a homography decides about inliers, and the motion is the best under the
-/// intrinsics given. The kinds are told apart as by J. Schönberger, J.-M. Frahm, *Structure-from-Motion Revisited*, CVPR
+/// intrinsics given. The kinds are distinguished as by J. Schönberger, J.-M. Frahm, *Structure-from-Motion Revisited*, CVPR
 /// 2016.
 #[must_use]
 pub fn estimate_two_view(
@@ -268,14 +268,14 @@ impl Search<'_> {
         }
     }
 
-    /// The share of the second picture within the threshold of a line across it.
+    /// The share of the second image within the threshold of a line across it.
     fn chance_of_band(&self) -> f64 {
         let [w, h] =
             [self.cameras[1].width, self.cameras[1].height].map(|side| f64::from(side.max(1)));
         (2.0 * self.options.max_error_px * w.hypot(h) / (w * h)).min(1.0)
     }
 
-    /// Whether inliers lie neither in one place nor in one line in either picture, where they fix no motion.
+    /// Whether inliers lie neither in one place nor in one line in either image, where they fix no motion.
     fn spread_out(&self, places: &[u32]) -> bool {
         [0, 1].into_iter().all(|side| {
             let at = || {

@@ -219,7 +219,7 @@ impl Grid {
     }
 
     fn coordinates(&self, at_px: DVec2) -> [usize; 2] {
-        // A position outside the picture counts to the cell at the edge; a negative float becomes 0.
+        // A position outside the image counts to the cell at the edge; a negative float becomes 0.
         (at_px / self.cell_px)
             .to_array()
             .map(|v| (v as usize).min(self.cells - 1))

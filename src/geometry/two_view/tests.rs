@@ -146,7 +146,7 @@ fn half_of_the_matches_wrong_and_the_motion_is_found() {
 
 #[test]
 fn nine_of_ten_wrong_among_neighbours_that_agree() {
-    // Points of a surface: what is near in one picture is near in the other.
+    // Points of a surface: what is near in one image is near in the other.
     let surface = |_: f64, ray: DVec2| 5.0 + (3.0 * ray.x).sin() + (4.0 * ray.y).cos();
     let made = made(1, 80, 720, [&FIRST; 2], &sideways(), surface);
     let found =
@@ -193,7 +193,7 @@ fn a_plane_is_told_from_depth() {
         .unwrap();
         assert_eq!(found.kind, TwoViewKind::Planar);
         assert_inliers(&found, &made);
-        // A plane allows two motions; only points behind a camera tell them apart.
+        // A plane allows two motions; only points behind a camera distinguish them.
         let pose = found.second_from_first.unwrap();
         let f = fundamental_in_pixels(essential_from_pose(&pose), [&FIRST; 2]);
         let off = found

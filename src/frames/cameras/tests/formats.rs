@@ -69,7 +69,7 @@ fn logs_are_matched_by_number_or_order() {
     };
     let path = folder.path().join("trajectory.log");
     std::fs::write(&path, log(&[0, 1, 2])).unwrap();
-    // Tanks and Temples count pictures from 1, the log from 0.
+    // Tanks and Temples count images from 1, the log from 0.
     assert_poses(
         &matched(&path, &["000001.jpg", "000002.jpg", "000003.jpg"]),
         &[pose(0), pose(1), pose(2)],

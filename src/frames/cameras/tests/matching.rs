@@ -5,7 +5,7 @@ use crate::cameras::{CameraKey, GivenCamera, GivenCameras, GivenIntrinsics, atta
 use crate::{Frame, FrameCamera};
 use ostra_geometry::Camera;
 
-/// Cameras by name, told apart by the x of their translation.
+/// Cameras by name, distinguished by the x of their translation.
 fn given(names: &[&str]) -> GivenCameras {
     let camera = |(i, name): (usize, &&str)| GivenCamera {
         key: CameraKey::Name((*name).into()),
@@ -93,7 +93,7 @@ fn another_size_is_an_error_with_both_and_changes_nothing() {
         "{error}"
     );
     assert!(all.iter().all(|frame| frame.camera.is_none()));
-    // A picture shown upright has the size of the stored one swapped.
+    // An image shown upright has the size of the stored one swapped.
     assert!(cameras.match_to(&mut [frame("a.png", 480, 640, 6)]).is_ok());
     assert!(
         cameras

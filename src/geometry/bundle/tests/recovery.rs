@@ -95,7 +95,7 @@ fn intrinsics_of_every_model_come_back() {
 
 #[test]
 fn a_long_sequence_is_bridged_step_by_step() {
-    // Each picture of a corridor sees only its neighbours' points: the matrix is a narrow band.
+    // Each image of a corridor sees only its neighbours' points: the matrix is a narrow band.
     let mut truth = dome(vec![pinhole()], 120, 0, 1.0, 6);
     let mut noise = Noise::new(7);
     for (i, image) in truth.images.iter_mut().enumerate() {

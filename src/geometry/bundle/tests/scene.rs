@@ -74,8 +74,8 @@ fn looking(centre: DVec3, target: DVec3, roll: f64) -> Pose {
     .unwrap()
 }
 
-/// Points in a cube of side 2, seen exactly by `views` pictures on a dome around it, taken by each camera in turn;
-/// each point is seen by about `share` of those that have it in their picture.
+/// Points in a cube of side 2, seen exactly by `views` images on a dome around it, taken by each camera in turn;
+/// each point is seen by about `share` of those that have it in their image.
 pub fn dome(cameras: Vec<Camera>, views: usize, points: usize, share: f64, seed: u64) -> Bundle {
     let mut noise = Noise::new(seed);
     let images: Vec<BundleImage> = (0..views)
