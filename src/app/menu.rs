@@ -13,19 +13,19 @@ pub(super) fn menu_bar_ui(
     session: &SessionView<'_>,
     view: &ViewState,
     out: &mut Vec<Command>,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     MenuBar::new().ui(ui, |ui| {
         for menu in MenuName::ALL {
             ui.menu_button(menu.text(), |ui| {
-                menu_ui(ui, menu, session, view, out, wishes);
+                menu_ui(ui, menu, session, view, out, actions);
             });
         }
         ui.separator();
-        undo_redo_ui(ui, session, view, wishes);
+        undo_redo_ui(ui, session, view, actions);
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if theme_button_ui(ui, view).clicked() {
-                wishes.push(Action::ToggleTheme);
+                actions.push(Action::ToggleTheme);
             }
             ui.weak(title(session));
         });
@@ -127,7 +127,7 @@ fn menu_ui(
     session: &SessionView<'_>,
     view: &ViewState,
     out: &mut Vec<Command>,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     ui.set_min_width(220.0);
     for action in Action::all().filter(|action| action.menu() == Some(menu)) {
@@ -141,7 +141,7 @@ fn menu_ui(
             .on_hover_text(action.tip())
             .clicked()
         {
-            wishes.push(action);
+            actions.push(action);
         }
         if action == Action::Open {
             recent_ui(ui, session, out);
@@ -188,7 +188,7 @@ fn undo_redo_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &ViewState,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     for (action, text) in [(Action::Undo, "Undo"), (Action::Redo, "Redo")] {
         let response = action_button(
@@ -203,7 +203,7 @@ fn undo_redo_ui(
             .accessible_name(action.text())
             .clicked()
         {
-            wishes.push(action);
+            actions.push(action);
         }
     }
 }

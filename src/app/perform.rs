@@ -3,11 +3,11 @@ use ostra_project::SegmenterId;
 
 use super::canvas::{clear_label, click_at};
 use super::dialogs::RelocateForm;
-use super::dialogs::{PathWish, typed_path};
+use super::dialogs::{PathRequest, typed_path};
 use super::menu::is_possible;
 use super::panels::{Asked, Ruler, add_label, listed, next_worst, pairs_in};
 use super::ranges::{is_range_change, next_doubtful, range_request, set_range, split_at};
-use super::view_state::{IntoWish, SceneWish};
+use super::view_state::{IntoRequest, SceneAction};
 use super::{Action, Dialog, Panes, SessionView, Severity, ViewState};
 use ostra_masks::Direction;
 use ostra_project::{FuseRequest, ReconstructRequest};
@@ -132,7 +132,7 @@ fn find_in_scene(session: &SessionView<'_>, view: &mut ViewState) {
     match view.asked {
         Some(_) => {
             show_scene(view);
-            view.scene_wish = Some(SceneWish::ShowAsked);
+            view.scene_action = Some(SceneAction::ShowAsked);
         }
         None => view.note = "No point of the cloud is visible here".into(),
     }
@@ -150,14 +150,14 @@ fn reconstruct(view: &mut ViewState, out: &mut Vec<Command>) {
 
 fn dialog_of(action: Action, session: &SessionView<'_>, view: &ViewState) -> Option<Dialog> {
     Some(match action {
-        Action::MergeRange => Dialog::Into(IntoWish {
+        Action::MergeRange => Dialog::Into(IntoRequest {
             label: view.label?,
             range: view.frames_meant(),
             piece: None,
         }),
         Action::SplitRange => {
             let piece = Some((view.frame, split_at(session, view)?));
-            Dialog::Into(IntoWish {
+            Dialog::Into(IntoRequest {
                 label: view.label?,
                 range: view.frames_meant(),
                 piece,
@@ -170,11 +170,11 @@ fn dialog_of(action: Action, session: &SessionView<'_>, view: &ViewState) -> Opt
         Action::Models => Dialog::Models,
         Action::Palette => Dialog::Palette,
         Action::ShortcutSheet => Dialog::Shortcuts,
-        Action::Open => Dialog::Path(PathWish::OpenProject),
-        Action::Inspect => Dialog::Path(PathWish::InspectPly),
-        Action::ImportMasks => Dialog::Path(PathWish::ImportMasks),
+        Action::Open => Dialog::Path(PathRequest::OpenProject),
+        Action::Inspect => Dialog::Path(PathRequest::InspectPly),
+        Action::ImportMasks => Dialog::Path(PathRequest::ImportMasks),
         Action::SavePicture => Dialog::Picture,
-        Action::SaveRecipe => Dialog::Path(PathWish::SaveRecipe),
+        Action::SaveRecipe => Dialog::Path(PathRequest::SaveRecipe),
         _ => return None,
     })
 }
@@ -216,12 +216,12 @@ fn look_differently(action: Action, ctx: &Context, view: &mut ViewState) {
         Action::ShowBoth => view.prefs.panes = Panes::Both,
         Action::ShowPicture => view.prefs.panes = Panes::Picture,
         Action::ShowScene => view.prefs.panes = Panes::Scene,
-        Action::FrameCloud => view.scene_wish = Some(SceneWish::FrameAll),
+        Action::FrameCloud => view.scene_action = Some(SceneAction::FrameAll),
         Action::LookThrough => {
             view.prefs.scene.orthographic = false;
-            view.scene_wish = Some(SceneWish::LookThrough);
+            view.scene_action = Some(SceneAction::LookThrough);
         }
-        Action::LookFrom(side) => view.scene_wish = Some(SceneWish::LookFrom(side)),
+        Action::LookFrom(side) => view.scene_action = Some(SceneAction::LookFrom(side)),
         Action::ToggleOrthographic => {
             view.prefs.scene.orthographic = !view.prefs.scene.orthographic;
         }

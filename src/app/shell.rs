@@ -67,15 +67,15 @@ impl Shell {
 
     /// Draws the whole window; what the user asked for comes back as commands, in order.
     pub fn ui(&mut self, ui: &mut Ui, session: &SessionView<'_>) -> Vec<Command> {
-        let (mut out, mut wishes) = (Vec::new(), Vec::new());
+        let (mut out, mut actions) = (Vec::new(), Vec::new());
         self.view.keep_valid(session);
         self.view.presence.update(session.project);
         self.view.draft.follow(session.project);
         take_picked(ui.ctx(), &mut self.view);
-        wishes.extend(pressed(ui.ctx(), &self.view, self.took_keys));
-        self.bars_ui(ui, session, &mut out, &mut wishes);
+        actions.extend(pressed(ui.ctx(), &self.view, self.took_keys));
+        self.bars_ui(ui, session, &mut out, &mut actions);
         if session.has_frames() {
-            self.side_panels_ui(ui, session, &mut out, &mut wishes);
+            self.side_panels_ui(ui, session, &mut out, &mut actions);
         } else if session.inspected.is_some() {
             side_panel(Panel::left("labels"), 256.0)
                 .show(ui, |ui| cloud_labels_ui(ui, session, &mut self.view));
@@ -84,9 +84,9 @@ impl Shell {
         CentralPanel::default()
             .frame(Frame::new().fill(fill))
             .show(ui, |ui| {
-                self.panes_ui(ui, session, &mut out, &mut wishes);
+                self.panes_ui(ui, session, &mut out, &mut actions);
             });
-        self.dialogs_ui(ui, session, &mut out, &mut wishes);
+        self.dialogs_ui(ui, session, &mut out, &mut actions);
         if self.view.matches.open && session.has_frames() {
             matches_ui(ui, session, &mut self.view, &mut self.textures);
         }
@@ -95,7 +95,7 @@ impl Shell {
         }
         notices_ui(ui, &mut self.view.notices);
         self.took_keys = takes_keys(ui.ctx());
-        for action in wishes {
+        for action in actions {
             perform(action, ui.ctx(), session, &mut self.view, &mut out);
         }
         if let Some(pictures) = session.pictures {
@@ -110,17 +110,17 @@ impl Shell {
         ui: &mut Ui,
         session: &SessionView<'_>,
         out: &mut Vec<Command>,
-        wishes: &mut Vec<Action>,
+        actions: &mut Vec<Action>,
     ) {
         let bar = Frame::new()
             .fill(ui.visuals().panel_fill)
             .inner_margin(Margin::symmetric(8, 3));
         Panel::top("menu")
             .frame(bar)
-            .show(ui, |ui| menu_bar_ui(ui, session, &self.view, out, wishes));
+            .show(ui, |ui| menu_bar_ui(ui, session, &self.view, out, actions));
         Panel::bottom("status")
             .frame(bar)
-            .show(ui, |ui| status_ui(ui, session, &self.view, wishes));
+            .show(ui, |ui| status_ui(ui, session, &self.view, actions));
         if session.has_frames() {
             let strip = Frame::new()
                 .fill(ui.visuals().panel_fill)
@@ -144,7 +144,7 @@ impl Shell {
                     .default_size(112.0)
                     .size_range(64.0..=400.0);
                 grid.frame(strip)
-                    .show(ui, |ui| timeline_ui(ui, session, &mut self.view, wishes));
+                    .show(ui, |ui| timeline_ui(ui, session, &mut self.view, actions));
             }
         }
     }
@@ -154,7 +154,7 @@ impl Shell {
         ui: &mut Ui,
         session: &SessionView<'_>,
         out: &mut Vec<Command>,
-        wishes: &mut Vec<Action>,
+        actions: &mut Vec<Action>,
     ) {
         let view = &mut self.view;
         side_panel(Panel::left("labels"), 256.0).show(ui, |ui| {
@@ -170,22 +170,24 @@ impl Shell {
         });
         side_panel(Panel::right("work"), 262.0).show(ui, |ui| {
             scrolled(ui, "right", |ui| {
-                section(ui, "Track", true, |ui| track_ui(ui, session, view, wishes));
+                section(ui, "Track", true, |ui| track_ui(ui, session, view, actions));
                 if !session.doubts.is_empty() {
                     section(ui, "Conflicts", true, |ui| {
-                        doubt_ui(ui, session, view, wishes);
+                        doubt_ui(ui, session, view, actions);
                     });
                 }
                 section(ui, "Suggestions", !session.suggestions.is_empty(), |ui| {
-                    suggestions_ui(ui, session, view, out, wishes);
+                    suggestions_ui(ui, session, view, out, actions);
                 });
                 section(ui, "Reconstruct", true, |ui| {
-                    reconstruct_ui(ui, session, view, wishes);
+                    reconstruct_ui(ui, session, view, actions);
                 });
-                section(ui, "Fuse", true, |ui| fuse_ui(ui, session, view, wishes));
+                section(ui, "Fuse", true, |ui| fuse_ui(ui, session, view, actions));
                 section(ui, "Results", false, |ui| results_ui(ui, session));
                 if session.slow_jobs().next().is_some() {
-                    section(ui, "Running", true, |ui| jobs_ui(ui, session, view, wishes));
+                    section(ui, "Running", true, |ui| {
+                        jobs_ui(ui, session, view, actions);
+                    });
                 }
             });
         });
@@ -197,7 +199,7 @@ impl Shell {
         ui: &mut Ui,
         session: &SessionView<'_>,
         out: &mut Vec<Command>,
-        wishes: &mut Vec<Action>,
+        actions: &mut Vec<Action>,
     ) {
         let has_scene = session.points().is_some()
             || session
@@ -206,11 +208,11 @@ impl Shell {
                 .iter()
                 .any(|frame| frame.posed_camera().is_some());
         match (session.has_frames(), session.inspected.is_some()) {
-            (false, false) => return welcome_ui(ui, session, &self.view, out, wishes),
+            (false, false) => return welcome_ui(ui, session, &self.view, out, actions),
             (false, true) => {
                 return self
                     .scene
-                    .ui(ui, session, &mut self.view, &mut self.textures, wishes);
+                    .ui(ui, session, &mut self.view, &mut self.textures, actions);
             }
             (true, _) => {}
         }
@@ -218,7 +220,7 @@ impl Shell {
         if panes == Panes::Scene {
             return self
                 .scene
-                .ui(ui, session, &mut self.view, &mut self.textures, wishes);
+                .ui(ui, session, &mut self.view, &mut self.textures, actions);
         }
         if panes == Panes::Both && has_scene {
             let half = ui.available_width() * 0.46;
@@ -230,10 +232,17 @@ impl Shell {
                 .frame(frame)
                 .show(ui, |ui| {
                     self.scene
-                        .ui(ui, session, &mut self.view, &mut self.textures, wishes);
+                        .ui(ui, session, &mut self.view, &mut self.textures, actions);
                 });
         }
-        picture_pane_ui(ui, session, &mut self.view, &mut self.textures, out, wishes);
+        picture_pane_ui(
+            ui,
+            session,
+            &mut self.view,
+            &mut self.textures,
+            out,
+            actions,
+        );
     }
 
     fn dialogs_ui(
@@ -241,7 +250,7 @@ impl Shell {
         ui: &Ui,
         session: &SessionView<'_>,
         out: &mut Vec<Command>,
-        wishes: &mut Vec<Action>,
+        actions: &mut Vec<Action>,
     ) {
         let view = &mut self.view;
         match view.dialog {
@@ -253,9 +262,9 @@ impl Shell {
             Some(Dialog::Picture) => picture_ui(ui, view),
             Some(Dialog::Models) => models_ui(ui, session, view, out),
             Some(Dialog::Shortcuts) => sheet_ui(ui, view),
-            Some(Dialog::Palette) => palette_ui(ui, session, view, wishes),
-            Some(Dialog::Into(wish)) => into_ui(ui, session, view, wish, out),
-            Some(Dialog::Path(wish)) => path_ui(ui, view, wish, out),
+            Some(Dialog::Palette) => palette_ui(ui, session, view, actions),
+            Some(Dialog::Into(request)) => into_ui(ui, session, view, request, out),
+            Some(Dialog::Path(request)) => path_ui(ui, view, request, out),
             None => {}
         }
     }

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use super::canvas::{Draft, Tool, ZoomState};
 use super::dialogs::{
-    ExportForm, ModelsForm, NewProjectForm, PathPicker, PathWish, PictureForm, PictureWish,
-    RelocateForm, SheetState,
+    ExportForm, ModelsForm, NewProjectForm, PathPicker, PathRequest, PictureForm, RelocateForm,
+    ScreenshotRequest, SheetState,
 };
 use super::panel_state::{LabelEditing, MatchView, PointCounts, Presence, Words};
 use super::panels::{Asked, MeasureView, Ruler, SceneSelect};
@@ -69,9 +69,9 @@ pub struct ViewState {
     /// Form of the dialog for pictures.
     pub picture: PictureForm,
     /// A picture that the 3-D view is to make.
-    pub picture_wish: Option<PictureWish>,
+    pub screenshot_request: Option<ScreenshotRequest>,
     /// What is drawn of the 3-D view for it.
-    pub portrait: Option<(PictureWish, Portrait)>,
+    pub portrait: Option<(ScreenshotRequest, Portrait)>,
     /// Form of the dialog for moved frames.
     pub relocate: RelocateForm,
     /// Form of the dialog of networks.
@@ -107,7 +107,7 @@ pub struct ViewState {
     /// The point of the cloud that was asked about.
     pub asked: Option<Asked>,
     /// Asks the 3-D view to do something once.
-    pub scene_wish: Option<SceneWish>,
+    pub scene_action: Option<SceneAction>,
     /// Points that are being chosen in the 3-D view.
     pub scene_select: SceneSelect,
     /// A known length in the 3-D view.
@@ -121,7 +121,7 @@ pub struct ViewState {
     /// Where the pointer rests over the picture.
     pub rest: Option<Rest>,
     /// The prompt that a click there would send, to be previewed.
-    pub hover_wish: Option<PromptRequest>,
+    pub hover_request: Option<PromptRequest>,
     /// Picture position under the pointer, in pixels.
     pub pointer_px: Option<glam::DVec2>,
     /// Middle of the shown picture, in pixels.
@@ -156,7 +156,7 @@ impl Shown {
 
 /// What the 3-D view is asked to do once.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SceneWish {
+pub enum SceneAction {
     /// Shows the whole cloud.
     FrameAll,
     /// Looks through the shown frame's camera.
@@ -187,14 +187,14 @@ pub enum Dialog {
     /// The palette of actions.
     Palette,
     /// The label that gets the pixels of a merge or split.
-    Into(IntoWish),
+    Into(IntoRequest),
     /// Path of something to open, typed or chosen.
-    Path(PathWish),
+    Path(PathRequest),
 }
 
 /// What another label is asked for: a label is merged into it over a range, or a piece of the label becomes it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct IntoWish {
+pub struct IntoRequest {
     /// The label that gives its pixels.
     pub label: LabelId,
     /// First and last frame.
@@ -233,7 +233,7 @@ impl ViewState {
             new_project: NewProjectForm::default(),
             export: ExportForm::default(),
             picture: PictureForm::default(),
-            picture_wish: None,
+            screenshot_request: None,
             portrait: None,
             relocate: RelocateForm::default(),
             models: ModelsForm::default(),
@@ -252,14 +252,14 @@ impl ViewState {
             note: String::new(),
             reveal_frame: true,
             asked: None,
-            scene_wish: None,
+            scene_action: None,
             scene_select: SceneSelect::default(),
             ruler: Ruler::default(),
             matches: MatchView::default(),
             measures: MeasureView::default(),
             layer: Layer::Photo,
             rest: None,
-            hover_wish: None,
+            hover_request: None,
             pointer_px: None,
             picture_middle_px: glam::DVec2::ZERO,
         }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use anyhow::Result;
 use egui::{Context, ViewportBuilder, ViewportCommand};
 
-use super::dialogs::{NewProjectForm, PictureWish, Take};
+use super::dialogs::{NewProjectForm, ScreenshotRequest, Take};
 use super::theme::set_theme;
 use super::{Dialog, Layers, Prefs, SessionView, Severity, Shell, layers_of};
 use ostra_compute::nn::{Provider, Row};
@@ -187,7 +187,7 @@ impl Window {
             traits: view
                 .measures
                 .open
-                .then(|| self.session.traits(view.measures.wish))
+                .then(|| self.session.traits(view.measures.settings))
                 .flatten(),
             angles: view
                 .measures
@@ -203,13 +203,13 @@ impl Window {
         }
         self.session
             .prepare(self.shell.view.frame, self.shell.view.segmenter);
-        self.session.hover(self.shell.view.hover_wish.clone());
+        self.session.hover(self.shell.view.hover_request.clone());
         self.session.select(&self.shell.view.scene_select.steps);
         if let Some(path) = self.shell.view.recipe_to.take() {
             self.save_recipe(&path);
         }
-        if let Some((wish, portrait)) = self.shell.view.portrait.take() {
-            self.portray(&wish, portrait);
+        if let Some((request, portrait)) = self.shell.view.portrait.take() {
+            self.portray(&request, portrait);
         }
         if changes {
             ui.ctx().request_repaint();
@@ -326,9 +326,9 @@ impl Window {
     }
 
     /// Draws a picture or film of the 3-D view in the background.
-    fn portray(&mut self, wish: &PictureWish, portrait: Portrait) {
-        let size = wish.size;
-        let started = match wish.take {
+    fn portray(&mut self, request: &ScreenshotRequest, portrait: Portrait) {
+        let size = request.size;
+        let started = match request.take {
             Take::Still { transparent } => {
                 let write = move |path: &Path| {
                     Ok(write_png(
@@ -338,7 +338,7 @@ impl Window {
                     )?)
                 };
                 self.session
-                    .write_picture(&wish.path, wish.overwrite, write)
+                    .write_picture(&request.path, request.overwrite, write)
             }
             Take::Turntable { count, fps } => {
                 let options = FilmOptions {
@@ -347,7 +347,7 @@ impl Window {
                     fps: f64::from(fps),
                 };
                 self.session
-                    .write_film(&wish.path, options, wish.overwrite, move |number| {
+                    .write_film(&request.path, options, request.overwrite, move |number| {
                         portrait
                             .draw(size, TAU * number as f32 / count as f32, false)
                             .image

@@ -5,7 +5,7 @@ use ostra_core::job::JobId;
 use ostra_project::OpenProject;
 
 impl Session {
-    /// Carries out a wish: quick things at once, the rest as a job whose end [`Session::poll`] tells of.
+    /// Carries out a command: quick work at once, other work in a job whose end [`Session::poll`] reports.
     ///
     /// # Errors
     /// When it cannot be done; nothing has changed then.

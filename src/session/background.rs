@@ -3,8 +3,8 @@ use std::sync::{Arc, LazyLock};
 
 use crate::queries::{
     Angles, AnglesKey, CloudKey, CloudState, Conflicts, ConflictsKey, InstancesKey, LoadedCloud,
-    MeasureWish, MeasuredCloud, MeshKey, SelectionKey, SparseKey, Surface, SurfaceKey, TraitsKey,
-    VoteMismatchKey,
+    MeasureSettings, MeasuredCloud, MeshKey, SelectionKey, SparseKey, Surface, SurfaceKey,
+    TraitsKey, VoteMismatchKey,
 };
 use crate::{InstancesRequest, PromptRequest, ProposedInstances, Session, SparseModel};
 use ostra_cloud::doubt::FrameDoubt;
@@ -134,11 +134,11 @@ impl Session {
     }
 
     /// The traits of the cloud's labels, in world units. They are measured by a job when they are first asked for and when
-    /// the cloud, the tree of labels or the wish is another: `None` until then.
+    /// the cloud, the tree of labels or the settings are other ones: `None` until then.
     #[must_use]
-    pub fn traits(&self, wish: MeasureWish) -> Option<&Arc<Vec<TraitRow>>> {
+    pub fn traits(&self, settings: MeasureSettings) -> Option<&Arc<Vec<TraitRow>>> {
         let of = self.measured_cloud()?;
-        let known = self.background.traits.get(TraitsKey { of, wish })?;
+        let known = self.background.traits.get(TraitsKey { of, settings })?;
         Some(known.value)
     }
 
@@ -188,7 +188,7 @@ impl Session {
     }
 
     /// Asks what a prompt would give if it were sent, or, with `None`, for nothing any more. It is answered in the
-    /// background: one at a time, the newest wish next, from the same prepared frame as a prompt. Nothing is committed.
+    /// background: one at a time, the newest request next, from the same prepared frame as a prompt. Nothing is committed.
     pub fn hover(&mut self, wanted: Option<PromptRequest>) {
         let preview = &mut self.background.prompt_preview;
         match wanted {
@@ -199,7 +199,7 @@ impl Session {
         self.start_prompt_preview();
     }
 
-    /// The answer to the newest wish of [`Self::hover`], where it is there: a mask of that prompt's label alone.
+    /// The answer to the newest request of [`Self::hover`], where it is there: a mask of that prompt's label alone.
     #[must_use]
     pub fn hovered(&self) -> Option<&Arc<RunMask>> {
         let (_, mask) = self.background.prompt_preview.newest()?;
@@ -207,7 +207,7 @@ impl Session {
     }
 
     /// Asks for the points that some steps choose in the project's cloud, or, with none, for nothing any more. They are found
-    /// in the background: one wish at a time, the newest next. Asked again, it finds them again in a cloud that changed.
+    /// in the background: one request at a time, the newest next. Asked again, it finds them again in a cloud that changed.
     pub fn select(&mut self, wanted: &[SelectStep]) {
         if wanted.is_empty() {
             self.background.selection.clear();
@@ -220,7 +220,7 @@ impl Session {
         self.start_selection();
     }
 
-    /// The points that the newest wish of [`Self::select`] chooses, where they are found; else why there are none.
+    /// The points that the newest request of [`Self::select`] chooses, where they are found; else why there are none.
     #[must_use]
     pub fn selected(&self) -> Option<Result<&Arc<Selection>, &str>> {
         let (key, chosen) = self.background.selection.newest()?;

@@ -13,7 +13,7 @@ use ostra_project::{
     ExportRequest, FuseRequest, PromptRequest, RangeRequest, ReconstructRequest, ScaleRequest,
 };
 
-/// A wish: all that window, command line and recipes can ask of a [`Session`](crate::Session).
+/// A request to a [`Session`](crate::Session) by window, command line or recipe.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Command {

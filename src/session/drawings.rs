@@ -4,7 +4,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use ostra_core::job::Loader;
 
 /// Things that are drawn on a worker thread for those who look: asked for again and again, never waited for. The latest
-/// few are kept; a newer wish takes the place of one that was not begun.
+/// few are kept; a newer request takes the place of one that was not begun.
 pub struct Drawings<K, V> {
     loader: Loader<K, V>,
     kept: Mutex<VecDeque<(K, V)>>,

@@ -43,14 +43,14 @@ pub fn segmenter(
 }
 
 fn made(segmenter: SegmenterId, geometry: Arc<GeometrySegmenter>) -> Arc<dyn Segmenter> {
-    use SegmenterId::{Auto, Geometry, Sam, SamClose};
+    use SegmenterId::{Auto, Builtin, Geometry, Sam, SamClose};
     match (segmenter, sam_network()) {
         (Auto | Sam | SamClose, Some(network)) => Arc::new(KeptSam {
             network,
             is_close: segmenter == SamClose,
         }),
         (Geometry, _) => geometry,
-        _ => Arc::new(BuiltinSegmenter),
+        (Auto | Sam | SamClose, None) | (Builtin, _) => Arc::new(BuiltinSegmenter),
     }
 }
 
@@ -89,7 +89,7 @@ pub(crate) fn grounder(grounder: GrounderId) -> Result<Arc<dyn TextGrounder>> {
     };
     Ok(match grounder {
         GrounderId::Yolox => yolox()?,
-        _ => grounding_dino()?,
+        GrounderId::Auto | GrounderId::GroundingDino => grounding_dino()?,
     })
 }
 
@@ -139,7 +139,7 @@ pub fn tracker(settings: &TrackSettings, project: &Project) -> Result<Box<dyn Tr
             network: TrackNetwork::Deaot,
             seen,
         }),
-        _ => {
+        TrackerId::Auto | TrackerId::Geometry => {
             ensure!(
                 any,
                 "'geometry' needs frames with depth and cameras; add both first, or track with 'flow'"
@@ -192,7 +192,7 @@ pub(crate) fn extractor(
             };
             Box::new(SuperPoint::load(&models_folder()?, options)?)
         }
-        _ => {
+        FeatureId::Auto | FeatureId::Sift => {
             let standard = SiftOptions::default();
             Box::new(Sift {
                 options: SiftOptions {

@@ -45,7 +45,7 @@ pub use ostra_project::suggestion::{Reason, Suggestion};
 pub use ostra_project::{PromptRequest, RangeChange, RangeRequest};
 pub use pictures::Pictures;
 pub use prepared::PreparedFrames;
-pub use queries::{Angles, MeasureWish, ProposedInstances, SparseModel, Surface};
+pub use queries::{Angles, MeasureSettings, ProposedInstances, SparseModel, Surface};
 pub use recent::Recent;
 pub use requests::{
     AdoptRequest, CloudChange, CloudCorrection, GroundRequest, InstancesRequest, ModelRequest,

@@ -14,12 +14,12 @@ const THUMBNAILS_KEPT: usize = 1_000;
 /// Pictures and thumbnails for those who look: asked for again and again, never waited for. Loaded on worker threads,
 /// what is wanted now before what was wanted before.
 pub struct Pictures {
-    loader: Loader<Wish, Result<Arc<Image>, String>>,
+    loader: Loader<ImageRequest, Result<Arc<Image>, String>>,
     state: Mutex<State>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Wish {
+enum ImageRequest {
     Full(usize),
     Thumbnail(usize),
 }
@@ -29,8 +29,8 @@ struct State {
     pictures: Shelf,
     thumbnails: Shelf,
     failures: BTreeMap<usize, String>,
-    wanted: Vec<Wish>,
-    sent: Vec<Wish>,
+    wanted: Vec<ImageRequest>,
+    sent: Vec<ImageRequest>,
 }
 
 /// Pictures by frame number with the time of the last look; the longest unseen goes first.
@@ -61,12 +61,12 @@ impl Pictures {
         load: impl Fn(usize) -> Result<Arc<Image>, String> + Send + Sync + 'static,
         notify: impl Fn() + Send + Sync + 'static,
     ) -> Self {
-        let load_wish = move |wish: &Wish| match *wish {
-            Wish::Full(frame) => load(frame),
-            Wish::Thumbnail(frame) => load(frame).map(|image| Arc::new(thumbnail(&image))),
+        let load_request = move |request: &ImageRequest| match *request {
+            ImageRequest::Full(frame) => load(frame),
+            ImageRequest::Thumbnail(frame) => load(frame).map(|image| Arc::new(thumbnail(&image))),
         };
         Self {
-            loader: Loader::new("pictures", 2, load_wish, notify),
+            loader: Loader::new("pictures", 2, load_request, notify),
             state: Mutex::default(),
         }
     }
@@ -79,7 +79,7 @@ impl Pictures {
             .into_iter()
             .flatten()
         {
-            state.ask(Wish::Full(near));
+            state.ask(ImageRequest::Full(near));
         }
         state.pictures.look(frame)
     }
@@ -88,7 +88,7 @@ impl Pictures {
     #[must_use]
     pub fn thumbnail(&self, frame: usize) -> Option<Arc<Image>> {
         let mut state = self.lock();
-        state.ask(Wish::Thumbnail(frame));
+        state.ask(ImageRequest::Thumbnail(frame));
         state.thumbnails.look(frame)
     }
 
@@ -98,15 +98,15 @@ impl Pictures {
         self.lock().failures.get(&frame).cloned()
     }
 
-    /// Takes in what arrived and sends the wishes gathered since the last call: once for every picture drawn.
+    /// Takes in the images that have arrived and sends the requests since the last call. Call it once per drawn frame.
     pub fn turn(&self) {
         let mut state = self.lock();
-        for (wish, result) in self.loader.take_done() {
-            state.receive(wish, result);
+        for (request, result) in self.loader.take_done() {
+            state.receive(request, result);
         }
         let mut wanted = std::mem::take(&mut state.wanted);
-        wanted.sort_by_key(|wish| matches!(wish, Wish::Thumbnail(_)));
-        wanted.retain(|wish| state.is_missing(*wish));
+        wanted.sort_by_key(|request| matches!(request, ImageRequest::Thumbnail(_)));
+        wanted.retain(|request| state.is_missing(*request));
         if wanted != state.sent {
             state.sent.clone_from(&wanted);
             self.loader.want(wanted);
@@ -119,31 +119,33 @@ impl Pictures {
 }
 
 impl State {
-    fn ask(&mut self, wish: Wish) {
-        if self.is_missing(wish) && !self.wanted.contains(&wish) {
-            self.wanted.push(wish);
+    fn ask(&mut self, request: ImageRequest) {
+        if self.is_missing(request) && !self.wanted.contains(&request) {
+            self.wanted.push(request);
         }
     }
 
-    fn is_missing(&self, wish: Wish) -> bool {
-        match wish {
-            Wish::Full(frame) => {
+    fn is_missing(&self, request: ImageRequest) -> bool {
+        match request {
+            ImageRequest::Full(frame) => {
                 !self.pictures.kept.contains_key(&frame) && !self.failures.contains_key(&frame)
             }
-            Wish::Thumbnail(frame) => {
+            ImageRequest::Thumbnail(frame) => {
                 !self.thumbnails.kept.contains_key(&frame) && !self.failures.contains_key(&frame)
             }
         }
     }
 
-    fn receive(&mut self, wish: Wish, result: Result<Arc<Image>, String>) {
-        self.sent.retain(|sent| *sent != wish);
-        match (wish, result) {
-            (Wish::Full(frame), Ok(image)) => self.pictures.put(frame, image, PICTURES_KEPT),
-            (Wish::Thumbnail(frame), Ok(image)) => {
+    fn receive(&mut self, request: ImageRequest, result: Result<Arc<Image>, String>) {
+        self.sent.retain(|sent| *sent != request);
+        match (request, result) {
+            (ImageRequest::Full(frame), Ok(image)) => {
+                self.pictures.put(frame, image, PICTURES_KEPT);
+            }
+            (ImageRequest::Thumbnail(frame), Ok(image)) => {
                 self.thumbnails.put(frame, image, THUMBNAILS_KEPT);
             }
-            (Wish::Full(frame) | Wish::Thumbnail(frame), Err(text)) => {
+            (ImageRequest::Full(frame) | ImageRequest::Thumbnail(frame), Err(text)) => {
                 self.failures.insert(frame, text);
             }
         }

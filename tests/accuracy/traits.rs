@@ -12,7 +12,7 @@ use ostra_core::job::Progress;
 use ostra_eval::synthetic::Scene;
 use ostra_frames::{FrameFolder, OpenRequest};
 use ostra_project::{ExportRequest, FuseRequest};
-use ostra_session::{Command, MeasureWish, NewProject, Session};
+use ostra_session::{Command, MeasureSettings, NewProject, Session};
 
 use crate::session::perform;
 use crate::tiller::{Tiller, tiller};
@@ -130,9 +130,9 @@ fn traits_of_the_fused_cloud_are_the_true_ones_and_its_leaves_are_counted() {
     let tiller = tiller();
     let scene = &tiller.scene;
     let mut session = fused(tiller, folder.path());
-    let _ = session.traits(MeasureWish::default());
+    let _ = session.traits(MeasureSettings::default());
     session.settle(|_| ControlFlow::Continue(()));
-    let measured = session.traits(MeasureWish::default()).unwrap().clone();
+    let measured = session.traits(MeasureSettings::default()).unwrap().clone();
     let mut compared = 0;
     for (truth, allowed) in scene
         .traits()

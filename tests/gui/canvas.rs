@@ -513,14 +513,14 @@ fn a_click_is_previewed_where_the_pointer_rests_unless_something_is_sent_or_it_i
     let at = on_screen(&harness, 12.5, 30.5);
     harness.hover_at(at);
     harness.run_steps(6);
-    let wish = harness.state().shell.view.hover_wish.clone().unwrap();
+    let request = harness.state().shell.view.hover_request.clone().unwrap();
     assert_eq!(
-        (wish.frame, wish.label, wish.prompt.clicks.len()),
+        (request.frame, request.label, request.prompt.clicks.len()),
         (0, LabelId(1), 1)
     );
     assert!(
-        wish.prompt.clicks[0].include
-            && wish.prompt.clicks[0]
+        request.prompt.clicks[0].include
+            && request.prompt.clicks[0]
                 .at_px
                 .distance(glam::DVec2::new(12.5, 30.5))
                 < 0.1
@@ -535,22 +535,22 @@ fn a_click_is_previewed_where_the_pointer_rests_unless_something_is_sent_or_it_i
     press(&mut harness, Modifiers::NONE, Key::F3);
     assert!(
         !harness.state().shell.view.prefs.hover_preview
-            && harness.state().shell.view.hover_wish.is_none()
+            && harness.state().shell.view.hover_request.is_none()
     );
     press(&mut harness, Modifiers::NONE, Key::F3);
     harness.run_steps(6);
-    assert!(harness.state().shell.view.hover_wish.is_some());
+    assert!(harness.state().shell.view.hover_request.is_some());
     click_at(&mut harness, at, PointerButton::Primary);
     harness.run_steps(6);
     assert!(
-        harness.state().shell.view.hover_wish.is_none(),
+        harness.state().shell.view.hover_request.is_none(),
         "the click is on its way"
     );
     harness.state_mut().shell.view.draft.forget_sent();
     press(&mut harness, Modifiers::NONE, Key::P);
     harness.run_steps(6);
     assert!(
-        harness.state().shell.view.hover_wish.is_none(),
+        harness.state().shell.view.hover_request.is_none(),
         "the brush has none"
     );
 }

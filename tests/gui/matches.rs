@@ -132,10 +132,10 @@ fn the_panel_hands_out_what_was_chosen() {
     press(&mut harness, egui::Modifiers::NONE, egui::Key::Escape);
     press(&mut harness, egui::Modifiers::NONE, egui::Key::R);
     let pairs = vec![[0, 2], [1, 3]];
-    let wish = ReconstructRequest {
+    let request = ReconstructRequest {
         only_labelled: true,
         pairs,
         ..ReconstructRequest::default()
     };
-    assert_eq!(harness.state().asked, [Command::Reconstruct(wish)]);
+    assert_eq!(harness.state().asked, [Command::Reconstruct(request)]);
 }

@@ -210,8 +210,8 @@ fn an_angle_between_two_chosen_labels_is_told_and_explained() {
 fn measures_are_exported_as_they_are_shown() {
     let mut harness = shown();
     let label = GroundChoice::Label(LabelId(3));
-    harness.state_mut().shell.view.measures.wish.ground = label;
-    harness.state_mut().shell.view.measures.wish.level = Some(2);
+    harness.state_mut().shell.view.measures.settings.ground = label;
+    harness.state_mut().shell.view.measures.settings.level = Some(2);
     harness.run_steps(2);
     harness.get_by_label("Export CSV…").click();
     harness.run_steps(3);

@@ -292,7 +292,7 @@ fn the_view_and_what_was_measured_follow_a_scale() {
     let desk = harness.state_mut();
     desk.shell.view.ruler.in_hand = true;
     desk.shell.view.ruler.points = vec![Vec3::ZERO, 0.4 * Vec3::X];
-    desk.shell.view.measures.wish.ground = GroundChoice::Plane {
+    desk.shell.view.measures.settings.ground = GroundChoice::Plane {
         normal: [0.0, 0.0, 1.0],
         offset: 0.8,
     };
@@ -314,7 +314,7 @@ fn the_view_and_what_was_measured_follow_a_scale() {
     assert_eq!(after.rotation, before.rotation);
     assert_eq!(view.ruler.points, [Vec3::ZERO, 0.1 * Vec3::X]);
     assert_eq!(
-        view.measures.wish.ground,
+        view.measures.settings.ground,
         GroundChoice::Plane {
             normal: [0.0, 0.0, 1.0],
             offset: 0.2

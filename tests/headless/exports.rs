@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use ostra_cloud::measure::LengthUnit;
 use ostra_project::FuseRequest;
-use ostra_session::{Command, MeasureWish, Session};
+use ostra_session::{Command, MeasureSettings, Session};
 
 use super::recording::Recording;
 use crate::program::{done, refused};
@@ -182,7 +182,7 @@ fn a_round_of_the_cloud_that_was_measured_goes_when_another_comes() {
     let mut session = Session::new();
     session.act(Command::Open(project.into())).unwrap();
     session.settle(|_| ControlFlow::Continue(()));
-    let wish = MeasureWish::default();
+    let wish = MeasureSettings::default();
     let pair = ["thing", "nothing"]
         .map(|name| session.project().unwrap().labels.by_name(name).unwrap().id);
     for _ in 0..3 {
@@ -240,9 +240,9 @@ fn a_job_measures_what_is_looked_at() {
     let mut session = Session::new();
     session.act(Command::Open(project.into())).unwrap();
     let mut asked = |level| {
-        let wish = MeasureWish {
+        let wish = MeasureSettings {
             level,
-            ..MeasureWish::default()
+            ..MeasureSettings::default()
         };
         let mut answered = 0;
         // First the cloud is loaded, then it is measured.

@@ -20,7 +20,7 @@ pub(crate) fn picture_pane_ui(
     view: &mut ViewState,
     textures: &mut Textures,
     out: &mut Vec<Command>,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     let Some(frame) = session.project.frames.get(view.frame) else {
         return;
@@ -36,7 +36,7 @@ pub(crate) fn picture_pane_ui(
     egui::Frame::new()
         .inner_margin(egui::Margin::symmetric(8, 4))
         .show(ui, |ui| {
-            toolbar_ui(ui, session, view, zoom_percent, wishes);
+            toolbar_ui(ui, session, view, zoom_percent, actions);
         });
     let (pane, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
     let name = format!("Image {}", frame.name);
@@ -104,7 +104,7 @@ fn draw(
     {
         paint::texture(&painter, map, textures.contradicted(ui.ctx(), region).id());
     }
-    if let Some(mask) = session.hovered.filter(|_| view.hover_wish.is_some()) {
+    if let Some(mask) = session.hovered.filter(|_| view.hover_request.is_some()) {
         paint::texture(
             &painter,
             map,
@@ -192,7 +192,7 @@ fn say(ui: &Ui, map: &CanvasMap, text: String, color: egui::Color32) {
     painter.galley(map.pane.center() - galley.size() / 2.0, galley, color);
 }
 
-/// Wishes to see what an include click would give where the pointer rests.
+/// Requests a preview of an include click at the resting pointer.
 fn follow_pointer(
     ui: &Ui,
     response: &Response,
@@ -200,7 +200,7 @@ fn follow_pointer(
     session: &SessionView<'_>,
     view: &mut ViewState,
 ) {
-    view.hover_wish = None;
+    view.hover_request = None;
     let Some(at) = response
         .hover_pos()
         .filter(|_| may_preview(ui, session, view))
@@ -209,7 +209,7 @@ fn follow_pointer(
         return;
     };
     if let Some(at) = Rest::follow(&mut view.rest, ui, at) {
-        view.hover_wish = wish_at(at, map, session, view);
+        view.hover_request = hover_request_at(at, map, session, view);
     }
 }
 
@@ -225,7 +225,7 @@ fn may_preview(ui: &Ui, session: &SessionView<'_>, view: &ViewState) -> bool {
         && !busy
 }
 
-fn wish_at(
+fn hover_request_at(
     at: Pos2,
     map: &CanvasMap,
     session: &SessionView<'_>,

@@ -126,12 +126,12 @@ fn held_border(
     pressed_px: DVec2,
     near_px: f64,
 ) -> Result<HeldBorder, &'static str> {
-    const BESIDE: &str = "Press on the border of the selected label and drag it to the right place";
+    const HINT: &str = "Press on the border of the selected label and drag it to the right place";
     let frame = view.frame;
     let (label, mask) = view
         .label
         .zip(session.project.masks.get(&frame))
-        .ok_or(BESIDE)?;
+        .ok_or(HINT)?;
     if view.hidden.contains(&label) {
         return Err("The selected label is hidden; show it to move its border");
     }
@@ -142,7 +142,7 @@ fn held_border(
     let near = borders
         .nearest(pressed_px)
         .filter(|from| from.distance(pressed_px) <= near_px);
-    let from_px = near.ok_or(BESIDE)?;
+    let from_px = near.ok_or(HINT)?;
     Ok(HeldBorder {
         frame,
         label,

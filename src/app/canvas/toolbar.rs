@@ -12,14 +12,14 @@ pub(super) fn toolbar_ui(
     session: &SessionView<'_>,
     view: &mut ViewState,
     zoom_percent: f32,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     ui.horizontal_wrapped(|ui| {
         tools_ui(ui, view);
         ui.add_space(8.0);
-        tidy_ui(ui, session, view, wishes);
+        clean_ui(ui, session, view, actions);
         ui.add_space(8.0);
-        zoom_ui(ui, view, zoom_percent, wishes);
+        zoom_ui(ui, view, zoom_percent, actions);
         ui.add_space(8.0);
         layer_ui(ui, view);
         mask_look_ui(ui, view);
@@ -61,7 +61,12 @@ fn tools_ui(ui: &mut Ui, view: &mut ViewState) {
 }
 
 /// Buttons that tidy the chosen label, with the size below which holes and islands go.
-fn tidy_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, wishes: &mut Vec<Action>) {
+fn clean_ui(
+    ui: &mut Ui,
+    session: &SessionView<'_>,
+    view: &mut ViewState,
+    actions: &mut Vec<Action>,
+) {
     for (action, text) in [
         (Action::FillHoles, "Fill holes"),
         (Action::RemoveIslands, "Remove specks"),
@@ -74,7 +79,7 @@ fn tidy_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, wishes:
             is_possible(action, session, view),
         );
         if button.accessible_name(action.text()).clicked() {
-            wishes.push(action);
+            actions.push(action);
         }
     }
     let size = egui::DragValue::new(&mut view.prefs.tidy_px)
@@ -87,10 +92,10 @@ fn tidy_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, wishes:
         .accessible_name("Size of holes and specks");
 }
 
-fn zoom_ui(ui: &mut Ui, view: &ViewState, zoom_percent: f32, wishes: &mut Vec<Action>) {
+fn zoom_ui(ui: &mut Ui, view: &ViewState, zoom_percent: f32, actions: &mut Vec<Action>) {
     for (action, text) in [(Action::Fit, "Fit"), (Action::ActualSize, "100 %")] {
         if action_button(ui, &view.prefs.shortcuts, action, text, true).clicked() {
-            wishes.push(action);
+            actions.push(action);
         }
     }
     let text = egui::RichText::new(format!("{zoom_percent:.0} %")).weak();

@@ -27,7 +27,7 @@ pub(crate) fn export_ui(
         ui.horizontal(|ui| {
             ui.label("Unit of traits");
             unit_ui(ui, "Unit of traits", &mut view.measures.unit, session);
-            ground_ui(ui, session, &view.ruler, &mut view.measures.wish.ground);
+            ground_ui(ui, session, &view.ruler, &mut view.measures.settings.ground);
         });
         ui.add_space(8.0);
         section_heading(ui, "Folder");

@@ -83,7 +83,7 @@ impl ExportForm {
             depths: path(self.depths, has.depths, "depths"),
             solid: self.solid && self.voxels && has.surface,
             traits: path(self.traits, has.cloud, "traits.csv"),
-            ground: measures.wish.ground,
+            ground: measures.settings.ground,
             angles: if self.traits {
                 measures.pairs().collect()
             } else {
@@ -213,7 +213,7 @@ mod tests {
     use super::*;
     use ostra_cloud::measure::{GroundChoice, LengthUnit};
     use ostra_masks::LabelId;
-    use ostra_session::MeasureWish;
+    use ostra_session::MeasureSettings;
 
     #[test]
     fn only_what_is_there_and_ticked_is_written() {
@@ -279,12 +279,12 @@ mod tests {
         );
         (form.undistorted, form.camera_encoding) = (true, ModelEncoding::Binary);
         let ground = GroundChoice::Label(LabelId(3));
-        let wish = MeasureWish {
+        let settings = MeasureSettings {
             ground,
-            ..MeasureWish::default()
+            ..MeasureSettings::default()
         };
         let mut measures = MeasureView::default();
-        (measures.wish, measures.unit) = (wish, Some(LengthUnit::Millimetre));
+        (measures.settings, measures.unit) = (settings, Some(LengthUnit::Millimetre));
         let request = form.request(&has, &measures).unwrap();
         assert_eq!(request.undistorted, Some("/out/undistorted".into()));
         assert_eq!(

@@ -212,7 +212,7 @@ impl PictureForm {
     }
 
     /// What is asked for; a name without an ending gets one. `None` without a name, or where a picture's is not that of a PNG.
-    pub(super) fn wish(&self) -> Option<PictureWish> {
+    pub(super) fn request(&self) -> Option<ScreenshotRequest> {
         let mut path = typed_path(&self.path)?;
         if path.extension().is_none() {
             path.set_extension(if self.is_film { "mp4" } else { "png" });
@@ -231,7 +231,7 @@ impl PictureForm {
                 transparent: self.transparent,
             },
         };
-        (self.is_film != is_png(&path)).then_some(PictureWish {
+        (self.is_film != is_png(&path)).then_some(ScreenshotRequest {
             path,
             size: self.size,
             overwrite: self.overwrite,
@@ -242,7 +242,7 @@ impl PictureForm {
 
 /// A picture of what the 3-D view shows, and where to.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PictureWish {
+pub struct ScreenshotRequest {
     /// The file.
     pub path: PathBuf,
     /// Columns and rows.
@@ -438,26 +438,26 @@ mod tests {
             transparent: true,
             ..PictureForm::default()
         };
-        let wish = form.wish().unwrap();
+        let request = form.request().unwrap();
         assert_eq!(
-            (wish.path, wish.take),
+            (request.path, request.take),
             ("/out/plant.png".into(), Take::Still { transparent: true })
         );
         form.path = "/out/plant.jpg".into();
-        assert_eq!(form.wish(), None);
+        assert_eq!(form.request(), None);
         (form.is_film, form.seconds, form.fps) = (true, 2.0, 25);
         form.path = "/out/plant".into();
-        let wish = form.wish().unwrap();
+        let request = form.request().unwrap();
         assert_eq!(
-            (wish.path, wish.take),
+            (request.path, request.take),
             (
                 "/out/plant.mp4".into(),
                 Take::Turntable { count: 50, fps: 25 }
             )
         );
         form.path = "/out/plant.png".into();
-        assert_eq!(form.wish(), None);
+        assert_eq!(form.request(), None);
         form.path = "  ".into();
-        assert_eq!(form.wish(), None);
+        assert_eq!(form.request(), None);
     }
 }

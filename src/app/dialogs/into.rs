@@ -2,7 +2,7 @@ use egui::{Key, Ui};
 
 use crate::panels::listed;
 use crate::tips::modal;
-use crate::view_state::IntoWish;
+use crate::view_state::IntoRequest;
 use crate::{SessionView, ViewState};
 use ostra_masks::LabelId;
 use ostra_session::{Command, RangeChange, RangeRequest};
@@ -12,15 +12,15 @@ pub(crate) fn into_ui(
     ui: &Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
-    wish: IntoWish,
+    request: IntoRequest,
     out: &mut Vec<Command>,
 ) {
-    let Some(label) = session.project.labels.get(wish.label) else {
+    let Some(label) = session.project.labels.get(request.label) else {
         view.dialog = None;
         return;
     };
-    let (from, to) = wish.range;
-    let (verb, get) = match wish.piece {
+    let (from, to) = request.range;
+    let (verb, get) = match request.piece {
         None => ("Merge", "all of it"),
         Some(_) => ("Split", "the part under the pointer"),
     };
@@ -41,7 +41,7 @@ pub(crate) fn into_ui(
             .clicked()
     });
     if let Some(into) = chosen {
-        let change = match wish.piece {
+        let change = match request.piece {
             None => RangeChange::Merge { into },
             Some((frame, at_px)) => RangeChange::Split { frame, at_px, into },
         };

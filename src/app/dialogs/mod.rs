@@ -14,13 +14,13 @@ mod sheet;
 pub(super) use export::export_ui;
 pub use export_form::ExportForm;
 pub use forms::{
-    ModelsForm, NewProjectForm, PictureForm, PictureWish, RelocateForm, SheetState, Take,
+    ModelsForm, NewProjectForm, PictureForm, RelocateForm, ScreenshotRequest, SheetState, Take,
 };
 pub(super) use into::into_ui;
 pub(super) use models::models_ui;
 pub(super) use new_project::new_project_ui;
 pub(super) use path::{path_ui, relocate_ui, take_picked};
-pub use picker::{PathPicker, PathWish};
+pub use picker::{PathPicker, PathRequest};
 pub(super) use picker::{Pick, PickTarget, path_field_ui, typed_path};
 pub(super) use picture::picture_ui;
 pub(super) use sheet::{palette_ui, sheet_ui};

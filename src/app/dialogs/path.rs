@@ -3,11 +3,11 @@ use std::path::PathBuf;
 use egui::{Context, Grid, Key, Ui};
 
 use super::export_form::{mask_format_name, mask_format_ui};
-use super::picker::{PathWish, Pick, PickTarget, path_field_ui, typed_path};
+use super::picker::{PathRequest, Pick, PickTarget, path_field_ui, typed_path};
 use crate::ViewState;
 use crate::tips::{field, modal};
 use ostra_project::ExportRequest;
-use ostra_session::{Command, MeasureWish};
+use ostra_session::{Command, MeasureSettings};
 
 struct Texts {
     heading: &'static str,
@@ -18,8 +18,8 @@ struct Texts {
 }
 
 /// A dialog that asks for one path.
-pub(crate) fn path_ui(ui: &Ui, view: &mut ViewState, wish: PathWish, out: &mut Vec<Command>) {
-    let texts = texts(wish);
+pub(crate) fn path_ui(ui: &Ui, view: &mut ViewState, request: PathRequest, out: &mut Vec<Command>) {
+    let texts = texts(request);
     let mut done = false;
     let response = modal(ui, "path", 480.0, |ui| {
         ui.heading(texts.heading);
@@ -27,12 +27,12 @@ pub(crate) fn path_ui(ui: &Ui, view: &mut ViewState, wish: PathWish, out: &mut V
         ui.horizontal(|ui| {
             let (name, target) = (
                 (texts.field, texts.hint),
-                (texts.pick, PickTarget::Path(wish)),
+                (texts.pick, PickTarget::Path(request)),
             );
             let edit = path_field_ui(ui, &mut view.picker, name, &mut view.path_text, target);
             done = edit.lost_focus() && ui.input(|i| i.key_pressed(Key::Enter));
         });
-        if wish == PathWish::ImportMasks {
+        if request == PathRequest::ImportMasks {
             ui.add_space(8.0);
             ui.horizontal(|ui| {
                 ui.label("Format");
@@ -56,15 +56,15 @@ pub(crate) fn path_ui(ui: &Ui, view: &mut ViewState, wish: PathWish, out: &mut V
         });
     });
     if done && let Some(path) = typed_path(&view.path_text) {
-        match wish {
-            PathWish::OpenProject => out.push(Command::Open(path)),
-            PathWish::InspectPly => out.push(Command::Inspect(path)),
-            PathWish::ImportMasks => {
+        match request {
+            PathRequest::OpenProject => out.push(Command::Open(path)),
+            PathRequest::InspectPly => out.push(Command::Inspect(path)),
+            PathRequest::ImportMasks => {
                 let format = mask_format_name(view.mask_format).into();
                 out.push(Command::ImportMasks { dir: path, format });
             }
-            PathWish::SaveTraits => out.push(Command::Export(traits_request(view, path))),
-            PathWish::SaveRecipe => view.recipe_to = Some(path),
+            PathRequest::SaveTraits => out.push(Command::Export(traits_request(view, path))),
+            PathRequest::SaveRecipe => view.recipe_to = Some(path),
         }
     }
     if done || response.should_close() {
@@ -73,7 +73,7 @@ pub(crate) fn path_ui(ui: &Ui, view: &mut ViewState, wish: PathWish, out: &mut V
 }
 
 fn traits_request(view: &ViewState, path: PathBuf) -> ExportRequest {
-    let MeasureWish { level, ground } = view.measures.wish;
+    let MeasureSettings { level, ground } = view.measures.settings;
     let (angles, unit) = (view.measures.pairs().collect(), view.measures.unit);
     ExportRequest {
         traits: Some(path),
@@ -85,37 +85,37 @@ fn traits_request(view: &ViewState, path: PathBuf) -> ExportRequest {
     }
 }
 
-fn texts(wish: PathWish) -> Texts {
-    let (heading, field, hint, verb, pick) = match wish {
-        PathWish::OpenProject => (
+fn texts(request: PathRequest) -> Texts {
+    let (heading, field, hint, verb, pick) = match request {
+        PathRequest::OpenProject => (
             "Open project",
             "Project folder",
             "folder with a project.toml",
             "Open",
             Pick::Folder,
         ),
-        PathWish::InspectPly => (
+        PathRequest::InspectPly => (
             "View a point cloud",
             "PLY file",
             "labelled point cloud (.ply)",
             "Open",
             Pick::File,
         ),
-        PathWish::ImportMasks => (
+        PathRequest::ImportMasks => (
             "Import masks",
             "Masks folder",
             "folder of masks",
             "Import",
             Pick::Folder,
         ),
-        PathWish::SaveTraits => (
+        PathRequest::SaveTraits => (
             "Export traits",
             "Table file",
             "file to write (.csv)",
             "Save",
             Pick::Save,
         ),
-        PathWish::SaveRecipe => (
+        PathRequest::SaveRecipe => (
             "Save history as recipe",
             "Recipe file",
             "file to write (.json)",

@@ -41,7 +41,7 @@ pub(crate) enum PickTarget {
     /// A picture or film of the 3-D view.
     Picture,
     /// The path of a dialog with nothing but a path.
-    Path(PathWish),
+    Path(PathRequest),
 }
 
 /// What the chooser offers.
@@ -134,7 +134,7 @@ pub(crate) fn path_field_ui(
 
 /// What a path is asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PathWish {
+pub enum PathRequest {
     /// A project folder to open.
     OpenProject,
     /// A PLY to look at.

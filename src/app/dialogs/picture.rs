@@ -89,15 +89,15 @@ fn film_ui(ui: &mut Ui, form: &mut PictureForm) {
 }
 
 fn end_ui(ui: &mut Ui, view: &mut ViewState) {
-    let wish = view.picture.wish();
+    let request = view.picture.request();
     ui.with_layout(egui::Layout::right_to_left(egui::Align::Min), |ui| {
-        let button = ui.add_enabled(wish.is_some(), egui::Button::new("Save"));
+        let button = ui.add_enabled(request.is_some(), egui::Button::new("Save"));
         let missing = "Enter a file name: .png for an image; .mp4, .mkv or .webm for a video";
         let button = button
             .on_hover_text("Save the current view")
             .on_disabled_hover_text(missing);
         if button.clicked() {
-            view.picture_wish = wish;
+            view.screenshot_request = request;
             if view.prefs.panes == Panes::Picture {
                 view.prefs.panes = Panes::Both;
             }

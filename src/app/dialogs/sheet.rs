@@ -160,7 +160,7 @@ pub(crate) fn palette_ui(
     ui: &Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     let mut chosen = None;
     let response = modal(ui, "palette", 440.0, |ui| {
@@ -201,7 +201,7 @@ pub(crate) fn palette_ui(
         view.dialog = None;
         view.palette_text.clear();
     }
-    wishes.extend(chosen);
+    actions.extend(chosen);
 }
 
 /// Actions whose text holds every word typed; those that can be done first.

@@ -16,7 +16,7 @@ pub(crate) fn doubt_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     let worst = ranked(session.doubts);
     if worst.is_empty() {
@@ -62,7 +62,7 @@ pub(crate) fn doubt_ui(
             ),
         ] {
             if action_button(ui, &view.prefs.shortcuts, action, text, enabled).clicked() {
-                wishes.push(action);
+                actions.push(action);
             }
         }
     });

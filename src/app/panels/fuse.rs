@@ -13,7 +13,7 @@ pub(crate) fn fuse_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     egui::Grid::new("fuse")
         .num_columns(2)
@@ -68,7 +68,7 @@ pub(crate) fn fuse_ui(
             view,
             (Action::Fuse, &JobTask::Fuse),
             ready,
-            wishes,
+            actions,
         );
         if let Some(job) = session.running(&JobTask::Fuse) {
             ui.weak(progress_text(job));

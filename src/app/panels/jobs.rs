@@ -12,7 +12,7 @@ pub(crate) fn status_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &ViewState,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     ui.horizontal(|ui| {
         if let Some(frame) = session.project.frames.get(view.frame) {
@@ -33,7 +33,7 @@ pub(crate) fn status_ui(
             if let Some(job) = session.slow_jobs().last() {
                 let button = action_button(ui, &view.prefs.shortcuts, Action::Stop, "Stop", true);
                 if button.accessible_name("Stop running job").clicked() {
-                    wishes.push(Action::Stop);
+                    actions.push(Action::Stop);
                 }
                 ui.weak(format!("{}: {}", job.title, progress_text(job)));
                 ui.spinner();
@@ -106,7 +106,7 @@ pub(crate) fn jobs_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &ViewState,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     for job in session.slow_jobs() {
         let detail = match (job.report.total, job.report.stage.as_str()) {
@@ -126,7 +126,7 @@ pub(crate) fn jobs_ui(
             .accessible_name(format!("Progress of {}", job.title));
     }
     if action_button(ui, &view.prefs.shortcuts, Action::Stop, "Stop all", true).clicked() {
-        wishes.push(Action::Stop);
+        actions.push(Action::Stop);
     }
 }
 
@@ -137,7 +137,7 @@ pub(super) fn run_button_ui(
     view: &ViewState,
     (action, task): (Action, &JobTask),
     enabled: bool,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     let (action, text) = if session.running(task).is_some() {
         (Action::Stop, "Stop")
@@ -152,7 +152,7 @@ pub(super) fn run_button_ui(
         .on_hover_text(&tip)
         .on_disabled_hover_text(tip);
     if response.clicked() {
-        wishes.push(action);
+        actions.push(action);
     }
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::SessionView;
 use ostra_cloud::measure::{GroundChoice, LengthUnit, TraitRow};
 use ostra_masks::LabelId;
-use ostra_session::MeasureWish;
+use ostra_session::MeasureSettings;
 
 /// A column of the table of measures.
 pub(super) struct Column {
@@ -85,7 +85,7 @@ pub struct MeasureView {
     /// Whether it is open.
     pub open: bool,
     /// What is measured.
-    pub wish: MeasureWish,
+    pub settings: MeasureSettings,
     /// The unit chosen; none = that of the scene.
     pub unit: Option<LengthUnit>,
     /// Pairs of labels whose angle is told, as far as they are chosen.
@@ -103,7 +103,7 @@ impl MeasureView {
 
     /// Follows a scene whose lengths were multiplied.
     pub fn scale_by(&mut self, factor: f64) {
-        if let GroundChoice::Plane { offset, .. } = &mut self.wish.ground {
+        if let GroundChoice::Plane { offset, .. } = &mut self.settings.ground {
             *offset *= factor;
         }
     }

@@ -4,7 +4,7 @@ use ostra_session::JobTask;
 use super::label_edit::listed;
 use super::measure_settings::{add_angle_ui, angles_ui, ground_ui, unit_ui};
 use super::measure_table::{COLUMNS, Column, Table};
-use crate::dialogs::PathWish;
+use crate::dialogs::PathRequest;
 use crate::{Dialog, SessionView, ViewState};
 use ostra_cloud::measure::LengthUnit;
 use ostra_masks::{Label, LabelTree};
@@ -57,7 +57,7 @@ pub(crate) fn measures_ui(ui: &Ui, session: &SessionView<'_>, view: &mut ViewSta
 fn settings_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     ui.horizontal_wrapped(|ui| {
         ui.label("Label level");
-        let mut level = view.measures.wish.level.unwrap_or(0);
+        let mut level = view.measures.settings.level.unwrap_or(0);
         let drag = DragValue::new(&mut level).range(0..=16).speed(0.05);
         let drag = drag.custom_formatter(|n, _| {
             if n < 1.0 {
@@ -70,9 +70,9 @@ fn settings_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
         ui.add(drag)
             .on_hover_text(tip)
             .accessible_name("Measured level");
-        view.measures.wish.level = (level > 0).then_some(level);
+        view.measures.settings.level = (level > 0).then_some(level);
         ui.add_space(8.0);
-        ground_ui(ui, session, &view.ruler, &mut view.measures.wish.ground);
+        ground_ui(ui, session, &view.ruler, &mut view.measures.settings.ground);
         ui.add_space(8.0);
         unit_ui(ui, "Unit", &mut view.measures.unit, session);
         ui.add_space(8.0);
@@ -83,7 +83,7 @@ fn settings_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
             .clicked()
         {
             view.path_text.clear();
-            view.dialog = Some(Dialog::Path(PathWish::SaveTraits));
+            view.dialog = Some(Dialog::Path(PathRequest::SaveTraits));
         }
     });
 }

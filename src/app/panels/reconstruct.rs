@@ -46,7 +46,7 @@ pub(crate) fn reconstruct_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     egui::Grid::new("reconstruct")
         .num_columns(2)
@@ -80,7 +80,7 @@ pub(crate) fn reconstruct_ui(
             view,
             (Action::Reconstruct, &JobTask::Reconstruct),
             session.has_frames(),
-            wishes,
+            actions,
         );
         if let Some(job) = session.running(&JobTask::Reconstruct) {
             ui.weak(progress_text(job));
@@ -108,7 +108,7 @@ pub(crate) fn reconstruct_ui(
         )
         .clicked()
         {
-            wishes.push(Action::ToggleMatches);
+            actions.push(Action::ToggleMatches);
         }
     }
 }

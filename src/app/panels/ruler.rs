@@ -11,7 +11,7 @@ pub(super) fn ruler_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     if !view.ruler.in_hand {
         return;
@@ -37,7 +37,7 @@ pub(super) fn ruler_ui(
         .iter()
         .any(|frame| frame.posed_camera().is_some());
     if has_cameras && view.ruler.kind == RulerKind::Length && view.ruler.points.len() == 2 {
-        scale_ui(ui, view, wishes);
+        scale_ui(ui, view, actions);
     }
 }
 
@@ -104,7 +104,7 @@ fn undo_ui(ui: &mut Ui, ruler: &mut Ruler) {
     }
 }
 
-fn scale_ui(ui: &mut Ui, view: &mut ViewState, wishes: &mut Vec<Action>) {
+fn scale_ui(ui: &mut Ui, view: &mut ViewState, actions: &mut Vec<Action>) {
     ui.label("is really");
     let length = DragValue::new(&mut view.ruler.length)
         .range(0.0..=1e9)
@@ -135,6 +135,6 @@ fn scale_ui(ui: &mut Ui, view: &mut ViewState, wishes: &mut Vec<Action>) {
     )
     .clicked()
     {
-        wishes.push(Action::SetScale);
+        actions.push(Action::SetScale);
     }
 }

@@ -50,7 +50,7 @@ pub(super) fn scene_bar_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     ui.horizontal_wrapped(|ui| {
         if session.has_surface {
@@ -86,19 +86,19 @@ pub(super) fn scene_bar_ui(
             );
         }
         ui.add_space(8.0);
-        display_ui(ui, view, wishes);
+        display_ui(ui, view, actions);
         clip_ui(ui, &mut view.scene.clip);
         let shortcuts = &view.prefs.shortcuts;
         if action_button(ui, shortcuts, Action::FrameCloud, "All", true).clicked() {
-            wishes.push(Action::FrameCloud);
+            actions.push(Action::FrameCloud);
         }
         if has_cameras && action_button(ui, shortcuts, Action::LookThrough, "Camera view", true).clicked() {
-            wishes.push(Action::LookThrough);
+            actions.push(Action::LookThrough);
         }
         if session.votes.is_some() {
             let tip = shortcuts.tip(ui.ctx(), Action::ChoosePoints);
             if ui.selectable_label(view.scene_select.in_hand, "Select").on_hover_text(tip).clicked() {
-                wishes.push(Action::ChoosePoints);
+                actions.push(Action::ChoosePoints);
             }
         }
         if session.points().is_some() {
@@ -116,7 +116,7 @@ pub(super) fn scene_bar_ui(
         }
         isolated_ui(ui, session, view);
         if session.points().is_some() {
-            ruler_ui(ui, session, view, wishes);
+            ruler_ui(ui, session, view, actions);
         }
     });
 }
@@ -209,14 +209,14 @@ const SIDES: [[&str; 2]; 3] = [["Left", "Right"], ["Bottom", "Top"], ["Front", "
 const AXES: [&str; 3] = ["Left to right", "Bottom to top", "Front to back"];
 
 /// Light, projection, background, and where to look from.
-fn display_ui(ui: &mut Ui, view: &mut ViewState, wishes: &mut Vec<Action>) {
+fn display_ui(ui: &mut Ui, view: &mut ViewState, actions: &mut Vec<Action>) {
     let menu = staying("Display").ui(ui, |ui| {
         ui.set_min_width(250.0);
         ui.horizontal_wrapped(|ui| {
             for side in Side::ALL {
                 let action = Action::LookFrom(side);
                 if action_button(ui, &view.prefs.shortcuts, action, side_text(side), true).clicked() {
-                    wishes.push(action);
+                    actions.push(action);
                 }
             }
         });

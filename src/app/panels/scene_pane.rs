@@ -14,7 +14,7 @@ use super::scene_select::{choose_by_hand, chosen_ui};
 use super::scene_tools::Asked;
 use crate::session_view::labels_of;
 use crate::textures::Textures;
-use crate::view_state::SceneWish;
+use crate::view_state::SceneAction;
 use crate::{Action, SessionView, ViewState};
 use ostra_frames::Frame;
 use ostra_view::{
@@ -101,12 +101,12 @@ impl ScenePane {
         session: &SessionView<'_>,
         view: &mut ViewState,
         textures: &mut Textures,
-        wishes: &mut Vec<Action>,
+        actions: &mut Vec<Action>,
     ) {
         egui::Frame::new()
             .inner_margin(egui::Margin::symmetric(8, 4))
             .show(ui, |ui| {
-                scene_bar_ui(ui, session, view, wishes);
+                scene_bar_ui(ui, session, view, actions);
             });
         let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
         response.widget_info(|| WidgetInfo::labeled(Role::Image, ui.is_enabled(), "3-D view"));
@@ -137,15 +137,15 @@ impl ScenePane {
             .ui(ui, &response, session, view, (&camera, &clip, &appearance));
         self.draw(ui, rect, session, view);
         blend(ui, (rect, &camera, orbit.distance), session, view, textures);
-        if let Some(wish) = view.picture_wish.take() {
+        if let Some(request) = view.screenshot_request.take() {
             let portrait = model(session, view).map(|model| {
                 let (style, rows) = (self.style(ui, session, view), camera.height);
                 Portrait::new(model, orbit, style, rows)
             });
-            view.portrait = portrait.map(|portrait| (wish, portrait));
+            view.portrait = portrait.map(|portrait| (request, portrait));
         }
         asked_ui(ui, (rect, &camera), &mut self.asked_place, session, view);
-        chosen_ui(ui, rect, &camera, session, view, wishes);
+        chosen_ui(ui, rect, &camera, session, view, actions);
     }
 
     /// Frames the scene when another cloud or the first cameras come, or when asked to.
@@ -155,12 +155,12 @@ impl ScenePane {
             (None, None) => true,
             _ => false,
         };
-        let wish = view.scene_wish.take();
-        if !same || self.orbit.is_none() || wish == Some(SceneWish::FrameAll) {
+        let request = view.scene_action.take();
+        if !same || self.orbit.is_none() || request == Some(SceneAction::FrameAll) {
             self.measure(session);
             // A cloud made anew keeps the view the user chose.
             let keep = self.orbit.is_some()
-                && wish.is_none()
+                && request.is_none()
                 && self.framed.cloud.is_some()
                 && session.points().is_some();
             if !keep {
@@ -169,18 +169,18 @@ impl ScenePane {
             self.framed.cloud = session.points().cloned();
         }
         let follows = view.scene.through.is_some_and(|frame| frame != view.frame);
-        if wish == Some(SceneWish::LookThrough) || follows {
+        if request == Some(SceneAction::LookThrough) || follows {
             let put = self.look_through(session.project.frames.get(view.frame));
             view.scene.through = put.then_some(view.frame);
         }
         if let Some(orbit) = &mut self.orbit {
             orbit.orthographic = view.prefs.scene.orthographic;
-            if let (Some(SceneWish::LookFrom(side)), Some(axes)) = (wish, &self.framed.axes) {
+            if let (Some(SceneAction::LookFrom(side)), Some(axes)) = (request, &self.framed.axes) {
                 orbit.look_from(axes, side);
             }
         }
-        if let (Some(SceneWish::ShowAsked), Some(orbit), Some(asked)) =
-            (wish, &mut self.orbit, &view.asked)
+        if let (Some(SceneAction::ShowAsked), Some(orbit), Some(asked)) =
+            (request, &mut self.orbit, &view.asked)
         {
             orbit.recentre(asked.place());
         }

@@ -29,7 +29,7 @@ pub(super) fn chosen_ui(
     camera: &ViewCamera,
     session: &SessionView<'_>,
     view: &mut ViewState,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     let chosen = session
         .chosen
@@ -54,7 +54,7 @@ pub(super) fn chosen_ui(
         ui.horizontal_wrapped(|ui| count_ui(ui, session, &mut view.scene_select));
         ui.add_enabled_ui(has_chosen(session, view), |ui| steps_ui(ui, session, view));
         ui.separator();
-        correct_ui(ui, session, view, wishes);
+        correct_ui(ui, session, view, actions);
     });
 }
 
@@ -214,7 +214,7 @@ fn correct_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     ui.checkbox(&mut view.scene_select.as_anchors, "As keyframes")
         .on_hover_text("Make the changed frames keyframes, which tracking does not overwrite");
@@ -236,10 +236,10 @@ fn correct_ui(
         )
         .clicked()
         {
-            wishes.push(Action::AssignChosen);
+            actions.push(Action::AssignChosen);
         }
         if action_button(ui, shortcuts, Action::ClearChosen, "Clear", any).clicked() {
-            wishes.push(Action::ClearChosen);
+            actions.push(Action::ClearChosen);
         }
     });
 }

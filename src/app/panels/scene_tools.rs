@@ -156,7 +156,7 @@ impl SceneSelect {
         was_any
     }
 
-    /// The wish to change the chosen points, which are chosen no more; `None` without any.
+    /// Returns the change of the selected points and clears the selection; `None` if nothing is selected.
     pub fn correct(&mut self, change: CloudChange) -> Option<Command> {
         let select = std::mem::take(&mut self.steps);
         let correction = CloudCorrection {

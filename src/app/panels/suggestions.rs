@@ -119,7 +119,7 @@ pub(crate) fn suggestions_ui(
     session: &SessionView<'_>,
     view: &mut ViewState,
     out: &mut Vec<Command>,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     let is_running = [JobTask::Suggest, JobTask::Propose]
         .iter()
@@ -131,7 +131,7 @@ pub(crate) fn suggestions_ui(
         ] {
             let possible = !is_running && is_possible(action, session, view);
             if action_button(ui, &view.prefs.shortcuts, action, text, possible).clicked() {
-                wishes.push(action);
+                actions.push(action);
             }
         }
         if is_running {

@@ -35,15 +35,15 @@ pub(crate) fn timeline_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     ui.horizontal_wrapped(|ui| {
-        range_ui(ui, session, view, wishes);
+        range_ui(ui, session, view, actions);
         for (action, text) in BUTTONS {
             let possible = is_possible(action, session, view);
             let response = action_button(ui, &view.prefs.shortcuts, action, text, possible);
             if response.accessible_name(action.text()).clicked() {
-                wishes.push(action);
+                actions.push(action);
             }
         }
     });
@@ -55,12 +55,12 @@ pub(crate) fn timeline_ui(
         .show(ui, |ui| {
             ui.spacing_mut().item_spacing.y = 1.0;
             for (label, depth) in &rows {
-                row_ui(ui, session, view, wishes, (label, *depth), frames.clone());
+                row_ui(ui, session, view, actions, (label, *depth), frames.clone());
             }
         });
 }
 
-fn range_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
+fn range_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState, actions: &mut Vec<Action>) {
     let name = view
         .label
         .and_then(|id| session.project.labels.get(id))
@@ -79,7 +79,7 @@ fn range_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState, wishes: &m
             .accessible_name(action.text())
             .clicked()
         {
-            wishes.push(action);
+            actions.push(action);
         }
     }
 }
@@ -109,7 +109,7 @@ fn row_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
     (label, depth): (&Label, usize),
     frames: Range<usize>,
 ) {
@@ -154,7 +154,7 @@ fn row_ui(
         ui.visuals().strong_text_color().gamma_multiply(0.6),
     );
     input(ui, &response, view, label.id, &columns);
-    response.context_menu(|ui| menu_ui(ui, session, view, wishes));
+    response.context_menu(|ui| menu_ui(ui, session, view, actions));
     if let Some(frame) = response
         .hover_pos()
         .filter(|at| cells.contains(*at))
@@ -284,11 +284,11 @@ fn input(ui: &Ui, response: &Response, view: &mut ViewState, label: LabelId, col
     }
 }
 
-fn menu_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState, wishes: &mut Vec<Action>) {
+fn menu_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState, actions: &mut Vec<Action>) {
     for (action, _) in BUTTONS {
         let possible = is_possible(action, session, view);
         if action_button(ui, &view.prefs.shortcuts, action, &action.text(), possible).clicked() {
-            wishes.push(action);
+            actions.push(action);
             ui.close();
         }
     }

@@ -15,7 +15,7 @@ pub(crate) fn track_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     egui::Grid::new("track").num_columns(2).spacing([8.0, 6.0]).show(ui, |ui| {
         field(ui, "Tracker", "Propagates masks from keyframes to the other frames", |ui| {
@@ -48,7 +48,7 @@ pub(crate) fn track_ui(
             view,
             (Action::Track, &JobTask::Track),
             anchors > 0,
-            wishes,
+            actions,
         );
         if let Some(job) = session.running(&JobTask::Track) {
             ui.weak(progress_text(job));
@@ -63,7 +63,7 @@ pub(crate) fn track_ui(
             "Keyframes are frames that you clicked, painted or confirmed; tracking does not overwrite them",
         );
     });
-    retrack_ui(ui, session, view, wishes);
+    retrack_ui(ui, session, view, actions);
 }
 
 /// Whether the masks are held against geometry, where it can say anything that the tracker does not go by already.
@@ -141,12 +141,12 @@ fn retrack_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
     view: &mut ViewState,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     let action = Action::Retrack;
     let possible = session.running(&JobTask::Track).is_none() && is_possible(action, session, view);
     if action_button(ui, &view.prefs.shortcuts, action, &action.text(), possible).clicked() {
-        wishes.push(action);
+        actions.push(action);
     }
     let tip = "Let re-tracked, interpolated and pasted labels overwrite other labels";
     ui.checkbox(&mut view.track.replace, "Replace other labels")

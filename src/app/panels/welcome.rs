@@ -22,7 +22,7 @@ pub(crate) fn welcome_ui(
     session: &SessionView<'_>,
     view: &ViewState,
     out: &mut Vec<Command>,
-    wishes: &mut Vec<Action>,
+    actions: &mut Vec<Action>,
 ) {
     let height = 330.0 + 24.0 * session.recent.len().min(8) as f32;
     ui.vertical_centered(|ui| {
@@ -37,7 +37,7 @@ pub(crate) fn welcome_ui(
         ui.add_space(22.0);
         ui.with_layout(egui::Layout::top_down(egui::Align::Min), steps_ui);
         ui.add_space(22.0);
-        buttons_ui(ui, view, wishes);
+        buttons_ui(ui, view, actions);
         ui.add_space(22.0);
         ui.with_layout(egui::Layout::top_down(egui::Align::Min), |ui| {
             recent_ui(ui, session, out);
@@ -55,7 +55,7 @@ fn steps_ui(ui: &mut Ui) {
     }
 }
 
-fn buttons_ui(ui: &mut Ui, view: &ViewState, wishes: &mut Vec<Action>) {
+fn buttons_ui(ui: &mut Ui, view: &ViewState, actions: &mut Vec<Action>) {
     let rows = [
         (Action::NewProject, "New project…"),
         (Action::Open, "Open project…"),
@@ -72,7 +72,7 @@ fn buttons_ui(ui: &mut Ui, view: &ViewState, wishes: &mut Vec<Action>) {
             .on_hover_text(view.prefs.shortcuts.tip(ui.ctx(), action))
             .clicked()
         {
-            wishes.push(action);
+            actions.push(action);
         }
         ui.add_space(2.0);
     }

@@ -41,12 +41,12 @@ impl Device {
         if is_software && software == Software::Refused {
             return Err(GpuError::SoftwareOnly { name: info.name });
         }
-        let wish = wgpu::DeviceDescriptor {
+        let descriptor = wgpu::DeviceDescriptor {
             label: Some("compute"),
             ..Default::default()
         };
         let (device, queue) =
-            pollster::block_on(adapter.request_device(&wish)).map_err(|error| {
+            pollster::block_on(adapter.request_device(&descriptor)).map_err(|error| {
                 GpuError::Refused {
                     name: info.name.clone(),
                     what: error.to_string(),

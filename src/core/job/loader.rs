@@ -4,11 +4,11 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 /// Loads values by key on worker threads; the latest list of requests replaces the one before, so that keys
 /// no longer requested are never loaded.
 pub struct Loader<K, V> {
-    wishes: Arc<Wishes<K>>,
+    requests: Arc<Requests<K>>,
     done: Mutex<Receiver<(K, V)>>,
 }
 
-struct Wishes<K> {
+struct Requests<K> {
     state: Mutex<State<K>>,
     changed: Condvar,
 }
@@ -33,34 +33,35 @@ impl<K: Clone + PartialEq + Send + 'static, V: Send + 'static> Loader<K, V> {
             running: Vec::new(),
             closed: false,
         };
-        let wishes = Arc::new(Wishes {
+        let requests = Arc::new(Requests {
             state: Mutex::new(state),
             changed: Condvar::new(),
         });
         let work = Arc::new((load, notify));
         let (sender, done) = channel();
         for _ in 0..threads.max(1) {
-            let (wishes, work, sender) = (Arc::clone(&wishes), Arc::clone(&work), sender.clone());
+            let (requests, work, sender) =
+                (Arc::clone(&requests), Arc::clone(&work), sender.clone());
             // Without a thread nothing is loaded; the window then shows empty images but goes on.
             let _ = std::thread::Builder::new()
                 .name(name.into())
-                .spawn(move || serve(&wishes, &work.0, &work.1, &sender));
+                .spawn(move || serve(&requests, &work.0, &work.1, &sender));
         }
         Self {
-            wishes,
+            requests,
             done: Mutex::new(done),
         }
     }
 
     /// Replaces the list of requests, most urgent first. Loads already running continue and are not started twice.
     pub fn want(&self, keys: Vec<K>) {
-        let mut state = self.wishes.lock();
+        let mut state = self.requests.lock();
         state.wanted = keys
             .into_iter()
             .filter(|key| !state.running.contains(key))
             .collect();
         drop(state);
-        self.wishes.changed.notify_all();
+        self.requests.changed.notify_all();
     }
 
     /// Returns the loads finished since the last call.
@@ -75,29 +76,29 @@ impl<K: Clone + PartialEq + Send + 'static, V: Send + 'static> Loader<K, V> {
 
 impl<K, V> Drop for Loader<K, V> {
     fn drop(&mut self) {
-        let mut state = self.wishes.lock();
+        let mut state = self.requests.lock();
         state.closed = true;
         state.wanted.clear();
         drop(state);
-        self.wishes.changed.notify_all();
+        self.requests.changed.notify_all();
     }
 }
 
-impl<K> Wishes<K> {
+impl<K> Requests<K> {
     fn lock(&self) -> std::sync::MutexGuard<'_, State<K>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 fn serve<K: Clone + PartialEq, V>(
-    wishes: &Wishes<K>,
+    requests: &Requests<K>,
     load: &impl Fn(&K) -> V,
     notify: &impl Fn(),
     done: &Sender<(K, V)>,
 ) {
-    while let Some(key) = next(wishes) {
+    while let Some(key) = next(requests) {
         let value = load(&key);
-        wishes.lock().running.retain(|other| *other != key);
+        requests.lock().running.retain(|other| *other != key);
         if done.send((key, value)).is_err() {
             return;
         }
@@ -105,8 +106,8 @@ fn serve<K: Clone + PartialEq, V>(
     }
 }
 
-fn next<K: Clone>(wishes: &Wishes<K>) -> Option<K> {
-    let mut state = wishes.lock();
+fn next<K: Clone>(requests: &Requests<K>) -> Option<K> {
+    let mut state = requests.lock();
     loop {
         if state.closed {
             return None;
@@ -116,7 +117,7 @@ fn next<K: Clone>(wishes: &Wishes<K>) -> Option<K> {
             state.running.push(key.clone());
             return Some(key);
         }
-        state = wishes
+        state = requests
             .changed
             .wait(state)
             .unwrap_or_else(PoisonError::into_inner);
@@ -130,7 +131,7 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn newest_wishes_win() {
+    fn newest_requests_win() {
         let (begin, begun) = sync_channel::<u32>(0);
         let (go, gate) = sync_channel::<()>(0);
         let gate = Mutex::new(gate);

@@ -163,7 +163,7 @@ impl CameraWork {
             pictures: &self.store,
             sink: context,
         };
-        let wish = RgbdRequest {
+        let rgbd_request = RgbdRequest {
             on_pose: &|frame, pose| placed.show(frame, pose),
             frames: &frames,
             chosen: &chosen,
@@ -176,7 +176,7 @@ impl CameraWork {
                 ..RgbdOptions::default()
             },
         };
-        let result = register_rgbd(&wish, &self.store, &context.progress)
+        let result = register_rgbd(&rgbd_request, &self.store, &context.progress)
             .map_err(|error| anyhow::anyhow!(error))?;
         Ok((result, calibrations))
     }
@@ -218,7 +218,7 @@ impl CameraWork {
                 mask.ids.iter().map(|&id| id != LabelId::NONE).collect()
             }))
         };
-        let wish = SfmRequest {
+        let sfm_request = SfmRequest {
             frames,
             mapped: &mapped,
             located: &located,
@@ -232,7 +232,8 @@ impl CameraWork {
             },
             mapper: MapperOptions::default(),
         };
-        structure_from_motion(&wish, &self.store, progress).map_err(|error| anyhow::anyhow!(error))
+        structure_from_motion(&sfm_request, &self.store, progress)
+            .map_err(|error| anyhow::anyhow!(error))
     }
 }
 

@@ -29,11 +29,11 @@ impl Session {
             self.start(JobTask::FindByText, JobKind::Short, move |context| {
                 let grounder = engines::grounder(request.grounder)?;
                 context.progress.stage("look")?;
-                let wish = ostra_masks::GroundRequest {
+                let query = ostra_masks::GroundRequest {
                     phrases: &request.phrases,
                     threshold: request.threshold,
                 };
-                let found = grounder.ground(&*store.image(&frame)?, &wish, &context.progress)?;
+                let found = grounder.ground(&*store.image(&frame)?, &query, &context.progress)?;
                 let thing = |found: ostra_masks::Grounded| FoundThing {
                     phrase: request.phrases[found.phrase].clone(),
                     extent: found.extent,

@@ -282,14 +282,20 @@ fn estimate(
         };
         request.only_labelled.then(|| seen().unwrap_or_else(none))
     };
-    let wish = StereoRequest {
+    let stereo_request = StereoRequest {
         frames,
         views,
         sparse: &sparse,
         mask: &mask,
         engine,
     };
-    Ok(estimate_depths(&wish, store, depths, options, progress)?)
+    Ok(estimate_depths(
+        &stereo_request,
+        store,
+        depths,
+        options,
+        progress,
+    )?)
 }
 
 fn labelled(ids: &[LabelId]) -> Vec<bool> {

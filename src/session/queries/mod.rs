@@ -24,6 +24,6 @@ pub use sparse::SparseModel;
 pub(crate) use sparse::{SparseKey, load_sparse_model};
 pub use surface::Surface;
 pub(crate) use surface::{MeshKey, SurfaceKey, load_mesh, make_surface};
-pub use traits::MeasureWish;
+pub use traits::MeasureSettings;
 pub(crate) use traits::{MeasuredCloud, TraitsKey, measure_traits, under};
 pub(crate) use vote_mismatch::{VoteMismatchKey, find_vote_mismatch, mask_by_vote, without_depth};

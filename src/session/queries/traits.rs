@@ -12,7 +12,7 @@ use ostra_masks::{LabelId, LabelTree};
 
 /// How the labels of the cloud shall be measured.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct MeasureWish {
+pub struct MeasureSettings {
     /// Only labels at this depth of the tree (1 = top); `None` = all.
     pub level: Option<usize>,
     /// The plane above which heights are measured.
@@ -46,7 +46,7 @@ impl PartialEq for MeasuredCloud {
 #[derive(Clone, PartialEq)]
 pub(crate) struct TraitsKey {
     pub(crate) of: MeasuredCloud,
-    pub(crate) wish: MeasureWish,
+    pub(crate) settings: MeasureSettings,
 }
 
 impl QueryKey for TraitsKey {
@@ -68,8 +68,8 @@ pub(crate) fn measure_traits(
     progress: &Progress,
 ) -> Result<Vec<TraitRow>> {
     let options = MeasureOptions {
-        level: key.wish.level,
-        ground: key.wish.ground,
+        level: key.settings.level,
+        ground: key.settings.ground,
         ..MeasureOptions::default()
     };
     Ok(measure(cloud, &options, progress)?)

@@ -216,7 +216,7 @@ fn a_preview_is_what_the_click_gives_and_changes_nothing() {
     );
     assert_eq!(session.undo_title().map(str::to_owned), before);
     perform(&mut session, click(STONE, &[(30.5, 20.5)])).unwrap();
-    assert_eq!(mask(&session), shown, "the newest wish was answered");
+    assert_eq!(mask(&session), shown, "the newest request was answered");
     assert!(session.hovered().is_none(), "a click ends the preview");
     session.hover(Some(request(click(STONE, &[(200.0, 20.5)]))));
     let events = session.settle(|_| std::ops::ControlFlow::Continue(()));

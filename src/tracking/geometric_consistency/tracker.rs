@@ -12,7 +12,7 @@ use ostra_masks::{
 
 /// Any tracker, its masks checked against the keyframes' masks carried through geometry: the positional relations that the
 /// authors of the OSTRA method (Xu, Zhao, Tang, Gan, *A One Stop 3D Target Reconstruction and multilevel Segmentation
-/// Method*) wish for to constrain it. Where a frame has depth and a camera and its surface is one that keyframes see, their
+/// Method*) propose to constrain it. Where a frame has depth and a camera and its surface is one that keyframes see, their
 /// label counts, but for borders of a few pixels; an object that is mostly elsewhere (swapped with another, drifted away,
 /// lost) is given to the tracker again on that frame. Geometry abstains where no keyframe sees the frame's surface, as where
 /// an object moved, and on frames without depth or camera.
