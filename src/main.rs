@@ -1,4 +1,4 @@
-//! The program: `ostra`.
+//! Program `ostra`: the command line, which also opens the window.
 
 mod cli;
 

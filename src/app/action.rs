@@ -4,204 +4,205 @@ use serde::{Deserialize, Serialize};
 use super::Tool;
 use ostra_view::Side;
 
-/// Everything that can be done from a menu, the palette or a key: one list feeds menus, shortcuts, tooltips, the
-/// palette and the shortcut sheet.
+/// Actions available from a menu, the palette or a key.
+///
+/// One list feeds the menus, shortcuts, tooltips, the palette and the shortcut sheet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Action {
-    /// Dialog for a new project.
+    /// Opens the dialog for a new project.
     NewProject,
-    /// Chooses a project folder.
+    /// Chooses a project folder to open.
     Open,
-    /// Chooses a PLY to look at alone.
+    /// Chooses a PLY file to view on its own.
     Inspect,
-    /// Dialog for more frames.
+    /// Opens the dialog that adds frames.
     AddFrames,
-    /// Dialog for frames whose files were moved.
+    /// Opens the dialog for frames whose files have moved.
     Relocate,
-    /// Chooses a folder of masks.
+    /// Chooses a folder of masks to import.
     ImportMasks,
-    /// Dialog for exports.
+    /// Opens the export dialog.
     Export,
-    /// Dialog for a picture or film of the 3-D view.
+    /// Opens the dialog that saves the 3-D view as an image or video.
     SavePicture,
-    /// Writes the history as a recipe.
+    /// Saves the history as a recipe.
     SaveRecipe,
-    /// The networks that are known, and getting them.
+    /// Opens the networks dialog.
     Models,
     /// Closes the project.
     Close,
-    /// Ends the program.
+    /// Quits the program.
     Quit,
-    /// Takes back the last step.
+    /// Undoes the last step.
     Undo,
-    /// Does it again.
+    /// Redoes the last undone step.
     Redo,
-    /// Makes a label.
+    /// Adds a label.
     AddLabel,
-    /// Chooses the n-th label, 1–9.
+    /// Selects the n-th label, 1–9.
     ChooseLabel(u8),
-    /// Include click at the pointer.
+    /// Adds an include click at the pointer.
     IncludeHere,
-    /// Exclude click at the pointer.
+    /// Adds an exclude click at the pointer.
     ExcludeHere,
-    /// Takes the chosen label off this frame.
+    /// Removes the selected label from the shown frame.
     ClearLabelHere,
-    /// Takes the whole mask off this frame.
+    /// Removes all prompts and the whole mask from the shown frame.
     ClearFrame,
-    /// Accepts a tracked mask as it is.
+    /// Makes the shown frame a keyframe with its current mask.
     MakeAnchor,
-    /// The vote of all frames becomes this frame's mask.
+    /// Replaces the shown frame's mask by the vote of all views.
     AcceptVote,
-    /// The same for the chosen label.
+    /// Replaces only the selected label's pixels by the vote of all views.
     AcceptLabelVote,
-    /// Drags in the 3-D view choose points, or no longer.
+    /// Toggles the selection of points by drags in the 3-D view.
     ChoosePoints,
-    /// The chosen points become the chosen label's.
+    /// Assigns the selected label to the selected points.
     AssignChosen,
-    /// The chosen points become nothing's.
+    /// Clears the label of the selected points.
     ClearChosen,
-    /// Pieces without a label go to what they hang on.
+    /// Gives unlabelled fragments the label of the object that they are attached to.
     AdoptPieces,
-    /// The range of frames begins at the shown one.
+    /// Starts the range at the shown frame.
     RangeFrom,
-    /// The range of frames ends at the shown one.
+    /// Ends the range at the shown frame.
     RangeTo,
-    /// The range is the shown frame alone again.
+    /// Resets the range to the shown frame alone.
     DropRange,
-    /// The chosen label is not there over the range.
+    /// Deletes the selected label over the range.
     DeleteRange,
-    /// It may be there again.
+    /// Allows the selected label over the range again.
     RestoreRange,
-    /// It was not there before the shown frame.
+    /// Deletes the selected label before the shown frame, back to the last keyframe with it.
     AppearsHere,
-    /// It is not there from the shown frame on.
+    /// Deletes the selected label from the shown frame on, up to the next keyframe with it.
     GoneFromHere,
-    /// Its pixels over the range stay as they are, or no longer.
+    /// Locks or unlocks the selected label's pixels over the range.
     LockRange,
-    /// Its pixels over the range are out of play, or no longer.
+    /// Hides or shows the selected label over the range.
     HideRange,
-    /// It becomes another label over the range.
+    /// Merges the selected label into another one over the range.
     MergeRange,
-    /// Its piece under the pointer becomes another label over the range.
+    /// Turns the part of the label under the pointer into another label over the range.
     SplitRange,
-    /// Shapes between those of the range's ends.
+    /// Interpolates the label's shape between the first and last frame of the range.
     InterpolateRange,
-    /// Remembers the chosen label's mask on this frame.
+    /// Copies the selected label's mask on the shown frame.
     CopyMask,
-    /// Puts the remembered mask onto the range.
+    /// Pastes the copied mask onto the range.
     PasteMask,
-    /// Fills small holes of the chosen label.
+    /// Fills small holes of the selected label.
     FillHoles,
-    /// Removes small islands of the chosen label.
+    /// Removes small parts of the selected label.
     RemoveIslands,
-    /// Chooses a tool.
+    /// Selects a tool.
     UseTool(Tool),
-    /// Smaller brush.
+    /// Decreases the brush radius.
     SmallerBrush,
-    /// Larger brush.
+    /// Increases the brush radius.
     LargerBrush,
-    /// Brush that stops at edges, on and off.
+    /// Toggles snapping of the brush to image edges.
     ToggleSnap,
-    /// One frame back.
+    /// Goes back one frame.
     PreviousFrame,
-    /// One frame on.
+    /// Goes forward one frame.
     NextFrame,
-    /// Ten frames back.
+    /// Goes back ten frames.
     Back10,
-    /// Ten frames on.
+    /// Goes forward ten frames.
     Forward10,
-    /// First frame.
+    /// Goes to the first frame.
     FirstFrame,
-    /// Last frame.
+    /// Goes to the last frame.
     LastFrame,
-    /// Next frame whose mask is stale or uncertain.
+    /// Goes to the next frame whose mask is stale or uncertain.
     NextDoubtful,
-    /// Window of what was measured of each label.
+    /// Opens or closes the window of traits.
     ToggleMeasures,
-    /// The point of the cloud under the pointer.
+    /// Inspects the point of the cloud under the pointer.
     FindInScene,
-    /// To the frame that contradicts the vote of all most, then down that list.
+    /// Goes to the frame with the largest conflict, then to the next largest.
     NextWorst,
-    /// Carries masks both ways.
+    /// Propagates the masks of keyframes in both directions.
     Track,
-    /// Carries masks to later frames.
+    /// Propagates masks to later frames.
     TrackForward,
-    /// Carries masks to earlier frames.
+    /// Propagates masks to earlier frames.
     TrackBackward,
-    /// Carries the chosen label anew between the anchors next to this one.
+    /// Tracks the selected label again between the neighbouring keyframes.
     Retrack,
-    /// Looks for things that no label explains.
+    /// Searches for objects without a label.
     Suggest,
-    /// Offers all things that the segmenter sees on the shown frame.
+    /// Lists all objects that Segment Anything finds on the shown frame.
     Propose,
-    /// Makes cameras and depths.
+    /// Computes cameras and depth maps.
     Reconstruct,
-    /// Gives the scene a unit by the ruler's length.
+    /// Sets the scale of the scene from the ruler's known length.
     SetScale,
-    /// Makes the labelled cloud.
+    /// Fuses the depth maps into a labelled cloud.
     Fuse,
-    /// Stops what runs.
+    /// Stops the running job.
     Stop,
-    /// Drops the half-made prompt, else stops what runs.
+    /// Drops the drawing in progress or the point selection, else closes a window. Jobs go on.
     Cancel,
-    /// Whole picture in the canvas.
+    /// Fits the whole image into its pane.
     Fit,
-    /// One picture pixel = one screen pixel.
+    /// Shows one image pixel per screen pixel.
     ActualSize,
-    /// Mask overlay on and off.
+    /// Shows or hides the masks.
     ToggleMasks,
-    /// The masks before the last change, and back.
+    /// Toggles between the current mask and the one before its last change.
     CompareBefore,
-    /// Labels × frames below the picture, or not.
+    /// Shows or hides the timeline, a grid of labels and frames.
     ToggleTimeline,
-    /// The window of cameras and matches, or not.
+    /// Opens or closes the cameras and matches window.
     ToggleMatches,
-    /// Photo, depth, normals, confidence, and round again.
+    /// Cycles through image, depth, normals and confidence.
     NextLayer,
-    /// Preview of a click on and off.
+    /// Toggles the preview of a click.
     ToggleHover,
-    /// Outlines on and off.
+    /// Shows or hides outlines.
     ToggleOutlines,
-    /// Picture and 3-D.
+    /// Shows the image and the 3-D view.
     ShowBoth,
-    /// Picture alone.
+    /// Shows only the image.
     ShowPicture,
-    /// 3-D alone.
+    /// Shows only the 3-D view.
     ShowScene,
-    /// Whole cloud in the 3-D view.
+    /// Shows the whole cloud in the 3-D view.
     FrameCloud,
-    /// 3-D view from this frame's camera.
+    /// Views the scene from the shown frame's camera.
     LookThrough,
-    /// 3-D view from a side.
+    /// Views the scene from one side.
     LookFrom(Side),
-    /// Orthographic and perspective.
+    /// Switches between orthographic and perspective projection.
     ToggleOrthographic,
-    /// The 3-D view turns by itself, or not.
+    /// Starts or stops the rotation of the 3-D view about the vertical.
     ToggleTurntable,
-    /// Dark and light.
+    /// Switches between the dark and light theme.
     ToggleTheme,
-    /// List of actions to type into.
+    /// Opens the searchable list of actions.
     Palette,
-    /// Shortcut sheet.
+    /// Opens the shortcut sheet.
     ShortcutSheet,
 }
 
-/// The menus, from left to right.
+/// Menus of the menu bar.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MenuName {
     /// Projects and files.
     File,
     /// Undo, labels, masks.
     Edit,
-    /// Labels over a range of frames.
+    /// Changes of a label over a range of frames.
     Range,
-    /// What is shown, and how.
+    /// Appearance of the image and the 3-D view.
     View,
-    /// From frame to frame.
+    /// Navigation between frames.
     Go,
-    /// Long work.
+    /// Long-running jobs.
     Run,
-    /// Where to find things.
+    /// Palette and shortcut sheet.
     Help,
 }
 
@@ -217,7 +218,7 @@ impl MenuName {
         Self::Help,
     ];
 
-    /// What the menu bar shows.
+    /// Returns the name shown in the menu bar.
     #[must_use]
     pub fn text(self) -> &'static str {
         match self {
@@ -233,14 +234,14 @@ impl MenuName {
 }
 
 impl Action {
-    /// All actions in the order of menus and sheet.
+    /// Returns all actions, in the order of the menus and the shortcut sheet.
     pub fn all() -> impl Iterator<Item = Self> {
         LIST.iter()
             .map(|row| row.action)
             .chain((1..=9).map(Self::ChooseLabel))
     }
 
-    /// What menus and palette show.
+    /// Returns the text shown in menus and the palette.
     #[must_use]
     pub fn text(self) -> String {
         match self {
@@ -249,25 +250,25 @@ impl Action {
         }
     }
 
-    /// What it does, for tooltips.
+    /// Returns the description shown in tooltips.
     #[must_use]
     pub fn tip(self) -> &'static str {
         row(self).map_or("Select this label for clicks and brush", |row| row.tip)
     }
 
-    /// The menu it stands in, where it stands in one.
+    /// Returns the menu that contains the action, if any.
     #[must_use]
     pub fn menu(self) -> Option<MenuName> {
         row(self).and_then(|row| row.menu)
     }
 
-    /// Whether a line is drawn above it in its menu.
+    /// Returns `true` if a separator is drawn above the action in its menu.
     #[must_use]
     pub fn starts_group(self) -> bool {
         row(self).is_some_and(|row| row.line)
     }
 
-    /// The keys it has until the user changes them.
+    /// Returns the default shortcut.
     #[must_use]
     pub fn default_keys(self) -> Option<KeyboardShortcut> {
         match self {
@@ -328,7 +329,7 @@ const GO: Option<MenuName> = Some(MenuName::Go);
 const RUN: Option<MenuName> = Some(MenuName::Run);
 const HELP: Option<MenuName> = Some(MenuName::Help);
 
-#[rustfmt::skip] // a table: one action a line reads best
+#[rustfmt::skip] // A table is easiest to read with one action per line.
 const LIST: &[Row] = {
     use Action as A;
     list! {
@@ -437,7 +438,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_action_has_text_and_tip() {
+    fn every_action_has_text_and_tooltip() {
         for action in Action::all() {
             assert!(!action.text().is_empty(), "{action:?}");
             assert!(action.tip().len() > 8, "{action:?}");

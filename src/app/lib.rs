@@ -1,4 +1,38 @@
-//! The window: panels are functions that look at the open project and hand out `Command`s.
+//! Window of OSTRA, drawn with egui.
+//!
+//! [`run`] opens the window. Each frame, [`Window`] takes the events of its
+//! `ostra_session::Session`, collects a read-only [`SessionView`] of the open project and passes it
+//! to [`Shell`], which draws everything. Panels are functions: they borrow the view and return
+//! `Command`s, which change the project, and [`Action`]s, which change what is shown or become
+//! commands. State of the window that does not belong to the project, such as the shown frame, is
+//! in [`ViewState`]; the part kept between sessions is in [`Prefs`].
+//!
+//! - `canvas`: image pane with its tools.
+//! - `panels`: labels, tracking, reconstruction, fusion, traits, timeline and the 3-D view.
+//! - `dialogs`: dialogs and their forms.
+//! - `action`, `menu`, `shortcuts`, `perform`: list of actions, and how they are started and
+//!   performed.
+//! - `ranges`: changes of a label over a range of frames.
+//! - `textures`: images and masks on the GPU.
+//!
+//! Fields ending in `_px` are image positions in pixels, with the centre of the top-left pixel at
+//! (0.5, 0.5). Positions on the screen are in egui's points. Lengths in 3-D are in world units.
+//!
+//! # Example
+//!
+//! ```rust
+//! use egui::{Key, KeyboardShortcut, Modifiers};
+//! use ostra_app::{Action, Shortcuts};
+//!
+//! let mut shortcuts = Shortcuts::default();
+//! assert_eq!(shortcuts.conflicts(), []);
+//!
+//! // A key given to one action is taken from the action that had it.
+//! let q = KeyboardShortcut::new(Modifiers::NONE, Key::Q);
+//! assert_eq!(shortcuts.set(Action::Fuse, q), Some(Action::IncludeHere));
+//! assert_eq!(shortcuts.keys(Action::Fuse), Some(q));
+//! assert_eq!(shortcuts.keys(Action::IncludeHere), None);
+//! ```
 
 mod action;
 mod canvas;

@@ -7,7 +7,7 @@ use super::tips::action_button;
 use super::{Action, MenuName, SessionView, ViewState};
 use ostra_session::{Command, EngineKind};
 
-/// The menu bar, made from the list of actions, with undo and redo at its end.
+/// Draws the menu bar from the list of actions, with undo and redo at its end.
 pub(super) fn menu_bar_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -32,7 +32,7 @@ pub(super) fn menu_bar_ui(
     });
 }
 
-/// The name of what is open.
+/// Returns the name of the open project or point cloud.
 pub(super) fn title(session: &SessionView<'_>) -> String {
     let open = session
         .root
@@ -42,7 +42,7 @@ pub(super) fn title(session: &SessionView<'_>) -> String {
         .unwrap_or_default()
 }
 
-/// Whether an action can be done now.
+/// Returns `true` if an action can be performed now.
 pub(super) fn is_possible(action: Action, session: &SessionView<'_>, view: &ViewState) -> bool {
     use Action as A;
     match action {
@@ -104,14 +104,14 @@ pub(super) fn is_possible(action: Action, session: &SessionView<'_>, view: &View
     }
 }
 
-/// Whether Segment Anything can be used.
+/// Returns `true` if Segment Anything is installed.
 fn is_sam_installed(session: &SessionView<'_>) -> bool {
     session
         .engines_of(EngineKind::Segmenter)
         .any(|engine| engine.name == SegmenterId::Sam.name() && engine.installed)
 }
 
-/// The text of an action now: undo and redo name the step.
+/// Returns the current text of an action. Undo and redo include the name of the step.
 pub(super) fn text_now(action: Action, session: &SessionView<'_>) -> String {
     let step = match action {
         Action::Undo => session.undo,
@@ -165,7 +165,7 @@ fn recent_ui(ui: &mut Ui, session: &SessionView<'_>, out: &mut Vec<Command>) {
     });
 }
 
-/// A disc, half filled: the other of dark and light.
+/// Draws the theme button, a half-filled disc.
 fn theme_button_ui(ui: &mut Ui, view: &ViewState) -> egui::Response {
     let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::ToggleTheme);
     let (rect, response) = ui.allocate_exact_size(egui::vec2(22.0, 20.0), egui::Sense::click());

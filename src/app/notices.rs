@@ -1,36 +1,36 @@
 use egui::{Align2, RichText, Ui};
 
-/// How bad it is.
+/// Severity of a notice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Severity {
-    /// Good to know.
+    /// Information only.
     Note,
-    /// It went on, but something was left out.
+    /// The operation finished, but something was left out.
     Warning,
-    /// It did not work.
+    /// The operation failed.
     Error,
 }
 
-/// Something to tell the user: what happened and what to do.
+/// Message to the user: what happened and what to do.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Notice {
-    /// How bad it is.
+    /// Severity of the message.
     pub severity: Severity,
     /// One sentence.
     pub text: String,
 }
 
-/// What was told and not yet dismissed, latest last; the same sentence is shown once.
+/// Notices not yet dismissed, latest last. Duplicates are shown once.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Notices {
     shown: Vec<Notice>,
 }
 
-/// More than this would cover the window: the oldest go.
+/// Maximum number of notices. More would cover the window, so the oldest are dropped.
 const MOST: usize = 5;
 
 impl Notices {
-    /// Tells something.
+    /// Adds a notice, unless an equal one is already shown.
     pub fn tell(&mut self, severity: Severity, text: impl Into<String>) {
         let notice = Notice {
             severity,
@@ -44,14 +44,14 @@ impl Notices {
         }
     }
 
-    /// What is shown now.
+    /// Returns the notices currently shown.
     #[must_use]
     pub fn shown(&self) -> &[Notice] {
         &self.shown
     }
 }
 
-/// Draws the notices at the lower right, above the filmstrip, each with a button to dismiss it.
+/// Draws the notices at the lower right, above the filmstrip, each with a dismiss button.
 pub(super) fn notices_ui(ui: &Ui, notices: &mut Notices) {
     if notices.shown.is_empty() {
         return;
@@ -106,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_same_error_is_shown_once_and_old_ones_go() {
+    fn duplicates_are_shown_once_and_oldest_notices_are_dropped() {
         let mut notices = Notices::default();
         notices.tell(Severity::Error, "a");
         notices.tell(Severity::Error, "a");

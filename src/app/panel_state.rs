@@ -1,4 +1,4 @@
-//! State of the panels that lasts from one drawing to the next: what is typed, and counts that are worked out once.
+//! State of the panels that persists between draws: typed text and cached counts.
 
 use ostra_project::GrounderId;
 use std::collections::BTreeMap;
@@ -9,7 +9,7 @@ use ostra_masks::{LabelId, LabelTree, RunMask};
 use ostra_project::Project;
 use ostra_session::{Command, GroundRequest};
 
-/// Which labels are on which frames, worked out anew only for masks that changed.
+/// Labels present on each frame. Only masks that changed are scanned again.
 #[derive(Default)]
 pub struct Presence {
     frames: BTreeMap<usize, (Arc<RunMask>, Vec<LabelId>)>,
@@ -17,7 +17,7 @@ pub struct Presence {
 }
 
 impl Presence {
-    /// Follows the project; cheap while no mask changed.
+    /// Updates the index from the project; cheap if no mask changed.
     pub fn update(&mut self, project: &Project) {
         let mut changed = self.frames.len() != project.masks.len();
         self.frames
@@ -38,13 +38,13 @@ impl Presence {
         }
     }
 
-    /// The labels on a frame, ordered by id.
+    /// Returns the labels on a frame, ordered by id.
     #[must_use]
     pub fn on_frame(&self, frame: usize) -> &[LabelId] {
         self.frames.get(&frame).map_or(&[], |(_, labels)| labels)
     }
 
-    /// On how many frames a label is.
+    /// Returns the number of frames with a label.
     #[must_use]
     pub fn frames_with(&self, label: LabelId) -> usize {
         self.counts.get(&label).copied().unwrap_or(0)
@@ -70,14 +70,14 @@ fn labels_in(mask: &RunMask) -> Vec<LabelId> {
     ids
 }
 
-/// Least score that is looked for: the slider leaves more out without looking again.
+/// Score threshold of the search. A higher threshold on the slider only filters its results.
 pub(super) const LOOKED_FOR: f32 = 0.1;
 
-/// What is typed to look for, and how sure a thing must be to be offered.
+/// Text to search for, and the score required of a result.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Words {
     pub(super) text: String,
-    /// Least score of a thing that is offered, 0–1.
+    /// Minimum score of a shown result, 0–1.
     pub least: f32,
 }
 
@@ -91,7 +91,7 @@ impl Default for Words {
 }
 
 impl Words {
-    /// What is to be looked for on a frame; phrases are parted by `;` or `,`.
+    /// Returns the command that searches a frame; phrases are separated by `;` or `,`.
     pub(super) fn request(&self, frame: usize) -> Option<Command> {
         let phrases = self
             .text
@@ -108,7 +108,7 @@ impl Words {
     }
 }
 
-/// Points per label, counted once for each cloud.
+/// Points per label, counted once per cloud.
 #[derive(Default)]
 pub struct PointCounts {
     cloud: Option<Arc<LabelledCloud>>,
@@ -116,7 +116,7 @@ pub struct PointCounts {
 }
 
 impl PointCounts {
-    /// Points that carry a label or one below it.
+    /// Returns the number of points with a label or one of its descendants.
     pub(super) fn below(
         &mut self,
         cloud: &Arc<LabelledCloud>,
@@ -134,7 +134,7 @@ impl PointCounts {
             .as_ref()
             .is_some_and(|counted| Arc::ptr_eq(counted, cloud))
         {
-            // A counter for every possible id: five million points are counted in milliseconds.
+            // One counter for every possible id: five million points are counted in milliseconds.
             let mut counters = vec![0; usize::from(u16::MAX) + 1];
             cloud
                 .labels
@@ -151,7 +151,7 @@ impl PointCounts {
     }
 }
 
-/// What is being typed in the label list.
+/// Text being typed in the label list.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LabelEditing {
     pub(super) renaming: Option<(LabelId, String)>,
@@ -161,19 +161,19 @@ pub struct LabelEditing {
 }
 
 impl LabelEditing {
-    /// Begins to rename a label.
+    /// Starts renaming a label.
     pub fn rename(&mut self, label: LabelId, name: &str) {
         self.renaming = Some((label, name.into()));
         self.focus = true;
     }
 }
 
-/// What the window of cameras and matches shows.
+/// State of the cameras and matches window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct MatchView {
-    /// Whether it is open.
+    /// Whether the window is open.
     pub open: bool,
-    /// The frame beside the one shown; none = the one that shares most with it.
+    /// Second frame to show; `None` selects the one with the strongest link to the shown frame.
     pub other: Option<usize>,
 }
 
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn counts_follow_changes() {
+    fn frame_counts_follow_mask_changes() {
         let (mut project, mut presence) = (Project::default(), Presence::default());
         project.masks.insert(0, mask(&[0, 2, 0, 1, 2]));
         project.masks.insert(4, mask(&[2]));

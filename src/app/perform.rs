@@ -14,7 +14,7 @@ use ostra_project::{FuseRequest, ReconstructRequest};
 use ostra_session::{AdoptRequest, CloudChange, Command, TidyRequest};
 use ostra_view::Layer;
 
-/// Does an action: changes what is looked at, or hands out commands.
+/// Performs an action: changes the view, or issues commands.
 #[expect(
     clippy::too_many_lines,
     reason = "under 80 lines before rustfmt's defaults; to be split"
@@ -116,7 +116,7 @@ fn choose_points(view: &mut ViewState) {
     show_scene(view);
 }
 
-/// Shows the 3-D view where it is hidden.
+/// Shows the 3-D view if it is hidden.
 fn show_scene(view: &mut ViewState) {
     if view.prefs.panes == Panes::Picture {
         view.prefs.panes = Panes::Both;
@@ -179,7 +179,7 @@ fn dialog_of(action: Action, session: &SessionView<'_>, view: &ViewState) -> Opt
     })
 }
 
-/// The frame that a move leads to.
+/// Returns the frame that a navigation action leads to.
 fn destination(action: Action, session: &SessionView<'_>, view: &ViewState) -> Option<usize> {
     let last = session.project.frames.len().checked_sub(1)?;
     Some(match action {
@@ -284,7 +284,9 @@ fn track_from_here(view: &ViewState, direction: Direction, out: &mut Vec<Command
     out.push(Command::Track(settings));
 }
 
-/// Esc: first what is half made, then a window. It never stops work, which may have taken minutes so far.
+/// Handles Esc: cancels a drawing or selection in progress, else closes a window.
+///
+/// It never stops a job, because minutes of work could be lost.
 fn cancel(view: &mut ViewState) {
     if view.draft.drop_half_made() || view.scene_select.cancel() {
         return;

@@ -1,7 +1,9 @@
 use egui::{Event, PointerButton, Pos2, Ui};
 
-/// Where the pointer went in this frame while one of the buttons was down, in points of the screen, from where it was
-/// pressed if it was in this frame. While frames are slow there are many places in each, and a line needs them all.
+/// Returns the path of the pointer in this frame while one of `buttons` was down, in screen points.
+///
+/// If the button was pressed in this frame, the path starts there. A slow frame contains many
+/// pointer events, and a stroke needs all of them.
 pub(crate) fn trail(ui: &Ui, buttons: &[PointerButton]) -> Vec<Pos2> {
     let of_button = |event: &Event, down: bool| match event {
         Event::PointerButton {
@@ -29,12 +31,12 @@ fn place(event: &Event) -> Option<Pos2> {
     }
 }
 
-/// How long the pointer rests before something is told of what lies under it, in seconds.
+/// Time the pointer has to rest before the position under it is evaluated, in seconds.
 const REST_S: f64 = 0.12;
-/// Movements below this are a hand at rest, in screen points.
+/// Movement that still counts as resting, in screen points.
 const STILL: f32 = 2.0;
 
-/// Where on the screen the pointer rests, and since when.
+/// Resting position of the pointer on the screen, and since when it rests there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rest {
     at: Pos2,
@@ -42,7 +44,9 @@ pub struct Rest {
 }
 
 impl Rest {
-    /// Follows the pointer; where it rests, once it does so for long enough. Until then the window is drawn again in time.
+    /// Follows the pointer and returns its position once it has rested for long enough.
+    ///
+    /// Until then a repaint is scheduled for the end of the waiting time.
     pub(super) fn follow(rest: &mut Option<Self>, ui: &Ui, at: Pos2) -> Option<Pos2> {
         let now = ui.input(|input| input.time);
         let same = rest

@@ -4,41 +4,41 @@ use super::{ScenePrefs, Shortcuts};
 use ostra_compute::nn::Provider;
 use ostra_view::OverlayStyle;
 
-/// What the window remembers from one start to the next: taste, never content.
+/// Preferences kept between sessions. They never include project data.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Prefs {
-    /// Keys that the user changed.
+    /// Shortcuts changed by the user.
     pub shortcuts: Shortcuts,
-    /// Which panes are shown.
+    /// Visible panes.
     pub panes: Panes,
     /// Opacity of masks, 0–1.
     pub opacity: f32,
     /// Whether labels are outlined.
     pub outlines: bool,
-    /// Radius of brush and eraser in picture pixels.
+    /// Radius of brush and eraser in image pixels.
     pub brush_px: f64,
     /// Whether a click is previewed where the pointer rests.
     pub hover_preview: bool,
-    /// Whether the brush stops at the picture's edges.
+    /// Whether the brush stops at image edges.
     pub snap: bool,
-    /// Holes and islands of fewer pixels are filled and removed.
+    /// Size in pixels below which holes are filled and specks removed.
     pub tidy_px: usize,
-    /// Size of points in the 3-D view in screen points.
+    /// Size of points in the 3-D view, in screen points.
     pub point_size: f32,
-    /// How the 3-D view is drawn.
+    /// Rendering options of the 3-D view.
     pub scene: ScenePrefs,
     /// Whether camera frusta are drawn.
     pub frusta: bool,
     /// Whether links between frames are drawn.
     pub links: bool,
-    /// Whether the grid of labels and frames is shown.
+    /// Whether the timeline is shown.
     pub timeline: bool,
-    /// What networks run on.
+    /// Device that runs neural networks.
     pub provider: Provider,
-    /// Whether it is shown where the vote of all contradicts a doubtful mask.
+    /// Whether pixels that contradict the vote of all views are highlighted.
     pub contradictions: bool,
-    /// Confidence below which a frame is one to check, 0–1.
+    /// Confidence below which a frame is flagged for checking, 0–1.
     pub doubt_below: f32,
 }
 
@@ -66,14 +66,14 @@ impl Default for Prefs {
     }
 }
 
-/// Which panes the middle of the window shows.
+/// Panes in the middle of the window.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Panes {
-    /// Picture and 3-D side by side; the picture alone while there is no cloud and no camera.
+    /// Image and 3-D view; only the image while there is no cloud and no camera.
     #[default]
     Both,
-    /// The picture alone.
+    /// Image only.
     Picture,
-    /// The 3-D view alone.
+    /// 3-D view only.
     Scene,
 }

@@ -3,7 +3,7 @@ use ostra_masks::{Click, LabelId};
 use ostra_project::{FrameMask, MaskOrigin, Project};
 use ostra_session::{RangeChange, RangeRequest};
 
-/// Whether an action changes the chosen label over frames, without asking for more.
+/// Returns `true` if an action changes the selected label over frames without further input.
 pub(super) fn is_range_change(action: Action) -> bool {
     use Action as A;
     matches!(
@@ -19,7 +19,9 @@ pub(super) fn is_range_change(action: Action) -> bool {
     )
 }
 
-/// What an action that changes a label over frames asks for; `None` where it would change nothing.
+/// Returns the request of an action that changes a label over frames.
+///
+/// Returns `None` if the action would change nothing.
 pub(super) fn range_request(
     action: Action,
     session: &SessionView<'_>,
@@ -76,7 +78,9 @@ pub(super) fn range_request(
     })
 }
 
-/// Sets or drops an end of the range; the other end stays, or is the shown frame.
+/// Sets one end of the range, or clears the range.
+///
+/// Without a range the other end is the shown frame.
 pub(super) fn set_range(action: Action, view: &mut ViewState) {
     let frame = view.frame;
     let (from, to) = view.frames_meant();
@@ -87,7 +91,7 @@ pub(super) fn set_range(action: Action, view: &mut ViewState) {
     };
 }
 
-/// The pixel under the pointer where the chosen label lies.
+/// Returns the pixel under the pointer if it has the selected label.
 pub(super) fn split_at(session: &SessionView<'_>, view: &ViewState) -> Option<glam::DVec2> {
     let at_px = view.pointer_px?;
     let mask = session.project.masks.get(&view.frame)?;
@@ -99,8 +103,10 @@ pub(super) fn split_at(session: &SessionView<'_>, view: &ViewState) -> Option<gl
     (super::canvas::id_at(&mask.runs, at_px) == view.label?).then_some(at_px)
 }
 
-/// The next frame, from the beginning again after the last, that should be looked at: its mask is stale, a label on it
-/// is less sure than asked for, or one that was on the frame before is no longer there.
+/// Returns the next frame to check, wrapping around after the last one.
+///
+/// A tracked mask is to be checked if it is stale, if the confidence of a label is below the
+/// preference, or if a label of the previous frame is lost.
 pub(super) fn next_doubtful(session: &SessionView<'_>, view: &ViewState) -> Option<usize> {
     let count = session.project.frames.len();
     (1..=count)
@@ -123,7 +129,9 @@ fn is_doubtful(project: &Project, view: &ViewState, frame: usize) -> bool {
     mask.stale || unsure || lost_on(project, view, frame).next().is_some()
 }
 
-/// Labels that a tracker had on the frame before and has no longer, where the user did not say that they are gone.
+/// Returns labels of the previous frame that the tracker lost on `frame`.
+///
+/// Labels that the user marked as absent are left out.
 pub(super) fn lost_on<'a>(
     project: &'a Project,
     view: &'a ViewState,
@@ -147,7 +155,7 @@ fn shows(view: &ViewState, frame: usize, mask: &FrameMask, label: LabelId) -> bo
     mask.origin == MaskOrigin::Anchor && view.presence.on_frame(frame).contains(&label)
 }
 
-/// From the frame after the last anchor that shows the label to the one before the shown frame.
+/// Returns the frames between the last keyframe with the label and the shown frame, both excluded.
 fn before_appearing(project: &Project, view: &ViewState, label: LabelId) -> Option<(usize, usize)> {
     let mut before = project.masks.range(..view.frame).rev();
     let anchor = before
@@ -157,7 +165,7 @@ fn before_appearing(project: &Project, view: &ViewState, label: LabelId) -> Opti
     (first < view.frame).then(|| (first, view.frame - 1))
 }
 
-/// From the shown frame to the one before the next anchor that shows the label.
+/// Returns the frames from the shown one to the last before the next keyframe with the label.
 fn after_going(project: &Project, view: &ViewState, label: LabelId) -> Option<(usize, usize)> {
     let mut after = project.masks.range(view.frame + 1..);
     let anchor = after
@@ -167,7 +175,9 @@ fn after_going(project: &Project, view: &ViewState, label: LabelId) -> Option<(u
     (view.frame <= last).then_some((view.frame, last))
 }
 
-/// The range; without one, from the anchor at or before the shown frame to the next after it.
+/// Returns the range, or else the span between the keyframes around the shown frame.
+///
+/// Both ends are included. The span starts at the shown frame if that is a keyframe.
 fn between_anchors(project: &Project, view: &ViewState) -> Option<(usize, usize)> {
     if view.range.is_some() {
         return view.range.filter(|(from, to)| to - from > 1);

@@ -4,29 +4,29 @@ use serde::{Deserialize, Serialize};
 use ostra_masks::{LabelId, LabelTree};
 use ostra_view::{Axes, Bounds, Clip};
 
-/// How the 3-D view is drawn: taste, kept from one start to the next.
+/// Rendering preferences of the 3-D view, kept between sessions.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ScenePrefs {
     /// Whether points are shaded by eye-dome lighting.
     pub edl: bool,
-    /// Its strength, above 0.
+    /// Strength of eye-dome lighting, above 0.
     pub edl_strength: f32,
-    /// Whether things do not shrink with distance.
+    /// Whether the projection is orthographic.
     pub orthographic: bool,
-    /// sRGB; `None` = the theme's.
+    /// Background colour, sRGB; `None` uses the theme's.
     pub background: Option<[u8; 3]>,
-    /// Whether a length is drawn to compare with.
+    /// Whether a scale bar is drawn.
     pub scale_bar: bool,
-    /// Whether the directions of the world's axes are drawn.
+    /// Whether the directions of the world axes are drawn.
     pub axes: bool,
-    /// Opacity of all but the isolated label or the doubtful points, 0–1.
+    /// Opacity of points outside the isolated label or above the vote threshold, 0–1.
     pub faint: f32,
-    /// Depth of the cameras' frusta, share of the scene's radius.
+    /// Depth of camera frusta, as a share of the scene's radius.
     pub frustum: f32,
-    /// Whether the frusta of cameras carry their pictures.
+    /// Whether camera frusta show their images.
     pub pictures: bool,
-    /// Opacity (0–1) of the picture over what the view sees through its camera.
+    /// Opacity of the image over the 3-D view when looking through its camera, 0–1.
     pub blend: f32,
 }
 
@@ -47,30 +47,34 @@ impl Default for ScenePrefs {
     }
 }
 
-/// What of a project the 3-D view shows.
+/// Selection of the project's content that the 3-D view shows.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SceneLook {
-    /// The part of space that is shown.
+    /// Visible part of space.
     pub clip: ClipSides,
-    /// The label that, with all below it, stands out.
+    /// Label that is highlighted together with its descendants.
     pub isolated: Option<LabelId>,
-    /// Only points stand out whose label won less than this share of the votes, 0–1; `None` = all do.
+    /// Highlights only points whose label won less than this share of votes, 0–1; `None` for all.
     pub doubtful_below: Option<f32>,
-    /// Deeper labels take the colour of their ancestor at this depth, 1 = top; `None` = every label its own.
+    /// Depth in the label tree from which labels take their ancestor's colour.
+    ///
+    /// 1 is the top; `None` gives every label its own colour.
     pub level: Option<usize>,
-    /// Whether the view turns about the vertical by itself.
+    /// Whether the view rotates about the vertical.
     pub turning: bool,
-    /// The frame whose camera it looks through; it follows the frame shown until the view is moved by hand.
+    /// Frame whose camera the view looks through.
+    ///
+    /// It follows the shown frame until the user moves the view.
     pub through: Option<usize>,
 }
 
 impl SceneLook {
-    /// Isolates a label, or shows all again where it is isolated already.
+    /// Isolates a label, or shows all labels again if it is already isolated.
     pub fn isolate(&mut self, label: LabelId) {
         self.isolated = (label != LabelId::NONE && self.isolated != Some(label)).then_some(label);
     }
 
-    /// The label that a point with this one is shown as.
+    /// Returns the label whose colour is used for points with `label`.
     #[must_use]
     pub fn shown_as(&self, tree: &LabelTree, label: LabelId) -> LabelId {
         self.level
@@ -78,23 +82,25 @@ impl SceneLook {
     }
 }
 
-/// A box, and a slice of it, given as shares (0–1) of the scene's extent to the right, upwards and away from the front.
+/// Clipping box and slice, as shares (0–1) of the scene's extent.
+///
+/// The axes point right, up and away from the front.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ClipSides {
-    /// Lower and upper side along each axis; 0 and 1 limit nothing.
+    /// Lower and upper bound along each axis; 0 and 1 do not clip.
     pub sides: [[f32; 2]; 3],
-    /// A slice besides.
+    /// Additional slice.
     pub slice: Option<Slice>,
 }
 
-/// What lies about one plane.
+/// Slab around a plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slice {
-    /// The axis it stands square to: 0 right, 1 up, 2 away.
+    /// Axis that the slab is perpendicular to: 0 right, 1 up, 2 away.
     pub axis: usize,
-    /// Where its middle is, share of the extent.
+    /// Position of the centre, as a share of the extent.
     pub at: f32,
-    /// How thick it is, share of the extent, above 0.
+    /// Thickness, as a share of the extent, above 0.
     pub thickness: f32,
 }
 
@@ -118,10 +124,10 @@ impl Default for Slice {
 }
 
 impl ClipSides {
-    /// Times the extent that a side without a limit lies away.
+    /// Distance of an unlimited side, in multiples of the extent.
     const FAR: f32 = 1000.0;
 
-    /// The box in world space; `extent` holds the scene along `axes`.
+    /// Returns the box in world space. `extent` contains the scene along `axes`.
     #[must_use]
     pub fn clip(&self, axes: &Axes, extent: &Bounds) -> Clip {
         if *self == Self::default() {
@@ -169,7 +175,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sides_limit_only_where_they_were_moved_and_a_slice_limits_more() {
+    fn moved_sides_and_slice_clip() {
         let axes = Axes::new(Vec3::Y, Vec3::NEG_Z);
         let extent = Bounds {
             min: Vec3::ZERO,
@@ -199,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn isolating_twice_shows_all_again() {
+    fn isolating_twice_shows_all_labels() {
         let mut session = SceneLook::default();
         session.isolate(LabelId(3));
         assert_eq!(session.isolated, Some(LabelId(3)));

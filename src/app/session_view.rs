@@ -17,80 +17,82 @@ use ostra_session::{
 };
 use ostra_view::{Layer, LayerPicture, draw_layer};
 
-/// What panels look at: a snapshot of the open session, borrowed for one picture of the window.
+/// Read-only view of the open session, borrowed by the panels for one frame of the window.
 #[derive(Clone, Copy)]
 pub struct SessionView<'a> {
-    /// The open project; empty when none is open.
+    /// Open project; empty when none is open.
     pub project: &'a Project,
-    /// Its folder; `None` when none is open.
+    /// Folder of the open project; `None` when none is open.
     pub root: Option<&'a Path>,
-    /// The labelled cloud: the project's, or the PLY that is inspected.
+    /// Labelled cloud of the project, or the inspected PLY.
     pub cloud: Option<&'a Arc<LabelledCloud>>,
-    /// The votes behind its labels, where they are known.
+    /// Votes behind the cloud's labels, if known.
     pub votes: Option<&'a Arc<Votes>>,
-    /// Instances as they would be made, while they are looked at.
+    /// Preview of instances that are not yet created.
     pub proposed: Option<&'a Arc<ProposedInstances>>,
-    /// Whether a mesh was made with the cloud, which can be shown in the points' place.
+    /// Whether the cloud has a mesh that can be shown instead of its points.
     pub has_surface: bool,
-    /// The triangles of the model shown; `None` where points are, or while they are loaded.
+    /// Triangles to show; `None` while points are shown or the surface is loading.
     pub surface: Option<&'a Arc<LabelledMesh>>,
-    /// Points of the depths that are being made.
+    /// Points of the depth maps that a running job has computed so far.
     pub growing: Option<&'a Arc<LabelledCloud>>,
-    /// What the cameras were found with, where that was structure from motion.
+    /// Sparse model of the cameras, if they come from structure from motion.
     pub sparse: Option<&'a Arc<SparseModel>>,
-    /// The points chosen in the cloud, or why there are none; `None` while they are looked for.
+    /// Selected points of the cloud, or why there are none; `None` while they are computed.
     pub chosen: Option<Result<&'a Arc<Selection>, &'a str>>,
-    /// The PLY that is inspected alone.
+    /// PLY file that is viewed on its own.
     pub inspected: Option<&'a Path>,
-    /// Pictures and thumbnails.
+    /// Images and thumbnails.
     pub pictures: Option<&'a Pictures>,
-    /// Depth and the like, drawn.
+    /// Depth, normals and confidence drawn as images.
     pub layers: Option<&'a Layers>,
-    /// What an include click where the pointer rests would give.
+    /// Mask that an include click at the resting pointer would give.
     pub hovered: Option<&'a Arc<RunMask>>,
-    /// What is running, oldest first.
+    /// Running jobs, oldest first.
     pub jobs: &'a [JobView],
-    /// Segmenters, trackers and the rest, installed or not.
+    /// Segmenters, trackers and other engines, installed or not.
     pub engines: &'a [Engine],
-    /// Every network that is known, installed or not.
+    /// All known networks, installed or not.
     pub models: &'a [Row],
-    /// What undo would take back.
+    /// Title of the step that undo reverts.
     pub undo: Option<&'a str>,
-    /// What redo would do again.
+    /// Title of the step that redo applies.
     pub redo: Option<&'a str>,
-    /// Projects opened before, latest first.
+    /// Recently opened projects, latest first.
     pub recent: &'a [PathBuf],
-    /// The shown frame's mask before the last step that changed it, while the two are compared.
+    /// Shown frame's mask before the last step that changed it, while both are compared.
     pub before: Option<&'a Arc<RunMask>>,
-    /// Things found that no label explains.
+    /// Suggested objects: regions that no label explains.
     pub suggestions: &'a [Suggestion],
-    /// What words found.
+    /// Result of the search by text.
     pub grounding: Option<&'a Grounding>,
-    /// Work by hand on masks since the session began.
+    /// Number of manual interactions with masks since the session began.
     pub interactions: usize,
-    /// By frame, how much its mask contradicts the vote of all.
+    /// Conflict of each frame's mask with the vote of all views, by frame index.
     pub doubts: &'a BTreeMap<usize, FrameDoubt>,
-    /// The pixels of the shown frame that the vote of all contradicts, where they are to be shown.
+    /// Pixels of the shown frame that the vote contradicts, if they are to be shown.
     pub contradicted: Option<&'a Arc<Region>>,
-    /// What was measured of the cloud's labels, once it was asked for.
+    /// Traits of the cloud's labels, once requested and measured.
     pub traits: Option<&'a Arc<Vec<TraitRow>>>,
-    /// The angles between labels that were asked for, once they are measured.
+    /// Requested angles between labels, once measured.
     pub angles: Option<&'a Angles>,
-    /// What lengths of the scene are told in.
+    /// Unit of lengths in the scene.
     pub unit: LengthUnit,
-    /// How good the masks probably are.
+    /// Estimated accuracy of the masks.
     pub estimate: Option<Estimate>,
 }
 
 impl SessionView<'_> {
-    /// Whether there is a project with frames.
+    /// Returns `true` if the open project has frames.
     #[must_use]
     pub fn has_frames(&self) -> bool {
         !self.project.frames.is_empty()
     }
 
-    /// The points of the 3-D view: those of the depths that are being made, the labelled cloud, else those that the cameras
-    /// were found with.
+    /// Returns the points to show in the 3-D view.
+    ///
+    /// In order of preference: depth maps in progress, proposed instances, the labelled cloud, the
+    /// sparse model.
     #[must_use]
     pub fn points(&self) -> Option<&Arc<LabelledCloud>> {
         self.growing
@@ -99,7 +101,7 @@ impl SessionView<'_> {
             .or(self.sparse.map(|sparse| &sparse.cloud))
     }
 
-    /// The labels in whose colours the 3-D view is drawn; `None` for a cloud that has its own.
+    /// Returns the labels whose colours the 3-D view uses; `None` for a cloud with its own labels.
     #[must_use]
     pub fn shown_tree(&self) -> Option<LabelTree> {
         let proposed = self.proposed.map(|proposed| &proposed.cloud.tree);
@@ -108,7 +110,9 @@ impl SessionView<'_> {
             .cloned()
     }
 
-    /// Whether lengths can be given in metres: where the scale is known, and of a PLY alone, whose unit the user knows.
+    /// Returns `true` if lengths can be given in metres.
+    ///
+    /// This is so if the scale is known. For a PLY viewed on its own the user has to know its unit.
     #[must_use]
     pub fn may_be_metric(&self) -> bool {
         self.unit != LengthUnit::World || self.inspected.is_some()
@@ -120,12 +124,12 @@ impl SessionView<'_> {
         self.jobs.iter().find(|job| job.task.as_ref() == Some(task))
     }
 
-    /// The jobs that run long enough to be worth showing.
+    /// Returns the jobs that have run for more than 400 ms and are worth showing.
     pub fn slow_jobs(&self) -> impl Iterator<Item = &JobView> {
         self.jobs.iter().filter(|job| job.elapsed.as_millis() > 400)
     }
 
-    /// The engines of one kind.
+    /// Returns the engines of one kind.
     pub fn engines_of(&self, kind: EngineKind) -> impl Iterator<Item = &Engine> {
         self.engines
             .iter()
@@ -133,7 +137,7 @@ impl SessionView<'_> {
     }
 }
 
-/// The project's labels, or those of the PLY that is inspected.
+/// Returns the project's labels, or those of the inspected PLY.
 pub(super) fn labels_of<'a>(session: &SessionView<'a>) -> &'a LabelTree {
     match session.cloud {
         Some(cloud) if session.root.is_none() => &cloud.tree,
@@ -141,13 +145,15 @@ pub(super) fn labels_of<'a>(session: &SessionView<'a>) -> &'a LabelTree {
     }
 }
 
-/// Depth and the like, drawn as pictures on a worker thread, by frame number.
+/// Layers drawn as images on a worker thread, by frame index and layer.
 pub type Layers = Drawings<(usize, Layer), Drawn>;
 
-/// The picture, `None` where the frame has no such layer, or why it cannot be read.
+/// Drawn layer, `None` if the frame has no such layer, or why it cannot be read.
 pub type Drawn = Result<Option<LayerPicture>, String>;
 
-/// Draws layers of `frames` from what `store` loads.
+/// Creates the drawings of the layers of `frames`, loading data through `store`.
+///
+/// `notify` is called when a drawing is ready.
 #[must_use]
 pub fn layers_of(
     frames: Arc<Vec<Frame>>,

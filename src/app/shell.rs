@@ -19,18 +19,20 @@ use super::{Action, Dialog, Panes, Prefs, SessionView, ViewState};
 use ostra_session::Command;
 use ostra_view::Orbit;
 
-/// All that is drawn, without the session behind it: looks in, commands out.
+/// Everything that is drawn, without the session behind it: a view in, commands out.
 pub struct Shell {
-    /// What belongs to looking.
+    /// Window state that is not part of the project.
     pub view: ViewState,
     textures: Textures,
     scene: ScenePane,
-    /// Whether a menu, list or text field took keys when the window was last drawn.
+    /// Whether keys went to a menu, list or text field when the window was last drawn.
     took_keys: bool,
 }
 
 impl Shell {
-    /// A shell with the taste of last time; without a GPU the 3-D view says that it needs one.
+    /// Creates a shell with stored preferences.
+    ///
+    /// Without a GPU the 3-D view shows a message that it needs one.
     #[must_use]
     pub fn new(prefs: Prefs, gpu: Option<&egui_wgpu::RenderState>) -> Self {
         let (view, textures, scene) = (
@@ -46,26 +48,26 @@ impl Shell {
         }
     }
 
-    /// Forgets what belongs to the project that was open.
+    /// Resets everything that belongs to the previous project.
     pub fn project_changed(&mut self) {
         self.view.project_changed();
         self.textures.clear();
         self.scene.clear();
     }
 
-    /// Follows a scene whose lengths were multiplied: the 3-D view shows the same part of it.
+    /// Multiplies scene lengths by `factor`; the 3-D view keeps showing the same part of the scene.
     pub fn scale_by(&mut self, factor: f64) {
         self.view.scale_by(factor);
         self.scene.scale_by(factor as f32);
     }
 
-    /// Where the 3-D view is seen from; `None` before there is something to see.
+    /// Returns the camera of the 3-D view; `None` before there is something to show.
     #[must_use]
     pub fn orbit(&self) -> Option<Orbit> {
         self.scene.orbit()
     }
 
-    /// Draws the whole window; what the user asked for comes back as commands, in order.
+    /// Draws the whole window and returns the commands that the user issued, in order.
     pub fn ui(&mut self, ui: &mut Ui, session: &SessionView<'_>) -> Vec<Command> {
         let (mut out, mut actions) = (Vec::new(), Vec::new());
         self.view.keep_valid(session);
@@ -104,7 +106,7 @@ impl Shell {
         out
     }
 
-    /// Menu bar at the top, status line and filmstrip at the bottom.
+    /// Draws the menu bar at the top, and the status line, filmstrip and timeline at the bottom.
     fn bars_ui(
         &mut self,
         ui: &mut Ui,
@@ -193,7 +195,7 @@ impl Shell {
         });
     }
 
-    /// Picture and 3-D view, or what to do first.
+    /// Draws the image and the 3-D view, or the welcome page if nothing is open.
     fn panes_ui(
         &mut self,
         ui: &mut Ui,
@@ -270,8 +272,10 @@ impl Shell {
     }
 }
 
-/// The actions whose keys were pressed; none while text is typed or a dialog is open. A menu or text field that had the keys
-/// before is closed by the same press of Esc before anything is drawn: that press is not meant for what lies below.
+/// Returns the actions whose shortcuts were pressed; none while typing or in a dialog.
+///
+/// Esc closes a menu or leaves a text field before this code runs. If one had focus when the window
+/// was last drawn, that Esc must not cancel anything else.
 fn pressed(ctx: &Context, view: &ViewState, took_keys: bool) -> Vec<Action> {
     if view.dialog.is_some() || takes_keys(ctx) {
         return Vec::new();
@@ -295,7 +299,7 @@ fn pressed(ctx: &Context, view: &ViewState, took_keys: bool) -> Vec<Action> {
     ctx.input(|input| input.events.iter().filter_map(action).collect())
 }
 
-/// Whether keys go to a menu, a list or a text field.
+/// Returns `true` if keys go to a menu, a list or a text field.
 fn takes_keys(ctx: &Context) -> bool {
     ctx.text_edit_focused() || ctx.any_popup_open()
 }
@@ -314,7 +318,9 @@ fn scrolled(ui: &mut Ui, salt: &str, content: impl FnOnce(&mut Ui)) {
         .show(ui, content);
 }
 
-/// A part of a side panel that folds away. Where `open` changes, so does whether it is folded.
+/// Adds a collapsible section to a side panel.
+///
+/// A change of `open` resets whether the section is expanded.
 fn section(ui: &mut Ui, title: &str, open: bool, content: impl FnOnce(&mut Ui)) {
     let header = egui::CollapsingHeader::new(egui::RichText::new(title).strong().size(14.0));
     header

@@ -5,16 +5,16 @@ use serde::{Deserialize, Serialize};
 
 use super::Action;
 
-/// Which keys do what: the defaults, and what the user changed.
+/// Keyboard shortcuts: the defaults, overridden by the user's changes.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Shortcuts {
-    /// What differs from the defaults; `None` = no keys at all.
+    /// Differences from the defaults; `None` means no shortcut.
     changed: BTreeMap<Action, Option<KeyboardShortcut>>,
 }
 
 impl Shortcuts {
-    /// The keys of an action.
+    /// Returns the shortcut of an action.
     #[must_use]
     pub fn keys(&self, action: Action) -> Option<KeyboardShortcut> {
         self.changed
@@ -23,7 +23,7 @@ impl Shortcuts {
             .unwrap_or_else(|| action.default_keys())
     }
 
-    /// Gives an action other keys; whichever action had them loses them, and is returned.
+    /// Sets the shortcut of an action and returns the action that lost it, if any.
     pub fn set(&mut self, action: Action, keys: KeyboardShortcut) -> Option<Action> {
         let holder = Action::all()
             .find(|&other| other != action && self.keys(other).is_some_and(|k| same(k, keys)));
@@ -34,18 +34,20 @@ impl Shortcuts {
         holder
     }
 
-    /// All as at first.
+    /// Restores all defaults.
     pub fn reset(&mut self) {
         self.changed.clear();
     }
 
-    /// Whether anything differs from the defaults.
+    /// Returns `true` if any shortcut differs from its default.
     #[must_use]
     pub fn is_changed(&self) -> bool {
         !self.changed.is_empty()
     }
 
-    /// Pairs of actions that answer to the same keys; empty unless a stored file was edited by hand.
+    /// Returns pairs of actions with the same shortcut.
+    ///
+    /// It is empty unless a stored file was edited by hand.
     #[must_use]
     pub fn conflicts(&self) -> Vec<(Action, Action)> {
         let with_keys: Vec<_> = Action::all()
@@ -61,14 +63,14 @@ impl Shortcuts {
             .collect()
     }
 
-    /// The action that a key press asks for.
+    /// Returns the action of a key press.
     #[must_use]
     pub fn action_for(&self, event: &Event) -> Option<Action> {
         let keys = pressed_keys(event)?;
         Action::all().find(|&action| self.keys(action).is_some_and(|own| same(own, keys)))
     }
 
-    /// Text with the keys in brackets after it, for tooltips.
+    /// Returns the description of an action with its shortcut in brackets, for tooltips.
     #[must_use]
     pub fn tip(&self, ctx: &egui::Context, action: Action) -> String {
         match self.keys(action) {
@@ -77,7 +79,7 @@ impl Shortcuts {
         }
     }
 
-    /// The keys as text; empty without any.
+    /// Returns the shortcut as text; empty if there is none.
     #[must_use]
     pub fn text(&self, ctx: &egui::Context, action: Action) -> String {
         self.keys(action)
@@ -85,7 +87,7 @@ impl Shortcuts {
     }
 }
 
-/// The keys of a press that is no repeat, except for moving through frames.
+/// Returns the keys of a press. Repeats are ignored, except for keys that step through values.
 pub(super) fn pressed_keys(event: &Event) -> Option<KeyboardShortcut> {
     let Event::Key {
         key,
@@ -104,7 +106,7 @@ pub(super) fn pressed_keys(event: &Event) -> Option<KeyboardShortcut> {
     (!repeat || repeatable).then_some(KeyboardShortcut::new(*modifiers, *key))
 }
 
-/// Keys as they are printed on a keyboard.
+/// Formats keys as they are printed on a keyboard.
 fn written(ctx: &egui::Context, keys: KeyboardShortcut) -> String {
     let sign = match keys.logical_key {
         Key::Questionmark => "?",
@@ -117,8 +119,10 @@ fn written(ctx: &egui::Context, keys: KeyboardShortcut) -> String {
         .replace(keys.logical_key.name(), sign)
 }
 
-/// Whether two shortcuts are the same keys. A sign that needs Shift on some keyboards (`?`) is the same with and
-/// without it; Ctrl and the Mac's Command key count as one.
+/// Returns `true` if two shortcuts are the same keys.
+///
+/// Some keyboards need Shift to type a symbol such as `?`, so Shift is ignored there. Ctrl and the
+/// Mac's Command key are equivalent.
 fn same(a: KeyboardShortcut, b: KeyboardShortcut) -> bool {
     let shift_matters = !matches!(
         a.logical_key,
@@ -151,7 +155,7 @@ mod tests {
     }
 
     #[test]
-    fn modifiers_tell_actions_apart() {
+    fn modifiers_distinguish_actions() {
         let shortcuts = Shortcuts::default();
         let ctrl = Modifiers {
             ctrl: true,
@@ -181,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn changing_takes_keys_from_the_holder() {
+    fn changing_a_shortcut_takes_it_from_its_previous_action() {
         let mut shortcuts = Shortcuts::default();
         let q = KeyboardShortcut::new(Modifiers::NONE, Key::Q);
         assert_eq!(shortcuts.set(Action::Fuse, q), Some(Action::IncludeHere));

@@ -7,7 +7,7 @@ use ostra_frames::Image;
 use ostra_masks::{LabelTree, Region, RunMask};
 use ostra_view::{OverlayStyle, hatch, overlay};
 
-/// Textures of pictures, thumbnails and masks; each is made anew only when what it shows changed.
+/// Textures of images, thumbnails and masks. Each is rebuilt only when its content changes.
 #[derive(Default)]
 pub(super) struct Textures {
     picture: Option<Picture>,
@@ -37,10 +37,10 @@ struct Thumbnail {
 /// Opacity of the preview of a click.
 const HOVER_OPACITY: f32 = 0.25;
 
-/// Thumbnails kept on the GPU.
+/// Maximum number of thumbnails kept on the GPU.
 const THUMBNAILS_KEPT: usize = 300;
 
-/// Smooth when made smaller, sharp pixels when magnified.
+/// Smooth when minified, sharp pixels when magnified.
 const PIXELS: TextureOptions = TextureOptions {
     magnification: egui::TextureFilter::Nearest,
     minification: egui::TextureFilter::Linear,
@@ -49,22 +49,22 @@ const PIXELS: TextureOptions = TextureOptions {
 };
 
 impl Textures {
-    /// Forgets everything of the project that was open.
+    /// Drops all textures of the previous project.
     pub fn clear(&mut self) {
         *self = Self::default();
     }
 
-    /// The texture of the picture shown.
+    /// Returns the texture of the shown image.
     pub fn picture(&mut self, ctx: &Context, image: &Arc<Image>) -> TextureHandle {
         picture_texture(&mut self.picture, ctx, image)
     }
 
-    /// The texture of one of two pictures that are shown beside each other.
+    /// Returns the texture of one of two images shown next to each other.
     pub fn of_pair(&mut self, ctx: &Context, place: usize, image: &Arc<Image>) -> TextureHandle {
         picture_texture(&mut self.pair[place], ctx, image)
     }
 
-    /// The texture of the mask over the picture.
+    /// Returns the texture of the mask over the image.
     pub fn mask(
         &mut self,
         ctx: &Context,
@@ -75,7 +75,7 @@ impl Textures {
         mask_texture(&mut self.mask, ctx, runs, tree, style)
     }
 
-    /// The texture of what a click would give: lightly over everything.
+    /// Returns the texture of the preview of a click, at low opacity.
     pub fn hovered(
         &mut self,
         ctx: &Context,
@@ -90,7 +90,7 @@ impl Textures {
         mask_texture(&mut self.hovered, ctx, runs, tree, &style)
     }
 
-    /// The texture of what the vote contradicts.
+    /// Returns the texture of the pixels that contradict the vote.
     pub fn contradicted(&mut self, ctx: &Context, region: &Arc<Region>) -> TextureHandle {
         if let Some((shown, texture)) = &self.contradicted
             && Arc::ptr_eq(shown, region)
@@ -104,7 +104,7 @@ impl Textures {
         texture
     }
 
-    /// The texture of a thumbnail.
+    /// Returns the texture of a thumbnail.
     pub fn thumbnail(&mut self, ctx: &Context, frame: usize, image: &Arc<Image>) -> TextureHandle {
         self.clock += 1;
         let clock = self.clock;
@@ -141,7 +141,7 @@ impl Textures {
     }
 }
 
-/// The texture kept, made anew where it shows another picture.
+/// Returns the cached texture, or a new one if the image changed.
 fn picture_texture(kept: &mut Option<Picture>, ctx: &Context, image: &Arc<Image>) -> TextureHandle {
     if let Some((shown, texture)) = kept
         && Arc::ptr_eq(shown, image)
@@ -154,7 +154,7 @@ fn picture_texture(kept: &mut Option<Picture>, ctx: &Context, image: &Arc<Image>
     texture
 }
 
-/// The texture kept, made anew where it shows something else.
+/// Returns the cached texture, or a new one if its mask, labels or style changed.
 fn mask_texture(
     kept: &mut Option<MaskTexture>,
     ctx: &Context,
@@ -190,7 +190,7 @@ fn straight([r, g, b, a]: [u8; 4]) -> Color32 {
     Color32::from_rgba_unmultiplied(r, g, b, a)
 }
 
-/// The pixels as egui takes them, every n-th where the picture is larger than the GPU's largest texture.
+/// Converts pixels for egui. Images above the GPU's texture limit are subsampled.
 fn fitted(ctx: &Context, width: u32, height: u32, color: impl Fn(usize) -> Color32) -> ColorImage {
     let most = ctx.input(|input| input.max_texture_side).max(1);
     let (width, height) = (width as usize, height as usize);

@@ -1,6 +1,6 @@
 use egui::{Color32, Context, CornerRadius, Margin, Stroke, Style, Theme, Vec2};
 
-/// Sets the look of the window, dark and light: quiet greys, one accent, the same distances everywhere.
+/// Sets the dark and light theme: muted greys, one accent colour, uniform spacing.
 pub fn set_theme(ctx: &Context) {
     ctx.style_mut_of(Theme::Dark, |style| {
         spacing(style);

@@ -2,7 +2,7 @@ use egui::{Button, Response, Ui};
 
 use super::{Action, Shortcuts};
 
-/// A button that does `action`: its tooltip says what, and with which keys.
+/// Adds a button for `action`, with its description and shortcut as tooltip.
 pub(super) fn action_button(
     ui: &mut Ui,
     shortcuts: &Shortcuts,
@@ -11,20 +11,20 @@ pub(super) fn action_button(
     enabled: bool,
 ) -> Response {
     let tip = shortcuts.tip(ui.ctx(), action);
-    // A button in a bar moves to the next row as a whole: its text must not break.
+    // In a wrapping bar the whole button moves to the next row, so its text must not wrap.
     let button = Button::new(text).wrap_mode(egui::TextWrapMode::Extend);
     let button = ui.add_enabled(enabled, button);
     button.on_hover_text(&tip).on_disabled_hover_text(tip)
 }
 
-/// An icon that is read out as `name`.
+/// Adds an icon button that screen readers announce as `name`.
 pub(super) fn icon_button(ui: &mut Ui, icon: &str, name: &str, tip: &str) -> Response {
     ui.add(Button::new(icon).frame(false))
         .on_hover_text(tip)
         .accessible_name(name)
 }
 
-/// A dialog over the dimmed window, with room around its content.
+/// Shows a modal dialog over the dimmed window.
 pub(super) fn modal<T>(
     ui: &Ui,
     name: &str,
@@ -42,14 +42,16 @@ pub(super) fn modal<T>(
         })
 }
 
-/// A heading of a section inside a panel.
+/// Adds the heading of a section inside a panel.
 pub(super) fn section_heading(ui: &mut Ui, text: &str) {
     ui.add_space(2.0);
     ui.label(egui::RichText::new(text).strong().size(14.0));
     ui.add_space(2.0);
 }
 
-/// Controls of a bar that belong together, about `width` points wide: where the row has no room left they begin the next.
+/// Groups controls of a bar, about `width` points wide.
+///
+/// The group starts a new row where the current one has too little space.
 pub(super) fn together<R>(ui: &mut Ui, width: f32, content: impl FnOnce(&mut Ui) -> R) -> R {
     let size = egui::vec2(width, ui.spacing().interact_size.y);
     ui.allocate_ui_with_layout(
@@ -60,7 +62,7 @@ pub(super) fn together<R>(ui: &mut Ui, width: f32, content: impl FnOnce(&mut Ui)
     .inner
 }
 
-/// A row of a form: what it is on the left, the control on the right, named after it.
+/// Adds a row to a form: label on the left, control on the right with the same accessible name.
 pub(super) fn field<R>(
     ui: &mut Ui,
     name: &str,
@@ -73,7 +75,7 @@ pub(super) fn field<R>(
     result
 }
 
-/// A number with thin gaps between thousands.
+/// Formats a number with thin spaces between thousands.
 pub(super) fn grouped(number: usize) -> String {
     let digits = number.to_string();
     let mut text = String::new();
@@ -89,7 +91,7 @@ pub(super) fn grouped(number: usize) -> String {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn thousands_are_apart() {
+    fn thousands_are_separated() {
         assert_eq!(super::grouped(5_000_123), "5 000 123");
         assert_eq!(super::grouped(12), "12");
     }

@@ -16,134 +16,136 @@ use ostra_project::{FuseRequest, ReconstructRequest};
 use ostra_session::{InstancesRequest, PromptRequest, Surface, TrackSettings};
 use ostra_view::{Coloring, Layer, Portrait, Side};
 
-/// All that belongs to looking and not to the project: the frame shown, the tool, the eye. Never saved with a project.
+/// State of the window that is not part of the project, such as the shown frame and tool.
+///
+/// It is never saved with a project.
 pub struct ViewState {
-    /// Number of the frame shown.
+    /// Index of the shown frame.
     pub frame: usize,
-    /// The tool in hand.
+    /// Active tool.
     pub tool: Tool,
-    /// The label that clicks and brush are for.
+    /// Selected label, which clicks and the brush apply to.
     pub label: Option<LabelId>,
-    /// Whether masks are shown at all.
+    /// Whether masks are shown.
     pub masks_shown: bool,
-    /// Labels (with all below them) that are not shown.
+    /// Hidden labels. Their descendants are hidden too.
     pub hidden: BTreeSet<LabelId>,
-    /// What the colours of points show.
+    /// What the point colours encode.
     pub coloring: Coloring,
-    /// What of the project the 3-D view shows.
+    /// Clipping, isolation and label level of the 3-D view.
     pub scene: SceneLook,
-    /// What is shown of the result.
+    /// Which result the 3-D view shows.
     pub shown: Shown,
-    /// Taste, kept from one start to the next.
+    /// Preferences, kept between sessions.
     pub prefs: Prefs,
-    /// Zoom and place of the picture.
+    /// Zoom and position of the image.
     pub zoom: ZoomState,
-    /// What is being drawn and not yet sent.
+    /// Drawing in progress, not yet sent as a command.
     pub draft: Draft,
-    /// Name of the segmenter to use.
+    /// Segmenter to use.
     pub segmenter: SegmenterId,
-    /// First and last frame that changes of a label go over; none = the shown frame alone.
+    /// First and last frame of the selected range; `None` means the shown frame only.
     pub range: Option<(usize, usize)>,
-    /// The label and frame whose mask was copied.
+    /// Label and frame of the copied mask.
     pub copied: Option<(LabelId, usize)>,
-    /// The masks before the last change are shown.
+    /// Whether the mask before the last change is shown.
     pub compare: bool,
-    /// Where the timeline's drag over frames began.
+    /// Frame at which a drag over the timeline started.
     pub range_from: Option<usize>,
     /// Settings of the Track panel.
     pub track: TrackSettings,
     /// Settings of the Reconstruct panel.
     pub reconstruct: ReconstructRequest,
-    /// What is typed there for pairs to be matched.
+    /// Text typed in the Reconstruct panel for the image pairs to match.
     pub pairs_text: String,
     /// Settings of the Fuse panel.
     pub fuse: FuseRequest,
-    /// What is typed there for a cloud to vote on.
+    /// Path typed in the Fuse panel of a cloud to vote on.
     pub onto_text: String,
-    /// The dialog that is open.
+    /// Open dialog.
     pub dialog: Option<Dialog>,
-    /// Form of the new-project dialog, kept while the window lives.
+    /// Form of the new-project dialog. It survives a change of project.
     pub new_project: NewProjectForm,
     /// Form of the export dialog.
     pub export: ExportForm,
-    /// Form of the dialog for pictures.
+    /// Form of the dialog that saves the 3-D view.
     pub picture: PictureForm,
-    /// A picture that the 3-D view is to make.
+    /// Requested image or video of the 3-D view.
     pub screenshot_request: Option<ScreenshotRequest>,
-    /// What is drawn of the 3-D view for it.
+    /// Content of the 3-D view for the screenshot request, ready to be rendered.
     pub portrait: Option<(ScreenshotRequest, Portrait)>,
     /// Form of the dialog for moved frames.
     pub relocate: RelocateForm,
-    /// Form of the dialog of networks.
+    /// Form of the networks dialog.
     pub models: ModelsForm,
-    /// Kind of files that masks are read from.
+    /// File format for importing masks.
     pub mask_format: MaskFormat,
-    /// What the file chooser is open for.
+    /// Native file chooser and the field that it was opened for.
     pub picker: PathPicker,
-    /// What is typed in a dialog that asks for one path.
+    /// Path typed in a dialog with a single path field.
     pub path_text: String,
-    /// Where the history shall be written as a recipe.
+    /// File to write the history to as a recipe.
     pub recipe_to: Option<PathBuf>,
-    /// The shortcut sheet.
+    /// State of the shortcut sheet.
     pub sheet: SheetState,
-    /// What is looked for by words.
+    /// Text and minimum score of the search by text.
     pub words: Words,
-    /// What is typed in the palette.
+    /// Text typed in the palette.
     pub palette_text: String,
-    /// What is being edited in the label list.
+    /// Edits in progress in the label list.
     pub labels: LabelEditing,
-    /// Which labels are on which frames.
+    /// Labels present on each frame.
     pub presence: Presence,
-    /// Instances that are looked for and not yet made.
+    /// Settings of the instances that are previewed but not yet created.
     pub instances: Option<InstancesRequest>,
     /// Points per label of the cloud.
     pub point_counts: PointCounts,
     /// Errors and warnings not yet dismissed.
     pub notices: Notices,
-    /// What was done last, for the status line.
+    /// Last event, shown in the status line.
     pub note: String,
-    /// The filmstrip scrolls to the shown frame next time.
+    /// Whether the filmstrip scrolls to the shown frame on its next draw.
     pub reveal_frame: bool,
-    /// The point of the cloud that was asked about.
+    /// Inspected point of the cloud.
     pub asked: Option<Asked>,
-    /// Asks the 3-D view to do something once.
+    /// One-time action for the 3-D view to perform on its next draw.
     pub scene_action: Option<SceneAction>,
-    /// Points that are being chosen in the 3-D view.
+    /// Selection of points in the 3-D view.
     pub scene_select: SceneSelect,
-    /// A known length in the 3-D view.
+    /// Ruler along a known length in the 3-D view.
     pub ruler: Ruler,
-    /// The window of cameras and matches.
+    /// State of the cameras and matches window.
     pub matches: MatchView,
-    /// The window of measures.
+    /// State of the traits window.
     pub measures: MeasureView,
-    /// What is shown of the frame.
+    /// Layer of the frame to show: image, depth, normals or confidence.
     pub layer: Layer,
-    /// Where the pointer rests over the picture.
+    /// Place where the pointer rests over the image.
     pub rest: Option<Rest>,
-    /// The prompt that a click there would send, to be previewed.
+    /// Prompt that a click at the pointer would send, for the preview.
     pub hover_request: Option<PromptRequest>,
-    /// Picture position under the pointer, in pixels.
+    /// Image position under the pointer, in pixels.
     pub pointer_px: Option<glam::DVec2>,
-    /// Middle of the shown picture, in pixels.
+    /// Centre of the shown image, in pixels.
     pub picture_middle_px: glam::DVec2,
 }
 
-/// What is shown of the result in the 3-D view.
+/// Result shown in the 3-D view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Shown {
-    /// Its points.
+    /// Points of the cloud.
     #[default]
     Points,
-    /// The mesh, lit.
+    /// Shaded mesh.
     Mesh,
-    /// The sides of the mesh's triangles.
+    /// Edges of the mesh's triangles.
     Wireframe,
-    /// The cubes that hold points.
+    /// Cubes that contain points.
     Voxels,
 }
 
 impl Shown {
-    /// The triangles that are needed for it.
+    /// Returns the surface that has to be loaded to show this result.
     #[must_use]
     pub fn surface(self) -> Option<Surface> {
         match self {
@@ -154,57 +156,57 @@ impl Shown {
     }
 }
 
-/// What the 3-D view is asked to do once.
+/// One-time action of the 3-D view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SceneAction {
     /// Shows the whole cloud.
     FrameAll,
-    /// Looks through the shown frame's camera.
+    /// Views the scene from the camera of the shown frame.
     LookThrough,
-    /// Brings the point asked about into the middle.
+    /// Centres the inspected point.
     ShowAsked,
-    /// Looks from a side.
+    /// Views the scene from one side.
     LookFrom(Side),
 }
 
-/// The dialogs; at most one is open.
+/// Dialogs of the window. At most one is open.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Dialog {
-    /// A new project.
+    /// Creates a project.
     NewProject,
-    /// More frames for the open project.
+    /// Adds frames to the open project.
     AddFrames,
-    /// The place of frames that were moved.
+    /// Locates frames whose files have moved.
     Relocate,
-    /// Writing results to files.
+    /// Exports results to files.
     Export,
-    /// A picture or film of the 3-D view.
+    /// Saves the 3-D view as an image or video.
     Picture,
-    /// The networks and getting them.
+    /// Lists and installs networks.
     Models,
-    /// The shortcut sheet.
+    /// Shows and changes shortcuts.
     Shortcuts,
-    /// The palette of actions.
+    /// Searches the list of actions.
     Palette,
-    /// The label that gets the pixels of a merge or split.
+    /// Chooses the label that receives the pixels of a merge or split.
     Into(IntoRequest),
-    /// Path of something to open, typed or chosen.
+    /// Asks for a single path, typed or chosen.
     Path(PathRequest),
 }
 
-/// What another label is asked for: a label is merged into it over a range, or a piece of the label becomes it.
+/// Request to choose the target label of a merge or split.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct IntoRequest {
-    /// The label that gives its pixels.
+    /// Label that gives up its pixels.
     pub label: LabelId,
-    /// First and last frame.
+    /// First and last frame, both included.
     pub range: (usize, usize),
-    /// Where the piece is pointed at; `None` = all of the label.
+    /// Frame and image position of the part to split off; `None` merges the whole label.
     pub piece: Option<(usize, glam::DVec2)>,
 }
 
 impl ViewState {
-    /// The state at the start, with the taste of last time.
+    /// Returns the state of a new window with stored preferences.
     #[must_use]
     pub fn new(prefs: Prefs) -> Self {
         Self {
@@ -265,7 +267,9 @@ impl ViewState {
         }
     }
 
-    /// Forgets what belongs to the project that was open.
+    /// Resets everything that belongs to the previous project.
+    ///
+    /// Preferences, notices, the new-project form and the file chooser are kept.
     pub fn project_changed(&mut self) {
         let notices = std::mem::take(&mut self.notices);
         let kept = std::mem::take(&mut self.prefs);
@@ -281,7 +285,7 @@ impl ViewState {
         };
     }
 
-    /// Brings frame and label back into what the project has.
+    /// Replaces a frame, range or label that the project no longer has.
     pub fn keep_valid(&mut self, session: &SessionView<'_>) {
         let last = session.project.frames.len().saturating_sub(1);
         self.frame = self.frame.min(last);
@@ -298,18 +302,21 @@ impl ViewState {
         }
     }
 
-    /// Follows a scene whose lengths were multiplied: what was measured or typed in its unit stays what it was.
+    /// Multiplies lengths in scene units by `factor` after the scene was rescaled.
+    ///
+    /// Selected points and the inspected point are dropped.
     pub fn scale_by(&mut self, factor: f64) {
         self.ruler.scale_by(factor);
         self.measures.scale_by(factor);
         self.fuse.voxel = self.fuse.voxel.map(|voxel| voxel * factor);
-        // Points are chosen by what a camera saw where it stood before.
+        // A selection is stored with the camera poses from before the change of scale.
         self.scene_select.steps.clear();
         self.asked = None;
     }
 
-    /// Settings that carry the chosen label anew around the shown frame; none where that is no anchor with room around
-    /// it.
+    /// Returns the settings that track the selected label again around the shown frame.
+    ///
+    /// Returns `None` where the shown frame is not a keyframe or both its neighbours are keyframes.
     #[must_use]
     pub fn retracking(&self, session: &SessionView<'_>) -> Option<TrackSettings> {
         let labels = vec![self.label?];
@@ -321,19 +328,23 @@ impl ViewState {
         settings.around(session.project, self.frame).ok()
     }
 
-    /// Whether nothing is half made and no dialog is open, so that another frame may be shown unasked.
+    /// Returns `true` if no drawing is in progress and no dialog is open.
+    ///
+    /// Only then may the window switch to another frame by itself.
     #[must_use]
     pub fn is_free(&self) -> bool {
         self.dialog.is_none() && !self.draft.is_half_made()
     }
 
-    /// The frames that a change of the chosen label goes over: the range, else the shown frame.
+    /// Returns the frames that a change of the selected label applies to.
+    ///
+    /// This is the selected range, or else the shown frame.
     #[must_use]
     pub fn frames_meant(&self) -> (usize, usize) {
         self.range.unwrap_or((self.frame, self.frame))
     }
 
-    /// Shows another frame; half-made drawing on the old one is dropped.
+    /// Shows another frame. A drawing in progress on the old frame is dropped.
     pub fn go_to(&mut self, frame: usize) {
         if self.frame != frame {
             self.frame = frame;

@@ -17,10 +17,12 @@ use ostra_session::Event;
 use ostra_session::{Command, Engine, Pictures, Recent, Session, list_engines, list_models};
 use ostra_view::{Portrait, write_png};
 
-/// Opens the window; `path` is a project, a folder of frames, a film or a labelled PLY to begin with.
+/// Opens the window.
+///
+/// `path` is a project, a folder of frames, a video or a labelled PLY to open.
 ///
 /// # Errors
-/// When the system gives no window or no graphics adapter.
+/// If the system provides no window or no graphics adapter.
 pub fn run(path: Option<PathBuf>) -> Result<()> {
     let viewport = ViewportBuilder::default()
         .with_title("OSTRA")
@@ -43,7 +45,7 @@ pub fn run(path: Option<PathBuf>) -> Result<()> {
     })
 }
 
-/// The window with the session behind it.
+/// Main window and the session behind it.
 pub struct Window {
     session: Session,
     shell: Shell,
@@ -55,7 +57,7 @@ pub struct Window {
     models: Vec<Row>,
     recent: Recent,
     title: String,
-    /// Worked out anew when the project changes.
+    /// Recomputed when the project changes.
     estimate: Option<Estimate>,
     estimate_due: bool,
 }
@@ -81,7 +83,7 @@ impl Window {
         window
     }
 
-    /// A window around a shell, with nothing open.
+    /// Creates a window around a shell, with nothing open.
     #[must_use]
     pub fn with(shell: Shell, recent: Recent, ctx: &Context) -> Self {
         let mut session = Session::new();
@@ -103,18 +105,18 @@ impl Window {
         }
     }
 
-    /// The session behind the window.
+    /// Returns the session behind the window.
     #[must_use]
     pub fn session(&self) -> &Session {
         &self.session
     }
 
-    /// What is drawn.
+    /// Returns the shell that draws the window.
     pub fn shell(&mut self) -> &mut Shell {
         &mut self.shell
     }
 
-    /// Takes in what happened since the last time; quick.
+    /// Processes the events since the last call; takes little time.
     pub fn poll(&mut self, ctx: &Context) {
         for event in self.session.poll() {
             self.take(event);
@@ -128,7 +130,7 @@ impl Window {
         self.open_dropped(ctx);
     }
 
-    /// Draws everything and carries out what the user asked for.
+    /// Draws the window and executes the commands that the user issued.
     #[expect(
         clippy::too_many_lines,
         reason = "under 80 lines before rustfmt's defaults; to be split"
@@ -219,7 +221,7 @@ impl Window {
         }
     }
 
-    /// Carries out a command; what cannot be done is told.
+    /// Executes a command. A failure is shown as a notice.
     pub fn act(&mut self, command: Command) {
         let moved = match command {
             Command::Undo => self
@@ -281,7 +283,9 @@ impl Window {
         }
     }
 
-    /// Loads pictures of the frames that are open now; when only cameras and depths change, the pictures stay.
+    /// Loads images of the open frames.
+    ///
+    /// Loaded images are kept if only cameras or depth maps changed.
     fn follow_frames(&mut self, ctx: &Context) {
         let frames = &self.session.project().unwrap_or(&self.nothing).frames;
         if Arc::ptr_eq(frames, &self.pictured) {
@@ -325,7 +329,7 @@ impl Window {
         })
     }
 
-    /// Draws a picture or film of the 3-D view in the background.
+    /// Renders an image or video of the 3-D view in the background.
     fn portray(&mut self, request: &ScreenshotRequest, portrait: Portrait) {
         let size = request.size;
         let started = match request.take {
@@ -360,7 +364,7 @@ impl Window {
     }
 
     fn save_recipe(&mut self, path: &Path) {
-        // The dialog that gave the path has asked before it took an existing file.
+        // The dialog that returned the path already asked before replacing an existing file.
         let allowed = self.session.check_export(path, true);
         let written = allowed
             .and_then(|()| Ok(serde_json::to_string_pretty(self.session.recipe())?))
@@ -379,7 +383,7 @@ impl Window {
         }
     }
 
-    /// Files dropped on the window open as if they were given at the start.
+    /// Opens files dropped on the window as if they were given on the command line.
     fn open_dropped(&mut self, ctx: &Context) {
         let dropped = ctx.input(|input| {
             input

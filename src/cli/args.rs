@@ -15,7 +15,8 @@ use ostra_compute::nn::Provider;
 
 /// Turn photos, videos and RGB-D recordings into labelled 3-D models.
 ///
-/// The steps: open, label, track, reconstruct, fuse, measure, export. Without a command the window opens.
+/// The steps: open, label, track, reconstruct, fuse, measure, export. Without a command the window
+/// opens.
 #[derive(Debug, Parser)]
 #[command(name = "ostra", version, args_conflicts_with_subcommands = true)]
 pub(super) struct Cli {

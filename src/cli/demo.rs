@@ -124,7 +124,7 @@ fn draw(session: &Session, args: &DemoArgs) -> Result<()> {
     )?)
 }
 
-/// Whether a window can be opened. Only Linux may run without a display.
+/// Returns `true` if a window can be opened. Only Linux may run without a display.
 fn has_display() -> bool {
     !cfg!(target_os = "linux")
         || ["DISPLAY", "WAYLAND_DISPLAY"]

@@ -57,8 +57,9 @@ impl Driver {
         self.settle()
     }
 
-    /// Runs commands one after another and saves the project. Each step is in the journal by then, so that a failure to save
-    /// (a full disk) is only a warning.
+    /// Runs commands one after another and saves the project.
+    ///
+    /// Each step is in the journal by then, so a failure to save (a full disk) is only a warning.
     pub(super) fn act_and_save(
         mut self,
         commands: impl IntoIterator<Item = Command>,
@@ -106,12 +107,14 @@ impl Driver {
         self.session.mesh().cloned().context(NO_SURFACE)
     }
 
-    /// Returns the voxel size of that surface, in world units.
+    /// Returns the voxel size of the surface, in world units.
     pub(super) fn surface_voxel(&self) -> Result<f64> {
         self.session.surface_voxel().context(NO_SURFACE)
     }
 
-    /// Returns the conflicts between mask and vote per frame. Empty if the votes of the cloud are not known.
+    /// Returns the conflicts between mask and vote, by frame index.
+    ///
+    /// The map is empty if the votes of the cloud are not known.
     pub(super) fn doubts(&mut self) -> Result<Arc<BTreeMap<usize, FrameDoubt>>> {
         self.cloud()?;
         if self.session.doubts().is_empty() {
@@ -174,11 +177,13 @@ fn report(events: Vec<Event>) -> Result<()> {
     outcome
 }
 
-/// Progress of jobs: one line that is redrawn on a terminal, a new line every few seconds otherwise.
+/// Progress of jobs on standard error.
+///
+/// On a terminal one line is redrawn, otherwise a new line is printed every few seconds.
 #[derive(Default)]
 pub(super) struct ProgressLines {
     shown: Option<(String, Instant)>,
-    /// The line on a terminal.
+    /// Progress line on a terminal.
     bar: Option<ProgressBar>,
 }
 
@@ -195,7 +200,7 @@ impl ProgressLines {
         }
     }
 
-    /// Clears the line.
+    /// Clears the progress line.
     pub(super) fn end(&mut self) {
         self.shown = None;
         if let Some(bar) = self.bar.take() {
@@ -215,7 +220,7 @@ impl ProgressLines {
             total => format!("{stage} {}/{total}", report.done),
         };
         let text = printable(&text);
-        // Hidden as well on a terminal that cannot move its cursor (`TERM=dumb`).
+        // A terminal that cannot move its cursor (`TERM=dumb`) has no redrawn line either.
         let terminal = !ProgressDrawTarget::stderr().is_hidden();
         let pause = if terminal {
             Duration::from_millis(90)
@@ -241,7 +246,7 @@ impl ProgressLines {
     }
 }
 
-/// Returns a progress line that is cut at the width of the terminal.
+/// Returns a progress line that is truncated to the width of the terminal.
 fn terminal_line() -> ProgressBar {
     let line = ProgressBar::no_length();
     match ProgressStyle::with_template("{wide_msg}") {

@@ -62,8 +62,8 @@ pub(super) struct EvalArgs {
     /// Compute completeness only over ground-truth points inside at least this many frusta.
     #[arg(long, value_name = "N", requires = "cameras")]
     pub min_views: Option<usize>,
-    /// Folder of frames, video or project of these cameras; its image matches decide which points each camera sees, for the
-    /// share in depth.
+    /// Folder of frames, video or project of these cameras; its image matches decide which points
+    /// each camera sees, for the share in depth.
     #[arg(long, value_name = "PATH")]
     pub frames: Option<PathBuf>,
     /// Leave out the first frame.
@@ -85,7 +85,8 @@ pub(super) struct InteractArgs {
     /// Tracker; geometry needs depth and cameras.
     #[arg(long, default_value = "auto", value_name = "NAME", value_parser = values::engine::<TrackerId>())]
     pub tracker: TrackerId,
-    /// Segmenter; sam-close works at full resolution around each prompt, geometry needs depth and cameras.
+    /// Segmenter; sam-close works at full resolution around each prompt, geometry needs depth and
+    /// cameras.
     #[arg(long, default_value = "auto", value_name = "NAME", value_parser = values::engine::<SegmenterId>())]
     pub segmenter: SegmenterId,
     /// Standard deviation of the click position along each axis.
@@ -211,7 +212,7 @@ fn interact(args: InteractArgs) -> Result<()> {
     print(json, &report, &interact_table(&report))
 }
 
-/// Refuses options that have no effect on this score.
+/// Rejects options that have no effect on this score.
 fn refuse(args: &EvalArgs, given: &[(&str, bool)]) -> Result<()> {
     match given.iter().find(|(_, given)| *given) {
         Some((option, _)) => {

@@ -72,7 +72,7 @@ fn as_json(project: &Project) -> Value {
     json!({ "format": 1, "origin": project.origin.to_array(), "frames": frames, "labels": labels, "results": results })
 }
 
-/// Summarises a project for people.
+/// Summarises a project as readable text.
 fn as_text(project: &Project) -> String {
     let mut text = String::new();
     let count = |wanted: &str| {

@@ -34,7 +34,8 @@ pub(super) struct PromptArgs {
     /// Boxes around the object.
     #[arg(long = "box", num_args = 1.., value_name = "X0,Y0,X1,Y1", value_parser = values::px_box)]
     pub boxes: Vec<[DVec2; 2]>,
-    /// Segmenter; sam-close works at full resolution around each prompt, geometry needs depth and cameras.
+    /// Segmenter; sam-close works at full resolution around each prompt, geometry needs depth and
+    /// cameras.
     #[arg(long, default_value = "auto", value_name = "NAME", value_parser = values::engine::<SegmenterId>())]
     pub segmenter: SegmenterId,
 }

@@ -4,13 +4,15 @@
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const CORES_PER_ARENA: usize = 4;
 
-/// Size in bytes from which an allocation is returned to the system as soon as it is freed.
+/// Size in bytes from which a freed allocation is returned to the system at once.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const MAPPED_BYTES: i32 = 256 << 10;
 
-/// Makes the allocator return freed memory to the system. By default the GNU C library keeps up to eight arenas per core and
-/// raises the size from which it returns memory with every large allocation. Freed images and clouds of earlier steps then
-/// add half as much again to the memory in use. Must be called before other threads start.
+/// Makes the allocator return freed memory to the system.
+///
+/// By default the GNU C library keeps up to eight arenas per core and raises the size from which it
+/// returns memory with every large allocation. Freed images and clouds of earlier steps then add
+/// half as much again to the memory in use. Must be called before other threads start.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 #[expect(unsafe_code, reason = "the allocator has no safe interface for this")]
 pub(super) fn return_freed_memory() {

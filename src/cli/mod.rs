@@ -1,4 +1,7 @@
-//! The command line: translates arguments into `Command`s, runs them in a `Session` and reports progress and exit codes.
+//! Command line of OSTRA.
+//!
+//! Translates arguments into `Command`s, runs them in a `Session` and reports progress and exit
+//! codes.
 
 mod args;
 mod cloud;

@@ -2,14 +2,15 @@ use std::fmt::Display;
 use std::io::{ErrorKind, Write};
 use std::sync::Mutex;
 
-/// Longest message that is printed, in characters. The middle of a longer one is left out.
+/// Longest printed message in characters. The middle of a longer one is left out.
 const MAX_MESSAGE: usize = 2000;
 
 /// First error of standard output, reported by [`finish`].
 static FAILURE: Mutex<Option<std::io::Error>> = Mutex::new(None);
 
-/// Writes text to standard output. Characters that control a terminal are escaped, because names may come from files of
-/// other people.
+/// Writes text to standard output, with terminal control characters escaped.
+///
+/// Names may come from files of other people, which must not be able to control the terminal.
 pub(super) fn print_text(text: &str) {
     write(&printable(text));
 }
@@ -38,8 +39,10 @@ pub(super) fn warn(text: &str) {
     print_to_stderr(&format!("warning: {}\n", one_line(text)));
 }
 
-/// Writes text to standard error as it is. Failures (a full disk, a closed pipe) are ignored: the work goes on and only
-/// the message is lost.
+/// Writes text to standard error as it is.
+///
+/// Failures (a full disk, a closed pipe) are ignored: the work goes on and only the message is
+/// lost.
 pub(super) fn print_to_stderr(text: &str) {
     let mut out = std::io::stderr().lock();
     let _ = out.write_all(text.as_bytes()).and_then(|()| out.flush());
@@ -58,7 +61,7 @@ pub(super) fn one_line(text: &str) -> String {
     format!("{start} … {} characters left out … {end}", count - 2 * half)
 }
 
-/// Reports the first failure to write to standard output.
+/// Fails if text could not be written to standard output.
 ///
 /// # Errors
 /// The first error of [`print_text`] or [`print_json`]. A closed pipe (`| head`) is not an error.
@@ -109,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn characters_that_control_a_terminal_are_escaped() {
+    fn terminal_control_characters_are_escaped() {
         assert_eq!(
             printable("rice\x1b]0;OWNED\x07 › leaf\n"),
             "rice\\u{1b}]0;OWNED\\u{7} › leaf\n"
@@ -119,7 +122,7 @@ mod tests {
     }
 
     #[test]
-    fn messages_are_bounded_and_on_one_line() {
+    fn messages_are_one_bounded_line() {
         let line = one_line(&"long\n".repeat(10_000));
         assert!(line.chars().count() < MAX_MESSAGE + 100 && !line.contains('\n'));
         assert!(line.contains("characters left out"));

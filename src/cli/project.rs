@@ -74,7 +74,8 @@ pub(super) struct TrackArgs {
     /// Stop at the first frame on which the confidence of a label is lower.
     #[arg(long, value_name = "C", value_parser = values::share)]
     pub pause_below: Option<f32>,
-    /// Shorter image side for xmem and deaot; larger values keep thinner structures and take longer (deaot never enlarges).
+    /// Shorter image side for xmem and deaot; larger values keep thinner structures and take longer
+    /// (deaot never enlarges).
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(64..=4096))]
     pub short_side: Option<u32>,
 }
@@ -124,7 +125,8 @@ pub(super) struct ReconstructArgs {
 pub(super) struct ScaleArgs {
     /// Project folder.
     pub project: PathBuf,
-    /// The known length. Cameras, depth maps, cloud and mesh are scaled together, in one step that can be undone.
+    /// The known length. Cameras, depth maps, cloud and mesh are scaled together, in one step that
+    /// can be undone.
     #[arg(long, value_name = "L", value_parser = values::positive)]
     pub length: f64,
     /// Unit of the length: m, cm or mm.

@@ -29,7 +29,8 @@ pub fn main() -> ExitCode {
     });
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
-        // After Ctrl+C a command may fail for another reason, such as a child process that ended as well.
+        // After Ctrl+C a command may fail for another reason, such as a child process that ended
+        // too.
         Err(_) if stop::is_requested() => {
             print_to_stderr(&format!("ostra: {}\n", stop::Interrupted));
             ExitCode::from(stop::EXIT_CODE)
@@ -91,8 +92,10 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<()> {
     }
 }
 
-/// Whether a command has nothing to save when it is stopped. An export has: it takes back the note of the files that it has
-/// not finished, which the next export would report as left by an interrupted one.
+/// Returns `true` if a command has nothing to save when it is stopped.
+///
+/// An export has: it removes the records of unfinished files, which the next export would otherwise
+/// report as left by an interrupted one.
 fn saves_nothing(command: &Subcommand) -> bool {
     matches!(
         command,

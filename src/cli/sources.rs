@@ -23,7 +23,8 @@ pub(super) struct SourceArgs {
     /// Intrinsics of the depth camera, where depth is not aligned with the images.
     #[arg(long, value_name = "FX,FY,CX,CY|FILE", value_parser = values::intrinsics)]
     pub depth_intrinsics: Option<IntrinsicsSource>,
-    /// File with the 4 × 4 matrix image_camera_from_depth_camera, row by row, in metres [default: identity]
+    /// File with the 4 × 4 matrix image_camera_from_depth_camera, row by row, in metres [default:
+    /// identity]
     #[arg(long, value_name = "FILE", requires = "depth_intrinsics")]
     pub depth_pose: Option<PathBuf>,
     /// Cameras: COLMAP model, transforms.json, trajectory or pose files.
@@ -59,8 +60,9 @@ pub(super) struct AddArgs {
     pub sources: SourceArgs,
 }
 
-/// Returns the sources for `new` and `add`. `matches` are those of the subcommand; they hold the order of `--frames` and
-/// `--depth`.
+/// Returns the sources for `new` and `add`.
+///
+/// `matches` are those of the subcommand, which record the order of `--frames` and `--depth`.
 pub(super) fn new_project(
     root: PathBuf,
     args: SourceArgs,
@@ -79,7 +81,7 @@ pub(super) fn new_project(
         .depth_intrinsics
         .map(|intrinsics| DepthCameraSource { intrinsics, pose });
     let (depth_unit, every, from, to) = (args.depth_unit, args.every, args.from, args.to);
-    // Float depth is in metres unless a unit is given: the default of 0.001 is for integers.
+    // Float depth is in metres unless a unit is given; the default of 0.001 is for integers.
     let is_given = matches.value_source("depth_unit") == Some(ValueSource::CommandLine);
     let float_depth_unit = if is_given { depth_unit } else { 1.0 };
     Ok(NewProject {
@@ -98,7 +100,7 @@ pub(super) fn new_project(
     })
 }
 
-/// Gives each depth folder to the frames folder given just before it.
+/// Assigns each depth folder to the frames folder given just before it.
 fn pair(
     frames: &[PathBuf],
     frames_at: &[usize],
@@ -140,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn depth_belongs_to_the_frames_before_it() {
+    fn depth_belongs_to_the_preceding_frames() {
         let sources = pair(
             &paths(&["a", "b", "c"]),
             &[2, 6, 8],
@@ -156,7 +158,7 @@ mod tests {
     }
 
     #[test]
-    fn depth_without_frames_and_two_depths_are_refused() {
+    fn depth_without_frames_and_second_depth_are_rejected() {
         assert!(pair(&paths(&["a"]), &[4], &paths(&["d"]), &[2]).is_err());
         assert!(pair(&paths(&["a"]), &[2], &paths(&["d", "e"]), &[4, 6]).is_err());
     }

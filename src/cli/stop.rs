@@ -5,29 +5,34 @@ use std::time::{Duration, Instant};
 use super::print::print_to_stderr;
 use ostra_core::{disk, programs};
 
-/// The error of a command that Ctrl+C stopped.
+/// Error of a command that was stopped by Ctrl+C.
 #[derive(Debug, Clone, Copy, thiserror::Error)]
 #[error("stopped; what was finished is kept")]
 pub(super) struct Interrupted;
 
-/// Exit code of a command that Ctrl+C stopped: 128 plus the number of the signal, as in a shell.
+/// Exit code after Ctrl+C: 128 plus the number of the signal, as in a shell.
 pub(super) const EXIT_CODE: u8 = 130;
 
-/// Time for a command that changes a project to stop by itself. A job notices a stop at its next step, within 100 ms, and
-/// saves its finished part. After this time the process exits. The system needs up to as long again to free a gigabyte of
-/// memory, so that stopping takes about 200 ms in all.
+/// Time for a command that changes a project to stop by itself.
+///
+/// A job notices a stop at its next step, within 100 ms, and saves its finished part. After this
+/// time the process exits. The system needs up to as long again to free a gigabyte of memory, so
+/// that stopping takes about 200 ms in all.
 pub(super) const TIME_TO_SAVE: Duration = Duration::from_millis(100);
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
 
-/// Returns whether Ctrl+C was pressed.
+/// Returns `true` if Ctrl+C was pressed.
 pub(super) fn is_requested() -> bool {
     REQUESTED.load(Ordering::Relaxed)
 }
 
-/// Handles Ctrl+C from now on. The running command is asked to stop. If it has not ended after `grace`, or Ctrl+C is pressed
-/// again, the process exits. A command that only reads projects has nothing to save and gets no time. Exiting is safe: files
-/// are replaced atomically, and a step is on disk before it is reported.
+/// Handles Ctrl+C from now on.
+///
+/// The running command is asked to stop. If it has not ended after `grace`, or Ctrl+C is pressed
+/// again, the process exits. A command that only reads projects has nothing to save and gets no
+/// time. Exiting is safe: files are replaced atomically, and a step is on disk before it is
+/// reported.
 pub(super) fn watch(grace: Duration) {
     // Without a handler, Ctrl+C ends the process at once.
     let _ = ctrlc::set_handler(move || {
@@ -61,6 +66,6 @@ fn exit() -> ! {
         ""
     };
     print_to_stderr(&format!("{line_start}ostra: {Interrupted}\n"));
-    // Not `std::process::exit`: it runs the cleanup of loaded libraries while other threads still use them.
+    // `std::process::exit` would clean up loaded libraries while other threads still use them.
     signal_hook::low_level::exit(EXIT_CODE.into())
 }

@@ -7,7 +7,7 @@ use ostra_cloud::measure::LengthUnit;
 use ostra_frames::cameras::IntrinsicsSource;
 use ostra_project::EngineName;
 
-/// Parses the name of an engine; help and errors list all names.
+/// Returns a parser of engine names; help and errors list all names.
 pub(super) fn engine<I: EngineName>() -> impl TypedValueParser<Value = I> {
     PossibleValuesParser::new(I::ALL.iter().map(|id| id.name()))
         .try_map(|name| I::from_name(&name).ok_or("unknown engine"))
@@ -168,7 +168,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_are_read_or_refused() {
+    fn valid_values_are_parsed_and_others_are_rejected() {
         assert_eq!(point("1.5,2").unwrap(), DVec2::new(1.5, 2.0));
         assert_eq!(
             px_box("9,8,1,2").unwrap(),

@@ -6,20 +6,20 @@ use serde::{Deserialize, Serialize};
 use ostra_masks::{ElasticBorders, LabelId, Prompt, RunMask};
 use ostra_project::Project;
 
-/// What the pointer does on the picture.
+/// Tools of the image pane.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Tool {
-    /// Clicks include and exclude, dragging makes a box.
+    /// Includes and excludes by clicks, draws a box by dragging.
     Click,
     /// Paints the label.
     Brush,
-    /// Takes the label away.
+    /// Erases the label.
     Eraser,
-    /// Fills a polygon or what is drawn around with the label, or takes it away there.
+    /// Fills a polygon or a freehand outline with the label, or erases inside it.
     Polygon,
     /// Drags a border of the label.
     Pull,
-    /// Gives a thin structure through some points to the label.
+    /// Traces a thin structure through some points.
     Thin,
 }
 
@@ -34,7 +34,7 @@ impl Tool {
         Self::Thin,
     ];
 
-    /// What the tool bar shows.
+    /// Returns the name shown in the tool bar.
     #[must_use]
     pub fn text(self) -> &'static str {
         match self {
@@ -48,42 +48,42 @@ impl Tool {
     }
 }
 
-/// A line of the brush, in picture pixels.
+/// Brush stroke, in image pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Stroke {
-    /// Frame painted on.
+    /// Index of the painted frame.
     pub frame: usize,
-    /// Label painted or taken away.
+    /// Label that is painted or erased.
     pub label: LabelId,
-    /// Takes away instead of painting.
+    /// Whether the stroke erases instead of painting.
     pub erase: bool,
-    /// Corners.
+    /// Vertices of the stroke.
     pub points_px: Vec<DVec2>,
     /// Radius of the brush.
     pub radius_px: f64,
-    /// Stops at the picture's edges.
+    /// Whether the stroke stops at image edges.
     pub snap: bool,
 }
 
-/// A border that is being dragged.
+/// Border that is being dragged.
 #[derive(Debug, Clone)]
 pub struct HeldBorder {
     /// Frame of the mask.
     pub frame: usize,
-    /// Label whose border it is.
+    /// Label that the border belongs to.
     pub label: LabelId,
     /// All borders of the label.
     pub borders: ElasticBorders,
-    /// The place on them that is held, in picture pixels.
+    /// Dragged point on the border, in image pixels.
     pub from_px: DVec2,
-    /// Where it was pressed, a little beside the border.
+    /// Position of the press, a little off the border.
     pub pressed_px: DVec2,
-    /// The mask whose borders they are.
+    /// Mask that the borders were extracted from.
     pub of: Arc<RunMask>,
 }
 
 impl HeldBorder {
-    /// Where the border is pulled to while the pointer is at a place; `None` for less than a pixel.
+    /// Returns the target of the dragged point for a pointer position; `None` below one pixel.
     #[must_use]
     pub fn to_px(&self, pointer_px: DVec2) -> Option<DVec2> {
         let way = pointer_px - self.pressed_px;
@@ -91,34 +91,34 @@ impl HeldBorder {
     }
 }
 
-/// What is being drawn, and what was sent but is not in the project yet.
+/// Drawing in progress, and prompts and strokes sent but not yet applied to the project.
 #[derive(Debug, Clone, Default)]
 pub struct Draft {
-    /// Corner where the box began.
+    /// Corner where the box started.
     pub box_from: Option<DVec2>,
-    /// The stroke in hand.
+    /// Stroke in progress.
     pub stroke: Option<Stroke>,
-    /// Corners of the polygon, or points of the thin structure, so far.
+    /// Vertices of the polygon or thin structure so far.
     pub corners: Vec<DVec2>,
-    /// What is drawn with the button held, in place of corners.
+    /// Freehand outline drawn with the button held, an alternative to single vertices.
     pub lasso: Option<Vec<DVec2>>,
-    /// The border in hand.
+    /// Border being dragged.
     pub held: Option<HeldBorder>,
-    /// The latest prompt sent: the next click builds on it, before the project has it.
+    /// Latest prompt sent. The next click extends it even before the project contains it.
     sent_prompt: Option<(usize, LabelId, Prompt)>,
-    /// The latest stroke sent, with the mask it was painted over: shown until the mask changes.
+    /// Latest stroke sent and the mask under it. The stroke is shown until that mask changes.
     sent_stroke: Option<(Stroke, Option<Arc<RunMask>>)>,
 }
 
 impl Draft {
-    /// Whether a box, stroke or line of points is being drawn, or a border dragged.
+    /// Returns `true` if a box, stroke, outline or border drag is in progress.
     #[must_use]
     pub fn is_half_made(&self) -> bool {
         let drawn = !self.corners.is_empty() || self.lasso.is_some();
         self.box_from.is_some() || self.stroke.is_some() || drawn || self.held.is_some()
     }
 
-    /// Drops what is half made; `false` when there was nothing.
+    /// Drops the drawing in progress; returns `false` if there was none.
     pub fn drop_half_made(&mut self) -> bool {
         let had = self.is_half_made();
         self.box_from = None;
@@ -129,13 +129,13 @@ impl Draft {
         had
     }
 
-    /// Forgets what was sent: after undo, redo or an error.
+    /// Drops what was sent but not applied, for example after undo, redo or an error.
     pub fn forget_sent(&mut self) {
         self.sent_prompt = None;
         self.sent_stroke = None;
     }
 
-    /// All that is given for a label on a frame, as the user sees it.
+    /// Returns the prompt of a label on a frame, including what was sent but not yet applied.
     #[must_use]
     pub fn prompt(&self, project: &Project, frame: usize, label: LabelId) -> Prompt {
         match &self.sent_prompt {
@@ -152,18 +152,18 @@ impl Draft {
         }
     }
 
-    /// Whether something was sent that has not arrived in the project yet.
+    /// Returns `true` if a sent prompt or stroke is not yet applied to the project.
     #[must_use]
     pub fn is_sending(&self) -> bool {
         self.sent_prompt.is_some() || self.sent_stroke.is_some()
     }
 
-    /// Remembers a prompt that was sent.
+    /// Records a prompt that was sent.
     pub fn sent(&mut self, frame: usize, label: LabelId, prompt: Prompt) {
         self.sent_prompt = Some((frame, label, prompt));
     }
 
-    /// Remembers a stroke that was sent.
+    /// Records a stroke that was sent.
     pub fn sent_stroke(&mut self, stroke: Stroke, project: &Project) {
         let over = project
             .masks
@@ -172,7 +172,7 @@ impl Draft {
         self.sent_stroke = Some((stroke, over));
     }
 
-    /// Forgets what was sent and has arrived in the project.
+    /// Drops sent prompts and strokes that the project now contains, and outdated border drags.
     pub fn follow(&mut self, project: &Project) {
         if let Some((frame, label, prompt)) = &self.sent_prompt
             && project
@@ -205,7 +205,7 @@ impl Draft {
         }
     }
 
-    /// The strokes to show over the mask of a frame.
+    /// Returns the strokes to draw over the mask of a frame.
     pub fn strokes(&self, frame: usize) -> impl Iterator<Item = &Stroke> {
         let sent = self.sent_stroke.as_ref().map(|(stroke, _)| stroke);
         self.stroke
@@ -221,7 +221,7 @@ mod tests {
     use ostra_masks::Click;
 
     #[test]
-    fn clicks_build_on_what_was_sent_until_the_project_has_it() {
+    fn clicks_extend_the_sent_prompt_until_it_is_applied() {
         let (mut draft, mut project) = (Draft::default(), Project::default());
         let label = LabelId(1);
         let one = Prompt {
@@ -234,7 +234,7 @@ mod tests {
         draft.sent(3, label, one.clone());
         assert_eq!(draft.prompt(&project, 3, label), one);
         assert!(draft.prompt(&project, 4, label).is_empty());
-        // The project notes beside it what the clicks were given on.
+        // The project adds to the prompt whether its clicks correct an existing mask.
         project.prompts.insert(
             (3, label),
             Prompt {

@@ -10,7 +10,7 @@ use crate::pointer::trail;
 use crate::{SessionView, ViewState};
 use ostra_session::Command;
 
-/// Turns what the pointer does on the picture into commands.
+/// Translates pointer input on the image into commands.
 pub(super) fn canvas_input(
     ui: &Ui,
     response: &Response,
@@ -32,7 +32,7 @@ pub(super) fn canvas_input(
     }
 }
 
-/// Wheel: zoom at the pointer; with Shift the size of the brush.
+/// Handles the wheel: zooms at the pointer, or with Shift sets the brush size.
 fn wheel(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) {
     let Some(at) = response.hover_pos() else {
         return;
@@ -48,7 +48,7 @@ fn wheel(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) {
     }
 }
 
-/// Middle drag or Space + drag; whether the pointer is taken for it.
+/// Pans by middle drag or Space + drag; returns `true` if that captures the pointer.
 fn pan(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) -> bool {
     let space = response.hovered() && ui.input(|i| i.key_down(Key::Space));
     let dragging = response.dragged_by(PointerButton::Middle)
@@ -66,7 +66,7 @@ fn position(response: &Response, map: &CanvasMap) -> Option<DVec2> {
     response.interact_pointer_pos().map(|at| map.to_px(at))
 }
 
-/// Where the drag began that begins now.
+/// Returns the image position where a drag that begins in this frame was pressed.
 fn drag_began(response: &Response, map: &CanvasMap) -> Option<DVec2> {
     let began = response.drag_started_by(PointerButton::Primary);
     let moved = response.total_drag_delta().unwrap_or_default();
@@ -130,7 +130,7 @@ fn brush_tool(
     });
     let places = trail(ui, &BUTTONS);
     if pressed.contains(&true) {
-        // One before may have ended within this frame, or where nobody was told.
+        // A previous stroke may have ended within this frame, or without a release event.
         end_stroke(session, view, out);
         let is_tap = response.clicked() || response.secondary_clicked();
         let is_swift = is_over && response.contains_pointer();
@@ -177,10 +177,10 @@ fn end_stroke(session: &SessionView<'_>, view: &mut ViewState, out: &mut Vec<Com
     }
 }
 
-/// How near to a border it is taken hold of, in points of the screen.
+/// Distance within which a press grabs a border, in screen points.
 const HOLD_POINTS: f64 = 12.0;
 
-/// A border is dragged to where it belongs.
+/// Drags a border of the selected label.
 fn pull_tool(
     response: &Response,
     map: &CanvasMap,
@@ -198,7 +198,9 @@ fn pull_tool(
     }
 }
 
-/// Corners of a polygon or points of a thin structure, one a click; a polygon may be drawn in one go too.
+/// Adds a vertex per click to the polygon or thin structure.
+///
+/// A polygon may also be drawn freehand.
 fn corners_tool(
     ui: &Ui,
     response: &Response,
@@ -237,11 +239,12 @@ fn corners_tool(
     }
 }
 
-/// A line that stays so near to where it began is none, in points of the screen.
+/// Movement up to which a freehand outline counts as a click, in screen points.
 const LASSO_POINTS: f32 = 8.0;
 
-/// Follows the pointer while the button is held, where no corner is set yet; whether it was let go after a line, which is
-/// the polygon then.
+/// Records a freehand outline while the button is held and no vertex is set.
+///
+/// Returns `true` once the button is released after an outline, which then replaces the vertices.
 fn lasso(ui: &Ui, response: &Response, map: &CanvasMap, view: &mut ViewState) -> bool {
     let (pressed, down) = ui.input(|i| (i.pointer.primary_pressed(), i.pointer.primary_down()));
     if pressed && response.is_pointer_button_down_on() && view.draft.corners.is_empty() {

@@ -1,35 +1,35 @@
 use egui::{Pos2, Rect, Vec2};
 use glam::DVec2;
 
-/// Zoom and place of the picture in its pane; as it was for the last frame when frames change.
+/// Zoom and position of the image in its pane. They are kept when the shown frame changes.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ZoomState {
-    /// Screen points per picture pixel; `None` = the whole picture fits.
+    /// Screen points per image pixel; `None` fits the whole image.
     pub scale: Option<f32>,
-    /// The picture position in the middle of the pane; of no meaning while the picture fits.
+    /// Image position at the centre of the pane; unused while the image is fitted.
     pub centre_px: DVec2,
 }
 
-/// How picture positions lie on the screen right now.
+/// Current mapping between image and screen positions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CanvasMap {
-    /// The pane in screen points.
+    /// Rectangle of the pane, in screen points.
     pub pane: Rect,
-    /// Columns and rows of the picture.
+    /// Width and height of the image.
     pub size_px: [u32; 2],
-    /// Screen points per picture pixel.
+    /// Screen points per image pixel.
     pub scale: f32,
-    /// The picture position in the middle of the pane.
+    /// Image position at the centre of the pane.
     pub centre_px: DVec2,
 }
 
-/// Free space around a picture that fits.
+/// Margin around a fitted image, in screen points.
 const MARGIN: f32 = 10.0;
-/// Nearer than this many points per pixel nothing is gained.
+/// Largest zoom, in screen points per image pixel. A larger one shows no more detail.
 const MAX_SCALE: f32 = 64.0;
 
 impl ZoomState {
-    /// The map for a picture of this size in this pane.
+    /// Returns the mapping for an image of this size in this pane.
     #[must_use]
     pub fn map(&self, pane: Rect, size_px: [u32; 2]) -> CanvasMap {
         let middle = DVec2::new(f64::from(size_px[0]), f64::from(size_px[1])) / 2.0;
@@ -49,7 +49,7 @@ impl ZoomState {
         }
     }
 
-    /// Comes nearer (`factor` > 1), keeping the picture position under `at` where it is.
+    /// Zooms in (`factor` > 1) or out, keeping the image position under `at` fixed.
     pub fn zoom_at(&mut self, map: &CanvasMap, at: Pos2, factor: f32) {
         let fixed = map.to_px(at);
         let least = fit_scale(map.pane, map.size_px).min(1.0) * 0.25;
@@ -61,7 +61,7 @@ impl ZoomState {
         self.keep_in_sight(map.size_px);
     }
 
-    /// Moves the picture by a pointer movement in screen points.
+    /// Moves the image by a pointer movement in screen points.
     pub fn pan(&mut self, map: &CanvasMap, delta: Vec2) {
         self.scale = Some(map.scale);
         self.centre_px = map.centre_px
@@ -78,7 +78,7 @@ impl ZoomState {
 }
 
 impl CanvasMap {
-    /// The picture position at a place on the screen; may lie outside the picture.
+    /// Returns the image position at a screen position; it may lie outside the image.
     #[must_use]
     pub fn to_px(&self, at: Pos2) -> DVec2 {
         let offset = at - self.pane.center();
@@ -86,28 +86,28 @@ impl CanvasMap {
             + DVec2::new(f64::from(offset.x), f64::from(offset.y)) / f64::from(self.scale)
     }
 
-    /// The place on the screen of a picture position.
+    /// Returns the screen position of an image position.
     #[must_use]
     pub fn to_screen(&self, at_px: DVec2) -> Pos2 {
         let offset = (at_px - self.centre_px) * f64::from(self.scale);
         self.pane.center() + Vec2::new(offset.x as f32, offset.y as f32)
     }
 
-    /// Where the whole picture lies on the screen.
+    /// Returns the screen rectangle of the whole image.
     #[must_use]
     pub fn picture_rect(&self) -> Rect {
         let size = DVec2::new(f64::from(self.size_px[0]), f64::from(self.size_px[1]));
         Rect::from_two_pos(self.to_screen(DVec2::ZERO), self.to_screen(size))
     }
 
-    /// The picture position, where it is inside the picture.
+    /// Returns the image position if it lies inside the image.
     #[must_use]
     pub fn inside(&self, at_px: DVec2) -> Option<DVec2> {
         let [width, height] = self.size_px.map(f64::from);
         (at_px.x >= 0.0 && at_px.y >= 0.0 && at_px.x < width && at_px.y < height).then_some(at_px)
     }
 
-    /// The nearest picture position that is inside the picture.
+    /// Returns the nearest image position inside the image.
     #[must_use]
     pub fn clamped(&self, at_px: DVec2) -> DVec2 {
         let [width, height] = self.size_px.map(f64::from);
@@ -130,14 +130,14 @@ mod tests {
     };
 
     #[test]
-    fn fit_shows_the_whole_picture_in_the_middle() {
+    fn fit_centres_the_whole_image() {
         let map = ZoomState::default().map(PANE, [640, 480]);
         assert!(PANE.contains_rect(map.picture_rect()));
         assert_eq!(map.picture_rect().center(), PANE.center());
     }
 
     #[test]
-    fn screen_and_picture_positions_are_inverse() {
+    fn screen_and_image_positions_are_inverse() {
         let zoom = ZoomState {
             scale: Some(3.7),
             centre_px: DVec2::new(100.0, 80.0),
@@ -148,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn zoom_keeps_what_is_under_the_pointer() {
+    fn zoom_keeps_the_position_under_the_pointer() {
         let mut zoom = ZoomState::default();
         let before = zoom.map(PANE, [640, 480]);
         let at = Pos2::new(300.0, 400.0);

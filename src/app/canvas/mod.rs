@@ -1,5 +1,4 @@
-//! The picture with its mask: zoom and pan, prompts, brush, polygon and lasso, borders that are pulled, thin
-//! structures.
+//! Image pane: zoom and pan, mask overlay, and the tools for prompts and painting.
 
 mod draft;
 mod input;

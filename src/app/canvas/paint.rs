@@ -12,13 +12,14 @@ const UV: Rect = Rect {
     max: Pos2::new(1.0, 1.0),
 };
 
-/// A picture or mask texture in its place.
+/// Draws an image or mask texture over the image's rectangle.
 pub(super) fn texture(painter: &Painter, map: &CanvasMap, id: TextureId) {
     painter.image(id, map.picture_rect(), UV, Color32::WHITE);
 }
 
-/// Prompts of all labels, those of the chosen one larger; box, stroke, polygon, lasso, pulled border and thin
-/// structure in hand.
+/// Draws the prompts of all labels and the drawing in progress.
+///
+/// Marks of the selected label are larger.
 pub(super) fn prompts_and_draft(
     painter: &Painter,
     map: &CanvasMap,
@@ -73,7 +74,7 @@ pub(super) fn prompts_and_draft(
     corners(painter, map, &view.draft, pointer, color);
 }
 
-/// A thing that words found, with its number.
+/// Draws the box of an object found by text, with its number.
 fn found_box(painter: &Painter, map: &CanvasMap, number: usize, thing: &FoundThing) {
     let rect = Rect::from_two_pos(
         map.to_screen(thing.extent.min_px),
@@ -92,7 +93,7 @@ fn found_box(painter: &Painter, map: &CanvasMap, number: usize, thing: &FoundThi
     );
 }
 
-/// The border of a thing that no label explains, with its number in the list.
+/// Draws the outline of a suggested object, with its number in the list.
 fn suggestion(painter: &Painter, map: &CanvasMap, number: usize, found: &Suggestion) {
     for ring in found.rings_px.iter() {
         let points: Vec<Pos2> = ring.iter().map(|&corner| map.to_screen(corner)).collect();
@@ -118,7 +119,7 @@ fn suggestion(painter: &Painter, map: &CanvasMap, number: usize, found: &Suggest
     );
 }
 
-/// A line of text over the upper edge of the pane.
+/// Draws a line of text at the upper edge of the pane.
 pub(super) fn banner(painter: &Painter, map: &CanvasMap, text: &str) {
     let font = egui::FontId::proportional(13.0);
     let galley = painter.layout_no_wrap(text.into(), font, Color32::WHITE);
@@ -128,7 +129,7 @@ pub(super) fn banner(painter: &Painter, map: &CanvasMap, text: &str) {
     painter.galley(at, galley, Color32::WHITE);
 }
 
-/// Where the frame sees the point that was asked about.
+/// Marks the image position of the inspected point.
 pub(super) fn sight(painter: &Painter, map: &CanvasMap, at_px: glam::DVec2) {
     let at = map.to_screen(at_px);
     for (width, color) in [
@@ -142,7 +143,7 @@ pub(super) fn sight(painter: &Painter, map: &CanvasMap, at_px: glam::DVec2) {
     }
 }
 
-/// The brush as a circle around the pointer.
+/// Draws the brush as a circle around the pointer.
 pub(super) fn brush_circle(painter: &Painter, map: &CanvasMap, view: &ViewState, pointer: Pos2) {
     if matches!(view.tool, Tool::Brush | Tool::Eraser) {
         let radius = view.prefs.brush_px as f32 * map.scale;
@@ -217,7 +218,7 @@ fn brush_stroke(painter: &Painter, map: &CanvasMap, stroke: &Stroke, color: Colo
     }
 }
 
-/// The border as it will be when it is let go, with what gives way for it.
+/// Previews the dragged border and the part of the old border that it replaces.
 fn held_border(painter: &Painter, map: &CanvasMap, held: &HeldBorder, to: Pos2, color: Color32) {
     let Some(to_px) = held.to_px(map.to_px(to)) else {
         return;
@@ -235,7 +236,7 @@ fn held_border(painter: &Painter, map: &CanvasMap, held: &HeldBorder, to: Pos2, 
     painter.circle(to, 4.0, color, Line::new(1.0, Color32::WHITE));
 }
 
-/// The polygon or thin structure so far, with what is being drawn around.
+/// Draws the polygon, freehand outline or thin structure so far.
 fn corners(
     painter: &Painter,
     map: &CanvasMap,

@@ -13,7 +13,7 @@ use ostra_masks::Click;
 use ostra_session::{Command, PromptRequest};
 use ostra_view::{Layer, OverlayStyle, ramp};
 
-/// The picture of the shown frame with its tool bar.
+/// Draws the shown frame's image with its tool bar.
 pub(crate) fn picture_pane_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -127,7 +127,7 @@ fn draw(
     }
 }
 
-/// Depth or the like in the photo's place, with its legend.
+/// Draws depth, normals or confidence in place of the image, with a legend.
 fn layer(
     ui: &Ui,
     session: &SessionView<'_>,
@@ -168,7 +168,7 @@ fn layer(
     }
 }
 
-/// What stands in the picture's place while it loads, or when it cannot be loaded.
+/// Draws a message in place of an image that is loading or failed to load.
 fn placeholder(ui: &Ui, session: &SessionView<'_>, view: &ViewState, map: &CanvasMap) {
     let failure = session
         .pictures
@@ -213,7 +213,9 @@ fn follow_pointer(
     }
 }
 
-/// Whether a preview helps now: with the click tool, while nothing is drawn, sent or running.
+/// Returns `true` if a preview is useful.
+///
+/// This requires the click tool, and nothing being drawn, sent or running.
 fn may_preview(ui: &Ui, session: &SessionView<'_>, view: &ViewState) -> bool {
     let busy = !session.jobs.is_empty()
         || view.draft.is_sending()
@@ -242,7 +244,7 @@ fn hover_request_at(
     Some(with_click(session, view, label, click))
 }
 
-/// What the colours of the ramp stand for, in the picture's lower left corner, under a title.
+/// Draws the legend of the colour ramp in the lower left corner of the pane.
 fn legend(ui: &Ui, map: &CanvasMap, title: &str, range: [f32; 2]) {
     const SIZE: Vec2 = Vec2::new(14.0, 120.0);
     const TITLE: f32 = 20.0;
@@ -284,7 +286,7 @@ fn legend(ui: &Ui, map: &CanvasMap, title: &str, range: [f32; 2]) {
     }
 }
 
-/// Three significant digits.
+/// Formats a number with three significant digits.
 fn short(value: f32) -> String {
     let digits = if value == 0.0 {
         0

@@ -8,7 +8,7 @@ use ostra_session::{Command, PaintRequest, PromptRequest, PullRequest, TraceRequ
 
 use super::draft::{HeldBorder, Stroke};
 
-/// Adds a click for the chosen label.
+/// Adds a click to the selected label.
 pub(crate) fn click_at(
     session: &SessionView<'_>,
     view: &mut ViewState,
@@ -22,7 +22,9 @@ pub(crate) fn click_at(
     }
 }
 
-/// The chosen label's prompt on the shown frame with one click more. A click sends it, and its preview asks for it.
+/// Returns the selected label's prompt on the shown frame with one more click.
+///
+/// A click sends this request, and its preview uses the same one.
 pub(super) fn with_click(
     session: &SessionView<'_>,
     view: &ViewState,
@@ -34,7 +36,7 @@ pub(super) fn with_click(
     request_of(view, label, prompt)
 }
 
-/// Adds a box for the chosen label.
+/// Adds a box to the selected label.
 pub(super) fn box_of(
     session: &SessionView<'_>,
     view: &mut ViewState,
@@ -52,7 +54,7 @@ pub(super) fn box_of(
     }
 }
 
-/// Takes the chosen label's prompt and pixels off the shown frame.
+/// Removes the selected label's prompt and pixels from the shown frame.
 pub(crate) fn clear_label(session: &SessionView<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     if let Some(label) = view
         .label
@@ -62,7 +64,7 @@ pub(crate) fn clear_label(session: &SessionView<'_>, view: &mut ViewState, out: 
     }
 }
 
-/// Paints a finished stroke.
+/// Sends a finished stroke.
 pub(super) fn paint(
     session: &SessionView<'_>,
     view: &mut ViewState,
@@ -81,7 +83,9 @@ pub(super) fn paint(
     view.draft.sent_stroke(stroke, session.project);
 }
 
-/// Fills the polygon drawn so far with the label, or takes that away inside; fewer than three different corners are dropped.
+/// Fills the current polygon with the label, or erases inside it.
+///
+/// A polygon with fewer than three distinct vertices is dropped.
 pub(super) fn fill_polygon(
     session: &SessionView<'_>,
     view: &mut ViewState,
@@ -107,7 +111,7 @@ pub(super) fn fill_polygon(
     }));
 }
 
-/// Takes hold of the chosen label's border where it lies within `near_px` of a place.
+/// Grabs the selected label's border if it lies within `near_px` of a position.
 pub(super) fn hold_border(
     session: &SessionView<'_>,
     view: &mut ViewState,
@@ -153,7 +157,7 @@ fn held_border(
     })
 }
 
-/// Pulls the border in hand to where the pointer is.
+/// Moves the grabbed border to the pointer.
 pub(super) fn pull_border(held: &HeldBorder, pointer_px: DVec2, out: &mut Vec<Command>) {
     let HeldBorder {
         frame,
@@ -172,7 +176,9 @@ pub(super) fn pull_border(held: &HeldBorder, pointer_px: DVec2, out: &mut Vec<Co
     }
 }
 
-/// Traces the thin structure through the points so far; one point alone is kept and waits for the next.
+/// Traces the thin structure through the points so far.
+///
+/// A single point is kept until the next one follows.
 pub(super) fn trace_thin(session: &SessionView<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     let mut points_px = view.draft.corners.clone();
     points_px.dedup_by(|a, b| a.distance(*b) < 1.0);
@@ -192,7 +198,7 @@ pub(super) fn trace_thin(session: &SessionView<'_>, view: &mut ViewState, out: &
     }));
 }
 
-/// The label in hand; the first click of all makes one.
+/// Returns the selected label; the first click in a project without labels creates one.
 pub(super) fn chosen_label(
     session: &SessionView<'_>,
     view: &mut ViewState,
@@ -215,7 +221,7 @@ pub(super) fn chosen_label(
     Some(label)
 }
 
-/// The label at a picture position.
+/// Returns the label at an image position.
 pub(crate) fn id_at(mask: &RunMask, at_px: DVec2) -> LabelId {
     if at_px.x < 0.0
         || at_px.y < 0.0
@@ -254,7 +260,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn id_at_walks_the_runs() {
+    fn id_at_decodes_runs() {
         let mask = RunMask {
             width: 4,
             height: 2,

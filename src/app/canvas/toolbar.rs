@@ -6,7 +6,7 @@ use crate::tips::{action_button, together};
 use crate::{Action, SessionView, ViewState};
 use ostra_view::Layer;
 
-/// Tools, zoom and the look of the masks, in rows above the picture.
+/// Draws the tool bar above the image: tools, clean-up, zoom, layer and mask display.
 pub(super) fn toolbar_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -60,7 +60,7 @@ fn tools_ui(ui: &mut Ui, view: &mut ViewState) {
         .accessible_name("Snap brush to edges");
 }
 
-/// Buttons that tidy the chosen label, with the size below which holes and islands go.
+/// Draws the buttons that fill holes and remove specks, with their size limit.
 fn clean_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -122,7 +122,7 @@ fn mask_look_ui(ui: &mut Ui, view: &mut ViewState) {
     .on_hover_text(tip);
 }
 
-/// The choice of what is shown of a frame.
+/// Draws the choice of the shown layer.
 fn layer_ui(ui: &mut Ui, view: &mut ViewState) {
     let tip = view.prefs.shortcuts.tip(ui.ctx(), Action::NextLayer);
     let choice = ComboBox::from_id_salt("layer")

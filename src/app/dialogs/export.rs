@@ -9,7 +9,7 @@ use ostra_cloud::formats::{CloudFormat, MeshFormat, VoxelFormat};
 use ostra_frames::cameras::ModelEncoding;
 use ostra_session::Command;
 
-/// The export dialog: what to write, and into which folder.
+/// Draws the export dialog: what to write, and into which folder.
 pub(crate) fn export_ui(
     ui: &Ui,
     session: &SessionView<'_>,
@@ -123,7 +123,7 @@ fn what_ui(ui: &mut Ui, form: &mut ExportForm, has: &Available) {
     }
 }
 
-/// Asks whether earlier exports may be replaced that were changed since.
+/// Draws the option to replace exported files that were changed since.
 pub(super) fn replace_ui(ui: &mut Ui, overwrite: &mut bool) {
     let tip =
         "Replace exported files even if they were changed since, for example in a spreadsheet";
@@ -208,7 +208,7 @@ fn options_ui(ui: &mut Ui, form: &mut ExportForm) {
     });
 }
 
-/// The choice of a kind of file, by its ending.
+/// Draws the choice of a file format by its extension.
 fn format_ui<T: Copy + PartialEq, const N: usize>(
     ui: &mut Ui,
     name: &str,

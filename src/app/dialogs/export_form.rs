@@ -1,4 +1,4 @@
-//! The export dialog as filled in so far.
+//! State of the export dialog.
 
 use egui::{ComboBox, Ui};
 
@@ -10,7 +10,7 @@ use ostra_frames::cameras::ModelEncoding;
 use ostra_masks::MaskFormat;
 use ostra_project::{ExportRequest, ResultKind};
 
-/// The export dialog as filled in so far.
+/// State of the export dialog.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ExportForm {
     /// Folder that everything is written into.
@@ -33,7 +33,7 @@ pub struct ExportForm {
     pub(super) camera_encoding: ModelEncoding,
     pub(super) solid: bool,
     pub(super) overwrite: bool,
-    /// Of the mesh's triangles, percent.
+    /// Share of the mesh's triangles to keep, in percent.
     pub(super) kept: u32,
 }
 
@@ -65,7 +65,9 @@ impl Default for ExportForm {
 }
 
 impl ExportForm {
-    /// Traits have the unit, the ground and the angles of the window of measures.
+    /// Returns the export request, or `None` without a folder or anything to export.
+    ///
+    /// Unit, ground and angles of traits are those of the traits window.
     pub(super) fn request(&self, has: &Available, measures: &MeasureView) -> Option<ExportRequest> {
         let into = typed_path(&self.into)?;
         let path =
@@ -135,7 +137,7 @@ impl ExportForm {
     }
 }
 
-/// What there is to export.
+/// Results that can be exported.
 pub(super) struct Available {
     pub(super) cloud: bool,
     pub(super) surface: bool,
@@ -168,7 +170,7 @@ impl Available {
     }
 }
 
-/// What commands call a format.
+/// Returns the name of a mask format in commands.
 pub(super) fn mask_format_name(format: MaskFormat) -> &'static str {
     FORMATS
         .iter()
@@ -176,7 +178,7 @@ pub(super) fn mask_format_name(format: MaskFormat) -> &'static str {
         .map_or("", |(_, name, _)| name)
 }
 
-/// The choice of a format for masks.
+/// Draws the choice of a mask format.
 pub(super) fn mask_format_ui(ui: &mut Ui, name: &str, chosen: &mut MaskFormat) {
     let text = FORMATS
         .iter()
@@ -196,7 +198,7 @@ pub(super) fn mask_format_ui(ui: &mut Ui, name: &str, chosen: &mut MaskFormat) {
         .accessible_name(name);
 }
 
-/// Formats with what a command calls them and what people do.
+/// Mask formats with their names in commands and in the window.
 const FORMATS: [(MaskFormat, &str, &str); 4] = [
     (MaskFormat::Davis, "davis", "palette PNG a frame (DAVIS)"),
     (
@@ -216,7 +218,7 @@ mod tests {
     use ostra_session::MeasureSettings;
 
     #[test]
-    fn only_what_is_there_and_ticked_is_written() {
+    fn only_available_and_ticked_results_are_exported() {
         let mut form = ExportForm {
             into: "/out".into(),
             masks: true,

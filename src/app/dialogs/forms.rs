@@ -1,4 +1,4 @@
-//! Forms of the dialogs as filled in so far, and the requests that they make.
+//! State of the dialogs and the requests made from it.
 
 use std::path::{Path, PathBuf};
 
@@ -8,7 +8,7 @@ use ostra_frames::cameras::{DepthCameraSource, IntrinsicsSource};
 use ostra_frames::{DepthSource, Frame, FrameFolder, OpenRequest, PictureSource};
 use ostra_session::{Command, NewProject};
 
-/// One source of frames as typed.
+/// Source of frames, as typed.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub(super) struct SourceForm {
     pub frames: String,
@@ -16,7 +16,7 @@ pub(super) struct SourceForm {
 }
 
 impl SourceForm {
-    /// The source; `None` while no frames are named.
+    /// Returns the source; `None` while no frames are given.
     pub fn source(&self) -> Option<FrameFolder> {
         Some(FrameFolder {
             frames: typed_path(&self.frames)?,
@@ -25,18 +25,18 @@ impl SourceForm {
     }
 }
 
-/// The dialog for a new project (and for more frames) as typed so far.
+/// State of the dialog for a new project, which also adds frames to an open project.
 #[derive(Debug, Clone, PartialEq)]
 pub struct NewProjectForm {
     pub(super) sources: Vec<SourceForm>,
-    /// Folder of the new project; beside the frames when empty.
+    /// Folder of the new project; if empty, a folder next to the frames is used.
     pub(super) root: String,
-    /// Cameras in one of the formats known.
+    /// File of cameras in any known format.
     pub(super) cameras: String,
     pub(super) intrinsics: String,
     pub(super) depth_unit: f64,
     pub(super) depth_intrinsics: String,
-    /// Where the depth camera stands.
+    /// File with the pose of the depth camera.
     pub(super) depth_pose: String,
     pub(super) every: usize,
     pub(super) from: Option<usize>,
@@ -61,7 +61,7 @@ impl Default for NewProjectForm {
 }
 
 impl NewProjectForm {
-    /// A form with one source filled in.
+    /// Returns a form with one source filled in.
     #[must_use]
     pub fn with_frames(frames: String) -> Self {
         let mut form = Self::default();
@@ -81,14 +81,14 @@ impl NewProjectForm {
         }
     }
 
-    /// The folder beside the frames that is taken when none is typed.
+    /// Returns the folder next to the frames that is used if none is typed.
     pub(super) fn suggested_root(&self) -> Option<PathBuf> {
         let frames = typed_path(&self.sources.first()?.frames)?;
         let name = frames.file_stem()?.to_string_lossy().into_owned();
         Some(frames.with_file_name(format!("{name}-ostra")))
     }
 
-    /// The request, or what is still missing.
+    /// Returns the request, or a message about what is missing.
     ///
     /// # Errors
     /// One sentence to show under the form.
@@ -113,7 +113,8 @@ impl NewProjectForm {
             open: OpenRequest {
                 sources,
                 depth_unit: self.depth_unit,
-                // Floats are metres unless another unit than that of most integers is chosen.
+                // Floating-point depths are in metres unless the unit differs from the default for
+                // integers.
                 float_depth_unit: if self.depth_unit == 0.001 {
                     1.0
                 } else {
@@ -160,7 +161,7 @@ fn intrinsics(text: &str) -> Result<Option<IntrinsicsSource>, String> {
     }))
 }
 
-/// The dialog for a picture of the 3-D view as filled in so far.
+/// State of the dialog that saves the 3-D view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PictureForm {
     pub(super) path: String,
@@ -188,10 +189,10 @@ impl Default for PictureForm {
 }
 
 impl PictureForm {
-    /// The largest side, pixels.
+    /// Largest width or height, in pixels.
     pub(super) const MOST: u32 = 8192;
 
-    /// Gives a name with the ending of a film that of a picture, and the other way round, as is written now.
+    /// Switches the file extension between image and video to match the chosen kind.
     pub(super) fn follow_take(&mut self) {
         let path = Path::new(self.path.trim_end());
         let Some(ending) = path
@@ -211,7 +212,10 @@ impl PictureForm {
         }
     }
 
-    /// What is asked for; a name without an ending gets one. `None` without a name, or where a picture's is not that of a PNG.
+    /// Returns the request; a name without an extension gets one.
+    ///
+    /// Returns `None` without a name, for an image that is not a PNG and for a video named as a
+    /// PNG.
     pub(super) fn request(&self) -> Option<ScreenshotRequest> {
         let mut path = typed_path(&self.path)?;
         if path.extension().is_none() {
@@ -240,37 +244,37 @@ impl PictureForm {
     }
 }
 
-/// A picture of what the 3-D view shows, and where to.
+/// Request to save the 3-D view to a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScreenshotRequest {
-    /// The file.
+    /// File to write.
     pub path: PathBuf,
-    /// Columns and rows.
+    /// Width and height, in pixels.
     pub size: (u32, u32),
-    /// Whether a picture written before may be replaced though it was changed since.
+    /// Whether an earlier export may be replaced even if it was changed since.
     pub overwrite: bool,
-    /// A still or a film.
+    /// Still image or video.
     pub take: Take,
 }
 
-/// What is made of the view.
+/// Kind of file made from the 3-D view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Take {
-    /// A PNG; without its background where that is transparent.
+    /// PNG image.
     Still {
-        /// Whether the background is left out.
+        /// Whether the background is transparent.
         transparent: bool,
     },
-    /// A film of one turn about the vertical.
+    /// Video of one turn about the vertical.
     Turntable {
-        /// Number of pictures, at least 1.
+        /// Number of video frames, at least 1.
         count: usize,
-        /// Pictures a second.
+        /// Video frames per second.
         fps: u32,
     },
 }
 
-/// Where frames were and where they are now.
+/// Old and new location of frames.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct RelocateForm {
     pub(super) from: String,
@@ -278,7 +282,7 @@ pub struct RelocateForm {
 }
 
 impl RelocateForm {
-    /// Begins with the folder that all pictures, films and depths of the project lie in.
+    /// Returns a form that starts with the folder common to all images, videos and depth maps.
     #[must_use]
     pub fn of(frames: &[Frame]) -> Self {
         let common = frames
@@ -313,7 +317,7 @@ fn folders(frame: &Frame) -> impl Iterator<Item = PathBuf> {
     picture.into_iter().chain(depth).map(Path::to_owned)
 }
 
-/// The part that two paths have in common.
+/// Returns the common prefix of two paths.
 fn shared(a: &Path, b: &Path) -> PathBuf {
     a.components()
         .zip(b.components())
@@ -322,23 +326,23 @@ fn shared(a: &Path, b: &Path) -> PathBuf {
         .collect()
 }
 
-/// The network that files are being named for.
+/// Network whose files are being added.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct ModelsForm {
     pub(super) adding: Option<String>,
     pub(super) path: String,
 }
 
-/// The shortcut sheet: which action waits for new keys.
+/// State of the shortcut sheet: the action that waits for new keys.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SheetState {
     pub(super) changing: Option<Action>,
-    /// The action that lost its keys to the one changed last.
+    /// Action that lost its shortcut in the latest change.
     pub(super) robbed: Option<Action>,
 }
 
 impl SheetState {
-    /// Whether the next key press is a new shortcut and does nothing else.
+    /// Returns `true` if the next key press sets a shortcut and does nothing else.
     #[must_use]
     pub fn is_listening(&self) -> bool {
         self.changing.is_some()
@@ -350,7 +354,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_project_folder_beside_the_frames_is_suggested() {
+    fn project_folder_next_to_frames_is_suggested() {
         let form = NewProjectForm::with_frames("/photos/rice".into());
         assert_eq!(
             form.request(true).unwrap().root,
@@ -360,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn intrinsics_are_four_numbers_or_a_file_or_nothing() {
+    fn intrinsics_are_empty_four_numbers_or_a_file() {
         let mut form = NewProjectForm::with_frames("/a".into());
         form.intrinsics = "500, 500, 320.5, 240".into();
         assert_eq!(
@@ -375,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn a_depth_camera_has_intrinsics_and_may_have_a_pose() {
+    fn depth_camera_needs_intrinsics_but_no_pose() {
         let mut form = NewProjectForm::with_frames("/a".into());
         assert_eq!(form.request(true).unwrap().open.depth_camera, None);
         form.depth_intrinsics = "580, 580, 320, 240".into();
@@ -397,7 +401,7 @@ mod tests {
     }
 
     #[test]
-    fn begins_with_the_folder_of_all_files() {
+    fn relocation_starts_at_the_common_folder() {
         let frame = |path: &str, depth: Option<&str>| Frame {
             name: path.into(),
             width: 4,
@@ -432,7 +436,7 @@ mod tests {
     }
 
     #[test]
-    fn names_get_the_ending_of_what_is_written_and_others_are_refused() {
+    fn missing_extension_is_added_and_wrong_one_rejected() {
         let mut form = PictureForm {
             path: " /out/plant ".into(),
             transparent: true,

@@ -7,7 +7,9 @@ use crate::{SessionView, ViewState};
 use ostra_masks::LabelId;
 use ostra_session::{Command, RangeChange, RangeRequest};
 
-/// Asks for the label that gets the pixels of a merge or split; keys 1–9 choose as in the label list.
+/// Asks for the label that receives the pixels of a merge or split.
+///
+/// Keys 1–9 choose a label as in the label list.
 pub(crate) fn into_ui(
     ui: &Ui,
     session: &SessionView<'_>,

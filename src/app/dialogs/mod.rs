@@ -1,4 +1,4 @@
-//! Dialogs: one file each; at most one is open.
+//! Dialogs of the window, at most one of which is open.
 
 mod export;
 mod export_form;

@@ -10,7 +10,7 @@ use crate::{SessionView, ViewState};
 use ostra_compute::nn::{Provider, Row};
 use ostra_session::{Command, JobView, ModelRequest, ModelTask};
 
-/// All networks that are known: what they are for, whether they are there, and how to get them.
+/// Draws the list of known networks with their purpose, state and installation.
 pub(crate) fn models_ui(
     ui: &Ui,
     session: &SessionView<'_>,
@@ -50,7 +50,7 @@ pub(crate) fn models_ui(
     }
 }
 
-/// Chooses what networks run on.
+/// Draws the choice of the device that runs networks.
 fn provider_ui(ui: &mut Ui, view: &mut ViewState) {
     let chosen = Provider::chosen();
     let tip = "What networks run on that are loaded from now on; where it does not start, the processor does it";
@@ -110,7 +110,7 @@ fn row_ui(
     }
 }
 
-/// Where it lies and how large it is.
+/// Shows whether a network is installed, its size and, on hover, its paths.
 fn state_ui(ui: &mut Ui, row: &Row) {
     let Some(installed) = &row.installed else {
         ui.weak("not installed")
@@ -178,7 +178,7 @@ fn running_ui(ui: &mut Ui, job: &JobView) {
     ui.weak(progress_text(job));
 }
 
-/// Asks for the files of a network, or the folder that holds them.
+/// Asks for the files of a network, or for the folder that contains them.
 fn adding_ui(ui: &mut Ui, view: &mut ViewState, row: &Row, out: &mut Vec<Command>) {
     let (hint, pick) = match row.files.as_slice() {
         [_] => ("its file", Pick::File),
@@ -210,7 +210,7 @@ fn adding_ui(ui: &mut Ui, view: &mut ViewState, row: &Row, out: &mut Vec<Command
     });
 }
 
-/// What is being done with a network.
+/// Returns the running job of a network.
 fn job_of<'a>(session: &'a SessionView<'a>, name: &str) -> Option<&'a JobView> {
     session.running(&JobTask::Network(name.to_owned()))
 }

@@ -6,7 +6,7 @@ use crate::tips::{field, icon_button, modal, section_heading};
 use crate::{Dialog, ViewState};
 use ostra_session::Command;
 
-/// The dialog for a new project, or for more frames in the open one.
+/// Draws the dialog for a new project, or for more frames of the open one.
 pub(crate) fn new_project_ui(
     ui: &Ui,
     view: &mut ViewState,
@@ -210,7 +210,7 @@ fn end_ui(ui: &mut Ui, view: &mut ViewState, new: bool, out: &mut Vec<Command>) 
     });
 }
 
-/// The rows of all sources, each with its depth folder.
+/// Draws the rows of all sources, each with its depth folder.
 fn sources_ui(ui: &mut Ui, picker: &mut PathPicker, sources: &mut Vec<SourceForm>) {
     let mut removed = None;
     let several = sources.len() > 1;

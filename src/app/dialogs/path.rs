@@ -17,7 +17,7 @@ struct Texts {
     pick: Pick,
 }
 
-/// A dialog that asks for one path.
+/// Draws a dialog that asks for a single path.
 pub(crate) fn path_ui(ui: &Ui, view: &mut ViewState, request: PathRequest, out: &mut Vec<Command>) {
     let texts = texts(request);
     let mut done = false;
@@ -132,7 +132,7 @@ fn texts(request: PathRequest) -> Texts {
     }
 }
 
-/// The dialog for frames whose files were moved.
+/// Draws the dialog for frames whose files have moved.
 pub(crate) fn relocate_ui(ui: &Ui, view: &mut ViewState, out: &mut Vec<Command>) {
     let response = modal(ui, "relocate", 560.0, |ui| {
         ui.heading("Locate missing frames");
@@ -191,7 +191,7 @@ pub(crate) fn relocate_ui(ui: &Ui, view: &mut ViewState, out: &mut Vec<Command>)
     }
 }
 
-/// Puts a chosen path where it was asked for.
+/// Writes a path from the file chooser into the field that it was opened for.
 pub(crate) fn take_picked(ctx: &Context, view: &mut ViewState) {
     let Some((target, path)) = view.picker.poll(ctx) else {
         return;

@@ -6,8 +6,9 @@ use std::task::{Poll, Wake, Waker};
 
 use egui::{Context, TextEdit, Ui};
 
-/// The system's file chooser, asked without waiting: the window goes on, and the path is taken when it comes. Where the
-/// system has none, paths are typed.
+/// Native file chooser that does not block the window.
+///
+/// The path is taken when the answer arrives. On systems without a chooser, paths are typed.
 #[derive(Default)]
 pub struct PathPicker {
     asked: Option<(PickTarget, Answer)>,
@@ -15,12 +16,12 @@ pub struct PathPicker {
 
 type Answer = Pin<Box<dyn Future<Output = Option<PathBuf>>>>;
 
-/// Which field a chosen path is for.
+/// Field that receives a chosen path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum PickTarget {
     /// Frames of the n-th source.
     Frames(usize),
-    /// Depths of the n-th source.
+    /// Depth maps of the n-th source.
     Depth(usize),
     /// Cameras of a new project.
     Cameras,
@@ -30,33 +31,33 @@ pub(crate) enum PickTarget {
     Root,
     /// Folder to export into.
     ExportInto,
-    /// The cloud whose points are voted on.
+    /// Cloud to vote on.
     Onto,
-    /// Folder that moved frames were in.
+    /// Old folder of moved frames.
     MovedFrom,
-    /// Folder that they are in now.
+    /// New folder of moved frames.
     MovedTo,
     /// Files of a network.
     Network,
-    /// A picture or film of the 3-D view.
+    /// Image or video of the 3-D view.
     Picture,
-    /// The path of a dialog with nothing but a path.
+    /// Path of a dialog with a single path field.
     Path(PathRequest),
 }
 
-/// What the chooser offers.
+/// Kind of path to choose.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Pick {
-    /// A folder.
+    /// Folder.
     Folder,
-    /// A file that exists.
+    /// Existing file.
     File,
-    /// A file to be written.
+    /// File to write.
     Save,
 }
 
 impl PathPicker {
-    /// Opens the chooser; one that is already open is forgotten.
+    /// Opens the chooser. The answer of one that is already open is discarded.
     fn ask(&mut self, pick: Pick, target: PickTarget) {
         let dialog = rfd::AsyncFileDialog::new();
         let answer: Answer = match pick {
@@ -76,7 +77,7 @@ impl PathPicker {
         self.asked = Some((target, answer));
     }
 
-    /// The path chosen, once; the window is painted anew when the answer comes.
+    /// Returns the chosen path, once. The window is repainted when the answer arrives.
     pub(super) fn poll(&mut self, ctx: &Context) -> Option<(PickTarget, PathBuf)> {
         let (target, answer) = self.asked.as_mut()?;
         let target = *target;
@@ -94,7 +95,7 @@ impl PathPicker {
     }
 }
 
-/// Wakes the window.
+/// Waker that repaints the window.
 struct Repaint(Context);
 
 impl Wake for Repaint {
@@ -103,11 +104,11 @@ impl Wake for Repaint {
     }
 }
 
-/// Width of a field for a path where there is room for it, and of the button beside it, in points.
+/// Preferred width of a path field and width of its button, in points.
 const FIELD_WIDTH: f32 = 360.0;
 const BROWSE_WIDTH: f32 = 86.0;
 
-/// A path to type, with a button for the system's chooser.
+/// Adds a path field with a button that opens the file chooser.
 pub(crate) fn path_field_ui(
     ui: &mut Ui,
     picker: &mut PathPicker,
@@ -132,22 +133,22 @@ pub(crate) fn path_field_ui(
     edit
 }
 
-/// What a path is asked for.
+/// Purpose of a dialog with a single path field.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum PathRequest {
-    /// A project folder to open.
+    /// Opens a project folder.
     OpenProject,
-    /// A PLY to look at.
+    /// Views a PLY file.
     InspectPly,
-    /// A folder of masks to read.
+    /// Imports a folder of masks.
     ImportMasks,
-    /// A recipe to write.
+    /// Saves the history as a recipe.
     SaveRecipe,
-    /// A table of traits to write.
+    /// Exports a table of traits.
     SaveTraits,
 }
 
-/// The text of a path as typed: blanks around it are dropped, `~/` is the home folder.
+/// Parses a typed path: trims white space and expands `~/` to the home folder.
 #[must_use]
 pub(crate) fn typed_path(text: &str) -> Option<PathBuf> {
     let text = text.trim();

@@ -6,7 +6,7 @@ use super::picker::{Pick, PickTarget, path_field_ui};
 use crate::tips::modal;
 use crate::{Panes, ViewState};
 
-/// The dialog that asks for a picture or a turntable film of the 3-D view.
+/// Draws the dialog that saves the 3-D view as an image or a turntable video.
 pub(crate) fn picture_ui(ui: &Ui, view: &mut ViewState) {
     let response = modal(ui, "picture", 480.0, |ui| {
         ui.heading("Save 3-D view");

@@ -20,7 +20,7 @@ const POINTER: [(&str, &str); 12] = [
     ("3-D: click a camera", "Go to its frame"),
 ];
 
-/// All shortcuts, each with a button to change it, and what the pointer does.
+/// Draws the shortcut sheet, with a button to change each shortcut, and the pointer gestures.
 pub(crate) fn sheet_ui(ui: &Ui, view: &mut ViewState) {
     listen(ui.ctx(), view);
     let response = modal(ui, "shortcuts", 720.0, |ui| {
@@ -143,7 +143,7 @@ fn listen(ctx: &Context, view: &mut ViewState) {
     };
     let keys = ctx.input(|input| input.events.iter().find_map(pressed_keys));
     let Some(keys) = keys else { return };
-    // Consumed, so that it neither closes the sheet nor does what it did before.
+    // The event is consumed so that it neither closes the sheet nor triggers its old action.
     ctx.input_mut(|input| {
         input
             .events
@@ -155,7 +155,7 @@ fn listen(ctx: &Context, view: &mut ViewState) {
     }
 }
 
-/// A list of all actions to type into; Enter does the first one.
+/// Draws a searchable list of all actions; Enter performs the first possible one.
 pub(crate) fn palette_ui(
     ui: &Ui,
     session: &SessionView<'_>,
@@ -204,7 +204,7 @@ pub(crate) fn palette_ui(
     actions.extend(chosen);
 }
 
-/// Actions whose text holds every word typed; those that can be done first.
+/// Returns actions that contain every typed word, possible ones first.
 fn matching(typed: &str, session: &SessionView<'_>, view: &ViewState) -> Vec<Action> {
     let words: Vec<String> = typed.split_whitespace().map(str::to_lowercase).collect();
     let fits = |action: &Action| {

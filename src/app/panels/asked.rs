@@ -7,14 +7,15 @@ use ostra_masks::{LabelId, LabelTree};
 use ostra_view::ViewCamera;
 
 const COLOR: Color32 = Color32::from_rgb(255, 235, 90);
-/// Length of an arm of the cross in the 3-D view, in points of the screen, and the gap around the point itself.
+/// Length of the cross's arms and of the gap around the point, in screen points.
 const ARM: f32 = 14.0;
 const GAP: f32 = 4.0;
-/// Of the window that tells of the point.
+/// Width of the inspector window, in screen points.
 const WIDTH: f32 = 180.0;
 
-/// A cross around the point asked about in the view that a camera gives, as large from near as from far, and seen before
-/// anything light or dark. Where the middle of the cross is.
+/// Draws a cross around the inspected point and returns its centre on the screen.
+///
+/// The cross has the same size at any distance and is visible on light and dark backgrounds.
 fn mark(ui: &Ui, rect: Rect, camera: &ViewCamera, asked: &Asked) -> Option<Pos2> {
     let (at, _) = camera.project(asked.place())?;
     let at = rect.min + Vec2::new(at.x, at.y) / ui.pixels_per_point();
@@ -27,8 +28,9 @@ fn mark(ui: &Ui, rect: Rect, camera: &ViewCamera, asked: &Asked) -> Option<Pos2>
     Some(at)
 }
 
-/// A cross at the point asked about, and what is known of it in a corner of the 3-D view away from it: its label, who voted
-/// what, and the way there.
+/// Draws the point inspector: a cross at the point and a window in a corner away from it.
+///
+/// The window shows the point's label, its votes, and links to the frames that show it.
 pub(super) fn asked_ui(
     ui: &Ui,
     (rect, camera): (Rect, &ViewCamera),
@@ -47,7 +49,7 @@ pub(super) fn asked_ui(
     };
     let at = mark(ui, rect, camera, &asked);
     let (mut open, mut to) = (true, None);
-    // Small, so that much of the cloud stays in sight.
+    // A small window leaves most of the cloud visible.
     let window = egui::Window::new(egui::RichText::new("Point").strong())
         .default_width(WIDTH)
         .resizable(false);
@@ -112,7 +114,7 @@ pub(super) fn asked_ui(
     }
 }
 
-/// A label's path in its colour.
+/// Shows the path of a label next to its colour.
 pub(super) fn label_ui(ui: &mut Ui, tree: &LabelTree, label: LabelId) {
     let Some(known) = tree.get(label) else {
         ui.weak(if label == LabelId::NONE {
@@ -137,32 +139,33 @@ pub(super) fn label_ui(ui: &mut Ui, tree: &LabelTree, label: LabelId) {
     });
 }
 
-/// Where the window of the point asked about stands: where it was left, unless it would cover the point that was just
-/// clicked.
+/// Position of the point inspector's window.
+///
+/// It stays where it is unless it would cover a newly inspected point.
 #[derive(Default)]
 pub(super) struct AskedPlace {
     is_right: bool,
     is_low: bool,
-    /// The point it was placed for.
+    /// Point that the window was placed for.
     of: Option<Vec3>,
-    /// From where to where the view reached across the window then.
+    /// Horizontal extent of the 3-D view when the window was placed.
     within: Option<Rangef>,
 }
 
-/// Around a point so much stays free, in points of the screen.
+/// Distance kept free around a point, in screen points.
 const FREE: f32 = 40.0;
-/// As wide as it is at first, about.
+/// Approximate width of the window before it was first drawn, in screen points.
 const FIRST_WIDTH: f32 = 200.0;
-/// From the border of the view.
+/// Distance from the border of the view, in screen points.
 const MARGIN: f32 = 10.0;
 
 impl AskedPlace {
-    /// No point is asked about any more.
+    /// Resets the position once no point is inspected.
     pub(super) fn forget(&mut self) {
         self.of = None;
     }
 
-    /// The window in its place in the view `rect`, for a point that is seen at a place, if at all.
+    /// Places the window in the view `rect` for a point and its screen position, if it is visible.
     pub(super) fn put<'a>(
         &mut self,
         window: Window<'a>,
@@ -174,9 +177,9 @@ impl AskedPlace {
         let now = ui.ctx().memory(|memory| memory.area_rect(id));
         let is_moved = self.turn_away(rect, now, point);
         let (pivot, corner) = self.corner(rect);
-        // egui keeps a window that is dragged by its title where it is, whatever position it is given.
+        // egui ignores new positions of a window that is dragged by its title.
         let window = window.id(id).pivot(pivot).drag_area(WindowDrag::Anywhere);
-        // Between two points it stays where the user drags it.
+        // For the same point the window stays where the user dragged it.
         if is_moved {
             window.current_pos(corner)
         } else {
@@ -184,7 +187,7 @@ impl AskedPlace {
         }
     }
 
-    /// Chooses a corner away from another point than the last, or of another view; whether it does.
+    /// Chooses a corner away from a new point or in a changed view; returns `true` if it chose one.
     fn turn_away(
         &mut self,
         rect: Rect,
@@ -192,7 +195,7 @@ impl AskedPlace {
         (point, at): (Vec3, Option<Pos2>),
     ) -> bool {
         let is_new = self.of.replace(point) != Some(point);
-        // Beside other panes the view begins or ends elsewhere: what was a corner may be its middle.
+        // If other panes open or close, the old corner may be in the middle of the view.
         let is_elsewhere = self.within.replace(rect.x_range()) != Some(rect.x_range());
         let Some(at) = at.filter(|_| is_new || is_elsewhere) else {
             return false;
@@ -224,7 +227,7 @@ impl AskedPlace {
 mod tests {
     use super::*;
 
-    /// Where a window 300 high stands after points were asked about.
+    /// Returns the rectangle of a window 300 points high after inspecting `points` in turn.
     fn after(rect: Rect, points: &[Pos2]) -> Rect {
         let (mut place, mut now) = (AskedPlace::default(), None);
         for (number, &at) in points.iter().enumerate() {
@@ -237,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn it_stands_away_from_the_point_and_moves_only_when_it_must() {
+    fn window_avoids_the_point_and_moves_only_if_needed() {
         let rect = Rect::from_min_max(Pos2::new(100.0, 50.0), Pos2::new(900.0, 750.0));
         let [left, right, low] = [(150.0, 100.0), (850.0, 100.0), (150.0, 700.0)].map(Pos2::from);
         assert_eq!(after(rect, &[left]).right_top(), Pos2::new(890.0, 60.0));
@@ -254,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn it_goes_to_a_corner_of_the_view_among_other_panes() {
+    fn window_moves_to_a_corner_when_the_view_changes() {
         let (wide, narrow) = (
             Rect::from_min_max(Pos2::ZERO, Pos2::new(900.0, 700.0)),
             Rect::everything_right_of(500.0),
@@ -270,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn no_point_of_a_narrow_view_is_covered() {
+    fn window_covers_no_point_of_a_narrow_view() {
         let rect = Rect::from_min_max(Pos2::ZERO, Pos2::new(380.0, 760.0));
         for x in (5..380).step_by(15) {
             for y in (5..760).step_by(15) {

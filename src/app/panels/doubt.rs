@@ -6,12 +6,12 @@ use crate::tips::action_button;
 use crate::{Action, SessionView, ViewState};
 use ostra_cloud::doubt::FrameDoubt;
 
-/// Frames that the list shows at a time.
+/// Number of frames visible in the list without scrolling.
 const LISTED: f32 = 8.0;
-/// Share from which a frame is listed: less is noise at borders.
+/// Share of conflicting pixels from which a frame is listed. Less is noise at borders.
 const LEAST: f32 = 0.01;
 
-/// The frames whose masks contradict the vote of all most, and what to do about it.
+/// Draws the list of frames with the largest conflicts and the actions to resolve them.
 pub(crate) fn doubt_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -68,13 +68,13 @@ pub(crate) fn doubt_ui(
     });
 }
 
-/// Whether a frame is worth a look.
+/// Returns `true` if a frame's conflict is large enough to be listed.
 fn is_worth_a_look(doubt: &FrameDoubt) -> bool {
     doubt.share() >= LEAST
 }
 
 impl ViewState {
-    /// Whether it is to be shown where the vote contradicts the frame shown.
+    /// Returns `true` if the conflicting pixels of the shown frame are to be highlighted.
     pub(crate) fn shows_contradiction(&self, doubts: &BTreeMap<usize, FrameDoubt>) -> bool {
         self.prefs.contradictions
             && self.masks_shown
@@ -82,7 +82,7 @@ impl ViewState {
     }
 }
 
-/// Frames that are worth a look with their shares, the worst first; of equal ones the earlier.
+/// Returns the listed frames with their shares, largest first, earlier frames first among equals.
 fn ranked(doubts: &BTreeMap<usize, FrameDoubt>) -> Vec<(usize, f32)> {
     let listed = doubts.iter().filter(|(_, doubt)| is_worth_a_look(doubt));
     let mut ranked: Vec<(usize, f32)> = listed
@@ -92,7 +92,10 @@ fn ranked(doubts: &BTreeMap<usize, FrameDoubt>) -> Vec<(usize, f32)> {
     ranked
 }
 
-/// The frame after this one in the list of the worst; the worst where this one agrees or is the last.
+/// Returns the frame with the next smaller conflict.
+///
+/// Returns the frame with the largest conflict if this one is not listed or is the last in the
+/// list.
 pub(crate) fn next_worst(doubts: &BTreeMap<usize, FrameDoubt>, frame: usize) -> Option<usize> {
     let listed: Vec<usize> = ranked(doubts).into_iter().map(|(frame, _)| frame).collect();
     let next = listed
@@ -108,7 +111,7 @@ mod tests {
     use crate::Prefs;
 
     #[test]
-    fn stripes_are_for_listed_frames_while_they_are_wanted() {
+    fn only_listed_frames_are_highlighted_and_only_if_enabled() {
         let doubt = |against| FrameDoubt {
             compared: 1000,
             against,
@@ -125,7 +128,7 @@ mod tests {
     }
 
     #[test]
-    fn goes_down_the_list_of_the_worst_and_begins_anew() {
+    fn next_worst_walks_down_the_list_and_wraps_around() {
         let doubt = |against| FrameDoubt {
             compared: 100,
             against,

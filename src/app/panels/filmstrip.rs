@@ -13,7 +13,7 @@ const UV: Rect = Rect {
     max: Pos2::new(1.0, 1.0),
 };
 
-/// What a frame's mask is, for the badge on its thumbnail.
+/// State of a frame's mask, shown as a badge on its thumbnail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum FrameState {
     None,
@@ -22,7 +22,9 @@ enum FrameState {
     Stale,
 }
 
-/// Thumbnails of all frames with the state of their masks; only those in sight are made.
+/// Draws the thumbnails of all frames with the state of their masks.
+///
+/// Only visible thumbnails are created.
 pub(crate) fn filmstrip_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -67,7 +69,7 @@ pub(crate) fn filmstrip_ui(
     });
 }
 
-/// The scroll offset that brings the frame into sight, moving no more than needed.
+/// Returns the scroll offset that makes the frame visible with the least movement.
 fn offset_showing(ui: &Ui, frame: usize, pitch: f32) -> f32 {
     let (offset, width) = ui
         .data(|data| data.get_temp::<(f32, f32)>(egui::Id::unique("filmstrip")))
@@ -155,7 +157,9 @@ fn caption(ui: &Ui, rect: Rect, frame: usize, state: FrameState, shown: bool) {
     );
 }
 
-/// A mark that differs in shape as well as colour: ring = none, dot = tracked, diamond = anchor, triangle = stale.
+/// Draws a badge whose states differ in shape as well as colour.
+///
+/// Ring: no mask; dot: tracked; diamond: keyframe; triangle: stale.
 fn badge(ui: &Ui, at: Pos2, state: FrameState) {
     let color = state.color(ui);
     let corners = |points: &[(f32, f32)]| {
@@ -178,7 +182,7 @@ fn badge(ui: &Ui, at: Pos2, state: FrameState) {
     };
 }
 
-/// A small bar in each label's colour at the end of the caption.
+/// Draws a small bar in the colour of each label at the end of the caption.
 fn label_marks(ui: &Ui, rect: Rect, session: &SessionView<'_>, view: &ViewState, frame: usize) {
     let mut right = rect.right() - 5.0;
     for &label in view.presence.on_frame(frame).iter().rev().take(7) {

@@ -8,7 +8,7 @@ use crate::{Action, SessionView, ViewState};
 use ostra_project::ResultKind;
 use ostra_session::Command;
 
-/// Settings and button for the labelled cloud.
+/// Draws the settings of fusion and its button.
 pub(crate) fn fuse_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -103,7 +103,7 @@ fn voxel_ui(ui: &mut Ui, view: &mut ViewState) {
     }
 }
 
-/// Instances of a label as they would be made: shown in 3-D, changed by two numbers, then made or given up.
+/// Draws the settings of the instance preview, with buttons to create or discard the instances.
 pub(crate) fn instances_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -178,7 +178,7 @@ pub(crate) fn instances_ui(
     });
 }
 
-/// What the project holds, how it was made, and whether it still fits.
+/// Draws the project's results, how they were made, and whether they are stale.
 pub(crate) fn results_ui(ui: &mut Ui, session: &SessionView<'_>) {
     if session.project.results.is_empty() {
         ui.weak("No results yet");

@@ -10,11 +10,13 @@ use ostra_project::{FrameMask, MaskOrigin};
 /// Height of the strip in points.
 pub(crate) const HEAT_HEIGHT: f32 = 9.0;
 
-/// Share of a mask that the vote of all contradicts from which a frame is as doubtful as can be.
+/// Share of conflicting pixels at which a frame gets confidence 0.
 const WORST_SHARE: f32 = 0.2;
 
-/// All frames in one strip, from left to right: bright where the tracker doubted or the vote of all contradicts the mask,
-/// dark where both were sure. A click or drag goes to the frame.
+/// Draws a strip of all frames, coloured by confidence; a click or drag goes to the frame.
+///
+/// Low confidence of the tracker and conflict with the vote of all views are bright, high
+/// confidence is dark. Keyframes without a notable conflict are green.
 pub(crate) fn heat_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     let size = Vec2::new(ui.available_width(), HEAT_HEIGHT);
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
@@ -48,25 +50,27 @@ pub(crate) fn heat_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewSta
     }
 }
 
-/// Frames side by side in a box, all as wide.
+/// Frames as columns of equal width in a rectangle.
 pub(super) struct Columns {
     pub(super) rect: Rect,
     pub(super) frames: Range<usize>,
 }
 
 impl Columns {
-    /// Width of a frame in points.
+    /// Returns the width of a frame in points.
     fn width(&self) -> f32 {
         self.rect.width() / self.frames.len().max(1) as f32
     }
 
-    /// The frame at a place on the screen; one of the ends' where that is beside the box.
+    /// Returns the frame at a screen position, clamped to the first and last frame.
+    ///
+    /// Returns `None` if there are no frames.
     pub(super) fn frame_at(&self, at: Pos2) -> Option<usize> {
         let column = ((at.x - self.rect.left()) / self.width()).max(0.0) as usize;
         (!self.frames.is_empty()).then(|| (self.frames.start + column).min(self.frames.end - 1))
     }
 
-    /// The place of frames (the last included) on the screen, at least a point wide.
+    /// Returns the rectangle of a range of frames, `last` included, at least one point wide.
     pub(super) fn place(&self, first: usize, last: usize) -> Rect {
         let x = |frame: usize| {
             self.rect.left() + (frame as f32 - self.frames.start as f32) * self.width()
@@ -76,8 +80,10 @@ impl Columns {
             .intersect(self.rect)
     }
 
-    /// Fills every column with the colour of its frames; columns narrower than a point share one. Neighbours of one
-    /// colour become one box.
+    /// Fills every column with the colour of its frames.
+    ///
+    /// Frames narrower than a point share a column. Adjacent columns of one colour become one
+    /// rectangle.
     pub(super) fn paint(&self, ui: &Ui, color: impl Fn(Range<usize>) -> Option<Color32>) {
         let step = ((1.0 / self.width()).ceil() as usize).max(1);
         let mut run: Option<(usize, usize, Color32)> = None;
@@ -102,7 +108,7 @@ impl Columns {
     }
 }
 
-/// A line down the middle of a frame's column.
+/// Draws a line down the middle of a frame's column.
 pub(super) fn mark(ui: &Ui, columns: &Columns, frame: usize, color: Color32) {
     if columns.frames.contains(&frame) {
         let place = columns.place(frame, frame);
@@ -114,7 +120,7 @@ pub(super) fn mark(ui: &Ui, columns: &Columns, frame: usize, color: Color32) {
     }
 }
 
-/// From cool and dark (sure) over amber to red (not sure).
+/// Returns the colour of a confidence: dark and cool at 1, amber at 0.5, red at 0.
 pub(super) fn heat(sure: f32) -> Color32 {
     const STOPS: [(f32, [f32; 3]); 4] = [
         (0.0, [235.0, 60.0, 50.0]),
@@ -162,8 +168,9 @@ fn worst(
         .or(least.map(stale))
 }
 
-/// How sure a frame is at its least: 0 where a label was lost, below 0 where it is stale; `None` for an anchor that the vote
-/// of all does not contradict.
+/// Returns the lowest confidence on a frame: 0 if a label was lost, negative if it is stale.
+///
+/// Returns `None` for a keyframe without a notable conflict with the vote.
 fn sureness(
     session: &SessionView<'_>,
     view: &ViewState,
@@ -225,7 +232,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn columns_and_frames_agree() {
+    fn frame_at_inverts_place() {
         let rect = Rect::from_min_size(Pos2::new(10.0, 0.0), Vec2::new(200.0, 9.0));
         for frames in [0..7, 3..40, 0..3000] {
             let columns = Columns {
@@ -249,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn doubt_is_hot() {
+    fn low_confidence_is_red() {
         assert!(heat(0.1).r() > 200 && heat(0.95).r() < 80);
     }
 }

@@ -7,7 +7,7 @@ use crate::{Action, SessionView, ViewState};
 use ostra_masks::LabelId;
 use ostra_session::JobView;
 
-/// One line at the bottom: what is open, what is under the pointer, what is running.
+/// Draws the status line: shown frame, pixel under the pointer and running jobs.
 pub(crate) fn status_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -44,7 +44,7 @@ pub(crate) fn status_ui(
     });
 }
 
-/// How much was done by hand, and how good the masks probably are.
+/// Shows the number of manual interactions and the estimated accuracy of the masks.
 fn work_ui(ui: &mut Ui, session: &SessionView<'_>) {
     let Some(estimate) = session.estimate else {
         return;
@@ -101,7 +101,7 @@ fn pointer_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState) {
     }
 }
 
-/// What is running, how far it is, and the button that stops it.
+/// Draws the running jobs with their progress and stop button.
 pub(crate) fn jobs_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -130,7 +130,7 @@ pub(crate) fn jobs_ui(
     }
 }
 
-/// Shows the button that starts a task, or stops it while it runs.
+/// Draws the button that starts a task, or stops it while it runs.
 pub(super) fn run_button_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -156,7 +156,7 @@ pub(super) fn run_button_ui(
     }
 }
 
-/// How far a job is, in words.
+/// Returns the progress of a job as text.
 pub(crate) fn progress_text(job: &JobView) -> String {
     let report = &job.report;
     match (report.done * 100).checked_div(report.total) {

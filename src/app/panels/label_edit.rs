@@ -5,7 +5,7 @@ use ostra_cloud::instances::InstanceOptions;
 use ostra_masks::{Label, LabelId, LabelTree};
 use ostra_session::{Command, InstancesRequest};
 
-/// The row for a new label below the list.
+/// Draws the row for a new label below the list.
 pub(super) fn new_label_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -48,7 +48,7 @@ pub(super) fn new_label_ui(
     });
 }
 
-/// The name as an edit field while it is being renamed; `false` when it is not.
+/// Draws a text field for the label being renamed; returns `false` for other labels.
 pub(super) fn rename_ui(
     ui: &mut Ui,
     view: &mut ViewState,
@@ -79,7 +79,7 @@ pub(super) fn rename_ui(
     true
 }
 
-/// Everything that can be done with a label.
+/// Draws the context menu of a label.
 pub(super) fn label_menu_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -168,7 +168,7 @@ fn move_ui(ui: &mut Ui, session: &SessionView<'_>, out: &mut Vec<Command>, label
     }));
 }
 
-/// A button for each label that is allowed; the one that is clicked.
+/// Draws a button for each allowed label and returns the one clicked.
 fn chosen_ui(
     ui: &mut Ui,
     tree: &LabelTree,
@@ -187,7 +187,9 @@ fn chosen_ui(
     chosen
 }
 
-/// A label's row can be dragged onto another one, whose part it becomes; never onto itself or what is below it.
+/// Lets a row be dragged onto another one, to become its child.
+///
+/// Dropping a label onto itself or a descendant is not possible.
 pub(super) fn drag_ui(
     ui: &Ui,
     session: &SessionView<'_>,
@@ -215,7 +217,7 @@ pub(super) fn drag_ui(
     }
 }
 
-/// While a label is dragged that is a part of another: where it becomes a label of the top level.
+/// Draws a drop area for the top level while a child label is dragged.
 pub(super) fn top_level_ui(ui: &mut Ui, session: &SessionView<'_>, out: &mut Vec<Command>) {
     let tree = &session.project.labels;
     let dragged = egui::DragAndDrop::payload::<LabelId>(ui.ctx());
@@ -233,7 +235,7 @@ fn can_be_below(tree: &LabelTree, id: LabelId, parent: LabelId) -> bool {
     !tree.path(parent).contains(&id)
 }
 
-/// The command that moves a label; `None` where it is there already.
+/// Returns the command that moves a label; `None` if it already has this parent.
 fn moved(tree: &LabelTree, id: LabelId, parent: Option<LabelId>) -> Option<Command> {
     let label = tree.get(id).filter(|label| label.parent != parent)?;
     Some(Command::EditLabel(Label {
@@ -242,7 +244,9 @@ fn moved(tree: &LabelTree, id: LabelId, parent: Option<LabelId>) -> Option<Comma
     }))
 }
 
-/// All labels with their depth (0 = top), each followed by those below it: the order of the list and of the keys 1–9.
+/// Returns all labels with their depth (0 = top), children after their parent.
+///
+/// This is the order of the label list and of the keys 1–9.
 pub(crate) fn listed(tree: &LabelTree) -> Vec<(Label, usize)> {
     let mut rows = Vec::new();
     push_children(tree, None, 0, &mut rows);
@@ -266,7 +270,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn list_puts_children_below_their_parents() {
+    fn children_are_listed_after_their_parent() {
         let mut tree = LabelTree::default();
         for (id, parent) in [(1, None), (2, None), (3, Some(1)), (4, Some(3))] {
             let parent = parent.map(LabelId);

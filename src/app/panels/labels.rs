@@ -6,7 +6,7 @@ use crate::{SessionView, ViewState};
 use ostra_masks::{Label, LabelId};
 use ostra_session::Command;
 
-/// The tree of labels: choose, show and hide, rename, recolour, move, add and remove.
+/// Draws the label tree: select, show and hide, rename, recolour, move, add and remove.
 pub(crate) fn labels_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -36,7 +36,7 @@ pub(crate) fn labels_ui(
     new_label_ui(ui, session, view, out);
 }
 
-/// Makes a label with a free name, chosen at once and ready to be renamed.
+/// Adds a label with an unused name, selects it and starts renaming it.
 pub(crate) fn add_label(session: &SessionView<'_>, view: &mut ViewState, out: &mut Vec<Command>) {
     let tree = &session.project.labels;
     let id = tree.next_id();
@@ -158,7 +158,7 @@ fn name_ui(
     response.context_menu(|ui| label_menu_ui(ui, session, view, out, label));
 }
 
-/// A row of the whole width left, with a weak key before the name.
+/// Draws a row of the available width, with its shortcut in a weak colour before the name.
 fn selectable_row(ui: &mut Ui, selected: bool, key: &str, name: &str) -> Response {
     let (rect, response) = ui.allocate_exact_size(
         egui::vec2(ui.available_width(), 20.0),
@@ -219,7 +219,7 @@ fn row_end_ui(
         .on_hover_text(tip);
 }
 
-/// A number of points in three digits or so.
+/// Formats a number of points in about three digits.
 fn rounded(points: usize) -> String {
     match points {
         0..1_000 => points.to_string(),
@@ -247,7 +247,7 @@ fn eye_ui(ui: &mut Ui, view: &mut ViewState, label: &Label) {
     }
 }
 
-/// An eye drawn with lines: open, or closed with a dash.
+/// Draws an eye: open, or closed as a line.
 fn eye_icon(ui: &Ui, response: &Response, open: bool) {
     let at = response.rect.center();
     let visuals = ui.style().interact(response);
@@ -272,7 +272,7 @@ fn eye_icon(ui: &Ui, response: &Response, open: bool) {
     }
 }
 
-/// The labels of a cloud that is inspected alone: how many points each has, shown or not.
+/// Draws the labels of a PLY viewed on its own, with visibility and number of points.
 pub(crate) fn cloud_labels_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     section_heading(ui, "Labels");
     let Some(cloud) = session.cloud else { return };

@@ -7,7 +7,7 @@ use ostra_reconstruct::rgbd::{FrameLink, LinkKind};
 use ostra_reconstruct::sfm::Outcome;
 use ostra_session::SparseModel;
 
-/// Lines drawn at most; of more matches every n-th is shown.
+/// Maximum number of drawn lines. Of more matches every n-th is shown.
 const LINES: usize = 120;
 /// Reprojection error in pixels from which a line is drawn red.
 const BAD_PX: f64 = 2.0;
@@ -16,7 +16,7 @@ const UV: Rect = Rect {
     max: Pos2::new(1.0, 1.0),
 };
 
-/// A window with what became of every frame, and lines between what two frames share.
+/// Draws the window of registered frames and of the matches between two frames.
 pub(crate) fn matches_ui(
     ui: &Ui,
     session: &SessionView<'_>,
@@ -126,7 +126,9 @@ fn pair_ui(
     }
 }
 
-/// The frames that hold this one, in words, the best first: by depth, else by points that both see.
+/// Returns the frames linked to this one with a description, strongest first.
+///
+/// Links come from depth registration if there are any, else from shared points.
 fn partners(sparse: &SparseModel, frame: usize) -> Vec<(usize, String)> {
     let linked = |(other, link): (usize, FrameLink)| {
         let kind = match link.kind {
@@ -152,7 +154,7 @@ fn partners(sparse: &SparseModel, frame: usize) -> Vec<(usize, String)> {
     }
 }
 
-/// Two places beside each other, or one over the other where that shows the pictures larger.
+/// Returns two rectangles next to each other, or stacked if that shows the images larger.
 fn places(rect: Rect, session: &SessionView<'_>, frame: usize) -> [Rect; 2] {
     let known = &session.project.frames[frame];
     let size = Vec2::new(known.width as f32, known.height as f32);
@@ -170,7 +172,7 @@ fn places(rect: Rect, session: &SessionView<'_>, frame: usize) -> [Rect; 2] {
     ]
 }
 
-/// The choice of the other frame.
+/// Draws the choice of the second frame.
 fn other_ui(ui: &mut Ui, view: &mut ViewState, partners: &[(usize, String)], other: usize) {
     let chosen = partners
         .iter()
@@ -191,7 +193,7 @@ fn other_ui(ui: &mut Ui, view: &mut ViewState, partners: &[(usize, String)], oth
         .on_hover_text("Second frame; the list begins with the strongest link");
 }
 
-/// Draws a frame's picture into a place; gives where it lies.
+/// Draws a frame's image into a rectangle and returns the area that it covers.
 fn picture_ui(
     ui: &Ui,
     session: &SessionView<'_>,
@@ -221,17 +223,19 @@ fn picture_ui(
     fitted
 }
 
-/// Green for exact, over yellow to red.
+/// Returns the colour of a reprojection error: green at 0, over yellow to red.
 fn error_color(error_px: f64) -> Color32 {
     let share = (error_px / BAD_PX).clamp(0.0, 1.0) as f32;
     let (red, green) = ((2.0 * share).min(1.0), (2.0 - 2.0 * share).min(1.0));
     Color32::from_rgb((60.0 + 195.0 * red) as u8, (60.0 + 140.0 * green) as u8, 90)
 }
 
-/// Median error in pixels above which a frame wants to be looked at.
+/// Median error in pixels above which a frame is highlighted.
 const DOUBTFUL_PX: f64 = 1.0;
 
-/// One row per frame: what it sees and how exactly, or why it has no camera. A click goes to the frame.
+/// Draws a row per frame with its accuracy, or the reason why it has no camera.
+///
+/// A click goes to the frame.
 fn outcomes_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, sparse: &SparseModel) {
     let placed = sparse
         .outcomes
@@ -285,7 +289,7 @@ fn row_ui(
     }
 }
 
-/// What a row tells at its end; coloured only where it wants to be looked at.
+/// Returns the text and colour at the end of a row. Only problems are highlighted.
 fn summary(ui: &Ui, outcome: &Outcome) -> (String, Color32) {
     let visuals = ui.visuals();
     match outcome {

@@ -9,10 +9,10 @@ use ostra_cloud::measure::{GroundChoice, LengthUnit, TraitRow};
 use ostra_masks::{LabelId, LabelTree};
 use ostra_view::Axes;
 
-/// So many pieces are told in a tip.
+/// Maximum number of parts listed in a tooltip.
 const MOST_PIECES: usize = 12;
 
-/// A button that begins another angle, with the chosen label as its first.
+/// Draws the button that adds an angle, with the selected label as its first.
 pub(super) fn add_angle_ui(ui: &mut Ui, chosen: Option<LabelId>, angles: &mut Vec<AngleChoice>) {
     let tip = "Measure the angle between two labels where they meet, such as a leaf and its stem";
     if ui.button("Add angle").on_hover_text(tip).clicked() {
@@ -20,7 +20,7 @@ pub(super) fn add_angle_ui(ui: &mut Ui, chosen: Option<LabelId>, angles: &mut Ve
     }
 }
 
-/// A line for each angle: its labels, and the angle between them.
+/// Draws a line per angle: its two labels and the measured value.
 pub(super) fn angles_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -93,14 +93,14 @@ fn value_ui(ui: &mut Ui, session: &SessionView<'_>, pair: Option<[LabelId; 2]>) 
             ui.label("Measuring…");
         }
         None => {
-            // The job begins with the next picture of the window.
+            // The job starts with the next frame of the window.
             ui.ctx().request_repaint_after_secs(0.2);
             ui.weak("Not measured");
         }
     }
 }
 
-/// The angle of the largest piece; those of all in the tip.
+/// Shows the angle of the largest part, and the angles of all parts in the tooltip.
 fn told_ui(ui: &mut Ui, session: &SessionView<'_>, rows: &[TraitRow]) {
     let Some(first) = rows.first() else { return };
     let text = |row: &TraitRow| session.unit.text(row.value, row.dimension);
@@ -124,7 +124,7 @@ fn told_ui(ui: &mut Ui, session: &SessionView<'_>, rows: &[TraitRow]) {
     ui.label(text(first)).on_hover_text(tip);
 }
 
-/// The plane above which heights are measured.
+/// Draws the choice of the ground, above which heights are measured.
 pub(crate) fn ground_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -175,7 +175,7 @@ pub(crate) fn ground_ui(
     }
 }
 
-/// All x with normal · x = offset.
+/// Draws the fields of a plane, all points x with normal · x = offset.
 fn plane_ui(ui: &mut Ui, normal: &mut [f64; 3], offset: &mut f64) {
     let names = ["Normal x", "Normal y", "Normal z"];
     let before = *normal;
@@ -199,7 +199,9 @@ fn plane_ui(ui: &mut Ui, normal: &mut [f64; 3], offset: &mut f64) {
     .accessible_name("Offset");
 }
 
-/// The unit that lengths are shown in; `None` = the scene's own. Metric units are offered where the scale is known.
+/// Draws the choice of the length unit; `None` is the scene's own.
+///
+/// Metric units are offered if the scale is known.
 pub(crate) fn unit_ui(
     ui: &mut Ui,
     name: &str,

@@ -7,13 +7,13 @@ use ostra_cloud::measure::{GroundChoice, LengthUnit, TraitRow};
 use ostra_masks::LabelId;
 use ostra_session::MeasureSettings;
 
-/// A column of the table of measures.
+/// Column of the table of traits.
 pub(super) struct Column {
     pub(super) title: &'static str,
     pub(super) tip: &'static str,
-    /// Traits that it shows.
+    /// Names of the shown traits.
     pub(super) traits: &'static [&'static str],
-    /// Whether all of them are shown, or the first that the label has.
+    /// Whether all traits are shown, or only the first that the label has.
     pub(super) joined: bool,
 }
 
@@ -35,7 +35,7 @@ const fn joined(title: &'static str, tip: &'static str, traits: &'static [&'stat
     }
 }
 
-/// After the label's name, from left to right.
+/// Columns after the label's name, from left to right.
 pub(super) const COLUMNS: [Column; 12] = [
     first(
         "Points",
@@ -79,42 +79,42 @@ pub(super) const COLUMNS: [Column; 12] = [
     ),
 ];
 
-/// What the window of measures shows.
+/// State of the traits window.
 #[derive(Debug, Clone, Default)]
 pub struct MeasureView {
-    /// Whether it is open.
+    /// Whether the window is open.
     pub open: bool,
-    /// What is measured.
+    /// Settings of the measurement.
     pub settings: MeasureSettings,
-    /// The unit chosen; none = that of the scene.
+    /// Chosen unit; `None` uses that of the scene.
     pub unit: Option<LengthUnit>,
-    /// Pairs of labels whose angle is told, as far as they are chosen.
+    /// Pairs of labels whose angle is measured; either label may not be chosen yet.
     pub(super) angles: Vec<AngleChoice>,
-    /// Column that rows are sorted by, largest first when the second is set; none = order of the tree.
+    /// Column to sort by and whether the largest comes first; `None` for the order of the tree.
     pub(super) sorted: Option<(usize, bool)>,
     pub(super) table: Table,
 }
 
 impl MeasureView {
-    /// Drops a metric unit where lengths have none.
+    /// Drops a metric unit if the scale is unknown.
     pub fn keep_valid(&mut self, session: &SessionView<'_>) {
         self.unit = self.unit.filter(|_| session.may_be_metric());
     }
 
-    /// Follows a scene whose lengths were multiplied.
+    /// Multiplies the offset of the ground plane by `factor` after the scene was rescaled.
     pub fn scale_by(&mut self, factor: f64) {
         if let GroundChoice::Plane { offset, .. } = &mut self.settings.ground {
             *offset *= factor;
         }
     }
 
-    /// The two labels of each angle that is told.
+    /// Returns the label pairs of all complete angles.
     pub fn pairs(&self) -> impl Iterator<Item = [LabelId; 2]> {
         self.angles.iter().filter_map(AngleChoice::pair)
     }
 }
 
-/// Which row of the traits tells what of which label, found once for each measurement.
+/// Index of traits by label and name, built once per measurement.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Table {
     rows: Option<Arc<Vec<TraitRow>>>,
@@ -122,7 +122,9 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// The trait of the label as a whole, else of its largest piece.
+    /// Rebuilds the index if the traits changed.
+    ///
+    /// A trait of the whole label precedes that of its largest part.
     pub(super) fn follow(&mut self, rows: &Arc<Vec<TraitRow>>) {
         if self
             .rows
@@ -146,7 +148,7 @@ impl Table {
             .get(*self.places.get(&(id, Cow::Borrowed(name)))?)
     }
 
-    /// What a column tells of a label.
+    /// Returns the traits that a column shows for a label.
     pub(super) fn cell(&self, id: LabelId, column: &Column) -> Vec<&TraitRow> {
         let found = column.traits.iter().filter_map(|name| self.find(id, name));
         found
@@ -164,12 +166,12 @@ impl Table {
     }
 }
 
-/// Two labels, chosen one after the other, whose angle is told.
+/// Labels of an angle, chosen one after the other.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct AngleChoice(pub(super) [Option<LabelId>; 2]);
 
 impl AngleChoice {
-    /// Both labels, once they are chosen.
+    /// Returns both labels once they are chosen.
     pub(super) fn pair(&self) -> Option<[LabelId; 2]> {
         let [first, second] = self.0;
         Some([first?, second?])

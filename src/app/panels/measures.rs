@@ -9,7 +9,7 @@ use crate::{Dialog, SessionView, ViewState};
 use ostra_cloud::measure::LengthUnit;
 use ostra_masks::{Label, LabelTree};
 
-/// A window with what was measured of each label.
+/// Draws the window of traits per label.
 pub(crate) fn measures_ui(ui: &Ui, session: &SessionView<'_>, view: &mut ViewState) {
     let mut open = view.measures.open;
     let window = egui::Window::new("Traits")
@@ -45,7 +45,7 @@ pub(crate) fn measures_ui(ui: &Ui, session: &SessionView<'_>, view: &mut ViewSta
                     });
                 }
                 None => {
-                    // The job begins with the next picture of the window.
+                    // The job starts with the next frame of the window.
                     ui.ctx().request_repaint_after_secs(0.2);
                     ui.label("No label has enough points to measure.");
                 }
@@ -114,7 +114,7 @@ fn table_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState, tree: 
     view.measures.table = table;
 }
 
-/// By the first value of a column; labels without one come last.
+/// Sorts rows by the first value of a column; labels without a value come last.
 fn sort(rows: &mut [(Label, usize)], table: &Table, sorted: Option<(usize, bool)>) {
     let Some((column, largest_first)) = sorted else {
         return;

@@ -1,4 +1,4 @@
-//! Panels around the picture: one file each, one function per section.
+//! Panels around the image and the 3-D view, one function per section.
 
 mod asked;
 mod doubt;

@@ -41,7 +41,7 @@ const DEVICES: [(DeviceId, &str, &str); 3] = [
     (DeviceId::Gpu, "Graphics card", "The graphics card"),
 ];
 
-/// Settings and button for cameras and depths.
+/// Draws the settings of reconstruction and its button.
 pub(crate) fn reconstruct_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -143,10 +143,10 @@ fn device_ui(ui: &mut Ui, device: &mut DeviceId) {
         });
 }
 
-/// Sides of pictures that can be chosen, in pixels.
+/// Selectable image sizes (longest side), in pixels.
 const SIDES: std::ops::RangeInclusive<u32> = 256..=8192;
 
-/// How cameras are found and on which pixels: what is recognised in pictures, which pairs are compared, the size.
+/// Draws the settings of camera estimation: features, matching, image pairs, image size.
 fn finding_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     egui::Grid::new("finding").num_columns(2).spacing([8.0, 6.0]).show(ui, |ui| {
         let request = &mut view.reconstruct;
@@ -216,7 +216,7 @@ fn side_ui(ui: &mut Ui, max_side: &mut Option<u32>) {
     }
 }
 
-/// The pairs of frames that a text names, `0,12 3,40`; else what is wrong with it.
+/// Parses pairs of frames such as `0,12 3,40`, or returns an error message.
 pub(crate) fn pairs_in(text: &str) -> Result<Vec<[usize; 2]>, String> {
     let pair = |word: &str| {
         let (first, second) = word.split_once(',')?;
@@ -234,7 +234,7 @@ mod tests {
     use super::pairs_in;
 
     #[test]
-    fn pairs_are_read_and_the_first_wrong_word_is_named() {
+    fn pairs_are_parsed_and_the_first_invalid_one_is_reported() {
         assert_eq!(pairs_in(""), Ok(vec![]));
         assert_eq!(pairs_in("0,12  3,40"), Ok(vec![[0, 12], [3, 40]]));
         assert!(pairs_in("0,12 3-40 x").unwrap_err().contains("'3-40'"));

@@ -6,7 +6,7 @@ use crate::tips::action_button;
 use crate::{Action, SessionView, ViewState};
 use ostra_cloud::measure::{Dimension, LengthUnit};
 
-/// What the ruler measures, and the length it should.
+/// Draws the measured value of the ruler and the field for the known length.
 pub(super) fn ruler_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,

@@ -45,7 +45,7 @@ const MODELS: [(Shown, &str, &str); 4] = [
     (Shown::Voxels, "Voxels", "Occupied voxels"),
 ];
 
-/// What is shown, what colours show, point size, frusta and where to look from.
+/// Draws the tool bar of the 3-D view: model, colours, point size, frusta and viewpoint.
 pub(super) fn scene_bar_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -105,7 +105,7 @@ pub(super) fn scene_bar_ui(
             ui.toggle_value(&mut view.ruler.in_hand, "Ruler")
                 .on_hover_text("Click points to measure distances, lines and angles, and to set the scale by a distance");
         }
-        // What comes and goes stands last, so that nothing else moves.
+        // Controls that appear and disappear come last, so that the others do not move.
         if view.scene.through.is_some() {
             let slider = Slider::new(&mut view.prefs.scene.blend, 0.0..=1.0).show_value(false);
             let tip = "Opacity of the image over the 3-D view; the view follows the current frame";
@@ -121,7 +121,7 @@ pub(super) fn scene_bar_ui(
     });
 }
 
-/// What colours show, in a word.
+/// Returns the short name of a colouring.
 pub(super) fn coloring_text(coloring: Coloring) -> &'static str {
     COLORINGS
         .iter()
@@ -129,7 +129,7 @@ pub(super) fn coloring_text(coloring: Coloring) -> &'static str {
         .map_or("Colour", |(_, text, _)| text)
 }
 
-/// What colours show; of labels, at which level of their tree.
+/// Draws the choice of the colouring and, for labels, of the level in the label tree.
 fn coloring_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     let choice = ComboBox::from_id_salt("coloring")
         .selected_text(coloring_text(view.coloring))
@@ -180,7 +180,7 @@ fn coloring_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
         .accessible_name("Level of labels");
 }
 
-/// What stands out alone, and the way back.
+/// Shows the isolated label and the vote threshold, with buttons to reset them.
 fn isolated_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     if let Some(below) = view.scene.doubtful_below {
         let text = format!("Only below {:.0} %", 100.0 * below);
@@ -204,11 +204,11 @@ fn isolated_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     }
 }
 
-/// Names of the axes' two sides.
+/// Names of the two sides of each axis.
 const SIDES: [[&str; 2]; 3] = [["Left", "Right"], ["Bottom", "Top"], ["Front", "Back"]];
 const AXES: [&str; 3] = ["Left to right", "Bottom to top", "Front to back"];
 
-/// Light, projection, background, and where to look from.
+/// Draws the menu of viewpoints, projection, lighting and background.
 fn display_ui(ui: &mut Ui, view: &mut ViewState, actions: &mut Vec<Action>) {
     let menu = staying("Display").ui(ui, |ui| {
         ui.set_min_width(250.0);
@@ -256,7 +256,7 @@ fn display_ui(ui: &mut Ui, view: &mut ViewState, actions: &mut Vec<Action>) {
         .on_hover_text("Lighting, projection, background and view direction");
 }
 
-/// The share of the votes below which a label is doubtful, when first asked for.
+/// Initial vote share below which points count as uncertain.
 const DOUBTFUL: f32 = 0.7;
 
 fn doubtful_ui(ui: &mut Ui, below: &mut Option<f32>) {
@@ -307,7 +307,7 @@ fn background_ui(ui: &mut Ui, background: &mut Option<[u8; 3]>) {
     });
 }
 
-/// The box outside of which nothing is drawn or picked, and a slice of it.
+/// Draws the menu of the clipping box and slice; nothing outside them is drawn or picked.
 fn clip_ui(ui: &mut Ui, clip: &mut ClipSides) {
     let text = if *clip == ClipSides::default() {
         "Clip"
@@ -381,7 +381,7 @@ fn share_ui(ui: &mut Ui, share: &mut f32, name: &str, tip: &str) {
     ui.end_row();
 }
 
-/// A menu that stays open while things in it are changed.
+/// Returns a menu that stays open while its contents are changed.
 fn staying(text: &str) -> MenuButton<'_> {
     let config = MenuConfig::new().close_behavior(PopupCloseBehavior::CloseOnClickOutside);
     MenuButton::new(text).config(config)

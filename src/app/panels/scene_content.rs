@@ -8,7 +8,7 @@ use ostra_cloud::LabelledCloud;
 use ostra_frames::Frame;
 use ostra_view::{Axes, Bounds, Model, Orbit, PicturePlane, Scene3d, SceneView, default_view};
 
-/// The scene drawn on the window's GPU, shown as a texture.
+/// Scene rendered on the window's GPU and shown as a texture.
 pub(super) struct SceneCanvas {
     gpu: egui_wgpu::RenderState,
     view: SceneView,
@@ -27,7 +27,9 @@ impl SceneCanvas {
         }
     }
 
-    /// Draws a bounded part of the scene and shows what stands; whether the picture is whole.
+    /// Renders the next part of the scene and shows the result so far.
+    ///
+    /// The work per call is bounded. Returns `true` if the image is complete.
     pub fn draw(&mut self, ui: &Ui, rect: Rect, model: Option<Model>, scene: &Scene3d) -> bool {
         self.view
             .set_model(model.unwrap_or_else(|| self.nothing.clone()));
@@ -39,12 +41,12 @@ impl SceneCanvas {
         whole
     }
 
-    /// What the ends of the ramp stand for that colours come from.
+    /// Returns the values at the ends of the colour ramp.
     pub fn range(&self) -> Option<[f32; 2]> {
         self.view.range()
     }
 
-    /// egui's name for the view's texture, which is another one after each change of size.
+    /// Returns egui's id of the view's texture, which is replaced after each change of size.
     fn texture_id(&mut self, size: [u32; 2]) -> Option<TextureId> {
         let texture = self.view.texture()?;
         let (device, filter) = (&self.gpu.device, Default::default());
@@ -62,21 +64,23 @@ impl SceneCanvas {
     }
 }
 
-/// What the view was last framed for.
+/// Content that the view was last framed for.
 #[derive(Default)]
 pub(super) struct Framed {
     pub(super) cloud: Option<Arc<LabelledCloud>>,
     pub(super) centre: Vec3,
     pub(super) radius: f32,
     pub(super) axes: Option<Axes>,
-    /// Where it lies along the axes.
+    /// Extent of the points along the axes.
     pub(super) extent: Option<Bounds>,
 }
 
-/// Most pictures that stand in the scene.
+/// Maximum number of images shown in the scene.
 const PLANES: usize = 200;
 
-/// The pictures at the ends of the frusta, of evenly chosen frames where there are many; not that which would hide all.
+/// Returns the images at the ends of the frusta, of evenly spaced frames if there are many.
+///
+/// The frame that the view looks through is left out, because its image would hide everything.
 pub(super) fn picture_planes(
     session: &SessionView<'_>,
     view: &ViewState,
@@ -102,7 +106,9 @@ pub(super) fn picture_planes(
         .collect()
 }
 
-/// What is drawn: points until the triangles wanted are there, and while depth is made.
+/// Returns the model to draw.
+///
+/// Points are drawn until the requested surface is loaded, and while depth maps are computed.
 pub(super) fn model(session: &SessionView<'_>, view: &ViewState) -> Option<Model> {
     match (
         view.shown,
@@ -129,7 +135,9 @@ pub(super) fn bounds(session: &SessionView<'_>) -> Option<Bounds> {
     }
 }
 
-/// The cameras, and the half of the sparse points that lies nearest to their middle: some always lie far away.
+/// Returns the camera centres and the half of the sparse points nearest to their mean.
+///
+/// Some sparse points are always far away and would make the bounds too large.
 fn near_the_cameras<'a>(
     session: &'a SessionView<'_>,
     cloud: &'a LabelledCloud,
@@ -163,7 +171,7 @@ pub(super) fn framing(session: &SessionView<'_>, aspect: f32) -> Option<Orbit> {
     }
 }
 
-/// All cameras from behind, a little from above and from the side, upright as they stood.
+/// Returns a view of all cameras from behind, slightly from above and from the side, upright.
 fn cameras_view(session: &SessionView<'_>) -> Option<Orbit> {
     let poses = session
         .project
@@ -183,7 +191,7 @@ fn cameras_view(session: &SessionView<'_>) -> Option<Orbit> {
     ))
 }
 
-/// Indices of an evenly spread part of the points, enough to know where the cloud lies.
+/// Returns evenly spaced point indices, enough to estimate the extent of the cloud.
 pub(super) fn every_nth(cloud: &LabelledCloud) -> impl Iterator<Item = usize> {
     (0..cloud.len()).step_by((cloud.len() / 100_000).max(1))
 }

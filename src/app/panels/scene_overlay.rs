@@ -10,10 +10,12 @@ use ostra_view::{Coloring, ViewCamera, ramp};
 
 /// Longest scale bar in screen points.
 const BAR: f32 = 140.0;
-/// Length of the gizmo's axes in screen points.
+/// Length of the drawn axes in screen points.
 const AXIS: f32 = 26.0;
 
-/// Scale bar, directions of the axes and the legend of the colours over the 3-D view; `depth` is the target's.
+/// Draws scale bar, axes and colour legend over the 3-D view.
+///
+/// The scale bar is valid at `depth`, the distance of the view's target.
 pub(super) fn marks(
     ui: &Ui,
     rect: Rect,
@@ -53,7 +55,7 @@ pub(super) fn marks(
     }
 }
 
-/// Dark on light and light on dark.
+/// Returns a dark colour for light backgrounds and a light one for dark backgrounds.
 fn ink_on([r, g, b]: [u8; 3]) -> Color32 {
     let light = 0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b);
     Color32::from_gray(if light > 127.0 { 30 } else { 225 })
@@ -87,7 +89,7 @@ fn scale_bar(
     );
 }
 
-/// A round length in the unit that writes it shortest.
+/// Formats a round length in the unit with the shortest text.
 fn length_text(length: f32, unit: LengthUnit) -> String {
     let unit = match unit {
         LengthUnit::World => LengthUnit::World,
@@ -103,7 +105,7 @@ fn length_text(length: f32, unit: LengthUnit) -> String {
     }
 }
 
-/// The largest of 1, 2 and 5 times a power of ten that is not above `most`.
+/// Returns the largest of 1, 2 and 5 times a power of ten that is at most `most`.
 fn round_length(most: f32) -> Option<f32> {
     let decade = 10_f64.powf(f64::from(most).log10().floor());
     let length = [5.0, 2.0, 1.0]
@@ -113,7 +115,7 @@ fn round_length(most: f32) -> Option<f32> {
     (length.is_finite() && length > 0.0).then_some(length as f32)
 }
 
-/// The world's axes as they lie in the view, the farthest drawn first.
+/// Draws the directions of the world axes in the view, the farthest first.
 fn axes(painter: &Painter, middle: Pos2, camera: &ViewCamera, ink: Color32) {
     let axis = |axis: Vec3, name: &'static str, color| {
         (
@@ -142,7 +144,7 @@ fn axes(painter: &Painter, middle: Pos2, camera: &ViewCamera, ink: Color32) {
     }
 }
 
-/// What the ends of the ramp are called.
+/// Returns the texts at the ends of the colour ramp.
 fn legend_ends(
     coloring: Coloring,
     unit: LengthUnit,
@@ -193,11 +195,12 @@ fn legend(painter: &Painter, corner: Pos2, (title, ends): (&str, [String; 2]), i
     }
 }
 
-/// Cells along each side of the picture: a bent lens shows as it is.
+/// Cells per side of the image mesh, enough to show lens distortion.
 const CELLS: usize = 24;
 
-/// The picture of the frame whose camera the view looks through, laid over what it sees; `depth` (world units) is where the
-/// view's target lies.
+/// Draws the image of the camera that the view looks through over the scene.
+///
+/// The image is projected at `depth`, the distance of the view's target in world units.
 pub(super) fn blend(
     ui: &Ui,
     (rect, camera, depth): (Rect, &ViewCamera, f32),
@@ -228,7 +231,9 @@ fn to_screen(rect: Rect, camera: &ViewCamera, px: glam::Vec2) -> egui::Pos2 {
     rect.min + egui::vec2(px.x / width * rect.width(), px.y / height * rect.height())
 }
 
-/// Cells of the frame's picture where `project` sees the points `depth` before its camera; `false` where it sees one not.
+/// Adds the cells of a frame's image, placed at `depth` in front of its camera.
+///
+/// Returns `false` if `project` cannot see one of them.
 fn add_cells(
     mesh: &mut Mesh,
     frame: &Frame,
@@ -270,7 +275,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn scale_bars_are_round() {
+    fn scale_bar_lengths_are_round() {
         let lengths = [0.034, 1.0, 1.99, 7.0, 430.0].map(|most| round_length(most).unwrap());
         assert_eq!(lengths, [0.02, 1.0, 1.0, 5.0, 200.0]);
         assert_eq!((round_length(0.0), round_length(f32::NAN)), (None, None));

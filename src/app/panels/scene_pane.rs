@@ -22,31 +22,31 @@ use ostra_view::{
     frustum_lines, link_lines, pick_frustum,
 };
 
-/// The 3-D view: where it is seen from, and the texture it is drawn into.
+/// 3-D view: camera, rendered texture, picking and inspection.
 pub struct ScenePane {
     canvas: Option<SceneCanvas>,
     orbit: Option<Orbit>,
     framed: Framed,
-    /// Where the wheel was last turned and what it zooms to, and whether that is what was found there.
+    /// Pointer position of the last zoom, its target, and whether the target was picked.
     zoom_anchor: Option<(egui::Pos2, Vec3, bool)>,
     picks: ScenePicks,
-    /// Where the view was put to look through a camera.
+    /// Camera of the view when it was set to look through a frame's camera.
     through: Option<Orbit>,
     hover: SceneHover,
     asked_place: AskedPlace,
 }
 
-/// Radians a second that the turntable turns.
+/// Speed of the turntable in radians per second.
 const TURNING: f32 = 0.5;
 
-/// What of the scene is drawn and picked.
+/// Settings that decide which points are drawn and picked.
 struct Seen {
     appearance: Appearance,
     clip: Clip,
 }
 
 impl ScenePane {
-    /// A view that draws on the window's GPU; without one it says so.
+    /// Creates a view that draws on the window's GPU; without one it shows a message.
     #[must_use]
     pub fn new(gpu: Option<&egui_wgpu::RenderState>) -> Self {
         Self {
@@ -61,7 +61,7 @@ impl ScenePane {
         }
     }
 
-    /// Forgets where the view was: another project is open.
+    /// Resets the view for another project.
     pub fn clear(&mut self) {
         self.orbit = None;
         self.framed = Framed::default();
@@ -69,7 +69,7 @@ impl ScenePane {
         self.zoom_anchor = None;
     }
 
-    /// Follows a scene whose lengths were multiplied, so that the view stays the same.
+    /// Multiplies scene lengths by `factor`, so that the view stays the same.
     pub fn scale_by(&mut self, factor: f32) {
         self.orbit
             .iter_mut()
@@ -83,18 +83,18 @@ impl ScenePane {
                 max: extent.max * factor,
             };
         }
-        // What was looked for before lies elsewhere now.
+        // Pending picks refer to positions from before the change of scale.
         self.picks = ScenePicks::default();
         self.zoom_anchor = None;
     }
 
-    /// Where the scene is seen from; `None` before there is something to see.
+    /// Returns the camera of the view; `None` before there is something to show.
     #[must_use]
     pub fn orbit(&self) -> Option<Orbit> {
         self.orbit
     }
 
-    /// The tool bar and the view.
+    /// Draws the tool bar and the view.
     pub(crate) fn ui(
         &mut self,
         ui: &mut Ui,
@@ -126,10 +126,10 @@ impl ScenePane {
         self.take_picks(session, view);
         self.turn(ui, &response, view);
         self.input(ui, &response, session, view, &camera);
-        // Whoever moves the view does not look through the camera any more.
+        // Moving the view ends looking through a camera.
         view.scene.through = view.scene.through.filter(|_| self.orbit == self.through);
         if view.scene.through != through {
-            // The bar above is drawn already.
+            // The tool bar is already drawn and has to be updated.
             ui.ctx().request_repaint();
         }
         let Seen { appearance, clip } = self.seen(session, view);
@@ -148,7 +148,7 @@ impl ScenePane {
         chosen_ui(ui, rect, &camera, session, view, actions);
     }
 
-    /// Frames the scene when another cloud or the first cameras come, or when asked to.
+    /// Frames the scene for a new cloud, for the first cameras, or on request.
     fn frame_new_content(&mut self, session: &SessionView<'_>, view: &mut ViewState, aspect: f32) {
         let same = match (&self.framed.cloud, session.points()) {
             (Some(old), Some(new)) => Arc::ptr_eq(old, new),
@@ -158,7 +158,7 @@ impl ScenePane {
         let request = view.scene_action.take();
         if !same || self.orbit.is_none() || request == Some(SceneAction::FrameAll) {
             self.measure(session);
-            // A cloud made anew keeps the view the user chose.
+            // A recomputed cloud keeps the view that the user chose.
             let keep = self.orbit.is_some()
                 && request.is_none()
                 && self.framed.cloud.is_some()
@@ -197,7 +197,7 @@ impl ScenePane {
             .and_then(|cloud| axes.bounds(every_nth(cloud).map(|n| cloud.positions[n])));
     }
 
-    /// Turns the view by itself until the user does anything with it.
+    /// Rotates the view until the user interacts with it.
     fn turn(&mut self, ui: &Ui, response: &Response, view: &mut ViewState) {
         let touched = response.is_pointer_button_down_on()
             || (response.hovered() && ui.input(|i| i.smooth_scroll_delta() != egui::Vec2::ZERO));
@@ -208,7 +208,7 @@ impl ScenePane {
         }
     }
 
-    /// What of the scene is seen.
+    /// Returns the settings that decide which points are drawn and picked.
     fn seen(&self, session: &SessionView<'_>, view: &ViewState) -> Seen {
         let axes = self
             .framed
@@ -232,7 +232,7 @@ impl ScenePane {
         Seen { appearance, clip }
     }
 
-    /// How the scene is drawn on a screen of this scale.
+    /// Returns the rendering style for this screen's scale.
     fn style(&self, ui: &Ui, session: &SessionView<'_>, view: &ViewState) -> SceneStyle {
         let Seen { appearance, clip } = self.seen(session, view);
         let (fill, scene) = (ui.visuals().extreme_bg_color, &view.prefs.scene);
@@ -245,13 +245,13 @@ impl ScenePane {
         }
     }
 
-    /// Puts the view where a frame was taken; whether its pose is known.
+    /// Sets the view to a frame's camera; returns `false` if its pose is unknown.
     fn look_through(&mut self, frame: Option<&Frame>) -> bool {
         let up = self.orbit.map_or(Vec3::NEG_Y, |orbit| orbit.up);
         let Some((camera, pose)) = frame.and_then(Frame::posed_camera) else {
             return false;
         };
-        // As far away as the middle of the scene, so that what is measured at the target's depth is true there.
+        // The target is at the depth of the scene's centre, where the scale bar should be valid.
         let depth = pose.transform(self.framed.centre.as_dvec3()).z as f32;
         let depth = if depth > 0.1 * self.framed.radius {
             depth
@@ -326,7 +326,9 @@ impl ScenePane {
         self.zoom(ui, response, session, &seen, camera, in_view);
     }
 
-    /// Begins to look for a point; labels are those of the labelled cloud, all else is of what is shown.
+    /// Starts picking a point.
+    ///
+    /// Picks for inspection and isolation use the labelled cloud, all others the points shown.
     fn pick(
         &mut self,
         ui: &Ui,
@@ -353,7 +355,7 @@ impl ScenePane {
         }
     }
 
-    /// Does what was meant by the clicks whose points are found.
+    /// Performs the actions of finished picks.
     fn take_picks(&mut self, session: &SessionView<'_>, view: &mut ViewState) {
         while let Some(picked) = self.picks.next() {
             let (place, label) = (
@@ -392,8 +394,10 @@ impl ScenePane {
         }
     }
 
-    /// Wheel: zoom to what is under the pointer, looked for once while the pointer rests; until it is found, to what is as far
-    /// away as the middle of the view.
+    /// Zooms with the wheel towards the point under the pointer.
+    ///
+    /// It is picked once while the pointer rests. Until then, the target is at the distance of the
+    /// view's centre.
     fn zoom(
         &mut self,
         ui: &Ui,

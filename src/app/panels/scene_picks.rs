@@ -12,45 +12,46 @@ use ostra_cloud::LabelledCloud;
 use ostra_masks::LabelId;
 use ostra_view::{Appearance, Clip, Picking, ViewCamera};
 
-/// What a point is looked for.
+/// Purpose of a pick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Purpose {
-    /// To tell its label and who voted.
+    /// Shows the label and votes of the point.
     Ask,
-    /// To show its label alone.
+    /// Isolates the point's label.
     Isolate,
-    /// To set the next point of the ruler.
+    /// Adds a point to the ruler.
     Measure,
-    /// To turn the view about it.
+    /// Centres the view on the point.
     Recentre,
-    /// To zoom to what is at this place of the window.
+    /// Zooms to the point at this screen position.
     Zoom(Pos2),
 }
 
-/// What was found.
+/// Result of a pick.
 pub(super) struct Picked {
     pub purpose: Purpose,
     pub cloud: Arc<LabelledCloud>,
-    /// `None` = no point lies there.
+    /// `None` if there is no point.
     pub point: Option<usize>,
 }
 
 impl Picked {
-    /// Where the point is, world units.
+    /// Returns the position of the point, in world units.
     pub fn place(&self) -> Option<Vec3> {
         self.point.map(|point| self.cloud.positions[point])
     }
 }
 
-/// A point that is being looked for.
+/// Pick in progress.
 struct Pick {
     purpose: Purpose,
     cloud: Arc<LabelledCloud>,
     picking: Picking,
 }
 
-/// Points of the 3-D view that are looked for in the background, for a hand that does not wait: those of clicks in their order,
-/// and one for the wheel at a time.
+/// Picks that run in the background, so that the window does not wait for them.
+///
+/// Picks of clicks finish in order. For the wheel, one pick runs at a time.
 #[derive(Default)]
 pub(super) struct ScenePicks {
     clicks: VecDeque<Pick>,
@@ -58,8 +59,9 @@ pub(super) struct ScenePicks {
 }
 
 impl ScenePicks {
-    /// Begins to look for the point that is seen within `radius_px` of a pixel of the view. The wheel's turn is passed over
-    /// while another is looked for.
+    /// Starts picking the point within `radius_px` of a pixel of the view.
+    ///
+    /// A wheel pick is ignored while another one runs.
     pub fn begin(
         &mut self,
         ui: &Ui,
@@ -88,7 +90,7 @@ impl ScenePicks {
         }
     }
 
-    /// The next that is known; clicks wait for those before.
+    /// Returns the next finished pick; a click waits for earlier ones.
     pub fn next(&mut self) -> Option<Picked> {
         let known = |pick: &Pick| pick.picking.next();
         let wheel = self
@@ -109,10 +111,10 @@ impl ScenePicks {
     }
 }
 
-/// How far a point may lie from the pointer, in points of the screen.
+/// Maximum distance of a point from the pointer, in screen points.
 const NEAR: f32 = 6.0;
 
-/// The point of the cloud that the pointer rests on, told at the pointer.
+/// Label of the point under the resting pointer, shown as a tooltip.
 #[derive(Default)]
 pub(super) struct SceneHover {
     rest: Option<Rest>,
@@ -120,7 +122,7 @@ pub(super) struct SceneHover {
     found: Option<(Place, Option<usize>)>,
 }
 
-/// A pixel of a view of a cloud, and what decides which points are seen there.
+/// Pixel of a view, and everything that decides which point is visible there.
 struct Place {
     at: Pos2,
     camera: ViewCamera,
@@ -141,7 +143,7 @@ impl Place {
 }
 
 impl SceneHover {
-    /// Follows the pointer over the view, and tells the label of the point that it rests on.
+    /// Follows the pointer over the view and shows the label of the point under it.
     pub fn ui(
         &mut self,
         ui: &Ui,
@@ -205,7 +207,10 @@ impl SceneHover {
     }
 }
 
-/// Whether the pointer is there to look: nothing is pressed or in hand, and the points shown are the cloud's.
+/// Returns `true` if a tooltip is useful.
+///
+/// This requires that nothing is pressed, no tool is active, the view and points are not changing
+/// and the labelled cloud is shown.
 fn may_tell(ui: &Ui, session: &SessionView<'_>, view: &ViewState) -> bool {
     let in_hand = view.scene_select.in_hand
         || view.ruler.in_hand

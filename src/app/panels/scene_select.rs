@@ -13,7 +13,7 @@ use ostra_project::ResultKind;
 use ostra_view::{Clip, ViewCamera};
 
 const COLOR: Color32 = Color32::from_rgb(255, 80, 205);
-/// Chosen points that are marked at most: an even sample of them.
+/// Maximum number of marked points. Of more, an even sample is marked.
 const MARKED: usize = 20_000;
 
 const SHAPES: [(SelectShape, &str, &str); 3] = [
@@ -22,7 +22,7 @@ const SHAPES: [(SelectShape, &str, &str); 3] = [
     (SelectShape::Brush, "Brush", "Drag over points"),
 ];
 
-/// What is drawn and chosen, over the 3-D view, and the panel that says what becomes of it.
+/// Draws the outline and selected points over the 3-D view, and the selection panel.
 pub(super) fn chosen_ui(
     ui: &Ui,
     rect: Rect,
@@ -58,7 +58,7 @@ pub(super) fn chosen_ui(
     });
 }
 
-/// Marks chosen points, those behind others too.
+/// Marks the selected points, including hidden ones behind others.
 fn mark(ui: &Ui, rect: Rect, camera: &ViewCamera, positions: &[Vec3], chosen: &Selection) {
     let scale = ui.pixels_per_point();
     let mut mesh = Mesh::default();
@@ -119,12 +119,12 @@ fn shape_ui(ui: &mut Ui, select: &mut SceneSelect) {
     }
 }
 
-/// Whether there is a cloud, be it that it is still to be loaded.
+/// Returns `true` if there is a cloud, even if it is not loaded yet.
 fn has_cloud(session: &SessionView<'_>) -> bool {
     session.cloud.is_some() || session.project.results.contains_key(&ResultKind::Cloud)
 }
 
-/// How many points are chosen, and the way back.
+/// Shows the number of selected points and the undo button.
 fn count_ui(ui: &mut Ui, session: &SessionView<'_>, select: &mut SceneSelect) {
     let text = match session.chosen.filter(|_| !select.steps.is_empty()) {
         None if !has_cloud(session) => "There is no cloud to choose from; fuse first".to_owned(),
@@ -151,7 +151,7 @@ fn count_ui(ui: &mut Ui, session: &SessionView<'_>, select: &mut SceneSelect) {
     }
 }
 
-/// What changes the choice.
+/// Draws the controls that grow or reduce the selection.
 fn steps_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     let (select, label) = (&mut view.scene_select, view.label);
     ui.horizontal(|ui| {
@@ -209,7 +209,7 @@ fn steps_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     }
 }
 
-/// What becomes of the points.
+/// Draws the controls that assign or clear the label of the selected points.
 fn correct_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -244,11 +244,12 @@ fn correct_ui(
     });
 }
 
-/// Who moves the pointer no farther than this, in points of the screen, clicks and draws nothing.
+/// Movement up to which a drag counts as a click, in screen points.
 const CLICK: f32 = 6.0;
 
-/// Draws with the primary button; letting go chooses: with Shift what is seen there too, with Ctrl or Alt no longer, else
-/// only that.
+/// Draws an outline with the primary button and selects the points in it on release.
+///
+/// Shift adds to the selection, Ctrl or Alt removes from it, else the selection is replaced.
 pub(super) fn choose_by_hand(
     ui: &Ui,
     response: &Response,
@@ -271,8 +272,9 @@ pub(super) fn choose_by_hand(
     select.piece = 1;
 }
 
-/// Adds to a line where the pointer went with the primary button down; whether the line has come to its end. By hand, as a
-/// response tells of a drag only in the frame after the button went down.
+/// Adds the pointer's path to the outline; returns `true` when the outline is finished.
+///
+/// The buttons are read directly, because a response reports a drag one frame late.
 fn follow(ui: &Ui, response: &Response, drawn: &mut Vec<Pos2>) -> bool {
     let (down, pressed) = ui.input(|input| {
         (
@@ -331,7 +333,7 @@ fn region(
     }
 }
 
-/// Whether points are chosen, so that they can be corrected.
+/// Returns `true` if points are selected and can be corrected.
 pub(crate) fn has_chosen(session: &SessionView<'_>, view: &ViewState) -> bool {
     let any = session
         .chosen

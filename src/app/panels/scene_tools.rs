@@ -1,4 +1,4 @@
-//! Tools of the 3-D view: points being chosen, the point asked about, and the ruler.
+//! Tools of the 3-D view: point selection, point inspector and ruler.
 
 use std::sync::Arc;
 
@@ -14,10 +14,10 @@ use ostra_project::{ScaleEnd, ScaleRequest};
 use ostra_session::{CloudChange, CloudCorrection, Command};
 use ostra_view::Line;
 
-/// Pixels between a place in a picture and a point that is seen there.
+/// Maximum distance in pixels between an image position and the point visible there.
 const NEAR_PX: f64 = 3.0;
 
-/// A point of the cloud that the user asked about, and who voted on it.
+/// Inspected point of the cloud with its votes.
 #[derive(Debug, Clone)]
 pub struct Asked {
     pub(super) cloud: Arc<LabelledCloud>,
@@ -27,14 +27,15 @@ pub struct Asked {
 }
 
 impl Asked {
-    /// Asks about a point by its number.
+    /// Inspects a point by its index.
     #[must_use]
     pub fn new(cloud: &Arc<LabelledCloud>, votes: Option<&Arc<Votes>>, point: usize) -> Self {
         let histogram = votes
             .map(|votes| votes.histogram(point).to_vec())
             .unwrap_or_default();
         let mut voters = votes.map(|votes| votes.voters(point)).unwrap_or_default();
-        // Who contradicts is what the user looks for; frames without a mask have nothing to say.
+        // The user looks for contradicting voters, so they come first and frames without a mask
+        // last.
         voters.sort_by_key(|voter| match voter.label {
             Some(label) if label != cloud.labels[point] => 0,
             Some(_) => 1,
@@ -48,7 +49,9 @@ impl Asked {
         }
     }
 
-    /// Asks about the point that a frame sees nearest to a place in its picture.
+    /// Inspects the point visible nearest to an image position of a frame.
+    ///
+    /// Returns `None` if no point is within 3 pixels.
     #[must_use]
     pub fn seen_at(
         cloud: &Arc<LabelledCloud>,
@@ -64,13 +67,13 @@ impl Asked {
         Some(Self::new(cloud, Some(votes), point))
     }
 
-    /// Where it is, world units.
+    /// Returns the position of the point, in world units.
     #[must_use]
     pub fn place(&self) -> Vec3 {
         self.cloud.positions[self.point]
     }
 
-    /// Where a frame sees it.
+    /// Returns the image position of the point in a frame, if it is visible there.
     #[must_use]
     pub fn seen_in(&self, frame: usize) -> Option<DVec2> {
         self.voters
@@ -79,7 +82,9 @@ impl Asked {
             .map(|voter| middle(voter.x, voter.y))
     }
 
-    /// The same point of the cloud that is there now, with its votes of now; `None` where that has other points.
+    /// Returns the same point of another cloud with its votes.
+    ///
+    /// Returns `None` if that cloud has other points.
     #[must_use]
     pub fn on(self, cloud: &Arc<LabelledCloud>, votes: Option<&Arc<Votes>>) -> Option<Self> {
         if Arc::ptr_eq(cloud, &self.cloud) {
@@ -94,36 +99,36 @@ pub(super) fn middle(x: u32, y: u32) -> DVec2 {
     DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5)
 }
 
-/// What the pointer draws to choose points.
+/// Shape drawn to select points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum SelectShape {
-    /// A closed line.
+    /// Closed freehand outline.
     #[default]
     Lasso,
-    /// A box from corner to corner.
+    /// Box from corner to corner.
     Box,
-    /// A stroke.
+    /// Brush stroke.
     Brush,
 }
 
-/// Points of the cloud that are being chosen in the 3-D view, and what shall become of them.
+/// Selection of points in the 3-D view and the settings for correcting them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneSelect {
-    /// Whether drags in the 3-D view choose points.
+    /// Whether drags in the 3-D view select points.
     pub in_hand: bool,
-    /// What a drag draws.
+    /// Shape that a drag draws.
     pub shape: SelectShape,
-    /// Radius of the brush in points of the screen.
+    /// Radius of the brush in screen points.
     pub brush: f32,
-    /// What points must have in common with the chosen ones to be added to them.
+    /// Similarity required of points when the selection grows.
     pub likeness: Likeness,
-    /// The piece that would be kept, counted from 1.
+    /// Part to keep, counted from 1.
     pub piece: usize,
-    /// Frames that a correction changes become anchors.
+    /// Whether frames changed by a correction become keyframes.
     pub as_anchors: bool,
-    /// How the points are chosen.
+    /// Steps that make up the selection.
     pub steps: Vec<SelectStep>,
-    /// What is being drawn, on the screen.
+    /// Outline being drawn, in screen positions.
     pub(super) drawn: Vec<Pos2>,
 }
 
@@ -143,7 +148,9 @@ impl Default for SceneSelect {
 }
 
 impl SceneSelect {
-    /// Takes back the latest of: what is being drawn, what is chosen, the tool. Says whether there was any.
+    /// Cancels the outline being drawn, else the selection, else the tool.
+    ///
+    /// Returns `false` if there was nothing to cancel.
     pub fn cancel(&mut self) -> bool {
         let was_any = self.in_hand || !self.steps.is_empty();
         if !self.drawn.is_empty() {
@@ -156,7 +163,9 @@ impl SceneSelect {
         was_any
     }
 
-    /// Returns the change of the selected points and clears the selection; `None` if nothing is selected.
+    /// Returns the correction of the selected points and clears the selection.
+    ///
+    /// Returns `None` if nothing is selected.
     pub fn correct(&mut self, change: CloudChange) -> Option<Command> {
         let select = std::mem::take(&mut self.steps);
         let correction = CloudCorrection {
@@ -167,7 +176,7 @@ impl SceneSelect {
         (!correction.select.is_empty()).then_some(Command::CorrectCloud(correction))
     }
 
-    /// The corners of what is drawn, or the points of its stroke.
+    /// Returns the vertices of the outline, or the points of the stroke.
     pub(super) fn outline(&self) -> Vec<Pos2> {
         match (self.shape, self.drawn.first(), self.drawn.last()) {
             (SelectShape::Box, Some(&from), Some(&to)) => {
@@ -181,33 +190,33 @@ impl SceneSelect {
 
 const COLOR: [u8; 4] = [255, 90, 90, 255];
 
-/// What the ruler measures.
+/// Quantity measured by the ruler.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum RulerKind {
-    /// The length of the line through all points; of two it is their distance.
+    /// Length of the line through all points, for two points their distance.
     #[default]
     Length,
-    /// The angle at the second of three points.
+    /// Angle at the second of three points.
     Angle,
 }
 
-/// Points of the 3-D view, and how far the first two are known to be apart.
+/// Points of the ruler, and the known distance between the first two.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Ruler {
-    /// Whether clicks in the 3-D view set its points.
+    /// Whether clicks in the 3-D view add points.
     pub in_hand: bool,
-    /// What is measured.
+    /// Measured quantity.
     pub kind: RulerKind,
-    /// In world units, in the order of the clicks.
+    /// Points in world units, in the order of the clicks.
     pub points: Vec<Vec3>,
-    /// The known length; 0 = not given yet.
+    /// Known length; 0 if not given yet.
     pub length: f64,
-    /// What the known length is given in.
+    /// Unit of the known length.
     pub length_unit: LengthUnit,
 }
 
 impl Ruler {
-    /// Sets the next point; a fourth of an angle begins anew.
+    /// Adds a point; the fourth point of an angle starts a new one.
     pub fn click(&mut self, at: Vec3) {
         if self.kind == RulerKind::Angle && self.points.len() >= 3 {
             self.points.clear();
@@ -215,12 +224,14 @@ impl Ruler {
         self.points.push(at);
     }
 
-    /// Takes the last point back.
+    /// Removes the last point.
     pub fn undo_click(&mut self) {
         self.points.pop();
     }
 
-    /// What it measures: a length in world units or an angle in degrees, 0–180; none before there are points enough.
+    /// Returns a length in world units or an angle in degrees, 0–180.
+    ///
+    /// Returns `None` if there are too few points.
     #[must_use]
     pub fn value(&self) -> Option<(f64, Dimension)> {
         match (self.kind, &self.points[..]) {
@@ -239,7 +250,9 @@ impl Ruler {
         }
     }
 
-    /// The plane through three points, whose upper side is that of `up`; none through fewer, or more, or three in a row.
+    /// Returns the plane through exactly three points, with its normal on the side of `up`.
+    ///
+    /// Returns `None` for another number of points or if they lie on a line.
     #[must_use]
     pub fn plane(&self, up: Vec3) -> Option<GroundChoice> {
         let [a, b, c] = self.points[..] else {
@@ -258,7 +271,7 @@ impl Ruler {
         })
     }
 
-    /// Its line, and a cross of `size` world units on each point.
+    /// Returns the ruler's line, and a cross of `size` world units at each point.
     #[must_use]
     pub fn lines(&self, size: f32) -> Vec<Line> {
         let line = |a: Vec3, b: Vec3| {
@@ -278,7 +291,7 @@ impl Ruler {
         crosses.chain(between).collect()
     }
 
-    /// What sets the scale; none before the length of two points is known.
+    /// Returns the command that sets the scale; `None` before the length of two points is known.
     #[must_use]
     pub fn command(&self) -> Option<Command> {
         let (RulerKind::Length, &[a, b]) = (self.kind, &self.points[..]) else {
@@ -289,7 +302,7 @@ impl Ruler {
         (length > 0.0 && a != b).then_some(Command::Scale(ScaleRequest { ends, length }))
     }
 
-    /// Follows a scene whose lengths were multiplied.
+    /// Multiplies the points by `factor` after the scene was rescaled.
     pub fn scale_by(&mut self, factor: f64) {
         for point in &mut self.points {
             *point = (point.as_dvec3() * factor).as_vec3();
@@ -312,7 +325,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_add_up_and_angles_are_at_the_second_point() {
+    fn length_sums_segments_and_angle_is_at_second_point() {
         let mut ruler = Ruler::default();
         for at in [Vec3::ZERO, 3.0 * Vec3::X, 3.0 * Vec3::X + 4.0 * Vec3::Y] {
             ruler.click(at);
@@ -331,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn three_points_make_a_plane_whose_upper_side_is_up() {
+    fn three_points_define_a_plane_with_normal_towards_up() {
         let mut ruler = Ruler {
             points: vec![Vec3::Z, Vec3::Z + Vec3::X, Vec3::Z + Vec3::Y],
             ..Ruler::default()
@@ -351,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fourth_point_of_an_angle_begins_anew() {
+    fn fourth_point_of_an_angle_starts_a_new_one() {
         let mut ruler = Ruler {
             kind: RulerKind::Angle,
             ..Ruler::default()

@@ -10,7 +10,9 @@ use crate::{Action, SessionView, ViewState};
 use ostra_masks::LabelId;
 use ostra_session::{Command, EngineKind, FoundThing, Suggestion, TakeRequest};
 
-/// The things found by words on the shown frame that are sure enough, with their numbers from 1.
+/// Returns the objects found by text on the shown frame, with their numbers from 1.
+///
+/// Objects below the minimum score are left out.
 pub(crate) fn offered<'a>(
     session: &SessionView<'a>,
     view: &ViewState,
@@ -25,7 +27,7 @@ pub(crate) fn offered<'a>(
     things.filter(move |(_, thing)| thing.score >= least)
 }
 
-/// Words to look for, and what they found: taken one by one or all at once.
+/// Draws the search by text and its results, which can be accepted one by one or all at once.
 pub(crate) fn words_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -113,7 +115,7 @@ fn taken<'a>(view: &ViewState, things: impl IntoIterator<Item = &'a FoundThing>)
     })
 }
 
-/// Things that no label explains: look at them, or make labels of them.
+/// Draws the list of suggested objects, to show them or create labels of them.
 pub(crate) fn suggestions_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -168,7 +170,7 @@ pub(crate) fn suggestions_ui(
     }
 }
 
-/// Whether a label was given there meanwhile.
+/// Returns `true` if the suggested region has a label by now.
 pub(crate) fn is_explained(session: &SessionView<'_>, suggestion: &Suggestion) -> bool {
     let mask = session.project.masks.get(&suggestion.frame);
     mask.is_some_and(|mask| id_at(&mask.runs, suggestion.at_px) != LabelId::NONE)

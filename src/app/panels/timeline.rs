@@ -12,10 +12,10 @@ use ostra_project::MaskOrigin;
 
 const ROW: f32 = 18.0;
 const NAMES: f32 = 120.0;
-/// Frames are at least this wide; where they do not all fit, those around the shown one are drawn.
+/// Minimum width of a frame. If not all frames fit, those around the shown one are drawn.
 const LEAST_WIDTH: f32 = 4.0;
 
-/// Actions on the chosen label over the range, with the words on their buttons.
+/// Actions on the selected label over the range, with the texts of their buttons.
 const BUTTONS: [(Action, &str); 10] = [
     (Action::DeleteRange, "Delete"),
     (Action::RestoreRange, "Restore"),
@@ -29,8 +29,10 @@ const BUTTONS: [(Action, &str); 10] = [
     (Action::PasteMask, "Paste"),
 ];
 
-/// The grid of labels and frames: what is where, how sure, what was said of it. A click goes there, a drag chooses a
-/// range, a right click or the buttons change the label over it.
+/// Draws the grid of labels and frames with presence, confidence and marks.
+///
+/// A click goes to label and frame, a drag selects a range. The buttons and the context menu change
+/// the label over the range.
 pub(crate) fn timeline_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -84,7 +86,9 @@ fn range_ui(ui: &mut Ui, session: &SessionView<'_>, view: &ViewState, actions: &
     }
 }
 
-/// The frames that fit beside the names; they move only when the shown one would be out of sight.
+/// Returns the frames that fit next to the names.
+///
+/// They scroll only if the shown frame would not be visible.
 fn frames_in_sight(ui: &Ui, session: &SessionView<'_>, view: &ViewState) -> Range<usize> {
     let count = session.project.frames.len();
     let fit = (((ui.available_width() - NAMES) / LEAST_WIDTH) as usize).clamp(1, count.max(1));
@@ -186,7 +190,7 @@ fn name(ui: &Ui, rect: Rect, label: &Label, depth: usize, chosen: bool) {
         .text(at, egui::Align2::LEFT_CENTER, &label.name, font, color);
 }
 
-/// Presence in the label's colour with the doubt below it, and over it what the user said: absent, locked, hidden.
+/// Draws the presence of a label with its confidence, and its absent, locked and hidden ranges.
 fn cells_of(
     ui: &Ui,
     session: &SessionView<'_>,
@@ -243,7 +247,7 @@ fn cells_of(
     strip(columns, 0.0, 0.16).paint(ui, |frames| said(&marks.locked, frames, text));
 }
 
-/// The part of columns between two shares of their height.
+/// Returns the part of columns between two shares of their height.
 fn strip(columns: &Columns, from: f32, to: f32) -> Columns {
     let y = |share: f32| columns.rect.top() + share * columns.rect.height();
     Columns {
@@ -252,7 +256,9 @@ fn strip(columns: &Columns, from: f32, to: f32) -> Columns {
     }
 }
 
-/// A click goes to label and frame, with Shift the range reaches to it; a drag chooses a range.
+/// Handles clicks, which select label and frame, and drags, which select a range.
+///
+/// With Shift, a click selects the range from the shown frame to the clicked one.
 fn input(ui: &Ui, response: &Response, view: &mut ViewState, label: LabelId, columns: &Columns) {
     let pointed = response
         .interact_pointer_pos()

@@ -10,7 +10,7 @@ use ostra_masks::Direction;
 use ostra_project::{EngineName, MaskOrigin, TrackerId};
 use ostra_session::{Engine, EngineKind};
 
-/// Settings and button for carrying masks through the sequence.
+/// Draws the settings of tracking and its button.
 pub(crate) fn track_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -66,7 +66,9 @@ pub(crate) fn track_ui(
     retrack_ui(ui, session, view, actions);
 }
 
-/// Whether the masks are held against geometry, where it can say anything that the tracker does not go by already.
+/// Draws the option to check masks by geometry.
+///
+/// It is disabled for the geometry tracker and for projects without depth maps and cameras.
 fn constrain_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     let hindrance = if view.track.tracker == TrackerId::Geometry {
         Some("The geometry tracker uses depth and cameras anyway")
@@ -85,7 +87,7 @@ fn constrain_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     response.on_disabled_hover_text(hindrance.unwrap_or_default());
 }
 
-/// Whether, and at which confidence, tracking ends by itself and asks.
+/// Draws the option to pause tracking below a confidence.
 fn pause_ui(ui: &mut Ui, pause_below: &mut Option<f32>) {
     ui.horizontal(|ui| {
         let mut on = pause_below.is_some();
@@ -114,7 +116,7 @@ fn pause_ui(ui: &mut Ui, pause_below: &mut Option<f32>) {
     });
 }
 
-/// From which confidence on a frame is one to check.
+/// Draws the confidence below which frames are flagged for checking.
 fn check_ui(ui: &mut Ui, doubt_below: &mut f32) {
     ui.horizontal(|ui| {
         let tip = "Frames with a label of lower confidence are listed for checking";
@@ -136,7 +138,7 @@ fn check_ui(ui: &mut Ui, doubt_below: &mut f32) {
     });
 }
 
-/// One label carried anew after a correction.
+/// Draws the button that tracks one label again after a correction.
 fn retrack_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
@@ -165,7 +167,7 @@ fn direction_ui(ui: &mut Ui, direction: &mut Direction) {
     }
 }
 
-/// A frame number that stays empty (= the end of the sequence) until it is changed.
+/// Draws a frame number that stays `None`, the end of the sequence, until it is changed.
 fn bound_ui(ui: &mut Ui, bound: &mut Option<usize>, default: usize, last: usize) {
     let mut value = bound.unwrap_or(default);
     let drag = ui.add(DragValue::new(&mut value).range(0..=last).speed(0.2));
@@ -182,7 +184,7 @@ fn bound_ui(ui: &mut Ui, bound: &mut Option<usize>, default: usize, last: usize)
     }
 }
 
-/// A size that stays empty (= what the network was evaluated with) until it is chosen.
+/// Draws an image size that stays `None`, the network's default, until it is chosen.
 fn short_side_ui(ui: &mut Ui, short_side: &mut Option<u32>) {
     let mut own = short_side.is_some();
     if ui
@@ -198,7 +200,7 @@ fn short_side_ui(ui: &mut Ui, short_side: &mut Option<u32>) {
     }
 }
 
-/// Chooses what turns clicks into masks, and says what is installed.
+/// Draws the choice of the segmenter, with its installation state.
 pub(crate) fn segmenter_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut ViewState) {
     egui::Grid::new("segmenter").num_columns(2).show(ui, |ui| {
         field(ui, "Segmenter", "Turns clicks and boxes into masks", |ui| {
@@ -212,7 +214,9 @@ pub(crate) fn segmenter_ui(ui: &mut Ui, session: &SessionView<'_>, view: &mut Vi
     });
 }
 
-/// A list of engines: those not installed are shown, with what they need, but cannot be chosen.
+/// Draws a list of engines.
+///
+/// Engines that are not installed are shown with what they need, but cannot be selected.
 pub(super) fn engine_choice_ui<'a, I: EngineName>(
     ui: &mut Ui,
     salt: &str,

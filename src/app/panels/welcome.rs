@@ -16,7 +16,7 @@ const STEPS: [(&str, &str); 4] = [
     ),
 ];
 
-/// What to do first, and the projects opened before.
+/// Draws the welcome page with the first steps and recently opened projects.
 pub(crate) fn welcome_ui(
     ui: &mut Ui,
     session: &SessionView<'_>,
