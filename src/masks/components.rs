@@ -1,33 +1,37 @@
 use super::Region;
 use ostra_core::union_find::DisjointSets;
 
-/// Which neighbours join two pixels into one component.
+/// Neighbourhood that joins pixels into one component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Connectivity {
-    /// Left, right, above, below.
+    /// The left, right, upper and lower neighbours.
     Four,
-    /// The diagonals too.
+    /// The four direct and the four diagonal neighbours.
     Eight,
 }
 
-/// The connected components of a region.
+/// Connected components of a region.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Components {
-    /// Per pixel, row by row: 0 outside the region, else 1 + the component's place in `areas`.
+    /// Label of each pixel, row by row.
+    ///
+    /// 0 is outside the region; `n` is the component `areas[n - 1]`.
     pub labels: Vec<u32>,
-    /// Pixels of each component, in the order of their first pixels.
+    /// Number of pixels of each component, in the order of the components' first pixels.
     pub areas: Vec<usize>,
 }
 
-/// A stretch of inside pixels in one row.
+/// A run of inside pixels in one row, `start..end`.
 struct Span {
     row: u32,
     start: u32,
     end: u32,
 }
 
-/// Finds connected components by union of overlapping row spans (Wu, Otoo, Suzuki, "Optimizing two-pass
-/// connected-component labeling algorithms", Pattern Analysis and Applications, 2009, on runs in place of pixels).
+/// Finds the connected components of a region.
+///
+/// The method unites overlapping row runs instead of pixels (Wu, Otoo, Suzuki, "Optimizing two-pass
+/// connected-component labeling algorithms", Pattern Analysis and Applications, 2009).
 #[must_use]
 pub fn components(region: &Region, connectivity: Connectivity) -> Components {
     let spans = spans(region);
@@ -51,8 +55,9 @@ pub fn components(region: &Region, connectivity: Connectivity) -> Components {
 }
 
 impl Region {
-    /// Adds every hole of at most `max_area` pixels: outside pixels that are closed in (no way over left, right, above,
-    /// below to the frame's edge).
+    /// Fills every hole of at most `max_area` pixels.
+    ///
+    /// A hole is a 4-connected component of outside pixels that does not reach the frame's edge.
     pub fn fill_holes(&mut self, max_area: usize) {
         let (width, height) = (self.width as usize, self.height as usize);
         if width == 0 || height == 0 {
@@ -76,12 +81,14 @@ impl Region {
         }
     }
 
-    /// Takes away every component (diagonals join) of fewer than `min_area` pixels.
+    /// Removes every 8-connected component of fewer than `min_area` pixels.
     pub fn remove_islands(&mut self, min_area: usize) {
         self.keep_components(|area, _| area >= min_area);
     }
 
-    /// Keeps only the largest component (diagonals join); of equal ones the one that begins first.
+    /// Keeps only the largest 8-connected component.
+    ///
+    /// Among components of equal size, the one whose first pixel comes first is kept.
     pub fn keep_largest(&mut self) {
         self.keep_components(|area, areas| Some(area) == areas.iter().max().copied());
         let found = components(self, Connectivity::Eight);
@@ -90,7 +97,9 @@ impl Region {
         }
     }
 
-    /// Keeps only the components (diagonals join) that share a pixel with another region of the same size.
+    /// Keeps only the 8-connected components that share a pixel with `other`.
+    ///
+    /// Both regions must have the same size.
     pub fn keep_touching(&mut self, other: &Self) {
         let found = components(self, Connectivity::Eight);
         let mut touches = vec![false; found.areas.len() + 1];
@@ -143,7 +152,7 @@ fn spans(region: &Region) -> Vec<Span> {
     spans
 }
 
-/// Joins spans of neighbouring rows that touch; both rows are walked once.
+/// Unites touching spans of neighbouring rows in one pass over the spans.
 fn join_neighbours(spans: &[Span], sets: &mut DisjointSets, connectivity: Connectivity) {
     let reach = u32::from(connectivity == Connectivity::Eight);
     let mut above = 0;
@@ -181,14 +190,14 @@ mod tests {
     }
 
     #[test]
-    fn diagonals_join_only_when_asked() {
+    fn diagonal_pixels_join_only_with_eight_connectivity() {
         let diagonal = region(&["#..", ".#.", "..#"]);
         assert_eq!(components(&diagonal, Connectivity::Eight).areas, [3]);
         assert_eq!(components(&diagonal, Connectivity::Four).areas, [1, 1, 1]);
     }
 
     #[test]
-    fn holes_and_islands() {
+    fn small_holes_are_filled_and_small_islands_removed() {
         let mut ring = region(&["#####..", "#...#.#", "#.#.#..", "#...#..", "#####.."]);
         ring.remove_islands(2);
         assert_eq!(ring.area(), 16);
@@ -203,27 +212,27 @@ mod tests {
     }
 
     #[test]
-    fn a_gap_at_the_edge_is_no_hole() {
+    fn gap_open_to_the_frame_edge_is_not_filled() {
         let mut bay = region(&["###", "#.#", "#.#"]);
         bay.fill_holes(100);
         assert_eq!(bay.area(), 7);
     }
 
     #[test]
-    fn the_first_of_equal_components_is_kept() {
+    fn keep_largest_keeps_the_first_of_equal_components() {
         let mut two = region(&["##.#", "...#", "#..."]);
         two.keep_largest();
         assert_eq!(two, region(&["##..", "....", "...."]));
     }
 
     #[test]
-    fn what_touches_another_region_is_kept_whole() {
+    fn keep_touching_keeps_whole_components() {
         let mut three = region(&["##.#", "...#", "#..."]);
         three.keep_touching(&region(&["..##", "..#.", "...."]));
         assert_eq!(three, region(&["...#", "...#", "...."]));
     }
 
-    /// Components by flood fill, as a check.
+    /// Finds components by flood fill, as a reference.
     fn flooded(region: &Region, connectivity: Connectivity) -> Components {
         let (width, height) = (i64::from(region.width), i64::from(region.height));
         let mut found = Components {

@@ -1,11 +1,13 @@
-//! Minimum cuts over windows of pixels: two regions parted where the colours change most.
+//! Minimum cuts over windows of pixels.
+//!
+//! A cut separates two regions where the colours change most.
 
 use super::lab::squared_difference;
 use super::maxflow::{FlowGraph, Link};
 
 /// Capacity units per natural logarithm of odds.
 const UNIT: f32 = 10_000.0;
-/// Least price of an outline, as a share of the price on even colour.
+/// Minimum price of an outline, as a share of its price on even colour.
 const LEAST: f32 = 0.03;
 
 /// A rectangle of pixels: columns `left..right`, rows `top..bottom`.
@@ -15,9 +17,9 @@ pub struct Window {
     pub left: usize,
     /// First row.
     pub top: usize,
-    /// The column after the last.
+    /// The column after the last one.
     pub right: usize,
-    /// The row after the last.
+    /// The row after the last one.
     pub bottom: usize,
 }
 
@@ -32,22 +34,26 @@ impl Window {
         self.bottom - self.top
     }
 
-    /// Places of the window's pixels in a picture of this width, row by row.
+    /// Returns the indices of the window's pixels in an image of this width, row by row.
     pub fn places(self, width: usize) -> impl Iterator<Item = usize> {
         (self.top..self.bottom)
             .flat_map(move |y| (self.left..self.right).map(move |x| y * width + x))
     }
 }
 
-/// Prices of an outline between the pixels of a window: it costs least where colours change (Boykov, Jolly,
-/// "Interactive graph cuts", ICCV 2001).
+/// Prices of an outline between the pixels of a window.
+///
+/// An outline costs least where colours change (Boykov, Jolly, "Interactive graph cuts", ICCV
+/// 2001).
 pub struct Borders {
     window: Window,
     links: Vec<Link>,
 }
 
 impl Borders {
-    /// In a picture of this `width` in CIE Lab; `weight` is the price per pixel side on even colour, a natural logarithm of odds.
+    /// Computes the prices from an image in CIE Lab that is `width` pixels wide.
+    ///
+    /// `weight` is the price per pixel side on even colour, as a natural logarithm of odds.
     pub fn new(lab: &[[f32; 3]], width: usize, window: Window, weight: f32) -> Self {
         let places: Vec<usize> = window.places(width).collect();
         let (width, height) = (window.width(), window.height());
@@ -77,16 +83,19 @@ impl Borders {
         }
     }
 
-    /// Without any price between pixels of the window that are not both `open`; what is even colour is told from the whole
-    /// window.
+    /// Removes the prices between pixels of the window that are not both `open`.
+    ///
+    /// The colour contrast is still normalised over the whole window.
     pub fn among(mut self, open: &[bool]) -> Self {
         self.links
             .retain(|link| open[link.from as usize] && open[link.to as usize]);
         self
     }
 
-    /// The pixels of the window that are inside at the least energy, where `odds` above 0 speak for inside; `bias` is
-    /// added to each.
+    /// Returns, for each pixel of the window, whether it is inside at minimum energy.
+    ///
+    /// `odds` has one value per pixel of the window; values above 0 favour inside. `bias` is added
+    /// to each.
     pub fn cut(&self, odds: &[f32], bias: f32) -> Vec<bool> {
         debug_assert_eq!(odds.len(), self.window.width() * self.window.height());
         let terminal = odds

@@ -3,9 +3,11 @@ use rayon::prelude::*;
 
 use crate::{Connectivity, Region, components};
 
-/// Squared Euclidean distance (px²) from each pixel's centre to the nearest centre of a pixel of `region`, row by row;
-/// 0 inside, `u32::MAX` everywhere when the region is empty. Exact (Felzenszwalb, Huttenlocher, "Distance transforms
-/// of sampled functions", Theory of Computing, 2012).
+/// Returns the squared distance (px²) from each pixel to the nearest pixel of `region`.
+///
+/// Distances are Euclidean, between pixel centres, row by row. They are 0 inside, and `u32::MAX`
+/// everywhere when the region is empty. The result is exact (Felzenszwalb, Huttenlocher, "Distance
+/// transforms of sampled functions", Theory of Computing, 2012).
 #[must_use]
 pub fn squared_distance_to(region: &Region) -> Vec<u32> {
     let width = region.width as usize;
@@ -16,8 +18,10 @@ pub fn squared_distance_to(region: &Region) -> Vec<u32> {
     columns
 }
 
-/// Squared depth (px²) of each pixel inside `region`: the distance to the nearest pixel outside, where all beyond the
-/// frame's edge is outside too; 0 outside.
+/// Returns the squared depth (px²) of each pixel inside `region`, row by row.
+///
+/// The depth is the distance to the nearest outside pixel; everything beyond the frame's edge is
+/// outside. Pixels outside the region have depth 0.
 #[must_use]
 pub fn squared_depth_in(region: &Region) -> Vec<u32> {
     let (width, height) = (region.width as usize, region.height as usize);
@@ -32,8 +36,10 @@ pub fn squared_depth_in(region: &Region) -> Vec<u32> {
     depths
 }
 
-/// The pixel (column, row) deepest inside a region, where a person would click: of equally deep ones the one nearest to
-/// their mean. `None` when the region is empty. The frame's edge counts as the region's edge.
+/// Returns the pixel (column, row) deepest inside a region, where a person would click.
+///
+/// Among equally deep pixels, the one nearest to their mean is returned. The frame's edge counts as
+/// the region's edge. Returns `None` when the region is empty.
 #[must_use]
 pub fn deepest_point(region: &Region) -> Option<(u32, u32)> {
     let depths = squared_depth_in(region);
@@ -53,7 +59,9 @@ pub fn deepest_point(region: &Region) -> Option<(u32, u32)> {
 }
 
 impl Region {
-    /// Grown by a disk: all pixels whose centre is at most `radius_px` from the centre of a pixel inside.
+    /// Returns the region grown by a disk.
+    ///
+    /// It holds all pixels whose centre is at most `radius_px` from the centre of an inside pixel.
     #[must_use]
     pub fn dilated(&self, radius_px: f64) -> Self {
         if self.is_empty() {
@@ -71,20 +79,24 @@ impl Region {
         }
     }
 
-    /// Shrunk by a disk: all pixels whose centre is farther than `radius_px` from every pixel outside. The frame's edge
-    /// takes nothing away.
+    /// Returns the region shrunk by a disk.
+    ///
+    /// It holds all pixels whose centre is farther than `radius_px` from every outside pixel. The
+    /// frame's edge does not shrink the region.
     #[must_use]
     pub fn eroded(&self, radius_px: f64) -> Self {
         self.inverted().dilated(radius_px).inverted()
     }
 }
 
-/// A hair above the square, so that a radius such as √2 keeps the pixels exactly at it.
+/// Returns slightly more than the squared radius.
+///
+/// The margin keeps pixels at exactly the radius, for example at √2.
 fn squared_reach(radius_px: f64) -> f64 {
     radius_px.max(0.0).powi(2) * (1.0 + 1e-12)
 }
 
-/// Squared distances along columns only.
+/// Returns squared distances along columns only.
 fn column_distances(region: &Region) -> Vec<u32> {
     let (width, height) = (region.width as usize, region.height as usize);
     let mut distances = vec![u32::MAX; region.inside.len()];
@@ -105,17 +117,17 @@ fn column_distances(region: &Region) -> Vec<u32> {
     distances
 }
 
-/// The lower envelope of the parabolas of one row; kept to spare allocations.
+/// Lower envelope of the parabolas of one row, reused between rows to avoid allocations.
 #[derive(Default)]
 struct Envelope {
-    /// Column and height of each parabola, left to right.
+    /// Column and height of each parabola, from left to right.
     parabolas: Vec<(f64, f64)>,
-    /// Where each parabola begins to be the lowest.
+    /// Column from which each parabola is the lowest.
     starts: Vec<f64>,
 }
 
 impl Envelope {
-    /// Puts the least of `row[q] + (x − q)²` over all q in the place of each `row[x]`.
+    /// Replaces each `row[x]` with the minimum of `row[q] + (x − q)²` over all q.
     fn transform(&mut self, row: &mut [u32]) {
         self.parabolas.clear();
         self.starts.clear();
@@ -157,13 +169,15 @@ impl Envelope {
     }
 }
 
-/// Points that stand for a region as clicks would: the deepest point of each of its `most` largest parts, largest
-/// first, in pixels.
+/// Returns representative points of a region, as clicks would be placed.
+///
+/// They are the deepest points of its `most` largest components, in pixels, largest component
+/// first.
 #[must_use]
 pub fn landmarks(region: &Region, most: usize) -> Vec<DVec2> {
     let parts = components(region, Connectivity::Eight);
     let depths = squared_depth_in(region);
-    // Per part its deepest pixel so far; of equally deep ones the first.
+    // Deepest pixel of each component so far; the first one among equally deep pixels.
     let mut deepest: Vec<(u32, usize)> = vec![(0, 0); parts.areas.len()];
     for (at, (&part, &depth)) in parts
         .labels
@@ -216,7 +230,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn distances_are_exact(region in regions()) {
+        fn distances_match_brute_force(region in regions()) {
             let distances = squared_distance_to(&region);
             for y in 0..region.height {
                 for x in 0..region.width {
@@ -226,7 +240,7 @@ mod tests {
         }
 
         #[test]
-        fn growing_and_shrinking_follow_the_disk(region in regions(), radius in 0.0f64..5.0) {
+        fn dilation_and_erosion_match_brute_force(region in regions(), radius in 0.0f64..5.0) {
             let (grown, shrunk) = (region.dilated(radius), region.eroded(radius));
             let outside = region.inverted();
             for y in 0..region.height {
@@ -238,7 +252,7 @@ mod tests {
         }
 
         #[test]
-        fn the_deepest_point_is_inside_and_deepest(region in regions()) {
+        fn deepest_point_is_inside_with_maximum_depth(region in regions()) {
             let depths = squared_depth_in(&region);
             match deepest_point(&region) {
                 None => prop_assert!(region.is_empty()),
@@ -251,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn a_radius_of_root_two_reaches_the_diagonal() {
+    fn dilation_by_root_two_reaches_the_diagonal() {
         let mut dot = Region::empty(5, 5);
         dot.inside[12] = true;
         assert_eq!(dot.dilated(2f64.sqrt()).area(), 9);
@@ -260,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn a_bar_is_clicked_in_its_middle() {
+    fn deepest_point_of_a_bar_is_its_middle() {
         let mut bar = Region::empty(40, 9);
         for y in 3..6 {
             bar.inside[y * 40 + 4..y * 40 + 35].fill(true);
@@ -272,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn each_part_is_stood_for_by_its_deepest_point_largest_part_first() {
+    fn landmarks_are_deepest_points_largest_component_first() {
         let rows = [
             "......###",
             "#.....###",

@@ -7,13 +7,15 @@ use ostra_frames::{DepthMap, Frame, FrameStore, Image};
 
 /// Turns prompts into the pixels of an object.
 pub trait Segmenter: Send + Sync {
-    /// Its name on the command line, e.g. `builtin`.
+    /// Returns the segmenter's name on the command line, e.g. `builtin`.
     fn name(&self) -> &'static str;
 
-    /// Does all the work on a frame that no prompt is needed for (features, encoder); run ahead in the background.
+    /// Does all work on a frame that needs no prompt, such as features or an encoder.
+    ///
+    /// It runs ahead of the prompts in the background.
     ///
     /// # Errors
-    /// [`MaskError::Stopped`], or what the engine says.
+    /// [`MaskError::Stopped`], or an error of the engine.
     fn prepare(
         &self,
         image: &Arc<Image>,
@@ -21,7 +23,9 @@ pub trait Segmenter: Send + Sync {
         progress: &Progress,
     ) -> Result<Arc<dyn PreparedFrame>, MaskError>;
 
-    /// The same for an engine to which it matters where the frame was taken from and what lies around it.
+    /// Prepares a frame for an engine that also depends on the camera pose and neighbouring frames.
+    ///
+    /// The default calls [`Self::prepare`].
     ///
     /// # Errors
     /// As [`Self::prepare`].
@@ -35,73 +39,80 @@ pub trait Segmenter: Send + Sync {
         self.prepare(image, depth, progress)
     }
 
-    /// What else than a frame's own pixels its answers rest on: a prepared frame is good for the same basis only.
+    /// Describes what the answers depend on besides the frame's own pixels.
+    ///
+    /// A prepared frame is valid only for an equal basis.
     fn basis(&self) -> String {
         String::new()
     }
 }
 
-/// A frame made ready by a [`Segmenter`]; answers prompts quickly.
+/// A frame prepared by a [`Segmenter`], ready to answer prompts quickly.
 pub trait PreparedFrame: Send + Sync {
-    /// The object's pixels. Every include click is inside, every exclude click outside.
+    /// Returns the object's pixels.
+    ///
+    /// The pixel of every include click is inside, and that of every exclude click is outside.
     ///
     /// # Errors
-    /// [`MaskError::Request`] for an empty prompt or one outside the picture; [`MaskError::Stopped`] where it takes long.
+    /// [`MaskError::Request`] for an empty prompt or one outside the image; [`MaskError::Stopped`]
+    /// for slow engines.
     fn segment(
         &self,
         request: &SegmentRequest<'_>,
         progress: &Progress,
     ) -> Result<Region, MaskError>;
 
-    /// Things found without a prompt, the most confident first; `None` where the segmenter only answers prompts.
+    /// Returns objects found without a prompt, the most confident first.
+    ///
+    /// Returns `None` when the segmenter only answers prompts.
     ///
     /// # Errors
-    /// [`MaskError::Stopped`], or what the engine says.
+    /// [`MaskError::Stopped`], or an error of the engine.
     fn proposals(&self, _progress: &Progress) -> Result<Option<Vec<Proposal>>, MaskError> {
         Ok(None)
     }
 
-    /// Bytes held, for the cache of prepared frames.
+    /// Returns the memory used in bytes, for the cache of prepared frames.
     fn bytes(&self) -> usize;
 }
 
-/// A thing found without a prompt.
+/// An object found without a prompt.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Proposal {
-    /// Its pixels.
+    /// Pixels of the object.
     pub region: Region,
-    /// Box around them.
+    /// Box around the pixels.
     pub extent: PxBox,
-    /// How sure the segmenter is, 0–1.
+    /// Confidence of the segmenter, 0–1.
     pub score: f32,
-    /// How little its border depends on a threshold, 0–1.
+    /// Stability of the border when the threshold changes, 0–1.
     pub stability: f32,
 }
 
-/// What is asked of a [`PreparedFrame`].
+/// Input of [`PreparedFrame::segment`].
 #[derive(Debug, Clone, Copy)]
 pub struct SegmentRequest<'a> {
     /// All clicks and boxes given for the object on this frame.
     pub prompt: &'a Prompt,
-    /// The answer before the last click, which the new one refines; none for the first.
+    /// Answer before the last click, which the new answer refines; `None` for the first click.
     pub previous: Option<&'a Region>,
-    /// Pixels that belong to other labels and may not be taken.
+    /// Pixels that belong to other labels and must not be taken.
     pub taken: Option<&'a Region>,
 }
 
-/// Finds what words name.
+/// Finds the objects that a text prompt names.
 pub trait TextGrounder: Send + Sync {
-    /// Its name on the command line, e.g. `yolox`.
+    /// Returns the grounder's name on the command line, e.g. `yolox`.
     fn name(&self) -> &'static str;
 
-    /// The only words that it knows; `None` where any can be tried.
+    /// Returns the phrases that the grounder knows; `None` when it accepts any text.
     fn vocabulary(&self) -> Option<&'static [&'static str]>;
 
-    /// A box around everything that one of the phrases names, the surest first.
+    /// Returns a box around every object that a phrase names, the most confident first.
     ///
     /// # Errors
-    /// [`MaskError::Request`] for no phrase, or one that is not in the vocabulary, which it tells;
-    /// [`MaskError::Stopped`], or what the network says.
+    /// [`MaskError::Request`] when there is no phrase, or when one is not in the vocabulary, which
+    /// the message lists; [`MaskError::Stopped`], or an error of the network.
     fn ground(
         &self,
         image: &Image,
@@ -110,65 +121,70 @@ pub trait TextGrounder: Send + Sync {
     ) -> Result<Vec<Grounded>, MaskError>;
 }
 
-/// What is asked of a [`TextGrounder`].
+/// Input of [`TextGrounder::ground`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GroundRequest<'a> {
-    /// What to look for, in words.
+    /// Text prompts to look for.
     pub phrases: &'a [String],
-    /// Least score of a box, 0–1; `None` = what suits the grounder.
+    /// Minimum score of a box, 0–1; `None` for the grounder's default.
     pub threshold: Option<f32>,
 }
 
-/// A thing that a phrase names.
+/// An object that a phrase names.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grounded {
-    /// Number of the phrase, from 0.
+    /// Index of the phrase in the request.
     pub phrase: usize,
-    /// Box around the thing, within the picture.
+    /// Box around the object, within the image.
     pub extent: PxBox,
-    /// How sure it is, 0–1.
+    /// Confidence, 0–1.
     pub score: f32,
 }
 
-/// Which way masks are carried from an anchor.
+/// Direction in which masks are propagated from a keyframe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Direction {
-    /// Every frame takes from anchors on both sides.
+    /// Every frame receives labels from keyframes on both sides.
     #[default]
     Both,
-    /// From an anchor to later frames.
+    /// From a keyframe to later frames.
     Forward,
-    /// From an anchor to earlier frames.
+    /// From a keyframe to earlier frames.
     Backward,
 }
 
-/// What a [`Tracker`] is given: snapshots of everything it reads.
+/// Input of a [`Tracker`], as snapshots of everything that it reads.
 #[derive(Clone)]
 pub struct TrackRequest {
     /// All frames of the project, in order.
     pub frames: Arc<Vec<Frame>>,
-    /// Where pictures and depths are loaded.
+    /// Loads images and depth maps.
     pub store: Arc<FrameStore>,
-    /// The masks that are held fixed, by frame number; they may lie outside the range. A label that such a mask does not show is
-    /// unknown there, not absent.
+    /// Masks of the keyframes by frame number, which stay fixed.
+    ///
+    /// Keyframes may lie outside the range. A label without pixels on a keyframe is unknown there,
+    /// not absent.
     pub anchors: BTreeMap<usize, Arc<LabelMask>>,
     /// First frame to track.
     pub from: usize,
-    /// Last frame to track (included).
+    /// Last frame to track (inclusive).
     pub to: usize,
-    /// Which way masks go.
+    /// Direction of propagation.
     pub direction: Direction,
-    /// Only these labels are wanted; `None` = all that anchors show. A tracker may spare the work for the others; it
-    /// need not: who asks takes no more than was asked for.
+    /// Labels to track; `None` for all labels on keyframes.
+    ///
+    /// A tracker may skip the work for other labels, but may also return them. The caller ignores
+    /// labels that it did not request.
     pub labels: Option<BTreeSet<LabelId>>,
 }
 
 impl TrackRequest {
-    /// Refuses a range that is not there, a mask that does not fit its frame, and anchors that show nothing.
+    /// Checks the range, the sizes of the masks, and that a keyframe has a label.
     ///
     /// # Errors
-    /// [`MaskError::Request`].
+    /// [`MaskError::Request`] when the range or a keyframe is outside the project, when a mask does
+    /// not have its frame's size, or when no keyframe has a labelled pixel.
     pub fn check(&self) -> Result<(), MaskError> {
         let count = self.frames.len();
         let last = self
@@ -206,30 +222,36 @@ impl TrackRequest {
     }
 }
 
-/// One frame's answer of a [`Tracker`].
+/// Result of a [`Tracker`] for one frame.
 #[derive(Debug, Clone)]
 pub struct TrackedFrame {
     /// Frame number.
     pub frame: usize,
-    /// Its mask.
+    /// Mask of the frame.
     pub mask: LabelMask,
-    /// Per label in the mask, how sure the tracker is, 0–1.
+    /// Confidence of the tracker for each label in the mask, 0–1.
     pub confidence: BTreeMap<LabelId, f32>,
-    /// A better answer for this frame is still to come: between two keyframes the flow tracker reports the masks of its first
-    /// pass at once and replaces them where the second pass meets it.
+    /// Whether a better result for this frame follows.
+    ///
+    /// Between two keyframes, the flow tracker reports the masks of its first pass at once. It
+    /// replaces them where the second pass meets the first.
     pub preliminary: bool,
 }
 
-/// Carries anchors' masks to the other frames.
+/// Propagates the masks of keyframes to the other frames.
 pub trait Tracker: Send + Sync {
-    /// Its name on the command line, e.g. `geometry`.
+    /// Returns the tracker's name on the command line, e.g. `geometry`.
     fn name(&self) -> &'static str;
 
-    /// Tracks; hands each finished frame to `emit` as soon as it is done, never an anchor; again when a better answer is
-    /// found later. Frames that it cannot answer (no depth, no camera) are left out and named in the warnings returned.
+    /// Tracks the requested frames and returns warnings.
+    ///
+    /// Each finished frame is passed to `emit` at once, and again when a better result is found
+    /// later. Keyframes are never emitted. Frames that cannot be tracked, for example without depth
+    /// or camera, are skipped and named in the warnings.
     ///
     /// # Errors
-    /// [`MaskError::Request`] when there is no anchor or no frame that can be answered; [`MaskError::Stopped`].
+    /// [`MaskError::Request`] when there is no keyframe or no frame that can be tracked;
+    /// [`MaskError::Stopped`].
     fn track(
         &self,
         request: &TrackRequest,

@@ -1,12 +1,16 @@
 use std::cmp::Ordering;
 
-/// An entry of the frontier of a search for cheapest ways. Out of a heap comes the least cost first, of equal ones the
-/// lowest number. Costs are numbers.
+/// An entry of the frontier of a shortest-path search.
+///
+/// A heap returns the lowest cost first, and the lowest number among equal costs. Costs must not be
+/// NaN.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Reached {
-    /// What orders the entries: the way so far, or with what is left of it at least.
+    /// Cost that orders the entries.
+    ///
+    /// It is the cost of the path so far, optionally plus a lower bound of the rest.
     pub cost: f32,
-    /// Number of the pixel or region reached.
+    /// Index of the reached pixel or region.
     pub at: u32,
 }
 

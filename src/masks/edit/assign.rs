@@ -2,21 +2,21 @@ use serde::{Deserialize, Serialize};
 
 use crate::{LabelId, LabelMask, LabelTree, MaskError, Prompt, Region};
 
-/// What painting does where another label is.
+/// Effect of painting on pixels of other labels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PaintRule {
-    /// Other labels keep their pixels; only a part takes from its own ancestors, whose pixels it remains.
+    /// Other labels keep their pixels, except that a label takes pixels from its ancestors.
     #[default]
     Protect,
     /// Other labels are painted over.
     Replace,
 }
 
-/// Gives the pixels of a region to a label; returns how many changed.
+/// Gives the pixels of a region to a label and returns how many pixels changed.
 ///
 /// # Errors
-/// [`MaskError::Request`] when the region has another size than the mask.
+/// [`MaskError::Request`] when the region and the mask differ in size.
 pub fn assign(
     mask: &mut LabelMask,
     region: &Region,
@@ -35,10 +35,12 @@ pub fn assign(
     Ok(targets.map(|(at, _)| *at = label).count())
 }
 
-/// Takes labels off the pixels of a region: `only` that one, or all; returns how many pixels changed.
+/// Removes labels from the pixels of a region and returns how many pixels changed.
+///
+/// Removes only the label `only` when it is given, and all labels otherwise.
 ///
 /// # Errors
-/// [`MaskError::Request`] when the region has another size than the mask.
+/// [`MaskError::Request`] when the region and the mask differ in size.
 pub fn erase(
     mask: &mut LabelMask,
     region: &Region,
@@ -54,7 +56,9 @@ pub fn erase(
     Ok(targets.map(|(at, _)| *at = LabelId::NONE).count())
 }
 
-/// Labels whose pixels `label` may take: nothing, its ancestors, and those named.
+/// Returns the ids whose pixels `label` may take.
+///
+/// These are 0 (unlabelled), the label itself, its ancestors and `replaceable`.
 pub(super) fn yielding(label: LabelId, replaceable: &[LabelId], tree: &LabelTree) -> Vec<LabelId> {
     let mut yields = tree.path(label);
     yields.push(LabelId::NONE);
@@ -65,22 +69,24 @@ pub(super) fn yielding(label: LabelId, replaceable: &[LabelId], tree: &LabelTree
 /// A segmenter's answer for a label on a frame.
 #[derive(Debug, Clone, Copy)]
 pub struct LabelAnswer<'a> {
-    /// Its pixels.
+    /// Pixels of the answer.
     pub region: &'a Region,
-    /// The label.
+    /// Label that the answer is for.
     pub label: LabelId,
-    /// What was given for it.
+    /// Prompt that was answered.
     pub prompt: &'a Prompt,
-    /// Other labels whose pixels it may take.
+    /// Other labels whose pixels the answer may take.
     pub replaceable: &'a [LabelId],
 }
 
-/// Puts a segmenter's answer into a frame's mask: the label's former pixels are cleared, the region is written. Pixels of
-/// other labels stay, unless these are ancestors of the label (a part takes from its parent) or named in `replaceable`.
-/// The pixel of an include click becomes the label whatever was there.
+/// Writes a segmenter's answer into a frame's mask.
+///
+/// The label's former pixels are cleared and the region is written. Pixels of other labels stay,
+/// unless the label is an ancestor of the answer's label (a part takes from its parent) or is named
+/// in `replaceable`. The pixel of an include click always gets the label.
 ///
 /// # Errors
-/// [`MaskError::Request`] when the region has another size than the mask.
+/// [`MaskError::Request`] when the region and the mask differ in size.
 pub fn compose(
     mask: &mut LabelMask,
     answer: &LabelAnswer<'_>,
@@ -110,8 +116,9 @@ pub fn compose(
     Ok(())
 }
 
-/// The pixels that [`compose`] would keep from `label` because other labels hold them: what a segmenter may not
-/// take.
+/// Returns the pixels that [`compose`] leaves to other labels.
+///
+/// A segmenter may not take them for `label`.
 #[must_use]
 pub fn taken_by_others(
     mask: &LabelMask,
@@ -153,7 +160,7 @@ mod tests {
         }
 
         #[test]
-        fn replacing_takes_all_of_the_region_and_no_more((mask, region) in frame(), id in 1u16..6) {
+        fn replacing_changes_exactly_the_region((mask, region) in frame(), id in 1u16..6) {
             let mut painted = mask.clone();
             assign(&mut painted, &region, LabelId(id), PaintRule::Replace, &tree()).unwrap();
             for (at, (&before, &after)) in mask.ids.iter().zip(&painted.ids).enumerate() {
@@ -162,7 +169,7 @@ mod tests {
         }
 
         #[test]
-        fn the_eraser_takes_one_label_or_all((mask, region) in frame(), id in 1u16..6) {
+        fn erasing_removes_one_label_or_all((mask, region) in frame(), id in 1u16..6) {
             let (mut one, mut all) = (mask.clone(), mask.clone());
             erase(&mut one, &region, Some(LabelId(id))).unwrap();
             erase(&mut all, &region, None).unwrap();
@@ -175,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn a_region_of_another_size_is_refused() {
+    fn region_of_another_size_is_rejected() {
         let mut mask = LabelMask::empty(4, 4);
         assert!(
             assign(
@@ -192,7 +199,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn only_the_label_and_what_yields_changes(
+        fn composing_changes_only_the_label_and_replaceable_labels(
             (mask, region) in frame(),
             id in 1u16..6,
             other in 1u16..6,
@@ -226,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_takes_from_its_parent_and_not_the_other_way() {
+    fn part_takes_from_its_parent_but_not_the_reverse() {
         let ids = |row: [u16; 4]| row.map(LabelId).to_vec();
         let all = Region {
             width: 4,

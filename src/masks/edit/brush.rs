@@ -3,15 +3,18 @@ use glam::DVec2;
 use super::polygon::{check_points, columns_between};
 use crate::{MaskError, Region};
 
-/// Below this radius a brush would leave gaps between pixels.
+/// Smallest brush radius that leaves no gaps between pixels.
 const MIN_RADIUS_PX: f64 = 0.5;
 
-/// The pixels under a brush of radius `radius_px` (below 0.5 taken as 0.5) drawn along a polyline with round ends and
-/// joints: those whose centre is at most the radius from the line, and those that hold one of its points. Points are in
-/// pixels and may lie outside the frame.
+/// Returns the pixels under a brush drawn along a polyline with round ends and joints.
+///
+/// These are the pixels whose centre is at most `radius_px` from the line, and the pixels that
+/// contain one of its points. A radius below 0.5 is raised to 0.5. Points are in pixels and may lie
+/// outside the frame.
 ///
 /// # Errors
-/// [`MaskError::Request`] for no points, points or a radius that are not numbers, or a radius of 0 and below.
+/// [`MaskError::Request`] when there is no point, a point or the radius is not finite, or the
+/// radius is not positive.
 pub fn stroke(
     width: u32,
     height: u32,
@@ -43,8 +46,9 @@ fn touch(region: &mut Region, point: DVec2) {
     }
 }
 
-/// All pixels whose centre is at most `radius` from the segment, row by row: a capsule is convex, so each row holds one
-/// stretch of it.
+/// Marks all pixels whose centre is at most `radius` from the segment.
+///
+/// A capsule is convex, so each row contains one run of it.
 fn draw_capsule(region: &mut Region, a: DVec2, b: DVec2, radius: f64) {
     let top = (a.y.min(b.y) - radius - 0.5)
         .ceil()
@@ -72,14 +76,16 @@ fn draw_capsule(region: &mut Region, a: DVec2, b: DVec2, radius: f64) {
     }
 }
 
-/// The stretch of the line at height `y` inside a disk.
+/// Returns the interval of the line at height `y` that lies inside a disk.
 fn disk_at(center: DVec2, radius: f64, y: f64) -> Option<(f64, f64)> {
     let off = y - center.y;
     let half = radius * radius - off * off;
     (half >= 0.0).then(|| (center.x - half.sqrt(), center.x + half.sqrt()))
 }
 
-/// The stretch of the line at height `y` beside the segment (not beyond its ends) within the radius.
+/// Returns the interval of the line at height `y` that is within `radius` of the segment.
+///
+/// The round ends beyond the segment are not part of it.
 fn band_at(a: DVec2, b: DVec2, radius: f64, y: f64) -> Option<(f64, f64)> {
     let length = a.distance(b);
     if length == 0.0 {
@@ -87,7 +93,8 @@ fn band_at(a: DVec2, b: DVec2, radius: f64, y: f64) -> Option<(f64, f64)> {
     }
     let along = (b - a) / length;
     let off = y - a.y;
-    // Place along the segment: along.x·u + along.y·off in 0..length; distance beside it: along.y·u − along.x·off.
+    // With u = x − a.x, the position along the segment is along.x·u + along.y·off, in 0..length.
+    // The distance from its line is along.y·u − along.x·off.
     let beside_ends = between(along.x, along.y * off, 0.0, length)?;
     let beside_line = between(along.y, -along.x * off, -radius, radius)?;
     let (left, right) = (
@@ -97,7 +104,7 @@ fn band_at(a: DVec2, b: DVec2, radius: f64, y: f64) -> Option<(f64, f64)> {
     (left <= right).then_some((a.x + left, a.x + right))
 }
 
-/// All u with `slope · u + offset` in `low..=high`; `None` when there are none.
+/// Returns all u with `slope · u + offset` in `low..=high`; `None` when there are none.
 fn between(slope: f64, offset: f64, low: f64, high: f64) -> Option<(f64, f64)> {
     if slope == 0.0 {
         return (low..=high)
@@ -125,7 +132,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn exactly_the_pixels_within_the_radius(points in points(), radius in 0.6f64..8.0) {
+        fn stroke_holds_exactly_the_pixels_within_the_radius(points in points(), radius in 0.6f64..8.0) {
             let region = stroke(30, 20, &points, radius).unwrap();
             for y in 0..20 {
                 for x in 0..30 {
@@ -142,7 +149,7 @@ mod tests {
         }
 
         #[test]
-        fn the_finest_stroke_has_no_gaps(x0 in 1.0f64..29.0, y0 in 1.0f64..19.0, x1 in 1.0f64..29.0, y1 in 1.0f64..19.0) {
+        fn thinnest_stroke_has_no_gaps(x0 in 1.0f64..29.0, y0 in 1.0f64..19.0, x1 in 1.0f64..29.0, y1 in 1.0f64..19.0) {
             let region = stroke(30, 20, &[DVec2::new(x0, y0), DVec2::new(x1, y1)], 0.01).unwrap();
             prop_assert_eq!(components(&region, Connectivity::Eight).areas.len(), 1);
             prop_assert!(region.at(x0 as u32, y0 as u32) && region.at(x1 as u32, y1 as u32));
@@ -150,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn senseless_strokes_are_refused() {
+    fn invalid_strokes_are_rejected() {
         assert!(stroke(9, 9, &[], 2.0).is_err());
         assert!(stroke(9, 9, &[DVec2::splat(f64::NAN)], 2.0).is_err());
         assert!(stroke(9, 9, &[DVec2::ZERO], 0.0).is_err());

@@ -4,28 +4,33 @@ use rayon::prelude::*;
 use crate::{MaskError, Region, squared_distance_to};
 use ostra_core::image::blend;
 
-/// Shapes between two shapes: signed distances are blended (Raya, Udupa, "Shape-based interpolation of
-/// multidimensional objects", IEEE Transactions on Medical Imaging, 1990) after both were moved and scaled onto the
-/// centroid and size in between, so that a thing that travels or grows keeps its form on the way.
+/// Interpolation between two shapes.
+///
+/// Both shapes are moved and scaled to the interpolated centroid and size, so that an object that
+/// moves or grows keeps its form. Their signed distances are then blended (Raya, Udupa,
+/// "Shape-based interpolation of multidimensional objects", IEEE Transactions on Medical Imaging,
+/// 1990).
 #[derive(Debug, Clone)]
 pub struct ShapeBlend {
     first: Shape,
     second: Shape,
 }
 
-/// A region's signed distance, and where and how large it is.
+/// Signed distance, centroid and size of a region.
 #[derive(Debug, Clone)]
 struct Shape {
     width: usize,
     height: usize,
-    /// Pixels from the outline, row by row: above 0 outside, below 0 inside.
+    /// Distance from the outline in pixels, row by row; positive outside, negative inside.
     distance_px: Vec<f32>,
     centroid_px: DVec2,
-    /// Root of the area.
+    /// Square root of the area.
     size_px: f64,
 }
 
 impl ShapeBlend {
+    /// Prepares the interpolation between two regions.
+    ///
     /// # Errors
     /// [`MaskError::Request`] when a region is empty or the two differ in size.
     pub fn new(first: &Region, second: &Region) -> Result<Self, MaskError> {
@@ -41,7 +46,7 @@ impl ShapeBlend {
         })
     }
 
-    /// The shape at `share` of the way from the first (0) to the second (1).
+    /// Returns the shape at `share` of the way from the first (0) to the second (1).
     #[must_use]
     pub fn at(&self, share: f64) -> Region {
         let (a, b) = (&self.first, &self.second);
@@ -74,7 +79,8 @@ impl Shape {
             squared_distance_to(region),
             squared_distance_to(&region.inverted()),
         );
-        // Distances run from centre to centre: the outline lies half a pixel before the nearest pixel beyond it.
+        // Distances run between pixel centres, so the outline lies half a pixel before the nearest
+        // pixel on its other side.
         let signed = |(&out, &within): (&u32, &u32)| {
             if out > 0 {
                 root(out) - 0.5
@@ -98,8 +104,10 @@ impl Shape {
         }
     }
 
-    /// Signed distance in units of the shape's size, at `off` from its centroid in the same units; beyond the frame's
-    /// edge that of the edge.
+    /// Returns the signed distance at `off` from the centroid.
+    ///
+    /// Both are in units of the shape's size. Beyond the frame's edge, the value at the edge is
+    /// used.
     fn relative_at(&self, off: DVec2) -> f64 {
         let at = self.centroid_px + off * self.size_px - 0.5;
         let last = DVec2::new((self.width - 1) as f64, (self.height - 1) as f64);
@@ -135,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn the_ends_are_the_shapes_themselves() {
+    fn blend_reproduces_both_ends() {
         let (a, b) = (
             ellipse((30.0, 40.0), (18.0, 7.0)),
             ellipse((85.0, 30.0), (9.0, 14.0)),
@@ -145,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn what_travels_and_grows_keeps_its_form() {
+    fn moving_and_growing_ellipse_stays_an_ellipse() {
         let blend = ShapeBlend::new(
             &ellipse((25.0, 40.0), (10.0, 5.0)),
             &ellipse((85.0, 50.0), (20.0, 10.0)),
@@ -159,7 +167,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_has_no_shape() {
+    fn empty_regions_are_rejected() {
         let some = ellipse((30.0, 40.0), (8.0, 8.0));
         assert!(ShapeBlend::new(&some, &Region::empty(120, 80)).is_err());
         assert!(ShapeBlend::new(&Region::empty(4, 4), &some).is_err());

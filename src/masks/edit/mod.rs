@@ -1,5 +1,7 @@
-//! Changing masks by hand: brush, eraser, polygon, a border that is pulled, and a segmenter's answer put into a frame's
-//! mask.
+//! Manual editing of masks.
+//!
+//! This module contains the brush, the eraser, polygons and border dragging. It also writes a
+//! segmenter's answer into a frame's mask.
 
 mod assign;
 mod brush;

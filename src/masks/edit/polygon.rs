@@ -4,12 +4,14 @@ use glam::DVec2;
 
 use crate::{MaskError, Region};
 
-/// The pixels whose centres lie inside closed polygons by the even-odd rule over all of them together (so a ring inside
-/// another is a hole). Corners are in pixels and may lie outside the frame; a side through a pixel's centre counts for
-/// the pixel on its right or below.
+/// Returns the pixels whose centres lie inside closed polygons.
+///
+/// The even-odd rule applies to all polygons together, so a ring inside another is a hole. Corners
+/// are in pixels and may lie outside the frame. A pixel centre exactly on a side belongs to the
+/// area to the right of or below that side.
 ///
 /// # Errors
-/// [`MaskError::Request`] for corners that are not numbers.
+/// [`MaskError::Request`] when a corner is not finite.
 pub fn fill_polygons(width: u32, height: u32, rings: &[Vec<DVec2>]) -> Result<Region, MaskError> {
     let mut region = Region::empty(width, height);
     polygon_spans(width, height, rings, |pixels| {
@@ -18,8 +20,10 @@ pub fn fill_polygons(width: u32, height: u32, rings: &[Vec<DVec2>]) -> Result<Re
     Ok(region)
 }
 
-/// The stretches of pixels (places in the frame's pixels row by row) that [`fill_polygons`] fills; only rows that the
-/// polygons reach are looked at.
+/// Emits the pixel ranges that [`fill_polygons`] fills.
+///
+/// Ranges are indices into the frame's pixels, row by row. Only rows that the polygons reach are
+/// visited.
 ///
 /// # Errors
 /// As [`fill_polygons`].
@@ -37,8 +41,10 @@ pub fn polygon_spans(
     Ok(())
 }
 
-/// The stretches of pixels whose centres a closed polygon goes around, each with how often: above 0 counter-clockwise as
-/// seen, below 0 clockwise.
+/// Emits the pixel ranges that a closed polygon goes around, with the winding number.
+///
+/// The number is positive for counter-clockwise turns as displayed, and negative for clockwise
+/// ones.
 ///
 /// # Errors
 /// As [`fill_polygons`].
@@ -67,20 +73,20 @@ struct Row {
 }
 
 impl Row {
-    /// Its pixels whose centres lie from one place along it to another.
+    /// Returns the indices of its pixels whose centres lie between two x coordinates.
     fn between(&self, left: f64, right: f64) -> Range<usize> {
         self.start + first_from(left, self.width)..self.start + first_from(right, self.width)
     }
 }
 
-/// Where a side of a polygon crosses the line through the pixel centres of a row.
+/// Crossing of a polygon side with the line through the pixel centres of a row.
 struct Crossing {
     at: f64,
-    /// 1 where the side goes down as seen, -1 where it goes up.
+    /// 1 where the side goes down as displayed, -1 where it goes up.
     turn: i32,
 }
 
-/// Where the sides of polygons cross the rows that they reach, from left to right in each.
+/// Returns each row that the polygons reach, with its crossings from left to right.
 fn crossings<R: AsRef<[DVec2]>>(
     width: u32,
     height: u32,
@@ -112,7 +118,7 @@ fn crossings<R: AsRef<[DVec2]>>(
     }))
 }
 
-/// Fails on a coordinate that is not a finite number.
+/// Fails when a coordinate is not finite.
 pub(super) fn check_points(points: &[DVec2]) -> Result<(), MaskError> {
     if points.iter().all(|point| point.is_finite()) {
         return Ok(());
@@ -122,22 +128,24 @@ pub(super) fn check_points(points: &[DVec2]) -> Result<(), MaskError> {
     ))
 }
 
-/// Columns of the pixels whose centres lie in `left..=right`.
+/// Returns the columns of the pixels whose centres lie in `left..=right`.
 pub(super) fn columns_between(left: f64, right: f64, width: usize) -> Range<usize> {
     let start = first_from(left, width);
     let end = (right + 0.5).floor().clamp(0.0, width as f64) as usize;
     start..end.max(start)
 }
 
-/// First of `count` columns (or rows) whose pixel centres are at `edge` or beyond.
+/// Returns the first of `count` columns (or rows) whose pixel centre is at `edge` or beyond.
 fn first_from(edge: f64, count: usize) -> usize {
     (edge - 0.5).ceil().clamp(0.0, count as f64) as usize
 }
 
-/// Where a side crosses the lines through the pixel centres of the rows from `top` on; lower ends are left out, so that a corner on
-/// the line counts once.
+/// Adds the crossings of a side with the rows from `top` on.
+///
+/// The lower end of a side is excluded, so that a corner on the line counts once.
 fn add_crossings(crossings: &mut [Vec<Crossing>], top: usize, from: DVec2, to: DVec2) {
-    // The same order for both ways of a side, so that a seam walked there and back cancels exactly.
+    // Both directions of a side use the same order, so that a seam followed there and back cancels
+    // exactly.
     let (a, b, turn) = if (from.y, from.x) <= (to.y, to.x) {
         (from, to, 1)
     } else {
@@ -166,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn a_ring_inside_is_a_hole() {
+    fn ring_inside_another_is_a_hole() {
         let region = fill_polygons(
             8,
             6,
@@ -178,7 +186,7 @@ mod tests {
     }
 
     #[test]
-    fn pixels_are_decided_by_their_centres() {
+    fn pixels_are_filled_by_their_centres() {
         assert_eq!(
             fill_polygons(4, 1, &[rectangle(0.6, 0.0, 2.4, 1.0)])
                 .unwrap()
@@ -207,7 +215,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn agrees_with_the_winding_test(
+        fn filling_matches_the_even_odd_rule(
             corners in prop::collection::vec((-3.0f64..15.0, -3.0f64..13.0).prop_map(|(x, y)| DVec2::new(x, y)), 3..9),
         ) {
             let region = fill_polygons(12, 10, std::slice::from_ref(&corners)).unwrap();
@@ -224,14 +232,14 @@ mod tests {
         }
 
         #[test]
-        fn turns_agree_with_the_winding_number(
+        fn winding_spans_match_the_winding_number(
             corners in prop::collection::vec((-3.0f64..15.0, -3.0f64..13.0).prop_map(|(x, y)| DVec2::new(x, y)), 3..9),
         ) {
             let mut turns = [0; 120];
             winding_spans(12, 10, &corners, |pixels, around| turns[pixels].fill(around)).unwrap();
             for (at, &turns) in turns.iter().enumerate() {
                 let centre = DVec2::new((at % 12) as f64 + 0.5, (at / 12) as f64 + 0.5);
-                // The angle under which the centre sees the ring go around it; y points down.
+                // Angle that the ring covers as seen from the centre; y points down.
                 let sides = corners.iter().zip(corners.iter().cycle().skip(1));
                 let angle: f64 = sides.map(|(&a, &b)| (a - centre).angle_to(b - centre)).sum();
                 prop_assert_eq!(turns, -(angle / std::f64::consts::TAU).round() as i32);

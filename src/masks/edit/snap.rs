@@ -1,4 +1,4 @@
-//! A brush stroke cut at the edges of the picture.
+//! Brush strokes that stop at image edges.
 
 use glam::{DVec2, Vec3};
 
@@ -10,31 +10,40 @@ use crate::{MaskError, Region};
 use ostra_core::statistics::upper_median;
 use ostra_frames::Image;
 
-/// The part of the brush's radius within which everything is painted.
+/// Share of the brush radius within which everything is painted.
 const CORE_SHARE: f64 = 0.5;
 
-/// Colour difference (ΔE) that at least makes another thing.
+/// Minimum colour difference (ΔE) that separates two objects.
 const LEAST_DIFFERENCE: f32 = 6.0;
 
-/// How many times the usual step between neighbouring pixels makes another thing.
+/// Colour difference that separates two objects, in median steps between neighbouring pixels.
 const DIFFERENCE_IN_STEPS: f32 = 3.0;
 
-/// Weight of smoothness against likeness: what a border of one pixel's length costs where there is no edge.
+/// Weight of smoothness against colour similarity.
+///
+/// It is the cost of a border one pixel long where there is no edge.
 const BORDER_COST: f32 = 1.5;
 
-/// Steps along a stroke within which a place can be the nearest to a pixel: the brush reaches two of them.
+/// Maximum distance, in steps along a stroke, at which a sample can be the nearest to a pixel.
+///
+/// The brush reaches two steps.
 const NEAR_STEPS: f64 = 4.0;
 
-/// Units of the cut per unit of cost.
+/// Integer capacity of the cut per unit of cost.
 const UNITS: f32 = 1000.0;
 
-/// The pixels of a [`stroke`] that lie on the same side of the picture's edges as its core, the inner half of the
-/// radius: a pixel between half the radius and the radius stays when it looks like the core nearby and no edge parts it
-/// from it (a minimum cut over these pixels: Boykov and Jolly, "Interactive graph cuts for optimal boundary & region
-/// segmentation of objects in N-D images", ICCV 2001). Without edges it is the plain stroke.
+/// Returns the pixels of a [`stroke`] on the same side of image edges as its core.
+///
+/// The core is the inner half of the radius and is always kept. A pixel between half the radius and
+/// the radius is kept when its colour is similar to the nearby core and no edge separates the two.
+/// The decision is a minimum cut over these pixels (Boykov and Jolly, "Interactive graph cuts for
+/// optimal boundary & region segmentation of objects in N-D images", ICCV 2001). Without edges the
+/// result is the plain stroke.
+///
+/// `image` has the frame's size.
 ///
 /// # Errors
-/// As [`stroke`]; `image` has the frame's size.
+/// As [`stroke`].
 pub fn snapped_stroke(
     image: &Image,
     points_px: &[DVec2],
@@ -49,15 +58,15 @@ pub fn snapped_stroke(
     Ok(kept)
 }
 
-/// The pixels of a stroke as nodes of a graph.
+/// Pixels of a stroke as nodes of a graph.
 struct Band<'a> {
     image: &'a Image,
     whole: &'a Region,
     core: &'a Region,
-    /// Places of the stroke's pixels in the picture.
+    /// Indices of the stroke's pixels in the image.
     places: Vec<u32>,
     colors: Vec<Vec3>,
-    /// Per pixel of the picture its node; `u32::MAX` outside the stroke.
+    /// Node of each pixel of the image; `u32::MAX` outside the stroke.
     nodes: Vec<u32>,
 }
 
@@ -81,7 +90,7 @@ impl<'a> Band<'a> {
         }
     }
 
-    /// Pairs of neighbouring pixels of the stroke with their colour difference.
+    /// Returns pairs of neighbouring pixels of the stroke with their colour difference.
     fn steps(&self) -> Vec<(u32, u32, f32)> {
         let width = self.image.width as usize;
         let mut steps = Vec::with_capacity(self.places.len() * 2);
@@ -137,7 +146,10 @@ impl<'a> Band<'a> {
     }
 }
 
-/// What colour difference makes another thing: some times the usual step, so that texture and noise do not.
+/// Returns the colour difference that separates two objects.
+///
+/// It is a multiple of the median difference between neighbours, so that texture and noise do not
+/// count.
 fn difference_scale(steps: &[(u32, u32, f32)]) -> f32 {
     let mut sizes: Vec<f32> = steps.iter().map(|step| step.2).collect();
     upper_median(&mut sizes).map_or(LEAST_DIFFERENCE, |usual| {
@@ -145,13 +157,13 @@ fn difference_scale(steps: &[(u32, u32, f32)]) -> f32 {
     })
 }
 
-/// What the core looks like along the stroke.
+/// Appearance of the core along the stroke.
 struct Looks {
     places: Vec<(DVec2, Vec<Vec3>)>,
 }
 
 impl Looks {
-    /// Colours of the core on a grid around places along the stroke.
+    /// Samples the core's colours on a grid around points along the stroke.
     fn new(image: &Image, points_px: &[DVec2], core_px: f64) -> Self {
         let place = |at: DVec2| (at, colors_around(image, at, core_px));
         let size = DVec2::new(f64::from(image.width), f64::from(image.height));
@@ -163,7 +175,9 @@ impl Looks {
         }
     }
 
-    /// How much a colour differs from the likest one of the core at the place nearest to a position.
+    /// Returns the difference of a colour from the most similar core colour.
+    ///
+    /// Only the colours at the sample nearest to the position are compared.
     fn difference(&self, at_px: DVec2, color: Vec3) -> f32 {
         let off = |place: &&(DVec2, Vec<Vec3>)| place.0.distance_squared(at_px);
         let near = self.places.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
@@ -175,8 +189,10 @@ impl Looks {
     }
 }
 
-/// Points along a polyline, at most `step_px` apart: the first, and those near a picture of `size`. A stroke may go on far
-/// outside, where no pixel is nearest to it.
+/// Returns points along a polyline, at most `step_px` apart.
+///
+/// These are the first point and those near an image of `size`. A stroke may continue far outside,
+/// where its points are not the nearest to any pixel.
 fn places_along(points_px: &[DVec2], step_px: f64, size: DVec2) -> Vec<DVec2> {
     let mut places = vec![points_px[0]];
     for ends in points_px.windows(2) {
@@ -196,8 +212,10 @@ fn places_along(points_px: &[DVec2], step_px: f64, size: DVec2) -> Vec<DVec2> {
     places
 }
 
-/// Shares of the way from `a` to `b` at which it enters and leaves the rectangle from 0 to `size` widened by `margin`; `None`
-/// where it passes by.
+/// Returns the shares of the way from `a` to `b` at which it enters and leaves a rectangle.
+///
+/// The rectangle runs from 0 to `size` and is widened by `margin`. Returns `None` when the segment
+/// misses it.
 fn shares_inside(a: DVec2, b: DVec2, size: DVec2, margin: f64) -> Option<[f64; 2]> {
     let (mut enters, mut leaves) = (0.0f64, 1.0f64);
     for axis in 0..2 {
@@ -215,7 +233,9 @@ fn shares_inside(a: DVec2, b: DVec2, size: DVec2, margin: f64) -> Option<[f64; 2
     (enters <= leaves).then_some([enters, leaves])
 }
 
-/// Colours on a grid of 5 × 5 within a disk, without those beyond the picture; at least the nearest pixel's.
+/// Returns the colours on a 5 × 5 grid within a disk.
+///
+/// Positions outside the image are clamped to the nearest pixel.
 fn colors_around(image: &Image, at: DVec2, radius_px: f64) -> Vec<Vec3> {
     let reach = (radius_px - 0.5).max(0.0);
     let far = DVec2::new(f64::from(image.width), f64::from(image.height)) - 1.0;
@@ -234,7 +254,7 @@ fn colors_around(image: &Image, at: DVec2, radius_px: f64) -> Vec<Vec3> {
         .collect()
 }
 
-/// Drops the parts that do not hang together with the core.
+/// Removes the components that are not connected to the core.
 fn keep_touching(region: &mut Region, core: &Region) {
     let parts = components(region, Connectivity::Four);
     let mut touched = vec![false; parts.areas.len() + 1];
@@ -254,7 +274,7 @@ fn lab(image: &Image, at: usize) -> Vec3 {
 mod tests {
     use super::*;
 
-    /// 120 × 80 pixels: `left` up to column 60, then `right`, both with noise.
+    /// Returns a noisy image of 120 × 80 pixels, with `left` up to column 60, then `right`.
     fn halves(left: [i32; 3], right: [i32; 3], noise: i32) -> Image {
         let pixel = |at: usize| {
             let wobble = ((at * 2_654_435_761) >> 9) as i32 % (2 * noise + 1) - noise;
@@ -271,7 +291,7 @@ mod tests {
     const UPRIGHT: [DVec2; 2] = [DVec2::new(52.0, 20.0), DVec2::new(52.0, 60.0)];
 
     #[test]
-    fn a_brush_over_an_edge_does_not_spill() {
+    fn stroke_over_an_edge_does_not_spill() {
         for (left, right) in [
             ([90, 120, 60], [170, 160, 150]),
             ([60, 60, 60], [90, 90, 90]),
@@ -301,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn without_edges_it_is_nearly_the_plain_brush() {
+    fn stroke_without_edges_nearly_equals_the_plain_brush() {
         for noise in [0, 3, 12, 40] {
             let image = halves([110, 130, 90], [110, 130, 90], noise);
             let plain = stroke(120, 80, &UPRIGHT, 14.0).unwrap();
@@ -311,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn the_core_is_always_painted_and_nothing_outside_the_stroke() {
+    fn stroke_contains_its_core_and_stays_within_the_brush() {
         let image = halves([20, 20, 20], [230, 230, 230], 9);
         for x in [40.0, 55.0, 60.0, 66.0, 119.9, 130.0] {
             let points = [DVec2::new(x, 10.0), DVec2::new(x, 70.0)];
@@ -330,7 +350,7 @@ mod tests {
     }
 
     #[test]
-    fn a_thin_line_beyond_the_edge_keeps_nothing_behind_it() {
+    fn nothing_behind_a_thin_line_is_painted() {
         let mut image = halves([110, 130, 90], [110, 130, 90], 2);
         for y in 0..80 {
             image.pixels[y * 120 + 60..y * 120 + 62].fill([20, 20, 20]);
@@ -344,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn strokes_that_go_far_outside_cost_no_more_than_their_part_inside() {
+    fn strokes_far_outside_the_image_are_sampled_only_near_it() {
         let image = halves([90, 120, 60], [170, 160, 150], 4);
         let far = [
             DVec2::new(52.0, -1e13),

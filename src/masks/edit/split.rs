@@ -1,10 +1,12 @@
 use crate::{Connectivity, MaskError, Region, components, squared_distance_to};
 
-/// Share of a piece's pixels from which on all of it goes one way.
+/// Share of a component's pixels from which the whole component goes to one side.
 const WHOLE_SHARE: f64 = 0.9;
 
-/// The part of `whole` that lies nearer to `part` than to `rest`: how a thing that was cut in two on one frame is cut on
-/// the next. Pieces that lie almost all on one side go there whole.
+/// Returns the part of `whole` that lies nearer to `part` than to `rest`.
+///
+/// This transfers the cut of an object on one frame to the next frame. A component that lies almost
+/// entirely on one side goes to that side as a whole.
 ///
 /// # Errors
 /// [`MaskError::Request`] when the regions differ in size.
@@ -59,7 +61,7 @@ mod tests {
     }
 
     #[test]
-    fn pieces_follow_what_they_were() {
+    fn components_go_to_the_nearer_part() {
         let cut = |whole, part, rest| nearer_part(&row(whole), &row(part), &row(rest)).unwrap();
         let nothing = "..............";
         assert_eq!(
@@ -82,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sliver_on_the_other_side_goes_with_its_piece() {
+    fn sliver_on_the_other_side_goes_with_its_component() {
         let (whole, part) = (row("####################"), row("##################.."));
         let rest = row("...................#");
         assert_eq!(nearer_part(&whole, &part, &rest).unwrap(), whole);

@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use crate::{Label, LabelId, LabelMask, LabelTree, Region};
 
-/// 1 › 2 › 3, 1 › 4, and 5 alone.
+/// Returns the label tree 1 › 2 › 3, 1 › 4, and 5 on its own.
 pub(super) fn tree() -> LabelTree {
     let label = |id: u16, parent: Option<u16>| Label {
         id: LabelId(id),
@@ -21,7 +21,7 @@ pub(super) fn tree() -> LabelTree {
     .unwrap()
 }
 
-/// A mask of 12 × 10 pixels with the labels of [`tree`], and a region of its size.
+/// Generates a mask of 12 × 10 pixels with the labels of [`tree`], and a region of its size.
 pub(super) fn frame() -> impl Strategy<Value = (LabelMask, Region)> {
     let ids = prop::collection::vec((0u16..6).prop_map(LabelId), 120);
     let inside = prop::collection::vec(any::<bool>(), 120);

@@ -1,14 +1,17 @@
 use super::assign::{PaintRule, assign, erase, yielding};
 use crate::{LabelId, LabelMask, LabelTree, MaskError, Region};
 
-/// Fills the holes of a label that have fewer than `holes_below_px` pixels and removes its islands that have fewer than
-/// `islands_below_px` pixels (0 = none); returns how many pixels changed. A hole is closed in by the label; its pixels
-/// that belong to other labels stay, but for those of the label's own ancestors. The label's parts count as the label
-/// where pieces are looked for, and keep their pixels. Diagonals join an island to the rest; a piece counts with the pixels of
-/// its holes that are filled, and the largest is no island. Tidying again changes nothing.
+/// Fills small holes of a label, removes its small islands and returns the changed pixels.
+///
+/// Holes have fewer than `holes_below_px` pixels and islands fewer than `islands_below_px` pixels;
+/// 0 disables either step. A hole is enclosed by the label. Its pixels that belong to other labels
+/// stay, except those of the label's own ancestors. The label's parts count as the label when
+/// components are determined, and keep their pixels. Components are 8-connected, and their size
+/// includes filled holes. The largest component is never an island. A second call with the same
+/// arguments changes nothing.
 ///
 /// # Errors
-/// [`MaskError::Label`] when the mask does not show the label.
+/// [`MaskError::Label`] when no pixel of the mask has the label.
 pub fn tidy(
     mask: &mut LabelMask,
     label: LabelId,
@@ -28,7 +31,10 @@ pub fn tidy(
     Ok(removed + assign(mask, &filled, label, PaintRule::Protect, tree)?)
 }
 
-/// The pixels of a label and its parts with those that it may take in its holes below a size; what others cut off from it there stays.
+/// Returns the pixels of a label and its parts, with small holes filled.
+///
+/// Only hole pixels that the label may take are added. Pixels in a hole that other labels cut off
+/// from the label stay as they are.
 fn filled(mask: &LabelMask, label: LabelId, below_px: usize, tree: &LabelTree) -> Region {
     let mut filled = mask.region_with_parts(label, tree);
     let Some(most) = below_px.checked_sub(1) else {
@@ -45,7 +51,7 @@ fn filled(mask: &LabelMask, label: LabelId, below_px: usize, tree: &LabelTree) -
     filled
 }
 
-/// The pieces of a region below a size, without the largest piece.
+/// Returns the components below a size, except the largest component.
 fn islands(region: &Region, below_px: usize) -> Region {
     let (mut islands, mut large, mut largest) = (region.clone(), region.clone(), region.clone());
     large.remove_islands(below_px);
@@ -65,7 +71,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn only_small_holes_and_islands_of_the_label_change(
+        fn only_small_holes_and_islands_change(
             (mask, _) in frame(), id in 1u16..6, holes in 0usize..12, islands in 0usize..12,
         ) {
             let (label, tree) = (LabelId(id), tree());
@@ -108,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pinhole_is_filled_and_a_speck_removed() {
+    fn pinhole_is_filled_and_speck_is_removed() {
         let rows = [
             "#####....",
             "#.#.#..#.",
@@ -138,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn what_another_label_keeps_of_a_hole_does_not_count() {
+    fn hole_pixels_of_another_label_do_not_count_as_island_size() {
         let rows = ["####..###", "####..#2#", "####..###"];
         let id = |byte: u8| match byte {
             b'#' => LabelId(5),
@@ -157,8 +163,8 @@ mod tests {
     }
 
     #[test]
-    fn what_another_label_cuts_off_in_a_hole_stays() {
-        // A ring of the label around a ring of another around nothing.
+    fn unlabelled_pixels_enclosed_by_another_label_stay() {
+        // A ring of the label around a ring of another label around unlabelled pixels.
         let id = |x: i32, y: i32| match (x - 6).abs().max((y - 6).abs()) {
             5 => LabelId(5),
             4 => LabelId(2),

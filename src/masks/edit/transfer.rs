@@ -3,8 +3,11 @@ use std::collections::BTreeSet;
 use crate::run_mask::merged;
 use crate::{LabelId, MaskError, RunMask};
 
-/// `mask` with the pixels that `labels` have in `source`: those that they had before are cleared, the new ones are set
-/// where nothing, or one of `labels`, is; with `replace` over other labels too. All else stays as it is.
+/// Returns `mask` with the pixels that `labels` have in `source`.
+///
+/// The labels' former pixels are cleared. Their new pixels are set where `mask` is unlabelled or
+/// has one of `labels`, and with `replace` also over other labels. All other pixels stay as they
+/// are.
 ///
 /// # Errors
 /// [`MaskError::Request`] when the two masks differ in size.
@@ -31,8 +34,9 @@ pub fn transfer(
     })
 }
 
-/// `after`, in which `held` labels have exactly the pixels that they have in `before`; where `after` gives them others,
-/// nothing is.
+/// Returns `after` with the pixels of the `held` labels as they are in `before`.
+///
+/// Pixels that have a held label only in `after` become unlabelled.
 ///
 /// # Errors
 /// [`MaskError::Request`] when the two masks differ in size.
@@ -67,7 +71,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn only_the_chosen_labels_move(
+        fn transfer_moves_only_the_chosen_labels(
             (mask, region) in frame(),
             shift in 0usize..40,
             labels in proptest::collection::btree_set((1u16..6).prop_map(LabelId), 0..3),
@@ -91,7 +95,7 @@ mod tests {
     }
 
     #[test]
-    fn transfer_refuses_masks_of_two_sizes() {
+    fn transfer_rejects_masks_of_different_sizes() {
         assert!(
             transfer(
                 &RunMask::empty(4, 3),
@@ -105,7 +109,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn held_labels_stay_and_the_others_move(
+        fn held_labels_stay_and_other_labels_change(
             (before, _) in frame(),
             (after, _) in frame(),
             held in proptest::collection::btree_set((1u16..6).prop_map(LabelId), 0..3),
@@ -127,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn hold_refuses_masks_of_two_sizes() {
+    fn hold_rejects_masks_of_different_sizes() {
         assert!(
             hold(
                 &RunMask::empty(4, 3),

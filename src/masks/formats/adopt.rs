@@ -2,25 +2,27 @@ use std::collections::BTreeMap;
 
 use crate::{Label, LabelId, LabelTree, MaskError};
 
-/// The labels of files brought into a project's tree: those known by name are taken as they are, others are added.
+/// Merges the labels of imported files into a project's label tree.
+///
+/// Labels with a known name keep the project's label; others are added.
 pub(super) struct Adoption {
     tree: LabelTree,
     added: Vec<LabelId>,
-    /// Ids that stand as numbers in the files: no label that gets a fresh id may take one of them.
+    /// Highest id that files use as a number; fresh ids start above it.
     reserved: LabelId,
 }
 
-/// A label as a file describes it.
+/// A label as described by a file.
 pub(super) struct Newcomer<'a> {
     pub name: &'a str,
-    /// The id it would like to keep, where that is free.
+    /// Preferred id, used when it is free.
     pub id: Option<LabelId>,
     pub parent: Option<LabelId>,
     pub color: Option<[u8; 3]>,
 }
 
 impl Adoption {
-    /// Starts from a project's tree; `reserved` is the highest id that stands as a number in the files.
+    /// Starts from a project's tree; `reserved` is the highest id that files use as a number.
     pub(super) fn new(tree: &LabelTree, reserved: LabelId) -> Self {
         Self {
             tree: tree.clone(),
@@ -29,12 +31,14 @@ impl Adoption {
         }
     }
 
-    /// The tree with all that was added.
+    /// Returns the tree with all added labels.
     pub(super) fn tree(&self) -> &LabelTree {
         &self.tree
     }
 
-    /// The label for an id that stands as a number; one named after the number where the project has none.
+    /// Returns the label for a numeric id.
+    ///
+    /// An id without a label in the tree gets one named after the number.
     pub(super) fn number(&mut self, id: LabelId) -> Result<LabelId, MaskError> {
         if id == LabelId::NONE || self.tree.get(id).is_some() {
             return Ok(id);
@@ -51,7 +55,7 @@ impl Adoption {
         })
     }
 
-    /// The project's label of that name, or a new one.
+    /// Returns the project's label of that name, or adds one.
     pub(super) fn named(&mut self, newcomer: &Newcomer<'_>) -> Result<LabelId, MaskError> {
         if let Some(known) = self.tree.by_name(newcomer.name) {
             return Ok(known.id);
@@ -69,13 +73,14 @@ impl Adoption {
         })
     }
 
-    /// All labels of another tree, parents first; returns which id each has now.
+    /// Adds all labels of another tree and returns the new id of each.
     pub(super) fn tree_of(
         &mut self,
         other: &LabelTree,
     ) -> Result<BTreeMap<LabelId, LabelId>, MaskError> {
         let mut ids = BTreeMap::new();
-        // By depth, so that parents come first; asking for the children of each would compare all labels with all.
+        // Sorting by depth puts parents first. Querying the children of each label would compare
+        // all labels with all others.
         let mut all: Vec<&Label> = other.iter().collect();
         all.sort_by_key(|label| other.depth(label.id));
         for label in all {
@@ -91,7 +96,7 @@ impl Adoption {
         Ok(ids)
     }
 
-    /// The labels that were added, each after its parent.
+    /// Returns the added labels, each after its parent.
     pub(super) fn into_added(self) -> Vec<Label> {
         self.added
             .iter()
@@ -136,7 +141,7 @@ mod tests {
     }
 
     #[test]
-    fn names_decide_and_numbers_are_left_alone() {
+    fn labels_match_by_name_and_numeric_ids_stay() {
         let project = tree(&[(1, "leaf", None), (7, "stem", None)]);
         let file = tree(&[
             (1, "grain", Some(2)),
@@ -167,14 +172,14 @@ mod tests {
     }
 
     #[test]
-    fn a_number_whose_name_is_taken_still_gets_a_label() {
+    fn numeric_id_whose_name_is_taken_gets_a_prefixed_name() {
         let mut adoption = Adoption::new(&tree(&[(1, "5", None), (2, "#5", None)]), LabelId(5));
         adoption.number(LabelId(5)).unwrap();
         assert_eq!(adoption.into_added()[0].name, "##5");
     }
 
     #[test]
-    fn the_last_id_of_all_is_not_given_twice() {
+    fn highest_possible_id_is_not_assigned_twice() {
         let mut adoption = Adoption::new(&tree(&[(1, "a", None)]), LabelId(u16::MAX));
         adoption.number(LabelId(u16::MAX)).unwrap();
         let newcomer = Newcomer {

@@ -16,8 +16,10 @@ use crate::{LabelId, LabelTree, MaskError, RunMask};
 use ostra_core::disk;
 use ostra_core::job::Progress;
 
-/// Reads `LABEL/FRAME.png`. A folder is a label by its name, else by its number; a pixel is inside where its value is
-/// more than half of the highest in the label's files.
+/// Reads `LABEL/FRAME.png`.
+///
+/// A folder is matched to a label by its name, else by its number. A pixel is inside when its value
+/// is more than half of the highest value in the label's files.
 pub(super) fn import(
     dir: &Path,
     frames: &[MaskFrame<'_>],
@@ -77,7 +79,7 @@ pub(super) fn import(
     })
 }
 
-/// Writes one folder per label that any frame has, with a picture of every frame in each.
+/// Writes one folder per label that occurs, each with an image of every frame.
 pub(super) fn export(
     dir: &Path,
     export: &Export<'_>,
@@ -100,7 +102,7 @@ pub(super) fn export(
     Ok(())
 }
 
-/// PNG files by the label folder that they lie in, their stems without it.
+/// Returns the PNG files by label folder, with their stems relative to that folder.
 fn label_folders(dir: &Path) -> Result<BTreeMap<String, Vec<FoundFile>>, MaskError> {
     let mut folders: BTreeMap<String, Vec<FoundFile>> = BTreeMap::new();
     for file in list_files(dir, &["png"])? {
@@ -123,7 +125,7 @@ fn label_folders(dir: &Path) -> Result<BTreeMap<String, Vec<FoundFile>>, MaskErr
     Ok(folders)
 }
 
-/// The labels that folders stand for: those of `labels.json` and of the project.
+/// Returns the labels of folder names, from `labels.json` and the project.
 fn adopted_folders(
     adoption: &mut Adoption,
     listed: Option<&LabelTree>,
@@ -171,7 +173,7 @@ fn highest_number<'n>(folders: impl Iterator<Item = &'n String>) -> LabelId {
     )
 }
 
-/// A file with the mask of one label in one frame.
+/// A mask file of one label on one frame.
 struct LabelFile<'f> {
     label: LabelId,
     folder: &'f str,
@@ -185,17 +187,19 @@ impl LabelFile<'_> {
     }
 }
 
-/// The values of a label's mask, and the lowest that is inside.
+/// Values of a label's mask, and the lowest value that counts as inside.
 struct Object {
     mask: RunMask,
     lowest: u32,
 }
 
-/// Reads the files that can be read, by frame; the others are counted. A label's files share the highest value, so that
-/// a frame with a little noise does not become an object.
+/// Reads the readable files by frame and counts the others.
+///
+/// All files of a label share the highest value, so that a frame with slight noise does not become
+/// an object.
 ///
 /// # Errors
-/// The first file's error when none can be used.
+/// The first file's error when no file can be used.
 fn read_files(
     files: &[LabelFile<'_>],
     frames: &[MaskFrame<'_>],
@@ -237,7 +241,8 @@ fn read_files(
             .max();
         let highest = highest.unwrap_or_default();
         for (file, mask, how) in read {
-            // Twice the value must be above the highest and one: 128 of 255 is the middle of a trimap.
+            // Twice the value must exceed the highest value plus one, because 128 of 255 is the
+            // middle of a trimap.
             let lowest = if in_steps(&how) {
                 (highest.div_ceil(2) + 1).min(highest).max(1)
             } else {
@@ -289,8 +294,10 @@ fn frame_mask(
     })
 }
 
-/// A folder name per label: its name with characters that file systems refuse put as `_`; with its id behind where two
-/// labels would share a folder, or where the import would skip it as one of a system.
+/// Returns a folder name for each label.
+///
+/// Characters that file systems reject become `_`. The id is appended when two labels would share a
+/// folder, or when the import would skip the name as a system folder.
 fn folder_names(tree: &LabelTree) -> BTreeMap<LabelId, String> {
     let plain = |name: &str| -> String {
         let refused = |c: char| c.is_control() || "/\\:*?\"<>|".contains(c);

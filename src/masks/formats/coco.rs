@@ -19,12 +19,15 @@ use super::{coco_json, rle};
 use crate::{Extent, Label, LabelId, LabelTree, MaskError, RunMask};
 use ostra_core::job::Progress;
 
-/// The file that an export writes.
+/// Name of the file that an export writes.
 const FILE: &str = "annotations.json";
 
-/// Reads a COCO JSON: `path` itself, or in a folder `annotations.json` or the only JSON that is there. All annotations
-/// of a category on an image are one label's pixels. An image without outlines gets no mask: such files list every image,
-/// the unlabelled too. Entries that cannot be used are left out and counted in the warnings.
+/// Reads a COCO JSON file.
+///
+/// `path` is the file itself, or a folder with `annotations.json` or a single JSON file. All
+/// annotations of a category on an image form one label's pixels. An image without outlines gets no
+/// mask, because such files list every image, including unlabelled ones. Unusable entries are
+/// skipped and counted in the warnings.
 pub(super) fn import(
     path: &Path,
     frames: &[MaskFrame<'_>],
@@ -66,7 +69,7 @@ pub(super) fn import(
     for ((frame, _), read) in jobs.iter().zip(read) {
         skipped.join(read.skipped);
         contested += read.contested;
-        // A mask without labels would replace one that the frame has.
+        // A mask without labels would replace an existing mask of the frame.
         if read.mask.runs.iter().any(|run| run.0 != LabelId::NONE) {
             masks.insert(*frame, read.mask);
         }
@@ -105,15 +108,15 @@ pub(super) fn import(
     })
 }
 
-/// The annotations of a file.
+/// Annotations of a file.
 struct DrawnByFrame<'d> {
-    /// Those that have an outline, by frame.
+    /// Annotations with an outline, by frame.
     frames: BTreeMap<usize, Vec<Drawn<'d>>>,
-    /// How many have none.
+    /// Number of annotations without an outline.
     without_outline: usize,
 }
 
-/// Sorts the annotations by frame.
+/// Groups the annotations by frame.
 fn drawn_by_frame<'d>(
     dataset: &'d Dataset,
     images: &Images<'_>,
@@ -148,7 +151,7 @@ fn drawn_by_frame<'d>(
     }
 }
 
-/// The entries that could be read; the others are counted.
+/// Returns the entries that could be read and counts the others.
 fn readable<'e, T>(
     entries: &'e [Entry<T>],
     what: &'static str,
@@ -164,7 +167,9 @@ fn readable<'e, T>(
     found
 }
 
-/// Writes `annotations.json`: one annotation per frame and label, regions as packed run lengths, category id = label id.
+/// Writes `annotations.json` with one annotation per frame and label.
+///
+/// Regions are packed run lengths, and the category id is the label id.
 pub(super) fn export(
     dir: &Path,
     export: &Export<'_>,
@@ -219,11 +224,11 @@ fn dataset_file(path: &Path) -> Result<PathBuf, MaskError> {
     }
 }
 
-/// The images of a file.
+/// Images of a file.
 struct Images<'i> {
-    /// The frame of each image, `None` for one that belongs to no frame, by the image's id.
+    /// Frame of each image by image id; `None` for an image without a usable frame.
     frame_of_id: BTreeMap<&'i Id, Option<usize>>,
-    /// The names of images that belong to no frame.
+    /// Names of images that match no frame.
     unmatched: Vec<&'i str>,
 }
 
@@ -249,7 +254,7 @@ fn images_by_frame<'i>(
         .iter()
         .map(|image| plain_path(&image.file_name))
         .collect();
-    // Merged sets list an image once for each set; it is one file all the same.
+    // Merged data sets list an image once per set, although it is one file.
     let different: BTreeSet<&str> = names.iter().map(String::as_str).collect();
     let entry = |name: &str| FoundFile {
         path: name.into(),
@@ -306,7 +311,7 @@ fn images_by_frame<'i>(
     Ok(found)
 }
 
-/// What is wrong with the size of an image, where it is not that of its frame.
+/// Describes how the size of an image differs from its frame; `None` when both agree.
 fn size_fault_of(
     image: &ImageEntry,
     frame: &MaskFrame<'_>,
@@ -333,7 +338,9 @@ fn size_fault_of(
     }
 }
 
-/// A file name of a COCO file as a path with `/`: Windows writes `\`, some tools write addresses or a leading `./`.
+/// Converts a file name of a COCO file to a path with `/`.
+///
+/// Windows writes `\`, and some tools write URLs or a leading `./`.
 fn plain_path(name: &str) -> String {
     let name = match name.split_once("://") {
         Some((_, rest)) => rest.split(['?', '#']).next().unwrap_or(rest),
@@ -366,7 +373,7 @@ fn annotations(frame: usize, mask: &RunMask) -> Vec<Annotation> {
     extents.iter().zip(counts).map(annotation).collect()
 }
 
-/// The labels of the tree, and those in masks that it lacks.
+/// Returns the labels of the tree, plus labels of masks that are missing there.
 fn categories(export: &Export<'_>) -> Result<Vec<Category>, MaskError> {
     let category = |label: &Label| Category {
         id: i64::from(label.id.0).into(),
@@ -397,7 +404,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_stop_is_noticed_between_annotations() {
+    fn import_stops_between_annotations() {
         let text = r#"{"images": [], "annotations":
             [{"id": 1, "image_id": 1, "category_id": 1, "segmentation": [[0, 0, 2, 0, 2, 2]]}]}"#;
         let dataset = coco_json::parse(text).unwrap();

@@ -1,4 +1,4 @@
-//! Which label each category of a COCO file becomes.
+//! Mapping from the categories of a COCO file to labels.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,22 +6,24 @@ use super::adopt::{Adoption, Newcomer};
 use super::coco_json::{Category, Id};
 use crate::{LabelId, MAX_DEPTH, MaskError};
 
-/// The labels of a file's categories.
+/// Labels of a file's categories.
 pub(super) struct CategoryLabels<'c> {
-    /// By the category's id.
+    /// Label by category id.
     pub labels: BTreeMap<&'c Id, LabelId>,
-    /// What was decided, for the user.
+    /// Decisions that the user should know about.
     pub warnings: Vec<String>,
 }
 
-/// A file's categories by name.
+/// Categories of a file by name.
 struct Categories<'c>(BTreeMap<&'c str, Vec<&'c Category>>);
 
-/// Finds or adds the label of every used category, after the labels above it. A category is known by its name; where the
-/// file or the project has that name under another parent, by both.
+/// Finds or adds the label of every used category.
+///
+/// Ancestors are added first. A category is identified by its name. When the file or the project
+/// has that name under another parent, it is identified by name and parent.
 ///
 /// # Errors
-/// [`MaskError::Label`] when two categories have one id, or no label id is free.
+/// [`MaskError::Label`] when two different categories share an id, or no label id is free.
 pub(super) fn adopt_categories<'c>(
     categories: &[&'c Category],
     used: &BTreeSet<&Id>,
@@ -47,7 +49,8 @@ pub(super) fn adopt_categories<'c>(
         labels: BTreeMap::new(),
         warnings: Vec::new(),
     };
-    // In the file's order: the first of several of one name gets the plain name.
+    // Follows the file's order, so that the first of several categories of one name gets the plain
+    // name.
     for category in categories
         .iter()
         .filter(|category| used.contains(&category.id))
@@ -64,7 +67,9 @@ pub(super) fn adopt_categories<'c>(
 }
 
 impl<'c> Categories<'c> {
-    /// The label of a category; `below` are the names of those that this one lies above.
+    /// Returns the label of a category, adding it and its ancestors where needed.
+    ///
+    /// `below` holds the names of the categories below this one, to end cycles.
     fn adopt(
         &self,
         category: &'c Category,
@@ -127,14 +132,14 @@ impl<'c> Categories<'c> {
         })
     }
 
-    /// Whether another category has the same name under another supercategory.
+    /// Returns whether another category has the same name under another supercategory.
     fn is_ambiguous(&self, category: &Category) -> bool {
         let twins = self.0.get(category.name.as_str()).into_iter().flatten();
         twins.into_iter().any(|twin| above(twin) != above(category))
     }
 }
 
-/// The name of the category above; `None` at the top.
+/// Returns the name of the supercategory; `None` at the top level.
 fn above(category: &Category) -> Option<&str> {
     let above = category.supercategory.as_deref()?;
     (above != category.name && !above.is_empty() && above != "none").then_some(above)
@@ -147,12 +152,12 @@ fn qualified(name: &str, category: &Category) -> String {
     }
 }
 
-/// Label names have one line.
+/// Replaces line breaks, because label names have one line.
 fn one_line(name: &str) -> String {
     name.replace(['\n', '\r'], " ")
 }
 
-/// What became of several used categories of one name.
+/// Describes which labels several used categories of one name became.
 fn describe_twins(
     twins: &[&Category],
     labels: &BTreeMap<&Id, LabelId>,

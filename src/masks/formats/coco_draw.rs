@@ -1,4 +1,4 @@
-//! Annotations of a COCO file to the mask of a frame.
+//! Conversion of COCO annotations to the mask of a frame.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -15,19 +15,21 @@ use crate::edit::polygon_spans;
 use crate::{LabelId, LabelTree, MaskError, RunMask};
 use ostra_core::job::Progress;
 
-/// Coordinates farther out than this, in pixels, are damaged: no image is as large.
+/// Maximum plausible coordinate in pixels.
+///
+/// Larger ones are damaged, because no image has this size.
 pub(super) const MAX_COORDINATE: f64 = 1e6;
 
-/// An annotation that has an outline.
+/// An annotation with an outline.
 pub(super) struct Drawn<'a> {
     pub annotation: &'a Annotation,
     pub(super) outline: &'a Segmentation,
 }
 
-/// What the annotations of a frame gave.
+/// Result of drawing a frame's annotations.
 pub(super) struct FrameMask {
     pub mask: RunMask,
-    /// Pixels that two labels claimed.
+    /// Number of pixels that two labels claimed.
     pub contested: usize,
     pub skipped: Skipped,
 }
@@ -77,7 +79,7 @@ pub(super) fn frame_mask(
     })
 }
 
-/// What an annotation says about its pixels; `None` when it holds only a box.
+/// Returns the outline of an annotation; `None` when it only has a box.
 pub(super) fn outline_of(annotation: &Annotation) -> Option<&Segmentation> {
     let empty = |outline: &&Segmentation| match outline {
         Segmentation::Polygons(polygons) => polygons.is_empty(),
@@ -90,7 +92,9 @@ pub(super) fn outline_of(annotation: &Annotation) -> Option<&Segmentation> {
         .filter(|outline| !empty(outline))
 }
 
-/// Hands out an object's pixels; `skip` is called with each part that cannot be used: its kind, and what is wrong.
+/// Emits the pixel ranges of an object.
+///
+/// `skip` is called for each unusable part, with the kind of fault and its details.
 pub(super) fn draw(
     outline: &Segmentation,
     frame: &MaskFrame<'_>,
@@ -146,7 +150,7 @@ pub(super) fn draw(
     }
 }
 
-/// Returns whether the polygon can be used.
+/// Emits the pixel ranges of a polygon and returns whether the polygon is usable.
 pub(super) fn draw_polygon(
     polygon: &[Option<f64>],
     frame: &MaskFrame<'_>,

@@ -1,12 +1,14 @@
-//! The JSON of a COCO data set, as far as masks need it. Reading is lenient: an entry that cannot be understood does not
-//! cost the others, ids may be numbers or text, and fields that masks do not need may hold anything.
+//! JSON structure of a COCO data set, as far as masks need it.
+//!
+//! Parsing is lenient: an unreadable entry does not affect the others, ids may be numbers or text,
+//! and fields that masks do not need may hold anything.
 
 use std::fmt;
 
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// The whole file.
+/// A COCO file.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Dataset {
     pub images: Vec<Entry<ImageEntry>>,
@@ -16,7 +18,7 @@ pub(super) struct Dataset {
     pub categories: Vec<Entry<Category>>,
 }
 
-/// An entry of a list, which may lack what is needed of it.
+/// An entry of a list, which may lack required fields.
 #[derive(Serialize, Deserialize)]
 #[serde(untagged)]
 pub(super) enum Entry<T> {
@@ -26,7 +28,7 @@ pub(super) enum Entry<T> {
 }
 
 impl<T> Entry<T> {
-    /// The entry, where it could be read.
+    /// Returns the entry if it could be read.
     pub(super) fn read(&self) -> Option<&T> {
         match self {
             Self::Read(entry) => Some(entry),
@@ -35,12 +37,14 @@ impl<T> Entry<T> {
     }
 }
 
-/// An id: a number or any text; `1` and `"1"` are the same id.
+/// An id, given as a number or text.
+///
+/// `1` and `"1"` are the same id.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Id(String);
 
 impl Id {
-    /// The id as a number from 0 to 65535, where it is one.
+    /// Returns the id as a number if it is one from 0 to 65535.
     pub(super) fn number(&self) -> Option<u16> {
         self.0.parse().ok()
     }
@@ -75,7 +79,7 @@ impl<'de> Deserialize<'de> for Id {
     }
 }
 
-/// A value that tools write as a number or as text.
+/// A value that tools write either as a number or as text.
 #[derive(Deserialize)]
 #[serde(untagged)]
 enum Scalar {
@@ -118,24 +122,26 @@ pub(super) struct ImageEntry {
     pub id: Id,
     #[serde(deserialize_with = "text")]
     pub file_name: String,
-    /// Columns; missing in some files.
+    /// Number of columns; missing in some files.
     #[serde(default, deserialize_with = "optional_size")]
     pub width: Option<u32>,
-    /// Rows.
+    /// Number of rows; missing in some files.
     #[serde(default, deserialize_with = "optional_size")]
     pub height: Option<u32>,
 }
 
-/// A kind of object.
+/// A category of objects.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Category {
     pub id: Id,
     #[serde(deserialize_with = "text")]
     pub name: String,
-    /// Name of the category above; its own name, nothing or `none` at the top.
+    /// Name of the category above.
+    ///
+    /// At the top level it is the own name, missing, empty or `none`.
     #[serde(default, deserialize_with = "optional_text")]
     pub supercategory: Option<String>,
-    /// sRGB, as in COCO's panoptic files; COCO Annotator writes `#rrggbb`.
+    /// Colour in sRGB, as in COCO's panoptic files; COCO Annotator writes `#rrggbb`.
     #[serde(
         default,
         deserialize_with = "optional_color",
@@ -160,7 +166,7 @@ fn optional_color<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[
     })
 }
 
-/// One object on one image.
+/// An object on an image.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Annotation {
     #[serde(default = "no_id", deserialize_with = "any_id")]
@@ -169,13 +175,13 @@ pub(super) struct Annotation {
     pub category_id: Id,
     #[serde(default)]
     pub segmentation: Option<Segmentation>,
-    /// Pixels. Only written: masks do not need what others put here.
+    /// Area in pixels; only written, because other tools' values are not needed.
     #[serde(skip_deserializing)]
     pub area: f64,
-    /// Left, top, width, height in pixels. Only written.
+    /// Left, top, width and height in pixels; only written.
     #[serde(skip_deserializing)]
     pub bbox: Vec<f64>,
-    /// Only written.
+    /// Always 0; only written.
     #[serde(skip_deserializing)]
     pub iscrowd: u8,
 }
@@ -190,21 +196,23 @@ fn any_id<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Id, D::Error> {
         .map_or_else(no_id, Id))
 }
 
-/// The pixels of an object.
+/// Pixels of an object.
 #[derive(Serialize, Deserialize)]
 #[serde(untagged)]
 pub(super) enum Segmentation {
-    /// Polygons as x, y, x, y, … in pixels; the object is all of them together. `None` is a coordinate that is not a number.
+    /// Polygons as x, y, x, y, … in pixels; the object is their union.
+    ///
+    /// `None` is a coordinate that is not a number.
     Polygons(Vec<Vec<Option<f64>>>),
-    /// One polygon without the list around it.
+    /// A single polygon without the enclosing list.
     Polygon(Vec<Option<f64>>),
     /// Run lengths down the columns.
     Runs {
-        /// Height, width.
+        /// Height and width.
         size: [u32; 2],
         counts: Counts,
     },
-    /// Anything else.
+    /// Any other value.
     #[serde(skip_serializing)]
     Unreadable(IgnoredAny),
 }
@@ -217,10 +225,12 @@ pub(super) enum Counts {
     Packed(String),
 }
 
-/// Reads a file's text. Python writes NaN and infinities as words that are not JSON; they are read as null.
+/// Parses the text of a COCO file.
+///
+/// Python writes NaN and infinities as words that are not JSON; they are read as null.
 ///
 /// # Errors
-/// What the parser found.
+/// The parser's error.
 pub(super) fn parse(text: &str) -> serde_json::Result<Dataset> {
     serde_json::from_str(text).or_else(|error| match without_number_words(text) {
         Some(text) => serde_json::from_str(&text),
@@ -228,8 +238,9 @@ pub(super) fn parse(text: &str) -> serde_json::Result<Dataset> {
     })
 }
 
-/// The text with `NaN`, `Infinity` and `-Infinity` outside of quotes put as `null`, padded so that columns stay; `None`
-/// when there is none.
+/// Replaces `NaN` and `Infinity`, also with a minus sign, outside quotes with `null`.
+///
+/// Padding keeps the columns of long words. Returns `None` when the text contains no such word.
 fn without_number_words(text: &str) -> Option<String> {
     let mut out = String::with_capacity(text.len());
     let (mut rest, mut found) = (text, false);
@@ -262,7 +273,7 @@ fn without_number_words(text: &str) -> Option<String> {
     found.then_some(out)
 }
 
-/// Length in bytes of the quoted text that `text` begins with.
+/// Returns the length in bytes of the quoted string at the start of `text`.
 fn quoted_length(text: &str) -> usize {
     let mut escaped = false;
     let end = text.bytes().skip(1).position(|byte| {
@@ -278,7 +289,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn words_for_numbers_become_null_outside_of_quotes() {
+    fn non_finite_numbers_outside_quotes_become_null() {
         let text = r#"{"NaN":"NaN -Infinity \" NaN","a":NaN,"b":[-Infinity,Infinity,-1]}"#;
         let expected = r#"{"NaN":"NaN -Infinity \" NaN","a":null,"b":[null     ,null    ,-1]}"#;
         assert_eq!(without_number_words(text).unwrap(), expected);
@@ -286,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn ids_are_numbers_or_text() {
+    fn ids_accept_numbers_and_text() {
         let ids: Vec<Id> = serde_json::from_str(r#"[1, "1", 1.0, " 1 ", "a-b", -3]"#).unwrap();
         assert!(ids[..4].iter().all(|id| *id == Id::from(1i64)));
         assert_eq!(serde_json::to_string(&ids[3..]).unwrap(), r#"[1,"a-b",-3]"#);

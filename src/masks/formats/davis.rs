@@ -21,13 +21,17 @@ use super::png_values::{HowRead, PngValues, encode_png, reconcile_cut_outs};
 use crate::{LabelId, LabelMask, LabelTree, MaskError, RunMask};
 use ostra_core::job::Progress;
 
-/// More labels than this that are named after their numbers are reported: they may be no ids.
+/// Number of labels named after their numbers above which a warning is added.
+///
+/// The values may not be ids.
 const MAX_UNREPORTED: usize = 20;
-/// Most ids that a message names.
+/// Maximum number of ids listed in a message.
 const MAX_NAMED_IDS: usize = 10;
 
-/// Encodes a mask as PNG: pixel value = label id, 8-bit palette with the labels' colours (0 = black); 16-bit grey once
-/// an id exceeds 255. Fast, with light compression.
+/// Encodes a mask as a PNG whose pixel values are label ids.
+///
+/// The image has an 8-bit palette with the labels' colours (0 = black), or 16-bit grey when an id
+/// exceeds 255. Compression is light and fast.
 ///
 /// # Errors
 /// [`MaskError::Request`] for a mask without pixels.
@@ -43,32 +47,34 @@ pub fn encode_palette_png(mask: &RunMask, tree: &LabelTree) -> Result<Vec<u8>, M
     encode_png(mask.width, mask.height, stored, &pixels)
 }
 
-/// Reads a mask PNG of any kind whose pixels are ids: palette places, grey values, or colours that are all grey. Exact
-/// for ids up to 65535.
+/// Reads a mask PNG of any kind whose pixels are ids.
+///
+/// Ids may be palette indices, grey values, or colours that are all grey. Values up to 65535 are
+/// exact.
 ///
 /// # Errors
-/// [`MaskError::Io`], [`MaskError::Invalid`].
+/// [`MaskError::Io`] or [`MaskError::Invalid`].
 pub fn read_palette_png(path: &Path) -> Result<LabelMask, MaskError> {
     Ok(PngValues::read(path, None)?.into_ids(path, None)?.mask)
 }
 
-/// As [`read_palette_png`], of a frame: a mask of another size is refused by its header.
+/// Reads a frame's mask like [`read_palette_png`], and checks its size first.
 ///
 /// # Errors
-/// As [`read_palette_png`], and for another size.
+/// As [`read_palette_png`], and [`MaskError::Invalid`] when the header gives another size.
 pub fn read_palette_png_of(path: &Path, frame: &MaskFrame<'_>) -> Result<LabelMask, MaskError> {
     Ok(PngValues::read(path, Some(frame))?
         .into_ids(path, None)?
         .mask)
 }
 
-/// What is read of the files before their values are understood.
+/// Masks as read, before their values are interpreted.
 struct ReadFiles {
-    /// By frame; files that cannot be used are left out.
+    /// Masks by frame, without files that cannot be used.
     masks: Vec<(usize, RunMask)>,
-    /// Every value in any of them.
+    /// All values that occur in the masks.
     ids: BTreeSet<LabelId>,
-    /// What was left out or decided.
+    /// Skipped files and decisions.
     skipped: Skipped,
 }
 
@@ -115,7 +121,7 @@ pub(super) fn import(
 /// Reads the files that can be read.
 ///
 /// # Errors
-/// The first file's error when none can be used.
+/// The first file's error when no file can be used.
 fn read_files(
     pairs: &[(usize, &FoundFile)],
     frames: &[MaskFrame<'_>],
@@ -162,15 +168,17 @@ fn read_files(
     })
 }
 
-/// The labels that ids may mean.
+/// Labels that ids may refer to.
 struct KnownLabels<'a> {
-    /// Those of the folder.
+    /// Labels of the folder.
     listed: &'a Listed,
-    /// Those of the project.
+    /// Labels of the project.
     tree: &'a LabelTree,
 }
 
-/// Masks with ids only: values that mean "void", or soft edges, are replaced or refused.
+/// Returns masks that contain only ids.
+///
+/// Values that mean "void" and soft edges are replaced or rejected.
 fn understood(
     dir: &Path,
     mut masks: Vec<RunMask>,
@@ -182,7 +190,8 @@ fn understood(
     let highest = ids.last().copied().unwrap_or_default();
     match &listed.tree {
         Some(listed) => check_unlisted(dir, &masks, ids, listed)?,
-        // Decoding takes a moment, and masks with few values or low ones are never soft.
+        // Ids are checked first, because decoding takes time and masks with few or low values are
+        // never soft.
         None if may_be_soft(ids) && counted(&masks, EdgeStatistics::of).are_soft() => {
             let half = highest.0 / 2;
             masks = masks
@@ -250,8 +259,9 @@ fn counted(
         .reduce(EdgeStatistics::default, EdgeStatistics::plus)
 }
 
-/// Refuses masks in which values that no label is listed for are soft edges: an image editor has smoothed or resized
-/// them.
+/// Rejects masks whose unlisted values are soft edges.
+///
+/// Such masks were smoothed or resized by an image editor.
 fn check_unlisted(
     dir: &Path,
     masks: &[RunMask],
@@ -275,7 +285,7 @@ fn check_unlisted(
     Err(invalid(dir, what))
 }
 
-/// The first of some ids.
+/// Lists the first of some ids.
 fn named(ids: &[LabelId]) -> String {
     let more = if ids.len() > MAX_NAMED_IDS {
         ", …"
@@ -290,13 +300,13 @@ fn named(ids: &[LabelId]) -> String {
     format!("{}{more}", first.join(", "))
 }
 
-/// Masks with the ids of labels.
+/// Masks with label ids of the project, and the labels added for them.
 struct Labelled {
     masks: Vec<RunMask>,
     adoption: Adoption,
 }
 
-/// Masks as read, with the project's ids in place of the files' own.
+/// Replaces the ids of the files by those of the project.
 fn with_labels(
     masks: &[RunMask],
     listed: Option<&LabelTree>,
@@ -339,7 +349,7 @@ fn with_labels(
     Ok(Labelled { masks, adoption })
 }
 
-/// The error for a folder without PNG files; images of other kinds in it are named.
+/// Returns the error for a folder without PNG files, which mentions images of other types.
 fn no_png(dir: &Path) -> MaskError {
     let others =
         list_files(dir, &["jpg", "jpeg", "tif", "tiff", "bmp", "webp", "gif"]).unwrap_or_default();

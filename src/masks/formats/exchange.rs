@@ -9,20 +9,27 @@ use super::{binary, coco, davis, yolo};
 use crate::{LabelTree, MaskError, RunMask};
 use ostra_core::job::Progress;
 
-/// How masks lie in files. Every format keeps ids, names, parents and colours; on import a label is found by its name,
-/// where there is no name by its number.
+/// File format of masks.
+///
+/// Every format keeps ids, names, parents and colours. On import a label is found by its name, or
+/// by its number when it has no name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MaskFormat {
-    /// `FRAME.png`, palette or grey, pixel value = label id, and `labels.json`; as in the DAVIS data sets.
+    /// `FRAME.png` with palette or grey values equal to label ids, and `labels.json`.
+    ///
+    /// The DAVIS data sets use this layout.
     #[default]
     Davis,
-    /// `LABEL/FRAME.png`, white where the label is, and `labels.json`; one folder per object, as video segmentation
-    /// tools read it.
+    /// `LABEL/FRAME.png`, white inside the label, and `labels.json`.
+    ///
+    /// Video segmentation tools read such folders, one per object.
     Binary,
-    /// One JSON of the COCO data set with run-length encoded regions; categories are labels, supercategories parents.
+    /// One JSON file in COCO format with run-length encoded regions.
+    ///
+    /// Categories are labels, and supercategories are parents.
     Coco,
-    /// `labels/FRAME.txt` with normalised outlines, `data.yaml` with the names, and `labels.json`.
+    /// `labels/FRAME.txt` with normalised outlines, `data.yaml` with names, and `labels.json`.
     Yolo,
 }
 
@@ -30,7 +37,7 @@ impl MaskFormat {
     /// All formats, the default first.
     pub const ALL: [Self; 4] = [Self::Davis, Self::Binary, Self::Coco, Self::Yolo];
 
-    /// Its name on the command line.
+    /// Returns the format's name on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -58,13 +65,15 @@ impl FromStr for MaskFormat {
     }
 }
 
-/// Reads masks from a folder (for COCO also the file itself). Files are matched to frames by name without ending: full
-/// path, then file name alone. Files (or entries) that are damaged or of another size than their frame are left out and
+/// Reads masks from a folder; for COCO, `dir` may also be the file itself.
+///
+/// Files are matched to frames by name without extension: by the full path, then by the file name
+/// alone. Damaged files or entries, and those whose size differs from their frame, are skipped and
 /// named in the warnings.
 ///
 /// # Errors
-/// [`MaskError::Io`], [`MaskError::Invalid`] when no file can be used, nothing fits a frame, or the values of the masks
-/// are no label ids; [`MaskError::Stopped`].
+/// [`MaskError::Io`]; [`MaskError::Invalid`] when no file can be used, nothing matches a frame, or
+/// the mask values are not label ids; [`MaskError::Stopped`].
 pub fn import_masks(
     dir: &Path,
     format: MaskFormat,
@@ -81,12 +90,14 @@ pub fn import_masks(
     }
 }
 
-/// Writes masks (frame number, mask) to a folder, which is made where it is missing; each file is there whole or not at
-/// all. Pixels go out under the label they carry, the deepest (see [`RunMask::at_level`] for coarser ones).
+/// Writes masks (frame number, mask) to a folder, creating it if needed.
+///
+/// Each file is written atomically. Pixels keep their own, deepest label; use [`RunMask::at_level`]
+/// for coarser ones.
 ///
 /// # Errors
-/// [`MaskError::Io`] for a folder that cannot be written, [`MaskError::Request`] for a mask that does not fit its frame
-/// or a frame name that is no file name, [`MaskError::Stopped`].
+/// [`MaskError::Io`] when the folder cannot be written; [`MaskError::Request`] when a mask does not
+/// fit its frame or a frame name is not a valid file name; [`MaskError::Stopped`].
 pub fn export_masks<M: Borrow<RunMask>>(
     dir: &Path,
     format: MaskFormat,

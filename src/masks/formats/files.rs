@@ -12,14 +12,16 @@ use ostra_frames::natural_order;
 /// A file found below a folder.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct FoundFile {
-    /// Where it is.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Its path below the folder, parts joined by `/`, without its ending.
+    /// Path relative to the folder, with parts joined by `/` and without extension.
     pub stem: String,
 }
 
-/// All files below a folder whose ending is one of `endings` (lower case, any case matches), in natural order of their
-/// stems. Hidden ones, and those of systems and network storage, are left out.
+/// Lists all files below a folder with one of the extensions, in natural order of stems.
+///
+/// `endings` are lower case and match any case. Hidden files and those of operating systems and
+/// network storage are skipped.
 pub(crate) fn list_files(dir: &Path, endings: &[&str]) -> Result<Vec<FoundFile>, MaskError> {
     let mut found = Vec::new();
     let mut open = vec![dir.to_path_buf()];
@@ -32,7 +34,8 @@ pub(crate) fn list_files(dir: &Path, endings: &[&str]) -> Result<Vec<FoundFile>,
             if name.starts_with('.') || disk::is_system_file(&name) {
                 continue;
             }
-            // A link to a file is followed, a link to a folder is not: it could lead in a circle.
+            // Links to files are followed. Links to folders are not, because they could form a
+            // cycle.
             if entry.file_type().map_err(io_error(&path))?.is_dir() {
                 open.push(path);
             } else if has_ending(&path, endings) {
@@ -47,7 +50,7 @@ pub(crate) fn list_files(dir: &Path, endings: &[&str]) -> Result<Vec<FoundFile>,
     Ok(found)
 }
 
-/// Writes a file whole or not at all ([`disk::write`]); makes the folders above it.
+/// Writes a file atomically ([`disk::write`]) and creates its parent folders.
 pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), MaskError> {
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder).map_err(io_error(folder))?;
@@ -55,7 +58,9 @@ pub(super) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), MaskError> {
     disk::write(path, bytes).map_err(io_error(path))
 }
 
-/// Does `work` on every item on all cores, reporting each as done; the first error in the items' order is returned.
+/// Applies `work` to every item on all cores and reports progress.
+///
+/// Returns the first error in the order of the items.
 pub(crate) fn in_parallel<T: Sync, R: Send>(
     items: &[T],
     progress: &Progress,
@@ -74,7 +79,9 @@ pub(crate) fn in_parallel<T: Sync, R: Send>(
     results.into_iter().collect()
 }
 
-/// Makes a failure a value, so that work on other items goes on; a stop remains an error.
+/// Turns a failure into a value so that work on other items continues.
+///
+/// A stop remains an error.
 pub(crate) fn unless_stopped<R>(
     result: Result<R, MaskError>,
 ) -> Result<Result<R, MaskError>, MaskError> {
@@ -84,7 +91,7 @@ pub(crate) fn unless_stopped<R>(
     }
 }
 
-/// Reads a text file; a byte-order mark is skipped.
+/// Reads a text file, skipping a byte-order mark.
 pub(super) fn read_text(path: &Path) -> Result<String, MaskError> {
     disk::read_text(path).map_err(|error| match error.kind() {
         std::io::ErrorKind::InvalidData => invalid(path, "is not UTF-8 text; save it as UTF-8"),
@@ -92,7 +99,7 @@ pub(super) fn read_text(path: &Path) -> Result<String, MaskError> {
     })
 }
 
-/// Names a file in an error of the system.
+/// Adds the file's path to an I/O error.
 pub(super) fn io_error(path: &Path) -> impl FnOnce(std::io::Error) -> MaskError + '_ {
     move |reason| MaskError::Io {
         path: path.to_path_buf(),
@@ -100,7 +107,7 @@ pub(super) fn io_error(path: &Path) -> impl FnOnce(std::io::Error) -> MaskError 
     }
 }
 
-/// An error about a file's content.
+/// Creates an error about the content of a file.
 pub(super) fn invalid(path: &Path, what: impl Into<String>) -> MaskError {
     MaskError::Invalid {
         path: path.to_path_buf(),
@@ -126,7 +133,7 @@ fn stem_below(dir: &Path, path: &Path) -> String {
     parts.join("/")
 }
 
-/// What an import left out or put right: for each kind of fault how often it occurred, and where first.
+/// Faults that an import skipped or corrected, with the count and first place per kind.
 #[derive(Debug, Default)]
 pub(crate) struct Skipped(BTreeMap<&'static str, Kind>);
 
@@ -137,7 +144,10 @@ struct Kind {
 }
 
 impl Skipped {
-    /// Counts a fault. `kind` reads on from a number: "polygons of fewer than three corners were left out".
+    /// Counts a fault.
+    ///
+    /// `kind` continues a sentence after a number: "polygons of fewer than three corners were left
+    /// out".
     pub(crate) fn add(&mut self, kind: &'static str, place: impl Into<String>) {
         self.0
             .entry(kind)
@@ -148,7 +158,7 @@ impl Skipped {
             .count += 1;
     }
 
-    /// Adds what was counted elsewhere, later in the file.
+    /// Adds the counts of a later part of the file.
     pub(crate) fn join(&mut self, later: Self) {
         for (kind, found) in later.0 {
             let count = found.count;
@@ -159,17 +169,17 @@ impl Skipped {
         }
     }
 
-    /// Counts a file that was left out because it cannot be read, or has another size than its frame.
+    /// Counts a file that was skipped because it is unreadable or differs in size from its frame.
     pub(crate) fn add_unreadable(&mut self, error: &MaskError) {
         self.add("files cannot be used and were left out", error.to_string());
     }
 
-    /// Whether nothing was counted.
+    /// Returns whether no fault was counted.
     pub(crate) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// One sentence for each kind, for the user.
+    /// Returns one sentence per kind of fault, for the user.
     pub(crate) fn warnings(&self) -> impl Iterator<Item = String> {
         self.0
             .iter()
@@ -185,7 +195,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_are_found_in_natural_order() {
+    fn files_are_listed_in_natural_order_without_system_files() {
         let dir = tempfile::tempdir().unwrap();
         for name in [
             "f10.PNG",
@@ -214,7 +224,7 @@ mod tests {
     }
 
     #[test]
-    fn a_file_that_cannot_be_written_leaves_nothing_behind() {
+    fn failed_write_leaves_no_file_behind() {
         let dir = tempfile::tempdir().unwrap();
         std::fs::create_dir_all(dir.path().join("taken/inside")).unwrap();
         let error = write_whole(&dir.path().join("taken"), b"x").unwrap_err();
@@ -225,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_error_in_order_is_told() {
+    fn first_error_in_item_order_is_returned() {
         let items: Vec<usize> = (0..100).collect();
         let work = |&at: &usize| {
             if at % 30 == 29 {

@@ -1,4 +1,4 @@
-//! Which file or entry belongs to which frame, and what imports and exports hand on.
+//! Matching of files or entries to frames, and the data that imports and exports exchange.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -7,34 +7,34 @@ use super::files::{FoundFile, invalid};
 use crate::{Label, LabelTree, MaskError, RunMask};
 use ostra_frames::{Frame, file_of, without_ending};
 
-/// What masks are matched to: a frame's name and its size in pixels as shown.
+/// Name and displayed size of a frame that masks are matched to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct MaskFrame<'a> {
-    /// Unique in the project, parts joined by `/`.
+    /// Name, unique in the project, with parts joined by `/`.
     pub name: &'a str,
-    /// Columns.
+    /// Number of columns.
     pub width: u32,
-    /// Rows.
+    /// Number of rows.
     pub height: u32,
 }
 
-/// What was read; nothing of it is in the project yet.
+/// Result of an import, not yet part of the project.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Imported {
-    /// By frame number.
+    /// Masks by frame number.
     pub masks: BTreeMap<usize, RunMask>,
-    /// Labels that the project lacks, each after its parent.
+    /// Labels missing from the project, each after its parent.
     pub new_labels: Vec<Label>,
-    /// What was left out or decided, for the user.
+    /// Skipped data and decisions, for the user.
     pub warnings: Vec<String>,
 }
 
-/// What an export writes: frames and labels with checked masks and a file name per frame.
+/// Input of an export: frames, labels, checked masks and a file name per frame.
 pub(super) struct Export<'a> {
     pub frames: &'a [MaskFrame<'a>],
-    /// Per frame, a path below the folder without ending.
+    /// Path of each frame below the folder, without extension.
     pub stems: Vec<String>,
-    /// (frame number, mask), in the order given.
+    /// Pairs of frame number and mask, in the order given.
     pub masks: Vec<(usize, &'a RunMask)>,
     pub tree: &'a LabelTree,
 }
@@ -49,23 +49,25 @@ impl<'a> From<&'a Frame> for MaskFrame<'a> {
     }
 }
 
-/// Finds names by their path without ending, then by file name alone; a name that fits two is not found.
+/// Index of names by path without extension, then by file name alone.
+///
+/// A name that fits two entries is not found.
 pub(crate) struct NameIndex {
-    /// One map per way to match, the surest first; `None` = two have this name.
+    /// One map per kind of match, the most reliable first; `None` when two entries share a name.
     levels: [BTreeMap<String, Option<usize>>; 3],
 }
 
-/// Which of several files belongs to which frame.
+/// Assignment of files to frames.
 #[derive(Debug)]
 pub(crate) struct Matched<'f> {
-    /// (frame number, file), ordered by frame.
+    /// Pairs of frame number and file, ordered by frame.
     pub pairs: Vec<(usize, &'f FoundFile)>,
-    /// Files that belong to no frame.
+    /// Files that match no frame.
     pub unmatched: Vec<&'f FoundFile>,
 }
 
 impl NameIndex {
-    /// An index of names, each of which answers with its place.
+    /// Creates an index of names; each is found as its position in the sequence.
     pub(crate) fn new<'n>(names: impl IntoIterator<Item = &'n str>) -> Self {
         let mut levels = [const { BTreeMap::new() }; 3];
         for (at, name) in names.into_iter().enumerate() {
@@ -80,7 +82,9 @@ impl NameIndex {
         Self { levels }
     }
 
-    /// The place of the name that a stem (a path without ending) fits, and how sure that is (0 = surest).
+    /// Returns the position of the name that matches a stem, and the level of the match.
+    ///
+    /// A stem is a path without extension. Level 0 is the most reliable.
     fn find(&self, stem: &str) -> Option<(usize, usize)> {
         let keys = [stem, stem, file_of(stem)];
         let hits = self
@@ -92,7 +96,10 @@ impl NameIndex {
             .find_map(|(sureness, hit)| Some((hit?, sureness)))
     }
 
-    /// What a file's full name is matched by: itself where a name is exactly that, else without its ending.
+    /// Returns the key by which a file name is matched.
+    ///
+    /// It is the name itself if an entry has exactly that name, else the name without its
+    /// extension.
     pub(super) fn stem_of<'n>(&self, file_name: &'n str) -> &'n str {
         let exact = self.levels[0].contains_key(file_name);
         if exact {
@@ -102,7 +109,9 @@ impl NameIndex {
         }
     }
 
-    /// Gives every file to its frame; where several fit one frame, the surest gets it.
+    /// Assigns every file to its frame.
+    ///
+    /// When several files fit a frame, it gets the one with the most reliable match.
     ///
     /// # Errors
     /// [`MaskError::Invalid`] when two files fit the same frame equally well.
@@ -144,15 +153,17 @@ impl NameIndex {
     }
 }
 
-/// One file name per frame without the file's ending: the frame's name without its own, or with it where two frames
-/// would share a file (`a.jpg` and `a.png`).
+/// Returns one file name per frame, without the extension of the mask file.
+///
+/// It is the frame's name without extension. When two frames would share a file (`a.jpg` and
+/// `a.png`), the extension stays.
 ///
 /// # Errors
 /// [`MaskError::Request`] for a name that leads out of the folder.
 pub fn file_stems(frames: &[MaskFrame<'_>]) -> Result<Vec<String>, MaskError> {
     let mut uses: BTreeMap<String, usize> = BTreeMap::new();
     for frame in frames {
-        // Some file systems do not tell upper from lower case.
+        // Some file systems are case-insensitive.
         *uses
             .entry(without_ending(frame.name).to_lowercase())
             .or_default() += 1;
@@ -177,7 +188,7 @@ pub fn file_stems(frames: &[MaskFrame<'_>]) -> Result<Vec<String>, MaskError> {
     frames.iter().map(stem).collect()
 }
 
-/// The warning about files (or entries) that belong to no frame.
+/// Returns the warning about files or entries that match no frame.
 pub(super) fn unmatched_warning(names: &[&str]) -> Option<String> {
     let first = names.first()?;
     Some(format!(
@@ -186,7 +197,7 @@ pub(super) fn unmatched_warning(names: &[&str]) -> Option<String> {
     ))
 }
 
-/// The error when nothing fits any frame.
+/// Returns the error for an import in which nothing matches a frame.
 pub(super) fn nothing_fits(dir: &Path, first: &str, frames: &[MaskFrame<'_>]) -> MaskError {
     let frame = frames.first().map_or("none", |frame| frame.name);
     invalid(
@@ -220,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn by_path_then_by_file_name() {
+    fn files_match_by_path_then_by_file_name() {
         let names = ["a/0.jpg", "a/1.jpg", "b/1.jpg", "film.mp4/000007"];
         let found = matched(&names, &["a/1", "x/0", "000007", "1", "9"]).unwrap();
         assert_eq!(
@@ -231,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn the_surer_of_two_files_wins_and_equals_are_an_error() {
+    fn better_match_wins_and_equal_matches_are_an_error() {
         assert_eq!(
             matched(&["a/0.jpg"], &["a/0", "z/0"]).unwrap(),
             [(0, "a/0".into())]
@@ -247,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_share_a_stem_keep_their_endings() {
+    fn frames_that_share_a_stem_keep_their_extensions() {
         let frames = ["a.jpg", "A.png", "b.c.jpg", "cam/b.jpg"];
         let frames: Vec<MaskFrame<'_>> = frames
             .iter()

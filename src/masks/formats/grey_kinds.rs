@@ -1,17 +1,21 @@
-//! What the values of masks mean that are not plain ids: white for the one object, white for "void", soft edges.
+//! Meaning of mask values that are not plain ids.
+//!
+//! White can stand for a single object or for "void", and intermediate values can be soft edges.
 
 use std::collections::BTreeSet;
 
 use crate::{LabelId, LabelMask, LabelTree, RunMask};
 
-/// The highest values of 8 and 16 bits: "the one object" in black and white images, "void" in masks of ids.
+/// Highest values of 8 and 16 bits.
+///
+/// They mean the single object in black and white images, and "void" in masks of ids.
 const WHITES: [LabelId; 2] = [LabelId(255), LabelId(u16::MAX)];
-/// A mask with fewer values between 0 and the highest is not a soft one.
+/// Minimum number of values between 0 and the highest in a soft mask.
 const MIN_SOFT_VALUES: usize = 3;
-/// Soft masks span at least half of 8 bits.
+/// Minimum highest value of a soft mask, half of the 8-bit range.
 const MIN_SOFT_HIGHEST: u16 = 128;
 
-/// All ids in masks, 0 among them.
+/// Returns all ids in masks, including 0.
 pub(crate) fn ids_in<'m>(masks: impl IntoIterator<Item = &'m RunMask>) -> BTreeSet<LabelId> {
     masks
         .into_iter()
@@ -19,8 +23,9 @@ pub(crate) fn ids_in<'m>(masks: impl IntoIterator<Item = &'m RunMask>) -> BTreeS
         .collect()
 }
 
-/// Whether masks are black and white images of one object, label 1: their only value besides 0 is 255 (65535 in 16
-/// bits), and no label is known to have that id.
+/// Returns whether masks are black and white images of one object, label 1.
+///
+/// Their only value besides 0 is 255 (65535 in 16 bits), and no listed label has that id.
 pub(crate) fn is_black_and_white(ids: &BTreeSet<LabelId>, listed: Option<&LabelTree>) -> bool {
     let mut values = ids.iter().filter(|&&id| id != LabelId::NONE);
     let white = values.next().filter(|id| WHITES.contains(id));
@@ -29,25 +34,29 @@ pub(crate) fn is_black_and_white(ids: &BTreeSet<LabelId>, listed: Option<&LabelT
     })
 }
 
-/// Label 1 wherever there is any.
+/// Sets every labelled pixel to label 1.
 pub(crate) fn white_as_one(mask: &RunMask) -> RunMask {
     mask.map_ids(|id| if id == LabelId::NONE { id } else { LabelId(1) })
 }
 
-/// What white means in masks that have other values too.
+/// Meaning of white in masks that also have other values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum White {
-    /// An id as any other, or the masks have no white.
+    /// An ordinary id, or the masks have no white.
     Id,
-    /// "Void": the pixels are not known, as at the borders of objects in VOC, DAVIS and Cityscapes.
+    /// "Void": unknown pixels, as at object borders in VOC, DAVIS and Cityscapes.
     Void(LabelId),
-    /// An id, because the values divide the range evenly, as ids do that are spread to be seen (85, 170, 255).
+    /// An id, because the values divide the range evenly.
+    ///
+    /// Ids are spread like this to be visible (85, 170, 255).
     SpreadId,
-    /// The values are 0, 127 or 128, and 255: foreground, unknown and background of a trimap, or an edge.
+    /// Part of a trimap or of an edge: the values are 0, 127 or 128, and 255.
+    ///
+    /// In a trimap they are background, unknown and foreground.
     Trimap,
 }
 
-/// Decides what white means. `known` says whether a label has an id.
+/// Decides what white means; `known` returns whether a label has an id.
 pub(crate) fn meaning_of_white(ids: &BTreeSet<LabelId>, known: impl Fn(LabelId) -> bool) -> White {
     let Some(&white) = ids.last().filter(|id| WHITES.contains(id) && !known(**id)) else {
         return White::Id;
@@ -62,7 +71,7 @@ pub(crate) fn meaning_of_white(ids: &BTreeSet<LabelId>, known: impl Fn(LabelId) 
     {
         return White::Trimap;
     }
-    // Of 254 instances a few may be missing; with a void value, so many ids would be a coincidence.
+    // Of 254 instances a few may be missing. With a void value, so many ids would be a coincidence.
     let dense = others.len() >= usize::from(white.0) * 3 / 4;
     let step = others.iter().copied().fold(white.0, common_divisor);
     match others.len() {
@@ -73,8 +82,9 @@ pub(crate) fn meaning_of_white(ids: &BTreeSet<LabelId>, known: impl Fn(LabelId) 
     }
 }
 
-/// Whether white covers more than all other labels together, in the masks that have it: more than the rims and gaps
-/// that void marks.
+/// Returns whether white covers more pixels than all other labels together.
+///
+/// Only masks that contain white are counted. Void marks rims and gaps, which cover less.
 pub(crate) fn covers_most<'m>(
     white: LabelId,
     masks: impl IntoIterator<Item = &'m RunMask>,
@@ -93,21 +103,25 @@ fn common_divisor(a: u16, b: u16) -> u16 {
     if b == 0 { a } else { common_divisor(b, a % b) }
 }
 
-/// Counts what tells soft (antialiased, compressed, resized) masks of one object from masks of ids.
+/// Counts that distinguish soft masks of one object from masks of ids.
+///
+/// Soft masks are antialiased, compressed or resized.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct EdgeStatistics {
-    /// Pixels with a value in question.
+    /// Pixels with an examined value.
     between: u64,
-    /// Those of them that have a lower and a higher value among their neighbours: a step of a soft edge.
+    /// Examined pixels with a lower and a higher neighbour, as on a step of a soft edge.
     steps: u64,
-    /// Those of them with mostly equal values around: the inside of a label.
+    /// Examined pixels with mostly equal neighbours, as inside a label.
     inside: u64,
 }
 
 impl EdgeStatistics {
-    /// Counts the values of one mask between 0 and the mask's own highest: an object may be soft all over, so that no
-    /// pixel of it has the highest value of all masks. What is almost the highest is left out too, as networks seldom
-    /// give the inside of an object one value.
+    /// Counts the values of a mask between 0 and the mask's own highest.
+    ///
+    /// An object may be soft all over, so that none of its pixels has the highest value of all
+    /// masks. Values close to the highest are excluded too, because networks seldom give the inside
+    /// of an object a single value.
     pub(crate) fn of(mask: &LabelMask) -> Self {
         let highest = mask
             .ids
@@ -118,7 +132,7 @@ impl EdgeStatistics {
         Self::of_values(mask, |id| u32::from(id.0) * 16 < highest * 15)
     }
 
-    /// Counts the values of one mask other than 0 for which `counts` is true.
+    /// Counts the non-zero values of a mask for which `counts` is true.
     pub(crate) fn of_values(mask: &LabelMask, counts: impl Fn(LabelId) -> bool) -> Self {
         let (width, height) = (mask.width as usize, mask.height as usize);
         let mut counted = Self::default();
@@ -143,13 +157,14 @@ impl EdgeStatistics {
         counted
     }
 
-    /// Whether nearly every pixel counted is a step between a lower and a higher value. Masks of ids have insides, and
-    /// their borders step from one label to the next only where labels touch.
+    /// Returns whether most examined pixels are steps between a lower and a higher value.
+    ///
+    /// Masks of ids have interiors, and their borders form such steps only where labels touch.
     pub(crate) fn are_soft(self) -> bool {
         self.between > 0 && self.steps * 2 >= self.between && self.inside * 4 <= self.between
     }
 
-    /// The counts of both.
+    /// Returns the sum of both counts.
     pub(crate) fn plus(self, other: Self) -> Self {
         Self {
             between: self.between + other.between,
@@ -159,7 +174,9 @@ impl EdgeStatistics {
     }
 }
 
-/// Whether masks with these values may be soft masks of one object: several values, up to a high one.
+/// Returns whether masks with these values may be soft masks of one object.
+///
+/// Such masks have several values up to a high one.
 pub(crate) fn may_be_soft(ids: &BTreeSet<LabelId>) -> bool {
     let highest = ids.last().copied().unwrap_or_default();
     let between = ids
@@ -169,7 +186,7 @@ pub(crate) fn may_be_soft(ids: &BTreeSet<LabelId>) -> bool {
     between >= MIN_SOFT_VALUES && highest.0 >= MIN_SOFT_HIGHEST
 }
 
-/// Whether values that a list of labels lacks may be the soft edges of those that it has.
+/// Returns whether values without a listed label may be soft edges of listed labels.
 pub(crate) fn may_be_soft_edges(unlisted: &[LabelId]) -> bool {
     unlisted.len() >= MIN_SOFT_VALUES
 }
@@ -183,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn white_is_void_an_id_or_the_object() {
+    fn white_is_classified_as_void_id_or_object() {
         let meaning = |values: &[u16]| meaning_of_white(&ids(values.iter().copied()), |_| false);
         assert_eq!(meaning(&[0, 1, 2, 255]), White::Void(LabelId(255)));
         assert_eq!(meaning(&[0, 1, 65535]), White::Void(LabelId(65535)));
@@ -209,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn soft_edges_are_not_ids() {
+    fn soft_edges_are_distinguished_from_ids() {
         let disc = |value: &dyn Fn(f64) -> u16| {
             let at = |x: u32, y: u32| (f64::from(x) - 20.3).hypot(f64::from(y) - 17.6);
             let values = (0..36)
@@ -255,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn white_on_most_of_the_labels_is_not_void() {
+    fn white_covering_most_labelled_pixels_is_detected() {
         let mask = |runs: &[(u16, u32)]| {
             RunMask::new(
                 10,

@@ -6,17 +6,19 @@ use serde::{Deserialize, Serialize};
 use super::files::{invalid, io_error, read_text, write_whole};
 use crate::{Label, LabelId, LabelTree, MaskError};
 
-/// The name of the file with the label tree, beside masks.
+/// Name of the file with the label tree, stored next to the masks.
 pub(super) const LABELS_FILE: &str = "labels.json";
-/// A larger file is not a list of labels: 65,535 labels with long names take a tenth of it.
+/// Maximum size of a list of labels in bytes.
+///
+/// 65,535 labels with long names take a tenth of it.
 const MAX_BYTES: u64 = 64 << 20;
 
-/// A label as it stands in the file: `{"id": 2, "name": "stem 1", "parent": 1, "color": "#3cb44b"}`.
+/// A label in the file: `{"id": 2, "name": "stem 1", "parent": 1, "color": "#3cb44b"}`.
 #[derive(Serialize, Deserialize)]
 struct LabelEntry {
     id: LabelId,
     name: String,
-    /// `null` = top level.
+    /// Id of the parent; `null` at the top level.
     #[serde(default)]
     parent: Option<LabelId>,
     #[serde(default)]
@@ -32,11 +34,13 @@ enum Color {
     Channels([u8; 3]),
 }
 
-/// Writes `labels.json` into a folder of masks: a list of `{"id", "name", "parent", "color"}`, parents by their id or
-/// null, colours as `#rrggbb`.
+/// Writes `labels.json` into a folder of masks.
+///
+/// The file is a list of `{"id", "name", "parent", "color"}`. Parents are ids or null, and colours
+/// are `#rrggbb`.
 ///
 /// # Errors
-/// [`MaskError::Io`].
+/// [`MaskError::Io`] when the file cannot be written.
 pub fn write_labels_json(dir: &Path, tree: &LabelTree) -> Result<(), MaskError> {
     let entry = |label: &Label| {
         let [red, green, blue] = label.color;
@@ -62,27 +66,31 @@ pub fn write_labels_json(dir: &Path, tree: &LabelTree) -> Result<(), MaskError> 
     write_whole(&path, text.as_bytes())
 }
 
-/// Reads the `labels.json` of a folder of masks: the one in it, else the one in the folder above (as the synthetic scene's
-/// truth has it); `None` when there is none, or only one of another program. Colours may be `[r, g, b]` too; a label
-/// without colour gets one.
+/// Reads the `labels.json` of a folder of masks, or of the folder above it.
+///
+/// The ground truth of synthetic scenes stores it in the folder above. Returns `None` when there is
+/// no file, or only one of another program. Colours may also be `[r, g, b]`; a label without colour
+/// gets one.
 ///
 /// # Errors
-/// [`MaskError::Io`], or [`MaskError::Invalid`] for a list of labels that is damaged.
+/// [`MaskError::Io`], or [`MaskError::Invalid`] for a damaged list of labels.
 pub fn read_labels_json(dir: &Path) -> Result<Option<LabelTree>, MaskError> {
     Ok(listed_labels(dir)?.tree)
 }
 
-/// What is known about the labels of a folder of masks.
+/// Labels listed for a folder of masks.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct Listed {
-    /// The labels, where there is a list.
+    /// The listed labels; `None` without a list.
     pub tree: Option<LabelTree>,
-    /// Which file was not used and why, for the user.
+    /// Which file was ignored and why, for the user.
     pub warning: Option<String>,
 }
 
-/// As [`read_labels_json`], with a warning about a file that was not used. Other programs write files of the same name:
-/// one that is not a list of labels is left alone, and so is a damaged list in the folder above, which nobody gave.
+/// Reads labels like [`read_labels_json`], with a warning about an ignored file.
+///
+/// Other programs write files of the same name, so a file that is not a list of labels is ignored.
+/// A damaged list in the folder above is ignored too, because the user did not select that folder.
 pub(crate) fn listed_labels(dir: &Path) -> Result<Listed, MaskError> {
     let above = dir
         .canonicalize()
@@ -133,7 +141,9 @@ fn unused(file: &Path, why: &str) -> Listed {
     }
 }
 
-/// Whether a text begins as [`write_labels_json`] writes it: a list of objects with an id.
+/// Returns whether a text starts like the output of [`write_labels_json`].
+///
+/// That is a list of objects with an id and a name.
 fn is_list_of_labels(text: &str) -> bool {
     let first = text.trim_start().strip_prefix('[').map(str::trim_start);
     first
@@ -144,7 +154,7 @@ fn is_list_of_labels(text: &str) -> bool {
         })
 }
 
-/// Whether a list has ids that no label of ours has: 0, or above 65535.
+/// Returns whether a list has ids that are not valid label ids: 0, or above 65535.
 fn has_foreign_ids(text: &str) -> bool {
     let entries: Vec<serde_json::Value> = serde_json::from_str(text).unwrap_or_default();
     let is_ours = |id: &serde_json::Value| {
@@ -188,7 +198,9 @@ fn read_tree(path: &Path, text: &str) -> Result<LabelTree, MaskError> {
     LabelTree::try_from(labels).map_err(|error| broken(&error))
 }
 
-/// Which label has which colour, for masks saved as colour pictures; a colour of two labels is left out.
+/// Returns the label of each colour, for masks saved as colour images.
+///
+/// A colour shared by several labels is excluded.
 pub(crate) fn ids_of_colors(tree: &LabelTree) -> BTreeMap<[u8; 3], LabelId> {
     let mut found: BTreeMap<[u8; 3], Vec<LabelId>> = BTreeMap::new();
     for label in tree.iter() {
@@ -214,7 +226,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_tree_survives_its_file() {
+    fn label_tree_round_trips_through_its_file() {
         let dir = tempfile::tempdir().unwrap();
         assert_eq!(read_labels_json(dir.path()).unwrap(), None);
         let label = |id: u16, name: &str, parent: Option<u16>| Label {
@@ -241,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_in_every_form() {
+    fn colors_are_read_in_every_form() {
         let dir = tempfile::tempdir().unwrap();
         let text = r##"[{"id":1,"name":"a","color":"#0102ff"},{"id":2,"name":"b","color":[3,4,5]},{"id":3,"name":"c"}]"##;
         std::fs::write(dir.path().join("labels.json"), text).unwrap();
@@ -254,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn damaged_lists_are_refused_by_name() {
+    fn damaged_lists_are_errors_that_name_the_file() {
         let dir = tempfile::tempdir().unwrap();
         for text in [
             r#"[{"id":1,"name":"a","parent":2}]"#,
@@ -269,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn files_of_other_programs_are_left_alone_with_a_warning() {
+    fn files_of_other_programs_are_ignored_with_a_warning() {
         let dir = tempfile::tempdir().unwrap();
         let masks = dir.path().join("masks");
         std::fs::create_dir(&masks).unwrap();

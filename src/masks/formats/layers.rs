@@ -3,15 +3,17 @@ use std::ops::Range;
 use super::frame_matching::MaskFrame;
 use crate::{LabelId, LabelMask, LabelTree, MaskError, RunMask};
 
-/// Objects of one frame laid over each other.
+/// Overlapping objects of a frame merged into one mask.
 pub(super) struct Stacked {
     pub mask: RunMask,
-    /// Pixels that two labels claimed of which neither is part of the other.
+    /// Pixels claimed by two labels of which neither is an ancestor of the other.
     pub contested: usize,
 }
 
-/// Objects of one frame that may overlap, laid over each other: the deepest label of the tree wins, of equally deep ones
-/// the later. `draw` hands out the stretches of an object's pixels (places row by row).
+/// Merges objects of one frame that may overlap.
+///
+/// The deepest label of the tree wins; among equally deep ones, the later one wins. `draw` emits
+/// the ranges of an object's pixels, as indices row by row.
 pub(super) fn stacked<L>(
     frame: &MaskFrame<'_>,
     mut layers: Vec<(LabelId, L)>,
@@ -36,7 +38,7 @@ pub(super) fn stacked<L>(
     })
 }
 
-/// The warning about pixels that two labels claimed.
+/// Returns the warning about pixels that two labels claimed.
 pub(super) fn contested_warning(contested: usize) -> Option<String> {
     let what = "pixels are claimed by two labels; each went to the deeper label, else to the one listed later";
     (contested > 0).then(|| format!("{contested} {what}"))
@@ -48,7 +50,7 @@ mod tests {
     use crate::Label;
 
     #[test]
-    fn parts_lie_above_their_wholes() {
+    fn parts_win_over_their_ancestors() {
         let label = |id: u16, parent: Option<u16>| Label {
             id: LabelId(id),
             name: id.to_string(),

@@ -1,4 +1,4 @@
-//! A folder of mask files without frames: its masks, matched to those of another folder by name.
+//! A folder of masks without frames, and the matching of two such folders by name.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -11,41 +11,45 @@ use super::png_values::{PngValues, reconcile_cut_outs};
 use crate::{LabelId, LabelTree, MaskError, RunMask};
 use ostra_core::job::Progress;
 
-/// A folder's masks as ids.
+/// Masks of a folder, with pixels as ids.
 pub struct MaskFolder {
     dir: PathBuf,
     files: Vec<FoundFile>,
     masks: Vec<RunMask>,
-    /// The labels that a `labels.json` in the folder lists.
+    /// Labels listed by a `labels.json` of the folder.
     pub tree: Option<LabelTree>,
-    /// All ids in the masks, 0 among them.
+    /// All ids in the masks, including 0.
     pub ids: BTreeSet<LabelId>,
-    /// What was decided while reading, for the user.
+    /// Decisions and faults while reading, for the user.
     pub warnings: Vec<String>,
 }
 
-/// Which masks of a folder belong to which of another.
+/// Masks of a folder, matched to the masks of another folder.
 pub struct MatchedMasks<'f> {
-    /// In the order of the other folder.
+    /// Matched masks in the order of the other folder.
     pub pairs: Vec<MatchedMask<'f>>,
-    /// Names of the masks that belong to none.
+    /// Names of masks that match none of the other folder.
     pub unmatched: Vec<&'f str>,
 }
 
-/// A mask that belongs to one of another folder.
+/// A mask that matches one of another folder.
 pub struct MatchedMask<'f> {
-    /// Which of the other folder, by [`MaskFolder::masks`].
+    /// Index of the matching mask in [`MaskFolder::masks`] of the other folder.
     pub place: usize,
-    /// The mask.
+    /// Mask of this folder.
     pub mask: &'f RunMask,
 }
 
 impl MaskFolder {
-    /// Reads all PNGs below a folder. Pixels are label ids: palette places (not colours), grey values of up to 16 bits, or
-    /// the colours that a `labels.json` in the folder lists. Files that cannot be read are left out, with a warning.
+    /// Reads all PNG files below a folder.
+    ///
+    /// Pixels are label ids: palette indices (not colours), grey values of up to 16 bits, or the
+    /// colours listed by a `labels.json` of the folder. Unreadable files are skipped with a
+    /// warning.
     ///
     /// # Errors
-    /// [`MaskError::Io`], [`MaskError::Invalid`] for a folder without masks that can be read; [`MaskError::Stopped`].
+    /// [`MaskError::Io`]; [`MaskError::Invalid`] for a folder without readable masks;
+    /// [`MaskError::Stopped`].
     pub fn read(dir: &Path, progress: &Progress) -> Result<Self, MaskError> {
         let found = list_files(dir, &["png"])?;
         if found.is_empty() {
@@ -102,36 +106,41 @@ impl MaskFolder {
         })
     }
 
-    /// The name of each mask, its path below the folder without ending, in natural order.
+    /// Returns the name of each mask in natural order.
+    ///
+    /// A name is the path below the folder without extension.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.files.iter().map(|file| file.stem.as_str())
     }
 
-    /// The masks in the order of their names.
+    /// Returns the masks in the order of their names.
     #[must_use]
     pub fn masks(&self) -> &[RunMask] {
         &self.masks
     }
 
-    /// Puts a changed mask in the place of each.
+    /// Replaces each mask by the result of `change`.
     pub fn map(&mut self, change: impl Fn(&RunMask) -> RunMask) {
         self.masks = self.masks.iter().map(change).collect();
         self.ids = ids_in(&self.masks);
     }
 
-    /// Whether the masks are black and white images of one object: their only value besides 0 is 255 (65535 in 16 bits),
-    /// and no label is listed with that id.
+    /// Returns whether the masks are black and white images of one object.
+    ///
+    /// Their only value besides 0 is 255 (65535 in 16 bits), and no listed label has that id.
     #[must_use]
     pub fn is_black_and_white(&self) -> bool {
         is_black_and_white(&self.ids, self.tree.as_ref())
     }
 
-    /// Makes every labelled pixel label 1.
+    /// Sets every labelled pixel to label 1.
     pub fn read_white_as_one(&mut self) {
         self.map(white_as_one);
     }
 
-    /// The value that means "void" next to smaller ids, unless a label is listed with that id.
+    /// Returns the value that means "void" next to smaller ids.
+    ///
+    /// A value with a listed label is not void.
     #[must_use]
     pub fn void_value(&self) -> Option<LabelId> {
         let known = |id| {
@@ -145,10 +154,12 @@ impl MaskFolder {
         }
     }
 
-    /// Finds for each mask the one of `truth` with its name: path below the folder, then file name alone.
+    /// Matches each mask to the mask of `truth` with its name.
+    ///
+    /// Names match by the path below the folder, then by the file name alone.
     ///
     /// # Errors
-    /// [`MaskError::Invalid`] where no name matches or two masks fit the same one equally well.
+    /// [`MaskError::Invalid`] when no name matches, or two masks match the same one equally well.
     pub fn matched_to(&self, truth: &Self) -> Result<MatchedMasks<'_>, MaskError> {
         let matched = NameIndex::new(truth.names()).match_files(&self.dir, &self.files)?;
         if matched.pairs.is_empty() {

@@ -1,4 +1,4 @@
-//! Masks in files: one file per format, each with import and export, and what they share.
+//! Import and export of masks, with one file per format and shared parts.
 
 mod adopt;
 mod binary;

@@ -1,4 +1,4 @@
-//! The values of a PNG as they are stored, before what they mean is known.
+//! Decoding of PNG files to stored values, before their meaning is known.
 
 use super::files::invalid;
 use super::frame_matching::MaskFrame;
@@ -9,7 +9,7 @@ use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
-/// What is wrong with a mask that does not fit its frame.
+/// Describes why the size of a mask does not fit its frame.
 pub(super) fn size_fault(width: u32, height: u32, frame: &MaskFrame<'_>) -> String {
     let turned = match (width, height) == (frame.height, frame.width) {
         true => {
@@ -26,21 +26,21 @@ pub(super) fn size_fault(width: u32, height: u32, frame: &MaskFrame<'_>) -> Stri
 pub(super) enum Pixels {
     /// Grey values of 1 to 16 bits.
     Greys(Vec<u16>),
-    /// Values by a palette.
+    /// Values with a palette.
     Places {
         ids: Vec<u16>,
-        /// The colour of all places that are not fully transparent, where they have the same.
+        /// Common colour of all palette entries that are not fully transparent, if any.
         color: Option<[u16; 3]>,
-        /// Whether the palette is of greys that are not the places.
+        /// Whether the palette holds greys that differ from their indices.
         has_other_greys: bool,
     },
-    /// Red, green, blue.
+    /// Red, green and blue.
     Colors(Vec<[u16; 3]>),
 }
 
-/// How values are written.
+/// Storage of values in a PNG.
 pub(super) enum Stored {
-    /// 8-bit places in a palette of red, green, blue triples.
+    /// 8-bit indices into a palette of red, green, blue triples.
     Palette(Vec<u8>),
     /// 8-bit grey.
     Grey,
@@ -48,7 +48,7 @@ pub(super) enum Stored {
     Grey16,
 }
 
-/// The bytes of a picture and how they are to be read.
+/// Decoded bytes of an image and their layout.
 pub(super) struct Packed {
     pub width: u32,
     pub height: u32,
@@ -56,9 +56,11 @@ pub(super) struct Packed {
     pub depth: BitDepth,
     line_size: usize,
     bytes: Vec<u8>,
-    /// Red, green, blue of each place.
+    /// Red, green and blue of each palette entry.
     palette: Vec<u8>,
-    /// The content of the tRNS chunk: alpha of each palette place, or the samples of the transparent colour.
+    /// Content of the tRNS chunk.
+    ///
+    /// It holds the alpha of each palette entry, or the samples of the transparent colour.
     transparency: Option<Vec<u8>>,
 }
 
@@ -123,7 +125,7 @@ pub(super) fn decode(
 }
 
 impl Packed {
-    /// All samples, row by row, channels side by side.
+    /// Returns all samples row by row, with interleaved channels.
     pub fn samples(&self) -> Vec<u16> {
         let per_row = self.width as usize * self.color.samples();
         let rows = self
@@ -148,7 +150,7 @@ impl Packed {
         samples
     }
 
-    /// The alpha of every pixel: a channel, or as the tRNS chunk gives it.
+    /// Returns the alpha of every pixel, from a channel or the tRNS chunk.
     pub fn alpha(&self) -> Option<Vec<u16>> {
         let channels = self.color.samples();
         match self.color {
@@ -183,7 +185,7 @@ impl Packed {
         }
     }
 
-    /// The greys of a palette that holds nothing else.
+    /// Returns the values of a palette that holds only greys.
     fn greys(&self) -> Option<Vec<u16>> {
         let grey = |color: &[u8; 3]| {
             (color[0] == color[1] && color[1] == color[2]).then_some(u16::from(color[0]))
@@ -191,7 +193,7 @@ impl Packed {
         self.palette.as_chunks().0.iter().map(grey).collect()
     }
 
-    /// Whether the palette holds black and white and nothing else.
+    /// Returns whether the palette holds exactly black and white.
     pub fn is_bilevel(&self) -> bool {
         let is_bilevel = |greys: &[u16]| [0, 255].iter().all(|grey| greys.contains(grey));
         self.greys().is_some_and(|greys| {
@@ -199,10 +201,13 @@ impl Packed {
         })
     }
 
-    /// Values by the palette: its places, which are ids. Programs that make files small store black and white images
-    /// with a palette of greys in any order, and not the same in each: where the palette has black but not first, the
-    /// greys are the values, 0 and 1 where there are only black and white. The whole palette decides, since a frame
-    /// without the object uses less of it.
+    /// Returns the values of an image with a palette, normally the palette indices as ids.
+    ///
+    /// Programs that optimise file size store black and white images with a grey palette in any
+    /// order, which may differ from file to file. In a grey palette with black and white where
+    /// black is not first, the greys are therefore the values. They become 0 and 1 when there are
+    /// only black and white. The whole palette decides, because a frame without the object uses
+    /// only part of it.
     pub fn by_palette(&self) -> Pixels {
         let places = self.samples();
         let color = self.visible_color();
@@ -232,7 +237,7 @@ impl Packed {
         }
     }
 
-    /// The colour of all palette places that are not fully transparent, where they have the same.
+    /// Returns the common colour of all palette entries that are not fully transparent, if any.
     fn visible_color(&self) -> Option<[u16; 3]> {
         let transparency = self.transparency.as_deref()?;
         let is_visible = |at: usize| transparency.get(at).is_none_or(|&alpha| alpha > 0);
@@ -246,7 +251,7 @@ impl Packed {
             .then(|| first.map(u16::from))
     }
 
-    /// Colours as they are stored; alpha is left out.
+    /// Returns the stored colours without alpha.
     pub fn colors(&self) -> Vec<[u16; 3]> {
         self.samples()
             .chunks_exact(self.color.samples())
@@ -255,7 +260,7 @@ impl Packed {
     }
 }
 
-/// Sample `at` of a row of samples of 1, 2 or 4 bits, first in the highest bits.
+/// Returns sample `at` of a row of 1-, 2- or 4-bit samples, the first in the highest bits.
 pub(super) fn sub_byte(row: &[u8], at: usize, bits: usize) -> u16 {
     let first_bit = at * bits;
     let shift = 8 - bits - first_bit % 8;

@@ -10,37 +10,39 @@ use super::png_decode::{Pixels, Stored, decode};
 use crate::{LabelId, LabelMask, MaskError, RunMask};
 use ostra_core::disk;
 
-/// With more different values than this behind a mask's transparency, they are an image and not labels.
+/// Maximum number of different visible values in a mask with transparency.
+///
+/// With more values, the pixels are an image and not labels.
 const MAX_LABELS_IN_COLOR: usize = 96;
 
-/// A PNG's pixels as they are stored: no palette applied, nothing scaled.
+/// Pixels of a PNG as stored, without applying a palette or scaling.
 pub(crate) struct PngValues {
     width: u32,
     height: u32,
     pixels: Pixels,
-    /// The alpha channel, or what a transparent colour or palette place makes of it.
+    /// Alpha of each pixel, from a channel, a transparent colour or palette entries.
     alpha: Option<Vec<u16>>,
-    /// The value of white.
+    /// Value of white.
     white: u16,
     /// Whether the only values are black and white, stored as 0 and 1.
     is_bilevel: bool,
 }
 
-/// What transparency did to a mask.
+/// Effect of transparency on a mask.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum AlphaUse {
-    /// There is none, or it is the same everywhere and says nothing.
+    /// There is no transparency, or it is uniform and carries no information.
     Ignored,
-    /// Pixels with ids were transparent and got none.
+    /// Pixels with ids were transparent and became unlabelled.
     Cleared,
     /// The opaque pixels are one object, cut out of an image or of white.
     CutOut,
-    /// The opaque pixels are all black: a black cut-out, or the background of a mask without labels.
+    /// The opaque pixels are all black: a black cut-out, or background of a mask without labels.
     BlackCutOut,
 }
 
 impl AlphaUse {
-    /// What the user should know; reads on from a number of masks.
+    /// Returns the warning for the user, which continues a sentence after a number of masks.
     pub(crate) fn warning(self) -> Option<&'static str> {
         match self {
             Self::Ignored => None,
@@ -51,13 +53,13 @@ impl AlphaUse {
         }
     }
 
-    /// Whether the mask is label 1 where the file is opaque.
+    /// Returns whether the mask is label 1 where the file is opaque.
     pub(crate) fn is_cut_out(self) -> bool {
         matches!(self, Self::CutOut | Self::BlackCutOut)
     }
 }
 
-/// A mask, and how its file was read.
+/// A mask and how its file was read.
 pub(crate) struct ReadMask {
     pub mask: LabelMask,
     pub how: HowRead,
@@ -69,12 +71,12 @@ pub(crate) struct HowRead {
     pub alpha: AlphaUse,
     /// Whether the only values are black and white, stored as 0 and 1.
     pub is_bilevel: bool,
-    /// Whether places in a palette of greys were read as ids, although the greys are other values.
+    /// Whether indices into a grey palette were read as ids although the greys differ.
     pub has_other_greys: bool,
 }
 
 impl HowRead {
-    /// What the user should know; each reads on from a number of masks.
+    /// Returns warnings for the user, each continuing a sentence after a number of masks.
     pub(crate) fn warnings(self) -> impl Iterator<Item = &'static str> {
         let greys = "masks have a palette of greys that are not its places; the places were read as label ids, not the \
                      greys (save the masks as plain greyscale to use those)";
@@ -85,9 +87,10 @@ impl HowRead {
     }
 }
 
-/// Decides from all masks of a folder what one alone does not show: black next to transparent pixels is background
-/// where other masks have labels, and a white mask without transparency is a cut-out of the whole frame where others
-/// are cut-outs.
+/// Corrects cut-outs by comparing all masks of a folder.
+///
+/// Black next to transparent pixels is background when other masks have labels. A white mask
+/// without transparency is a cut-out of the whole frame when others are cut-outs.
 pub(crate) fn reconcile_cut_outs<'r>(
     masks: impl Iterator<Item = (&'r mut RunMask, &'r mut HowRead)>,
 ) {
@@ -110,7 +113,7 @@ pub(crate) fn reconcile_cut_outs<'r>(
 }
 
 impl PngValues {
-    /// Reads a PNG of any kind; one of another size than the frame that is `expected` is refused by its header.
+    /// Reads a PNG of any type, checking its header against the size of the `expected` frame.
     pub(crate) fn read(path: &Path, expected: Option<&MaskFrame<'_>>) -> Result<Self, MaskError> {
         let file = disk::open_regular(path).map_err(io_error(path))?;
         let packed = decode(path, BufReader::new(file), expected)?;
@@ -144,15 +147,20 @@ impl PngValues {
         })
     }
 
-    /// Columns and rows.
+    /// Returns the width and height in pixels.
     pub(crate) fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }
 
-    /// The pixels as ids: palette places and grey values are ids; colours are looked up in `ids_of_colors` (black = 0
-    /// unless listed), and where there is none, an image without any real colour is read as grey. Transparency that
-    /// differs between pixels removes the ids below half of the highest alpha; when what it leaves is an image, or one
-    /// white or black area, the mask is the opaque part. See [`reconcile_cut_outs`] for several masks.
+    /// Converts the pixels to ids.
+    ///
+    /// Palette indices and grey values are ids. Colours are looked up in `ids_of_colors`, where
+    /// black is 0 unless listed. Without that list, an image whose colours are all grey is read as
+    /// grey.
+    ///
+    /// When transparency differs between pixels, ids with an alpha of at most half of the highest
+    /// are removed. When the opaque part is an image, or a single white or black area, the mask is
+    /// the opaque part. See [`reconcile_cut_outs`] for several masks.
     pub(crate) fn into_ids(
         self,
         path: &Path,
@@ -207,8 +215,10 @@ impl PngValues {
         })
     }
 
-    /// Which pixels are opaque; `None` when transparency is the same everywhere. In an image of one value that is
-    /// transparent everywhere no pixel is: the frame of a cut-out object that is not in it.
+    /// Returns which pixels are opaque; `None` when transparency is uniform.
+    ///
+    /// In an image of one value that is fully transparent, no pixel is opaque. It is a frame
+    /// without the object of a cut-out.
     fn opaque(&self) -> Option<Vec<bool>> {
         let alpha = self.alpha.as_ref()?;
         let (lowest, highest) = (alpha.iter().min()?, alpha.iter().max()?);
@@ -218,7 +228,7 @@ impl PngValues {
             .then(|| alpha.iter().map(|alpha| alpha > &(highest / 2)).collect())
     }
 
-    /// The colour of a pixel, or its value three times.
+    /// Returns the colour of a pixel, or its value three times.
     fn color(&self, at: usize) -> [u16; 3] {
         match &self.pixels {
             Pixels::Greys(ids) | Pixels::Places { ids, .. } => [ids[at]; 3],
@@ -226,8 +236,10 @@ impl PngValues {
         }
     }
 
-    /// Whether the opaque pixels show one object instead of ids: all white, all black, or as many values as an image
-    /// has. The places of a palette are ids unless its visible places have one colour.
+    /// Returns a cut-out if the opaque pixels show one object instead of ids.
+    ///
+    /// They do when they are all white, all black, or have as many values as an image. Palette
+    /// indices are ids unless all visible palette entries have one colour.
     fn cut_out(&self, opaque: &[bool]) -> Option<AlphaUse> {
         let mut visible = opaque
             .iter()
@@ -255,7 +267,7 @@ impl PngValues {
     }
 }
 
-/// Encodes rows of values as PNG: fast, with light compression.
+/// Encodes rows of values as a PNG with light, fast compression.
 pub(super) fn encode_png(
     width: u32,
     height: u32,
@@ -284,7 +296,9 @@ pub(super) fn encode_png(
     Ok(bytes)
 }
 
-/// The ids of coloured pixels. In 16 bits, greys that no 8-bit image gives when it is scaled are ids.
+/// Returns the ids of coloured pixels.
+///
+/// In 16 bits, greys that cannot come from scaling an 8-bit image are ids.
 fn ids_of_pixels(
     colors: &[[u16; 3]],
     white: u16,
@@ -309,13 +323,13 @@ fn ids_of_pixels(
         .enumerate()
         .map(|(at, color)| match visible(at) {
             true => id_of_color(*color, shift, listed),
-            // A colour that is not seen need not be a label's.
+            // An invisible colour does not have to belong to a label.
             false => Ok(id_of_color(*color, shift, listed).unwrap_or_default()),
         });
     found.collect()
 }
 
-/// The id of a colour, of which `shift` bits are more than 8 a channel.
+/// Returns the id of a colour, which has `shift` bits more than 8 per channel.
 fn id_of_color(
     color: [u16; 3],
     shift: u32,

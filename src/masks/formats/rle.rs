@@ -1,20 +1,22 @@
-//! Run lengths of one region as the COCO data set stores them: column by column, outside and inside in turn, the first
-//! (possibly 0) outside; plain numbers or packed into text.
+//! Run lengths of regions as stored by the COCO data set.
+//!
+//! Runs go column by column and alternate between outside and inside; the first one, which may be
+//! 0, is outside. They are stored as plain numbers or packed into text.
 
 use std::ops::Range;
 
 use crate::{LabelId, LabelMask, RunMask};
 
-/// Run lengths of every label in a mask.
+/// Returns the run lengths of each of `ids` in a mask.
 pub(super) fn column_counts(mask: &LabelMask, ids: &[LabelId]) -> Vec<Vec<u32>> {
     let columns = RunMask::encode(&transposed(mask));
     ids.iter().map(|&id| counts_of(&columns, id)).collect()
 }
 
-/// Hands out the pixels (places row by row) that run lengths describe.
+/// Emits the pixels that run lengths describe, as indices row by row.
 ///
 /// # Errors
-/// What is wrong, for run lengths that do not add up to the picture.
+/// A description of the fault when the run lengths do not add up to the image size.
 pub(super) fn spans(
     counts: &[u32],
     width: u32,
@@ -42,8 +44,11 @@ pub(super) fn spans(
     Ok(())
 }
 
-/// Packs run lengths into text: each as its difference to the one two before (from the fourth on), in groups of five
-/// bits from the lowest, a sixth bit telling that more follow, as characters from `0` on.
+/// Packs run lengths into text.
+///
+/// From the fourth on, each length is stored as the difference to the one two before. Values are
+/// split into groups of five bits from the lowest. A sixth bit marks that more groups follow, and
+/// characters start at `0`.
 pub(super) fn packed(counts: &[u32]) -> String {
     let mut text = String::new();
     for (at, &count) in counts.iter().enumerate() {
@@ -63,10 +68,10 @@ pub(super) fn packed(counts: &[u32]) -> String {
     text
 }
 
-/// Unpacks what [`packed`] makes.
+/// Unpacks the output of [`packed`].
 ///
 /// # Errors
-/// What is wrong.
+/// A description of the fault in damaged text.
 pub(super) fn unpacked(text: &str) -> Result<Vec<u32>, String> {
     let broken = || "the packed run lengths are damaged".to_owned();
     let mut counts: Vec<u32> = Vec::new();
@@ -102,7 +107,7 @@ pub(super) fn unpacked(text: &str) -> Result<Vec<u32>, String> {
 fn transposed(mask: &LabelMask) -> LabelMask {
     let (width, height) = (mask.width as usize, mask.height as usize);
     let mut ids = vec![LabelId::NONE; mask.ids.len()];
-    // In blocks of rows, so that both sides stay in the cache.
+    // Blocks of rows keep both source and target in the cache.
     for block in (0..height).step_by(32) {
         for x in 0..width {
             for y in block..height.min(block + 32) {
@@ -139,8 +144,8 @@ mod tests {
     use crate::Region;
 
     #[test]
-    fn the_reference_coding() {
-        // Coded by pycocotools 2.0 from the same regions.
+    fn packing_matches_pycocotools() {
+        // Packed by pycocotools 2.0 from the same regions.
         for (counts, text) in REFERENCE {
             assert_eq!(packed(counts), *text);
             assert_eq!(unpacked(text).unwrap(), *counts);
@@ -161,7 +166,7 @@ mod tests {
     ];
 
     #[test]
-    fn damaged_text_is_told() {
+    fn damaged_run_lengths_are_errors() {
         for text in ["!", "P", "oooooooooooooooo0", "0000000@", "\u{e9}"] {
             assert!(unpacked(text).is_err(), "{text}");
         }
@@ -171,7 +176,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn regions_survive((width, ids) in (1u32..12).prop_flat_map(|width| (Just(width), prop::collection::vec(0u16..3, (width * 7) as usize)))) {
+        fn regions_round_trip((width, ids) in (1u32..12).prop_flat_map(|width| (Just(width), prop::collection::vec(0u16..3, (width * 7) as usize)))) {
             let mask = LabelMask { width, height: 7, ids: ids.into_iter().map(LabelId).collect() };
             let all = [LabelId(1), LabelId(2)];
             for (id, counts) in all.into_iter().zip(column_counts(&mask, &all)) {
@@ -182,7 +187,7 @@ mod tests {
         }
 
         #[test]
-        fn any_lengths_survive(counts in prop::collection::vec(any::<u32>(), 0..20)) {
+        fn arbitrary_lengths_round_trip(counts in prop::collection::vec(any::<u32>(), 0..20)) {
             prop_assert_eq!(unpacked(&packed(&counts)).unwrap(), counts);
         }
     }

@@ -18,27 +18,32 @@ use crate::edit::polygon_spans;
 use crate::{LabelId, LabelTree, MaskError, RunMask, outlines};
 use ostra_core::job::Progress;
 
-/// Coordinates are shares of the picture; farther out than this they must be something else (pixels).
+/// Maximum absolute coordinate, as a share of the image size.
+///
+/// Larger values must have another unit, such as pixels.
 const MAX_SHARE: f64 = 1.5;
 
-/// One line of a file: an outline in shares of width and height.
+/// A line of a file: an outline in shares of width and height.
 struct Line {
     class: usize,
     ring: Vec<DVec2>,
 }
 
-/// What a file holds.
+/// Contents of a label file.
 #[derive(Default)]
 struct FileLines {
     lines: Vec<Line>,
-    /// Lines that hold only a box.
+    /// Number of lines that hold only a box.
     boxes: usize,
     skipped: Skipped,
 }
 
-/// Reads `labels/FRAME.txt` (or `FRAME.txt`), one outline a line: class, then x and y of its corners as shares of width
-/// and height, filled by the even-odd rule. A class is a label by its name; without names class k is label k + 1. An
-/// empty file is a frame without any label. Outlines that cannot be used are left out and counted in the warnings.
+/// Reads `labels/FRAME.txt` (or `FRAME.txt`), with one outline per line.
+///
+/// A line holds the class, then x and y of the corners as shares of width and height. Outlines are
+/// filled by the even-odd rule. A class is matched to a label by its name; without names, class k
+/// is label k + 1. An empty file is a frame without labels. Unusable outlines are skipped and
+/// counted in the warnings.
 pub(super) fn import(
     dir: &Path,
     frames: &[MaskFrame<'_>],
@@ -88,7 +93,7 @@ pub(super) fn import(
         .collect();
     let mut boxes = 0;
     for (frame, file) in files_lines {
-        // A file of boxes or unusable outlines is not a frame without labels.
+        // A file with only boxes or unusable outlines does not mean a frame without labels.
         if file.lines.is_empty() && (file.boxes > 0 || !file.skipped.is_empty()) {
             masks.remove(&frame);
         }
@@ -123,9 +128,10 @@ pub(super) fn import(
     })
 }
 
-/// Writes `labels/FRAME.txt`, `data.yaml` and `labels.json`. Classes are the labels in the order of their ids. Outlines
-/// follow the pixels' corners, so that reading them gives the same pixels; a hole is joined to the outline around it by
-/// a seam of no width.
+/// Writes `labels/FRAME.txt`, `data.yaml` and `labels.json`.
+///
+/// Classes are the labels in the order of their ids. Outlines follow pixel corners, so that reading
+/// them gives the same pixels. A hole is joined to its outer outline by a seam of zero width.
 pub(super) fn export(
     dir: &Path,
     export: &Export<'_>,
@@ -149,15 +155,15 @@ pub(super) fn export(
     Ok(())
 }
 
-/// The labels of classes.
+/// Labels of the classes.
 struct Classes {
-    /// By the class's number.
+    /// Label by class number.
     labels: BTreeMap<usize, LabelId>,
     adoption: Adoption,
     warnings: Vec<String>,
 }
 
-/// The label of every class that is used.
+/// Finds or adds the label of every used class.
 fn adopted(
     dir: &Path,
     folders: &BTreeSet<&Path>,
@@ -230,9 +236,9 @@ fn adopted(
     })
 }
 
-/// What is read of the files.
+/// Lines of the files as read.
 struct ReadFiles {
-    /// By frame; files that cannot be used are left out.
+    /// Lines by frame, without files that cannot be used.
     files: Vec<(usize, FileLines)>,
     skipped: Skipped,
 }
@@ -240,7 +246,7 @@ struct ReadFiles {
 /// Reads the files that can be read.
 ///
 /// # Errors
-/// The first file's error when none can be used.
+/// The first file's error when no file can be used.
 fn read_files(pairs: &[(usize, &FoundFile)], progress: &Progress) -> Result<ReadFiles, MaskError> {
     let results = in_parallel(pairs, progress, |&(_, file)| {
         unless_stopped(read_lines(file))
@@ -296,7 +302,7 @@ fn read_lines(file: &FoundFile) -> Result<FileLines, MaskError> {
             continue;
         }
         match numbers.len() {
-            // Predictions end with their confidence.
+            // Predicted boxes end with their confidence.
             4 | 5 => read.boxes += 1,
             count if count < 6 => skip("outlines of fewer than three corners were left out"),
             count => {
@@ -317,7 +323,7 @@ fn read_lines(file: &FoundFile) -> Result<FileLines, MaskError> {
     Ok(read)
 }
 
-/// Classes are whole numbers; some programs write them as `1.0`.
+/// Parses a class number; some programs write `1.0` instead of `1`.
 fn class_number(word: &str) -> Option<usize> {
     let whole = word
         .split_once('.')

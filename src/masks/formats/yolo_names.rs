@@ -1,4 +1,6 @@
-//! Class names of a YOLO data set: a YAML file with `names`, `classes.txt` (labelImg) or `obj.names` (darknet).
+//! Class names of a YOLO data set.
+//!
+//! They are in a YAML file with `names`, in `classes.txt` (labelImg) or in `obj.names` (darknet).
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -6,23 +8,25 @@ use std::path::{Path, PathBuf};
 use super::files::{invalid, io_error, read_text};
 use crate::MaskError;
 
-/// How far above the given folder a folder named `labels` is looked for: label files lie in `labels/train`.
+/// Number of folders, from the given one upwards, that may be named `labels`.
+///
+/// Label files lie in `labels/train`.
 const LEVELS_TO_LABELS: usize = 3;
-/// A larger file does not hold class names.
+/// Maximum size of a file with class names in bytes.
 const MAX_BYTES: u64 = 4 << 20;
 
-/// The class names that were found.
+/// Class names of a data set.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct ClassNames {
-    /// By class number; empty for a class without name.
+    /// Name by class number; empty for a class without name.
     pub names: Vec<String>,
-    /// The file they are from.
+    /// File that the names are from.
     pub place: Option<PathBuf>,
-    /// What was decided, for the user.
+    /// Decisions for the user.
     pub warnings: Vec<String>,
 }
 
-/// Text files that hold names and lie among label files.
+/// Returns whether a text file next to label files holds class names.
 pub(super) fn is_names_file(path: &Path) -> bool {
     path.file_name()
         .is_some_and(|name| name == "classes.txt" || name == "predefined_classes.txt")
@@ -31,14 +35,18 @@ pub(super) fn is_names_file(path: &Path) -> bool {
 /// A folder that may hold class names.
 struct Place {
     folder: PathBuf,
-    /// Whether the user gave it, or label files lie in it.
+    /// Whether the user gave the folder, or label files lie in it.
     is_given: bool,
-    /// Whether YAML files of any name count: above the data set, they belong to something else.
+    /// Whether YAML files of any name are used.
+    ///
+    /// Above the data set, they belong to something else.
     takes_any_yaml: bool,
 }
 
-/// Finds the names for the labels in `dir`, whose files lie in `folders`: in `dir`, in the folders of the files, then in
-/// the folders above, up to the one that holds `labels` and the next.
+/// Finds the class names for the labels in `dir`, whose files lie in `folders`.
+///
+/// The search starts in `dir`, its folder `labels` and the folders of the files. It continues in
+/// the folders above, up to the one that contains `labels` and its parent.
 pub(super) fn find_names(dir: &Path, folders: &BTreeSet<&Path>) -> Result<ClassNames, MaskError> {
     let given = |folder: PathBuf| Place {
         folder,
@@ -83,7 +91,7 @@ pub(super) fn find_names(dir: &Path, folders: &BTreeSet<&Path>) -> Result<ClassN
     })
 }
 
-/// The names in one folder: those of a file with a usual name, else of the other YAML files.
+/// Returns the names in a folder, from a file with a usual name or else from other YAML files.
 fn names_in(
     place: &Place,
     warnings: &mut Vec<String>,
@@ -129,7 +137,9 @@ fn names_in(
     }
 }
 
-/// The names that all YAML files in a folder agree on. Files without names are for something else.
+/// Returns the names that all YAML files in a folder agree on.
+///
+/// Files without names have another purpose and are ignored.
 fn names_of_any_yaml(
     dir: &Path,
     warnings: &mut Vec<String>,
@@ -143,7 +153,7 @@ fn names_of_any_yaml(
     for path in entries {
         let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
         if (ending == "yaml" || ending == "yml") && path.is_file() {
-            // Not a file that was given, so that one which cannot be read is not an error.
+            // The user did not give this file, so failing to read it is not an error.
             let names = small_text(&path)
                 .ok()
                 .flatten()
@@ -166,7 +176,7 @@ fn names_of_any_yaml(
     Ok(found.into_iter().next())
 }
 
-/// The text of a file; `None` for one that is too large.
+/// Returns the text of a file; `None` when the file is too large.
 fn small_text(path: &Path) -> Result<Option<String>, MaskError> {
     let bytes = std::fs::metadata(path).map_err(io_error(path))?.len();
     if bytes > MAX_BYTES {
@@ -176,11 +186,11 @@ fn small_text(path: &Path) -> Result<Option<String>, MaskError> {
     }
 }
 
-/// `data.yaml` for names in the order of their class numbers.
+/// Returns the text of `data.yaml` for names in the order of their class numbers.
 pub(super) fn yaml(names: &[String]) -> String {
     let mut text = String::from("path: .\ntrain: images\nval: images\nnames:\n");
     for (class, name) in names.iter().enumerate() {
-        // Single quotes: nothing in between means anything but '' for a quote.
+        // Within single quotes, only '' has a meaning, which is a quote.
         text.push_str(&format!("  {class}: '{}'\n", name.replace('\'', "''")));
     }
     text
@@ -195,7 +205,7 @@ fn plain_names(text: &str) -> Option<Vec<String>> {
     (!names.is_empty()).then_some(names)
 }
 
-/// `names:` as a list or a map, in brackets on one line or one entry a line.
+/// Parses `names:` as a list or a map, in brackets or with one entry per line.
 fn yaml_names(text: &str) -> Option<Vec<String>> {
     let mut lines = text.lines();
     let first = lines.find_map(|line| line.strip_prefix("names:"))?.trim();
@@ -215,7 +225,7 @@ fn yaml_names(text: &str) -> Option<Vec<String>> {
     numbered(&entries)
 }
 
-/// Puts entries (`name` or `number: name`) in the order of their numbers.
+/// Sorts entries (`name` or `number: name`) by their numbers.
 fn numbered(entries: &[String]) -> Option<Vec<String>> {
     let mut names = Vec::new();
     for (at, entry) in entries
@@ -280,7 +290,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_in_every_usual_form() {
+    fn names_are_read_in_every_usual_form() {
         for text in [
             "train: x\nnames:\n  0: leaf\n  1: 'stem 1'\n  2: \"it's\"\nnc: 3\n",
             "names: [leaf, 'stem 1', \"it's\"]\n",
@@ -305,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_found_where_programs_keep_them() {
+    fn names_are_found_in_the_usual_places() {
         for (file, text) in [
             ("set/labels/train/classes.txt", "leaf\r\nstem\r\n"),
             ("set/labels/classes.txt", "\u{feff}leaf\nstem\n"),
@@ -339,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn yaml_files_that_disagree_are_not_used() {
+    fn disagreeing_yaml_files_are_ignored() {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("a.yaml"), "names: [leaf, stem]").unwrap();
         std::fs::write(dir.path().join("b.yaml"), "names: [leaf, stem]").unwrap();
@@ -355,7 +365,7 @@ mod tests {
     }
 
     #[test]
-    fn unreadable_names_above_the_folder_are_left_alone() {
+    fn unreadable_names_above_the_folder_are_ignored() {
         for file in ["classes.txt", "obj.names"] {
             let root = tempfile::tempdir().unwrap();
             let set = root.path().join("set");
@@ -375,7 +385,7 @@ mod tests {
     }
 
     #[test]
-    fn written_names_are_read_again() {
+    fn written_names_round_trip() {
         let names = ["a: b", "it's", "\"x\", #y", "[z]", "Ä"]
             .map(String::from)
             .to_vec();

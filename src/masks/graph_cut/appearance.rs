@@ -1,4 +1,4 @@
-//! Colour and texture models: histograms over a frame's own palette.
+//! Colour and texture models: histograms over a palette of the frame.
 
 use rayon::prelude::*;
 
@@ -6,16 +6,16 @@ use super::region_stats::RegionStats;
 
 /// Number of palette entries.
 const ENTRIES: usize = 64;
-/// Distance at which two palette entries are taken for the same appearance, ΔE.
+/// Distance at which two palette entries count as the same appearance, ΔE.
 const BANDWIDTH: f32 = 7.0;
 
 type Feature = [f32; 4];
 
-/// The appearances that occur in a frame, each region's own, and how alike they are.
+/// Palette of the appearances in a frame, with the entry of each region and similarities.
 pub(super) struct Palette {
-    /// Entry of each region.
+    /// Palette entry of each region.
     pub of_region: Vec<u8>,
-    /// `ENTRIES²` likenesses 0–1, rows sum to 1.
+    /// Similarities of the entries, `ENTRIES²` values 0–1; rows sum to 1.
     alike: Vec<f32>,
 }
 
@@ -51,17 +51,20 @@ impl Palette {
         }
     }
 
-    /// Number of entries.
+    /// Returns the number of entries.
     pub fn entries(&self) -> u8 {
         ENTRIES as u8
     }
 
-    /// Bytes held.
+    /// Returns the memory used in bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.of_region) + size_of_val(&*self.alike)
     }
 
-    /// A model of weighted regions: how often each entry, or one like it, occurs; sums to 1 unless all weights are 0.
+    /// Returns a model of weighted regions.
+    ///
+    /// It holds how often each entry, or a similar one, occurs. Its values sum to 1 unless all
+    /// weights are 0.
     pub fn model(&self, weighted: impl Iterator<Item = (usize, f32)>) -> Model {
         let mut counts = [0.0f32; ENTRIES];
         let mut total = 0.0;
@@ -89,7 +92,7 @@ pub(super) struct Model {
 }
 
 impl Model {
-    /// Share of entry `entry` in what was modelled.
+    /// Returns the share of entry `entry` in the modelled regions.
     pub fn share(&self, entry: u8) -> f32 {
         self.share[usize::from(entry)]
     }
@@ -115,7 +118,10 @@ fn nearest(entries: &[Feature], feature: &Feature) -> u8 {
     best.0
 }
 
-/// Starting entries: the first region, then always the one whose (area-weighted) distance to all before is largest.
+/// Returns the initial palette entries for k-means.
+///
+/// It starts with the first region and repeatedly adds the one with the largest area-weighted
+/// distance to all earlier entries.
 fn spread_out(features: &[(Feature, f32)]) -> Vec<Feature> {
     let mut entries = vec![features[0].0];
     let mut apart: Vec<f32> = vec![f32::INFINITY; features.len()];

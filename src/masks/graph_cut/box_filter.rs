@@ -1,8 +1,10 @@
-//! Box filters over Lab planes, rows in parallel.
+//! Box filters over Lab planes, with rows in parallel.
 
 use rayon::prelude::*;
 
-/// Mean over a `(2 · radius + 1)²` window, cut off at the picture's border. Two passes of running sums.
+/// Returns the mean over a `(2 · radius + 1)²` window, clipped at the image border.
+///
+/// Two passes with running sums compute it.
 pub(super) fn box_mean<const N: usize>(
     values: &[[f32; N]],
     width: usize,
@@ -44,7 +46,7 @@ fn add<const N: usize>(sum: &mut [f32; N], value: &[f32; N], sign: f32) {
     }
 }
 
-/// Columns, in bands of rows so that each band runs down the picture on its own.
+/// Averages along columns in bands of rows, each with its own running sum.
 fn column_mean<const N: usize>(
     rows: &[[f32; N]],
     width: usize,
@@ -88,7 +90,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn mean_equals_a_plain_sum() {
+    fn box_mean_matches_a_direct_sum() {
         let (width, height) = (37usize, 71usize);
         let values: Vec<[f32; 1]> = (0..width * height)
             .map(|at| [(at * 31 % 97) as f32])

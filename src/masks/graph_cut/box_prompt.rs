@@ -1,20 +1,23 @@
-//! The object in a box: colour models of inside and outside, made better in turns with the cut (Rother, Kolmogorov
-//! and Blake, "GrabCut: interactive foreground extraction using iterated graph cuts", SIGGRAPH 2004), on regions.
+//! Segmentation of the object in a box.
+//!
+//! Colour models of inside and outside are refined in alternation with a cut over regions (Rother,
+//! Kolmogorov and Blake, "GrabCut: interactive foreground extraction using iterated graph cuts",
+//! SIGGRAPH 2004).
 
 use super::appearance::{Model, Palette};
 use super::graph::{RegionGraph, Role, cheapest_change, distances};
 use crate::PxBox;
 
-/// How the object in a box is found.
+/// Options for finding the object in a box.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BoxOptions {
-    /// Turns of model and cut.
+    /// Number of alternations between model and cut.
     pub rounds: usize,
-    /// How far outside the box the surroundings are learned, share of the box's sides.
+    /// Margin around the box in which the surroundings are learned, as a share of its half sides.
     pub margin: f32,
-    /// Worth of one log odd on one pixel, in pixel sides of a border without any edge.
+    /// Gain of one unit of log odds on one pixel, in pixel sides of a border without an edge.
     pub data_weight: f32,
-    /// Parts smaller than this share of the largest are dropped.
+    /// Parts smaller than this share of the largest are removed.
     pub least_part: f32,
 }
 
@@ -36,14 +39,17 @@ struct Frame {
 }
 
 impl Frame {
-    /// How far out a place is: 0 in the middle, 1 on the box's border, above 1 outside.
+    /// Returns how far out a point is: 0 in the middle, 1 on the border, above 1 outside.
     fn outness(&self, at: [f32; 2]) -> f32 {
         let along = |axis: usize| (at[axis] - self.middle[axis]).abs() / self.half[axis].max(0.5);
         along(0).max(along(1))
     }
 }
 
-/// The regions of the object in a box; `closed` ones are never taken. At least the region in the middle unless closed.
+/// Returns the regions of the object in a box.
+///
+/// `closed` regions are never included. The result has at least the open region nearest to the
+/// middle.
 pub(super) fn object_in_box(
     graph: &RegionGraph,
     palette: &Palette,
@@ -71,7 +77,7 @@ pub(super) fn object_in_box(
     };
     let roles: Vec<Role> = (0..outness.len()).map(role).collect();
     let enclosed = enclosure(graph, &roles);
-    // At first what lies towards the middle is taken for the object.
+    // Initially, regions near the middle belong to the object.
     let mut belongs: Vec<f32> = outness
         .iter()
         .map(|out| (1.2 - out).clamp(0.0, 1.0))
@@ -122,7 +128,7 @@ pub(super) fn object_in_box(
     inside
 }
 
-/// How well edges shut each open region off from the outside of the box, 0–1.
+/// Returns how well edges separate each open region from the outside of the box, 0–1.
 fn enclosure(graph: &RegionGraph, roles: &[Role]) -> Vec<f32> {
     let outside = |at: &usize| roles[*at] == Role::Wall;
     let sources: Vec<(u32, f32)> = (0..roles.len())

@@ -1,21 +1,23 @@
-//! Regions that touch in space though not in the picture: the grains of an ear before a wall, a leaf on both sides of
-//! a stem before it. Where there is depth they are joined by edges of their own.
+//! Edges between regions that touch in space but not in the image.
+//!
+//! Examples are the grains of an ear in front of a wall, or a leaf on both sides of a stem in front
+//! of it. Such regions are joined where depth is available.
 
 use rayon::prelude::*;
 
 use super::region_stats::{Edge, RegionStats};
 use crate::lab::squared_difference;
 
-/// When two regions touch in space.
+/// Options that decide when two regions touch in space.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BridgeOptions {
-    /// Widest gap between them, pixels.
+    /// Maximum gap between two regions, pixels.
     pub gap_px: f32,
-    /// Largest difference of ln depth.
+    /// Maximum difference of ln depth.
     pub depth_step: f32,
-    /// A neighbour this much nearer or farther makes a region's side one that may be bridged, ln depth.
+    /// Minimum difference of ln depth to a neighbour for a region to be bridged.
     pub jump: f32,
-    /// Most bridges that start from a region.
+    /// Maximum number of bridges that start from a region.
     pub most: usize,
 }
 
@@ -30,7 +32,9 @@ impl Default for BridgeOptions {
     }
 }
 
-/// Edges between regions at the same depth across a narrow gap of another depth, ordered.
+/// Returns edges between regions at the same depth across a narrow gap of another depth.
+///
+/// The edges are sorted by their regions.
 pub(super) fn bridges(
     regions: &[RegionStats],
     edges: &[Edge],
@@ -62,8 +66,9 @@ pub(super) fn bridges(
         .collect()
 }
 
-/// For each region beside a jump of depth the others so near in the picture and in depth that they may well be parts of
-/// the same thing, as a plant's leaves and grains are.
+/// Returns, for each region next to a depth jump, other regions that may belong to its object.
+///
+/// They are close in the image and in depth, as a plant's leaves and grains are.
 pub(super) fn hops(
     regions: &[RegionStats],
     edges: &[Edge],
@@ -90,14 +95,14 @@ pub(super) fn hops(
     (0..regions.len()).into_par_iter().map(to).collect()
 }
 
-/// When two regions may be parts of one thing.
+/// Options that decide when two regions may be parts of one object.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct HopOptions {
-    /// Widest gap between them, pixels.
+    /// Maximum gap between two regions, pixels.
     pub gap_px: f32,
-    /// Largest difference of ln depth.
+    /// Maximum difference of ln depth.
     pub depth_step: f32,
-    /// A neighbour this much nearer or farther lets a region take part, ln depth.
+    /// Minimum difference of ln depth to a neighbour for a region to take part.
     pub jump: f32,
 }
 
@@ -111,7 +116,7 @@ impl Default for HopOptions {
     }
 }
 
-/// Which regions have a neighbour that is much nearer or farther.
+/// Returns which regions have a neighbour that is much nearer or farther.
 fn beside_jump(regions: &[RegionStats], edges: &[Edge], jump: f32) -> Vec<bool> {
     let mut beside = vec![false; regions.len()];
     for edge in edges {
@@ -135,7 +140,7 @@ fn bridge(regions: &[RegionStats], a: u32, b: u32) -> Edge {
     }
 }
 
-/// Distance between two regions taken for discs, pixels.
+/// Returns the distance between two regions approximated as discs, pixels.
 fn gap(a: &RegionStats, b: &RegionStats) -> f32 {
     let radius = |region: &RegionStats| (region.area / std::f32::consts::PI).sqrt();
     (a.at[0] - b.at[0]).hypot(a.at[1] - b.at[1]) - radius(a) - radius(b)
@@ -200,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn grains_before_a_wall_are_joined_and_the_wall_is_not() {
+    fn grains_in_front_of_a_wall_are_bridged_but_not_the_wall() {
         let regions = [
             region(10.0, 0.0),
             region(20.0, 0.4),

@@ -1,4 +1,4 @@
-//! What is measured of a candidate, for the choice among them.
+//! Features of candidates, used to choose among them.
 
 use super::click_context::ClickContext;
 use super::graph::{Role, border_price, distances};
@@ -7,15 +7,17 @@ use super::region_stats::Edge;
 /// Number of features.
 pub(super) const FEATURES: usize = 26;
 
-/// Features of a candidate; see [`features_of`] for their order.
+/// Features of a candidate, in the order given at [`features_of`].
 pub(super) type Features = [f32; FEATURES];
 
-/// The place of the agreement with the other candidates in [`Features`]; it is known once all are there.
+/// Index in [`Features`] of the agreement with the other candidates.
+///
+/// It is set once all candidates are known.
 const AGREEMENT: usize = 11;
 
-/// One way to answer a click.
+/// A possible answer to a click.
 pub(super) struct Candidate {
-    /// Which regions change.
+    /// Whether each region changes.
     pub change: Vec<bool>,
     pub features: Features,
 }
@@ -23,30 +25,53 @@ pub(super) struct Candidate {
 /// Sums along the border of a change.
 #[derive(Default)]
 struct BorderSums {
-    /// Pixel sides along regions that stay.
+    /// Pixel sides along regions that do not change.
     length: f32,
     price: f32,
     weak: f32,
-    /// Leaning of the regions just outside.
+    /// Sum of the appearance log odds of regions just outside.
     ring_odds: f32,
     ring_geodesic: f32,
-    /// Pixel sides along regions that are on the click's side already.
+    /// Pixel sides along regions that are already on the click's side.
     joined: f32,
     /// Pixel sides between regions that both change.
     inner_length: f32,
     inner_price: f32,
-    /// Pixel sides on the picture's rim.
+    /// Pixel sides on the image border.
     rim: f32,
 }
 
-/// Measures a change: mean price of its border, ln area, ln(deepest / depth of the click), ln(depth of the click /
-/// depth possible), weak share of the border, share along joined regions, share on the rim, mean leaning inside,
-/// just outside, perimeter / √area, ln(farthest / depth of the click), agreement (0 until all candidates are there),
-/// ln(area / answer so far), that times ln of the number of clicks, share nearer to a click of the other side, leaning
-/// by geodesic distance inside and just outside, mean price of edges inside, offset of the middle from the click / √area,
-/// share of the box filled, share apart from the click; for a change that takes all alike its `limit` (else 0) / 10, and
-/// that times ln of the clicks on this side, times the reach, times ln of the depth at the click; area / answer so far times
-/// ln of half the clicks (those of rivals among them).
+/// Returns the features of a change.
+///
+/// In order, they are:
+///
+/// - mean price of the border
+/// - ln area
+/// - ln(maximum depth / depth at the click), where depth is the distance from the change's border
+/// - ln(depth at the click / possible depth)
+/// - share of weak edges in the border
+/// - share of the border along joined regions
+/// - share of the border on the image border
+/// - mean appearance log odds inside
+/// - mean appearance log odds just outside
+/// - perimeter / √area
+/// - ln(farthest distance / depth at the click)
+/// - agreement with the other candidates, 0 until all are known
+/// - ln(area / area of the previous answer)
+/// - ln(area / area of the previous answer) times ln of the number of clicks
+/// - share of the area nearer to a click of the other side
+/// - mean geodesic log odds inside
+/// - mean geodesic log odds just outside
+/// - mean price of the edges inside
+/// - offset of the centroid from the click / √area
+/// - filled share of the bounding box
+/// - share of the area not connected to the click
+/// - `limit` / 10 of a change that includes all similar regions, else 0
+/// - `limit` / 10 times ln of the number of clicks on this side
+/// - `limit` / 10 times the reach
+/// - `limit` / 10 times ln of the depth at the click
+/// - area / area of the previous answer, times ln of half the number of clicks, including those of
+///   rival labels
 pub(super) fn features_of(
     context: &ClickContext<'_>,
     change: &[bool],
@@ -131,7 +156,9 @@ pub(super) fn features_of(
     ]
 }
 
-/// Area of the axis-parallel box around the middles of the changed regions, pixels.
+/// Returns the area of the axis-parallel box around the changed regions, px².
+///
+/// Regions are approximated as squares around their centroids.
 fn box_area(context: &ClickContext<'_>, change: &[bool]) -> f32 {
     let (mut min, mut max) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
     for (region, _) in context
@@ -192,7 +219,7 @@ fn border_sums(
     sums
 }
 
-/// About how deep each changed region lies inside the change, pixels.
+/// Returns the approximate depth of each changed region inside the change, pixels.
 fn depths(context: &ClickContext<'_>, change: &[bool]) -> Vec<f32> {
     let graph = context.graph;
     let half_width = |at: u32| (at, 0.5 * graph.regions[at as usize].area.sqrt());
@@ -235,7 +262,7 @@ fn is_nearer_opposite(context: &ClickContext<'_>, region: usize) -> bool {
     nearest(!context.include) < nearest(context.include)
 }
 
-/// Sets each candidate's mean IoU with the others; the IoU of every two.
+/// Sets each candidate's mean IoU with the others and returns the IoU of every pair.
 pub(super) fn agreement(context: &ClickContext<'_>, candidates: &mut [Candidate]) -> Vec<Vec<f32>> {
     let areas: Vec<f32> = context
         .graph

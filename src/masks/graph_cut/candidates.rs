@@ -1,13 +1,15 @@
-//! The answers a click could mean: minimum cuts around discs of growing radius.
+//! Candidate answers to a click.
 //!
-//! A click is taken for the middle of what it means, so for each radius the disc around it is certain and gives the
-//! colour model; how far beyond it the change reaches is decided by appearance, by geodesic distances to the clicks of
-//! both sides (Price, Morse and Cohen, "Geodesic graph cut for interactive image segmentation", CVPR 2010) and by edges.
+//! The first family consists of minimum cuts around discs of growing radius. A click is assumed to
+//! be in the middle of the intended part. For each radius, the disc around it is therefore certain
+//! and provides the colour model. How far the change extends beyond the disc depends on three
+//! terms. These are appearance, geodesic distances to the clicks of both sides (Price, Morse and
+//! Cohen, "Geodesic graph cut for interactive image segmentation", CVPR 2010), and edges.
 //!
-//! Answers that take all of a thing that looks like what was clicked: every leaf of a plant, every grain of an ear.
-//!
-//! Each part of the thing goes with the clicked appearance nearest to its own, of either side, unless it is farther than
-//! a limit from all of them; a cut keeps borders where edges are.
+//! The second family includes all of an object that is similar to the clicked part: every leaf of a
+//! plant, or every grain of an ear. Each part of the object is assigned to the clicked appearance
+//! most similar to its own, of either side. Parts that differ from all of them by more than a limit
+//! are excluded. A cut keeps borders at edges.
 
 use rayon::prelude::*;
 
@@ -17,20 +19,20 @@ use super::click_context::ClickContext;
 use super::graph::{Role, cheapest_change};
 use super::region_stats::RegionStats;
 
-/// What the family of candidates is made of.
+/// Options of the candidates.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CandidateOptions {
-    /// Smallest disc, pixels.
+    /// Radius of the smallest disc, pixels.
     pub least_radius_px: f32,
-    /// Each disc's radius over that of the one before, above 1.
+    /// Ratio of each disc's radius to the previous one, above 1.
     pub radius_step: f32,
-    /// What leaving out one pixel must at least be worth, log odds; one cut each.
+    /// Log odds that a pixel must exceed to change; one cut per value.
     pub balloons: [f32; 3],
-    /// Weights of appearance and of geodesic distance; one set of cuts each.
+    /// Weights of appearance and of geodesic distance; one set of cuts per pair.
     pub mixes: [(f32, f32); 3],
-    /// Worth of one log odd on one pixel, in pixel sides of a border without any edge.
+    /// Gain of one unit of log odds on one pixel, in pixel sides of a border without an edge.
     pub data_weight: f32,
-    /// Weight of appearance where, with depth, like parts of the same thing in space are taken from it all.
+    /// Weight of appearance in cuts over all regions connected in space, which need depth.
     pub scattered_odds: f32,
     /// Log odds against a region that is off the clicked depth.
     pub depth_weight: f32,
@@ -53,11 +55,11 @@ impl Default for CandidateOptions {
 /// All candidates for a click.
 pub(super) struct Candidates {
     pub all: Vec<Candidate>,
-    /// IoU of every two of them.
+    /// IoU of every pair of candidates.
     pub shared: Vec<Vec<f32>>,
 }
 
-/// All different candidates, small discs first.
+/// Returns all distinct candidates, small discs first.
 pub(super) fn candidates(context: &ClickContext<'_>, options: &CandidateOptions) -> Candidates {
     let radii: Vec<f32> = std::iter::successors(Some(options.least_radius_px), |radius| {
         Some(radius * options.radius_step)
@@ -82,7 +84,7 @@ pub(super) fn candidates(context: &ClickContext<'_>, options: &CandidateOptions)
     Candidates { all: found, shared }
 }
 
-/// Candidates that take all of the clicked thing that looks like the clicked places.
+/// Returns candidates that include all of the clicked object similar to the clicked regions.
 fn of_its_kind(context: &ClickContext<'_>, options: &CandidateOptions) -> Vec<Candidate> {
     let near = context.near(&[context.seed]);
     let Leaning { geodesic, .. } = leaning(context, &near, options.least_radius_px);
@@ -99,7 +101,7 @@ fn of_its_kind(context: &ClickContext<'_>, options: &CandidateOptions) -> Vec<Ca
         .collect()
 }
 
-/// A disc around the click, and how each region leans towards it.
+/// A disc around the click, and the log odds of each region to belong to it.
 struct Disc<'a> {
     context: &'a ClickContext<'a>,
     radius: f32,
@@ -167,7 +169,7 @@ impl<'a> Disc<'a> {
         found
     }
 
-    /// The cheapest change when changing a pixel of a region is worth `log_odds`.
+    /// Returns the cheapest change when changing a pixel of a region gains `log_odds`.
     fn cut(&self, options: &CandidateOptions, log_odds: impl Fn(usize) -> f32) -> Vec<bool> {
         let ClickContext {
             graph, off_depth, ..
@@ -186,15 +188,15 @@ impl<'a> Disc<'a> {
     }
 }
 
-/// Log odds per region that it belongs with a disc.
+/// Log odds of each region to belong to a disc.
 struct Leaning {
-    /// From appearance.
+    /// Log odds from appearance.
     odds: Vec<f32>,
-    /// From geodesic distances.
+    /// Log odds from geodesic distances.
     geodesic: Vec<f32>,
 }
 
-/// How each region leans towards a disc.
+/// Computes the log odds of each region to belong to a disc.
 fn leaning(context: &ClickContext<'_>, near: &[f32], radius: f32) -> Leaning {
     let spread = 8.0 + 0.3 * radius;
     let closeness: Vec<f32> = near
@@ -222,7 +224,9 @@ fn leaning(context: &ClickContext<'_>, near: &[f32], radius: f32) -> Leaning {
     }
 }
 
-/// Log odds per palette entry: the close regions (and a little what was joined before) against all others.
+/// Returns the log odds of each palette entry.
+///
+/// They compare the close regions, and to a small share those joined before, with all others.
 fn odds(context: &ClickContext<'_>, closeness: &[f32]) -> Vec<f32> {
     const JOINED_SHARE: f32 = 0.25;
     const RARE: f32 = 1e-3;
@@ -255,14 +259,14 @@ fn odds(context: &ClickContext<'_>, closeness: &[f32]) -> Vec<f32> {
     (0..palette.entries()).map(odds_of).collect()
 }
 
-/// How alike is measured.
+/// Options of the candidates that include all similar regions.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AlikeOptions {
-    /// Farthest appearance that is still taken, ΔE; one answer each.
+    /// Maximum appearance difference to be included, ΔE; one candidate per value.
     pub limits: [f32; 5],
-    /// ΔE nearer to the one side than to the other that is worth one log odd.
+    /// Difference between the distances to both sides that gives one unit of log odds, ΔE.
     pub scale: f32,
-    /// Worth of one log odd on one pixel, in pixel sides of a border without any edge.
+    /// Gain of one unit of log odds on one pixel, in pixel sides of a border without an edge.
     pub data_weight: f32,
 }
 
@@ -276,15 +280,17 @@ impl Default for AlikeOptions {
     }
 }
 
-/// A change that takes all that is alike.
+/// A change that includes all similar regions.
 pub(super) struct Alike {
     pub limit: f32,
-    /// Log odds per region that it belongs with what was clicked.
+    /// Log odds of each region to belong to the clicked appearance.
     pub odds: Vec<f32>,
     pub change: Vec<bool>,
 }
 
-/// One change per limit; none without depth, which shows what is connected.
+/// Returns one change per limit.
+///
+/// Returns none without depth, because depth shows what is connected.
 pub(super) fn alike(context: &ClickContext<'_>, options: &AlikeOptions) -> Vec<Alike> {
     let Some(same_thing) = &context.same_thing else {
         return Vec::new();
@@ -323,7 +329,7 @@ pub(super) fn alike(context: &ClickContext<'_>, options: &AlikeOptions) -> Vec<A
     options.limits.map(answer).into()
 }
 
-/// The regions clicked for one side and their neighbours of the same appearance.
+/// Returns the regions clicked for one side and their neighbours of the same appearance.
 fn samples(context: &ClickContext<'_>, include: bool) -> Vec<usize> {
     const SAME: f32 = 4.0;
     let ClickContext { graph, .. } = context;
@@ -344,7 +350,9 @@ fn samples(context: &ClickContext<'_>, include: bool) -> Vec<usize> {
     found
 }
 
-/// How far two appearances are apart, ΔE; lightness, which shading changes, counts less than hue.
+/// Returns the difference of two appearances, ΔE.
+///
+/// Lightness counts less than hue, because shading changes it.
 fn unlike(a: &RegionStats, b: &RegionStats) -> f32 {
     const LIGHTNESS: f32 = 0.35;
     let [l, red, yellow]: [f32; 3] =

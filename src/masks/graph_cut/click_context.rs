@@ -1,17 +1,17 @@
-//! One click on the wrong side of an answer: what may change, and the distances that matter.
+//! Context of a click on the wrong side of an answer: distances and regions that may change.
 
 use super::appearance::Palette;
 use super::graph::{RegionGraph, Role, distances};
 use super::region_stats::{Edge, RegionStats};
 use crate::Click;
 
-/// What a click finds.
+/// Context of a click.
 pub(super) struct ClickContext<'a> {
     pub graph: &'a RegionGraph,
     pub palette: &'a Palette,
-    /// All clicks with their regions; the last is the one to answer.
+    /// All clicks with their regions; the last one is to be answered.
     pub clicks: &'a [(Click, u32)],
-    /// Every region's part in the cut: the clicked one is the only seed.
+    /// Role of each region in the cut; only the clicked one is a seed.
     pub roles: Vec<Role>,
     /// The clicked region.
     pub seed: u32,
@@ -19,23 +19,31 @@ pub(super) struct ClickContext<'a> {
     pub include: bool,
     /// Distance of each region to the click, pixels.
     pub apart: Vec<f32>,
-    /// Geodesic distance of each region to the clicks of the other side and the picture's rim.
+    /// Geodesic distance of each region to the clicks of the other side.
+    ///
+    /// For an include click, the image border counts as well.
     pub far: Vec<f32>,
-    /// Distance from the click to what is on its side already: how deep the part to change can be, pixels.
+    /// Distance from the click to regions already on its side, pixels.
+    ///
+    /// It limits how deep the part to change can be.
     pub reach: f32,
-    /// How far each region's depth is from any that an object at the click may have there, 0–1; 0 without depth.
+    /// Deviation of each region's depth from the range plausible at the click, 0–1.
+    ///
+    /// It is 0 without depth.
     pub off_depth: Vec<f32>,
-    /// With depth, whether a region hangs together in space with the clicked one.
+    /// Whether each region is connected in space with the clicked one; `None` without depth.
     pub same_thing: Option<Vec<bool>>,
-    /// Pixels in the answer so far.
+    /// Number of pixels in the previous answer.
     pub area: f32,
 }
 
-/// How much farther than the clicks of the other side the picture's rim counts in geodesic distances, pixels.
+/// Extra geodesic distance of the image border compared with clicks of the other side, pixels.
 const RIM_LEAD: f32 = 20.0;
 
 impl<'a> ClickContext<'a> {
-    /// The context of the last of `clicks`; regions that are `closed` may not change.
+    /// Creates the context of the last of `clicks`.
+    ///
+    /// Regions that are `closed` may not change. Returns `None` without clicks.
     pub fn new(
         graph: &'a RegionGraph,
         palette: &'a Palette,
@@ -114,12 +122,14 @@ impl<'a> ClickContext<'a> {
         })
     }
 
-    /// Whether a region may change.
+    /// Returns whether a region may change.
     pub fn is_open(&self, region: usize) -> bool {
         matches!(self.roles[region], Role::Open | Role::Seed)
     }
 
-    /// Geodesic distance of each region to the nearest of `sources`, through open regions alone.
+    /// Returns the geodesic distance of each region to the nearest of `sources`.
+    ///
+    /// Paths run through open regions only.
     pub fn near(&self, sources: &[u32]) -> Vec<f32> {
         let sources: Vec<(u32, f32)> = sources.iter().map(|&region| (region, 0.0)).collect();
         let cost = |edge: &Edge| {
@@ -133,7 +143,7 @@ impl<'a> ClickContext<'a> {
         distances(self.graph, &sources, cost).to
     }
 
-    /// The connected part of `change` that holds the clicked region, its small holes filled.
+    /// Returns the connected part of `change` with the clicked region, with small holes filled.
     pub fn around_seed(&self, change: &[bool]) -> Vec<bool> {
         const LARGEST_HOLE_PX: f32 = 600.0;
         let mut kept = vec![false; change.len()];
@@ -158,7 +168,7 @@ impl<'a> ClickContext<'a> {
         kept
     }
 
-    /// Whether a region touches neither the rim nor a region that cannot change.
+    /// Returns whether a region touches neither the image border nor a region that cannot change.
     fn is_enclosed(&self, region: usize, kept: &[bool]) -> bool {
         let neighbours = self.graph.neighbours(region);
         self.graph.regions[region].rim == 0.0
@@ -168,13 +178,18 @@ impl<'a> ClickContext<'a> {
     }
 }
 
-/// Geodesic length of stepping over an edge: the way itself and, much more, the chance that an object ends there.
+/// Returns the geodesic length of crossing an edge.
+///
+/// It is the distance itself plus, with much more weight, the chance that an object ends there.
 fn step_cost(graph: &RegionGraph, edge: &Edge) -> f32 {
     0.3 * graph.apart(edge) + 120.0 * (edge.strength - 0.2).max(0.0).powi(2)
 }
 
-/// The region whose depth tells where the clicked thing is: the clicked one, unless its depth was not measured and something
-/// that was stands before it close by. Who clicks into a hole of the depth means the thing, not what is behind it.
+/// Returns the region whose depth shows where the clicked object is.
+///
+/// This is the clicked region, unless its depth was not measured and a region with measured depth
+/// is in front of it nearby. A click into a hole of the depth map is meant for the object in front,
+/// not for the background.
 fn trusted(regions: &[RegionStats], click: Click, seed: u32, apart: &[f32]) -> u32 {
     const NEAR_PX: f32 = 14.0;
     const BEFORE: f32 = 0.06;
@@ -194,8 +209,9 @@ fn trusted(regions: &[RegionStats], click: Click, seed: u32, apart: &[f32]) -> u
     nearest.map_or(seed, |at| at as u32)
 }
 
-/// How far regions lie from the depth of the clicked one, allowing for a surface that runs towards or away from the
-/// camera; 0–1.
+/// Returns how far regions are off the depth of the clicked one, 0–1.
+///
+/// A surface that runs towards or away from the camera is allowed for.
 fn off_depth(graph: &RegionGraph, seed: usize, apart: &[f32]) -> Vec<f32> {
     const ALLOWED: f32 = 0.03;
     const SLANT_PER_PX: f32 = 0.0015;
@@ -203,7 +219,7 @@ fn off_depth(graph: &RegionGraph, seed: usize, apart: &[f32]) -> Vec<f32> {
     let clicked = graph.regions[seed].ln_depth;
     let off = |(region, apart): (&RegionStats, &f32)| {
         let step = (region.ln_depth - clicked).abs() - ALLOWED - SLANT_PER_PX * apart;
-        // Unknown depths compare as not a number, which says nothing.
+        // Unknown depths give NaN, which fails the comparison and counts as 0.
         if step > 0.0 {
             (step / SURE).min(1.0)
         } else {
@@ -213,7 +229,7 @@ fn off_depth(graph: &RegionGraph, seed: usize, apart: &[f32]) -> Vec<f32> {
     graph.regions.iter().zip(apart).map(off).collect()
 }
 
-/// The open regions that can be reached from the clicked one without a jump of depth.
+/// Returns the open regions that can be reached from the clicked one without a depth jump.
 fn same_thing(graph: &RegionGraph, seed: u32, roles: &[Role], off_depth: &[f32]) -> Vec<bool> {
     const JUMP: f32 = 0.03;
     let mut reached = vec![false; roles.len()];
@@ -247,13 +263,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_click_into_a_hole_means_what_stands_before_it() {
+    fn click_into_a_depth_hole_means_the_object_in_front() {
         let region = |ln_depth: f32, measured: bool| RegionStats {
             ln_depth,
             measured,
             ..RegionStats::default()
         };
-        // A hole filled as wall, the wall itself, two leaves and a guess that lies nearer still.
+        // A hole filled with the wall's depth, the wall, two leaves and a nearer, unmeasured depth.
         let regions = [
             region(0.7, false),
             region(0.7, true),

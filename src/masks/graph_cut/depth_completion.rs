@@ -1,4 +1,4 @@
-//! Depth maps corrected by the image: holes filled, borders moved.
+//! Depth maps corrected by the image: holes are filled and borders moved.
 
 use rayon::prelude::*;
 
@@ -6,29 +6,31 @@ use super::depth_surfaces::known;
 use crate::lab::{lab_of, squared_difference};
 use ostra_frames::{DepthMap, Image};
 
-/// Pixels to each side that are asked.
+/// Reach of the neighbourhood to each side, pixels.
 const REACH: usize = 8;
-/// Standard deviation of what their distance counts, pixels.
+/// Standard deviation of the distance weight, pixels.
 const SPREAD_PX: f32 = 3.0;
-/// Standard deviation of what their colour counts, ΔE.
+/// Standard deviation of the colour weight, ΔE.
 const SPREAD_DELTA_E: f32 = 5.0;
-/// Votes of less than e to minus this are none.
+/// Votes with a weight below exp(−12) are ignored.
 const LEAST: f32 = 12.0;
-/// Depths this near to each other are one surface, ln depth.
+/// Maximum difference of ln depth within one surface.
 const SAME: f32 = 0.03;
-/// Surfaces distinguished around a pixel.
+/// Maximum number of surfaces distinguished around a pixel.
 const SURFACES: usize = 6;
 
-/// What a pixel's own depth counts where borders are settled; a neighbour of the same colour counts up to 1.
+/// Weight of a pixel's own depth when borders are moved.
+///
+/// A neighbour of the same colour has a weight of up to 1.
 const OWN: f32 = 5.0;
-/// Pixels to each side of a jump that are settled.
+/// Pixels to each side of a jump that are updated.
 const BESIDE: usize = 3;
-/// A difference of depth that is a jump, as a share.
+/// Minimum relative difference of depth that is a jump.
 const JUMP: f32 = 0.04;
-/// How often borders are settled.
+/// Number of iterations that move borders.
 const SETTLING: usize = 2;
 
-/// Depths around one pixel by surface: sums of weights and of weighted ln depths.
+/// Votes of depths around a pixel by surface: sums of weights and of weighted ln depths.
 #[derive(Default)]
 struct Ballot {
     sums: [(f32, f32); SURFACES],
@@ -49,7 +51,7 @@ impl Ballot {
         }
     }
 
-    /// The depth of the surface with most votes; 0 without any.
+    /// Returns the depth of the surface with the most votes; 0 without votes.
     fn winner(&self) -> f32 {
         let best = self.sums[..self.count]
             .iter()
@@ -58,9 +60,12 @@ impl Ballot {
     }
 }
 
-/// The depth map with each unknown depth taken from the surface that most of the like-coloured pixels around it lie on (after
-/// J. Kopf et al., *Joint Bilateral Upsampling*, SIGGRAPH 2007, with a vote for the mean: no depth between two surfaces comes
-/// up). Depths farther than [`REACH`] from any known one stay unknown.
+/// Returns the depth map with unknown depths filled in.
+///
+/// Each unknown depth is taken from the surface that most similarly coloured pixels around it lie
+/// on. The method follows J. Kopf et al., *Joint Bilateral Upsampling*, SIGGRAPH 2007, with a vote
+/// instead of the mean. A vote yields no depth between two surfaces. Depths farther than [`REACH`]
+/// from any known one stay unknown.
 pub(super) fn completed(depth: &DepthMap, lab: &[[f32; 3]]) -> DepthMap {
     let vote = |at: usize| {
         let own = depth.depths[at];
@@ -76,9 +81,11 @@ pub(super) fn completed(depth: &DepthMap, lab: &[[f32; 3]]) -> DepthMap {
     }
 }
 
-/// The depth map with its borders moved to where colours change: near a jump each pixel takes the surface of the
-/// like-coloured pixels around it, unless its own depth outweighs them. For depths that stereo made, whose borders lie a few
-/// pixels off; a sensor's are better left as they are. `image` has the map's size.
+/// Returns the depth map with its borders moved to where colours change.
+///
+/// Near a jump, each pixel takes the surface of similarly coloured pixels around it, unless its own
+/// depth outweighs them. This suits depths from stereo, whose borders are a few pixels off. Depths
+/// of a sensor are better left unchanged. `image` has the size of the map.
 #[must_use]
 pub fn settled(depth: &DepthMap, image: &Image) -> DepthMap {
     let lab = lab_of(image);
@@ -102,14 +109,14 @@ pub fn settled(depth: &DepthMap, image: &Image) -> DepthMap {
     settled
 }
 
-/// Whether another surface begins within a few pixels.
+/// Returns whether another surface begins within a few pixels.
 fn is_beside_jump(depth: &DepthMap, at: usize) -> bool {
     let own = depth.depths[at];
     around(depth, at, BESIDE)
         .any(|from| known(depth.depths[from]) && (depth.depths[from] / own - 1.0).abs() > JUMP)
 }
 
-/// Adds the votes of the other pixels around one, the nearer and the more alike the more.
+/// Adds the votes of the pixels around one, weighted by distance and colour similarity.
 fn with_neighbours(mut ballot: Ballot, depth: &DepthMap, lab: &[[f32; 3]], at: usize) -> Ballot {
     let width = depth.width as usize;
     for from in around(depth, at, REACH).filter(|&from| from != at && known(depth.depths[from])) {
@@ -125,7 +132,7 @@ fn with_neighbours(mut ballot: Ballot, depth: &DepthMap, lab: &[[f32; 3]], at: u
     ballot
 }
 
-/// The pixels of the square around one, row by row.
+/// Returns the pixels of the square around one, row by row.
 fn around(depth: &DepthMap, at: usize, reach: usize) -> impl Iterator<Item = usize> + use<> {
     let (width, height) = (depth.width as usize, depth.height as usize);
     let (x, y) = (at % width, at / width);
@@ -141,7 +148,7 @@ mod tests {
     const GREEN: [f32; 3] = [60.0, -40.0, 40.0];
     const GREY: [f32; 3] = [60.0, 0.0, 0.0];
 
-    /// A green stripe three pixels wide at depth 1 before a grey wall at 2.
+    /// Returns a green stripe three pixels wide at depth 1 in front of a grey wall at depth 2.
     fn stripe() -> (Vec<[f32; 3]>, DepthMap) {
         let is_stripe = |at: usize| (20..23).contains(&(at % 40));
         let lab = (0..40 * 30)
@@ -161,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn holes_follow_the_colours() {
+    fn holes_are_filled_along_color_borders() {
         let (lab, truth) = stripe();
         let mut damaged = truth.clone();
         for y in 0..30 {
@@ -180,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_sound_stays_to_the_bit_and_what_is_far_from_all_stays_unknown() {
+    fn known_depths_stay_bit_exact_and_distant_holes_stay_unknown() {
         let (lab, mut depth) = stripe();
         assert!(completed(&depth, &lab) == depth);
         depth.depths.fill(0.0);
@@ -191,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn borders_move_to_where_colours_change() {
+    fn borders_move_to_color_changes() {
         let (lab, truth) = stripe();
         let image = Image {
             width: 40,
@@ -207,7 +214,7 @@ mod tests {
                 })
                 .collect(),
         };
-        // The stripe's depth lies a pixel to the right of it.
+        // The stripe's depth is shifted one pixel to the right.
         let mut shifted = truth.clone();
         for row in shifted.depths.chunks_mut(40) {
             row.rotate_right(1);

@@ -1,23 +1,25 @@
-//! Where depth jumps or a surface folds: edges that colour may not show.
+//! Depth edges and surfaces of a frame.
 //!
-//! What depth says of the pixels around one: which lie on its own surface, and where something thin stands before
-//! something else.
+//! Edges are where depth jumps or a surface folds, which colour may not show. Surfaces show which
+//! pixels around one belong together, and where a thin object is in front of another.
 
 use rayon::prelude::*;
 
 use ostra_frames::DepthMap;
 
-/// Strengths between 4-neighbours, 0–1, from depth alone; 0 where either depth is unknown.
+/// Edge strengths between 4-neighbours from depth alone, 0–1; 0 where a depth is unknown.
 pub(crate) struct DepthEdges {
     pub right: Vec<f32>,
     pub down: Vec<f32>,
 }
 
-/// Relative depth step that is no edge yet, and the one that is a sure edge.
+/// Relative depth steps up to which there is no edge, and from which there certainly is one.
 const STEP_RANGE: (f32, f32) = (0.008, 0.03);
 
-/// Depth edges. A plane has linear inverse depth, so a step counts only as far as it differs from the slope on both
-/// of its sides.
+/// Computes the depth edges.
+///
+/// A plane has linear inverse depth, so a step counts only as far as it differs from the slope on
+/// both of its sides.
 pub(crate) fn depth_edges(depth: &DepthMap) -> DepthEdges {
     let (width, height) = (depth.width as usize, depth.height as usize);
     let inverse: Vec<f32> = depth
@@ -44,7 +46,7 @@ pub(crate) fn depth_edges(depth: &DepthMap) -> DepthEdges {
     }
 }
 
-/// Whether a depth value says anything.
+/// Returns whether a depth value is known: positive and finite.
 pub(crate) fn known(depth: f32) -> bool {
     depth > 0.0 && depth.is_finite()
 }
@@ -72,10 +74,10 @@ fn strength_at(inverse: &[f32], at: usize, stride: usize) -> f32 {
     ((relative - STEP_RANGE.0) / (STEP_RANGE.1 - STEP_RANGE.0)).clamp(0.0, 1.0)
 }
 
-/// Relative depths this far apart are different surfaces.
+/// Maximum difference of ln depth within one surface.
 const APART: f32 = 0.03;
 
-/// The surfaces of a frame with depth.
+/// Surfaces of a frame with depth.
 pub(super) struct Surfaces {
     width: usize,
     height: usize,
@@ -93,14 +95,14 @@ impl Surfaces {
         }
     }
 
-    /// Whether nothing says that two pixels near each other lie on different surfaces.
+    /// Returns whether two nearby pixels may lie on the same surface.
     pub fn same(&self, a: usize, b: usize) -> bool {
-        // An unknown depth makes this not a number, which says nothing.
+        // An unknown depth gives NaN and does not separate the pixels.
         let apart = (self.ln_depth[a] - self.ln_depth[b]).abs();
         apart.is_nan() || apart <= APART
     }
 
-    /// Mean over the pixels of the same surface in a `(2 · radius + 1)²` window.
+    /// Returns the mean over pixels of the same surface in a `(2 · radius + 1)²` window.
     pub fn mean(&self, values: &[[f32; 3]], radius: usize) -> Vec<[f32; 3]> {
         let (width, height) = (self.width, self.height);
         let mut out = vec![[0.0; 3]; values.len()];
@@ -128,8 +130,10 @@ impl Surfaces {
         out
     }
 
-    /// How much finer than elsewhere each pixel's surroundings are to be distinguished: [`FINE`] where something much
-    /// farther away is near in the picture, 1 elsewhere.
+    /// Returns how much finer than elsewhere the surroundings of each pixel are resolved.
+    ///
+    /// The value is `FINE` where something much farther away is nearby in the image, and 1
+    /// elsewhere.
     pub fn fineness(&self) -> Vec<f32> {
         const FINE: f32 = 14.0;
         const REACH_PX: usize = 8;
@@ -139,7 +143,7 @@ impl Surfaces {
         self.ln_depth.par_iter().zip(&farthest).map(fine).collect()
     }
 
-    /// Largest known ln depth in a `(2 · radius + 1)²` window; −∞ where none is known.
+    /// Returns the largest known ln depth in a `(2 · radius + 1)²` window; −∞ when none is known.
     fn farthest_within(&self, radius: usize) -> Vec<f32> {
         let width = self.width;
         let rows: Vec<f32> = (self.ln_depth.par_chunks_exact(width))
@@ -164,7 +168,7 @@ impl Surfaces {
     }
 }
 
-/// The largest value that is a number.
+/// Returns the largest value that is not NaN.
 fn largest(values: &[f32]) -> f32 {
     values.iter().copied().fold(f32::NEG_INFINITY, f32::max)
 }
@@ -185,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn jump_is_an_edge_and_unknown_is_none() {
+    fn depth_jump_is_an_edge_but_unknown_depth_is_not() {
         let edges = depth_edges(&map(10, 4, |x, y| match (x, y) {
             (_, 3) => 0.0,
             (0..5, _) => 0.9,
@@ -198,7 +202,7 @@ mod tests {
     }
 
     #[test]
-    fn steep_plane_has_no_edge() {
+    fn steep_plane_has_no_edges() {
         let edges = depth_edges(&map(20, 3, |x, _| 1.0 / (1.0 - 0.03 * x as f32)));
         assert!(edges.right.iter().all(|&strength| strength < 0.05));
     }
@@ -221,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn colour_of_a_stalk_is_not_mixed_with_that_of_the_wall() {
+    fn mean_color_of_a_stalk_excludes_the_wall() {
         let surfaces = stalk_before_a_wall();
         let lab: Vec<[f32; 3]> = (0..60 * 20)
             .map(|at| {
@@ -236,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn a_thin_stalk_is_resolved_finely_and_the_wall_is_not() {
+    fn thin_stalk_is_resolved_finely_but_not_the_wall() {
         let fineness = stalk_before_a_wall().fineness();
         assert!(fineness[5 * 60 + 29] > 1.0);
         assert!(fineness[5 * 60 + 26] == 1.0 && fineness[5 * 60 + 5] == 1.0);

@@ -1,4 +1,4 @@
-//! How likely an object ends between two neighbouring pixels, from colour at three scales and from depth.
+//! Likelihood that an object ends between two pixels, from colour at three scales and depth.
 
 use rayon::prelude::*;
 
@@ -6,27 +6,30 @@ use super::box_filter::box_mean;
 use super::depth_surfaces::{DepthEdges, Surfaces};
 use crate::lab::squared_difference;
 
-/// Strengths between 4-neighbours, 0 (none) to 1 (sure), and the raw colour steps they came from.
+/// Strengths between 4-neighbours, 0 (none) to 1 (certain), with the raw colour steps.
 pub(super) struct EdgeMap {
-    /// Between a pixel and its right neighbour; the last column is 0.
+    /// Steps to the right neighbour; 0 in the last column.
     pub right: Vec<Step>,
-    /// Between a pixel and the one below; the last row is 0.
+    /// Steps to the pixel below; 0 in the last row.
     pub down: Vec<Step>,
 }
 
-/// One place between two neighbouring pixels.
+/// A step between two neighbouring pixels.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Step {
-    /// Colour step right here, ΔE.
+    /// Colour difference of the two pixels, ΔE.
     pub fine: f32,
     /// Chance that an object ends here, 0–1.
     pub strength: f32,
 }
 
-/// Edge strengths of a picture in Lab. Steps of 3-pixel and 7-pixel means on both sides are averaged and set against
-/// their own mean in the surroundings, so that texture does not count as edges (surround suppression: Grigorescu,
-/// Petkov and Westenberg, "Contour detection based on nonclassical receptive field inhibition", TIP 2003). Where depth
-/// tells surfaces apart, colours are taken from the surface itself, not from what lies behind its rim.
+/// Computes the edge strengths of an image in Lab.
+///
+/// Steps of 3-pixel and 7-pixel means on both sides are averaged and compared with their mean in
+/// the surroundings. Texture therefore does not count as edges (surround suppression: Grigorescu,
+/// Petkov and Westenberg, "Contour detection based on nonclassical receptive field inhibition", TIP
+/// 2003). Where depth distinguishes surfaces, colours are taken from the surface itself and not
+/// from the background beyond its border.
 pub(super) fn edge_map(
     lab: &[[f32; 3]],
     width: usize,
@@ -71,10 +74,10 @@ pub(super) fn edge_map(
     EdgeMap { right, down }
 }
 
-/// The colours of an image at three scales.
+/// Colours of an image at three scales.
 struct Colours<'a> {
     lab: &'a [[f32; 3]],
-    /// Means over 3 and over 7 pixels.
+    /// Means over windows of 3 pixels; `large` has those over 7.
     small: &'a [[f32; 3]],
     large: &'a [[f32; 3]],
     surfaces: Option<&'a Surfaces>,
@@ -83,7 +86,7 @@ struct Colours<'a> {
 }
 
 impl Colours<'_> {
-    /// The step between a pixel and its neighbour `towards`, columns and rows away.
+    /// Returns the step between a pixel and its neighbour, `towards` columns and rows away.
     fn step_at(&self, pixel: [usize; 2], towards: [usize; 2]) -> Step {
         let step = |plane: &[[f32; 3]], near: isize, far: isize| {
             let near = self.on_surface(pixel, towards, near);
@@ -96,7 +99,7 @@ impl Colours<'_> {
         }
     }
 
-    /// The pixel `along` steps to the far (positive) or near side of a place.
+    /// Returns the pixel `along` steps to the far (positive) or near side of an edge.
     fn shifted(&self, [x, y]: [usize; 2], [dx, dy]: [usize; 2], along: isize) -> usize {
         let shift = |at: usize, by: usize, end: usize| {
             (at as isize + by as isize * along).clamp(0, end as isize - 1)
@@ -105,7 +108,7 @@ impl Colours<'_> {
         y as usize * self.width + x as usize
     }
 
-    /// The farthest pixel up to `along` steps away that lies on the surface next to a place.
+    /// Returns the farthest pixel, up to `along` steps away, on the surface next to an edge.
     fn on_surface(&self, pixel: [usize; 2], towards: [usize; 2], along: isize) -> usize {
         let shifted = |along: isize| self.shifted(pixel, towards, along);
         let Some(surfaces) = self.surfaces else {
@@ -124,7 +127,9 @@ impl Colours<'_> {
     }
 }
 
-/// Turns colour steps into strengths 0–1 by setting each against the mean nearby and in the whole picture.
+/// Turns colour steps into strengths 0–1.
+///
+/// Each step is compared with the mean nearby and in the whole image.
 fn suppress_surround(right: &mut [Step], down: &mut [Step], width: usize, height: usize) {
     const SURROUND_PX: usize = 16;
     const LEAST_STEP: f32 = 1.5;
@@ -148,7 +153,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn step_is_strongest_where_colours_change_and_texture_is_suppressed() {
+    fn color_borders_are_strong_and_texture_is_suppressed() {
         let (width, height) = (80usize, 40usize);
         let lab: Vec<[f32; 3]> = (0..width * height)
             .map(|at| match at % width {

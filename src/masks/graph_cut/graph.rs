@@ -1,8 +1,7 @@
-//! The region graph: what is known of each region and how strongly neighbours are kept apart.
+//! Region graph, with shortest paths and minimum cuts over it.
 //!
-//! Shortest paths over the region graph.
-//!
-//! The energy of changing regions' sides, and its minimum cut.
+//! Nodes are regions with their statistics. Edges hold how strongly neighbours are separated. The
+//! cut minimises the energy of changing the sides of regions.
 
 use std::collections::BinaryHeap;
 
@@ -15,21 +14,23 @@ use crate::lab::squared_difference;
 use crate::maxflow::{FlowGraph, Link};
 use ostra_frames::DepthMap;
 
-/// Regions, their neighbours and the pixels they hold.
+/// Regions and their neighbours.
 pub(super) struct RegionGraph {
     pub width: usize,
     pub height: usize,
     pub regions: Vec<RegionStats>,
     pub edges: Vec<Edge>,
-    /// With depth, per region the others that may be parts of the same thing without touching it.
+    /// Regions that may belong to the same object without touching, by region; only with depth.
     pub hops: Vec<Vec<u32>>,
     first: Vec<u32>,
-    /// (neighbour, edge) of each region, from `first[region]`.
+    /// (neighbour, edge) pairs of all regions; those of a region start at `first[region]`.
     neighbours: Vec<(u32, u32)>,
 }
 
 impl RegionGraph {
-    /// `measured` is the depth as it came, without what was filled in since.
+    /// Builds the graph of a partition.
+    ///
+    /// `measured` is the original depth, without values that were filled in.
     pub fn new(
         partition: &Partition,
         lab: &[[f32; 3]],
@@ -82,17 +83,17 @@ impl RegionGraph {
         graph
     }
 
-    /// Number of regions.
+    /// Returns the number of regions.
     pub fn region_count(&self) -> usize {
         self.first.len() - 1
     }
 
-    /// (neighbour, edge) pairs of a region.
+    /// Returns the (neighbour, edge) pairs of a region.
     pub fn neighbours(&self, region: usize) -> &[(u32, u32)] {
         &self.neighbours[self.first[region] as usize..self.first[region + 1] as usize]
     }
 
-    /// Distance between the middles of an edge's regions, pixels.
+    /// Returns the distance between the centroids of an edge's regions, pixels.
     pub fn apart(&self, edge: &Edge) -> f32 {
         let (a, b) = (
             &self.regions[edge.a as usize],
@@ -101,7 +102,7 @@ impl RegionGraph {
         (a.at[0] - b.at[0]).hypot(a.at[1] - b.at[1])
     }
 
-    /// All regions reachable from `start` through `inside`, marked in `seen`.
+    /// Returns the regions reachable from `start` through `inside` and marks them in `seen`.
     pub fn flood(&self, start: u32, seen: &mut [bool], inside: impl Fn(usize) -> bool) -> Vec<u32> {
         let mut reached = vec![start];
         seen[start as usize] = true;
@@ -118,7 +119,7 @@ impl RegionGraph {
         reached
     }
 
-    /// Bytes held.
+    /// Returns the memory used in bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.regions)
             + size_of_val(&*self.edges)
@@ -131,7 +132,9 @@ impl RegionGraph {
                 .sum::<usize>()
     }
 
-    /// Regions without depth take that of the neighbour they are least kept apart from, growing from the known ones.
+    /// Fills missing depths of regions from the nearest region with depth.
+    ///
+    /// Distances grow with the strength of the edges crossed.
     fn fill_depth(&self, regions: &mut [RegionStats]) {
         let sources = regions
             .iter()
@@ -147,12 +150,12 @@ impl RegionGraph {
         }
     }
 
-    /// A step between mean depths is an edge too, a weaker one where a depth was filled.
+    /// Strengthens edges where mean depths differ, less where a depth was filled in.
     fn add_depth_steps(&mut self, regions: &[RegionStats], seen: &[bool]) {
         for edge in &mut self.edges {
             let (a, b) = (&regions[edge.a as usize], &regions[edge.b as usize]);
             let apart = ((a.at[0] - b.at[0]).powi(2) + (a.at[1] - b.at[1]).powi(2)).sqrt();
-            // A slope of 0.1 % of the depth a pixel is a surface seen at a slant.
+            // A slope of 0.1 % of the depth per pixel is a slanted surface.
             let step = (a.ln_depth - b.ln_depth).abs() - 0.001 * apart - 0.01;
             let sure = if seen[edge.a as usize] && seen[edge.b as usize] {
                 0.9
@@ -185,7 +188,7 @@ fn adjacency(edges: &[Edge], count: usize) -> (Vec<u32>, Vec<(u32, u32)>) {
     (first, neighbours)
 }
 
-/// Adds how far the mean colours of both sides are apart, against the typical difference of neighbours.
+/// Adds the difference of the mean colours of both sides, relative to that of typical neighbours.
 fn strengthen(edges: &mut [Edge], regions: &[RegionStats]) {
     let difference = |edge: &Edge| {
         squared_difference(regions[edge.a as usize].lab, regions[edge.b as usize].lab).sqrt()
@@ -203,13 +206,16 @@ fn strengthen(edges: &mut [Edge], regions: &[RegionStats]) {
 
 /// Distances to the nearest source.
 pub(super) struct Distances {
-    /// Per region; infinite where no source can be reached.
+    /// Distance of each region; infinite where no source can be reached.
     pub to: Vec<f32>,
-    /// Per region, the source it is nearest to; `u32::MAX` where none can be reached.
+    /// Nearest source of each region; `u32::MAX` where none can be reached.
     pub origin: Vec<u32>,
 }
 
-/// Dijkstra's shortest paths from `sources` (region, distance at the start); `cost` of crossing an edge, not negative.
+/// Computes shortest paths from `sources` with Dijkstra's algorithm.
+///
+/// `sources` are pairs of region and initial distance. `cost` is the cost of crossing an edge, not
+/// negative.
 pub(super) fn distances(
     graph: &RegionGraph,
     sources: &[(u32, f32)],
@@ -254,30 +260,34 @@ pub(super) fn distances(
     found
 }
 
-/// Capacity units per pixel side of a border without any edge.
+/// Capacity units per pixel side of a border without an edge.
 const UNIT: f32 = 1000.0;
 const CERTAIN: i32 = 100_000_000;
 
-/// What a region's fate is.
+/// Role of a region in a cut.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Role {
     /// The cut decides.
     Open,
-    /// Changes for sure.
+    /// Certainly changes.
     Seed,
-    /// Stays for sure; a border with it costs.
+    /// Certainly stays; a border with it has a price.
     Wall,
-    /// Is on the wanted side already; a border with it costs nothing, leaving a gap to it does.
+    /// Is already on the wanted side.
+    ///
+    /// A border with it has no price, but leaving a gap to it does.
     Joined,
 }
 
-/// The price of an object ending on an edge, per pixel side.
+/// Returns the price of an object ending at an edge, per pixel side.
 pub(super) fn border_price(edge: &Edge) -> f32 {
     (-5.0 * edge.strength).exp() + 0.01
 }
 
-/// Which open regions change at least energy; `gain` per region is what its change is worth, in pixel sides of a
-/// border without any edge; `pull` scales the price of a gap to regions joined already.
+/// Returns which regions change at minimum energy.
+///
+/// `gain` is what the change of each region is worth, in pixel sides of a border without an edge.
+/// `pull` scales the price of a gap to joined regions.
 pub(super) fn cheapest_change(
     graph: &RegionGraph,
     roles: &[Role],
@@ -316,7 +326,7 @@ pub(super) fn cheapest_change(
         .collect()
 }
 
-/// A border with a region that the cut does not decide.
+/// Adds the price of a border with a region that the cut does not decide.
 fn rest(terminal: &mut i32, role: Role, price: i32, pull: f32) {
     match role {
         Role::Wall => *terminal -= price,

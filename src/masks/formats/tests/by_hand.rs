@@ -58,7 +58,7 @@ fn coco_file(
 }
 
 #[test]
-fn coco_as_other_tools_write_it() {
+fn coco_of_other_tools_is_read() {
     let read = coco(
         r#"[{"id": 1, "image_id": 7, "category_id": 0, "segmentation": [[1, 1, 4, 1, 4, 3, 1, 3], [8, 8, 9, 8, 9, 9, 8, 9]]},
             {"id": 2, "image_id": 7, "category_id": 5, "segmentation": {"size": [9, 13], "counts": [10, 1, 106]}},
@@ -102,7 +102,7 @@ fn coco_as_other_tools_write_it() {
 }
 
 #[test]
-fn broken_coco_is_told() {
+fn unusable_coco_files_are_errors() {
     for (annotations, part) in [
         (
             r#"[{"id": 3, "image_id": 7, "category_id": 1, "segmentation": [[1,1,2,2,3,3]]}]"#,
@@ -139,7 +139,7 @@ fn broken_coco_is_told() {
 }
 
 #[test]
-fn a_circle_of_supercategories_ends() {
+fn cyclic_supercategories_are_read() {
     let dir = tempfile::tempdir().unwrap();
     let text = r#"{"images":[{"id":1,"file_name":"a.jpg","width":13,"height":9}],
         "categories":[{"id":1,"name":"x","supercategory":"y"},{"id":2,"name":"y","supercategory":"x"}],
@@ -165,7 +165,7 @@ fn yolo(text: &str, names: Option<&str>, tree: &LabelTree) -> Result<Imported, M
 }
 
 #[test]
-fn yolo_as_other_tools_write_it() {
+fn yolo_of_other_tools_is_read() {
     let text =
         "1 0 0 0.5 0 0.5 1 0 1\n0 0.9 0.9 0.2 0.2\n\n2 0.23 0.33 0.31 0.33 0.31 0.45 0.23 0.45\n";
     let read = yolo(text, Some("names: [pot, rice, 'stem 1']"), &tree()).unwrap();
@@ -194,7 +194,7 @@ fn yolo_as_other_tools_write_it() {
 }
 
 #[test]
-fn broken_yolo_lines_are_left_out_and_named() {
+fn invalid_yolo_lines_are_skipped_with_a_warning() {
     for text in [
         "x 0 0 0.5 0 0.5 1",
         "-1 0 0 0.5 0 0.5 1",
@@ -226,7 +226,7 @@ fn broken_yolo_lines_are_left_out_and_named() {
 }
 
 #[test]
-fn one_bad_outline_costs_no_other() {
+fn invalid_yolo_outline_does_not_affect_others() {
     let good = "0 0 0 1 0 1 1";
     for (line, what) in [
         ("1 0 0 0.5 0", "boxes"),
@@ -274,7 +274,7 @@ fn one_bad_outline_costs_no_other() {
 }
 
 #[test]
-fn one_unreadable_yolo_file_costs_no_other() {
+fn unreadable_yolo_file_does_not_affect_others() {
     let dir = tempfile::tempdir().unwrap();
     write(dir.path(), "a.txt", "0 0 0 1 0 1 1");
     std::fs::write(dir.path().join("b.txt"), b"0 \xff").unwrap();
@@ -292,7 +292,7 @@ fn one_unreadable_yolo_file_costs_no_other() {
 }
 
 #[test]
-fn one_coco_image_of_another_size_costs_no_other() {
+fn coco_image_of_another_size_does_not_affect_others() {
     let categories = r#"[{"id": 0, "name": "leaf"}]"#;
     let annotations = r#"[{"image_id": 1, "category_id": 0, "segmentation": [[0, 0, 2, 0, 2, 2, 0, 2]]},
                           {"image_id": 2, "category_id": 0, "segmentation": [[4, 0, 6, 0, 6, 2, 4, 2]]}]"#;
@@ -322,7 +322,7 @@ fn one_coco_image_of_another_size_costs_no_other() {
 }
 
 #[test]
-fn one_bad_annotation_costs_no_other() {
+fn invalid_coco_annotation_does_not_affect_others() {
     let good =
         r#"{"id": 1, "image_id": 7, "category_id": 0, "segmentation": [[1, 1, 4, 1, 4, 3, 1, 3]]}"#;
     for (segmentation, what) in [
@@ -391,7 +391,7 @@ fn one_bad_annotation_costs_no_other() {
 }
 
 #[test]
-fn coco_types_may_be_loose() {
+fn coco_values_of_other_types_are_accepted() {
     let good = r#""image_id": "7", "category_id": "6", "segmentation": [[1, 1, 4, 1, 4, 3, 1, 3]]"#;
     for more in [
         r#""id": "3fa85f64-5717", "iscrowd": false"#,
@@ -420,7 +420,7 @@ fn coco_types_may_be_loose() {
 }
 
 #[test]
-fn holes_are_kept_in_one_line() {
+fn yolo_export_writes_region_with_holes_as_one_line() {
     let dir = tempfile::tempdir().unwrap();
     let ring =
         mask((0..5).flat_map(|y| (0..WIDTH).map(move |x| u16::from(x < 5 && !(x == 2 && y == 2)))));

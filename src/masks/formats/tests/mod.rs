@@ -1,4 +1,4 @@
-//! Tests of the mask formats: round trips, files made by hand, broken files.
+//! Tests of the mask formats: round trips, handwritten files and damaged files.
 
 mod by_hand;
 mod pictures;
@@ -13,7 +13,7 @@ use ostra_core::job::Progress;
 const WIDTH: u32 = 13;
 const HEIGHT: u32 = 9;
 
-/// rice › (stem 1, panicle › grain), a pot, and a label with a high id.
+/// Returns the tree rice › (stem 1, panicle › grain), and pot with a gap in the ids.
 fn tree() -> LabelTree {
     [
         (1, "rice", None),

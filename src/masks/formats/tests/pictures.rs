@@ -7,7 +7,7 @@ use crate::{encode_palette_png, read_palette_png, write_labels_json};
 
 type BTreeMapOfNames = std::collections::BTreeMap<String, u16>;
 
-/// A PNG of two rows and five columns from its rows' bytes.
+/// Writes a PNG of two rows and five columns from the bytes of its rows.
 fn write_png(path: &Path, color: ColorType, depth: BitDepth, bytes: &[u8]) {
     let file = std::fs::File::create(path).unwrap();
     let mut encoder = png::Encoder::new(file, 5, 2);
@@ -24,7 +24,7 @@ fn write_png(path: &Path, color: ColorType, depth: BitDepth, bytes: &[u8]) {
 }
 
 #[test]
-fn pngs_of_every_kind_are_read_as_stored() {
+fn png_values_of_every_color_type_are_read_as_stored() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("m.png");
     let (zero_one, to_three, to_fifteen) = (
@@ -107,7 +107,7 @@ fn pngs_of_every_kind_are_read_as_stored() {
 }
 
 #[test]
-fn colours_need_a_list_of_labels() {
+fn color_masks_require_listed_labels() {
     let dir = tempfile::tempdir().unwrap();
     let frames = [MaskFrame {
         name: "a.jpg",
@@ -152,7 +152,7 @@ fn colours_need_a_list_of_labels() {
 }
 
 #[test]
-fn white_means_label_one_unless_it_is_known_as_255() {
+fn white_is_label_one_unless_255_is_an_id() {
     let one = |ids: &[u16; 2]| {
         let dir = tempfile::tempdir().unwrap();
         let names = ["a.png", "b.png"];
@@ -209,7 +209,7 @@ fn white_means_label_one_unless_it_is_known_as_255() {
 }
 
 #[test]
-fn listed_names_find_the_projects_labels() {
+fn listed_names_match_the_projects_labels() {
     let dir = tempfile::tempdir().unwrap();
     export(
         dir.path(),
@@ -241,7 +241,7 @@ fn listed_names_find_the_projects_labels() {
     assert_eq!(new["50"], 50);
 }
 
-/// Writes grey masks; returns what an import of them gives.
+/// Writes grey masks and imports them.
 fn read_greys(
     files: &[&dyn Fn(u32, u32) -> u8],
     labels_json: Option<&str>,
@@ -272,14 +272,14 @@ fn read_greys(
     )
 }
 
-/// A disc with soft edges.
+/// Returns the value of a pixel of a disc with soft edges.
 fn soft_disc(x: u32, y: u32, highest: f64) -> u8 {
     let r = (f64::from(x) - 20.3).hypot(f64::from(y) - 17.6);
     (((10.0 - r) / 3.0 + 0.5).clamp(0.0, 1.0) * highest) as u8
 }
 
 #[test]
-fn soft_masks_may_have_another_peak_in_each_file() {
+fn soft_masks_with_different_peaks_are_thresholded() {
     let read = read_greys(
         &[&|x, y| soft_disc(x, y, 255.0), &|x, y| {
             soft_disc(x, y, 240.0)
@@ -298,7 +298,7 @@ fn soft_masks_may_have_another_peak_in_each_file() {
 }
 
 #[test]
-fn white_on_most_pixels_is_asked_about() {
+fn white_on_most_pixels_is_an_error() {
     let disc = |x: u32, y: u32| (f64::from(x) - 20.3).hypot(f64::from(y) - 17.6);
     let read = |rim: f64, inside: u8, outside: u8| {
         read_greys(
@@ -336,7 +336,7 @@ fn many_labels_named_after_numbers_are_reported() {
 }
 
 #[test]
-fn values_that_a_list_lacks_are_refused_as_soft_edges_or_reported() {
+fn unlisted_values_are_rejected_as_soft_edges_or_reported() {
     let list = Some(r#"[{"id":200,"name":"leaf"}]"#);
     let error = read_greys(&[&|x, y| soft_disc(x, y, 200.0)], list)
         .unwrap_err()
@@ -360,7 +360,7 @@ fn values_that_a_list_lacks_are_refused_as_soft_edges_or_reported() {
 }
 
 #[test]
-fn one_bad_mask_costs_no_other() {
+fn unreadable_mask_does_not_affect_others() {
     let dir = tempfile::tempdir().unwrap();
     let whole = encode_palette_png(&mask([1, 2, 3, 3]), &tree()).unwrap();
     std::fs::write(dir.path().join("a.png"), &whole).unwrap();

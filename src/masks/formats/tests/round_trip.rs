@@ -41,7 +41,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
     #[test]
-    fn what_is_written_is_read_again(masks in masks(), skipped in 0usize..4) {
+    fn exported_masks_are_imported_unchanged(masks in masks(), skipped in 0usize..4) {
         let masks: Vec<(usize, RunMask)> = masks.into_iter().filter(|(frame, _)| *frame != skipped).collect();
         for format in MaskFormat::ALL {
             let dir = tempfile::tempdir().unwrap();
@@ -65,7 +65,7 @@ proptest! {
     }
 
     #[test]
-    fn palette_pngs_are_exact(ids in prop::collection::vec(any::<u16>(), 117), narrow in any::<bool>()) {
+    fn palette_pngs_round_trip(ids in prop::collection::vec(any::<u16>(), 117), narrow in any::<bool>()) {
         let ids = ids.into_iter().map(|id| if narrow { id % 256 } else { id });
         let mask = mask(ids);
         let dir = tempfile::tempdir().unwrap();
@@ -76,7 +76,7 @@ proptest! {
 }
 
 #[test]
-fn a_frame_without_labels_stays_one_in_the_formats_that_can_say_so() {
+fn unlabelled_frames_survive_in_every_format_but_coco() {
     let masks = [(0, mask([])), (1, mask([1, 1, 2]))];
     for (format, frames) in [
         (MaskFormat::Davis, 2),
@@ -98,7 +98,7 @@ fn a_frame_without_labels_stays_one_in_the_formats_that_can_say_so() {
 }
 
 #[test]
-fn ids_without_a_label_are_named_after_their_numbers() {
+fn ids_without_label_are_named_after_their_numbers() {
     let masks = [(0, mask([7, 7, 300, 1]))];
     for format in MaskFormat::ALL {
         let dir = tempfile::tempdir().unwrap();
@@ -116,7 +116,7 @@ fn ids_without_a_label_are_named_after_their_numbers() {
 }
 
 #[test]
-fn frames_that_share_a_name_but_for_the_ending_keep_their_masks() {
+fn frames_that_differ_only_in_extension_keep_their_masks() {
     let names = ["a.jpg", "a.png"];
     let masks = [(0, mask([1])), (1, mask([0, 2]))];
     for format in MaskFormat::ALL {
@@ -128,7 +128,7 @@ fn frames_that_share_a_name_but_for_the_ending_keep_their_masks() {
 }
 
 #[test]
-fn a_mask_of_another_size_is_left_out_with_both_sizes_named() {
+fn mask_of_another_size_is_skipped_and_both_sizes_are_named() {
     let masks = [(0, mask([1])), (1, mask([2]))];
     for format in MaskFormat::ALL
         .into_iter()
@@ -169,7 +169,7 @@ fn a_mask_of_another_size_is_left_out_with_both_sizes_named() {
 }
 
 #[test]
-fn names_that_fit_nothing() {
+fn masks_without_matching_frame_are_reported() {
     for format in MaskFormat::ALL {
         let dir = tempfile::tempdir().unwrap();
         assert!(
@@ -202,7 +202,7 @@ fn names_that_fit_nothing() {
 }
 
 #[test]
-fn a_folder_that_cannot_be_written_is_told_by_name() {
+fn unwritable_folder_is_named_in_the_error() {
     let dir = tempfile::tempdir().unwrap();
     let taken = dir.path().join("taken");
     std::fs::write(&taken, "a file").unwrap();
@@ -220,7 +220,7 @@ fn a_folder_that_cannot_be_written_is_told_by_name() {
 }
 
 #[test]
-fn a_stop_is_noticed() {
+fn import_and_export_can_be_stopped() {
     let dir = tempfile::tempdir().unwrap();
     let stopped = Progress::default();
     stopped.stop();

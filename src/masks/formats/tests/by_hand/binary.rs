@@ -1,9 +1,9 @@
-//! Folders with a black and white image for each label.
+//! Import and export of folders with one black and white image per label and frame.
 
 use super::*;
 
 #[test]
-fn binary_folders_by_name_then_by_number() {
+fn binary_folders_match_labels_by_name_then_number() {
     let dir = tempfile::tempdir().unwrap();
     let white = |folder: &str, at: usize, value: u8| {
         let path = dir.path().join(folder).join("a.png");
@@ -42,7 +42,7 @@ fn binary_folders_by_name_then_by_number() {
     assert!(error.contains("LABEL/FRAME.png"), "{error}");
 }
 
-/// Writes a grey image whose first values are given.
+/// Writes a grey image that starts with the given values.
 fn write_grey(path: &Path, values: &[u8]) {
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();
     let mut encoder = png::Encoder::new(std::fs::File::create(path).unwrap(), WIDTH, HEIGHT);
@@ -57,7 +57,7 @@ fn write_grey(path: &Path, values: &[u8]) {
 }
 
 #[test]
-fn binary_values_are_compared_with_the_highest_of_the_label() {
+fn binary_threshold_is_half_of_the_labels_highest_value() {
     let dir = tempfile::tempdir().unwrap();
     write_grey(&dir.path().join("rice/a.png"), &[0, 127, 128, 129, 255]);
     write_grey(&dir.path().join("rice/b.png"), &[1, 0, 1, 1]);
@@ -77,7 +77,7 @@ fn binary_values_are_compared_with_the_highest_of_the_label() {
 }
 
 #[test]
-fn one_bad_binary_file_costs_no_other() {
+fn unreadable_binary_file_does_not_affect_others() {
     let dir = tempfile::tempdir().unwrap();
     write_grey(&dir.path().join("rice/a.png"), &[255]);
     write_grey(&dir.path().join("rice/b.png"), &[255]);
@@ -98,7 +98,7 @@ fn one_bad_binary_file_costs_no_other() {
 }
 
 #[test]
-fn folders_of_systems_are_no_labels() {
+fn system_folders_are_not_labels() {
     let dir = tempfile::tempdir().unwrap();
     for folder in ["rice", "@eaDir", "#recycle", "lost+found", "rice/@eaDir"] {
         write_grey(&dir.path().join(folder).join("a.png"), &[255]);
@@ -137,7 +137,7 @@ fn folders_of_systems_are_no_labels() {
 }
 
 #[test]
-fn binary_folders_have_names_that_every_system_takes() {
+fn binary_folder_names_are_valid_on_every_system() {
     let dir = tempfile::tempdir().unwrap();
     export(
         dir.path(),
@@ -155,7 +155,7 @@ fn binary_folders_have_names_that_every_system_takes() {
 }
 
 #[test]
-fn formats_are_known_by_name() {
+fn format_names_round_trip() {
     for format in MaskFormat::ALL {
         assert_eq!(format.name().parse::<MaskFormat>().unwrap(), format);
         assert_eq!(

@@ -1,9 +1,9 @@
-//! Categories and images of COCO that are listed twice.
+//! COCO files with categories or images that are listed twice.
 
 use super::*;
 
 #[test]
-fn categories_of_one_name_stay_apart_by_their_supercategories() {
+fn categories_of_one_name_are_separated_by_supercategory() {
     let images = r#"[{"id": 1, "file_name": "a.jpg", "width": 13, "height": 9}]"#;
     let annotation = |category: i64, at: u32| {
         let end = at + 2;
@@ -88,7 +88,7 @@ fn categories_of_one_name_stay_apart_by_their_supercategories() {
 }
 
 #[test]
-fn images_that_are_listed_twice_are_merged_or_refused() {
+fn images_listed_twice_are_merged_or_rejected() {
     let categories = r#"[{"id": 0, "name": "leaf"}]"#;
     let annotations = r#"[{"image_id": 1, "category_id": 0, "segmentation": [[0, 0, 2, 0, 2, 2, 0, 2]]},
                           {"image_id": 2, "category_id": 0, "segmentation": [[4, 0, 6, 0, 6, 2, 4, 2]]}]"#;

@@ -1,4 +1,4 @@
-//! Palettes, transparency and greys.
+//! PNG masks with palettes, transparency, and greys.
 
 use super::*;
 
@@ -46,7 +46,7 @@ fn ids_of(read: &Imported, frame: usize) -> Vec<u16> {
 }
 
 #[test]
-fn transparency_of_palettes_and_colours_counts() {
+fn transparent_palette_entries_and_colors_are_applied() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.png");
     let places = [0, 1, 2, 3, 4, 5, 0, 5, 5, 0];
@@ -130,7 +130,7 @@ fn black_cut_outs_are_objects_unless_other_masks_have_labels() {
 }
 
 #[test]
-fn frames_of_cut_outs_may_be_all_or_nothing() {
+fn cut_outs_may_be_fully_opaque_or_fully_transparent() {
     let dir = tempfile::tempdir().unwrap();
     let white = |alpha: &dyn Fn(usize) -> u8| -> Vec<u8> {
         (0..10).flat_map(|at| [255, alpha(at)]).collect()
@@ -152,7 +152,7 @@ fn frames_of_cut_outs_may_be_all_or_nothing() {
 }
 
 #[test]
-fn the_whole_palette_decides_about_greys() {
+fn whole_palette_decides_how_greys_are_read() {
     let dir = tempfile::tempdir().unwrap();
     let [black, white] = [[0; 3], [255; 3]];
     write_places(
@@ -193,7 +193,7 @@ fn the_whole_palette_decides_about_greys() {
 }
 
 #[test]
-fn project_masks_with_labels_of_any_colour_are_read_as_written() {
+fn masks_with_black_and_white_labels_round_trip() {
     let label = |id: u16, color: u8| Label {
         id: LabelId(id),
         name: id.to_string(),
@@ -211,7 +211,7 @@ fn project_masks_with_labels_of_any_colour_are_read_as_written() {
 }
 
 #[test]
-fn colours_of_16_bits_may_be_ids() {
+fn grey_colors_of_16_bits_are_ids() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.png");
     let write = |ids: [u16; 10]| {
@@ -234,7 +234,7 @@ fn colours_of_16_bits_may_be_ids() {
     );
 }
 
-/// Reads one 5 × 2 PNG of these bytes as the mask of a frame.
+/// Reads a 5 × 2 PNG of these bytes as the mask of a frame.
 fn read_one(color: ColorType, bytes: &[u8]) -> Result<Imported, MaskError> {
     let dir = tempfile::tempdir().unwrap();
     write_png(&dir.path().join("a.png"), color, BitDepth::Eight, bytes);
@@ -297,7 +297,7 @@ fn transparency_is_a_cut_out_or_clears_ids() {
 }
 
 #[test]
-fn palettes_of_greys_in_another_order_are_read_as_greys() {
+fn reordered_grey_palettes_are_read_as_greys() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.png");
     let mut encoder = png::Encoder::new(std::fs::File::create(&path).unwrap(), 5, 2);
@@ -328,7 +328,7 @@ fn palettes_of_greys_in_another_order_are_read_as_greys() {
 }
 
 #[test]
-fn trimaps_are_refused_and_other_kinds_of_images_named() {
+fn trimaps_are_rejected_and_other_image_types_are_named() {
     let error = read_one(
         ColorType::Grayscale,
         &[0, 0, 128, 255, 255, 0, 0, 128, 255, 255],
@@ -356,7 +356,7 @@ fn trimaps_are_refused_and_other_kinds_of_images_named() {
 }
 
 #[test]
-fn a_damaged_picture_is_told_and_never_a_panic() {
+fn truncated_png_is_an_error_and_corrupt_bytes_do_not_panic() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("a.png");
     let whole = encode_palette_png(&mask([1, 2, 3, 3]), &tree()).unwrap();
@@ -371,7 +371,7 @@ fn a_damaged_picture_is_told_and_never_a_panic() {
         let mut broken = whole.clone();
         broken[at] ^= 0x55;
         std::fs::write(&path, &broken).unwrap();
-        // Either an error or, where the byte does not matter, a mask; what counts is to come back from it.
+        // The result is an error, or a mask when the byte does not matter. It must not panic.
         let _ = import(dir.path(), MaskFormat::Davis, &["a.png"], &tree());
         let _ = read_palette_png(&path);
     }
