@@ -1,17 +1,18 @@
-//! The clicks of a simulated user: where a person would click, found by comparing with the truth.
+//! Clicks of a simulated user, derived from the ground truth.
 
 use glam::DVec2;
 
 use ostra_masks::{Click, Connectivity, LabelId, LabelMask, Region, components, deepest_point};
 
-/// The next click of a simulated user: the deepest point (farthest from its border, the picture's border included) of
-/// the largest 4-connected component of pixels where `current` differs from `truth`; include where the object is
-/// missed, exclude where too much was taken. `None` when both are equal.
+/// Returns the next click of a simulated user, or `None` if both regions are equal.
 ///
-/// With an empty `current` this is the deepest point of the object's largest part.
+/// The click is at the deepest point of the largest 4-connected component where `current` differs
+/// from `truth`. The deepest point is the one farthest from the border of the component and of the
+/// image. The click includes where the object is missed and excludes where too much was taken. With
+/// an empty `current`, it is the deepest point of the object's largest part.
 ///
 /// # Panics
-/// When the two regions differ in size.
+/// Panics if the regions differ in size.
 #[must_use]
 pub fn next_click(truth: &Region, current: &Region) -> Option<Click> {
     assert!(
@@ -33,19 +34,21 @@ pub fn next_click(truth: &Region, current: &Region) -> Option<Click> {
 /// A click for one of several labels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LabelClick {
-    /// The label clicked for.
+    /// The label that the click is for.
     pub label: LabelId,
     /// The click.
     pub click: Click,
-    /// Pixels of the wrong component that it lies in.
+    /// Number of pixels in the wrong component that contains the click.
     pub wrong_px: usize,
 }
 
-/// The same for several labels at once: in the largest component in which one label of `open` is missed, or too much of
-/// it was taken where nothing, or no other label of `open`, belongs.
+/// Returns the next click for several labels, or `None` if none of them is wrong.
+///
+/// The click is in the largest component where a label of `open` is missed, or where it covers
+/// pixels that belong to no label of `open`. Otherwise it is like [`next_click`].
 ///
 /// # Panics
-/// When the two masks differ in size.
+/// Panics if the masks differ in size.
 #[must_use]
 pub fn next_label_click(
     truth: &LabelMask,
@@ -92,7 +95,7 @@ struct Part {
     area: usize,
 }
 
-/// The largest 4-connected component; of equally large ones the first met row by row.
+/// Returns the largest 4-connected component; ties go to the first in row order.
 fn largest_part(region: &Region) -> Part {
     let found = components(region, Connectivity::Four);
     let largest = (0..found.areas.len())
@@ -150,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn too_much_gives_an_exclude_click_in_the_larger_error() {
+    fn larger_excess_gives_an_exclude_click() {
         let truth = region(&["##......", "##......", "........", "........"]);
         let answer = region(&[".#..####", "##..####", "....####", "........"]);
         let click = next_click(&truth, &answer).unwrap();
@@ -177,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn label_that_took_another_is_put_right_by_a_click_for_the_other() {
+    fn wrong_label_is_corrected_by_a_click_for_the_right_one() {
         let truth = mask(&["111222", "111222", "111222"]);
         let answer = mask(&["111111", "111111", "111111"]);
         let (one, two) = (LabelId(1), LabelId(2));

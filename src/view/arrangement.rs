@@ -1,5 +1,6 @@
-//! The order in which points are drawn: blocks along a z-order curve, disc radii by the spacing around each point,
-//! and the thread that computes both.
+//! Drawing order of points: blocks along a Z-order curve and disc radii from the local spacing.
+//!
+//! Both are computed on a background thread.
 
 use std::ops::Range;
 use std::sync::mpsc::{Receiver, SendError, Sender, TryRecvError, channel};
@@ -12,15 +13,15 @@ use super::Bounds;
 use ostra_cloud::{LabelledCloud, morton};
 use ostra_core::statistics::upper_median;
 
-/// Points per block, in the mean.
+/// Average number of points per block.
 const BLOCK: usize = 16_384;
-/// Radius of a point's disc as a share of the spacing around it; 0.71 would close a square grid.
+/// Disc radius as a share of the local spacing; 0.71 would close a square grid.
 const RADIUS: f32 = 0.75;
 
-/// The points of a cloud, or an even sample of them, in blocks that are compact in space, with the radii of their discs.
+/// All points of a cloud, or an even sample of them, in compact blocks with disc radii.
 ///
-/// The order is a Z-order curve rather than an octree: one parallel sort of integers builds it, and neighbours
-/// along the curve also give the spacing around each point, from which its disc radius follows.
+/// The order is a Z-order curve rather than an octree. One parallel sort of integers builds it, and
+/// neighbours along the curve also give the spacing around each point, which sets its disc radius.
 #[derive(Default)]
 pub(super) struct Arrangement {
     order: Vec<u32>,
@@ -28,32 +29,34 @@ pub(super) struct Arrangement {
     pub blocks: Vec<Block>,
 }
 
-/// Points that lie together.
+/// A run of points that are close to each other.
 pub(super) struct Block {
     places: Range<usize>,
-    /// Holds all of its points.
+    /// Bounding box of its finite points.
     pub bounds: Bounds,
 }
 
 impl Block {
-    /// How many points it has.
+    /// Returns the number of points.
     pub fn len(&self) -> usize {
         self.places.len()
     }
 }
 
 impl Arrangement {
-    /// All points.
+    /// Arranges all points.
     pub fn of(positions: &[Vec3]) -> Self {
         Self::along(positions, Self::z_order(positions))
     }
 
-    /// The order and the blocks of all points: the first half of the work of [`Self::of`].
+    /// Returns the order and the blocks of all points: the first half of [`Self::of`].
     pub fn z_order(positions: &[Vec3]) -> ZOrder {
         ZOrder::new(positions, positions.len(), |place| place, BLOCK)
     }
 
-    /// At most `count` points, spread over all; discs are as large as the sample's spacing demands.
+    /// Arranges at most `count` points, spread over all.
+    ///
+    /// Disc radii follow the spacing of the sample.
     pub fn of_sample(positions: &[Vec3], count: usize) -> Self {
         let order = SpreadOrder::new(positions.len());
         Self::along(
@@ -67,7 +70,7 @@ impl Arrangement {
         )
     }
 
-    /// The second half: bounds and radii.
+    /// Computes bounds and radii for an order: the second half of [`Self::of`].
     pub fn along(positions: &[Vec3], ZOrder { order, blocks }: ZOrder) -> Self {
         let radii = local_spacing(positions, &order)
             .into_iter()
@@ -97,12 +100,12 @@ impl Arrangement {
         }
     }
 
-    /// How many points there are.
+    /// Returns the number of points.
     pub fn len(&self) -> usize {
         self.order.len()
     }
 
-    /// Index and disc radius (world units) of all points, in no order that matters.
+    /// Returns the index and disc radius (world units) of every point, in unspecified order.
     pub fn discs(&self) -> impl IndexedParallelIterator<Item = (usize, f32)> {
         self.order
             .par_iter()
@@ -110,7 +113,9 @@ impl Arrangement {
             .map(|(&index, &radius)| (index as usize, radius))
     }
 
-    /// Index and disc radius of some points of a block, in an order in which every prefix is spread evenly over the block.
+    /// Returns the index and disc radius of some points of a block.
+    ///
+    /// The points are in an order in which every prefix is spread evenly over the block.
     pub fn part_of(&self, block: usize, part: Range<usize>) -> impl Iterator<Item = (usize, f32)> {
         let places = self.blocks[block].places.clone();
         let spread = SpreadOrder::new(places.len());
@@ -121,23 +126,26 @@ impl Arrangement {
     }
 }
 
-/// Points that the grid's place and size are read from.
+/// Number of points from which the position and size of the grid are estimated.
 const SAMPLED: usize = 100_000;
 
 /// Points along a Z-order curve, cut into blocks.
 pub(super) struct ZOrder {
-    /// Indices of the points.
+    /// Point indices along the curve.
     pub order: Vec<u32>,
-    /// Stretches of [`Self::order`].
+    /// Consecutive ranges of [`Self::order`].
     pub blocks: Vec<Range<usize>>,
 }
 
 impl ZOrder {
-    /// Puts the points that `index` names for `0..count` in order. Blocks have about `size` points, half as many to half as
-    /// many again (the last may have fewer): a block ends where the curve jumps farthest, so that it is compact.
+    /// Sorts the points `index(0)` to `index(count - 1)` along the curve and cuts it into blocks.
     ///
-    /// A cell's code and a point's index share 64 bits, so that numbers alone are sorted and the order is the same for any
-    /// number of threads.
+    /// Blocks have about `size` points, between half and one and a half times as many. The last
+    /// block may have fewer. A block ends where the curve jumps farthest, so that blocks are
+    /// compact.
+    ///
+    /// The cell code and the point index share 64 bits. Only integers are sorted, and the order is
+    /// the same for any number of threads.
     pub fn new(
         positions: &[Vec3],
         count: usize,
@@ -163,7 +171,7 @@ impl ZOrder {
     }
 }
 
-/// Cubes of equal size around where the points are.
+/// A regular grid of cubes around the points.
 struct Grid {
     min: Vec3,
     per_unit: f32,
@@ -171,7 +179,9 @@ struct Grid {
 }
 
 impl Grid {
-    /// Twice as large as where all but a few points lie; strays beyond belong to its outermost cells.
+    /// Creates a grid twice as large as the extent of all but a few points.
+    ///
+    /// Outliers beyond it are assigned to its outermost cells.
     fn over(positions: &[Vec3], bits: u32) -> Self {
         let order = SpreadOrder::new(positions.len());
         let sampled = (0..positions.len().min(SAMPLED)).map(|place| positions[order.at(place)]);
@@ -214,25 +224,31 @@ fn cut(keys: &[u64], size: usize) -> Vec<Range<usize>> {
     blocks
 }
 
-/// Points before and after in the order among which neighbours are looked for.
+/// Number of points before and after a point in the order that are searched for neighbours.
 const REACH: usize = 16;
-/// The neighbour whose distance counts: on a surface the fourth lies about as far away as a square that a point has to
-/// itself is wide, be the points strewn or on a grid.
+/// Rank of the neighbour whose distance is the spacing.
+///
+/// On a surface, the distance to the fourth neighbour is about the side of the square that each
+/// point has to itself. That holds for random points and for a grid.
 const NEIGHBOUR: usize = 4;
-/// On a surface the fourth neighbour is hardly farther away than this many times the second (1.46 where points are
-/// strewn); along a stem of single points it is, whose discs would stand out.
+/// Maximum spacing as a multiple of the distance to the second neighbour.
+///
+/// On a surface the fourth neighbour is hardly farther than that (1.46 times for random points).
+/// Along a stem that is one point wide it is farther, and the discs would protrude from the stem.
 const MOST_OF_SECOND: f32 = 1.5;
-/// Points in a row that are held against each other.
+/// Number of consecutive points whose median spacing is compared.
 const RUN: usize = 16;
-/// A point is no farther from its neighbours than this many times what is usual in most of its run and the two beside it …
+/// Maximum spacing as a multiple of the median over three runs (of the median of each run).
 const MOST_OF_RUNS: f32 = 1.5;
-/// … and this many times what is usual in the cloud, so that strays get no giant discs.
+/// Maximum spacing as a multiple of the median over the cloud; keeps the discs of outliers small.
 const MOST_OF_CLOUD: f32 = 6.0;
-/// Points worked on by one thread at a time.
+/// Number of points per parallel task.
 const PIECE: usize = 256 * RUN;
 
-/// How far apart points are around each point of `order`, along which neighbours in space are near each other, in world
-/// units; 0 where a cloud has too few points to tell.
+/// Estimates the spacing between points around each point of `order`, in world units.
+///
+/// Neighbours in space must be near each other in `order`. The spacing is 0 where a cloud has too
+/// few points.
 fn local_spacing(positions: &[Vec3], order: &[u32]) -> Vec<f32> {
     let mut spacing = vec![0.0; order.len()];
     spacing
@@ -265,8 +281,10 @@ fn local_spacing(positions: &[Vec3], order: &[u32]) -> Vec<f32> {
     spacing
 }
 
-/// Fills in how far each point from place `first` on lies from its neighbours (infinity where it has too few); another point
-/// at the very same place is none.
+/// Writes the distance to the neighbours of each point from position `first` of `order` on.
+///
+/// The distance is infinite where there are too few neighbours. Points at the same position are not
+/// neighbours.
 fn to_neighbours(positions: &[Vec3], order: &[u32], first: usize, own: &mut [f32]) {
     let begin = first.saturating_sub(REACH);
     let end = (first + own.len() + REACH).min(order.len());
@@ -291,41 +309,42 @@ fn to_neighbours(positions: &[Vec3], order: &[u32], first: usize, own: &mut [f32
     }
 }
 
-/// 0 without points.
+/// Returns the median, or 0 without points.
 fn median_spacing(mut spacing: Vec<f32>) -> f32 {
     upper_median(&mut spacing).unwrap_or(0.0)
 }
 
-/// Points that are shown until all are arranged.
+/// Number of points that are shown until all points are arranged.
 const SAMPLE: usize = 65_536;
 
 /// A cloud with its arrangement.
 pub(super) type Arranged = (Arc<LabelledCloud>, Arc<Arrangement>);
 
-/// A cloud that is being arranged in the background, an even sample of it first. When this is dropped, the work ends at
-/// its next step.
+/// A cloud that is being arranged in the background, an even sample of it first.
+///
+/// If this is dropped, the work ends after its current step.
 pub(super) struct Arranging {
     arrived: Receiver<Arc<Arrangement>>,
     _wanted: Arc<()>,
 }
 
-/// What an [`Arranging`] has to give.
+/// State of an [`Arranging`].
 pub(super) enum Arrival {
-    /// A sample or all.
+    /// An arrangement of a sample or of all points.
     Some(Arc<Arrangement>),
-    /// Nothing now.
+    /// No arrangement is available yet.
     NotYet,
-    /// Nothing any more.
+    /// The work has ended.
     Over,
 }
 
 impl Arranging {
-    /// Begins; the arrangement `before` serves again if its points lie in the same places.
+    /// Starts arranging; `before` is reused if its points have the same positions.
     pub fn begin(cloud: Arc<LabelledCloud>, before: Option<Arranged>) -> Self {
         let (sender, arrived) = channel();
         let wanted = Arc::new(());
         let is_wanted = Arc::downgrade(&wanted);
-        // An error says that nobody waits any more.
+        // Sending fails only if the result is no longer wanted.
         beside_jobs(move || arrange(&cloud, before, &sender, &is_wanted).unwrap_or_default());
         Self {
             arrived,
@@ -333,7 +352,7 @@ impl Arranging {
         }
     }
 
-    /// What has come since.
+    /// Returns an arrangement that was completed since the last call.
     pub fn next(&self) -> Arrival {
         match self.arrived.try_recv() {
             Ok(arrangement) => Arrival::Some(arrangement),
@@ -343,7 +362,9 @@ impl Arranging {
     }
 }
 
-/// Works on threads of its own, half as many as the machine's: in the pool of the program's jobs it would stand behind them.
+/// Runs work on a thread pool of its own, with half as many threads as the machine has.
+///
+/// In the global pool it would wait for the jobs of the program.
 pub(super) fn beside_jobs(work: impl FnOnce() + Send + 'static) {
     let threads = std::thread::available_parallelism().map_or(1, |all| all.get().div_ceil(2));
     match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
@@ -371,8 +392,10 @@ fn arrange(
     sender.send(Arc::new(Arrangement::along(&cloud.positions, order)))
 }
 
-/// An order of `0..count` in which every prefix is spread evenly over the whole: multiples of the golden
-/// section. It needs no stored shuffle, and a block can be drawn with any number of its points.
+/// A permutation of `0..count` in which every prefix is spread evenly over the whole range.
+///
+/// It consists of multiples of the golden section. It needs no stored shuffle, and any number of
+/// points of a block can be drawn.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SpreadOrder {
     count: u64,
@@ -389,7 +412,7 @@ impl SpreadOrder {
         Self { count, stride }
     }
 
-    /// The element at `place`.
+    /// Returns the element at `place`.
     pub(super) fn at(&self, place: usize) -> usize {
         (place as u64 * self.stride % self.count.max(1)) as usize
     }

@@ -1,4 +1,4 @@
-//! Axes and bounds of a scene; which way is up, from the cameras.
+//! Axes and bounds of a scene; the up direction is estimated from the cameras.
 
 use glam::{DQuat, DVec3, Mat3, Vec3};
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
@@ -6,26 +6,28 @@ use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 use ostra_core::statistics::trimmed_range;
 use ostra_frames::Frame;
 
-/// Least share of the cameras' common direction that must point sideways for it to say where the front is.
+/// Minimum length of the horizontal part of the mean viewing direction.
+///
+/// A shorter one does not define the front.
 const LEVEL_SHARE: f32 = 0.2;
 
-/// Which way is right, up and away as one stands before a scene: unit vectors in world space, square to each other.
+/// The right, up and forward directions of a scene: orthogonal unit vectors in world space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Axes {
     /// To the right.
     pub right: Vec3,
     /// Upwards.
     pub up: Vec3,
-    /// Away from who looks at the front.
+    /// Away from a viewer in front of the scene.
     pub forward: Vec3,
 }
 
-/// The sides that a scene can be seen from.
+/// A side that the scene can be viewed from.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
 )]
 pub enum Side {
-    /// As the cameras stood.
+    /// From the side of the cameras.
     Front,
     /// From behind.
     Back,
@@ -40,7 +42,7 @@ pub enum Side {
 }
 
 impl Side {
-    /// All six.
+    /// All six sides.
     pub const ALL: [Self; 6] = [
         Self::Front,
         Self::Back,
@@ -52,7 +54,7 @@ impl Side {
 }
 
 impl Axes {
-    /// Axes with this up and, as far as it is square to that, this direction away from the viewer.
+    /// Creates axes from an up direction and the part of `forward` that is orthogonal to it.
     #[must_use]
     pub fn new(up: Vec3, forward: Vec3) -> Self {
         let up = up.normalize_or(Vec3::NEG_Y);
@@ -67,8 +69,10 @@ impl Axes {
         }
     }
 
-    /// Upright as the cameras were held; the front is what most of them look at, or the first one where they
-    /// stand all around. Without cameras y is down and z away.
+    /// Estimates the axes from the cameras.
+    ///
+    /// Up is the estimated vertical. Forward is the mean viewing direction, or the first camera's
+    /// if the cameras are all around the scene. Without cameras, y points down and z forward.
     #[must_use]
     pub fn of_cameras(frames: &[Frame]) -> Self {
         let posed = frames.iter().filter_map(Frame::posed_camera);
@@ -88,20 +92,20 @@ impl Axes {
         )
     }
 
-    /// Takes world space to distances along right, up and forward.
+    /// Returns the rotation from world space to coordinates along right, up and forward.
     #[must_use]
     pub fn axes_from_world(&self) -> Mat3 {
         Mat3::from_cols(self.right, self.up, self.forward).transpose()
     }
 
-    /// The box along these axes that holds all but the outermost points, see [`Bounds::of`].
+    /// Returns the box along these axes that contains the points; see [`Bounds::of`].
     #[must_use]
     pub fn bounds(&self, points: impl Iterator<Item = Vec3>) -> Option<Bounds> {
         let axes_from_world = self.axes_from_world();
         Bounds::of(points.map(|x| axes_from_world * x))
     }
 
-    /// The direction to look along from a side, and what is up in the picture then.
+    /// Returns the viewing direction from a side and the direction that is up in the image.
     #[must_use]
     pub fn look_from(&self, side: Side) -> (Vec3, Vec3) {
         match side {
@@ -115,18 +119,20 @@ impl Axes {
     }
 }
 
-/// An axis-parallel box in world space.
+/// An axis-aligned box.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
-    /// Smallest corner.
+    /// Minimum corner.
     pub min: Vec3,
-    /// Largest corner.
+    /// Maximum corner.
     pub max: Vec3,
 }
 
 impl Bounds {
-    /// The box that holds all but the outermost 0.5 % of the points along each axis, so that a few stray points do not
-    /// shrink the scene to a dot; `None` without finite points.
+    /// Returns the box that contains all but the outermost points along each axis.
+    ///
+    /// 0.5 % of the points are cut off at either end. Without this cut, a few outliers would shrink
+    /// the scene to a dot. Returns `None` without finite points.
     #[must_use]
     pub fn of(points: impl Iterator<Item = Vec3>) -> Option<Self> {
         let points: Vec<Vec3> = points.filter(|p| p.is_finite()).collect();
@@ -142,32 +148,35 @@ impl Bounds {
         Some(Self { min, max })
     }
 
-    /// The middle.
+    /// Returns the centre.
     #[must_use]
     pub fn centre(&self) -> Vec3 {
         (self.min + self.max) / 2.0
     }
 
-    /// Half the diagonal, above 0.
+    /// Returns half the diagonal, above 0.
     #[must_use]
     pub fn radius(&self) -> f32 {
         ((self.max - self.min).length() / 2.0).max(1e-6)
     }
 }
 
-/// Standard deviation of how far a camera held level is rolled, as the sine of the angle: 3° by hand.
+/// Standard deviation of the roll of a hand-held level camera, as the sine of the angle (3°).
 const ROLL: f64 = 0.05;
-/// Standard deviation of how far the mean of the cameras' ups is off vertical, as the sine of the angle: 15°.
+/// Standard deviation of the mean camera up from vertical, as the sine of the angle (15°).
 const PITCH: f64 = 0.26;
-/// Rounds of weighting, after which the direction moves no more by what a screen shows.
+/// Number of reweighting rounds; further rounds make no visible difference.
 const ROUNDS: usize = 12;
 
-/// Which way is up for cameras with these turns from camera to world space: unit length, in world space; -y without any.
+/// Estimates the up direction from the rotations of cameras (`world_from_camera`).
 ///
-/// A camera may look down or up, yet whoever holds it keeps its picture level (or upright, turned by a quarter): the axis
-/// to its right is horizontal, so up is the direction most square to these axes of all cameras, by least squares. Cameras
-/// that are rolled count little (Cauchy's weights). Where the axes are nearly parallel, as of cameras side by side, they leave
-/// open how far to lean forward; there the mean of the cameras' ups decides.
+/// Returns a unit vector in world space, or -y without cameras.
+///
+/// A camera may be pitched up or down, but people hold it level, in landscape or portrait format.
+/// One of its image axes is then horizontal. Up is the direction most orthogonal to these axes of
+/// all cameras, by least squares. Rolled cameras have little weight (Cauchy weights). If the axes
+/// are nearly parallel, as for cameras in a row, they do not determine the forward tilt. The mean of
+/// the cameras' up directions then decides.
 pub(super) fn upright(turns: &[DQuat]) -> DVec3 {
     let mean =
         turns.iter().map(|&turn| turn * DVec3::NEG_Y).sum::<DVec3>() / turns.len().max(1) as f64;
@@ -177,7 +186,8 @@ pub(super) fn upright(turns: &[DQuat]) -> DVec3 {
     let toward_mean = (Matrix3::identity() - outer(mean)) / PITCH.powi(2);
     for round in 0..ROUNDS {
         let level = turns.iter().map(|turn| level_axis(*turn, up)).map(|axis| {
-            // The first direction, the mean of ups, may lie far off: it weighs all alike.
+            // The initial direction, the mean of the up directions, may be far off. All cameras
+            // have the same weight in the first round.
             let off = if round == 0 { 0.0 } else { axis.dot(up) / ROLL };
             outer(axis) / (ROLL.powi(2) * (1.0 + off * off))
         });
@@ -187,7 +197,7 @@ pub(super) fn upright(turns: &[DQuat]) -> DVec3 {
     up
 }
 
-/// Of the axes along a camera's picture the one that lies flatter: across it, or along it where it is held upright.
+/// Returns the image axis that is closer to horizontal: x, or y in portrait format.
 fn level_axis(turn: DQuat, up: DVec3) -> DVec3 {
     let [across, along] = [turn * DVec3::X, turn * DVec3::Y];
     if across.dot(up).abs() <= along.dot(up).abs() {
@@ -212,7 +222,7 @@ fn least_axis(sum: Matrix3<f64>) -> DVec3 {
 mod tests {
     use super::*;
 
-    /// Cameras `yaw` degrees around the vertical (-y), looking `down` degrees, rolled by `roll` degrees.
+    /// Returns a camera turned by `yaw` around -y, pitched `down` and rolled by `roll` (degrees).
     fn turn(yaw: f64, down: f64, roll: f64) -> DQuat {
         let around =
             DQuat::from_rotation_y(yaw.to_radians()) * DQuat::from_rotation_x(-down.to_radians());
@@ -232,7 +242,7 @@ mod tests {
             .to_degrees()
     }
 
-    /// A third of a circle in steps of 5°, rolled by hand.
+    /// Returns a third of a circle of cameras in steps of 5°, with the roll of a hand-held camera.
     fn arc(down: f64) -> Vec<DQuat> {
         (-12..=12)
             .map(|k| {
@@ -246,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn an_arc_of_cameras_that_look_down_or_up_stands_upright() {
+    fn pitched_cameras_on_an_arc_give_the_vertical() {
         for down in [20.0, 25.0, 30.0, -20.0, 55.0] {
             let turns = arc(down);
             assert!(
@@ -258,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn cameras_held_upright_or_askew_do_not_tilt_it() {
+    fn portrait_and_rolled_cameras_do_not_tilt_the_vertical() {
         let mut turns = arc(25.0);
         turns
             .iter_mut()
@@ -277,9 +287,9 @@ mod tests {
         assert!(off_deg(&turns) < 1.5, "five askew: {}", off_deg(&turns));
     }
 
-    /// Right axes that are parallel say nothing about leaning forward: the mean of ups does, and is made square to them.
+    /// Parallel right axes do not determine the forward tilt: the mean up direction decides.
     #[test]
-    fn cameras_side_by_side_stand_as_their_mean_up() {
+    fn cameras_in_a_row_use_their_mean_up() {
         for down in [0.0, 10.0, 30.0] {
             for turns in [vec![turn(30.0, down, 0.0); 6], vec![turn(0.0, down, 0.0)]] {
                 assert!(

@@ -8,20 +8,21 @@ use super::surface_chunks::SurfaceChunks;
 use super::{Appearance, Line, PicturePlane, SceneStyle, ViewCamera};
 use ostra_cloud::{LabelledCloud, LabelledMesh};
 
-/// What the 3-D view shows.
+/// The model shown in the 3-D view.
 #[derive(Debug, Clone)]
 pub enum Model {
     /// Points as discs.
     Cloud(Arc<LabelledCloud>),
-    /// Triangles, lit from the camera. Borders of labels are drawn where triangles meet: see
-    /// [`LabelledMesh::split_at_labels`].
+    /// Triangles, lit from the camera.
+    ///
+    /// Label borders are drawn along triangle edges; see [`LabelledMesh::split_at_labels`].
     Surface(Arc<LabelledMesh>),
-    /// The sides of triangles.
+    /// The edges of triangles.
     Wireframe(Arc<LabelledMesh>),
 }
 
 impl Model {
-    /// Its points or vertices.
+    /// Returns the points of a cloud or the vertices of a mesh.
     #[must_use]
     pub fn points(&self) -> &LabelledCloud {
         match self {
@@ -30,7 +31,7 @@ impl Model {
         }
     }
 
-    /// Whether it is the very same thing, shown in the same way.
+    /// Returns whether `other` is the same object, shown in the same way.
     fn is(&self, other: &Self) -> bool {
         match (self, other) {
             (Self::Cloud(a), Self::Cloud(b)) => Arc::ptr_eq(a, b),
@@ -42,26 +43,26 @@ impl Model {
     }
 }
 
-/// A model on its way to the GPU and the picture that is being drawn of it.
+/// A model that is being uploaded, and the image that is being drawn of it.
 pub(super) struct Content {
     model: Model,
-    /// The colours of what is uploaded; `None` until the first upload.
+    /// Colours of the uploaded data; `None` until the first upload.
     paint: Option<Paint>,
     kind: Kind,
 }
 
 enum Kind {
     Points {
-        /// A sample of the points, later all; `None` until the first is arranged.
+        /// A sample of the points, later all of them; `None` until the sample is arranged.
         blocks: Option<PointBlocks>,
-        /// `None` once all has come.
+        /// `None` once all points are arranged.
         arranging: Option<Arranging>,
     },
     Surface(SurfaceChunks),
 }
 
 impl Content {
-    /// Nothing.
+    /// Returns content without points.
     pub(super) fn empty() -> Self {
         let blocks = Some(PointBlocks::new(Arc::default()));
         Self {
@@ -74,7 +75,7 @@ impl Content {
         }
     }
 
-    /// `before` is what was shown till now.
+    /// Creates content for `model`; `before` is the content shown so far.
     pub(super) fn new(model: Model, before: &Self) -> Self {
         let kind = match &model {
             Model::Cloud(cloud) if cloud.is_empty() => return Self::empty(),
@@ -94,7 +95,7 @@ impl Content {
         }
     }
 
-    /// A cloud with the arrangement of all of its points.
+    /// Returns the cloud with its arrangement if the arrangement covers all points.
     fn arranged(&self) -> Option<Arranged> {
         match (&self.model, &self.kind) {
             (
@@ -115,7 +116,7 @@ impl Content {
         self.model.is(model)
     }
 
-    /// Takes what was arranged meanwhile; whether pictures are to begin anew for it.
+    /// Applies a completed arrangement; returns whether the image must be redrawn.
     pub(super) fn receive(&mut self) -> bool {
         let Kind::Points { blocks, arranging } = &mut self.kind else {
             return false;
@@ -133,12 +134,12 @@ impl Content {
         }
     }
 
-    /// Whether there is anything to be drawn yet.
+    /// Returns whether there is anything to draw yet.
     pub(super) fn is_ready(&self) -> bool {
         !matches!(self.kind, Kind::Points { blocks: None, .. })
     }
 
-    /// Whether nothing better than what is drawn comes by itself.
+    /// Returns whether no further arrangement is expected.
     pub(super) fn is_final(&self) -> bool {
         !matches!(
             self.kind,
@@ -149,7 +150,7 @@ impl Content {
         )
     }
 
-    /// Colours are others now: all is to be uploaded anew.
+    /// Discards the uploaded data after a change of colours.
     pub(super) fn forget(&mut self) {
         self.paint = None;
         match &mut self.kind {
@@ -158,12 +159,12 @@ impl Content {
         }
     }
 
-    /// What the ends of the ramp stand for that colours come from, where they do.
+    /// Returns the values at the ends of the colour ramp, if the colours use one.
     pub(super) fn range(&self) -> Option<[f32; 2]> {
         self.paint.as_ref().and_then(Paint::range)
     }
 
-    /// Strength of the eye-dome lighting: triangles are lit by their normals.
+    /// Returns the strength of the eye-dome lighting: 0 for triangles, lit by their normals.
     pub(super) fn edl_strength(&self, of_points: f32) -> f32 {
         match self.kind {
             Kind::Points { .. } => of_points,
@@ -171,7 +172,7 @@ impl Content {
         }
     }
 
-    /// How many points or triangles there are.
+    /// Returns the number of points or triangles.
     pub(super) fn len(&self) -> usize {
         match &self.kind {
             Kind::Points { .. } => self.model.points().len(),
@@ -179,7 +180,7 @@ impl Content {
         }
     }
 
-    /// How many points or triangles of the picture are drawn.
+    /// Returns how many points or triangles of the current image are drawn.
     pub(super) fn drawn(&self) -> usize {
         match &self.kind {
             Kind::Points { blocks, .. } => blocks.as_ref().map_or(0, PointBlocks::drawn),
@@ -187,7 +188,7 @@ impl Content {
         }
     }
 
-    /// Whether the picture is drawn as it was begun.
+    /// Returns whether the current image is drawn completely.
     pub(super) fn is_drawn(&self) -> bool {
         match &self.kind {
             Kind::Points { blocks, .. } => blocks.as_ref().is_some_and(PointBlocks::is_drawn),
@@ -195,7 +196,7 @@ impl Content {
         }
     }
 
-    /// Whether the picture is drawn and no finer one can be begun of what is there.
+    /// Returns whether the current image is drawn and includes all available points in view.
     pub(super) fn is_whole(&self) -> bool {
         match &self.kind {
             Kind::Points { blocks, .. } => blocks.as_ref().is_some_and(PointBlocks::is_whole),
@@ -203,13 +204,18 @@ impl Content {
         }
     }
 
-    /// Whether what is drawn can be shown: a picture of points is whole in itself, however coarse, and holds until a finer
-    /// one is drawn; one of triangles fills up.
+    /// Returns whether the current image can be shown.
+    ///
+    /// An image of points is shown when it is drawn completely, however coarse, and stays until a
+    /// finer one is complete. An image of triangles is shown while it fills up.
     pub(super) fn is_presentable(&self) -> bool {
         matches!(self.kind, Kind::Surface(_)) || self.is_drawn()
     }
 
-    /// Begins a picture: of points, a coarse one of a batch that is on the GPU after a bounded upload.
+    /// Starts an image.
+    ///
+    /// For points it is a coarse one. It consists of a batch that is on the GPU after a bounded
+    /// upload.
     pub(super) fn begin(
         &mut self,
         gpu: (&wgpu::Device, &wgpu::Queue),
@@ -234,7 +240,7 @@ impl Content {
         }
     }
 
-    /// Begins a finer picture of the same scene; one of triangles goes on.
+    /// Starts a finer image of the same points; an image of triangles is continued.
     pub(super) fn refine(&mut self) {
         if let Kind::Points {
             blocks: Some(blocks),
@@ -245,7 +251,9 @@ impl Content {
         }
     }
 
-    /// Hands the GPU a bounded part more of what the picture needs, of triangles for the next batch.
+    /// Uploads a bounded part of the data that the image needs.
+    ///
+    /// For triangles that is the data of the next batch.
     pub(super) fn upload_next(
         &mut self,
         gpu: (&wgpu::Device, &wgpu::Queue),
@@ -270,7 +278,7 @@ impl Content {
         }
     }
 
-    /// Draws at most a batch more of the picture.
+    /// Draws at most one more batch of the image.
     pub(super) fn draw(
         &mut self,
         pass: &mut wgpu::RenderPass<'_>,
@@ -288,15 +296,15 @@ impl Content {
     }
 }
 
-/// All that decides what the 3-D view shows; a change of anything starts the picture anew.
+/// The inputs of the 3-D view; any change restarts the image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene3d {
-    /// Where it is seen from; its size is the texture's size.
+    /// The camera; its size is the size of the texture.
     pub camera: ViewCamera,
-    /// How it is drawn.
+    /// Colours, clip box, sizes and background.
     pub style: SceneStyle,
     /// Line segments, e.g. [`super::frustum_lines`]; never clipped.
     pub lines: Vec<Line>,
-    /// Pictures that stand in it; never clipped.
+    /// Images placed in the scene; never clipped.
     pub planes: Vec<PicturePlane>,
 }

@@ -1,4 +1,4 @@
-//! Frames in the scene: camera frustums, links between cameras, and pictures that stand in front of theirs.
+//! Frames in the 3-D scene: camera frustums, links between cameras and image planes.
 
 use std::sync::Arc;
 
@@ -10,17 +10,19 @@ use super::target::compiled;
 use ostra_frames::{Frame, Image};
 use ostra_reconstruct::rgbd::{FrameLink, LinkKind};
 
-/// A picture that stands in space.
+/// An image placed in the scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PicturePlane {
-    /// World positions of its corners: top left, top right, bottom right, bottom left.
+    /// World positions of the corners: top left, top right, bottom right, bottom left.
     pub corners: [[f32; 3]; 4],
-    /// What is on it.
+    /// The image shown on the plane.
     pub image: Arc<Image>,
 }
 
 impl PicturePlane {
-    /// A frame's picture, `depth` (world units) before its camera; `None` where its pose is unknown.
+    /// Places a frame's image at `depth` (world units) in front of its camera.
+    ///
+    /// Returns `None` if the pose is unknown.
     #[must_use]
     pub fn of_frame(frame: &Frame, depth: f32, image: Arc<Image>) -> Option<Self> {
         Some(Self {
@@ -30,7 +32,9 @@ impl PicturePlane {
     }
 }
 
-/// Where a frame's frustum ends, `depth` (world units) before its camera: top left, top right, bottom right, bottom left.
+/// Returns the corners of a frame's frustum at `depth` (world units) in front of its camera.
+///
+/// The order is top left, top right, bottom right, bottom left.
 fn frustum_corners(frame: &Frame, depth: f32) -> Option<[[f32; 3]; 4]> {
     let (camera, pose) = frame.posed_camera()?;
     let world_from_camera = pose.inverse();
@@ -42,7 +46,7 @@ fn frustum_corners(frame: &Frame, depth: f32) -> Option<[[f32; 3]; 4]> {
     Some([(0.0, 0.0), (w, 0.0), (w, h), (0.0, h)].map(corner))
 }
 
-/// Draws planes; a picture is handed to the GPU once, as long as it is shown.
+/// Draws image planes; an image is uploaded once and kept while it is shown.
 pub(super) struct Planes {
     pipeline: wgpu::RenderPipeline,
     layout: wgpu::BindGroupLayout,
@@ -50,7 +54,7 @@ pub(super) struct Planes {
     kept: Vec<(Arc<Image>, wgpu::BindGroup)>,
 }
 
-/// Planes on the GPU, ready to be drawn.
+/// Image planes on the GPU, ready to be drawn.
 pub(super) struct Placed {
     corners: wgpu::Buffer,
     pictures: Vec<wgpu::BindGroup>,
@@ -60,12 +64,12 @@ pub(super) struct Placed {
 #[repr(C)]
 struct PlaneVertex {
     position: [f32; 3],
-    /// 0–1 from the top left.
+    /// Texture coordinates, 0–1 from the top left.
     at: [f32; 2],
 }
 
 impl Planes {
-    /// `eye`: layout of the uniform that all shaders of the scene share.
+    /// Creates the pipeline; `eye` is the layout of the uniform that all scene shaders share.
     pub(super) fn new(device: &wgpu::Device, eye: &wgpu::BindGroupLayout) -> Self {
         let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
             binding,
@@ -110,7 +114,7 @@ impl Planes {
         }
     }
 
-    /// Hands planes to the GPU; forgets pictures that are on none.
+    /// Uploads planes; discards images that are on none of them.
     pub(super) fn place(
         &mut self,
         device: &wgpu::Device,
@@ -149,7 +153,7 @@ impl Planes {
         }
     }
 
-    /// Draws planes with the eye bound to group 0.
+    /// Draws planes; the camera uniform must be bound to group 0.
     pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, placed: &Placed) {
         pass.set_pipeline(&self.pipeline);
         pass.set_vertex_buffer(0, placed.corners.slice(..));
@@ -208,7 +212,7 @@ impl Planes {
     }
 }
 
-/// Its corners in the order of a strip of two triangles.
+/// Returns the corners in the order of a strip of two triangles.
 fn strip(plane: &PicturePlane) -> [PlaneVertex; 4] {
     let [top_left, top_right, bottom_right, bottom_left] = plane.corners;
     [
@@ -220,17 +224,19 @@ fn strip(plane: &PicturePlane) -> [PlaneVertex; 4] {
     .map(|(position, at)| PlaneVertex { position, at })
 }
 
-/// A line in world space, ready for the GPU: two of these per segment.
+/// One end of a line segment in GPU memory; two of these make a segment.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Line {
-    /// End of the segment in world space.
+    /// Position of the end in world space.
     pub position: [f32; 3],
     /// sRGB and opacity.
     pub color: [u8; 4],
 }
 
-/// The frusta of all frames with a camera, `size` deep in world units; frame `current` is drawn in the accent colour.
+/// Returns the frustums of all frames with a known pose, `size` deep in world units.
+///
+/// Frame `current` is drawn in the accent colour.
 #[must_use]
 pub fn frustum_lines(frames: &[Frame], size: f32, current: Option<usize>) -> Vec<Line> {
     let mut lines = Vec::new();
@@ -257,8 +263,10 @@ pub fn frustum_lines(frames: &[Frame], size: f32, current: Option<usize>) -> Vec
     lines
 }
 
-/// A line between the cameras of every two linked frames: grey for odometry, green for loops and overlap, orange where
-/// shapes were fitted, red where the other links contradict it.
+/// Returns a line between the cameras of each pair of linked frames.
+///
+/// Odometry is grey, loops and overlap are green, shape fits are orange. Links that the other links
+/// contradict are red.
 #[must_use]
 pub fn link_lines(frames: &[Frame], links: &[FrameLink]) -> Vec<Line> {
     let centre = |frame: usize| {
@@ -294,7 +302,7 @@ mod tests {
     use ostra_geometry::{Camera, Pose};
 
     #[test]
-    fn a_link_is_a_line_between_the_cameras_that_both_frames_have() {
+    fn link_line_needs_a_pose_for_both_frames() {
         let frame = |x: Option<f64>| {
             let pose = x.map(|x| Pose {
                 translation: glam::DVec3::new(-x, 0.0, 0.0),

@@ -4,34 +4,36 @@ use super::style::ramp;
 use ostra_core::statistics::trimmed_range;
 use ostra_frames::{DepthMap, Frame, FrameError, FrameStore, Image, MadeDepth};
 
-/// What is shown of a frame.
+/// A layer of a frame that can be displayed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 pub enum Layer {
-    /// The photo.
+    /// The image.
     #[default]
     Photo,
-    /// Depth, near is violet and far yellow.
+    /// Depth: near is violet, far is yellow.
     Depth,
-    /// Normals as colours: red right, green down, blue towards the camera.
+    /// Normals as colours: red is right, green is down, blue is towards the camera.
     Normals,
-    /// How sure the depth is: violet 0, yellow 1.
+    /// Confidence of the depth: 0 is violet, 1 is yellow.
     Confidence,
 }
 
-/// A layer drawn as a picture of the frame's size.
+/// A layer rendered as an image of the frame's size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LayerPicture {
-    /// The picture; unknown pixels are dark grey.
+    /// The rendered image; unknown pixels are dark grey.
     pub image: Arc<Image>,
-    /// What the ends of the ramp stand for, where one is drawn: world units of depth, or shares.
+    /// Values at the ends of the colour ramp: world units for depth, 0–1 for confidence.
+    ///
+    /// `None` for layers without a ramp.
     pub range: Option<[f32; 2]>,
 }
 
 impl Layer {
-    /// All, the photo first.
+    /// All layers, the image first.
     pub const ALL: [Self; 4] = [Self::Photo, Self::Depth, Self::Normals, Self::Confidence];
 
-    /// Its name.
+    /// Returns the display name.
     #[must_use]
     pub fn text(self) -> &'static str {
         match self {
@@ -44,13 +46,15 @@ impl Layer {
 }
 
 const UNKNOWN: [u8; 3] = [40, 40, 40];
-/// Depths are drawn from this quantile to its mirror: single far pixels do not take the colours of all others.
+/// Quantile of the depths at each end of the colour ramp.
+///
+/// Cutting the extremes prevents a few far pixels from using up the range of colours.
 const QUANTILE: f64 = 0.01;
 
-/// Draws a layer of a frame; `None` where the frame has none.
+/// Renders a layer of a frame; `None` if the frame does not have it.
 ///
 /// # Errors
-/// [`FrameError`] when it cannot be read.
+/// Returns [`FrameError`] if the layer cannot be read.
 pub fn draw_layer(
     layer: Layer,
     frame: &Frame,
@@ -137,7 +141,7 @@ mod tests {
     use ostra_geometry::Camera;
 
     #[test]
-    fn depth_is_drawn_from_near_to_far_and_holes_are_dark() {
+    fn depth_ramp_runs_from_near_to_far_and_holes_are_dark() {
         let depths = (0..400)
             .map(|i| if i == 7 { 0.0 } else { 1.0 + i as f32 / 400.0 })
             .collect();
@@ -168,7 +172,7 @@ mod tests {
     }
 
     #[test]
-    fn normals_and_confidences_lie_over_the_picture() {
+    fn normals_and_confidence_are_aligned_with_the_image() {
         let made = MadeDepth {
             camera: Camera::pinhole(2, 1, 2.0, 2.0, 1.0, 0.5),
             depth: DepthMap {

@@ -1,7 +1,33 @@
-//! Drawing of pictures, masks, clouds and surfaces; picking; PNG shots.
+//! Drawing of clouds, meshes and masks; picking; screenshots.
 //!
-//! On the GPU into textures of its own (`scene_view`), and on the CPU (`raster`, the twin that draws shots anywhere).
-//! Screenshots are always drawn on the CPU, so that they are the same on every machine.
+//! A [`Model`] is a labelled cloud or mesh. It is drawn with a [`ViewCamera`], usually that of an
+//! [`Orbit`], and a [`SceneStyle`]. [`SceneView`] draws on the GPU into a texture of its own, a
+//! bounded batch per call, so that the window stays responsive for clouds of any size.
+//! [`draw_cloud`] and [`draw_mesh`] are its CPU twins. They return a [`Shot`], which [`write_png`]
+//! saves. Screenshots are always drawn on the CPU, so that they are the same on every machine.
+//! [`Portrait`] draws a model at any size and rotation.
+//!
+//! [`draw_layer`] renders the image, depth, normals or confidence of a frame. [`overlay`] and
+//! [`hatch`] render masks and regions as translucent pixels. [`pick_point`] and [`pick_frustum`]
+//! return what is under the pointer.
+//!
+//! Cameras use OpenCV axes (x right, y down, z forward), and the centre of the top-left pixel is at
+//! (0.5, 0.5). Colours are sRGB with 8 bits per channel, opacity is straight alpha. Lengths are in
+//! world units, and sizes on the screen are in pixels.
+//!
+//! # Example
+//!
+//! ```rust
+//! use glam::Vec3;
+//! use ostra_cloud::LabelledCloud;
+//! use ostra_view::{SceneStyle, default_view, draw_cloud};
+//!
+//! let cloud = LabelledCloud::from_positions(vec![Vec3::ZERO, Vec3::X, Vec3::Y]);
+//! let view = default_view(&cloud, &[], 1.0).expect("the cloud has points");
+//! let shot = draw_cloud(&cloud, &view.camera(64, 64), &SceneStyle::default());
+//! assert_eq!(shot.image.pixels.len(), 64 * 64);
+//! assert!(shot.opacity.iter().any(|&opacity| opacity > 0));
+//! ```
 
 mod arrangement;
 mod axes;

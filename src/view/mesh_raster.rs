@@ -6,24 +6,26 @@ use super::raster::{Pixel, is_shown};
 use super::{Clip, Projection, SceneStyle, Shot, ViewCamera};
 use ostra_cloud::LabelledMesh;
 
-/// Rows that one task fills.
+/// Number of rows per parallel task.
 const BAND: usize = 32;
-/// Light on a surface that is seen along itself; one seen from straight above has 1.
+/// Brightness of a surface that is seen edge-on; a surface seen face-on has 1.
 pub(super) const AMBIENT: f32 = 0.35;
 
-/// A vertex as the camera sees it.
+/// A vertex projected into the image.
 struct Corner {
     at_px: Vec2,
     depth: f32,
     /// sRGB and opacity, 0–255.
     color: Vec4,
     light: f32,
-    /// Where it lies in the clip's cube.
+    /// Position in the clip cube.
     in_cube: Vec3,
 }
 
-/// Draws a mesh on the CPU, lit from the camera, from both sides. A triangle's border between labels is drawn where it is
-/// (see [`LabelledMesh::split_at_labels`]); hidden labels leave holes. Equal for any number of threads.
+/// Draws a mesh on the CPU; both sides of a triangle are lit from the camera.
+///
+/// Label borders are drawn along triangle edges (see [`LabelledMesh::split_at_labels`]), and hidden
+/// labels leave holes. The result is the same for any number of threads.
 #[must_use]
 pub fn draw_mesh(mesh: &LabelledMesh, camera: &ViewCamera, style: &SceneStyle) -> Shot {
     let (width, height) = (camera.width as usize, camera.height as usize);
@@ -148,8 +150,9 @@ fn draw_triangle(
     }
 }
 
-/// Depth of a place in a triangle as the picture shows it: perspective keeps 1 / depth linear over the picture,
-/// orthographic views depth itself.
+/// Returns the depth at a position in a triangle.
+///
+/// In perspective, 1 / depth is linear over the image; in an orthographic view, depth itself is.
 fn depth_at(share: Vec3, corners: [&Corner; 3], projection: Projection) -> f32 {
     let depths = Vec3::from_array(corners.map(|corner| corner.depth));
     match projection {
@@ -177,7 +180,7 @@ mod tests {
     use ostra_frames::Image;
     use ostra_masks::{Label, LabelId};
 
-    /// A red square at z = 2 and, nearer, a green triangle over its lower left half, seen from the origin.
+    /// A red square at z = 2 and a nearer green triangle over its lower left half.
     fn scene() -> (LabelledMesh, ViewCamera) {
         let square =
             [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| Vec3::new(x, y, 2.0));
@@ -212,7 +215,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearer_triangle_hides_and_hidden_labels_do_not() {
+    fn nearer_triangle_occludes_unless_its_label_is_hidden() {
         let (mesh, camera) = scene();
         let mut style = SceneStyle {
             appearance: Appearance {
@@ -240,7 +243,7 @@ mod tests {
     }
 
     #[test]
-    fn triangles_are_cut_at_the_clip_box_and_faint_ones_show_what_is_behind() {
+    fn triangles_are_clipped_at_the_box_and_faint_ones_are_see_through() {
         let (mesh, camera) = scene();
         let mut style = SceneStyle {
             appearance: Appearance {

@@ -3,25 +3,25 @@ use glam::{Mat3, Mat4, Quat, Vec2, Vec3};
 use super::{Axes, Bounds, Projection, Side, ViewCamera};
 use ostra_geometry::{Camera, Pose};
 
-/// A camera that circles around a point, as the mouse moves it.
+/// A camera that orbits a target point, controlled by the mouse.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Orbit {
-    /// The point circled around, in world space.
+    /// The point that the camera orbits, in world space.
     pub target: Vec3,
     /// Distance from the target, above 0.
     pub distance: f32,
     /// Rotation `camera_from_world` (OpenCV axes).
     pub rotation: Quat,
-    /// What turns left and right turn about: a unit vector in world space.
+    /// Axis of horizontal rotation: a unit vector in world space.
     pub up: Vec3,
     /// Vertical field of view in radians.
     pub fov_y: f32,
-    /// Things do not shrink with distance; those at the target's are as large as in perspective.
+    /// Whether the projection is orthographic; at the target, sizes are the same as in perspective.
     pub orthographic: bool,
 }
 
 impl Orbit {
-    /// Looks along `direction` at all of `bounds`, `up` upwards.
+    /// Creates a view along `direction` that shows all of `bounds`, with `up` pointing upwards.
     #[must_use]
     pub fn framing(bounds: &Bounds, direction: Vec3, up: Vec3) -> Self {
         let fov_y = 40.0_f32.to_radians();
@@ -36,7 +36,7 @@ impl Orbit {
         }
     }
 
-    /// The view of a frame's camera; the target lies at `depth` before it.
+    /// Creates the view of a frame's camera; the target is at `depth` in front of it.
     #[must_use]
     pub fn through(camera: &Camera, camera_from_world: &Pose, depth: f32, up: Vec3) -> Self {
         let rotation = camera_from_world.rotation.as_quat();
@@ -53,13 +53,14 @@ impl Orbit {
         }
     }
 
-    /// Turns by a pointer movement in pixels.
+    /// Rotates the camera by a pointer movement in pixels.
     pub fn orbit(&mut self, delta_px: Vec2) {
         let yaw = Quat::from_axis_angle(self.up, -delta_px.x * 0.008);
         let pitch = Quat::from_rotation_x(-delta_px.y * 0.008);
         let turned = (pitch * self.rotation * yaw).normalize();
-        // Looking straight up or down along `up` would make left and right meaningless: stop a little before. Whoever looks
-        // so already may only turn back, and upside down only who is so.
+        // Left and right are undefined when looking straight along `up`, so the rotation stops a
+        // little earlier. A camera that is already steeper may only rotate back. Only a camera that
+        // is already upside down may stay so.
         let steep = |rotation: Quat| (rotation.conjugate() * Vec3::Z).dot(self.up).abs();
         let upright = |rotation: Quat| (rotation.conjugate() * Vec3::NEG_Y).dot(self.up);
         let is_free = steep(turned) < 0.998 || steep(turned) < steep(self.rotation);
@@ -70,25 +71,27 @@ impl Orbit {
         }
     }
 
-    /// Turns about `up` by an angle in radians; the scene is seen to turn to the right.
+    /// Rotates about `up` by an angle in radians; the scene appears to turn to the right.
     pub fn turn(&mut self, angle: f32) {
         self.rotation = (self.rotation * Quat::from_axis_angle(self.up, -angle)).normalize();
     }
 
-    /// Looks at the target from a side of the scene.
+    /// Rotates the camera to a side of the scene; the target stays the same.
     pub fn look_from(&mut self, axes: &Axes, side: Side) {
         let (direction, up_in_picture) = axes.look_from(side);
         self.rotation = look_rotation(direction, up_in_picture);
         self.up = axes.up;
     }
 
-    /// Moves sideways by a pointer movement in pixels of a view `height_px` high: the target stays under the pointer.
+    /// Pans by a pointer movement in pixels; the target stays under the pointer.
+    ///
+    /// `height_px` is the height of the view.
     pub fn pan(&mut self, delta_px: Vec2, height_px: f32) {
         let per_px = 2.0 * self.distance * (self.fov_y / 2.0).tan() / height_px.max(1.0);
         self.target -= self.rotation.conjugate() * Vec3::new(delta_px.x, delta_px.y, 0.0) * per_px;
     }
 
-    /// Comes nearer (`factor` < 1) or goes away, keeping the world point `towards` where it is in the picture.
+    /// Zooms in (`factor` < 1) or out; the world point `towards` keeps its position in the image.
     pub fn zoom(&mut self, factor: f32, towards: Vec3) {
         let distance = (self.distance * factor).clamp(1e-5, 1e7);
         let factor = distance / self.distance;
@@ -96,18 +99,20 @@ impl Orbit {
         self.distance = distance;
     }
 
-    /// Follows a scene whose lengths were multiplied by a factor above 0: the picture stays the same.
+    /// Scales the view with a scene whose lengths were multiplied by a factor above 0.
+    ///
+    /// The image stays the same.
     pub fn scale_by(&mut self, factor: f32) {
         self.target *= factor;
         self.distance *= factor;
     }
 
-    /// Circles around another point from now on, which moves to the middle of the picture.
+    /// Sets the target and moves it to the centre of the image.
     pub fn recentre(&mut self, target: Vec3) {
         self.target = target;
     }
 
-    /// The camera for a picture of this size.
+    /// Returns the camera for an image of this size.
     #[must_use]
     pub fn camera(&self, width: u32, height: u32) -> ViewCamera {
         let eye = self.target - self.rotation.conjugate() * Vec3::Z * self.distance;
@@ -141,7 +146,7 @@ impl Orbit {
     }
 }
 
-/// The rotation `camera_from_world` that looks along `direction` with `up` upwards in the picture.
+/// Returns `camera_from_world` for a view along `direction` with `up` upwards in the image.
 fn look_rotation(direction: Vec3, up: Vec3) -> Quat {
     let z = direction.normalize_or(Vec3::Z);
     let x = z
@@ -201,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn sides_show_the_scene_upright_and_from_above_it_tilts_the_right_way_only() {
+    fn side_views_are_upright_and_the_top_view_never_tilts_upside_down() {
         let axes = Axes::new(Vec3::NEG_Y, Vec3::Z);
         let mut orbit = sample();
         let at = |orbit: &Orbit, x: Vec3| orbit.camera(400, 400).project(x).unwrap().0 - 200.0;
@@ -230,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn a_whole_turn_comes_back_to_where_it_began() {
+    fn full_turn_returns_to_the_start() {
         let begin = sample();
         let mut orbit = begin;
         for _ in 0..8 {

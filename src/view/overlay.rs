@@ -1,4 +1,4 @@
-//! Masks as transparent pictures over a frame.
+//! Masks as translucent overlays on a frame's image.
 
 use std::collections::BTreeSet;
 
@@ -8,14 +8,14 @@ use super::Appearance;
 use super::paint::LabelColors;
 use ostra_masks::{LabelId, LabelMask, LabelTree, Region};
 
-/// How a mask lies over its picture.
+/// How a mask is drawn over its image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OverlayStyle {
-    /// Opacity of the areas, 0–1.
+    /// Opacity of the label areas, 0–1.
     pub opacity: f32,
-    /// Draw each label's border one pixel wide, opaque.
+    /// Whether each label has an opaque border, one pixel wide.
     pub outlines: bool,
-    /// Labels (with all below them) that are not drawn.
+    /// Labels that are not drawn, including their descendants.
     pub hidden: BTreeSet<LabelId>,
 }
 
@@ -29,7 +29,7 @@ impl Default for OverlayStyle {
     }
 }
 
-/// The mask as `width · height` straight-alpha sRGB pixels, to be laid over the picture.
+/// Renders a mask as `width · height` straight-alpha sRGB pixels.
 #[must_use]
 pub fn overlay(mask: &LabelMask, tree: &LabelTree, style: &OverlayStyle) -> Vec<[u8; 4]> {
     let colors = LabelColors::new(
@@ -71,13 +71,16 @@ fn on_border(mask: &LabelMask, x: usize, y: usize) -> bool {
         || (y + 1 < height && differs(x, y + 1))
 }
 
-/// The colour of what is contradicted, sRGB.
+/// Colour of conflicting regions, sRGB.
 const COLOR: [u8; 3] = [235, 60, 50];
-/// Stripes across the longer side of a picture, and the least width of one with its gap, pixels.
+/// Number of stripes across the longer side of an image.
 const STRIPES: u32 = 120;
+/// Minimum width of a stripe with its gap, in pixels.
 const LEAST_PX: u32 = 8;
 
-/// A region as stripes with a border, `width · height` straight-alpha sRGB pixels, to be laid over a picture and its masks.
+/// Renders a region as stripes with a border, for drawing over an image and its masks.
+///
+/// Returns `width · height` straight-alpha sRGB pixels.
 #[must_use]
 pub fn hatch(region: &Region) -> Vec<[u8; 4]> {
     let period = (region.width.max(region.height) / STRIPES).max(LEAST_PX) as usize;
@@ -111,7 +114,7 @@ mod tests {
     use ostra_masks::Label;
 
     #[test]
-    fn areas_are_translucent_borders_opaque_hidden_labels_gone() {
+    fn areas_are_translucent_borders_opaque_and_hidden_labels_transparent() {
         let mut tree = LabelTree::default();
         for id in 1..=2 {
             tree.set(Label {
@@ -142,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_region_is_striped_and_its_border_is_whole() {
+    fn only_the_region_is_striped_and_its_border_is_closed() {
         let mut region = Region::empty(40, 30);
         for y in 0..20 {
             (5..25).for_each(|x| region.inside[y * 40 + x] = true);

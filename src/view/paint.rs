@@ -1,4 +1,4 @@
-//! Colours of points and vertices: by label, votes, normals and heights.
+//! Colours of points and vertices: by label, votes, normal or height.
 
 use std::sync::Arc;
 
@@ -11,23 +11,23 @@ use ostra_cloud::LabelledCloud;
 use ostra_cloud::fuse::Votes;
 use ostra_masks::{LabelId, LabelTree};
 
-/// Points that the ends of a ramp are read from.
+/// Number of points from which the ends of a colour ramp are estimated.
 const SAMPLED: usize = 100_000;
 
-/// An [`Appearance`] made ready for loops over the millions of points of one cloud.
+/// An [`Appearance`] prepared for loops over the millions of points of one cloud.
 ///
-/// Numbers behind colours (conflict, views, height) are computed while points are packed for the GPU, from the
-/// votes and the positions: storing them would cost memory for every point.
+/// Values behind colours (conflict, views, height) are computed from the votes and positions while
+/// points are packed for the GPU. Storing them would cost memory for every point.
 #[derive(Debug, Clone)]
 pub(super) struct Paint {
     labels: LabelColors,
     source: Source,
     doubtful_below: Option<f32>,
-    /// Opacity of what is faint.
+    /// Opacity of faint points.
     faint: u8,
 }
 
-/// Where colours come from.
+/// Source of the colours.
 #[derive(Debug, Clone)]
 enum Source {
     Rgb,
@@ -37,7 +37,7 @@ enum Source {
     Unknown,
 }
 
-/// A number that each point has.
+/// A scalar per point.
 #[derive(Debug, Clone)]
 enum Number {
     Confidence,
@@ -57,7 +57,7 @@ impl Paint {
         }
     }
 
-    /// The sRGB colour of point `index` and its opacity; `None` when it is not drawn.
+    /// Returns the sRGB colour and opacity of point `index`; `None` if it is not drawn.
     pub(super) fn color(&self, cloud: &LabelledCloud, index: usize) -> Option<[u8; 4]> {
         let label = self.labels.get(cloud.labels[index]);
         let [r, g, b] = match &self.source {
@@ -73,7 +73,7 @@ impl Paint {
         (opacity > 0).then_some([r, g, b, opacity])
     }
 
-    /// Opacity of point `index`, 0 (not drawn) to 255.
+    /// Returns the opacity of point `index`, 0 (not drawn) to 255.
     pub(super) fn opacity(&self, cloud: &LabelledCloud, index: usize) -> u8 {
         let of_label = self.labels.get(cloud.labels[index])[3];
         let stands_out = self
@@ -86,7 +86,7 @@ impl Paint {
         }
     }
 
-    /// What the ends of the ramp stand for, where colours come from one.
+    /// Returns the values at the ends of the colour ramp, if the colours use one.
     pub(super) fn range(&self) -> Option<[f32; 2]> {
         match self.source {
             Source::Ramp { range, .. } => Some(range),
@@ -129,7 +129,7 @@ impl Number {
         }
     }
 
-    /// What the ends of the ramp stand for.
+    /// Returns the values at the ends of the colour ramp.
     fn range(&self, cloud: &LabelledCloud) -> [f32; 2] {
         let order = SpreadOrder::new(cloud.len());
         let sample = || (0..cloud.len().min(SAMPLED)).map(|place| self.of(cloud, order.at(place)));
@@ -156,13 +156,13 @@ fn of_normal(normal: Vec3) -> [u8; 3] {
         .map(|along| ((along * 0.5 + 0.5) * 255.0).round() as u8)
 }
 
-/// Colour of what has no label or no known value (sRGB).
+/// Colour (sRGB) of points without a label or a known value.
 pub(super) const UNKNOWN: [u8; 3] = [120, 120, 120];
 
 /// Colour and opacity by label, ready for loops over millions of points or pixels.
 #[derive(Debug, Clone)]
 pub(super) struct LabelColors {
-    /// Opacity 0 = hidden; ids beyond the end belong to no label.
+    /// Opacity 0 means hidden; ids beyond the end belong to no label.
     by_id: Vec<[u8; 4]>,
     unlabelled: [u8; 4],
 }
@@ -193,7 +193,7 @@ impl LabelColors {
         }
     }
 
-    /// sRGB and opacity (0 = hidden) of a label; grey for none.
+    /// Returns the sRGB colour and opacity (0 = hidden) of a label; grey without a label.
     pub(super) fn get(&self, id: LabelId) -> [u8; 4] {
         let known = self
             .by_id
@@ -203,7 +203,7 @@ impl LabelColors {
     }
 }
 
-/// Opacity of what is faint, 0 to 255.
+/// Returns the opacity of faint points, 0 to 255.
 fn faint_opacity(appearance: &Appearance) -> u8 {
     (appearance.faint.clamp(0.0, 1.0) * 255.0).round() as u8
 }
@@ -266,7 +266,7 @@ mod tests {
     }
 
     #[test]
-    fn each_coloring_shows_what_it_says() {
+    fn each_coloring_maps_its_value_to_colours() {
         let by = |coloring| {
             colors(&Appearance {
                 coloring,
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn a_level_gives_parts_the_colour_of_the_whole() {
+    fn level_gives_parts_the_colour_of_their_ancestor() {
         let appearance = Appearance {
             coloring: Coloring::Label,
             level: Some(1),
@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_below_a_hidden_or_isolated_label_goes_with_it() {
+    fn descendants_share_the_visibility_of_hidden_and_isolated_labels() {
         let opacities = |appearance: &Appearance| -> Vec<u8> {
             colors(appearance)
                 .into_iter()
@@ -340,7 +340,7 @@ mod tests {
     }
 
     #[test]
-    fn only_points_that_were_contested_stand_out() {
+    fn only_contested_points_are_opaque() {
         let opacities = |appearance: &Appearance| -> Vec<u8> {
             colors(appearance)
                 .into_iter()

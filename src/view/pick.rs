@@ -1,4 +1,4 @@
-//! Picking of points and frustums, and of points on a thread of its own.
+//! Picking of points and camera frustums under the pointer, with a background thread for points.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -12,9 +12,12 @@ use super::{Appearance, Clip, ViewCamera};
 use ostra_cloud::LabelledCloud;
 use ostra_frames::Frame;
 
-/// The point seen at a pixel position: the nearest to the eye among those within `radius_px`, preferring the one that
-/// lies closest to the position when several are about equally near. What is hidden or clipped is looked through, and
-/// what is faint wherever there is anything else.
+/// Returns the index of the visible point at a pixel position.
+///
+/// Candidates are the drawn points within `radius_px`. Only those with the highest opacity count,
+/// so that faint points are picked only where there is nothing else. Among those at most 1 %
+/// farther than the nearest, the one closest to `at_px` wins. Hidden and clipped points are
+/// ignored.
 #[must_use]
 pub fn pick_point(
     cloud: &LabelledCloud,
@@ -48,7 +51,7 @@ pub fn pick_point(
         .map(|hit| hit.0)
 }
 
-/// The number of the frame whose camera centre lies within `radius_px` of a pixel position, nearest first.
+/// Returns the frame whose camera centre is closest to a pixel position, within `radius_px`.
 #[must_use]
 pub fn pick_frustum(
     frames: &[Frame],
@@ -72,13 +75,15 @@ pub fn pick_frustum(
         .map(|(number, _)| number)
 }
 
-/// The point seen at a pixel of a view, looked for in the background: large clouds take longer than a picture of the window.
+/// A point query that runs in the background.
+///
+/// On large clouds a query takes longer than drawing one frame of the window.
 pub struct Picking {
     found: Receiver<Option<usize>>,
 }
 
 impl Picking {
-    /// Begins to look for what [`pick_point`] gives; `wake` is called when it is known.
+    /// Starts [`pick_point`] in the background; `wake` is called when the result is available.
     pub fn begin(
         cloud: Arc<LabelledCloud>,
         camera: ViewCamera,
@@ -88,7 +93,7 @@ impl Picking {
     ) -> Self {
         let (sender, found) = channel();
         beside_jobs(move || {
-            // An error says that nobody waits any more.
+            // Sending fails only if the result is no longer wanted.
             let _ = sender.send(pick_point(
                 &cloud,
                 &camera,
@@ -102,7 +107,7 @@ impl Picking {
         Self { found }
     }
 
-    /// The number of the point, or that there is none, once that is known.
+    /// Returns the result of [`pick_point`], or `None` if it is not available yet.
     #[must_use]
     pub fn next(&self) -> Option<Option<usize>> {
         match self.found.try_recv() {
@@ -120,7 +125,7 @@ mod tests {
     use ostra_masks::{Label, LabelId};
 
     #[test]
-    fn what_is_clipped_or_faint_is_looked_through() {
+    fn clipped_and_faint_points_are_not_picked() {
         let mut cloud = LabelledCloud::from_positions(vec![Vec3::ZERO, Vec3::Z]);
         cloud.labels = vec![LabelId(1), LabelId(2)];
         for id in [1, 2] {

@@ -1,4 +1,4 @@
-//! The shaders of points, lines and surfaces, and the vertices and uniforms that they read.
+//! Render pipelines for points, lines and surfaces, with their vertex and uniform layouts.
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::util::DeviceExt;
@@ -6,7 +6,7 @@ use wgpu::util::DeviceExt;
 use super::frame_shapes::{Line, Planes};
 use super::target::compiled;
 
-/// The compiled shaders with the uniform that they share.
+/// The compiled pipelines and the uniform that they share.
 pub(super) struct Pipelines {
     pub points: wgpu::RenderPipeline,
     pub lines: wgpu::RenderPipeline,
@@ -18,7 +18,7 @@ pub(super) struct Pipelines {
     pub bindings: wgpu::BindGroup,
 }
 
-/// What a pipeline draws and how its vertices lie in memory.
+/// Primitive topology and vertex layout of a pipeline.
 struct Shape {
     topology: wgpu::PrimitiveTopology,
     step_mode: wgpu::VertexStepMode,
@@ -118,13 +118,14 @@ fn pipeline(
     )
 }
 
-/// Levels of growth, from 1 to 32 times the radius.
+/// Number of disc growth levels, from 1 to 32 times the radius.
 const LEVELS: u32 = 41;
-/// Levels between a radius and its double.
+/// Number of levels per doubling of the radius.
 const PER_DOUBLE: f32 = 8.0;
 
-/// How much larger discs are drawn where only a part of the points is, so that surfaces stay closed. One level is chosen
-/// per draw call.
+/// Factors by which discs grow where only a part of the points is drawn.
+///
+/// Larger discs keep surfaces closed. One level is chosen per draw call.
 pub(super) struct Growths {
     pub layout: wgpu::BindGroupLayout,
     levels: wgpu::BindGroup,
@@ -180,7 +181,9 @@ impl Growths {
         }
     }
 
-    /// Binds to group 1 what `drawn` (above 0) points of `all` need: on a surface, the root of how many fewer they are.
+    /// Binds the growth for `drawn` (above 0) of `all` points to group 1.
+    ///
+    /// On a surface the radius grows with the square root of `all / drawn`.
     pub fn bind(&self, pass: &mut wgpu::RenderPass<'_>, drawn: usize, all: usize) {
         pass.set_bind_group(1, &self.levels, &[level(drawn, all) * self.step]);
     }
@@ -191,38 +194,38 @@ fn level(drawn: usize, all: usize) -> u32 {
     ((growth.log2() * PER_DOUBLE).round() as u32).min(LEVELS - 1)
 }
 
-/// One vertex on the GPU.
+/// Surface vertex in GPU memory.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct SurfaceVertex {
     pub position: [f32; 3],
     pub color: [u8; 4],
-    /// As shares of 32767; the fourth is unused.
+    /// Unit normal, scaled by 32767; the fourth component is unused.
     pub normal: [i16; 4],
 }
 
-/// What all shaders know of the camera.
+/// Camera uniform of all shaders.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct EyeUniform {
     pub clip_from_world: [[f32; 4]; 4],
-    /// Takes the inside of the clip box to the cube from -1 to 1.
+    /// Maps the inside of the clip box to the cube from -1 to 1.
     pub cube_from_world: [[f32; 4]; 4],
     /// Width and height in pixels, pixels per world unit at clip w = 1, one unused.
     pub view: [f32; 4],
-    /// Smallest and largest disc radius in pixels, two unused.
+    /// Minimum and maximum disc radius in pixels, two unused.
     pub disc: [f32; 4],
-    /// Where the camera is, and the light on a surface that is seen along itself.
+    /// xyz: camera position in world space; w: brightness of a surface that is seen edge-on.
     pub place: [f32; 4],
 }
 
-/// One point on the GPU; opacity 0 = not drawn.
+/// Point in GPU memory; a point with opacity 0 is not drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct PointInstance {
     pub position: [f32; 3],
     pub color: [u8; 4],
-    /// Of its disc where all points are drawn, in world units.
+    /// Disc radius in world units if all points are drawn.
     pub radius: f32,
 }
 
@@ -231,7 +234,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn all_points_have_their_true_size_and_a_quarter_twice_it() {
+    fn radius_doubles_when_a_quarter_of_the_points_is_drawn() {
         assert_eq!(
             [
                 level(10, 10),

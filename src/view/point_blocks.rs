@@ -1,4 +1,4 @@
-//! Points on the GPU, in blocks: which are in view, how many points each shows, and their upload.
+//! Points on the GPU in blocks: visibility, number of points shown per block, and upload.
 
 use std::sync::Arc;
 
@@ -10,14 +10,17 @@ use super::pipelines::{Pipelines, PointInstance};
 use super::{Bounds, SceneStyle, ViewCamera};
 use ostra_cloud::LabelledCloud;
 
-/// Points handed to the GPU in one call, packed in about 10 ms. One thread packs: the pool of the program's jobs may be
-/// busy for seconds.
+/// Maximum number of points uploaded per call; packing them takes about 10 ms.
+///
+/// One thread packs, because the pool of the program's jobs may be busy for seconds.
 const UPLOAD: usize = 250_000;
-/// How many times the points of the picture before a refined picture has.
+/// Factor by which a refined image has more points than the one before.
 const FINER: usize = 6;
 
-/// An arrangement of points on the GPU and the picture that is being drawn of it: of each block that is seen a share of its
-/// points, which begins with the first of the block's order.
+/// An arrangement on the GPU and the image that is being drawn of it.
+///
+/// The image shows a share of the points of each visible block: the first ones in the block's
+/// order.
 pub(super) struct PointBlocks {
     arrangement: Arc<Arrangement>,
     on_gpu: Vec<OnGpu>,
@@ -31,11 +34,11 @@ struct OnGpu {
     count: usize,
 }
 
-/// What a picture shows of one block.
+/// The part of one block that an image shows.
 struct Part {
     block: usize,
     all: usize,
-    /// The area it takes on the screen, in pixels, roughly.
+    /// Approximate area on the screen in square pixels.
     area_px: f32,
     share: usize,
     drawn: usize,
@@ -59,12 +62,14 @@ impl PointBlocks {
         &self.arrangement
     }
 
-    /// Colours are others now: all is to be uploaded anew.
+    /// Discards the uploaded points after a change of colours.
     pub fn forget(&mut self) {
         self.on_gpu.iter_mut().for_each(|block| block.count = 0);
     }
 
-    /// Begins a picture of about `budget` points, divided among the blocks that are seen by their size on the screen.
+    /// Starts an image of about `budget` points.
+    ///
+    /// The budget is divided among the visible blocks by their size on the screen.
     pub fn begin(&mut self, camera: &ViewCamera, style: &SceneStyle, budget: usize) {
         let frustum = Frustum::new(camera, style);
         let blocks = self.arrangement.blocks.iter().enumerate();
@@ -91,19 +96,19 @@ impl PointBlocks {
                 )
             })
             .collect();
-        // What is near hides what is far: pixels are then shaded once.
+        // Near blocks come first: they occlude far ones, so that pixels are shaded once.
         seen.sort_by(|a, b| a.0.total_cmp(&b.0));
         self.parts = seen.into_iter().map(|(_, part)| part).collect();
         self.divide(budget);
     }
 
-    /// Begins a picture of the same blocks with several times the points, or all of them.
+    /// Starts an image of the same blocks with several times the points, or all of them.
     pub fn refine(&mut self) {
         let (drawn, all) = self.parts.iter().fold((0, 0), |(drawn, all), part| {
             (drawn + part.share, all + part.all)
         });
         let budget = drawn * FINER;
-        // A picture of most points would take as long as that of all.
+        // Drawing most points would take as long as drawing all of them.
         self.divide(if budget * 2 < all { budget } else { all });
     }
 
@@ -118,15 +123,17 @@ impl PointBlocks {
         }
     }
 
-    /// Makes do with what the GPU has, so that the picture can be drawn at once.
+    /// Limits the image to the points on the GPU, so that it can be drawn at once.
     pub fn settle(&mut self) {
         self.parts
             .iter_mut()
             .for_each(|part| part.share = part.share.min(self.on_gpu[part.block].count));
     }
 
-    /// Hands the GPU a bounded part more: first some of all blocks, so that whatever comes into view is there, then what
-    /// the picture needs.
+    /// Uploads a bounded part of the points.
+    ///
+    /// First come some points of all blocks, so that anything that comes into view can be drawn.
+    /// Then come the points that the image needs.
     pub fn upload_next(
         &mut self,
         gpu: (&wgpu::Device, &wgpu::Queue),
@@ -148,7 +155,7 @@ impl PointBlocks {
             } = self.parts[part];
             let has = self.on_gpu[block].count;
             if share > has && room > 0 {
-                // Twice as many at least: uploads are few.
+                // At least doubling the points keeps the number of uploads small.
                 let end = share.max(has * 2).min(all).min(has + room);
                 self.upload(gpu, cloud, paint, (block, end));
                 room -= end - has;
@@ -156,7 +163,7 @@ impl PointBlocks {
         }
     }
 
-    /// Makes the first `end` points of a block be on the GPU.
+    /// Uploads points until the first `end` points of a block are on the GPU.
     fn upload(
         &mut self,
         (device, queue): (&wgpu::Device, &wgpu::Queue),
@@ -188,10 +195,10 @@ impl PointBlocks {
         *count = end;
     }
 
-    /// Draws at most `most` points more of the picture.
+    /// Draws at most `most` more points of the image.
     pub fn draw(&mut self, pass: &mut wgpu::RenderPass<'_>, pipelines: &Pipelines, most: usize) {
         pass.set_pipeline(&pipelines.points);
-        // Shares of 1 at least may add up to more than the budget by this.
+        // Every share is at least 1, so the shares may exceed the budget by the number of parts.
         let mut room = most + self.parts.len();
         for part in &mut self.parts {
             let OnGpu { points, count } = &self.on_gpu[part.block];
@@ -207,30 +214,32 @@ impl PointBlocks {
         }
     }
 
-    /// How many points of the picture are drawn.
+    /// Returns how many points of the image are drawn.
     pub fn drawn(&self) -> usize {
         self.parts.iter().map(|part| part.drawn).sum()
     }
 
-    /// Whether the picture is drawn.
+    /// Returns whether the image is drawn completely.
     pub fn is_drawn(&self) -> bool {
         self.parts.iter().all(|part| part.drawn == part.share)
     }
 
-    /// Whether the picture is drawn and shows every point of the blocks that are seen.
+    /// Returns whether the image is drawn and shows every point of the visible blocks.
     pub fn is_whole(&self) -> bool {
         self.parts.iter().all(|part| part.drawn == part.all)
     }
 }
 
-/// The part of space of which a picture shows anything: what lies in the camera's frustum and in the clip box.
+/// The visible part of space: the intersection of the camera frustum and the clip box.
 pub(super) struct Frustum {
-    /// Inside is where all of `normal · x + offset` are at least 0.
+    /// Planes; a point is inside where all `normal · x + offset` are at least 0.
     planes: [Vec4; 12],
 }
 
 impl Frustum {
-    /// Wider than the picture by the largest disc, since discs at its border reach into it.
+    /// Creates a frustum wider than the image by the largest disc.
+    ///
+    /// Discs centred just outside the image reach into it.
     pub fn new(camera: &ViewCamera, style: &SceneStyle) -> Self {
         let clip = camera.clip_from_world();
         let [x, y, z, w] = [0, 1, 2, 3].map(|row| clip.row(row));
@@ -245,7 +254,7 @@ impl Frustum {
         }
     }
 
-    /// Whether anything in a box might be seen. Never wrong when it says no.
+    /// Returns whether anything in a box may be visible; `false` is always correct.
     pub fn reaches(&self, bounds: &Bounds) -> bool {
         let (centre, half) = (bounds.centre(), (bounds.max - bounds.min) / 2.0);
         self.planes.iter().all(|plane| {
@@ -257,8 +266,10 @@ impl Frustum {
     }
 }
 
-/// Divides `budget` in proportion to weights (above 0) among takers, none of whom takes more than `most`; what some
-/// cannot take goes to the others. Everyone gets 1 at least.
+/// Divides `budget` among takers in proportion to their weights (above 0).
+///
+/// A taker is a maximum and a weight. No taker gets more than its maximum; the remainder goes to
+/// the others. Each taker gets at least 1.
 pub(super) fn shares(takers: &[(usize, f32)], budget: usize) -> Vec<usize> {
     let mut by_need: Vec<usize> = (0..takers.len()).collect();
     let need = |&taker: &usize| takers[taker].0 as f32 / takers[taker].1;
@@ -306,7 +317,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_box_with_a_point_that_is_drawn_is_reached(
+        fn box_with_a_visible_point_is_in_the_frustum(
             at in prop::array::uniform3(-4.0_f32..4.0),
             off in prop::array::uniform3(-1.0_f32..1.0),
             (half, closer, orthographic, clipped) in (0.0_f32..2.0, 0.02_f32..2.0, any::<bool>(), any::<bool>()),
@@ -329,7 +340,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_beside_behind_and_outside_the_clip_box_are_not_reached() {
+    fn boxes_outside_the_frustum_or_the_clip_box_are_rejected() {
         let camera = orbit().camera(320, 200);
         let style = SceneStyle::default();
         let (inside, behind) = (
@@ -352,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn what_some_cannot_take_goes_to_the_others_by_weight() {
+    fn excess_share_is_distributed_to_the_others_by_weight() {
         assert_eq!(
             shares(&[(100, 1.0), (10, 5.0), (100, 2.0)], 100),
             [30, 10, 60]

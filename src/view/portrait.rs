@@ -4,25 +4,29 @@ use super::arrangement::Arrangement;
 use super::raster::draw_arranged;
 use super::{Model, Orbit, SceneStyle, Shot, draw_mesh};
 
-/// A model as it is looked at, to be drawn on the CPU in any size and turned. The window and the command line pass it to a
-/// job as a closure: the session knows no drawing, and this crate no jobs.
+/// A model with a view and a style, for drawing on the CPU at any size and rotation.
+///
+/// The window and the command line pass it to a job as a closure: the session does not depend on
+/// drawing, and this crate does not depend on jobs.
 #[derive(Clone)]
 pub struct Portrait {
-    /// What is drawn; of a wireframe, its triangles.
+    /// The model; a wireframe is drawn as triangles.
     model: Model,
-    /// Where it is seen from.
+    /// The view.
     orbit: Orbit,
-    /// How it is drawn.
+    /// Colours, clip box, sizes and background.
     style: SceneStyle,
-    /// Rows of the view that the style's sizes in pixels are meant for, above 0; they grow with the picture.
+    /// Rows of the view for which sizes in pixels are given, above 0; sizes scale with the image.
     rows: u32,
-    /// Of a cloud, made for the first picture.
+    /// Arrangement of a cloud, computed for the first image.
     arrangement: OnceLock<Arc<Arrangement>>,
 }
 
 impl Portrait {
-    /// `rows`: of the view that the style's sizes in pixels are meant for, above 0; they grow with the picture. Of a
-    /// wireframe, triangles are drawn.
+    /// Creates a portrait; a wireframe is drawn as triangles.
+    ///
+    /// `rows` (above 0) is the height of the view for which sizes in pixels are given. Point sizes
+    /// scale with the image.
     #[must_use]
     pub fn new(model: Model, orbit: Orbit, style: SceneStyle, rows: u32) -> Self {
         Self {
@@ -34,8 +38,9 @@ impl Portrait {
         }
     }
 
-    /// Draws `size` columns and rows, with the scene turned to the right by `turned` radians; `transparent` leaves the
-    /// background out of what is smoothed.
+    /// Draws the model at `size` (columns, rows), with the scene turned right by `turned` radians.
+    ///
+    /// With `transparent`, smoothing of a mesh ignores the background.
     #[must_use]
     pub fn draw(&self, size: (u32, u32), turned: f32, transparent: bool) -> Shot {
         let mut orbit = self.orbit;
@@ -52,7 +57,7 @@ impl Portrait {
                     .get_or_init(|| Arc::new(Arrangement::of(&cloud.positions)));
                 draw_arranged(cloud, arrangement, &orbit.camera(size.0, size.1), &style)
             }
-            // Each pixel is the mean of four.
+            // Each pixel is the mean of four, which smooths edges.
             Model::Surface(mesh) | Model::Wireframe(mesh) => {
                 draw_mesh(mesh, &orbit.camera(size.0 * 2, size.1 * 2), &style).halved(transparent)
             }

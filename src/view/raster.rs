@@ -5,7 +5,7 @@ use super::paint::Paint;
 use super::{SceneStyle, Shot, ViewCamera};
 use ostra_cloud::LabelledCloud;
 
-/// A pixel on its way to a picture. Opacity 0 = nothing is drawn there.
+/// Depth and colour of a pixel; opacity 0 means that nothing is drawn there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Pixel {
     pub depth: f32,
@@ -29,22 +29,26 @@ impl Pixel {
     }
 }
 
-/// Whether something of this opacity (0–255) is drawn at a pixel: an ordered dither (Bayer 1973), so that what is faint
-/// needs no order. (Blending would have to draw points from back to front.) Twin: `is_shown` in the shaders.
+/// Returns whether something of this opacity (0–255) is drawn at a pixel.
+///
+/// An ordered dither (Bayer 1973) makes the result independent of the drawing order; blending would
+/// have to draw points from back to front. GPU twin: `is_shown` in the shaders.
 pub(super) fn is_shown(opacity: u8, x: usize, y: usize) -> bool {
     const THRESHOLDS: [[u32; 4]; 4] =
         [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
     u32::from(opacity) * 32 > (2 * THRESHOLDS[y % 4][x % 4] + 1) * 255
 }
 
-/// Draws a cloud on the CPU: round discs with a z-buffer, shaded by eye-dome lighting (Boucheny, Visualisation
-/// scientifique de grands volumes de données, 2009). Equal for any number of threads.
+/// Draws a cloud on the CPU as round discs with a z-buffer and eye-dome lighting.
+///
+/// Source of the lighting: Boucheny, Visualisation scientifique de grands volumes de données, 2009.
+/// The result is the same for any number of threads.
 #[must_use]
 pub fn draw_cloud(cloud: &LabelledCloud, camera: &ViewCamera, style: &SceneStyle) -> Shot {
     draw_arranged(cloud, &Arrangement::of(&cloud.positions), camera, style)
 }
 
-/// Draws a cloud whose points are arranged already.
+/// Draws a cloud whose points are already arranged.
 pub(super) fn draw_arranged(
     cloud: &LabelledCloud,
     arrangement: &Arrangement,
@@ -101,7 +105,7 @@ fn splats(
     arrangement.discs().filter_map(splat).collect()
 }
 
-/// For each band of 32 rows the splats that touch it, in their order.
+/// Returns, for each band of 32 rows, the splats that touch it, in their order.
 fn sort_into_bands(splats: &[Splat], bands: usize) -> Vec<Vec<u32>> {
     let mut by_band = vec![Vec::new(); bands];
     for (index, splat) in splats.iter().enumerate() {
@@ -136,9 +140,10 @@ fn draw_disc(rows: &mut [Pixel], width: usize, top: usize, splat: &Splat) {
     }
 }
 
-/// Darkens a pixel by how much farther it lies than its neighbours. Fainter neighbours throw no shade. Twin: edl.wgsl.
+/// Darkens a pixel by how much farther it is than its neighbours.
 ///
-/// Opacity says what belongs to the model: 0 is background and lines, which are not shaded.
+/// Fainter neighbours cast no shade. Pixels with opacity 0 are background and lines, which are not
+/// shaded. GPU twin: edl.wgsl.
 fn edl(pixels: &[Pixel], camera: &ViewCamera, at: usize, strength: f32) -> [u8; 4] {
     let (width, height) = (camera.width as isize, camera.height as isize);
     let Pixel {

@@ -8,31 +8,34 @@ use super::mesh_raster::AMBIENT;
 use super::pipelines::{EyeUniform, Pipelines};
 use super::target::{EyeDome, Target};
 
-/// What one call of [`SceneView::draw`] may cost before the batch shrinks.
+/// Maximum duration of one call of [`SceneView::draw`] before the batch shrinks.
 const FRAME_BUDGET: Duration = Duration::from_millis(40);
 
-/// Draws a cloud or a surface of any size into a texture of its own, a bounded batch of points or triangles per call. While
-/// the camera moves, the first call shows a part that is spread over all that is seen; when it rests, more calls fill the
-/// picture up (triangles) or draw finer ones out of sight, each of which is shown when it is done (points), until all is
-/// drawn.
+/// Draws a cloud or a surface of any size into its own texture, one bounded batch per call.
+///
+/// While the camera moves, the first call shows a part of the points or triangles that is spread
+/// over all in view. When the camera rests, further calls complete the image. Triangles fill up the
+/// visible image. Points are drawn as finer images off screen, each shown when it is complete,
+/// until all points are drawn.
 pub struct SceneView {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     pipelines: Pipelines,
     dome: EyeDome,
     content: Content,
-    /// The picture is to begin anew for the same scene.
+    /// Whether the image must restart for the same scene.
     is_stale: bool,
     batch: usize,
     scene: Option<Scene3d>,
     target: Option<Target>,
-    /// When the last batch was begun, while batches follow each other, and how many points or triangles it had.
+    /// Start of the last batch; `None` if the previous call drew nothing.
     last_draw: Option<Instant>,
+    /// Number of points or triangles in the last batch.
     last_count: usize,
 }
 
 impl SceneView {
-    /// A view without points. The texture's format is `Rgba8Unorm`, holding sRGB values.
+    /// Creates a view without points; the texture has format `Rgba8Unorm` and holds sRGB values.
     #[must_use]
     pub fn new(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         Self {
@@ -50,8 +53,9 @@ impl SceneView {
         }
     }
 
-    /// Shows another model from one of the next draws on; does nothing when it is the one shown. A cloud is put in order in
-    /// the background first, for which the old picture stands.
+    /// Sets the model; does nothing if it is already shown.
+    ///
+    /// A cloud is arranged in the background first; until then the old image stays.
     pub fn set_model(&mut self, model: Model) {
         if !self.content.shows(&model) {
             self.content = Content::new(model, &self.content);
@@ -59,7 +63,9 @@ impl SceneView {
         }
     }
 
-    /// Draws the next batch. Returns whether the picture is whole; call again (next frame) while it is not.
+    /// Draws the next batch and returns whether the image is complete.
+    ///
+    /// Call it again in the next frame while it returns false.
     pub fn draw(&mut self, scene: &Scene3d) -> bool {
         self.is_stale |= self.content.receive();
         self.fit_target(&scene.camera);
@@ -88,19 +94,21 @@ impl SceneView {
         self.content.is_whole() && self.content.is_final()
     }
 
-    /// The texture drawn into (a new one when the scene's camera has another size); `None` before the first draw.
+    /// Returns the texture that is drawn into; `None` before the first draw.
+    ///
+    /// The texture is replaced when the size of the scene's camera changes.
     #[must_use]
     pub fn texture(&self) -> Option<&wgpu::TextureView> {
         self.target.as_ref().map(|target| &target.lit)
     }
 
-    /// Points or triangles drawn of the picture in work, and all that there are.
+    /// Returns how many points or triangles of the current image are drawn, and how many exist.
     #[must_use]
     pub fn drawn(&self) -> (usize, usize) {
         (self.content.drawn(), self.content.len())
     }
 
-    /// What the ends of the ramp stand for that colours come from; `None` where they come from none.
+    /// Returns the values at the ends of the colour ramp; `None` if the colours use no ramp.
     #[must_use]
     pub fn range(&self) -> Option<[f32; 2]> {
         self.content.range()
@@ -117,7 +125,7 @@ impl SceneView {
         }
     }
 
-    /// Takes over what changed; returns whether the picture begins anew.
+    /// Applies changes of the scene; returns whether the image restarts.
     fn take_over(&mut self, scene: &Scene3d) -> bool {
         if self.scene.as_ref() != Some(scene) {
             let recolored = self
@@ -133,7 +141,7 @@ impl SceneView {
         std::mem::take(&mut self.is_stale)
     }
 
-    /// Fewer points or triangles per call when calls are slow, more when full ones are quick.
+    /// Shrinks the batch if calls are slow; grows it if full batches are fast.
     fn adapt_batch(&mut self) {
         if let Some(last) = self.last_draw.replace(Instant::now()) {
             let took = last.elapsed();
@@ -145,7 +153,7 @@ impl SceneView {
         }
     }
 
-    /// Draws a batch, over what was drawn before or, where a picture `begins`, over the background.
+    /// Draws a batch over the background if an image `begins`, otherwise over the earlier batches.
     fn draw_next(&mut self, begins: bool, scene: &Scene3d) {
         let Some(target) = &self.target else { return };
         self.queue.write_buffer(

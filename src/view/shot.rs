@@ -1,4 +1,4 @@
-//! Pictures drawn on the CPU, and their PNG files.
+//! Images drawn on the CPU, and PNG output.
 
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -13,17 +13,17 @@ use ostra_cloud::LabelledCloud;
 use ostra_core::disk::AtomicFile;
 use ostra_frames::{Frame, Image};
 
-/// A drawn picture.
+/// An image with coverage.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shot {
-    /// Its colours.
+    /// Colours.
     pub image: Image,
-    /// By pixel, how much of it is covered by what is drawn; 0 = the background alone.
+    /// Coverage per pixel, 0–255; 0 is background only.
     pub opacity: Vec<u8>,
 }
 
 impl Shot {
-    /// Pixels that are drawn (opacity above 0) or show the background.
+    /// Creates a shot from pixels; those with opacity above 0 are fully covered.
     pub(super) fn of_pixels(
         width: u32,
         height: u32,
@@ -42,7 +42,9 @@ impl Shot {
         }
     }
 
-    /// Half as large: each pixel's colour is the mean of four, or of those that are drawn where the background is left out.
+    /// Returns a shot of half the size by averaging 2 × 2 pixels.
+    ///
+    /// With `without_background`, only covered pixels count.
     pub(super) fn halved(&self, without_background: bool) -> Self {
         let (width, height) = (self.image.width / 2, self.image.height / 2);
         let mean = |at: usize| {
@@ -82,8 +84,11 @@ impl Shot {
     }
 }
 
-/// The view that shows the labelled points (all points where none has a label) as the cameras saw them: along the
-/// mean direction of the cameras, upright as they stood; without cameras along +z with y down. `None` without points.
+/// Returns a view of the labelled points, or of all points if none has a label.
+///
+/// It looks along the mean direction of the cameras and uses their up direction. Without cameras it
+/// looks along (0.25, 0.15, 1) with y down. `aspect` is width / height. Returns `None` without
+/// points.
 #[must_use]
 pub fn default_view(cloud: &LabelledCloud, frames: &[Frame], aspect: f32) -> Option<Orbit> {
     let labelled = || {
@@ -105,10 +110,12 @@ pub fn default_view(cloud: &LabelledCloud, frames: &[Frame], aspect: f32) -> Opt
     Some(orbit)
 }
 
-/// Writes an image as PNG, whole or not at all; `transparent` writes what is not drawn as such.
+/// Writes an image as PNG; the file is complete or not written at all.
+///
+/// With `transparent`, uncovered pixels are transparent.
 ///
 /// # Errors
-/// [`ViewError::Write`] when the folder is missing or cannot be written.
+/// Returns [`ViewError::Write`] if the folder is missing or cannot be written.
 pub fn write_png(path: &Path, shot: &Shot, transparent: bool) -> Result<(), ViewError> {
     let fail = |what: String| ViewError::Write {
         path: path.to_owned(),
@@ -139,15 +146,15 @@ pub fn write_png(path: &Path, shot: &Shot, transparent: bool) -> Result<(), View
     file.commit().map_err(|error| fail(error.to_string()))
 }
 
-/// What can go wrong while drawing; each says what the user can do.
+/// Errors of drawing; each message says what the user can do.
 #[derive(Debug, thiserror::Error)]
 pub enum ViewError {
-    /// The picture cannot be written.
+    /// The image cannot be written.
     #[error("{}: the picture cannot be written ({what}); check the folder and its permissions", path.display())]
     Write {
         /// The file.
         path: PathBuf,
-        /// What the encoder or the system said.
+        /// The message of the encoder or the system.
         what: String,
     },
     /// There is nothing to draw.

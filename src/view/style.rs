@@ -1,4 +1,4 @@
-//! How a scene is drawn: what points are coloured by, which labels are shown, the clip box, sizes and background.
+//! Style of a scene: colouring, visible labels, clip box, sizes and background.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -10,24 +10,28 @@ use ostra_cloud::fuse::Votes;
 use ostra_core::image::blend;
 use ostra_masks::{LabelId, LabelTree};
 
-/// How a scene is drawn, by the graphics card ([`super::SceneView`]) or the processor ([`super::draw_cloud`],
-/// [`super::draw_mesh`]). Both depend on nothing else, so that one test can compare their images.
+/// Style of a scene, for the GPU ([`super::SceneView`]) and for the CPU.
+///
+/// The CPU functions are [`super::draw_cloud`] and [`super::draw_mesh`]. Both depend on nothing
+/// else, so that one test can compare their images.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SceneStyle {
-    /// Colours, and what is seen at all.
+    /// Colours and visibility.
     pub appearance: Appearance,
     /// The part of space that is drawn.
     pub clip: Clip,
-    /// Smallest disc radius in pixels, above 0.
+    /// Minimum disc radius in pixels, above 0.
     pub point_px: f32,
-    /// sRGB.
+    /// Background colour, sRGB.
     pub background: [u8; 3],
-    /// Strength of the eye-dome lighting of points, 0 = off; triangles are lit by their normals.
+    /// Strength of the eye-dome lighting of points; 0 means off.
+    ///
+    /// Triangles are lit by their normals.
     pub edl_strength: f32,
 }
 
 impl SceneStyle {
-    /// Largest disc radius in pixels.
+    /// Returns the maximum disc radius in pixels.
     pub(super) fn most_px(&self) -> f32 {
         self.point_px.max(24.0)
     }
@@ -45,27 +49,32 @@ impl Default for SceneStyle {
     }
 }
 
-/// How points and triangles get their colours, and which of them are seen.
+/// Colours and visibility of points and triangles.
 #[derive(Debug, Clone)]
 pub struct Appearance {
-    /// What colours show.
+    /// What the colours show.
     pub coloring: Coloring,
-    /// Labels deeper than this take the colour of their ancestor there, 1 = top; `None` = every label its own.
+    /// Depth in the label tree, 1 = top; deeper labels take the colour of their ancestor there.
+    ///
+    /// `None` gives every label its own colour.
     pub level: Option<usize>,
-    /// Labels (with all below them) that are not drawn.
+    /// Labels that are not drawn, including their descendants.
     pub hidden: BTreeSet<LabelId>,
-    /// The label that, with all below it, is drawn as ever while all else is drawn faintly; `None` = nothing is faint.
+    /// The label that keeps its opacity, including its descendants; everything else is faint.
+    ///
+    /// `None` means that no label is isolated.
     pub isolated: Option<LabelId>,
-    /// Only points stand out whose label won less than this share of the votes ([`ostra_cloud::LabelledCloud::is_doubtful`]), 0–1, and all
-    /// else is drawn faintly; `None` = all do.
+    /// Share of the votes, 0–1, below which a point stands out; all other points are faint.
+    ///
+    /// See [`ostra_cloud::LabelledCloud::is_doubtful`]. `None` means that all points stand out.
     pub doubtful_below: Option<f32>,
-    /// Opacity of what is faint, 0 (not drawn) to 1.
+    /// Opacity of faint points, 0 (not drawn) to 1.
     pub faint: f32,
-    /// Names and colours newer than the cloud's own.
+    /// Label tree that replaces the one of the cloud, for newer names and colours.
     pub tree: Option<LabelTree>,
-    /// How the points were voted on; without it, colours that show votes are grey.
+    /// Votes per point; without them, colourings that show votes are grey.
     pub votes: Option<Arc<Votes>>,
-    /// The direction that height is measured along, a unit vector in world space.
+    /// Direction of height, a unit vector in world space.
     pub up: Vec3,
 }
 
@@ -86,7 +95,7 @@ impl Default for Appearance {
 }
 
 impl PartialEq for Appearance {
-    /// Votes are equal when they are the very same.
+    /// Compares votes by pointer.
     fn eq(&self, other: &Self) -> bool {
         let votes = |one: &Self| one.votes.as_ref().map(Arc::as_ptr);
         (self.coloring, self.level, self.isolated) == (other.coloring, other.level, other.isolated)
@@ -98,28 +107,30 @@ impl PartialEq for Appearance {
     }
 }
 
-/// What a point's colour shows.
+/// What the colour of a point shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Coloring {
-    /// The colour of the pictures.
+    /// The colour in the images.
     #[default]
     Rgb,
-    /// The colour of its label; unlabelled points grey.
+    /// The colour of its label; unlabelled points are grey.
     Label,
-    /// The share of the vote its label won: dark violet (0) over green to yellow (1).
+    /// The share of votes of its label: dark violet (0) over green to yellow (1).
     Confidence,
-    /// The share of the vote its strongest rival got: dark violet (0) to yellow (a half).
+    /// The share of votes of the second-best label: dark violet (0) to yellow (0.5).
     Conflict,
-    /// How many views voted on it: dark violet (none) to yellow (the most).
+    /// The number of views that voted: dark violet (0) to yellow (maximum).
     Views,
-    /// Its normal in world space: x as red, y as green, z as blue, each from -1 (0) to 1 (255); unknown ones grey.
+    /// Its normal in world space: x, y, z as red, green, blue, from -1 (0) to 1 (255).
+    ///
+    /// Unknown normals are grey.
     Normals,
-    /// How high it lies along [`super::Appearance::up`]: dark violet (lowest) to yellow (highest).
+    /// Its height along [`super::Appearance::up`]: dark violet (lowest) to yellow (highest).
     Height,
 }
 
 impl Coloring {
-    /// All, the picture's colours first.
+    /// All colourings, that of the images first.
     pub const ALL: [Self; 7] = [
         Self::Rgb,
         Self::Label,
@@ -130,14 +141,16 @@ impl Coloring {
         Self::Height,
     ];
 
-    /// Whether it shows how points were voted on.
+    /// Returns whether it shows votes.
     #[must_use]
     pub fn needs_votes(self) -> bool {
         matches!(self, Self::Conflict | Self::Views)
     }
 }
 
-/// A perceptually ordered ramp through five stops (violet, blue, green, lime, yellow): sRGB for a share from 0 to 1.
+/// Returns the sRGB colour for a share from 0 to 1.
+///
+/// The ramp is perceptually ordered through five stops: violet, blue, green, lime and yellow.
 #[must_use]
 pub fn ramp(share: f32) -> [u8; 3] {
     const STOPS: [[f32; 3]; 5] = [
@@ -153,15 +166,17 @@ pub fn ramp(share: f32) -> [u8; 3] {
     std::array::from_fn(|c| blend(STOPS[low][c], STOPS[low + 1][c], t) as u8)
 }
 
-/// The part of space that is drawn and picked: all of it, or the inside of a box.
+/// The part of space that is drawn and picked: everything, or the inside of a box.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Clip {
-    /// Takes the inside of the box to the cube from -1 to 1; everything into its middle = no limits.
+    /// Maps the inside of the box to the cube from -1 to 1.
+    ///
+    /// Mapping everything to the origin means no limits.
     pub(super) cube_from_world: Mat4,
 }
 
 impl Default for Clip {
-    /// No limits.
+    /// Returns a clip without limits.
     fn default() -> Self {
         Self {
             cube_from_world: Mat4::from_diagonal(Vec4::W),
@@ -170,7 +185,9 @@ impl Default for Clip {
 }
 
 impl Clip {
-    /// A box whose sides are parallel to `axes`; `sides` are its corners along them ([`Axes::axes_from_world`]).
+    /// Creates a box whose faces are parallel to `axes`.
+    ///
+    /// `sides` are its corners in axis coordinates ([`Axes::axes_from_world`]).
     #[must_use]
     pub fn inside(axes: &Axes, sides: &Bounds) -> Self {
         let half = ((sides.max - sides.min) / 2.0).max(Vec3::splat(f32::MIN_POSITIVE.sqrt()));
@@ -182,24 +199,24 @@ impl Clip {
         }
     }
 
-    /// What takes the inside of the box to the cube from −1 to 1; `None` where there are no limits.
+    /// Returns the map from the box to the cube from −1 to 1; `None` if there are no limits.
     #[must_use]
     pub fn cube_from_world(&self) -> Option<Mat4> {
         (*self != Self::default()).then_some(self.cube_from_world)
     }
 
-    /// Whether a point of world space is drawn and picked.
+    /// Returns whether a world point is drawn and picked.
     #[must_use]
     pub fn contains(&self, x_in_world: Vec3) -> bool {
         Self::is_in_cube(self.in_cube(x_in_world))
     }
 
-    /// Where a point of world space lies in the cube.
+    /// Transforms a world point into the space of the cube.
     pub(super) fn in_cube(&self, x_in_world: Vec3) -> Vec3 {
         self.cube_from_world.transform_point3(x_in_world)
     }
 
-    /// Whether a point that was brought into the cube's space lies inside.
+    /// Returns whether a point in the space of the cube is inside.
     pub(super) fn is_in_cube(x_in_cube: Vec3) -> bool {
         x_in_cube.abs().max_element() <= 1.0
     }
@@ -210,7 +227,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_box_along_turned_axes_holds_what_lies_between_its_sides() {
+    fn rotated_clip_box_contains_points_between_its_faces() {
         let axes = Axes::new(Vec3::new(0.0, 0.0, 1.0), Vec3::new(1.0, 0.0, 1.0));
         let clip = Clip::inside(
             &axes,

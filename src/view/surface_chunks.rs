@@ -9,19 +9,19 @@ use super::paint::Paint;
 use super::pipelines::{Pipelines, SurfaceVertex};
 use ostra_cloud::LabelledMesh;
 
-/// Triangles with vertices and indices of their own on the GPU.
+/// Maximum number of triangles per chunk; each chunk has its own vertex and index buffer.
 const CHUNK: usize = 4096;
-/// Chunks packed in one call, side by side.
+/// Maximum number of chunks that are packed in parallel per call.
 const AT_ONCE: usize = 64;
 
-/// A surface in chunks of triangles, which are uploaded and drawn in an order that is spread over the whole.
+/// A surface in chunks of triangles, uploaded and drawn in an order that is spread over the whole.
 pub(super) struct SurfaceChunks {
     triangles: usize,
     order: SpreadOrder,
-    /// Only sides are drawn.
+    /// Whether only edges are drawn.
     edges: bool,
     chunks: Vec<Chunk>,
-    /// Triangles of the picture that are drawn, up to the end of a chunk.
+    /// Number of triangles drawn of the current image, up to the end of a chunk.
     drawn: usize,
 }
 
@@ -29,7 +29,7 @@ struct Chunk {
     vertices: wgpu::Buffer,
     indices: wgpu::Buffer,
     index_count: u32,
-    /// Triangles of this chunk and of those before.
+    /// Number of triangles in this chunk and all chunks before it.
     end: usize,
 }
 
@@ -44,27 +44,27 @@ impl SurfaceChunks {
         }
     }
 
-    /// How many triangles there are.
+    /// Returns the number of triangles.
     pub(super) fn len(&self) -> usize {
         self.triangles
     }
 
-    /// How many triangles of the picture are drawn.
+    /// Returns how many triangles of the current image are drawn.
     pub(super) fn drawn(&self) -> usize {
         self.drawn
     }
 
-    /// Colours are others now: all is to be uploaded anew.
+    /// Discards the uploaded chunks after a change of colours.
     pub(super) fn forget(&mut self) {
         self.chunks.clear();
     }
 
-    /// Begins a picture.
+    /// Starts an image.
     pub(super) fn begin(&mut self) {
         self.drawn = 0;
     }
 
-    /// Uploads a few chunks more if those for `most` more triangles are not there.
+    /// Uploads a few more chunks unless the next `most` triangles are already on the GPU.
     pub(super) fn upload_next(
         &mut self,
         device: &wgpu::Device,
@@ -115,7 +115,7 @@ impl SurfaceChunks {
         self.chunks.last().map_or(0, |chunk| chunk.end)
     }
 
-    /// Draws the chunks among the next `most` triangles.
+    /// Draws the chunks that start among the next `most` triangles.
     pub(super) fn draw(
         &mut self,
         pass: &mut wgpu::RenderPass<'_>,
@@ -144,8 +144,9 @@ impl SurfaceChunks {
     }
 }
 
-/// The vertices of some triangles and, by their places, the corners of the triangles or the ends of their sides. Triangles
-/// with a hidden corner are left out.
+/// Packs some triangles into vertices and indices of triangle corners or edge ends.
+///
+/// Triangles with a hidden corner are left out.
 fn pack(
     mesh: &LabelledMesh,
     triangles: Range<usize>,
@@ -189,7 +190,7 @@ fn packed(mesh: &LabelledMesh, vertex: usize, paint: &Paint) -> Option<SurfaceVe
     })
 }
 
-/// Sides that two triangles share are drawn once.
+/// Removes duplicate edges, which adjacent triangles share.
 fn once_each(ends: &[u32]) -> Vec<u32> {
     let mut sides: Vec<[u32; 2]> = ends
         .as_chunks()

@@ -1,19 +1,19 @@
-//! The textures drawn into, pipelines compiled for their formats, and the eye-dome lighting of what was drawn.
+//! Render targets of the 3-D view, pipeline creation and the eye-dome lighting pass.
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::util::DeviceExt;
 
 use super::{Projection, ViewCamera};
 
-/// The textures that the 3-D view is drawn into.
+/// The textures of the 3-D view.
 pub(super) struct Target {
     pub(super) size: (u32, u32),
-    /// The picture before eye-dome lighting; opacity 0 = nothing of the model.
+    /// The image before eye-dome lighting; opacity 0 means that the model is not drawn there.
     color: wgpu::TextureView,
     depth: wgpu::TextureView,
-    /// The picture that is shown.
+    /// The image that is shown.
     pub(super) lit: wgpu::TextureView,
-    /// What lighting reads.
+    /// Inputs of the lighting pass.
     inputs: wgpu::BindGroup,
 }
 
@@ -48,7 +48,7 @@ impl Target {
         }
     }
 
-    /// Lights what was drawn, into [`Self::lit`].
+    /// Runs the lighting pass into [`Self::lit`].
     pub(super) fn light(&self, encoder: &mut wgpu::CommandEncoder, dome: &EyeDome) {
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("eye-dome lighting"),
@@ -66,7 +66,7 @@ impl Target {
         dome.draw(&mut pass, &self.inputs);
     }
 
-    /// Begins a pass over what was drawn before, or over `background` where one is given.
+    /// Starts a pass that draws over `background`, or over the earlier content if it is `None`.
     pub(super) fn begin<'e>(
         &self,
         encoder: &'e mut wgpu::CommandEncoder,
@@ -105,20 +105,24 @@ impl Target {
     }
 }
 
-/// Eye-dome lighting on the GPU: a pass over the picture and its depths. Twin: [`super::draw_cloud`].
+/// Eye-dome lighting on the GPU: a pass over the image and its depths.
+///
+/// CPU twin: [`super::draw_cloud`].
 pub(super) struct EyeDome {
     pipeline: wgpu::RenderPipeline,
     layout: wgpu::BindGroupLayout,
     uniform: wgpu::Buffer,
 }
 
-/// What the shader knows.
+/// Uniform of the lighting shader.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 struct DomeUniform {
-    /// 0 = off.
+    /// 0 means off.
     strength: f32,
-    /// Orthographic views: how many times the target's depth the depth buffer spans; 0 in perspective.
+    /// Orthographic views: extent of the depth buffer in multiples of the target's depth.
+    ///
+    /// 0 in perspective.
     span: f32,
     unused: [f32; 2],
 }
@@ -172,7 +176,7 @@ impl EyeDome {
         }
     }
 
-    /// What the pass reads: a picture and its depths.
+    /// Binds the image and its depths for the pass.
     pub(super) fn inputs(
         &self,
         device: &wgpu::Device,
@@ -199,7 +203,7 @@ impl EyeDome {
         })
     }
 
-    /// Sets strength (0 = off) and camera for the next pass.
+    /// Sets strength (0 means off) and camera for the next pass.
     pub(super) fn set(&self, queue: &wgpu::Queue, strength: f32, camera: &ViewCamera) {
         let span = match camera.projection {
             Projection::Perspective => 0.0,
@@ -222,8 +226,9 @@ impl EyeDome {
 
 const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
-/// The functions `vertex` and `fragment` of a shader, drawing vertices as they lie in memory; with `has_depth` what is drawn
-/// hides what lies behind it.
+/// Compiles a pipeline from the functions `vertex` and `fragment` of a shader.
+///
+/// `has_depth` enables the depth test, so that nearer primitives occlude farther ones.
 pub(super) fn compiled(
     device: &wgpu::Device,
     groups: &[&wgpu::BindGroupLayout],

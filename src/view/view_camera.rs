@@ -1,45 +1,47 @@
-//! The camera of a view, with perspective or parallel projection.
+//! The camera of a view, with perspective or orthographic projection.
 
 use glam::{Mat4, Vec2, Vec3, Vec4};
 
 use ostra_cloud::select::Eye;
 use ostra_geometry::{Camera, Pose};
 
-/// How depth changes sizes.
+/// How depth affects sizes.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Projection {
-    /// Things shrink with distance, as an eye sees them.
+    /// Sizes shrink with distance.
     #[default]
     Perspective,
-    /// Everything is as large as perspective shows it at this depth.
+    /// Sizes are those that perspective has at this depth.
     Orthographic {
         /// World units, above 0.
         depth: f32,
     },
 }
 
-/// A camera ready to draw with: OpenCV axes, pixel centre of the top-left pixel at (0.5, 0.5).
+/// A camera for drawing: OpenCV axes, centre of the top-left pixel at (0.5, 0.5).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewCamera {
-    /// `camera_from_world`.
+    /// Rigid transform from world to camera space.
     pub camera_from_world: Mat4,
     /// Focal length in pixels.
     pub focal_px: f32,
-    /// How depth changes sizes.
+    /// How depth affects sizes.
     pub projection: Projection,
     /// Columns.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// Points nearer than this are not drawn; below 0 in orthographic views, which show what lies behind them too.
+    /// Depth below which points are not drawn, in world units.
+    ///
+    /// It is negative in orthographic views, which also show points behind the camera.
     pub near: f32,
 }
 
 impl ViewCamera {
-    /// Orthographic views reach this many times their depth before and behind it.
+    /// Depth range of orthographic views in each direction, in multiples of their depth.
     pub(super) const REACH: f32 = 500.0;
 
-    /// Pixel position and depth of a world point; `None` nearer than `near`.
+    /// Returns pixel position and depth of a world point; `None` if it is nearer than `near`.
     #[must_use]
     pub fn project(&self, x_in_world: Vec3) -> Option<(Vec2, f32)> {
         let x = self.camera_from_world.transform_point3(x_in_world);
@@ -49,7 +51,7 @@ impl ViewCamera {
         Some((x.truncate() * self.px_per_unit(x.z) + self.middle_px(), x.z))
     }
 
-    /// How many pixels one world unit takes at a depth.
+    /// Returns the number of pixels per world unit at a depth.
     #[must_use]
     pub fn px_per_unit(&self, depth: f32) -> f32 {
         match self.projection {
@@ -58,7 +60,9 @@ impl ViewCamera {
         }
     }
 
-    /// How much farther `depth` is than `nearer`: as a share of the distance, negative when it is nearer.
+    /// Returns how much farther `depth` is than `nearer`, as a share of the distance.
+    ///
+    /// The share is negative if `depth` is nearer.
     pub(super) fn farther_by(&self, depth: f32, nearer: f32) -> f32 {
         match self.projection {
             Projection::Perspective => (depth / nearer).ln(),
@@ -66,7 +70,7 @@ impl ViewCamera {
         }
     }
 
-    /// Where the camera is, in world space; an orthographic one is far away.
+    /// Returns the camera position in world space; an orthographic camera is far away.
     #[must_use]
     pub fn place(&self) -> Vec3 {
         let back = match self.projection {
@@ -78,15 +82,18 @@ impl ViewCamera {
             .transform_point3(Vec3::NEG_Z * back)
     }
 
-    /// The world point at a pixel position and depth.
+    /// Returns the world point at a pixel position and depth.
     #[must_use]
     pub fn unproject(&self, at_px: Vec2, depth: f32) -> Vec3 {
         let x = ((at_px - self.middle_px()) / self.px_per_unit(depth)).extend(depth);
         self.camera_from_world.inverse().transform_point3(x)
     }
 
-    /// `clip_from_world` for wgpu, with reversed depth. Perspective: near → 1, infinity → 0, so that far scenes keep their
-    /// precision; orthographic: 1 → 0 over 500 times the target's depth before and behind.
+    /// Returns `clip_from_world` for wgpu, with reversed depth.
+    ///
+    /// In perspective, `near` maps to 1 and infinity to 0, so that far scenes keep their precision.
+    /// In orthographic views, depth runs from 1 to 0 over 500 times the target's depth in each
+    /// direction.
     #[must_use]
     pub fn clip_from_world(&self) -> Mat4 {
         let (w, h) = (self.width.max(1) as f32, self.height.max(1) as f32);
@@ -115,11 +122,13 @@ impl ViewCamera {
     }
 }
 
-/// Times the depth shown at which the pinhole stands that sees as an orthographic view does.
+/// Distance of the pinhole that replaces an orthographic camera, in multiples of its depth.
 const FAR: f64 = 1e3;
 
 impl ViewCamera {
-    /// The same camera as one that can be written down; an orthographic one as a pinhole from far away.
+    /// Returns the camera in a form that can be saved.
+    ///
+    /// An orthographic camera becomes a pinhole that is far away.
     #[must_use]
     pub fn eye(&self) -> Eye {
         let (mut focal, middle) = (
@@ -190,7 +199,7 @@ mod tests {
     }
 
     #[test]
-    fn only_perspective_shrinks_what_is_far_and_both_agree_at_the_target() {
+    fn only_perspective_shrinks_with_depth_and_both_agree_at_the_target() {
         let [perspective, orthographic] = cameras();
         let size = |camera: &ViewCamera, depth: f32| {
             let [a, b] = [300.0, 340.0].map(|x| perspective.unproject(Vec2::new(x, 240.0), depth));
@@ -213,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn both_see_a_point_in_the_same_place() {
+    fn saved_camera_projects_points_to_the_same_pixel() {
         let bounds = Bounds {
             min: Vec3::splat(-1.0),
             max: Vec3::splat(1.0),

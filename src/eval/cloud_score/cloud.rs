@@ -11,50 +11,59 @@ use ostra_core::statistics::upper_median;
 use ostra_frames::FrameCamera;
 use ostra_geometry::Similarity;
 
-/// How a cloud is scored against a true one.
+/// Options for scoring a cloud against the ground truth.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CloudScoreOptions {
-    /// Distances in cloud units, above 0. The first decides which points match for the labels, the surface is scored at
-    /// each; none = every truth point matches its nearest.
+    /// Distances in cloud units, above 0.
+    ///
+    /// The surface is scored at each of them. The first one is the maximum distance for matching
+    /// labels; without any, every ground truth point matches its nearest point.
     pub within: Vec<f64>,
-    /// Both clouds' labels are read at this level (1 = top); `None` = the deepest.
+    /// Depth in the label tree (1 = top) at which labels are compared; `None` compares the deepest.
     pub level: Option<usize>,
-    /// Cameras in the truth's space; only truth points inside at least `min_views` of their frusta count.
+    /// Cameras in the coordinates of the ground truth.
+    ///
+    /// Only points inside at least `min_views` of their frustums count.
     pub cameras: Vec<FrameCamera>,
-    /// As above; 0 = every truth point counts.
+    /// Minimum number of frustums around a ground truth point; 0 counts every point.
     pub min_views: usize,
-    /// Pictures that tell which truth points a camera sees, for the comparison in depth; `None` = by the frusta of
-    /// `cameras`, those that nothing hides.
+    /// Features that show which ground truth points a camera sees, for the comparison in depth.
+    ///
+    /// `None` uses the points in the frustums of `cameras` that are not occluded.
     pub pictures: Option<FeatureViews>,
-    /// Brings the result into the truth's space first.
+    /// Transform of the result into the coordinates of the ground truth.
     pub truth_from_result: Option<Similarity>,
 }
 
-/// A cloud's score.
+/// Score of a cloud.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CloudScore {
-    /// Truth points that count.
+    /// Number of ground truth points that count.
     pub truth_points: usize,
-    /// Result points.
+    /// Number of result points.
     pub result_points: usize,
-    /// Labels of truth points against those of their nearest result points.
+    /// Labels of the ground truth points compared with those of their nearest result points.
     pub labels: LabelScore,
-    /// Median distance from a truth point to the nearest result point, in cloud units.
+    /// Median distance from a ground truth point to the nearest result point, in cloud units.
     pub median_distance: f64,
-    /// Pairs of a result point and a truth point compared in depth, one for each camera that sees both; `None` without
-    /// cameras.
+    /// Number of pairs of a result point and a ground truth point that were compared in depth.
+    ///
+    /// There is one pair for each camera that sees both; `None` without cameras.
     #[serde(default)]
     pub compared_in_depth: Option<usize>,
-    /// The surface at each distance.
+    /// Score of the surface at each distance.
     pub surface: Vec<SurfaceScore>,
 }
 
-/// Scores `result` against `truth`: each truth point takes the label of the nearest result point, 0 where that is
-/// farther than the first distance.
+/// Scores `result` against `truth`.
+///
+/// Each ground truth point takes the label of the nearest result point, or 0 if that is farther
+/// than the first distance.
 ///
 /// # Errors
-/// [`SceneError::Request`] when a cloud is empty, a distance is not above 0, or no truth point lies inside enough
-/// frusta or is shown by the pictures; [`SceneError::Stopped`].
+/// Returns [`SceneError::Request`] if a cloud is empty, if a distance is not above 0, if no ground
+/// truth point is inside enough frustums, or if the images show none. Returns
+/// [`SceneError::Stopped`] if stopped.
 pub fn score_cloud(
     truth: &LabelledCloud,
     result: &LabelledCloud,
@@ -112,7 +121,7 @@ pub fn score_cloud(
     })
 }
 
-/// The truth points that count, and where all of them are.
+/// The ground truth points that count, and the positions of all ground truth points.
 struct CountedTruth {
     cloud: LabelledCloud,
     all: Vec<Vec3>,
@@ -180,24 +189,28 @@ fn distances(
     Ok(chunks.concat())
 }
 
-/// How well two surfaces cover each other at one distance.
+/// Agreement of two surfaces at one distance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SurfaceScore {
     /// The distance, in cloud units.
     pub within: f64,
-    /// Share of the truth points that have a result point within the distance.
+    /// Share of the ground truth points with a result point within the distance.
     pub completeness: f64,
-    /// Share of the result points that have a truth point within the distance.
+    /// Share of the result points with a ground truth point within the distance.
     pub accuracy: f64,
     /// Harmonic mean of both.
     pub f_score: f64,
-    /// Of the result points that a camera sees within a pixel of its picture of a truth point that it sees, the share
-    /// that is within the distance of it in depth; `None` where there are none.
+    /// Share of the compared result points whose depth difference is within the distance.
+    ///
+    /// A result point is compared if a camera sees it within a pixel of a ground truth point that
+    /// it also sees. `None` if there are no such points.
     pub in_depth: Option<f64>,
 }
 
-/// Scores the surface from the distances of truth points to the result and of result points to the truth, and from the
-/// differences in depth where cameras see both.
+/// Scores the surface at one distance.
+///
+/// Inputs are the distances from ground truth to result and back, and the depth differences of
+/// compared points.
 fn score_surface(
     within: f64,
     to_result: &[(usize, f32)],
@@ -233,7 +246,7 @@ fn score_surface(
     }
 }
 
-/// For each point, how many cameras have it inside their picture (whether or not something hides it).
+/// Returns how many cameras have each point inside their image, occluded or not.
 #[must_use]
 pub fn inside_frusta(points: &[Vec3], cameras: &[FrameCamera]) -> Vec<u32> {
     let count = |point: &Vec3| {

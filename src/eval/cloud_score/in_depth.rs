@@ -9,19 +9,23 @@ use ostra_frames::FrameCamera;
 use ostra_frames::cameras::SparsePoints;
 use ostra_geometry::Camera;
 
-/// Points this near to a truth point in a camera's own picture, in its pixels, are compared with it: farther aside, a
-/// slanted surface alone makes a difference.
+/// Maximum distance of compared points, in pixels of the camera's own image.
+///
+/// At larger distances, a slanted surface alone causes a depth difference.
 const NEAR_PX: f64 = 1.0;
-/// So many pixels of the reduced picture aside a point may be hidden by another.
+/// Radius in which ground truth points occlude others, in pixels of the reduced image.
 const TRUTH_HIDES_PX: usize = 4;
+/// Radius in which result points occlude others, in pixels of the reduced image.
 const RESULT_HIDES_PX: usize = 1;
 
-/// For each result point that one of these views sees within a pixel of its picture of a truth point that it sees, how
-/// far they are apart in depth (in cloud units). Result points that others hide do not count. A view sees the truth
-/// points that its picture's features show.
+/// Returns the depth differences between result and ground truth points, in cloud units.
+///
+/// There is one for each view that sees both points within a pixel of its image. Occluded result
+/// points do not count. A view sees the ground truth points that the features of its image show.
 ///
 /// # Errors
-/// [`SceneError::Request`] where no picture shows a truth point; [`SceneError::Stopped`].
+/// Returns [`SceneError::Request`] if no image shows a ground truth point, and
+/// [`SceneError::Stopped`] if stopped.
 pub(super) fn differences_by_features(
     (truth, result): (&[Vec3], &[Vec3]),
     views: &FeatureViews,
@@ -50,9 +54,11 @@ pub(super) fn differences_by_features(
     Ok(all.concat())
 }
 
-/// The same where no pictures are known: it is guessed that a camera sees what nothing hides. Truth points are often
-/// too few to hide each other, so what the result shows in front hides them too: a point that floats before a surface
-/// is not found out by that surface.
+/// Returns the depth differences for cameras without images, in cloud units.
+///
+/// It assumes that a camera sees all points that are not occluded. Ground truth points are often
+/// too sparse to occlude each other, so result points in front occlude them too. A result point
+/// that floats in front of a surface is therefore not detected by that surface.
 pub(super) fn differences_by_guess(
     (truth, result): (&[Vec3], &[Vec3]),
     cameras: &[FrameCamera],
@@ -73,7 +79,7 @@ pub(super) fn differences_by_guess(
     Ok(all.concat())
 }
 
-/// The result's points that no others of it hide.
+/// Returns the result points that no other result point occludes.
 fn front(result: &[Vec3], camera: &FrameCamera) -> Picture {
     Picture::new(result, camera).front(RESULT_HIDES_PX)
 }
@@ -86,7 +92,7 @@ fn differences(result: &Picture, truth: &Picture) -> Vec<f32> {
         .collect()
 }
 
-/// How far a point's depth is from that of the nearest truth point within a pixel.
+/// Returns the depth difference to the nearest ground truth point within a pixel.
 fn difference(dot: &Dot, truth: &Picture) -> Option<f32> {
     let aside = |other: &Dot| DVec2::distance(other.at_px, dot.at_px);
     let near = truth
@@ -96,27 +102,31 @@ fn difference(dot: &Dot, truth: &Picture) -> Option<f32> {
     Some((dot.depth - nearest.depth).abs())
 }
 
-/// Pictures and what they have in common: what tells which points each camera sees.
+/// Cameras of images with their common features, which show the points that each camera sees.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct FeatureViews {
-    /// Cameras of the pictures, in the truth's space.
+    /// Cameras of the images, in the coordinates of the ground truth.
     pub cameras: Vec<FrameCamera>,
-    /// Points of features with the keypoints that show them, by the camera's place in `cameras`.
+    /// Points of the features, with keypoints by the index of the camera in `cameras`.
     pub features: SparsePoints,
 }
 
-/// A truth point is a feature's point where it lies this near to it, in pixels of the reduced pictures, in all pictures
-/// that show the feature.
+/// Maximum distance between a feature and a ground truth point, in pixels of the reduced image.
+///
+/// It must hold in all images that show the feature.
 const SAME_PX: f64 = 1.0;
-/// So many pictures must show the feature, and from directions so far apart (radians): what lies two hundredths of the
-/// depth farther behind is then a pixel or so aside in some of them.
+/// Minimum number of images that show a feature.
 const LEAST_PICTURES: usize = 3;
+/// Minimum angle between viewing directions of a feature, in radians.
+///
+/// A point that is farther behind by 0.02 of the depth is then about a pixel aside in some images.
 const LEAST_ANGLE: f64 = 0.0873;
 
 impl FeatureViews {
-    /// The truth points that each camera shows to be seen, ascending: those at the point of a feature that enough
-    /// pictures have in common, in these pictures. What lies hidden has no such feature, and nothing is taken from the
-    /// result.
+    /// Returns the indices of the ground truth points that each camera sees, in ascending order.
+    ///
+    /// These are the points at a feature that enough images share, in these images. Occluded points
+    /// have no such feature. The result is not used.
     pub(super) fn seen_truth(
         &self,
         truth: &[Vec3],
@@ -159,7 +169,7 @@ impl FeatureViews {
         Ok(by_camera.into_iter().map(seen).collect())
     }
 
-    /// By feature the cameras that show it.
+    /// Returns the cameras that show each feature.
     fn tracks(&self) -> Vec<Vec<usize>> {
         let cameras = |track: Vec<(usize, u32)>| {
             let mut cameras: Vec<usize> = track.into_iter().map(|(camera, _)| camera).collect();
@@ -170,7 +180,7 @@ impl FeatureViews {
         self.features.tracks().into_iter().map(cameras).collect()
     }
 
-    /// Whether enough pictures show a feature, from directions far enough apart.
+    /// Returns whether enough images show a feature, from sufficiently different directions.
     fn tells(&self, feature: usize, track: &[usize]) -> bool {
         let position = self.features.points[feature].position;
         let poses = track
@@ -183,7 +193,7 @@ impl FeatureViews {
         rays.len() >= LEAST_PICTURES && rays.iter().any(far)
     }
 
-    /// The (feature, truth point) pairs that lie near each other in a picture, each once.
+    /// Returns the distinct pairs of feature and ground truth point that are close in an image.
     fn meetings(&self, truth: &[Vec3], shown: &[u32], camera: &FrameCamera) -> Vec<(u32, u32)> {
         let positions: Vec<Vec3> = shown
             .iter()
@@ -208,35 +218,36 @@ impl FeatureViews {
     }
 }
 
-/// The longer side in pixels that pictures are reduced to, if they are not smaller: points lie close enough there to hide
-/// each other.
+/// Maximum length of the longer side of reduced images, in pixels.
+///
+/// At this size, points are close enough to occlude each other.
 const SIDE_PX: f64 = 640.0;
-/// A point is hidden by another that is nearer by more than this share of the depth.
+/// Depth difference, as a share of the depth, from which a point occludes another.
 const BEHIND: f32 = 0.02;
 
-/// A point as a camera sees it.
+/// A point projected into a camera.
 #[derive(Clone, Copy)]
 pub(super) struct Dot {
     pub at_px: DVec2,
-    /// Along the optical axis, in cloud units.
+    /// Depth along the optical axis, in cloud units.
     pub depth: f32,
-    /// Place in the cloud.
+    /// Index in the cloud.
     pub index: u32,
 }
 
-/// The points that lie inside a camera's picture, by pixel.
+/// The points inside a camera's image, sorted by pixel.
 pub(super) struct Picture {
     width: usize,
     height: usize,
-    /// First dot of each pixel, then the number of all.
+    /// Index of the first dot of each pixel, then the number of dots.
     starts: Vec<u32>,
     pub dots: Vec<Dot>,
-    /// A pixel of the camera's own picture, in pixels of this one; at most 1.
+    /// Size of a pixel of the camera's own image in pixels of this one; at most 1.
     pub own_px: f64,
 }
 
 impl Picture {
-    /// Empty without a pose.
+    /// Projects points; the result is empty without a pose.
     pub fn new(points: &[Vec3], camera: &FrameCamera) -> Self {
         let own_px =
             (SIDE_PX / f64::from(camera.intrinsics.width.max(camera.intrinsics.height))).min(1.0);
@@ -271,7 +282,7 @@ impl Picture {
         }
     }
 
-    /// The dots in the pixels at most `reach` aside.
+    /// Returns the dots in the pixels within `reach`.
     pub fn around(&self, at_px: DVec2, reach: usize) -> impl Iterator<Item = &Dot> {
         let (x, y) = (at_px.x as usize, at_px.y as usize);
         let columns = x.saturating_sub(reach)..(x + reach + 1).min(self.width);
@@ -282,12 +293,12 @@ impl Picture {
         })
     }
 
-    /// Without the dots that others of it, in the pixels at most `reach` aside, hide.
+    /// Removes the dots that other dots of the same image within `reach` pixels occlude.
     pub fn front(&self, reach: usize) -> Self {
         self.before(self, reach)
     }
 
-    /// Without the dots that those of another, in the pixels at most `reach` aside, hide.
+    /// Removes the dots that dots of another image within `reach` pixels occlude.
     pub fn before(&self, other: &Self, reach: usize) -> Self {
         self.only(|dot| {
             !other
@@ -296,7 +307,7 @@ impl Picture {
         })
     }
 
-    /// The dots for which that holds.
+    /// Returns the dots for which `holds` is true.
     pub fn only(&self, holds: impl Fn(&Dot) -> bool) -> Self {
         let dots = self.dots.iter().filter(|dot| holds(dot)).copied().collect();
         Self::of(self.width, self.height, self.own_px, dots)
@@ -344,9 +355,9 @@ mod tests {
     }
 
     #[test]
-    fn hidden_points_do_not_count() {
+    fn occluded_points_do_not_count() {
         let camera = camera((1280, 960), 1000.0, 0.0);
-        // Ten pixels of the reduced picture apart.
+        // Ten pixels of the reduced image apart.
         let row = |depth: f32| {
             (0..20).map(move |i| Vec3::new((0.02 * i as f32 - 0.2) * depth, 0.0, depth))
         };
@@ -380,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pixel_is_one_of_the_cameras_own_picture() {
+    fn pixel_distance_refers_to_the_full_size_image() {
         let compared = |aside_px: f32| {
             let result = [Vec3::new(aside_px * 2.0 / 1000.0, 0.0, 2.0)];
             let camera = camera((1280, 960), 1000.0, 0.0);
@@ -399,8 +410,10 @@ mod tests {
         );
     }
 
-    /// Cameras side by side, and truth points: one hidden by another in the first picture, that other, and one that
-    /// only two pictures have in common.
+    /// Returns three ground truth points and four cameras in a row.
+    ///
+    /// The first point is occluded by the second one in the first image. Only two images share the
+    /// third.
     fn views(step: f64) -> ([Vec3; 3], FeatureViews) {
         let cameras = [0.0, 1.0, 2.0, 3.0]
             .map(|k| camera((640, 480), 500.0, step * k))
@@ -430,7 +443,7 @@ mod tests {
     }
 
     #[test]
-    fn features_tell_what_is_seen() {
+    fn features_determine_visible_points() {
         let (truth, views) = views(0.1);
         let differences = |result: Vec3| {
             differences_by_features((&truth, &[result]), &views, &Progress::default()).unwrap()
@@ -462,7 +475,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_from_one_side_tell_nothing() {
+    fn images_from_one_direction_are_rejected() {
         let (truth, views) = views(0.01);
         let refused =
             differences_by_features((&truth, &truth), &views, &Progress::default()).unwrap_err();

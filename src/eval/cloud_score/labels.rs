@@ -5,47 +5,49 @@ use serde::{Deserialize, Serialize};
 use ostra_cloud::LabelledCloud;
 use ostra_masks::{LabelId, LabelTree};
 
-/// Labels of truth points against the labels that they took.
+/// Labels of ground truth points compared with the labels of the result.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct LabelScore {
-    /// For each truth label that has points, ordered by id.
+    /// IoU of each label in the ground truth, sorted by id.
     pub iou: Vec<LabelIou>,
-    /// Mean of the IoU over those labels; 0 where there are none.
+    /// Mean IoU over those labels; 0 if there are none.
     pub mean_iou: f64,
-    /// Share of the truth points with a label that took the right one.
+    /// Share of the labelled ground truth points with the right label in the result.
     pub accuracy: f64,
-    /// Share of all truth points that have a result point near enough.
+    /// Share of all ground truth points with a result point in range.
     pub matched: f64,
-    /// Who took what.
+    /// Confusion matrix.
     pub confusion: Confusion,
 }
 
-/// One label's intersection over union.
+/// Intersection over union of one label.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LabelIou {
-    /// The truth's id.
+    /// Id in the ground truth.
     pub id: LabelId,
-    /// The truth's name.
+    /// Name in the ground truth.
     pub name: String,
-    /// Truth points with the label *and* took it, over truth points with the label *or* took it.
+    /// Number of points with the label in both, divided by those with the label in either.
     pub iou: f64,
-    /// Truth points with the label.
+    /// Number of ground truth points with the label.
     pub points: usize,
 }
 
-/// Counts of truth points by their label (rows) and the label they took (columns).
+/// Counts of ground truth points by label (rows) and label in the result (columns).
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Confusion {
-    /// Name of each row; `-` = no label.
+    /// Name of each row; `-` means no label.
     pub truth: Vec<String>,
-    /// Name of each column; `-` = no label, or no result point near enough.
+    /// Name of each column; `-` means no label or no result point in range.
     pub result: Vec<String>,
-    /// Row by row.
+    /// The counts, row by row.
     pub counts: Vec<Vec<usize>>,
 }
 
-/// Scores what truth points took: `taken` runs along the points of `truth`, result labels already put into the truth's
-/// ids by `paired`.
+/// Scores the labels that the ground truth points take from the result.
+///
+/// `taken` is parallel to the points of `truth`. Its labels are already mapped to ids of the ground
+/// truth by `paired`.
 pub(super) fn score_labels(
     truth: &LabelledCloud,
     taken: impl Iterator<Item = Taken>,
@@ -129,7 +131,7 @@ fn confusion(counts: &Counts, names: &BTreeMap<LabelId, String>) -> Confusion {
     }
 }
 
-/// Names by the truth's ids, with those of result labels that have no partner.
+/// Returns names by ground truth id, including result labels without a partner.
 fn names(
     truth: &LabelTree,
     result: &LabelTree,
@@ -151,8 +153,10 @@ fn name(names: &BTreeMap<LabelId, String>, id: LabelId) -> String {
     }
 }
 
-/// Which truth label each result label stands for: the one of the same name, else the one of the same id unless a
-/// name has taken that. A result label without a partner stands for none, and gets an id that the truth does not use.
+/// Maps each result label to a ground truth label.
+///
+/// The partner has the same name, or else the same id unless a name has taken that. A result label
+/// without a partner gets an id that the ground truth does not use.
 #[must_use]
 pub fn pair_labels(truth: &LabelTree, result: &LabelTree) -> BTreeMap<LabelId, LabelId> {
     let mut pairs = BTreeMap::new();
@@ -185,5 +189,5 @@ pub fn pair_labels(truth: &LabelTree, result: &LabelTree) -> BTreeMap<LabelId, L
     pairs
 }
 
-/// A matched label; `None` = no result point is near enough.
+/// Label of the matched point; `None` if no result point is in range.
 type Taken = Option<LabelId>;

@@ -1,4 +1,4 @@
-//! How good a labelled cloud is against a true one: labels, surface, and a table to read.
+//! Scores of a labelled cloud against the ground truth: labels, surface, and a text table.
 
 mod cloud;
 mod in_depth;

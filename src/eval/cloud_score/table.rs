@@ -2,7 +2,7 @@ use std::fmt::Write;
 
 use super::cloud::CloudScore;
 
-/// Rows of text cells, set in columns: the first to the left, the others to the right.
+/// A text table; the first column is aligned left, the others right.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Table {
     rows: Vec<Vec<String>>,
@@ -14,7 +14,7 @@ impl Table {
         self.rows.push(cells.into_iter().map(Into::into).collect());
     }
 
-    /// The table as lines, each ended by a line break, without trailing spaces.
+    /// Returns the table as lines without trailing spaces, each with a line break.
     #[must_use]
     pub fn text(&self) -> String {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
@@ -44,7 +44,7 @@ impl Table {
     }
 }
 
-/// A cloud's score for people: labels, surface, confusion.
+/// Returns the score of a cloud as text: labels, surface, confusion.
 #[must_use]
 pub fn cloud_table(score: &CloudScore) -> String {
     let mut labels = Table::default();

@@ -7,7 +7,7 @@ use ostra_frames::FrameCamera;
 use ostra_geometry::{Camera, Pose, Similarity};
 use ostra_masks::{Label, LabelId, LabelTree};
 
-/// Points along x with labels, named as given.
+/// Creates a cloud of labelled points along x, with the given label names.
 fn cloud(points: &[(f32, u16)], names: &[(u16, &str, u16)]) -> LabelledCloud {
     let mut cloud =
         LabelledCloud::from_positions(points.iter().map(|&(x, _)| Vec3::X * x).collect());
@@ -45,12 +45,12 @@ fn within(distances: &[f64]) -> CloudScoreOptions {
 const NAMES: &[(u16, &str, u16)] = &[(1, "stem", 0), (2, "leaf", 0)];
 
 #[test]
-fn counted_by_hand() {
+fn scores_match_a_manual_count() {
     let truth = cloud(
         &[(0.0, 1), (1.0, 1), (2.0, 2), (3.0, 2), (4.0, 0), (9.0, 2)],
         NAMES,
     );
-    // In the result the leaf has id 8 and the stem id 2.
+    // In the result, the leaf has id 8 and the stem id 2.
     let result = cloud(
         &[(0.1, 2), (1.1, 8), (2.0, 8), (3.2, 8), (4.0, 8)],
         &[(8, "leaf", 0), (2, "stem", 0)],
@@ -62,7 +62,7 @@ fn counted_by_hand() {
         .iter()
         .map(|l| (l.id.0, l.name.as_str(), l.iou, l.points))
         .collect();
-    // Stem: 1 right, 1 taken as leaf. Leaf: 2 right, 1 not matched, 2 wrongly taken.
+    // Stem: 1 right, 1 labelled as leaf. Leaf: 2 right, 1 not matched, 2 false positives.
     assert_eq!(iou, [(1, "stem", 0.5, 2), (2, "leaf", 0.4, 3)]);
     assert!((labels.mean_iou - 0.45).abs() < 1e-12);
     assert_eq!(labels.accuracy, 3.0 / 5.0);
@@ -92,7 +92,7 @@ fn without_a_distance_every_point_is_matched() {
 }
 
 #[test]
-fn names_first_then_ids_then_nobody() {
+fn labels_are_paired_by_name_then_by_id() {
     let pairs = pair_labels(
         &tree(&[(1, "stem", 0), (2, "leaf", 0), (3, "pot", 0)]),
         &tree(&[
@@ -103,12 +103,13 @@ fn names_first_then_ids_then_nobody() {
         ]),
     );
     let pairs: Vec<_> = pairs.iter().map(|(from, to)| (from.0, to.0)).collect();
-    // 'leaf' has taken 2, so 'blade' has no partner and gets an id that nobody uses; 'vase' goes by its number.
+    // 'leaf' maps to 2, so 'blade' has no partner and gets an unused id; 'vase' is mapped by its
+    // id.
     assert_eq!(pairs, [(1, 2), (2, 65535), (3, 3), (9, 9)]);
 }
 
 #[test]
-fn levels_are_read_off_both_trees() {
+fn level_is_applied_to_both_label_trees() {
     let truth = cloud(
         &[(0.0, 2), (1.0, 3)],
         &[(1, "plant", 0), (2, "stem", 1), (3, "leaf", 1)],
@@ -134,7 +135,7 @@ fn levels_are_read_off_both_trees() {
 }
 
 #[test]
-fn only_points_inside_enough_frusta_count() {
+fn only_points_inside_enough_frustums_count() {
     let truth = cloud(&[(0.0, 1), (0.5, 1), (5.0, 2)], NAMES);
     let pose = |x: f64| Pose {
         rotation: DQuat::IDENTITY,
@@ -169,7 +170,7 @@ fn only_points_inside_enough_frusta_count() {
 }
 
 #[test]
-fn the_result_is_aligned_first() {
+fn result_is_aligned_before_scoring() {
     let truth = cloud(&[(0.0, 1), (1.0, 2)], NAMES);
     let result = cloud(&[(10.0, 1), (12.0, 2)], NAMES);
     let transform = Similarity {
@@ -185,7 +186,7 @@ fn the_result_is_aligned_first() {
 }
 
 #[test]
-fn what_cannot_be_scored_is_refused() {
+fn empty_clouds_and_invalid_distances_are_rejected() {
     let some = cloud(&[(0.0, 1)], NAMES);
     let refusal = |truth: &LabelledCloud, result: &LabelledCloud, options: &CloudScoreOptions| {
         score_cloud(truth, result, options, &Progress::default())
@@ -198,7 +199,7 @@ fn what_cannot_be_scored_is_refused() {
 }
 
 #[test]
-fn the_table_reads() {
+fn table_matches_the_expected_text() {
     let truth = cloud(&[(0.0, 1), (1.0, 2)], NAMES);
     let text = cloud_table(&score(&truth, &cloud(&[(0.0, 1)], NAMES), &within(&[0.5])));
     let expected = "label     IoU  points\nstem   1.0000       1\nleaf   0.0000       1\nmean   0.5000       2\n\n\
@@ -209,7 +210,7 @@ fn the_table_reads() {
 }
 
 #[test]
-fn the_table_tells_how_much_was_compared_in_depth_where_cameras_look() {
+fn table_contains_the_number_of_depth_comparisons() {
     let points = cloud(&[(0.0, 1)], NAMES);
     let camera = FrameCamera::given(
         Camera::pinhole(64, 48, 50.0, 50.0, 32.0, 24.0),

@@ -1,4 +1,4 @@
-//! The demo: a made scene, a simulated user at the session, and a report that holds the result against exact truth.
+//! The demo: a synthetic scene, a simulated user in a session, and a report of the accuracy.
 
 mod report;
 mod run;

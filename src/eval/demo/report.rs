@@ -14,61 +14,61 @@ use ostra_core::job::Progress;
 use ostra_masks::{LabelId, LabelTree};
 use ostra_session::{Command, InstancesRequest};
 
-/// What `report.json` holds.
+/// Content of `report.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct DemoReport {
-    /// The labelled cloud against the exact one.
+    /// The labelled cloud compared with the exact one.
     pub cloud: CloudReport,
-    /// The masks against the exact ones, over all frames.
+    /// The masks compared with the exact ones, over all frames.
     pub masks: MaskReport,
-    /// The cloud at the level of classes, instances and parts, where a scene has truth for all three.
+    /// Scores per class, instance and part, for scenes with ground truth for all three.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub levels: Option<LevelsReport>,
-    /// Clicks given, per label that the user clicks, over the whole sequence.
+    /// Number of clicks over the whole sequence, per clicked label.
     pub clicks: BTreeMap<String, usize>,
-    /// Wall time of each stage.
+    /// Wall time of each stage, in seconds.
     pub seconds: BTreeMap<String, f64>,
-    /// What was made, so that it can be made again.
+    /// Description of the scene, from which it can be built again.
     pub scene: String,
 }
 
-/// A cloud's score.
+/// Score of a cloud.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CloudReport {
-    /// IoU per class over all truth points.
+    /// IoU per class over all ground truth points.
     pub iou: BTreeMap<String, f64>,
-    /// Share of each named part's points that got the class's label, where parts are told apart (sheaths).
+    /// Share of the points of each kind of part (e.g. sheaths) that have the label of the class.
     pub parts: BTreeMap<String, f64>,
-    /// Share of the labelled truth points that got the right class.
+    /// Share of the labelled ground truth points with the right class.
     pub accuracy: f64,
-    /// Median distance from a labelled truth point to the nearest point of the result.
+    /// Median distance from a labelled ground truth point to the result, in millimetres.
     pub median_distance_mm: f64,
-    /// Number of points made.
+    /// Number of points in the result.
     pub points: usize,
 }
 
-/// IoU of a cloud's labels over all truth points, level by level of the label tree.
+/// IoU of the labels of a cloud over all ground truth points, by level of the label tree.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LevelsReport {
     /// Per class.
     pub class: BTreeMap<String, f64>,
-    /// Per instance; those told apart by themselves under the name of the true one that they stand for.
+    /// Per instance, by the name of the matched ground truth instance.
     pub instance: BTreeMap<String, f64>,
     /// Per part.
     pub part: BTreeMap<String, f64>,
-    /// Instances that were found of each class that was labelled as one.
+    /// Number of instances found for each class that was labelled as one.
     pub instances: BTreeMap<String, usize>,
 }
 
-/// The masks' score.
+/// Score of the masks.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MaskReport {
-    /// Mean IoU over the frames, per label that the user clicks.
+    /// Mean IoU over the frames, per clicked label.
     pub iou: BTreeMap<String, f64>,
 }
 
 impl DemoReport {
-    /// The report as a table for people.
+    /// Returns the report as a table.
     #[must_use]
     pub fn table(&self) -> String {
         let mut text = format!(
@@ -126,7 +126,7 @@ impl DemoReport {
         text
     }
 
-    /// Mask IoU and clicks are known of labels that were clicked.
+    /// Appends a row; mask IoU and clicks are empty for labels that were not clicked.
     fn row(&self, text: &mut String, label: &str, iou: f64) {
         let mask = self
             .masks
@@ -144,7 +144,7 @@ impl DemoReport {
 /// Depth of instances in the label tree of a scene.
 const INSTANCE_LEVEL: usize = Scene::CLASS_LEVEL + 1;
 
-/// Tells the instances of classes apart that were labelled as one.
+/// Splits classes that were labelled as one into instances.
 pub(super) fn tell_apart(studio: &mut Studio<'_, '_>, classes: &[String]) -> Result<()> {
     for class in classes {
         let project = studio.session.project().context("no project is open")?;
@@ -161,8 +161,10 @@ pub(super) fn tell_apart(studio: &mut Studio<'_, '_>, classes: &[String]) -> Res
     Ok(())
 }
 
-/// Scores a cloud at the level of classes, instances and parts. Instances that were told apart have numbers of their own:
-/// each stands for the true one with which it shares most points, each true one once.
+/// Scores a cloud at the level of classes, instances and parts.
+///
+/// Instances from segmentation have arbitrary ids. Each is matched to the ground truth instance
+/// with the most shared points, and each ground truth instance is used once.
 pub(super) fn score_levels(
     truth: &LabelledCloud,
     result: &LabelledCloud,
@@ -206,7 +208,7 @@ fn below(tree: &LabelTree, class: &str) -> Vec<LabelId> {
     })
 }
 
-/// Which true instance each found one stands for, those that share most points first.
+/// Matches found instances to ground truth instances, by decreasing number of shared points.
 fn paired(
     truth: &LabelledCloud,
     result: &LabelledCloud,
@@ -241,7 +243,7 @@ fn paired(
     pairs
 }
 
-/// Gives the instances found the names of the true ones; those that stand for none get names that no truth has.
+/// Renames found instances after their matches; the others get names that no truth has.
 fn rename(
     tree: &mut LabelTree,
     found: &[LabelId],

@@ -21,32 +21,36 @@ use ostra_masks::LabelMask;
 use ostra_project::{ExportRequest, FuseRequest, ReconstructMethod, ReconstructRequest};
 use ostra_session::{AdoptRequest, Command, NewProject, Session};
 
-/// What the demo makes and where.
+/// Options of the demo.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DemoOptions {
-    /// Folder for everything: `recording/`, `project/`, `truth/`, `cloud.ply`, `mesh.ply`, `report.json`.
+    /// Output folder of everything that the demo makes.
+    ///
+    /// It contains `recording/`, `project/`, `truth/`, `cloud.ply`, `mesh.ply` and `report.json`.
     pub out: PathBuf,
-    /// The scene.
+    /// The synthetic scene.
     pub scene: SceneOptions,
-    /// Where cameras and depths come from.
+    /// Source of cameras and depths.
     pub method: DemoMethod,
 }
 
-/// Where the demo's cameras and depths come from.
+/// Source of the demo's cameras and depths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum DemoMethod {
-    /// The exact cameras and a made sensor's depths.
+    /// The exact cameras and the depths of a synthetic sensor.
     Given,
-    /// From the pictures alone: structure from motion, then stereo. The cloud is aligned to the truth by Sim(3) of the
-    /// camera centres.
+    /// The images alone: structure from motion, then stereo.
+    ///
+    /// The cloud is aligned to the ground truth by a Sim(3) of the camera centres.
     Stereo,
-    /// Poses from the made sensor's depths and the pictures. The cloud is aligned to the truth by SE(3) of the camera
-    /// centres.
+    /// Poses from the images and the depths of a synthetic sensor.
+    ///
+    /// The cloud is aligned to the ground truth by an SE(3) of the camera centres.
     Rgbd,
 }
 
 impl DemoMethod {
-    /// How cameras are found, where they are, and how the outcome is aligned to the truth.
+    /// Returns the reconstruction method and the alignment to the ground truth, if any.
     fn reconstruction(self) -> Option<(ReconstructMethod, Alignment)> {
         match self {
             Self::Given => None,
@@ -56,19 +60,23 @@ impl DemoMethod {
     }
 }
 
-/// Clicks per class on the first frame, and on each frame corrected after.
+/// Maximum number of clicks per class on the first frame.
 const FIRST_CLICKS: usize = 7;
+/// Maximum number of clicks per class on each corrected frame.
 const CORRECTING_CLICKS: usize = 1;
 
-/// Truth points farther from the result than this count as not reconstructed, metres.
+/// Distance in metres beyond which a ground truth point counts as not reconstructed.
 const WITHIN_M: f64 = 0.003;
 
-/// Does the whole job on a made scene: writes the recording, makes a project, clicks as a simulated user would (at most
-/// [`super::MAX_CLICKS`] per label), carries the masks through geometry, fuses, exports, and scores all of it against the exact truth.
-/// The project stays open in `session`.
+/// Runs the complete workflow on a synthetic scene and scores the results.
+///
+/// It writes the recording, creates a project and clicks as a simulated user (at most
+/// [`super::MAX_CLICKS`] per label). Then it tracks the masks with the geometry tracker, fuses,
+/// exports, and scores against the exact ground truth. The project stays open in `session`.
 ///
 /// # Errors
-/// When `out` cannot be written or holds something else, or a stage fails or is stopped.
+/// Returns an error if `out` cannot be written or holds other files, or if a stage fails or is
+/// stopped.
 #[expect(
     clippy::too_many_lines,
     reason = "the stages of the job, one after the other"
@@ -186,7 +194,7 @@ pub fn run_demo(
     Ok(report)
 }
 
-/// Wall time by stage; a stage that comes again is added to.
+/// Wall time by stage; the times of a repeated stage are added.
 #[derive(Default)]
 struct Clock {
     seconds: BTreeMap<String, f64>,
@@ -232,7 +240,7 @@ fn new_project(out: &Path, method: DemoMethod, views: &[View]) -> NewProject {
         frames: recording.join("color"),
         depth,
     };
-    // A recording of a depth camera comes with the camera's intrinsics, and nothing else.
+    // The recording of a depth camera includes its intrinsics, but no poses.
     let camera = views
         .first()
         .filter(|_| method == DemoMethod::Rgbd)
@@ -257,7 +265,7 @@ fn new_project(out: &Path, method: DemoMethod, views: &[View]) -> NewProject {
     }
 }
 
-/// Moves the cloud and the mesh in these files to where the true camera centres are.
+/// Aligns the cloud and the mesh in these files to the ground truth by the camera centres.
 fn align(
     [cloud, mesh]: [Option<&PathBuf>; 2],
     frames: &[Frame],
@@ -331,7 +339,7 @@ fn score(
     Ok((cloud, levels))
 }
 
-/// The points of each kind of part, as the last word of its label's name says it: `sheath` for `leaf 3 sheath`.
+/// Groups the points by the last word of their part's name: `sheath` for `leaf 3 sheath`.
 fn parts_of(truth: &LabelledCloud) -> BTreeMap<String, LabelledCloud> {
     let mut indices: BTreeMap<String, Vec<u32>> = BTreeMap::new();
     for (at, &id) in truth.labels.iter().enumerate() {

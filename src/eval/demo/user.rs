@@ -10,18 +10,22 @@ use ostra_core::job::Stopped;
 use ostra_masks::{Click, LabelId, LabelMask, LabelTree, Prompt};
 use ostra_session::{Command, Event, JobView, PromptRequest, Session, TrackSettings};
 
-/// Clicks that the simulated user may give per class over the whole sequence; for each thing of a class that is clicked as one.
+/// Maximum number of clicks per class over the whole sequence.
+///
+/// For a class that is split into instances later, this is the number per instance.
 pub const MAX_CLICKS: usize = 8;
 
-/// Errors smaller than this are not worth a click, pixels.
+/// Minimum size of an error that is worth a click, in pixels.
 const LEAST_WRONG_PX: usize = 12;
 
-/// Around a click that did not help the user does not click again.
+/// Radius around a click that did not help, where the user does not click again, in pixels.
 const LEFT_ALONE_PX: f64 = 20.0;
 
-/// A user who reads the truth only to place clicks where a person would: at the deepest point of the largest error.
+/// A simulated user who clicks at the deepest point of the largest error.
+///
+/// The ground truth is read only to place clicks where a person would.
 pub(super) struct SimulatedUser {
-    /// Exact masks in class ids of the project, by frame.
+    /// Exact masks by frame, with the class ids of the project.
     truth: Vec<LabelMask>,
     classes: Vec<Class>,
     given: BTreeMap<(usize, LabelId), Vec<Click>>,
@@ -29,25 +33,27 @@ pub(super) struct SimulatedUser {
     left_alone: Vec<(usize, Click)>,
 }
 
-/// A class to be labelled.
+/// A class that is labelled.
 struct Class {
     name: String,
     id: LabelId,
-    /// Things that are to be told apart afterwards; otherwise 1.
+    /// Number of instances that are split later; otherwise 1.
     things: usize,
     clicks: usize,
 }
 
 impl Class {
-    /// Clicks that it may get in all.
+    /// Returns the maximum number of clicks in total.
     fn most(&self) -> usize {
         MAX_CLICKS * self.things
     }
 }
 
 impl SimulatedUser {
-    /// Makes the labels `clicked` of `tree`, and those above them, as labels of the open project. `truth` holds a mask per
-    /// frame in ids of `tree`; what is below a clicked label counts as it. Things of the classes `told_apart` are clicked one by one.
+    /// Adds the labels `clicked` of `tree` and their ancestors to the open project.
+    ///
+    /// `truth` has a mask per frame in ids of `tree`; descendants of a clicked label count as that
+    /// label. The instances of the classes `told_apart` are clicked one by one.
     pub(super) fn new(
         studio: &mut Studio<'_, '_>,
         mut truth: Vec<LabelMask>,
@@ -110,8 +116,11 @@ impl SimulatedUser {
         })
     }
 
-    /// Clicks on one frame, once for each class nothing is there of, then always into the largest error, at most `most`
-    /// times for each class (each thing that is told apart); a click that made things worse is taken back (and counted), and the place left alone.
+    /// Clicks on one frame, at most `most` times per class.
+    ///
+    /// For classes that are split into instances, the limit is per instance. First, each class
+    /// without pixels on the frame gets one click; further clicks go to the largest error. A click
+    /// that made things worse is undone (but counted), and its surroundings are left alone.
     pub(super) fn click_on(
         &mut self,
         studio: &mut Studio<'_, '_>,
@@ -138,7 +147,7 @@ impl SimulatedUser {
         }
     }
 
-    /// The frame that shows most of the classes, each weighed against where it shows most.
+    /// Returns the frame that shows most of the classes, relative to the maximum area of each.
     pub(super) fn clearest_frame(&self) -> usize {
         let area = |frame: usize, class: &Class| self.truth[frame].region(class.id).area() as f64;
         let mut shown = vec![0.0; self.truth.len()];
@@ -158,7 +167,7 @@ impl SimulatedUser {
             .unwrap_or(0)
     }
 
-    /// The frame with the largest error that a click is left for; `None` when all is good.
+    /// Returns the frame with the largest error for which clicks are left; `None` if there is none.
     pub(super) fn worst_frame(&self, studio: &Studio<'_, '_>) -> Result<Option<usize>> {
         let open: Vec<LabelId> = self
             .classes
@@ -178,7 +187,7 @@ impl SimulatedUser {
         Ok(worst.1)
     }
 
-    /// Where to click next on a frame for one of `open`, if an error is left there that is worth it.
+    /// Returns the next click on a frame for one of `open`, if an error is large enough.
     fn next_click(
         &self,
         studio: &Studio<'_, '_>,
@@ -200,7 +209,7 @@ impl SimulatedUser {
         Ok(next.filter(|next| next.wrong_px >= LEAST_WRONG_PX))
     }
 
-    /// Carries the masks through the sequence.
+    /// Tracks the masks through the sequence.
     pub(super) fn track(studio: &mut Studio<'_, '_>) -> Result<()> {
         studio.act(Command::Track(TrackSettings {
             tracker: TrackerId::Geometry,
@@ -208,7 +217,7 @@ impl SimulatedUser {
         }))
     }
 
-    /// Mean IoU over all frames, per class; what was told apart below a class counts as it.
+    /// Returns the mean IoU over all frames per class; descendants count as the class.
     pub(super) fn mean_ious(&self, studio: &Studio<'_, '_>) -> Result<BTreeMap<String, f64>> {
         let mut sums = vec![0.0; self.classes.len()];
         for frame in 0..self.truth.len() {
@@ -222,7 +231,7 @@ impl SimulatedUser {
         Ok(self.classes.iter().zip(sums).map(mean).collect())
     }
 
-    /// Clicks given so far, per class.
+    /// Returns the number of clicks so far, per class.
     pub(super) fn clicks(&self) -> BTreeMap<String, usize> {
         self.classes
             .iter()
@@ -230,7 +239,7 @@ impl SimulatedUser {
             .collect()
     }
 
-    /// One click; returns whether it helped.
+    /// Clicks once; returns whether it helped.
     fn click(
         &mut self,
         studio: &mut Studio<'_, '_>,
@@ -265,7 +274,7 @@ impl SimulatedUser {
         Ok(false)
     }
 
-    /// IoU of each class on one frame.
+    /// Returns the IoU of each class on one frame.
     fn ious(&self, studio: &Studio<'_, '_>, frame: usize) -> Result<Vec<f64>> {
         let mask = mask_of(studio, frame)?;
         let tree = &studio
@@ -293,7 +302,7 @@ impl SimulatedUser {
     }
 }
 
-/// The mask with its errors around some places put right.
+/// Returns the mask with the errors around some clicks corrected.
 fn overlooking(mask: &LabelMask, truth: &LabelMask, places: &[&Click]) -> LabelMask {
     let mut mask = mask.clone();
     let width = mask.width;
@@ -317,14 +326,14 @@ fn mask_of(studio: &Studio<'_, '_>, frame: usize) -> Result<LabelMask> {
     Ok(mask.unwrap_or_else(|| LabelMask::empty(frame_size.width, frame_size.height)))
 }
 
-/// Sees the running jobs about twenty times a second; `Break` stops the demo.
+/// Callback that receives the running jobs about twenty times a second; `Break` stops the demo.
 pub type Watch<'w> = dyn FnMut(&[JobView]) -> ControlFlow<()> + 'w;
 
-/// A session at which commands are carried out one after another.
+/// A session that runs commands one after another.
 pub(super) struct Studio<'s, 'w> {
     pub session: &'s mut Session,
     watch: &'s mut Watch<'w>,
-    /// What the session warned of.
+    /// Warnings of the session.
     pub warnings: Vec<String>,
 }
 
@@ -337,7 +346,7 @@ impl<'s, 'w> Studio<'s, 'w> {
         }
     }
 
-    /// Carries a command out to its end.
+    /// Runs a command until it is complete.
     pub(super) fn act(&mut self, command: Command) -> Result<()> {
         self.session.act(command)?;
         for event in self.session.settle(&mut *self.watch) {

@@ -1,4 +1,4 @@
-//! The demo's folder: what a demo made, and may therefore replace.
+//! The output folder of the demo; a demo replaces only what a demo made.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,10 +11,10 @@ use ostra_project::export_record::{Claim, is_being_written, lock_folder};
 use ostra_project::export_record::{ExportRecord, Known, files_below};
 use ostra_project::store::Lock;
 
-/// Marks a folder that a demo made.
+/// File that marks a folder made by a demo.
 const MARKER: &str = ".ostra-demo.json";
 
-/// What a demo makes in its folder.
+/// Names of everything that a demo makes in its folder.
 const MADE: [&str; 8] = [
     "recording",
     "project",
@@ -26,10 +26,10 @@ const MADE: [&str; 8] = [
     "report.json",
 ];
 
-/// The content of [`MARKER`].
+/// Content of [`MARKER`].
 #[derive(Debug, Default, Serialize, Deserialize)]
 struct Marker {
-    /// The files as they were when the demo ended; absent while it runs.
+    /// State of the files at the end of the demo; absent while it runs.
     made: Option<ExportRecord>,
 }
 
@@ -45,11 +45,14 @@ impl Marker {
     }
 }
 
-/// Makes the folder ready for a demo. What an earlier demo made is removed if it is unchanged. What an interrupted demo
-/// left is moved to `interrupted-N`. No other demo can use the folder until the claim is dropped.
+/// Prepares the folder for a demo and claims it.
+///
+/// Unchanged results of an earlier demo are removed. The results of an interrupted demo are moved
+/// to `interrupted-N`. No other demo can use the folder until the claim is dropped.
 ///
 /// # Errors
-/// When the folder holds files that no demo made, an earlier demo's files were changed since, or another demo runs there.
+/// Returns an error if the folder holds files that no demo made, if files of an earlier demo have
+/// changed, or if another demo uses the folder.
 pub fn prepare(out: &Path) -> Result<Claim> {
     let is_empty = fs::read_dir(out).map_or(true, |mut entries| entries.next().is_none());
     if is_empty {
@@ -71,7 +74,7 @@ pub fn prepare(out: &Path) -> Result<Claim> {
     };
     let claim = claim(out)?;
     let project = out.join("project");
-    // Held while its files go, so that no other process has it open.
+    // Held while the files are removed, so that no other process has the project open.
     let lock = project
         .join("project.toml")
         .is_file()
@@ -100,10 +103,10 @@ fn claim(out: &Path) -> Result<Claim> {
     Claim::take(out, &[MADE[0].to_owned()])
 }
 
-/// Notes what the demo made, when all of it is written and its project is closed.
+/// Records what the demo made; call it when everything is written and the project is closed.
 ///
 /// # Errors
-/// When the folder cannot be read or written.
+/// Returns an error if the folder cannot be read or written.
 pub fn finish(out: &Path) -> Result<()> {
     let mut record = ExportRecord::default();
     made_files(out)?
@@ -112,7 +115,7 @@ pub fn finish(out: &Path) -> Result<()> {
     Marker { made: Some(record) }.write(out)
 }
 
-/// All files of a demo, but for the lock of its project, which is touched whenever the project is opened.
+/// Returns all files of a demo except the project lock, which changes when the project is opened.
 fn made_files(out: &Path) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for place in MADE.map(|name| out.join(name)) {
@@ -193,7 +196,7 @@ mod tests {
     }
 
     #[test]
-    fn demo_replaces_only_what_it_made_and_nobody_changed() {
+    fn demo_replaces_only_its_own_unchanged_files() {
         let dir = tempfile::tempdir().unwrap();
         let out = dir.path().join("OUT");
         prepare(&out).unwrap();
@@ -219,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn a_demo_whose_project_is_open_stays() {
+    fn demo_with_an_open_project_is_not_replaced() {
         let dir = tempfile::tempdir().unwrap();
         prepare(dir.path()).unwrap();
         put(dir.path(), "project/project.toml");
@@ -254,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn what_an_interrupted_demo_left_is_moved() {
+    fn results_of_an_interrupted_demo_are_moved_aside() {
         let dir = tempfile::tempdir().unwrap();
         prepare(dir.path()).unwrap();
         put(dir.path(), "project/project.toml");
@@ -267,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn folders_that_no_demo_made_are_refused() {
+    fn folders_not_made_by_a_demo_are_rejected() {
         let dir = tempfile::tempdir().unwrap();
         put(dir.path(), "recording/day1.bag");
         put(dir.path(), "report.json");

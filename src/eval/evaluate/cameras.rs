@@ -7,26 +7,31 @@ use serde::Serialize;
 use ostra_frames::cameras::{CameraKey, GivenCamera, GivenCameras};
 use ostra_geometry::{Alignment, Pose, TrajectoryError};
 
-/// How far cameras are from the true ones.
+/// Errors of estimated cameras with respect to the ground truth.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CameraScore {
-    /// Number of true cameras.
+    /// Number of ground truth cameras.
     pub truth: usize,
-    /// Number of result cameras.
+    /// Number of cameras in the result.
     pub result: usize,
-    /// True cameras that the result lacks.
+    /// Names of the ground truth cameras that the result lacks.
     pub missing: Vec<String>,
     /// Errors over the cameras that both have.
     pub error: TrajectoryError,
-    /// Root mean square of the centre errors, as per cent of the largest distance of a true centre from their centroid.
+    /// Root mean square of the centre errors, in per cent of the extent of the ground truth.
+    ///
+    /// The extent is the largest distance of a ground truth centre from the centroid.
     pub centre_percent: f64,
 }
 
-/// Compares cameras in any format that can be read, matched by picture name without ending (else by file name, number
-/// or time). With `turns` their orientations are laid onto each other too, not the centres alone.
+/// Compares two sets of cameras in any readable format.
+///
+/// Cameras are matched by image name without extension, otherwise by file name, number or time.
+/// With `turns`, the alignment uses the orientations in addition to the centres.
 ///
 /// # Errors
-/// When a file cannot be read, no camera matches, or too few match for the alignment.
+/// Returns an error if a file cannot be read, if no camera matches, or if too few match for the
+/// alignment.
 pub fn score_cameras(
     truth: &Path,
     result: &Path,
@@ -84,7 +89,7 @@ pub fn score_cameras(
     })
 }
 
-/// Cameras by key; `None` where several share it, which are not guessed at.
+/// Indexes cameras by key; the entry is `None` if several cameras share the key.
 fn index(
     cameras: &[GivenCamera],
     key: impl Fn(&CameraKey) -> String,
@@ -99,7 +104,7 @@ fn index(
     found
 }
 
-/// The name without ending, the number, or the time to the microsecond.
+/// Returns the name without extension, the number, or the time to the microsecond.
 fn full_key(key: &CameraKey) -> String {
     match key {
         CameraKey::Name(name) => {
@@ -115,7 +120,9 @@ fn full_key(key: &CameraKey) -> String {
     }
 }
 
-/// The file's own name without ending; a number loses its leading zeros, so that it meets the formats that count.
+/// Returns the file name without folder and extension.
+///
+/// Leading zeros of numbers are removed, so that they match formats with camera indices.
 fn file_key(key: &CameraKey) -> String {
     let full = full_key(key);
     let file = full.rsplit('/').next().unwrap_or_default();
@@ -128,7 +135,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn keys_meet_across_folders_endings_and_numbers() {
+    fn keys_match_across_folders_extensions_and_numbers() {
         let name = |text: &str| CameraKey::Name(text.into());
         assert_eq!(full_key(&name("a/b.c.png")), "a/b.c");
         assert_eq!(full_key(&name("a.b/c")), "a.b/c");

@@ -14,33 +14,36 @@ use ostra_reconstruct::sfm::Sift;
 use ostra_reconstruct::sfm::matching::NearestMatcher;
 use ostra_reconstruct::stereo::{SparseOptions, sparse_from_cameras};
 
-/// How two cloud files are compared.
+/// Options for the comparison of two cloud files.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct CloudEvaluation {
-    /// Distances in cloud units; the first decides which points match for the labels.
+    /// Match distances in cloud units; the first one is used for the comparison of labels.
     pub within: Vec<f64>,
-    /// Read deeper labels as their ancestor there (1 = top).
+    /// Depth in the label tree (1 = top); deeper labels are replaced by their ancestor there.
     pub level: Option<usize>,
-    /// What has seen the truth.
+    /// Cameras that have seen the ground truth.
     pub views: Option<TruthViews>,
 }
 
-/// Cameras of a true cloud.
+/// Cameras of a ground truth cloud.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TruthViews {
-    /// Their file, in the truth's space.
+    /// Camera file, in the coordinates of the ground truth.
     pub cameras: PathBuf,
-    /// The number of frusta a truth point must lie in to count.
+    /// Number of frustums that must contain a ground truth point for it to count.
     pub min_views: usize,
-    /// Their pictures: a folder, a film, or a project. What these have in common tells which truth points a camera
-    /// sees, for the comparison in depth; cameras without a picture take no part in that.
+    /// Images of the cameras: a folder, a video, or a project.
+    ///
+    /// Features that they share show which points a camera sees, for the comparison in depth.
+    /// Cameras without an image are left out of it.
     pub frames: Option<PathBuf>,
 }
 
-/// Scores any labelled PLY against any other. Answers with warnings about what the files lack.
+/// Scores a labelled PLY file against another one; also returns warnings about the files.
 ///
 /// # Errors
-/// When a file or no picture can be read, no picture has a camera, or nothing can be compared.
+/// Returns an error if a file cannot be read, if no image can be read or has a camera, or if
+/// nothing can be compared.
 pub fn evaluate_cloud(
     truth: &Path,
     result: &Path,
@@ -99,11 +102,13 @@ fn frusta(path: &Path, origin: DVec3) -> Result<Vec<FrameCamera>> {
     cameras.collect()
 }
 
-/// Relative to `origin`, pictures (a folder, a film, or a project) with their cameras, matched by name, and what they have in common;
-/// pictures without a camera and those that cannot be read are left out. Gives with it what the user should know.
+/// Returns cameras and common features of images, relative to `origin`, with warnings.
+///
+/// `pictures` is a folder, a video, or a project; cameras are matched by name. Images that have no
+/// camera or cannot be read are left out.
 ///
 /// # Errors
-/// When no picture or the cameras cannot be read, or no picture has a camera.
+/// Returns an error if the cameras or all images cannot be read, or if no image has a camera.
 fn feature_views(
     pictures: &Path,
     cameras: &Path,
@@ -111,7 +116,7 @@ fn feature_views(
     progress: &Progress,
 ) -> Result<(FeatureViews, Vec<String>)> {
     let (mut frames, mut warnings) = read_frames(pictures, progress)?;
-    // A project's own poses are in its own space.
+    // The poses of a project are in the coordinates of the project.
     frames
         .iter_mut()
         .flat_map(|frame| &mut frame.camera)
@@ -131,7 +136,7 @@ fn feature_views(
         cameras.display()
     );
     let store = FrameStore::new(PIXEL_BYTES);
-    // Features are made of what can be read; here nothing may be missing without a word.
+    // Feature extraction skips unreadable images silently; here they must be reported.
     let (frames, unreadable) =
         readable_frames(frames, |frame| store.image(frame).map(drop), progress)?;
     warnings.extend(unreadable);
@@ -159,7 +164,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pictures_that_cannot_be_read_are_left_out_and_named() {
+    fn unreadable_images_are_left_out_and_reported() {
         let folder = tempfile::tempdir().unwrap();
         let [pictures, cameras] = ["pictures", "cameras"].map(|name| folder.path().join(name));
         for folder in [&pictures, &cameras] {

@@ -8,10 +8,10 @@ use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameError, FrameFolder, OpenRequest, open};
 use ostra_project::store::Folder;
 
-/// Bytes of decoded pictures kept.
+/// Capacity of the cache of decoded images, in bytes.
 pub(super) const PIXEL_BYTES: usize = 128 << 20;
 
-/// Frames of a folder, a film, or a project, and what the user should know.
+/// Reads the frames of a folder, a video, or a project; also returns warnings.
 pub(super) fn read_frames(path: &Path, progress: &Progress) -> Result<(Vec<Frame>, Vec<String>)> {
     if path.join("project.toml").is_file() {
         let loaded = Folder::view(path, "only its frames are read", progress)?;
@@ -28,10 +28,10 @@ pub(super) fn read_frames(path: &Path, progress: &Progress) -> Result<(Vec<Frame
     Ok((opened.frames, opened.warnings))
 }
 
-/// The frames that `read` can read, and a line that names the others: they are left out.
+/// Returns the frames that `read` accepts, and a warning with the names of the others.
 ///
 /// # Errors
-/// What reading the first one says, where none can be read; on a stop.
+/// Returns the first error of `read` if it accepts no frame, or an error if stopped.
 pub(super) fn readable_frames(
     frames: Vec<Frame>,
     read: impl Fn(&Frame) -> Result<(), FrameError>,
@@ -64,10 +64,10 @@ pub(super) fn readable_frames(
     ))
 }
 
-/// Scores a folder of mask files against a folder of true ones.
+/// Scores a folder of mask files against a folder of ground truth masks.
 ///
 /// # Errors
-/// As [`score_masks`].
+/// Returns the errors of [`score_masks`].
 pub fn evaluate_masks(truth: &Path, result: &Path, options: &ScoreOptions) -> Result<MaskScore> {
     Ok(score_masks(truth, result, options, &Progress::default())?)
 }

@@ -1,4 +1,6 @@
-//! Scores of results against truth, without a project: masks, clouds, cameras, and the clicks that a robot user needs.
+//! Scores of masks, clouds and cameras against ground truth, and the effort of a simulated user.
+//!
+//! No project is needed.
 
 mod cameras;
 mod cloud;

@@ -1,12 +1,17 @@
 use ostra_masks::{Region, squared_distance_to};
 
-/// Boundaries this share of the picture's diagonal apart still match (rounded up to whole pixels).
+/// Tolerance of matching boundaries as a share of the image diagonal, rounded up to whole pixels.
 const TOLERANCE: f64 = 0.008;
 
-/// Boundary F-measure of two regions of one frame, 0–1: the harmonic mean of the share of the result's boundary that
-/// lies near the true one and the share of the true one that lies near the result's; 1 when both are empty (Perazzi,
-/// Pont-Tuset, McWilliams, Van Gool, Gross, Sorkine-Hornung, "A benchmark dataset and evaluation methodology for video
-/// object segmentation", CVPR 2016; near = within 0.008 of the diagonal, rounded up, by a disk on the pixel grid).
+/// Returns the boundary F-measure of two regions of one frame, 0–1.
+///
+/// It is the harmonic mean of precision and recall: the share of the result's boundary close to the
+/// ground truth boundary, and the share of the ground truth boundary close to the result's. It is 1
+/// if both are empty. "Close" is within 0.008 of the diagonal, rounded up, by a disk on the pixel
+/// grid.
+///
+/// Source: Perazzi, Pont-Tuset, McWilliams, Van Gool, Gross, Sorkine-Hornung, "A benchmark dataset
+/// and evaluation methodology for video object segmentation", CVPR 2016.
 #[must_use]
 pub fn boundary_f(truth: &Region, result: &Region) -> f64 {
     let Some(window) = Window::around(truth, result) else {
@@ -28,7 +33,7 @@ pub fn boundary_f(truth: &Region, result: &Region) -> f64 {
     }
 }
 
-/// Share of the pixels of `boundary` that have one of `other` within `tolerance` pixels.
+/// Returns the share of the pixels of `boundary` within `tolerance` pixels of `other`.
 fn share_near(boundary: &Region, other: &Region, tolerance: f64) -> f64 {
     let distances = squared_distance_to(other);
     let near = |at: &usize| f64::from(distances[*at]) <= tolerance * tolerance;
@@ -36,19 +41,21 @@ fn share_near(boundary: &Region, other: &Region, tolerance: f64) -> f64 {
     pixels.filter(near).count() as f64 / boundary.area() as f64
 }
 
-/// The part of a frame where boundaries can be.
+/// The part of a frame that can contain boundaries.
 struct Window {
     left: u32,
     top: u32,
-    /// Not included.
+    /// Exclusive.
     right: u32,
-    /// Not included.
+    /// Exclusive.
     bottom: u32,
 }
 
 impl Window {
-    /// The bounding box of both regions and the pixels left of and above it, whose right and lower neighbours are
-    /// inside; `None` when both are empty.
+    /// Returns the bounding box of both regions, extended by one pixel to the left and the top.
+    ///
+    /// The right and lower neighbours of the additional pixels can be inside. Returns `None` if
+    /// both regions are empty.
     fn around(truth: &Region, result: &Region) -> Option<Self> {
         let width = truth.width.max(1) as usize;
         let rows = truth
@@ -78,8 +85,9 @@ impl Window {
         })
     }
 
-    /// Pixels of which the right, the lower or the lower right neighbour is on the other side; in the last column only
-    /// the lower, in the last row only the right one counts.
+    /// Returns the pixels whose right, lower or lower right neighbour is on the other side.
+    ///
+    /// In the last column only the lower neighbour counts, in the last row only the right one.
     fn boundary(&self, region: &Region) -> Region {
         let (width, height) = (self.right - self.left, self.bottom - self.top);
         let mut boundary = Region::empty(width, height);
@@ -111,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn empty_regions() {
+    fn boundary_f_of_empty_and_full_regions() {
         let (some, none) = (rectangle(10, 10, 20, 20), Region::empty(100, 75));
         assert!((boundary_f(&none, &none) - 1.0).abs() < 1e-12);
         assert!(boundary_f(&some, &none).abs() < 1e-12);
@@ -124,14 +132,14 @@ mod tests {
     }
 
     #[test]
-    fn the_tolerance_of_a_hundred_pixel_frame_is_one() {
+    fn tolerance_of_a_hundred_pixel_frame_is_one_pixel() {
         let truth = rectangle(10, 10, 20, 20);
         assert!((boundary_f(&truth, &rectangle(11, 10, 20, 20)) - 1.0).abs() < 1e-12);
         let moved = boundary_f(&truth, &rectangle(12, 10, 20, 20));
         assert!(moved > 0.4 && moved < 0.6, "{moved}");
     }
 
-    /// All pixels (x, y) with ((x − cx)·b)² + ((y − cy)·a)² ≤ (a·b)² of a frame of 200 × 150.
+    /// Returns the pixels (x, y) with ((x − cx)·b)² + ((y − cy)·a)² ≤ (a·b)² in a 200 × 150 frame.
     fn ellipse(cx: i64, cy: i64, a: i64, b: i64) -> Region {
         let pixels = (0..150).flat_map(|y| (0..200).map(move |x| (x, y)));
         let inside = pixels
@@ -145,8 +153,8 @@ mod tests {
     }
 
     #[test]
-    fn figures_of_an_independent_computation() {
-        // J and F by dilating boundary pictures with a disk in NumPy.
+    fn scores_match_an_independent_computation() {
+        // J and F computed in NumPy by dilating boundary images with a disk.
         let truth = ellipse(100, 70, 60, 30);
         let mut cut = truth.clone();
         cut.subtract(&ellipse(130, 70, 15, 15));

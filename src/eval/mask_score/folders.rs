@@ -5,26 +5,37 @@ use super::table::{FramePair, MaskScore, misfit, score_pairs};
 use ostra_core::job::Progress;
 use ostra_masks::{LabelId, MaskError, MaskFolder, RunMask};
 
-/// How two folders of masks are compared.
+/// Options for the comparison of two folders of masks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct ScoreOptions {
-    /// Leave out the first frame (in natural order), whose mask is often given to the method.
+    /// Whether the first frame (in natural order) is left out.
+    ///
+    /// Its mask is often given to the method.
     pub skip_first: bool,
-    /// Read labels deeper than this as their ancestor there (1 = top), by `labels.json` in either folder.
+    /// Depth in the label tree (1 = top); deeper labels are replaced by their ancestor there.
+    ///
+    /// The tree is the `labels.json` of either folder.
     pub level: Option<usize>,
 }
 
-/// Scores a folder of mask PNGs against one of true masks. Files are matched by name without ending: path below the
-/// folder, then file name alone. Pixels are label ids, equal numbers are the same label: palette places (not colours),
-/// grey values of up to 16 bits, or the colours that a `labels.json` in the folder lists. The labels scored are those
-/// in the truth. A truth whose only value besides 0 is 255 (and which lists no label 255) means label 1; so does such a
-/// result, unless 255 is a label of the truth. Next to smaller ids 255 means void. A true mask without result counts as
-/// an empty result, and so does a result of another size. Files that cannot be read are left out, with a warning.
+/// Scores a folder of mask PNGs against a folder of ground truth masks.
+///
+/// Files are matched by name without extension: first by path below the folder, then by file name
+/// alone. Pixels are label ids: palette indices (not colours), grey values of up to 16 bits, or the
+/// colours that a `labels.json` in the folder lists. Equal ids are the same label. Only labels in
+/// the ground truth are scored.
+///
+/// A ground truth whose only value besides 0 is 255 (and which lists no label 255) has label 1
+/// there. The same holds for a result, unless 255 is a label of the ground truth. If there are
+/// smaller ids as well, 255 means void.
+///
+/// A missing result, or one of another size, counts as empty. Unreadable files are left out, with a
+/// warning.
 ///
 /// # Errors
-/// [`MaskError::Io`], [`MaskError::Invalid`] for a folder without masks that can be read, names of which none match;
-/// [`MaskError::Request`] where no result has the size of its true mask, or for a level without `labels.json`;
-/// [`MaskError::Stopped`].
+/// Returns [`MaskError::Io`] or [`MaskError::Invalid`] if a folder has no readable masks or no
+/// names match. Returns [`MaskError::Request`] if no result has the size of its ground truth mask,
+/// or if a level is given without `labels.json`. Returns [`MaskError::Stopped`] if stopped.
 pub fn score_masks(
     truth_dir: &Path,
     result_dir: &Path,
@@ -78,8 +89,9 @@ pub fn score_masks(
     Ok(score)
 }
 
-/// Removes the value that means void in the truth from both folders. It stays in a black and white result, where it is
-/// the object.
+/// Removes the void value of the ground truth from both folders.
+///
+/// A black and white result keeps it, because there it is the object.
 fn without_void(truth: &mut MaskFolder, result: &mut MaskFolder) -> Option<String> {
     let void = truth.void_value()?;
     let cleared = |mask: &RunMask| mask.map_ids(|id| if id == void { LabelId::NONE } else { id });
@@ -93,7 +105,7 @@ fn without_void(truth: &mut MaskFolder, result: &mut MaskFolder) -> Option<Strin
     ))
 }
 
-/// Each folder by its own tree, or by the other's where it has none.
+/// Applies the level to each folder by its own tree, or by the other's if it has none.
 fn read_at_level(
     truth: &mut MaskFolder,
     result: &mut MaskFolder,
@@ -115,7 +127,7 @@ fn read_at_level(
     Ok(())
 }
 
-/// Every true mask with its result, in natural order.
+/// Returns every ground truth mask with its result, in natural order.
 fn pairs(
     truth: &MaskFolder,
     result: &MaskFolder,

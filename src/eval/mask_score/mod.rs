@@ -1,4 +1,4 @@
-//! Scores of masks against true masks, as the DAVIS challenge measures them.
+//! Scores of masks against ground truth masks, as in the DAVIS challenge.
 
 mod boundary;
 mod folders;

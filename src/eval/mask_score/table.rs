@@ -8,18 +8,18 @@ use super::boundary::boundary_f;
 use ostra_core::job::Progress;
 use ostra_masks::{LabelId, MaskError, RunMask};
 
-/// A frame's true mask and the one to score.
+/// The ground truth mask and the result of a frame.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct FramePair {
-    /// The frame's name.
+    /// Name of the frame.
     pub name: String,
-    /// What is right.
+    /// The ground truth mask.
     pub truth: RunMask,
-    /// What was found, of the same size.
+    /// The mask to score, of the same size.
     pub result: RunMask,
 }
 
-/// J and F of masks against truth, 0–1.
+/// J and F of masks against the ground truth, 0–1.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct MaskScore {
     /// Region similarity (intersection over union): mean over labels of [`LabelScore::j`].
@@ -28,34 +28,34 @@ pub struct MaskScore {
     pub f: f64,
     /// Mean of `j` and `f`.
     pub jf: f64,
-    /// Frames that count.
+    /// Number of scored frames.
     pub frames: usize,
-    /// Every label of the truth, by id.
+    /// Scores of every label of the ground truth, sorted by id.
     pub labels: Vec<LabelScore>,
-    /// What was left out or decided, for the user.
+    /// Warnings about files and labels that were left out, and about ambiguous values.
     pub warnings: Vec<String>,
 }
 
-/// The scores of one label.
+/// Scores of one label.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LabelScore {
-    /// Which label.
+    /// Id of the label.
     pub id: LabelId,
-    /// Its name, where one is known.
+    /// Name of the label, if known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
     /// Mean of `j` over frames.
     pub j: f64,
     /// Mean of `f` over frames.
     pub f: f64,
-    /// Every frame that counts, in order.
+    /// Scores of every frame, in order.
     pub frames: Vec<FrameScore>,
 }
 
-/// The scores of one label on one frame; both 1 where the label is neither in truth nor in the result.
+/// Scores of one label on one frame; both are 1 if neither ground truth nor result has the label.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FrameScore {
-    /// The frame's name.
+    /// Name of the frame.
     pub frame: String,
     /// Intersection over union.
     pub j: f64,
@@ -63,10 +63,11 @@ pub struct FrameScore {
     pub f: f64,
 }
 
-/// Scores `labels` over frames: per label the mean over all frames, in all the mean over labels.
+/// Scores `labels`: the mean over frames per label, then the mean over labels.
 ///
 /// # Errors
-/// [`MaskError::Request`] for a pair of different sizes, no frame or no label; [`MaskError::Stopped`].
+/// Returns [`MaskError::Request`] if a pair differs in size, or without frames or labels. Returns
+/// [`MaskError::Stopped`] if stopped.
 pub fn score_pairs(
     pairs: &[FramePair],
     labels: &BTreeSet<LabelId>,
@@ -84,7 +85,7 @@ pub fn score_pairs(
         progress.step(done.fetch_add(1, Ordering::Relaxed) + 1, pairs.len())?;
         Ok(scores)
     };
-    // Collected before the errors are looked at: the first error in the frames' order is returned.
+    // All results are collected first, so that the first error in frame order is returned.
     let results: Vec<Result<Vec<FrameScore>, MaskError>> = pairs.par_iter().map(score).collect();
     let per_frame: Vec<Vec<FrameScore>> = results.into_iter().collect::<Result<_, _>>()?;
     let scored = labels.iter().enumerate().map(|(at, &id)| {
@@ -129,7 +130,7 @@ fn score_frame(pair: &FramePair, labels: &BTreeSet<LabelId>) -> Result<Vec<Frame
     Ok(labels.par_iter().map(score).collect())
 }
 
-/// The message about a result that has another size than the true mask of its frame.
+/// Returns the message about a result whose size differs from that of the ground truth mask.
 pub(super) fn misfit(FramePair { name, truth, .. }: &FramePair, result: &RunMask) -> String {
     format!(
         "{name}: the result is {}×{} pixels, the true mask {}×{}; save the result at the frame's size",
@@ -179,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn unscorable_pairs_are_refused() {
+    fn unscorable_pairs_are_rejected() {
         let small = RunMask::empty(3, 2);
         let pair = FramePair {
             name: "a/7".into(),

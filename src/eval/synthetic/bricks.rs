@@ -12,15 +12,19 @@ use ostra_masks::LabelId;
 
 const WHEEL_RADIUS_M: f64 = 0.022;
 const WHEEL_HALF_WIDTH_M: f64 = 0.008;
-/// Height of the car's lowest bricks above the table.
+/// Height of the car's lowest bricks above the table, in metres.
 const CLEARANCE_M: f64 = 0.014;
 
-/// Studs of the car: across, along, of which bonnet and boot take so many at either end.
+/// Studs of the car: across and along.
 const CAR_STUDS: (i32, i32) = (4, 10);
+/// Studs of the bonnet and of the boot, along the car.
 const BONNET_STUDS: i32 = 3;
 
-/// A car and a figure of tightly stacked bricks on a table, four wheels flush with the car's sides and two lying apart, before the same
-/// posters as the tiller. The car looks at the cameras, so that all its wheels are seen by some.
+/// Builds a car and a figure of stacked bricks on a table.
+///
+/// Four wheels are flush with the car's sides, and two lie apart. The posters behind are those of
+/// the tiller scene. The car faces the cameras, so that each of its wheels is visible to some of
+/// them.
 pub(super) fn build_bricks(seed: u64) -> Assembly {
     let mut dice = Dice::new(seed, 11);
     let mut assembly = Assembly::default();
@@ -34,7 +38,7 @@ pub(super) fn build_bricks(seed: u64) -> Assembly {
     assembly
 }
 
-/// Chassis, bonnet, cabin and boot, and a wheel at each corner.
+/// Adds chassis, bonnet, cabin and boot, and a wheel at each corner.
 fn add_car(assembly: &mut Assembly, (class, wheel): (LabelId, LabelId), dice: &mut Dice) {
     let turn = DQuat::from_rotation_z(dice.range(-0.12, 0.12));
     let place = DVec3::new(
@@ -81,7 +85,7 @@ fn add_car(assembly: &mut Assembly, (class, wheel): (LabelId, LabelId), dice: &m
     }
 }
 
-/// Two wheels lying flat in front of the toys.
+/// Adds two wheels that lie flat in front of the toys.
 fn add_loose_wheels(assembly: &mut Assembly, class: LabelId, dice: &mut Dice) {
     for (k, x, y) in [(5, -0.145, -0.075), (6, 0.060, -0.115)] {
         let jitter = DVec3::new(dice.range(-0.006, 0.006), dice.range(-0.006, 0.006), 0.0);
@@ -103,7 +107,7 @@ fn add_wheel(
     assembly.add(id, Material::Rubber, dice.texture_seed(), mesh);
 }
 
-/// Legs, torso, arms at its sides and a head.
+/// Adds legs, torso, arms at the sides and a head.
 fn add_figure(assembly: &mut Assembly, class: LabelId, dice: &mut Dice) {
     let turn = DQuat::from_rotation_z(dice.range(-0.15, 0.15));
     let place = DVec3::new(
@@ -126,24 +130,24 @@ fn add_figure(assembly: &mut Assembly, class: LabelId, dice: &mut Dice) {
     toy.build(assembly, dice);
 }
 
-/// Distance of studs, metres.
+/// Distance between studs, in metres.
 const PITCH_M: f64 = 0.016;
-/// Height of a brick, metres.
+/// Height of a brick, in metres.
 const RISE_M: f64 = 0.0192;
 const STUD_RADIUS_M: f64 = 0.0047;
 const STUD_HEIGHT_M: f64 = 0.0030;
-/// Studs along a brick.
+/// Number of studs along a brick.
 const BRICK_STUDS: i32 = 2;
 
 /// A toy of bricks in a grid of studs: x across, y away, z up.
 struct Toy {
-    /// Corner of cell 0, 0, 0 in the world.
+    /// World position of the corner of cell (0, 0, 0).
     origin: DVec3,
     turn: DQuat,
     bricks: Vec<Brick>,
 }
 
-/// A cuboid of cells from `low` up to, not including, `high`.
+/// A cuboid of cells from `low` (inclusive) to `high` (exclusive).
 struct Brick {
     label: LabelId,
     color: Vec3,
@@ -152,7 +156,9 @@ struct Brick {
 }
 
 impl Toy {
-    /// Stands on `place` with the middle of `studs` (across, away), turned about the vertical.
+    /// Creates a toy whose footprint of `studs` (across, away) is centred on `place`.
+    ///
+    /// `turn` is a rotation about the vertical.
     pub(super) fn new(place: DVec3, turn: DQuat, studs: (i32, i32)) -> Self {
         let half = DVec3::new(f64::from(studs.0), f64::from(studs.1), 0.0) * 0.5 * PITCH_M;
         Self {
@@ -162,7 +168,9 @@ impl Toy {
         }
     }
 
-    /// Fills cells from `low` up to, not including, `high` with bricks in stretcher bond. sRGB.
+    /// Fills the cells from `low` (inclusive) to `high` (exclusive) with bricks in stretcher bond.
+    ///
+    /// `color` is sRGB.
     pub(super) fn stack(&mut self, label: LabelId, color: Vec3, low: IVec3, high: IVec3) {
         for z in low.z..high.z {
             let mut y = low.y;
@@ -180,7 +188,9 @@ impl Toy {
         }
     }
 
-    /// Adds all bricks, with studs where nothing stands on them, and what each label measures.
+    /// Adds all bricks and the exact traits of each label.
+    ///
+    /// Bricks have studs on cells that no other brick covers.
     pub(super) fn build(self, assembly: &mut Assembly, dice: &mut Dice) {
         let filled: BTreeSet<[i32; 3]> = self
             .bricks
@@ -214,7 +224,7 @@ impl Toy {
         self.origin + self.turn * (cell * DVec3::new(PITCH_M, PITCH_M, RISE_M))
     }
 
-    /// Six flat faces.
+    /// Returns the six flat faces of a brick.
     fn cuboid(&self, brick: &Brick) -> Mesh {
         let (low, high) = (
             self.place(brick.low.as_dvec3()),
@@ -250,7 +260,7 @@ impl Brick {
     }
 }
 
-/// Records the volume of the hull of a label's surfaces.
+/// Records the convex hull volume of a label's surfaces.
 fn record_volume(assembly: &mut Assembly, id: LabelId, meshes: &[Mesh]) {
     let all: Vec<DVec3> = meshes
         .iter()

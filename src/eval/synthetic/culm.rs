@@ -6,13 +6,13 @@ use super::mesh::{Curve, Mesh, smoothstep};
 use super::noise::Dice;
 use ostra_core::statistics::upper_median;
 
-/// A culm's shape: a straight taper with swollen nodes. Every diameter lies within 4–6 mm.
+/// The shape of a culm: a straight taper with swollen nodes, 4–6 mm in diameter.
 #[derive(Debug, Clone)]
 pub(super) struct Culm {
     pub(super) curve: Curve,
     base_diameter_m: f64,
     top_diameter_m: f64,
-    /// Arc lengths of the nodes, metres.
+    /// Arc lengths of the nodes, in metres.
     pub(super) nodes_m: Vec<f64>,
 }
 
@@ -29,7 +29,7 @@ impl Culm {
         }
     }
 
-    /// Radius at an arc length, metres.
+    /// Returns the radius at an arc length, in metres.
     pub(super) fn radius(&self, at_m: f64) -> f64 {
         let share = (at_m / self.curve.length_m()).clamp(0.0, 1.0);
         let swell: f64 = self
@@ -41,7 +41,7 @@ impl Culm {
             * (1.0 + 0.06 * swell)
     }
 
-    /// Median diameter over the length, metres.
+    /// Returns the median diameter over the length, in metres.
     pub(super) fn median_diameter_m(&self) -> f64 {
         let mut diameters: Vec<f64> = (0..=400)
             .map(|k| 2.0 * self.radius(self.curve.length_m() * f64::from(k) / 400.0))
@@ -56,7 +56,7 @@ impl Culm {
         mesh
     }
 
-    /// A low cone that closes the upper end.
+    /// Returns a low cone that closes the upper end.
     fn cap(&self) -> Mesh {
         let end = self.curve.end();
         let radius = self.radius(end.at_m);
@@ -69,15 +69,16 @@ impl Culm {
     }
 }
 
-/// A leaf sheath: a sheet rolled around the culm from a node to the collar, its margins overlapping on the side away
-/// from the blade.
+/// A leaf sheath: a sheet rolled around the culm from a node to the collar.
+///
+/// Its margins overlap on the side opposite the blade.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sheath {
-    /// Arc length of the node on the culm, metres.
+    /// Arc length of the node on the culm, in metres.
     pub(super) from_m: f64,
-    /// Arc length of the collar, metres.
+    /// Arc length of the collar, in metres.
     pub(super) to_m: f64,
-    /// Angle of the blade about the culm's axis, from `side` towards `up`, radians.
+    /// Angle of the blade around the culm's axis, from `side` towards `up`, in radians.
     pub(super) angle: f64,
 }
 
@@ -91,7 +92,7 @@ impl Sheath {
         self.to_m - self.from_m
     }
 
-    /// Distance of the sheath from the culm's axis below the blade, metres.
+    /// Returns the distance of the sheath from the culm's axis below the blade, in metres.
     pub(super) fn radius(&self, culm: &Culm, at_m: f64) -> f64 {
         culm.radius(at_m) + Self::GAP_M + 0.0002 * smoothstep(self.from_m, self.to_m, at_m)
     }
@@ -112,17 +113,17 @@ impl Sheath {
     }
 }
 
-/// What varies from blade to blade.
+/// Parameters that vary between blades.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BladePlan {
     pub(super) length_m: f64,
-    /// Widest place, metres.
+    /// Maximum width, in metres.
     pub(super) width_m: f64,
-    /// Angle between culm and blade at the collar, radians.
+    /// Angle between culm and blade at the collar, in radians.
     pub(super) insertion: f64,
-    /// Elevation of the tip's direction, radians; negative = hanging.
+    /// Elevation of the direction of the tip, in radians; negative values point down.
     pub(super) tip_elevation: f64,
-    /// Turn of the blade about its midrib towards the tip, radians.
+    /// Rotation of the blade about its midrib towards the tip, in radians.
     pub(super) twist: f64,
 }
 
@@ -138,7 +139,9 @@ impl BladePlan {
     }
 }
 
-/// A leaf blade: a sheet along its midrib, wrapped about the culm at the collar and folded lightly beyond.
+/// A leaf blade: a sheet along its midrib.
+///
+/// It is wrapped around the culm at the collar and lightly folded beyond.
 pub(super) struct Blade {
     plan: BladePlan,
     midrib: Curve,
@@ -146,7 +149,7 @@ pub(super) struct Blade {
 }
 
 impl Blade {
-    /// Grows a blade out of the upper end of its sheath.
+    /// Creates a blade at the upper end of its sheath.
     pub(super) fn grow(plan: BladePlan, sheath: &Sheath, culm: &Culm) -> Self {
         let collar = culm.curve.at(sheath.to_m);
         let outward = sheath.angle.cos() * collar.side + sheath.angle.sin() * collar.up;
@@ -170,7 +173,7 @@ impl Blade {
         }
     }
 
-    /// Full width at a share of the length, metres.
+    /// Returns the full width at a share of the length, in metres.
     fn width(&self, share: f64) -> f64 {
         let base = 0.72 + 0.28 * smoothstep(0.0, 0.3, share);
         let taper = 1.0 - ((share - 0.45).max(0.0) / 0.55).powf(2.2);
@@ -194,8 +197,10 @@ impl Blade {
         })
     }
 
-    /// Position across the blade of the texture position `across`: a circular arc, tight at the collar and open
-    /// beyond, so that widths along it stay true.
+    /// Returns the position in the cross-section for the texture position `across`.
+    ///
+    /// The cross-section is a circular arc, tight at the collar and open beyond. Widths along the
+    /// arc are exact.
     fn cross_section(&self, across: f64, at_m: f64) -> DVec2 {
         let open = 1.0 / 0.016;
         let tight = 1.0 / self.collar_radius_m;
@@ -206,7 +211,7 @@ impl Blade {
         )
     }
 
-    /// Mean of the width over the length, metres.
+    /// Returns the mean width over the length, in metres.
     pub(super) fn mean_width_m(&self) -> f64 {
         (0..400)
             .map(|k| self.width((f64::from(k) + 0.5) / 400.0))
@@ -214,7 +219,9 @@ impl Blade {
             / 400.0
     }
 
-    /// Angle in degrees between the culm's axis at the collar and the midrib's first `reach_m`.
+    /// Returns the angle in degrees between the culm's axis and the first `reach_m` of the midrib.
+    ///
+    /// `axis` is the direction of the culm at the collar.
     pub(super) fn insertion_deg(&self, axis: DVec3, reach_m: f64) -> f64 {
         (self.midrib.at(reach_m).x - self.midrib.at(0.0).x)
             .angle_between(axis)

@@ -3,14 +3,14 @@ use rayon::prelude::*;
 
 use super::noise::{fractal_noise, value_noise};
 
-/// What a part's surface looks like.
+/// Material of a part.
 #[derive(Debug, Clone)]
 pub(super) enum Material {
-    /// A picture, one of the scene's bitmaps.
+    /// An image, one of the scene's bitmaps.
     Picture {
         bitmap: usize,
     },
-    /// A leaf blade that yellows towards its tip.
+    /// A leaf blade that is yellow towards its tip.
     Blade {
         length_m: f32,
     },
@@ -33,7 +33,7 @@ pub(super) enum Material {
 }
 
 impl Material {
-    /// Linear RGB reflectance at the texture position `uv` (metres).
+    /// Returns the linear RGB reflectance at the texture position `uv` (metres).
     pub(super) fn albedo(&self, uv: Vec2, seed: u32, bitmaps: &[Bitmap]) -> Vec3 {
         let mm = uv * 1000.0;
         match self {
@@ -61,7 +61,7 @@ impl Material {
         }
     }
 
-    /// Strength of the highlight, 0–1.
+    /// Returns the strength of the highlight, 0–1.
     pub(super) fn gloss(&self) -> f32 {
         match self {
             Self::Blade { .. } | Self::Sheath | Self::Culm { .. } => 0.06,
@@ -70,7 +70,7 @@ impl Material {
         }
     }
 
-    /// Share of the light on the far side that shines through.
+    /// Returns the share of the light on the far side that passes through.
     pub(super) fn translucency(&self) -> f32 {
         if matches!(self, Self::Blade { .. }) {
             0.45
@@ -80,7 +80,7 @@ impl Material {
     }
 }
 
-/// A number in −1…1 that is one part's own.
+/// Returns a number in −1…1 that varies between parts.
 fn own(seed: u32) -> f32 {
     value_noise(Vec2::new(0.0, 0.0), seed ^ 0xa5a5)
 }
@@ -100,7 +100,7 @@ fn blade(mm: Vec2, along: f32, seed: u32) -> Vec3 {
     lit.lerp(Vec3::new(0.68, 0.60, 0.32), 0.75 * dry) * freckle
 }
 
-/// Plant tissue with fibres along it, `pitch_mm` apart.
+/// Returns the colour of plant tissue with fibres along it, `pitch_mm` apart.
 fn fibrous(base: Vec3, mm: Vec2, pitch_mm: f32, seed: u32) -> Vec3 {
     let fibre = (std::f32::consts::TAU * mm.x / pitch_mm).cos();
     let mottle = fractal_noise(Vec2::new(mm.x / 2.0, mm.y / 11.0), 4, seed);
@@ -141,7 +141,7 @@ fn wood(mm: Vec2, seed: u32) -> Vec3 {
         * joint
 }
 
-/// Plastic as toys have it after years: fine scratches and stains.
+/// Returns the colour of worn plastic with fine scratches and stains.
 fn plastic(color: Vec3, mm: Vec2, seed: u32) -> Vec3 {
     let scratch = fractal_noise(Vec2::new(mm.x / 0.9, mm.y / 5.0), 3, seed);
     color
@@ -149,7 +149,7 @@ fn plastic(color: Vec3, mm: Vec2, seed: u32) -> Vec3 {
         * (1.0 + 0.07 * scratch + 0.06 * fractal_noise(mm / 6.0, 3, seed ^ 1))
 }
 
-/// A picture on a surface, 1 texel a millimetre, linear RGB.
+/// An image on a surface: one texel per millimetre, linear RGB.
 #[derive(Debug, Clone)]
 pub(super) struct Bitmap {
     pub(super) width: usize,
@@ -160,7 +160,7 @@ pub(super) struct Bitmap {
 impl Bitmap {
     pub(super) const TEXELS_PER_M: f32 = 1000.0;
 
-    /// A picture of `size_m` metres filled by `color(at_mm)` with sRGB values of 0–1.
+    /// Creates a bitmap of `size_m` metres from `color(at_mm)`, sRGB values of 0–1.
     pub(super) fn painted(size_m: Vec2, color: impl Fn(Vec2) -> Vec3 + Sync) -> Self {
         let size = (size_m * Self::TEXELS_PER_M).ceil().max(Vec2::ONE);
         let (width, height) = (size.x as usize, size.y as usize);
@@ -180,7 +180,9 @@ impl Bitmap {
         }
     }
 
-    /// Repaints the texels inside a box (corners in texels, clipped): `color(at, before)`, sRGB of 0–1.
+    /// Repaints the texels inside a box with `color(at, before)`, sRGB values of 0–1.
+    ///
+    /// The corners of the box are in texels and are clipped to the bitmap.
     pub(super) fn paint(
         &mut self,
         low: Vec2,
@@ -205,7 +207,7 @@ impl Bitmap {
             });
     }
 
-    /// A fine grain over all texels, so that no place is without texture.
+    /// Adds fine noise to all texels, so that every part of the surface has texture.
     pub(super) fn roughen(&mut self, amount: f32, seed: u32) {
         let size = Vec2::new(self.width as f32, self.height as f32);
         self.paint(Vec2::ZERO, size, |at, before| {
@@ -213,7 +215,7 @@ impl Bitmap {
         });
     }
 
-    /// The colour at `at_m`, bilinear between texel centres and clamped to the border, linear RGB.
+    /// Returns the linear RGB at `at_m`, bilinear between texel centres and clamped to the border.
     pub(super) fn sample(&self, at_m: Vec2) -> Vec3 {
         let limit = Vec2::new((self.width - 1) as f32, (self.height - 1) as f32);
         let at = (at_m * Self::TEXELS_PER_M - 0.5).clamp(Vec2::ZERO, limit);
@@ -226,12 +228,12 @@ impl Bitmap {
     }
 }
 
-/// sRGB of 0–1 to linear, by the square that lies within 0.03 of the exact curve.
+/// Converts sRGB of 0–1 to linear by squaring, which is within 0.03 of the exact curve.
 fn linear(srgb: Vec3) -> Vec3 {
     srgb * srgb
 }
 
-/// Linear RGB to sRGB bytes, the inverse of [`linear`].
+/// Converts linear RGB to sRGB bytes; the inverse of [`linear`].
 pub(super) fn encoded(linear: Vec3) -> [u8; 3] {
     stored(linear.max(Vec3::ZERO).map(f32::sqrt))
 }

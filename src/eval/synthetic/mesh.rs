@@ -1,10 +1,10 @@
 use glam::{DQuat, DVec3, Vec2, Vec3};
 
-/// A triangle mesh with a texture position per vertex. World units are metres.
+/// A triangle mesh with a texture position per vertex; lengths are in metres.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Mesh {
     pub(super) positions: Vec<DVec3>,
-    /// Unit; outwards on closed surfaces.
+    /// Unit length; outwards on closed surfaces.
     pub(super) normals: Vec<Vec3>,
     /// Texture position in metres: x across or around, y along.
     pub(super) uv: Vec<Vec2>,
@@ -12,8 +12,10 @@ pub(super) struct Mesh {
 }
 
 impl Mesh {
-    /// A patch of `rows` × `columns` cells; `vertex(r, c)` gives corners for `r ≤ rows`, `c ≤ columns`. `around`: the
-    /// last column closes on the first. Normals point along (column direction) × (row direction).
+    /// Creates a patch of `rows` × `columns` cells.
+    ///
+    /// `vertex(r, c)` returns the corners for `r ≤ rows` and `c ≤ columns`. With `around`, the last
+    /// column coincides with the first. Normals point along (column direction) × (row direction).
     pub(super) fn patch(
         (rows, columns): (usize, usize),
         around: bool,
@@ -56,7 +58,9 @@ impl Mesh {
         }
     }
 
-    /// A tube of `columns` sides around `curve`, without caps; `radius(at_m)` in metres.
+    /// Creates a tube with `columns` sides around `curve`, without caps.
+    ///
+    /// `radius` maps an arc length to a radius, both in metres.
     pub(super) fn tube(
         curve: &Curve,
         (rows, columns): (usize, usize),
@@ -76,8 +80,9 @@ impl Mesh {
         })
     }
 
-    /// A surface of revolution about the vertical through `centre`; `profile` are (radius, height) in metres, upwards
-    /// on the outside.
+    /// Creates a surface of revolution about the vertical through `centre`.
+    ///
+    /// `profile` lists (radius, height) in metres, upwards on the outside.
     pub(super) fn lathe(centre: DVec3, profile: &[(f64, f64)], columns: usize) -> Self {
         let mut along = vec![0.0];
         for pair in profile.windows(2) {
@@ -95,7 +100,7 @@ impl Mesh {
         })
     }
 
-    /// A spheroid about `axis` (unit) with the given half axes.
+    /// Creates a spheroid with a unit `axis` and the given half axes.
     pub(super) fn spheroid(
         centre: DVec3,
         axis: DVec3,
@@ -116,7 +121,9 @@ impl Mesh {
         })
     }
 
-    /// A closed cylinder of `columns` sides about `axis` (unit), reaching `half_length_m` to both sides of `centre`.
+    /// Creates a closed cylinder with `columns` sides and a unit `axis`.
+    ///
+    /// It extends by `half_length_m` to both sides of `centre`.
     pub(super) fn cylinder(
         centre: DVec3,
         axis: DVec3,
@@ -125,7 +132,7 @@ impl Mesh {
         columns: usize,
     ) -> Self {
         let (r, h) = (radius_m, half_length_m);
-        // Twice at each edge, so that caps and side are shaded flat and round.
+        // Edges are doubled, so that the caps are shaded flat and the side round.
         let mut mesh = Self::lathe(
             DVec3::ZERO,
             &[(0.0, -h), (r, -h), (r, -h), (r, h), (r, h), (0.0, h)],
@@ -141,7 +148,7 @@ impl Mesh {
         mesh
     }
 
-    /// A flat parallelogram: `origin`, `origin + along_u`, `origin + along_v`; its normal is `along_u × along_v`.
+    /// Creates a flat parallelogram from a corner and two edges; its normal is `along_u × along_v`.
     pub(super) fn quad(origin: DVec3, along_u: DVec3, along_v: DVec3) -> Self {
         Self::patch((1, 1), false, |r, c| {
             let (u, v) = (c as f64, r as f64);
@@ -150,7 +157,7 @@ impl Mesh {
         })
     }
 
-    /// Adds another mesh to this one.
+    /// Appends another mesh.
     pub(super) fn append(&mut self, other: Self) {
         let base = self.positions.len() as u32;
         self.positions.extend(other.positions);
@@ -160,7 +167,7 @@ impl Mesh {
             .extend(other.triangles.into_iter().map(|t| t.map(|v| v + base)));
     }
 
-    /// Sum of the triangles' areas, square metres; a thin sheet's one side.
+    /// Returns the total area of the triangles in square metres; a thin sheet counts once.
     pub(super) fn area_m2(&self) -> f64 {
         self.triangles
             .iter()
@@ -169,7 +176,7 @@ impl Mesh {
     }
 }
 
-/// Normal of a triangle, as long as twice its area.
+/// Returns the normal of a triangle, with twice its area as length.
 pub(super) fn face_normal(positions: &[DVec3], triangle: [u32; 3]) -> DVec3 {
     let [a, b, c] = triangle.map(|v| positions[v as usize]);
     (b - a).cross(c - a)
@@ -186,10 +193,10 @@ fn face_sums(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<DVec3> {
     sums
 }
 
-/// A place on a [`Curve`]: `tangent`, `side` and `up` are a right-handed orthonormal frame.
+/// A point on a [`Curve`] with a right-handed orthonormal frame `tangent`, `side`, `up`.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Station {
-    /// Arc length from the start, metres.
+    /// Arc length from the start, in metres.
     pub(super) at_m: f64,
     pub(super) x: DVec3,
     pub(super) tangent: DVec3,
@@ -197,7 +204,7 @@ pub(super) struct Station {
     pub(super) up: DVec3,
 }
 
-/// The centre line of an organ: a finely divided polyline with a frame that turns as little as possible along it.
+/// The centre line of an organ: a fine polyline with a frame of minimum rotation.
 #[derive(Debug, Clone)]
 pub(super) struct Curve {
     stations: Vec<Station>,
@@ -206,8 +213,10 @@ pub(super) struct Curve {
 impl Curve {
     const STEPS: usize = 160;
 
-    /// From `start`, `length_m` long; the direction turns from `from` to `to` (unit vectors, not opposite) along the
-    /// great circle between them, by the share `t^power` at the share `t` of the length.
+    /// Creates a curve from `start`, `length_m` long, that turns from `from` to `to`.
+    ///
+    /// Both are unit vectors and not opposite. At the share `t` of the length, the direction has
+    /// turned by the share `t^power` of the great circle between them.
     pub(super) fn turning(
         start: DVec3,
         from: DVec3,
@@ -239,12 +248,12 @@ impl Curve {
         Self { stations }
     }
 
-    /// Arc length in metres.
+    /// Returns the arc length in metres.
     pub(super) fn length_m(&self) -> f64 {
         self.stations.last().map_or(0.0, |station| station.at_m)
     }
 
-    /// The place at arc length `at_m`, clamped to the ends.
+    /// Returns the point at arc length `at_m`, clamped to the ends.
     pub(super) fn at(&self, at_m: f64) -> Station {
         let place = (at_m / self.length_m()).clamp(0.0, 1.0) * (self.stations.len() - 1) as f64;
         let index = (place as usize).min(self.stations.len() - 2);
@@ -264,13 +273,13 @@ impl Curve {
         }
     }
 
-    /// The last place.
+    /// Returns the last point.
     pub(super) fn end(&self) -> Station {
         self.at(self.length_m())
     }
 }
 
-/// 0 below `low`, 1 above `high`, smooth between.
+/// Returns 0 below `low`, 1 above `high`, and a smooth transition between them.
 pub(super) fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)

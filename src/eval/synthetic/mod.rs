@@ -1,5 +1,6 @@
-//! A scene made from a seed, with exact colour, depth, cameras, labels and traits: for the demo, for tests, for whoever
-//! wants to see how far results can be trusted.
+//! Synthetic scenes with exact colour, depth, cameras, labels and traits, made from a seed.
+//!
+//! They serve the demo, tests and users who want to measure the accuracy of results.
 
 mod bricks;
 mod culm;

@@ -5,14 +5,14 @@ use super::mesh::Mesh;
 use ostra_cloud::measure::{Dimension, TraitRow};
 use ostra_masks::{Label, LabelId, LabelTree};
 
-/// All surfaces of a scene in one mesh, ready to be drawn.
+/// All surfaces of a scene in one mesh, ready for rendering.
 #[derive(Debug, Clone)]
 pub(super) struct Model {
     pub(super) positions: Vec<DVec3>,
     pub(super) normals: Vec<Vec3>,
     pub(super) uv: Vec<Vec2>,
     pub(super) triangles: Vec<[u32; 3]>,
-    /// Per triangle, its entry in `looks`.
+    /// Index into `looks` per triangle.
     pub(super) look_of: Vec<u16>,
     pub(super) looks: Vec<Look>,
     pub(super) bitmaps: Vec<Bitmap>,
@@ -27,14 +27,14 @@ pub(super) struct Look {
 }
 
 impl Look {
-    /// Linear RGB reflectance at a texture position (metres).
+    /// Returns the linear RGB reflectance at a texture position (metres).
     pub(super) fn albedo(&self, uv: Vec2, bitmaps: &[Bitmap]) -> Vec3 {
         self.material.albedo(uv, self.seed, bitmaps)
     }
 }
 
 impl Model {
-    /// Joins an assembly's parts (at most 65 535), leaving tree and traits with the caller.
+    /// Joins the parts of an assembly (at most 65 535); its tree and traits are left in place.
     pub(super) fn joined(assembly: &mut Assembly) -> Self {
         let mut whole = super::mesh::Mesh::default();
         let (mut look_of, mut looks) = (Vec::new(), Vec::new());
@@ -61,24 +61,24 @@ impl Model {
         }
     }
 
-    /// The part that a triangle belongs to.
+    /// Returns the label and material of a triangle.
     pub(super) fn look(&self, triangle: usize) -> &Look {
         &self.looks[usize::from(self.look_of[triangle])]
     }
 }
 
-/// A surface of one label and one material.
+/// A surface with one label and one material.
 #[derive(Debug, Clone)]
 pub(super) struct Part {
     /// 0 for the surroundings.
     pub(super) label: LabelId,
     pub(super) material: Material,
-    /// Varies the material from part to part.
+    /// Seed that varies the material between parts.
     pub(super) seed: u32,
     pub(super) mesh: Mesh,
 }
 
-/// What a builder of a scene hands over.
+/// The output of a scene builder.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Assembly {
     pub(super) parts: Vec<Part>,
@@ -140,7 +140,9 @@ impl Assembly {
         });
     }
 
-    /// Adds a label below `parent`. Builders give every name once, so the tree takes it.
+    /// Adds a label below `parent`.
+    ///
+    /// Builders use each name once, so the tree always accepts it.
     pub(super) fn label(&mut self, name: &str, parent: Option<LabelId>) -> LabelId {
         let id = self.tree.next_id();
         let added = self.tree.set(Label {

@@ -2,35 +2,35 @@ use serde::{Deserialize, Serialize};
 
 use ostra_cloud::SceneError;
 
-/// Which scene is made.
+/// The kind of a synthetic scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SceneKind {
-    /// A rice tiller in a pot before a wall of posters.
+    /// A rice tiller in a pot in front of a wall of posters.
     #[default]
     Tiller,
-    /// A car and a figure of stacked bricks with six wheels, before the same wall.
+    /// A car and a figure of stacked bricks with six wheels, in front of the same wall.
     Bricks,
 }
 
-/// What is made and how it is seen.
+/// Options of a synthetic scene and its cameras.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SceneOptions {
-    /// Which scene.
+    /// Kind of scene.
     pub scene: SceneKind,
     /// Number of views along the arc, 1–10 000.
     pub views: usize,
-    /// Columns of a picture, 16–8192 pixels.
+    /// Image width, 16–8192 pixels.
     pub width: u32,
-    /// Rows of a picture, 16–8192 pixels.
+    /// Image height, 16–8192 pixels.
     pub height: u32,
     /// Angle of the arc at the specimen, 0–300 degrees.
     pub arc_deg: f64,
-    /// Distance of the cameras from the specimen's middle, 0.5–3 metres.
+    /// Distance of the cameras from the centre of the specimen, 0.5–3 metres.
     pub distance_m: f64,
-    /// Shape, texture and arrangement vary with it; the sensor's noise too.
+    /// Seed of shape, texture, arrangement and sensor noise.
     pub seed: u64,
-    /// `None` = exact colour and depth.
+    /// Sensor noise; `None` gives exact colour and depth.
     pub noise: Option<SensorNoise>,
 }
 
@@ -50,10 +50,10 @@ impl Default for SceneOptions {
 }
 
 impl SceneOptions {
-    /// Whether every number is in its range.
+    /// Checks that every number is in its range.
     ///
     /// # Errors
-    /// [`SceneError::Request`] naming the first that is not.
+    /// Returns [`SceneError::Request`] with the first number that is out of range.
     pub fn check(&self) -> Result<(), SceneError> {
         let ranges = [
             ("number of views", self.views as f64, 1.0, 10_000.0),
@@ -77,21 +77,23 @@ impl SceneOptions {
     }
 }
 
-/// How an RGB-D sensor spoils exact colour and depth.
+/// Noise model of an RGB-D sensor.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SensorNoise {
     /// Standard deviation of depth at the nearest distance, 0–0.02 metres.
     pub depth_base_m: f64,
-    /// Growth of that deviation with the square of `depth − 0.4 m`, 0–0.02 per metre. Form and default of both from
-    /// Nguyen, Izadi, Lovell, "Modeling Kinect Sensor Noise for Improved 3D Reconstruction and Tracking", 3DIMPVT 2012.
+    /// Growth of that deviation with the square of `depth − 0.4 m`, 0–0.02 per metre.
+    ///
+    /// Form and defaults of both are from Nguyen, Izadi, Lovell, "Modeling Kinect Sensor Noise for
+    /// Improved 3D Reconstruction and Tracking", 3DIMPVT 2012.
     pub depth_growth: f64,
-    /// A pixel is at an edge where its neighbours' depths differ by more than this, 0.001–1 metres.
+    /// Depth difference of neighbours above which a pixel is at an edge, 0.001–1 metres.
     pub edge_m: f64,
-    /// Share of the edge pixels that fly between front and back, 0–1.
+    /// Share of the edge pixels with a depth between front and back, 0–1.
     pub flying: f64,
     /// Share of the edge pixels without depth, 0–1.
     pub missing: f64,
-    /// Depth comes in steps of this, 0.0001–0.01 metres.
+    /// Quantization step of depth, 0.0001–0.01 metres.
     pub step_m: f64,
     /// Standard deviation of each colour channel, 0–50 of 255.
     pub color_sigma: f64,
@@ -112,7 +114,7 @@ impl Default for SensorNoise {
 }
 
 impl SensorNoise {
-    /// Each number with what it is called and its range.
+    /// Returns each number with its name and range.
     fn ranges(&self) -> Vec<(&'static str, f64, f64, f64)> {
         vec![
             ("depth noise in metres", self.depth_base_m, 0.0, 0.02),

@@ -3,10 +3,10 @@ use glam::{DQuat, DVec3};
 use super::mesh::{Curve, Mesh, Station};
 use super::noise::Dice;
 
-/// Grains are spheroids of 7 × 3 mm.
+/// Length of a grain, a spheroid of 7 × 3 mm.
 const GRAIN_LENGTH_M: f64 = 0.007;
 const GRAIN_WIDTH_M: f64 = 0.003;
-/// Grains lie at least 1 mm apart.
+/// Minimum distance between grains (1 mm), in metres.
 const GAP_M: f64 = 0.001;
 const BRANCHES: usize = 14;
 const MIN_GRAINS: usize = 80;
@@ -19,7 +19,7 @@ pub(super) struct Grain {
     axis: DVec3,
 }
 
-/// A panicle: a drooping rachis with branches that carry the grains.
+/// A panicle: a drooping rachis and branches with grains.
 pub(super) struct Panicle {
     rachis: Curve,
     neck_radius_m: f64,
@@ -29,7 +29,9 @@ pub(super) struct Panicle {
 }
 
 impl Panicle {
-    /// Grows out of the upper end of a culm of the given radius, drooping towards the compass direction `azimuth`.
+    /// Creates a panicle at the upper end of a culm of the given radius.
+    ///
+    /// It droops towards the compass direction `azimuth`.
     pub(super) fn grow(neck: Station, neck_radius_m: f64, azimuth: f64, dice: &mut Dice) -> Self {
         let tip = dice.range(-50.0, -20.0_f64).to_radians();
         let level = DVec3::new(azimuth.cos(), azimuth.sin(), 0.0);
@@ -54,8 +56,9 @@ impl Panicle {
         panicle
     }
 
-    /// Places grains beside the branches in passes until there are enough; one that would lie too near another is
-    /// left out.
+    /// Places grains next to the branches, in passes, until there are enough.
+    ///
+    /// A grain that would be too close to another one is skipped.
     fn set_grains(&mut self, dice: &mut Dice) {
         for pass in 0..40 {
             for k in 0..self.branches.len() {
@@ -98,7 +101,7 @@ impl Panicle {
         )
     }
 
-    /// Rachis, branches and the grains' stalks in one.
+    /// Returns a mesh of rachis, branches and the stalks of the grains.
     pub(super) fn axes_mesh(&self) -> Mesh {
         let length = self.rachis.length_m();
         let neck = self.neck_radius_m;
@@ -127,7 +130,9 @@ impl Panicle {
     }
 }
 
-/// The `k`-th branch: leaves the rachis in a spiral (137.5°), the lower the longer, and bends down.
+/// Creates the `k`-th branch.
+///
+/// Branches leave the rachis in a spiral (137.5°) and bend down; lower branches are longer.
 fn branch(rachis: &Curve, k: usize, dice: &mut Dice) -> Curve {
     let share = 0.12 + 0.80 * (k as f64 + dice.range(-0.25, 0.25)) / (BRANCHES - 1) as f64;
     let station = rachis.at(share.clamp(0.05, 0.97) * rachis.length_m());
@@ -148,8 +153,10 @@ fn branch(rachis: &Curve, k: usize, dice: &mut Dice) -> Curve {
 }
 
 impl Grain {
-    /// Whether the gap to another grain is kept for certain: a spheroid lies inside the capsule of its own width and
-    /// length, and the capsules' axes are compared.
+    /// Returns whether the gap to another grain is certainly kept.
+    ///
+    /// A spheroid lies inside the capsule of the same width and length, so comparing the axes of
+    /// the capsules is sufficient.
     fn is_clear_of(&self, other: &Self) -> bool {
         segment_distance(self.capsule(), other.capsule()) > GRAIN_WIDTH_M + GAP_M + 1e-5
     }
@@ -160,7 +167,9 @@ impl Grain {
     }
 }
 
-/// Distance between two segments (Ericson, "Real-Time Collision Detection", 2005, section 5.1.9).
+/// Returns the distance between two segments.
+///
+/// Source: Ericson, "Real-Time Collision Detection", 2005, section 5.1.9.
 fn segment_distance((p0, p1): (DVec3, DVec3), (q0, q1): (DVec3, DVec3)) -> f64 {
     let (d, e, r) = (p1 - p0, q1 - q0, p0 - q0);
     let (a, b, c, f, g) = (d.dot(d), d.dot(e), d.dot(r), e.dot(e), e.dot(r));

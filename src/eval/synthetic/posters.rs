@@ -6,13 +6,15 @@ use super::model::Assembly;
 use super::noise::{Dice, fractal_noise, lattice};
 use ostra_masks::LabelId;
 
-/// Distance of the wall from the specimen's axis, metres.
+/// Distance of the wall from the specimen's axis, in metres.
 const WALL_DISTANCE_M: f64 = 0.8;
 const WALL_TOP_M: f64 = 0.95;
 const PANELS: usize = 5;
 
-/// A folding wall of five panels behind the specimen, each hung with posters, on a wooden table whose top is at
-/// `table_z` metres. Seen from every camera of an arc of 120°, the wall fills the picture above the table.
+/// Adds a folding wall of five panels with posters, and a wooden table with its top at `table_z`.
+///
+/// The wall is behind the specimen. From every camera of an arc of 120° it fills the image above
+/// the table.
 pub(super) fn add_surroundings(assembly: &mut Assembly, table_z: f64, dice: &mut Dice) {
     let corner = |k: usize| {
         let azimuth = (-100.0 + 200.0 * k as f64 / PANELS as f64).to_radians();
@@ -50,7 +52,7 @@ pub(super) fn add_surroundings(assembly: &mut Assembly, table_z: f64, dice: &mut
     assembly.add(LabelId::NONE, Material::Wood, dice.texture_seed(), table);
 }
 
-/// A panel of plaster with posters in a loose grid.
+/// Creates a plaster panel with posters in a loose grid.
 fn panel(size_m: Vec2, dice: &mut Dice) -> Bitmap {
     let seed = dice.texture_seed();
     let plaster = Vec3::new(0.80, 0.78, 0.74) - Vec3::splat(dice.range(0.0, 0.12) as f32);
@@ -90,7 +92,7 @@ fn color(dice: &mut Dice) -> Vec3 {
     )
 }
 
-/// Overlapping discs, rings and bars on a plain ground.
+/// Paints overlapping discs, rings and bars on a plain ground.
 fn shapes(bitmap: &mut Bitmap, low: Vec2, high: Vec2, dice: &mut Dice) {
     let ground = color(dice) * 0.3 + 0.65;
     bitmap.paint(low, high, |_, _| ground);
@@ -120,7 +122,7 @@ fn shapes(bitmap: &mut Bitmap, low: Vec2, high: Vec2, dice: &mut Dice) {
     }
 }
 
-/// Ridges under a sky, like a photograph of hills.
+/// Paints ridges under a sky, like a photograph of hills.
 fn landscape(bitmap: &mut Bitmap, low: Vec2, high: Vec2, dice: &mut Dice) {
     let (sky, near, far, seed) = (
         color(dice) * 0.4 + 0.6,
@@ -150,7 +152,7 @@ fn landscape(bitmap: &mut Bitmap, low: Vec2, high: Vec2, dice: &mut Dice) {
     });
 }
 
-/// A heading, a block of colour and lines of letter-like strokes.
+/// Paints a heading, a block of colour and lines of letter-like strokes.
 fn text(bitmap: &mut Bitmap, low: Vec2, high: Vec2, dice: &mut Dice) {
     let (paper, ink, accent, seed) = (
         color(dice) * 0.12 + 0.84,
@@ -186,7 +188,9 @@ fn text(bitmap: &mut Bitmap, low: Vec2, high: Vec2, dice: &mut Dice) {
     });
 }
 
-/// Irregular tiles (Worley, "A cellular texture basis function", SIGGRAPH 1996) in shades of two colours.
+/// Paints irregular tiles in shades of two colours.
+///
+/// Source: Worley, "A cellular texture basis function", SIGGRAPH 1996.
 fn mosaic(bitmap: &mut Bitmap, low: Vec2, high: Vec2, dice: &mut Dice) {
     let (first, second, seed, pitch) = (
         color(dice),

@@ -6,25 +6,27 @@ use rayon::prelude::*;
 use super::model::Model;
 use ostra_geometry::{Camera, Pose};
 
-/// No triangle.
+/// Marks a sample without a triangle.
 pub(super) const NOTHING: u32 = u32::MAX;
-/// Surfaces nearer than this are not drawn, metres.
+/// Surfaces nearer than this are not drawn, in metres.
 const NEAR_M: f64 = 0.01;
 
-/// A triangle seen from a camera, in homogeneous form (Olano, Greer, "Triangle scan conversion using 2D homogeneous
-/// coordinates", Graphics Hardware 1997): no clipping is needed, and depth is exact.
+/// A triangle in the view of a camera, in homogeneous form, which needs no clipping.
+///
+/// Source: Olano, Greer, "Triangle scan conversion using 2D homogeneous coordinates", Graphics
+/// Hardware 1997. Depth is exact.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Facet {
-    /// A ray `d` with z = 1 hits inside where all `edges[k] · d` ≥ 0.
+    /// Edge normals; a ray `d` with z = 1 hits the triangle where all `edges[k] · d` ≥ 0.
     edges: [DVec3; 3],
-    /// Six times the volume of camera centre and triangle, ≥ 0.
+    /// Six times the volume of the tetrahedron of camera centre and triangle, ≥ 0.
     volume: f64,
-    /// Box in pixels.
+    /// Bounding box in pixels.
     low: DVec2,
     high: DVec2,
 }
 
-/// All triangles seen from one camera, sorted into bands of picture rows.
+/// All triangles in the view of one camera, sorted into bands of image rows.
 pub(super) struct Raster<'a> {
     model: &'a Model,
     camera: Camera,
@@ -33,13 +35,15 @@ pub(super) struct Raster<'a> {
     bands: Vec<Vec<u32>>,
 }
 
-/// Rows of pixels in a band.
+/// Number of pixel rows in a band.
 const BAND_ROWS: u32 = 8;
 
-/// What is nearest at the samples of a band, row by row; `samples` × `samples` of them in each pixel.
+/// The nearest triangle at each sample of a band, row by row.
+///
+/// Each pixel has `samples` × `samples` samples.
 pub(super) struct Hits {
     pub(super) triangles: Vec<u32>,
-    /// Depth along the optical axis, metres.
+    /// Depth along the optical axis, in metres.
     pub(super) depths: Vec<f64>,
 }
 
@@ -76,7 +80,9 @@ impl<'a> Raster<'a> {
         self.bands.len()
     }
 
-    /// A triangle as the camera sees it; `None` when it is behind, edge-on or beside the picture.
+    /// Returns a triangle in the view of the camera.
+    ///
+    /// Returns `None` if the triangle is behind the camera, edge-on, or to the side of the image.
     pub(super) fn facet(&self, triangle: u32) -> Option<Facet> {
         let corners = self
             .model
@@ -105,14 +111,16 @@ impl<'a> Raster<'a> {
         })
     }
 
-    /// The triangles that touch a band.
+    /// Returns the triangles that touch a band.
     pub(super) fn facets(&self, band: usize) -> impl Iterator<Item = Facet> + '_ {
         self.bands[band]
             .iter()
             .filter_map(|&triangle| self.facet(triangle))
     }
 
-    /// Draws a band with `samples` × `samples` samples a pixel, evenly spread; an odd number has one at the centre.
+    /// Rasterizes a band with `samples` × `samples` evenly spread samples per pixel.
+    ///
+    /// If `samples` is odd, one of them is at the pixel centre.
     pub(super) fn hits(&self, band: usize, samples: u32) -> Hits {
         let rows = band_rows(&self.camera, band);
         let columns = (self.camera.width * samples) as usize;
@@ -145,7 +153,7 @@ impl<'a> Raster<'a> {
         hits
     }
 
-    /// Direction (z = 1) through a sample in camera space.
+    /// Returns the direction (z = 1) through a sample in camera space.
     pub(super) fn ray(&self, (column, row): (u32, u32), samples: u32) -> DVec3 {
         let at_px = DVec2::new(f64::from(column) + 0.5, f64::from(row) + 0.5) / f64::from(samples);
         self.camera.unproject(at_px).extend(1.0)
@@ -153,7 +161,7 @@ impl<'a> Raster<'a> {
 }
 
 impl Facet {
-    /// The pixels that the triangle may touch, as far as they lie in the given ranges.
+    /// Returns the pixels that the triangle may touch, limited to the given ranges.
     pub(super) fn pixels(&self, columns: Range<u32>, rows: Range<u32>) -> (Range<u32>, Range<u32>) {
         let cut = |low: f64, high: f64, within: Range<u32>| {
             let low = low.clamp(f64::from(within.start), f64::from(within.end)) as u32;
@@ -167,7 +175,7 @@ impl Facet {
         )
     }
 
-    /// Depth along the optical axis where a ray (z = 1) hits; `None` beside the triangle.
+    /// Returns the depth along the optical axis where a ray (z = 1) hits; `None` if it misses.
     #[inline]
     pub(super) fn depth(&self, ray: DVec3) -> Option<f64> {
         let [a, b, c] = self.edges.map(|edge| edge.dot(ray));
@@ -177,7 +185,7 @@ impl Facet {
         Some(self.volume / (a + b + c)).filter(|&depth| depth >= NEAR_M && depth.is_finite())
     }
 
-    /// Shares of the three corners (sum 1) where a ray hits.
+    /// Returns the barycentric coordinates (sum 1) where a ray hits.
     #[inline]
     pub(super) fn shares(&self, ray: DVec3) -> [f64; 3] {
         let weights = self.edges.map(|edge| edge.dot(ray));
@@ -186,7 +194,7 @@ impl Facet {
     }
 }
 
-/// Picture rows of a band.
+/// Returns the image rows of a band.
 pub(super) fn band_rows(camera: &Camera, band: usize) -> Range<u32> {
     let first = band as u32 * BAND_ROWS;
     first..(first + BAND_ROWS).min(camera.height)

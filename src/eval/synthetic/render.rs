@@ -9,7 +9,7 @@ use ostra_frames::{DepthMap, Image};
 use ostra_geometry::{Camera, Pose};
 use ostra_masks::{LabelId, LabelMask};
 
-/// Samples along each side of a pixel; odd, so that one lies at its centre.
+/// Number of samples along each side of a pixel; odd, so that one is at its centre.
 const SAMPLES: u32 = 3;
 
 /// Pixels of some rows.
@@ -19,7 +19,9 @@ struct Band {
     labels: Vec<LabelId>,
 }
 
-/// Draws what a view sees: colour averaged over 3 × 3 samples a pixel, depth and label exact at its centre.
+/// Renders a view.
+///
+/// Colour is the average of 3 × 3 samples per pixel. Depth and label are exact at the pixel centre.
 pub(super) fn render(model: &Model, light: &Light, view: &View) -> RenderedView {
     let raster = Raster::new(model, &view.camera, &view.camera_from_world);
     let painter = Painter {
@@ -78,7 +80,7 @@ const ALL: [(u32, u32); 9] = [
     (1, 2),
     (2, 2),
 ];
-/// Enough of them where one part fills the pixel.
+/// The samples that are shaded where one part fills the pixel.
 const CORNERS: [(u32, u32); 4] = [(0, 0), (2, 0), (0, 2), (2, 2)];
 
 impl Painter<'_> {
@@ -117,7 +119,7 @@ impl Painter<'_> {
         out
     }
 
-    /// Linear RGB of a pixel whose samples show these triangles.
+    /// Returns the linear RGB of a pixel whose samples hit these triangles.
     fn pixel(&self, triangles: [u32; 9], (column, row): (u32, u32)) -> Vec3 {
         let part =
             |triangle: u32| (triangle != NOTHING).then(|| self.model.look_of[triangle as usize]);
@@ -139,7 +141,7 @@ impl Painter<'_> {
         sum / shaded.len() as f32
     }
 
-    /// Linear RGB of a sample.
+    /// Returns the linear RGB of a sample.
     fn shade(&self, facet: &Facet, triangle: u32, sample: (u32, u32)) -> Vec3 {
         let model = self.model;
         let shares = facet.shares(self.raster.ray(sample, SAMPLES));
@@ -165,21 +167,21 @@ impl Painter<'_> {
     }
 }
 
-/// A lamp in front of the specimen to the upper left, with the shadows that it casts, and light from all sides.
+/// A lamp to the upper left in front of the specimen, with shadows, and ambient light.
 #[derive(Debug, Clone)]
 pub(super) struct Light {
     centre: DVec3,
     camera: Camera,
     light_from_world: Pose,
-    /// Distance of the nearest surface from the lamp, row by row, metres.
+    /// Distance of the nearest surface from the lamp, row by row, in metres.
     depths: Vec<f32>,
 }
 
-/// Brings the brightest posters just below white.
+/// Exposure that renders the brightest posters just below white.
 const EXPOSURE: f32 = 1.35;
-/// Side of the shadow map in texels.
+/// Side length of the shadow map in texels.
 const SIDE: u32 = 1400;
-/// A surface this far behind the nearest is still lit, metres.
+/// Distance behind the nearest surface up to which a surface is lit, in metres.
 const BIAS_M: f64 = 0.0025;
 
 impl Light {
@@ -206,8 +208,9 @@ impl Light {
         }
     }
 
-    /// Light on a surface point with unit normal `normal` (towards the viewer), as a factor on its reflectance, and
-    /// the highlight towards the viewer.
+    /// Returns the light on a surface point and the highlight towards the viewer.
+    ///
+    /// The light is a factor on the reflectance. `normal` is a unit vector towards the viewer.
     pub(super) fn on(&self, x: DVec3, normal: Vec3, to_viewer: Vec3, look: &Look) -> (f32, f32) {
         let to_light = (self.centre - x).as_vec3().normalize();
         let facing = normal.dot(to_light);
@@ -234,7 +237,9 @@ impl Light {
         )
     }
 
-    /// 0 = in shadow … 1 = lit, smoothed over 2 × 2 texels; 1 outside the lamp's shadow map.
+    /// Returns 0 in shadow to 1 if lit, smoothed over 2 × 2 texels.
+    ///
+    /// Points outside the shadow map are lit.
     fn lit_share(&self, x: DVec3) -> f32 {
         let x_in_light = self.light_from_world.transform(x);
         let Some(px) = self.camera.project(x_in_light).map(|px| px - 0.5) else {

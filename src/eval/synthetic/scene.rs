@@ -12,8 +12,9 @@ use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::{Label, LabelId, LabelTree};
 
-/// A made scene: surfaces with labels and materials, cameras, and every dimension known. World units are metres, z is
-/// up, the specimen stands on z = 0 at the origin.
+/// A synthetic scene: labelled surfaces with materials, cameras and exact traits.
+///
+/// World units are metres and z is up. The specimen stands on z = 0 at the origin.
 #[derive(Debug, Clone)]
 pub struct Scene {
     options: SceneOptions,
@@ -25,17 +26,19 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Depth in the label tree of the classes a user would label (`stem`, `leaf`, `panicle`; `car`, `wheel`, `figure`); the
-    /// specimen is above, instances and their parts are below.
+    /// Depth in the label tree of the classes that a user would label.
+    ///
+    /// These are `stem`, `leaf` and `panicle`, or `car`, `wheel` and `figure`. The specimen is
+    /// above them; instances and their parts are below.
     pub const CLASS_LEVEL: usize = 2;
 
     /// Depth of parts in the label tree.
     pub const PART_LEVEL: usize = 4;
 
-    /// Makes the scene; the same options give the same scene.
+    /// Builds a scene; equal options give equal scenes.
     ///
     /// # Errors
-    /// [`SceneError::Request`] for an option out of range.
+    /// Returns [`SceneError::Request`] if an option is out of range.
     pub fn build(options: &SceneOptions) -> Result<Self, SceneError> {
         options.check()?;
         let mut assembly = match options.scene {
@@ -55,25 +58,28 @@ impl Scene {
         })
     }
 
-    /// What the scene was made from.
+    /// Returns the options of the scene.
     #[must_use]
     pub fn options(&self) -> &SceneOptions {
         &self.options
     }
 
-    /// The cameras, in order along the arc.
+    /// Returns the cameras in order along the arc.
     #[must_use]
     pub fn views(&self) -> &[View] {
         &self.views
     }
 
-    /// The labels: specimen › class › instance (› part).
+    /// Returns the labels: specimen › class › instance (› part).
     #[must_use]
     pub fn tree(&self) -> &LabelTree {
         &self.tree
     }
 
-    /// What a user would click: the classes of a plant; the parts of toys, and their wheels as one class.
+    /// Returns the labels that a simulated user clicks.
+    ///
+    /// For a plant these are the classes. For toys these are the parts, with all wheels as one
+    /// class.
     #[must_use]
     pub fn clicked_labels(&self) -> Vec<LabelId> {
         let told_apart = self.classes_told_apart();
@@ -90,7 +96,7 @@ impl Scene {
             .collect()
     }
 
-    /// Names of classes that a user clicks as one and whose instances are told apart by what hangs together.
+    /// Returns the names of classes that are clicked as one and split into connected instances.
     #[must_use]
     pub fn classes_told_apart(&self) -> Vec<String> {
         match self.options.scene {
@@ -99,19 +105,19 @@ impl Scene {
         }
     }
 
-    /// The exact traits, metres.
+    /// Returns the exact traits, in metres.
     #[must_use]
     pub fn traits(&self) -> &[TraitRow] {
         &self.traits
     }
 
-    /// What a camera sees, without noise. The view need not be one of [`Self::views`].
+    /// Renders a view without noise; it need not be one of [`Self::views`].
     #[must_use]
     pub fn render_exact(&self, view: &View) -> RenderedView {
         render(&self.model, &self.light, view)
     }
 
-    /// What a camera records: as [`Self::render_exact`], with the sensor noise of the options.
+    /// Renders a view like [`Self::render_exact`], with the sensor noise of the options.
     #[must_use]
     pub fn render(&self, view: &View) -> RenderedView {
         let mut rendered = self.render_exact(view);
@@ -125,11 +131,13 @@ impl Scene {
         rendered
     }
 
-    /// Points on the exact surfaces with their deepest labels. Normals point to the first camera that sees the point
-    /// (outwards where `min_views` is 0).
+    /// Samples points with their deepest labels on the exact surfaces.
+    ///
+    /// Normals point to the first camera that sees the point, or outwards if `min_views` is 0.
     ///
     /// # Errors
-    /// [`SceneError::Request`] for a spacing out of range, [`SceneError::Stopped`].
+    /// Returns [`SceneError::Request`] if a spacing is out of range, and [`SceneError::Stopped`] if
+    /// stopped.
     pub fn cloud(
         &self,
         options: &TruthOptions,

@@ -11,12 +11,12 @@ use ostra_cloud::measure::Dimension::{Angle, Area, Count, Length, Volume};
 use ostra_cloud::measure::hull_volume;
 use ostra_masks::LabelId;
 
-/// Height of the plant above the soil, metres.
+/// Height of the plant above the soil, in metres.
 const PLANT_HEIGHT_M: f64 = 0.6;
-/// Leaves on each culm; eight in all.
+/// Number of leaves on each culm; eight in total.
 const LEAVES: [usize; 3] = [3, 3, 2];
 
-/// A rice tiller in a pot before a wall of posters.
+/// Builds a rice tiller in a pot in front of a wall of posters.
 pub(super) fn build_tiller(seed: u64) -> Assembly {
     let mut assembly = Assembly::default();
     let rice = assembly.label("rice", None);
@@ -82,7 +82,7 @@ struct Shoot {
     pub(super) leaves: Vec<Leaf>,
 }
 
-/// A blade and the sheath that it grows from.
+/// A blade and its sheath.
 struct Leaf {
     pub(super) plan: BladePlan,
     pub(super) sheath: Sheath,
@@ -94,7 +94,7 @@ struct Plant {
     panicle: Panicle,
 }
 
-/// Grows the same plant with longer or shorter culms until its top stands at [`PLANT_HEIGHT_M`].
+/// Builds a plant whose top is at [`PLANT_HEIGHT_M`] by scaling the length of its culms.
 fn full_height_plant(seed: u64) -> Plant {
     let mut stretch = 1.0;
     let mut plant = Plant::grow(seed, stretch);
@@ -143,7 +143,7 @@ impl Plant {
 }
 
 impl Shoot {
-    /// The `k`-th shoot: the first is the tallest and carries the panicle.
+    /// Creates the `k`-th shoot; the first is the tallest and has the panicle.
     fn grow(k: usize, turn: f64, stretch: f64, dice: &mut Dice) -> Self {
         let azimuth = turn + std::f64::consts::TAU * k as f64 / 3.0 + dice.range(-0.25, 0.25);
         let outward = DVec3::new(azimuth.cos(), azimuth.sin(), 0.0);
@@ -168,7 +168,7 @@ impl Shoot {
             side,
         );
         let count = LEAVES[k];
-        // The main culm rises bare above its last leaf; the others a little.
+        // The main culm is bare above its last leaf, the others only a little.
         let pitch = if k == 0 {
             0.87 * length / count as f64
         } else {
@@ -186,7 +186,7 @@ impl Shoot {
 }
 
 impl Leaf {
-    /// The `i`-th leaf of a culm, alternately left and right of the culm's own outward direction.
+    /// Creates the `i`-th leaf of a culm; leaves alternate left and right of its outward direction.
     fn grow(culm: &Culm, i: usize, pitch: f64, outward_azimuth: f64, dice: &mut Dice) -> Self {
         let turn = if i.is_multiple_of(2) { 0.75 } else { -0.75 };
         let azimuth = outward_azimuth + turn + dice.range(-0.3, 0.3);
@@ -208,7 +208,7 @@ impl Leaf {
     }
 }
 
-/// Insertion angles are taken over the first 30 mm of the blade.
+/// Length of the blade over which the insertion angle is measured (30 mm), in metres.
 const INSERTION_REACH_M: f64 = 0.03;
 
 fn add_stem_traits(assembly: &mut Assembly, id: LabelId, culm: &Culm) {
@@ -227,7 +227,7 @@ fn add_stem_traits(assembly: &mut Assembly, id: LabelId, culm: &Culm) {
     );
 }
 
-/// `ids` and `areas_m2` are those of blade and sheath.
+/// Adds the traits of a leaf; `ids` and `areas_m2` are those of blade and sheath.
 fn add_leaf_traits(
     assembly: &mut Assembly,
     (id, ids): (LabelId, [LabelId; 2]),
@@ -290,7 +290,7 @@ fn add_leaf_traits(
     );
 }
 
-/// `surface`: everything of the panicle.
+/// Adds the traits of the panicle; `surface` is its complete mesh.
 fn add_panicle_traits(
     assembly: &mut Assembly,
     id: LabelId,
@@ -308,10 +308,10 @@ fn add_panicle_traits(
     );
 }
 
-/// Height of the pot below the soil's surface, metres.
+/// Height of the pot below the soil surface, in metres.
 const POT_HEIGHT_M: f64 = 0.10;
 
-/// A clay pot about the vertical axis, filled with soil up to z = 0.
+/// Adds a clay pot around the vertical axis, filled with soil up to z = 0.
 fn add_pot(assembly: &mut Assembly, dice: &mut Dice) {
     let wide = dice.range(0.058, 0.064);
     let profile = [
@@ -336,7 +336,7 @@ fn add_pot(assembly: &mut Assembly, dice: &mut Dice) {
     );
 }
 
-/// Soil that rises up to 1.5 mm in crumbs.
+/// Creates a soil surface with crumbs up to 1.5 mm high.
 fn soil(radius_m: f64, seed: u32) -> Mesh {
     let (rows, columns) = (30, 72);
     Mesh::patch((rows, columns), true, |r, c| {

@@ -13,15 +13,17 @@ use ostra_cloud::{LabelledCloud, SceneError};
 use ostra_core::job::Progress;
 use ostra_masks::LabelTree;
 
-/// Which points an exact cloud has.
+/// Options of an exact cloud.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TruthOptions {
-    /// About one point per square of this on labelled surfaces, 0.0002–0.1 metres.
+    /// Spacing on labelled surfaces, 0.0002–0.1 metres; about one point per square of it.
     pub spacing_m: f64,
-    /// The same for the unlabelled surroundings, 0.001–0.1 metres; `None` leaves them out.
+    /// Spacing on the unlabelled surroundings, 0.001–0.1 metres; `None` leaves them out.
     pub surroundings_m: Option<f64>,
-    /// Only points that at least so many of the scene's views see. 0 = all, also surfaces that lie inside others (a
-    /// culm under its sheath) and that no camera can know.
+    /// Minimum number of views that must see a point.
+    ///
+    /// 0 includes all points, also on surfaces inside others (a culm under its sheath), which no
+    /// camera can see.
     pub min_views: usize,
 }
 
@@ -36,10 +38,10 @@ impl Default for TruthOptions {
 }
 
 impl TruthOptions {
-    /// Whether the spacings are in range.
+    /// Checks that the spacings are in range.
     ///
     /// # Errors
-    /// [`SceneError::Request`] naming the one that is not.
+    /// Returns [`SceneError::Request`] with the spacing that is out of range.
     pub fn check(&self) -> Result<(), SceneError> {
         if !(0.0002..=0.1).contains(&self.spacing_m) {
             return Err(SceneError::Request(format!(
@@ -113,7 +115,7 @@ where
         .sum()
 }
 
-/// Per spot, how many views see it and the centre of the first camera that does.
+/// Number of views per spot, and the centre of the first camera that sees it.
 type Sightings = Vec<(usize, Option<DVec3>)>;
 
 fn count_sightings(
@@ -138,19 +140,21 @@ fn count_sightings(
 #[derive(Debug, Clone, Copy)]
 struct Spot {
     pub(super) triangle: u32,
-    /// Shares of the triangle's corners, sum 1.
+    /// Barycentric coordinates, sum 1.
     pub(super) shares: [f64; 3],
     pub(super) x: DVec3,
 }
 
-/// Candidates thrown for each point kept; the surface is then full but for a few gaps.
+/// Number of candidates per squared spacing; few gaps remain after that many.
 const THROWS: usize = 8;
-/// Least distance of points as a share of their spacing; gives about one point per squared spacing.
+/// Minimum distance as a share of the spacing; it gives about one point per squared spacing.
 const LEAST: f64 = 0.8;
 
-/// Covers each part with points at random that keep a distance from one another (dart throwing; Cook, "Stochastic
-/// sampling in computer graphics", ACM Transactions on Graphics 1986), about one per `spacing(part)²` square metres.
-/// Parts whose spacing is `None` are left out.
+/// Covers each part with random points at a minimum distance (dart throwing).
+///
+/// Source: Cook, "Stochastic sampling in computer graphics", ACM Transactions on Graphics 1986.
+/// There is about one point per `spacing(part)²` square metres. Parts whose spacing is `None` are
+/// left out.
 fn cover(model: &Model, seed: u64, spacing: impl Fn(usize) -> Option<f64> + Sync) -> Vec<Spot> {
     let mut triangles_of = vec![Vec::new(); model.looks.len()];
     for (triangle, &look) in model.look_of.iter().enumerate() {
@@ -218,11 +222,12 @@ fn throw(model: &Model, triangle: u32, dice: &mut Dice) -> Spot {
     }
 }
 
-/// A surface hides what lies more than this behind it, metres: rounding, not size.
+/// Depth difference from which a surface occludes a point, in metres; covers rounding errors only.
 const BEHIND_M: f64 = 2e-5;
 
-/// Numbers of the spots that a view sees, ascending. Every spot has its own ray, so that the answer is exact and does
-/// not depend on the picture's resolution.
+/// Returns the indices of the spots that a view sees, in ascending order.
+///
+/// Every spot has its own ray, so the result is exact and does not depend on the image resolution.
 fn visible_spots(model: &Model, spots: &[Spot], view: &View) -> Vec<usize> {
     let raster = Raster::new(model, &view.camera, &view.camera_from_world);
     let pixels = Pixels::new(spots, view);
@@ -259,10 +264,10 @@ fn seen_in_band(raster: &Raster<'_>, pixels: &Pixels, view: &View, band: usize) 
         .collect()
 }
 
-/// Spots sorted by the pixel that they fall into.
+/// Spots sorted by pixel.
 struct Pixels {
     width: u32,
-    /// Per pixel, where its spots start in the lists below; one more at the end.
+    /// Start of each pixel's spots in the lists below, with one more entry at the end.
     starts: Vec<usize>,
     spots: Vec<usize>,
     x_in_camera: Vec<DVec3>,
@@ -300,7 +305,7 @@ impl Pixels {
         }
     }
 
-    /// Places in the lists of the spots in a pixel.
+    /// Returns the positions of a pixel's spots in the lists.
     fn range(&self, column: u32, row: u32) -> std::ops::Range<usize> {
         let pixel = row as usize * self.width as usize + column as usize;
         self.starts[pixel]..self.starts[pixel + 1]

@@ -10,47 +10,47 @@ use ostra_masks::LabelMask;
 /// A camera of a scene.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
-    /// File name without ending, e.g. `007`.
+    /// File name without extension, e.g. `007`.
     pub name: String,
-    /// From 0 along the arc.
+    /// Index along the arc, from 0.
     pub index: usize,
-    /// Intrinsics, pinhole.
+    /// Pinhole intrinsics.
     pub camera: Camera,
-    /// Pose, metres.
+    /// Pose, in metres.
     pub camera_from_world: Pose,
 }
 
-/// What a camera sees.
+/// A rendered view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RenderedView {
-    /// Colour, averaged over each pixel's area.
+    /// Colour, averaged over the area of each pixel.
     pub image: Image,
-    /// Depth at the pixels' centres in metres.
+    /// Depth at the pixel centres, in metres.
     pub depth: DepthMap,
-    /// The deepest label at the pixels' centres, exact also where image and depth are noisy.
+    /// Deepest label at the pixel centres; exact even if image and depth are noisy.
     pub mask: LabelMask,
-    /// The camera.
+    /// Intrinsics and pose.
     pub camera: FrameCamera,
 }
 
 impl View {
-    /// The camera as a frame holds it.
+    /// Returns the camera in the form that frames use.
     #[must_use]
     pub fn frame_camera(&self) -> FrameCamera {
         FrameCamera::given(self.camera, Some(self.camera_from_world))
     }
 }
 
-/// Where the cameras look and what must fit into the picture at that distance, metres.
+/// Centre and size of the region that must fit into the image, in metres.
 struct Subject {
     middle: DVec3,
     width_m: f64,
     height_m: f64,
-    /// How far the cameras look down.
+    /// Angle by which the cameras look down.
     pitch_deg: f64,
 }
 
-/// Views from left to right along an arc about the specimen, looking slightly down at its middle.
+/// Returns views from left to right along an arc around the specimen, looking slightly down.
 pub(super) fn arc_of_views(options: &SceneOptions) -> Vec<View> {
     let subject = match options.scene {
         SceneKind::Tiller => Subject {
@@ -103,7 +103,7 @@ pub(super) fn arc_of_views(options: &SceneOptions) -> Vec<View> {
         .collect()
 }
 
-/// A camera at `centre` that looks at `target`, the world's z axis upwards in its picture.
+/// Returns the pose of a camera at `centre` that views `target`, with z upwards in the image.
 pub(super) fn look_at(centre: DVec3, target: DVec3) -> Pose {
     let forward = (target - centre).normalize();
     let right = forward.cross(DVec3::Z).normalize();
@@ -116,7 +116,7 @@ pub(super) fn look_at(centre: DVec3, target: DVec3) -> Pose {
     .inverse()
 }
 
-/// Spoils exact colour and depth as a sensor would; the mask stays exact.
+/// Adds sensor noise to exact colour and depth; the mask stays exact.
 pub(super) fn spoil(view: &mut RenderedView, noise: &SensorNoise, seed: u64) {
     let width = view.image.width as usize;
     let exact = view.depth.clone();

@@ -13,15 +13,20 @@ use ostra_frames::{DepthMap, Image};
 use ostra_masks::{LabelMask, LabelTree};
 
 impl Scene {
-    /// Metres per step of the 16-bit depth pictures: fine enough for grains, far enough for the wall (6.5 m).
+    /// Metres per step of the 16-bit depth images.
+    ///
+    /// The step resolves grains, and the range (6.5 m) includes the wall.
     pub const DEPTH_UNIT_M: f64 = 0.0001;
 
-    /// Writes the recording as a user would have it: `color/NAME.png`, `depth/NAME.png` (16 bit,
-    /// [`Self::DEPTH_UNIT_M`]), `sparse/` (COLMAP text), and its truth: `truth/masks/NAME.png` (palette, value = label
-    /// id), `truth/labels.json`, `truth/traits.csv`.
+    /// Writes the scene as a recording with its ground truth.
+    ///
+    /// The recording consists of `color/NAME.png`, `depth/NAME.png` (16 bit,
+    /// [`Self::DEPTH_UNIT_M`]) and `sparse/` (COLMAP text). The ground truth consists of
+    /// `truth/masks/NAME.png` (palette, value = label id), `truth/labels.json` and
+    /// `truth/traits.csv`.
     ///
     /// # Errors
-    /// [`SceneError::Io`] naming the file, [`SceneError::Stopped`].
+    /// Returns [`SceneError::Io`] with the file, and [`SceneError::Stopped`] if stopped.
     pub fn write(&self, dir: &Path, progress: &Progress) -> Result<(), SceneError> {
         let [color, depth, masks] = [
             dir.join("color"),
@@ -62,7 +67,7 @@ fn write_text(path: &Path, text: &str) -> Result<(), SceneError> {
     disk::write(path, text.as_bytes()).map_err(io_error(path))
 }
 
-/// What images are encoded by.
+/// PNG encoder that writes to a buffered file.
 type PngEncoder<'a> = png::Encoder<'a, BufWriter<&'a mut fs::File>>;
 
 fn encode_png(
@@ -113,7 +118,7 @@ fn write_depth(path: &Path, depth: &DepthMap, unit_m: f64) -> Result<(), SceneEr
     encode_png(path, (depth.width, depth.height), set, &bytes)
 }
 
-/// The scenes have fewer than 256 labels, so that a byte holds each.
+/// Writes a mask with one byte per pixel: the scenes have fewer than 256 labels.
 fn write_mask(path: &Path, mask: &LabelMask, tree: &LabelTree) -> Result<(), SceneError> {
     let bytes: Vec<u8> = mask.ids.iter().map(|id| id.0 as u8).collect();
     let mut palette = vec![0; 3 * usize::from(tree.next_id().0)];
@@ -127,7 +132,7 @@ fn write_mask(path: &Path, mask: &LabelMask, tree: &LabelTree) -> Result<(), Sce
     encode_png(path, (mask.width, mask.height), set, &bytes)
 }
 
-/// COLMAP's text model: one PINHOLE camera for all views, a pose for each, no points.
+/// Writes a COLMAP text model: one PINHOLE camera for all views, a pose for each, no points.
 fn write_cameras(dir: &Path, views: &[View]) -> Result<(), SceneError> {
     fs::create_dir_all(dir).map_err(io_error(dir))?;
     let (mut cameras, mut images) = (

@@ -5,7 +5,7 @@ use ostra_masks::{LabelId, LabelMask};
 use super::Rendered;
 use crate::synthetic::SceneOptions;
 
-/// The synthetic plant by organs; some frames' masks are spoilt.
+/// The synthetic plant with organ labels; the masks of some frames are corrupted.
 struct Plant {
     rendered: Rendered,
     truth: Vec<LabelMask>,
@@ -26,7 +26,7 @@ impl Plant {
         }
     }
 
-    /// Frames by how much their masks contradict the vote, the worst first.
+    /// Returns the frames by conflict between mask and vote, the highest first.
     fn ranked(&self, fused: &Fused) -> Vec<(usize, f32)> {
         let masks = &self.rendered.masks;
         let share =
@@ -50,10 +50,10 @@ impl Plant {
     }
 }
 
-/// Frames whose masks are spoilt, in three ways.
+/// Frames whose masks are corrupted, in three ways.
 const SPOILT: [usize; 5] = [1, 4, 5, 8, 10];
 
-/// The stems are gone, called leaf, or all leaves moved by nine pixels.
+/// Removes the stems, relabels them as leaf, or shifts all leaves by nine pixels.
 fn spoilt(mask: &LabelMask, way: usize, stem: LabelId, leaf: LabelId) -> LabelMask {
     let width = mask.width as usize;
     let ids = (0..mask.ids.len()).map(|at| match (way, mask.ids[at]) {
@@ -80,7 +80,7 @@ fn spoilt(mask: &LabelMask, way: usize, stem: LabelId, leaf: LabelId) -> LabelMa
 }
 
 #[test]
-fn spoilt_masks_are_the_most_doubtful_and_the_vote_repairs_them() {
+fn corrupted_masks_rank_first_and_the_vote_repairs_them() {
     let mut plant = Plant::new();
     let (stem, leaf) = (plant.rendered.label("stem"), plant.rendered.label("leaf"));
     let sound = plant.ranked(&plant.rendered.fused());
@@ -113,11 +113,11 @@ fn spoilt_masks_are_the_most_doubtful_and_the_vote_repairs_them() {
 }
 
 #[test]
-fn one_label_is_repaired_alone_and_a_frame_without_depth_by_what_it_sees() {
+fn single_label_is_repaired_on_a_frame_without_depth() {
     let mut plant = Plant::new();
     let (stem, leaf) = (plant.rendered.label("stem"), plant.rendered.label("leaf"));
     plant.rendered.masks[4] = spoilt(&plant.truth[4], 1, stem, leaf);
-    // The panicle is gone besides, and nobody asks for it.
+    // The panicle is missing too, but is not requested.
     let panicle = plant.rendered.label("panicle");
     plant.rendered.masks[4]
         .ids

@@ -9,7 +9,7 @@ use ostra_masks::Region;
 use super::Rendered;
 use crate::synthetic::SceneOptions;
 
-/// The synthetic plant by organs.
+/// Returns the synthetic plant with organ labels.
 fn plant() -> Rendered {
     Rendered::new(
         &SceneOptions {
@@ -22,7 +22,7 @@ fn plant() -> Rendered {
     )
 }
 
-/// The pixels of each frame that see the chosen points.
+/// Returns the pixels of each frame that see the selected points.
 fn seeing(
     plant: &Rendered,
     fused: &Fused,
@@ -47,7 +47,7 @@ fn chosen(fused: &Fused, steps: &[SelectStep]) -> (Selector, Selection) {
 }
 
 #[test]
-fn what_sees_an_organ_are_its_pixels() {
+fn pixels_that_see_an_organ_match_its_mask() {
     let plant = plant();
     let fused = plant.fused();
     for name in ["leaf", "panicle"] {
@@ -69,7 +69,7 @@ fn what_sees_an_organ_are_its_pixels() {
 }
 
 #[test]
-fn after_writing_back_the_vote_gives_the_points_their_label_and_leaves_others() {
+fn written_back_label_wins_the_vote_and_other_points_are_kept() {
     let mut plant = plant();
     let before = plant.fused();
     let (panicle, stem) = (plant.label("panicle"), plant.label("stem"));
@@ -113,7 +113,7 @@ fn after_writing_back_the_vote_gives_the_points_their_label_and_leaves_others() 
 }
 
 #[test]
-fn a_frame_that_sees_none_of_it_and_votes_of_another_cloud() {
+fn empty_selection_gives_no_region_and_foreign_votes_are_an_error() {
     let plant = plant();
     let fused = plant.fused();
     let selector = Selector::new(Arc::new(fused.cloud.clone())).unwrap();

@@ -1,4 +1,4 @@
-//! Algorithms of other crates on synthetic scenes, whose truth is known.
+//! Tests of other crates' algorithms on synthetic scenes with known ground truth.
 
 mod conflicts;
 mod constrain;
@@ -15,7 +15,7 @@ use ostra_masks::{LabelId, LabelMask};
 
 use crate::synthetic::{RenderedView, Scene, SceneOptions};
 
-/// A synthetic scene as its cameras see it, with true masks that a test may change.
+/// A rendered synthetic scene, with ground truth masks that a test may change.
 struct Rendered {
     scene: Scene,
     frames: Vec<Frame>,
@@ -24,7 +24,7 @@ struct Rendered {
 }
 
 impl Rendered {
-    /// Renders all views; masks show labels down to `level`, or all levels.
+    /// Renders all views; masks contain labels down to `level`, or all levels.
     fn new(options: &SceneOptions, level: Option<usize>) -> Self {
         let scene = Scene::build(options).unwrap();
         let views: Vec<RenderedView> = scene

@@ -19,7 +19,7 @@ fn median_off(cloud: &LabelledCloud, truth: &LabelledCloud) -> f32 {
     off[off.len() / 2]
 }
 
-/// Every vertex's label is one that some view gave it, or none.
+/// Asserts that every vertex is unlabelled or has a label that some view voted for.
 fn assert_labels_were_given(cloud: &LabelledCloud, votes: &Votes) {
     let invented = (0..cloud.len()).filter(|&at| {
         let label = cloud.labels[at];
@@ -29,7 +29,7 @@ fn assert_labels_were_given(cloud: &LabelledCloud, votes: &Votes) {
 }
 
 #[test]
-fn thin_organs_outlive_a_sensors_noise() {
+fn thin_organs_survive_sensor_noise() {
     let progress = Progress::default();
     let options = SceneOptions {
         noise: Some(SensorNoise::default()),

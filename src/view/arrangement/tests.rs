@@ -4,7 +4,7 @@ use rand::{RngExt, SeedableRng};
 use super::*;
 
 #[test]
-fn blocks_hold_every_point_once_and_each_prefix_of_a_block_is_spread_over_it() {
+fn blocks_hold_each_point_once_and_block_prefixes_are_spread_evenly() {
     let positions: Vec<Vec3> = (0..250_000)
         .map(|i| Vec3::new((i % 500) as f32, (i / 500) as f32, 0.0))
         .collect();
@@ -17,7 +17,7 @@ fn blocks_hold_every_point_once_and_each_prefix_of_a_block_is_spread_over_it() {
             seen[index] += 1;
             assert!(positions[index].cmpge(min).all() && positions[index].cmple(max).all());
         }
-        // Of 100 points about 25 lie in each quarter by the median of a coordinate.
+        // About 25 of 100 points lie in each quartile of a coordinate.
         for along_axis in [Vec3::X, Vec3::Y] {
             let along = |part| {
                 all.part_of(number, part)
@@ -40,7 +40,7 @@ fn blocks_hold_every_point_once_and_each_prefix_of_a_block_is_spread_over_it() {
 }
 
 #[test]
-fn a_sample_is_spread_over_the_cloud_with_discs_that_close_it() {
+fn sample_is_spread_over_the_cloud_with_discs_that_close_the_surface() {
     let positions: Vec<Vec3> = (0..90_000)
         .map(|i| Vec3::new((i % 300) as f32, (i / 300) as f32, 0.0))
         .collect();
@@ -61,7 +61,7 @@ fn a_sample_is_spread_over_the_cloud_with_discs_that_close_it() {
 }
 
 #[test]
-fn every_point_is_in_one_compact_block_wherever_strays_lie() {
+fn every_point_is_in_one_compact_block_despite_outliers() {
     let mut positions: Vec<Vec3> = (0..40_000)
         .map(|i| Vec3::new((i % 200) as f32, 0.0, (i / 200) as f32) * 0.01)
         .collect();
@@ -109,7 +109,7 @@ fn every_point_is_in_one_compact_block_wherever_strays_lie() {
     );
 }
 
-/// By index of the point.
+/// Returns the spacing by point index.
 fn spacing(positions: &[Vec3]) -> Vec<f32> {
     let order = ZOrder::new(positions, positions.len(), |place| place, 1000).order;
     let along = local_spacing(positions, &order);
@@ -121,7 +121,7 @@ fn spacing(positions: &[Vec3]) -> Vec<f32> {
     by_index
 }
 
-/// Points strewn over a square, `side` × `side` of them in the mean.
+/// Returns `side` × `side` random points on a square.
 fn strewn(side: usize, width: f32) -> Vec<Vec3> {
     let mut random = rand_pcg::Pcg64::seed_from_u64(7);
     (0..side * side)
@@ -130,7 +130,7 @@ fn strewn(side: usize, width: f32) -> Vec<Vec3> {
 }
 
 #[test]
-fn the_spacing_of_a_plane_is_its_step_on_a_grid_and_strewn() {
+fn spacing_on_a_plane_matches_the_step_for_grid_and_random_points() {
     let grid: Vec<Vec3> = (0..40_000)
         .map(|i| Vec3::new((i % 200) as f32, (i / 200) as f32, 0.0) * 0.01)
         .collect();
@@ -147,7 +147,7 @@ fn the_spacing_of_a_plane_is_its_step_on_a_grid_and_strewn() {
 }
 
 #[test]
-fn each_half_of_a_cloud_has_its_own_spacing_and_strays_none_of_their_own() {
+fn spacing_is_local_and_outliers_do_not_increase_it() {
     let mut positions = strewn(150, 1.0);
     let dense = positions.len();
     positions.extend(strewn(40, 1.0).into_iter().map(|x| x - Vec3::X));
@@ -179,7 +179,7 @@ fn each_half_of_a_cloud_has_its_own_spacing_and_strays_none_of_their_own() {
 }
 
 #[test]
-fn too_few_points_have_no_spacing_and_doubles_do_not_count() {
+fn spacing_is_zero_for_too_few_points_and_ignores_duplicates() {
     assert_eq!(spacing(&[Vec3::ONE, Vec3::X]), [0.0; 2]);
     let square = strewn(60, 1.0);
     let twice: Vec<Vec3> = square.iter().flat_map(|&x| [x; 3]).collect();
@@ -204,7 +204,7 @@ fn row(points: usize) -> Arc<LabelledCloud> {
 }
 
 #[test]
-fn a_sample_comes_first_and_the_same_places_are_arranged_once() {
+fn sample_is_sent_first_and_equal_positions_reuse_the_arrangement() {
     let large = row(SAMPLE + 1000);
     let came = all_that_comes(&Arranging::begin(Arc::clone(&large), None));
     assert_eq!(
@@ -228,7 +228,7 @@ fn a_sample_comes_first_and_the_same_places_are_arranged_once() {
 }
 
 #[test]
-fn dropped_work_lets_its_cloud_go() {
+fn dropping_the_work_releases_the_cloud() {
     let cloud = row(200_000);
     drop(Arranging::begin(Arc::clone(&cloud), None));
     let ended = (0..50_000_000).any(|_| {

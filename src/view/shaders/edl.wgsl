@@ -1,20 +1,22 @@
-// Eye-dome lighting (Boucheny 2009): a pixel is darkened by how much farther it lies than its neighbours. Twin: raster.rs.
+// Eye-dome lighting (Boucheny 2009): darkens a pixel by how much farther it is than its neighbours.
+// CPU twin: raster.rs.
 
 struct Dome {
-    // 0 = off.
+    // 0 means off.
     strength: f32,
-    // Orthographic views: how many times the target's depth the depth buffer spans; 0 in perspective.
+    // Orthographic views: extent of the depth buffer in multiples of the target's depth.
+    // 0 in perspective.
     span: f32,
 };
 
-// Opacity 0: nothing of the model is drawn there.
+// Opacity 0 means that the model is not drawn there.
 @group(0) @binding(0) var picture: texture_2d<f32>;
 @group(0) @binding(1) var depths: texture_depth_2d;
 @group(0) @binding(2) var<uniform> dome: Dome;
 
 @vertex
 fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
-    // One triangle that covers the picture.
+    // One triangle that covers the image.
     return vec4<f32>(f32(index & 1u) * 4.0 - 1.0, f32(index >> 1u) * 4.0 - 1.0, 0.0, 1.0);
 }
 

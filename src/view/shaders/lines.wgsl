@@ -25,6 +25,6 @@ fn vertex(@location(0) position: vec3<f32>, @location(1) color: vec4<f32>) -> En
 
 @fragment
 fn fragment(in: End) -> @location(0) vec4<f32> {
-    // Opacity 0 marks what is no part of the model and takes no shade.
+    // Opacity 0 excludes the pixel from the model, so that it is not shaded.
     return vec4<f32>(in.color.rgb, 0.0);
 }

@@ -1,4 +1,4 @@
-// Pictures that stand in space.
+// Images placed in the scene.
 
 struct Eye {
     clip_from_world: mat4x4<f32>,
@@ -27,6 +27,6 @@ fn vertex(@location(0) position: vec3<f32>, @location(1) at: vec2<f32>) -> Corne
 
 @fragment
 fn fragment(in: Corner) -> @location(0) vec4<f32> {
-    // Opacity 0 marks what is no part of the model and takes no shade.
+    // Opacity 0 excludes the pixel from the model, so that it is not shaded.
     return vec4<f32>(textureSample(picture, smooth_sampler, in.at).rgb, 0.0);
 }

@@ -1,18 +1,18 @@
-// Points as round discs of their own colour. Twin: raster.rs.
+// Points as round discs of uniform colour. CPU twin: raster.rs.
 
 struct Eye {
     clip_from_world: mat4x4<f32>,
-    // Takes the inside of the clip box to the cube from -1 to 1.
+    // Maps the inside of the clip box to the cube from -1 to 1.
     cube_from_world: mat4x4<f32>,
-    // x, y: size of the picture in pixels; z: pixels per world unit at clip w = 1.
+    // x, y: size of the image in pixels; z: pixels per world unit at clip w = 1.
     view: vec4<f32>,
-    // x: smallest, y: largest disc radius in pixels.
+    // x: minimum, y: maximum disc radius in pixels.
     disc: vec4<f32>,
     place: vec4<f32>,
 };
 
 @group(0) @binding(0) var<uniform> eye: Eye;
-// x: how many times their radius discs have where not all points are drawn.
+// x: factor by which discs grow where not all points are drawn.
 @group(1) @binding(0) var<uniform> growth: vec4<f32>;
 
 struct Disc {
@@ -43,7 +43,7 @@ fn vertex(
     return out;
 }
 
-// An ordered dither (Bayer 1973): what is faint needs no order.
+// An ordered dither (Bayer 1973): faint points need no drawing order.
 fn is_shown(opacity: f32, at: vec2<u32>) -> bool {
     var thresholds = array<f32, 16>(0., 8., 2., 10., 12., 4., 14., 6., 3., 11., 1., 9., 15., 7., 13., 5.);
     return opacity * 16.0 > thresholds[(at.y % 4u) * 4u + at.x % 4u] + 0.5;

@@ -1,12 +1,12 @@
-// Triangles (or their sides), lit from the camera from both sides. Twin: mesh_raster.rs.
+// Triangles or their edges; both sides are lit from the camera. CPU twin: mesh_raster.rs.
 
 struct Eye {
     clip_from_world: mat4x4<f32>,
-    // Takes the inside of the clip box to the cube from -1 to 1.
+    // Maps the inside of the clip box to the cube from -1 to 1.
     cube_from_world: mat4x4<f32>,
     view: vec4<f32>,
     disc: vec4<f32>,
-    // xyz: where the camera is; w: light on a surface that is seen along itself.
+    // xyz: camera position; w: brightness of a surface that is seen edge-on.
     place: vec4<f32>,
 };
 
@@ -35,7 +35,7 @@ fn vertex(
     return out;
 }
 
-// An ordered dither (Bayer 1973): what is faint needs no order.
+// An ordered dither (Bayer 1973): faint triangles need no drawing order.
 fn is_shown(opacity: f32, at: vec2<u32>) -> bool {
     var thresholds = array<f32, 16>(0., 8., 2., 10., 12., 4., 14., 6., 3., 11., 1., 9., 15., 7., 13., 5.);
     return opacity * 16.0 > thresholds[(at.y % 4u) * 4u + at.x % 4u] + 0.5;

@@ -7,40 +7,48 @@ use rand_pcg::Pcg64Mcg;
 use crate::simulated_click::LabelClick;
 use ostra_masks::{Click, LabelMask};
 
-/// How the robot user works.
+/// Options of the simulated user.
 ///
-/// The two prices follow from counts on DAVIS (`ostra eval interact`). A mean over frames costs least where
-/// each corner adds as much everywhere. Drawing every visited frame to 0.90 whatever it took needed 7,333
-/// clicks on `bmx-trees` for a mean of 0.90. One price of 0.0008 needed 6,329, but 490 on `libby`, where
-/// keyframes carry far and a price of 0.004 needs 306. With one price up to [`Self::good_iou`] and a higher one beyond, it
-/// takes 6,502 and 301. Drawing all frames coarsely first and finer in later rounds costs more (7,870 on
-/// `bmx-trees`), because coarse polygons are drawn over; so only outlines that are good already are refined in
-/// rounds. Frames from nothing are drawn by the same prices to the same mean, so that the price does not pass
-/// for the tracker's merit. A border that is pulled counts as one click, as a moved corner does in Polygon-RNN
-/// (Castrejón et al., CVPR 2017).
+/// The two prices follow from counts on DAVIS (`ostra eval interact`). A mean over frames costs
+/// least if each corner gains the same everywhere. Drawing every visited frame to 0.90 at any cost
+/// needed 7,333 clicks on `bmx-trees` for a mean of 0.90. A single price of 0.0008 needed 6,329
+/// there, but 490 on `libby`, where one keyframe serves many frames and a price of 0.004 needs 306.
+/// One price up to [`Self::good_iou`] and a higher one beyond take 6,502 and 301.
+///
+/// Drawing all frames coarsely first and finer in later rounds costs more (7,870 on `bmx-trees`),
+/// because coarse polygons are drawn over. Only outlines that are good already are therefore
+/// refined in rounds. The frame-by-frame baseline uses the same prices and the same mean, so that
+/// the effect of the prices is not attributed to the tracker. A border drag counts as one click,
+/// like a moved corner in Polygon-RNN (Castrejón et al., CVPR 2017).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InteractOptions {
-    /// IoU of a label on a frame at which it is good: it is clicked on no longer as long as others are worse; 0–1.
+    /// IoU from which a label on a frame is good, 0–1.
+    ///
+    /// A good label is not clicked on while others are worse.
     pub good_iou: f64,
-    /// Most clicks for a label in one visit of a frame; ≥ 1.
+    /// Maximum number of clicks for a label in one visit of a frame; ≥ 1.
     pub visit_clicks: usize,
-    /// Clicks in a row that hardly better a label (its IoU by less than 0.01) after which it is let be; ≥ 1.
+    /// Number of consecutive clicks with an IoU gain below 0.01 after which a label is left; ≥ 1.
     pub patience: usize,
-    /// Mean IoU over the sequence at which the work is done; 0–1.
+    /// Mean IoU over the sequence at which the work is done, 0–1.
     pub enough_iou: f64,
-    /// How far clicks fall from where they are meant, in pixels: standard deviation along each axis; ≥ 0.
+    /// Standard deviation of click positions along each axis, in pixels; ≥ 0.
     pub jitter_px: f64,
-    /// Another seed makes clicks fall elsewhere.
+    /// Seed of the click positions.
     pub seed: u64,
-    /// The finest that a hand does, in pixels: how far a border lies off between two corners, and the shortest pull; above 0.
+    /// Finest drawing precision, in pixels; above 0.
+    ///
+    /// It is the deviation of a border between two corners, and the shortest border drag.
     pub outline_px: f64,
-    /// What corners and pulls must add to the IoU of their label on their frame until it is good, for each of them; above 0.
+    /// Minimum IoU gain per corner or border drag until a label is good; above 0.
     pub price: f64,
-    /// What they must add beyond: what is drawn is carried on, so that a better outline is worth some; no less than [`Self::price`].
-    /// Where all that pays is done and more is asked, half of it is enough, and half of that, as long as that is no less than
+    /// Minimum IoU gain per corner or border drag of a good label; at least [`Self::price`].
+    ///
+    /// What is drawn is also tracked, so a better outline has some value. When no correction pays
+    /// any more but the goal is not reached, the price is halved repeatedly, down to
     /// [`Self::least_price`].
     pub price_beyond: f64,
-    /// Above 0.
+    /// Lower limit of the price; above 0.
     pub least_price: f64,
 }
 
@@ -61,25 +69,28 @@ impl Default for InteractOptions {
     }
 }
 
-/// How far the border of what is drawn may lie off between two corners, in pixels: a hand is no finer than it must be.
+/// Deviations of a drawn border between two corners that are tried, in pixels.
+///
+/// A user draws no finer than necessary.
 const OFF_PX: [f64; 4] = [8.0, 5.0, 3.0, 2.0];
 
-/// What a user draws for.
+/// Prices and precision that decide what is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Aim {
-    /// IoU at which a label is good; 0–1.
+    /// IoU from which a label is good, 0–1.
     pub good_iou: f64,
-    /// What corners and pulls must add to the IoU of a label until it is good, for each of them; above 0.
+    /// Minimum IoU gain per corner or border drag until a label is good; above 0.
     pub price: f64,
-    /// What they must add to that of a label that is good; no less than [`Self::price`].
+    /// Minimum IoU gain per corner or border drag of a good label; at least [`Self::price`].
     pub price_beyond: f64,
-    /// How far a border lies off between two corners where a hand draws as finely as it can, and its shortest pull, in pixels;
-    /// above 0.
+    /// Finest deviation of a border between two corners, and shortest border drag, in pixels.
+    ///
+    /// Above 0.
     pub finest_px: f64,
 }
 
 impl Aim {
-    /// What pays at first.
+    /// Returns the initial prices of the options.
     #[must_use]
     pub fn of(options: &InteractOptions) -> Self {
         let InteractOptions {
@@ -97,8 +108,9 @@ impl Aim {
         }
     }
 
-    /// What pays where all that paid so far is done and more is asked: half is enough beyond what is good, and no more is asked
-    /// before. `None` where that is less than `least_price`.
+    /// Halves the price of good labels, or returns `None` if that is below `least_price`.
+    ///
+    /// The price of other labels is lowered if it would be higher than that.
     #[must_use]
     pub fn lowered(self, least_price: f64) -> Option<Self> {
         let half = self.price_beyond / 2.0;
@@ -109,13 +121,13 @@ impl Aim {
         })
     }
 
-    /// How many clicks an IoU is worth, less those that it took.
+    /// Returns the value of an IoU in clicks, minus the clicks spent.
     pub(super) fn value(&self, iou: f64, corners: usize) -> f64 {
         let beyond = (iou - self.good_iou).max(0.0);
         (iou - beyond) / self.price + beyond / self.price_beyond - corners as f64
     }
 
-    /// How far the border of what is drawn lies off between two corners, in pixels, the coarsest first.
+    /// Returns the deviations of a drawn border that are tried, in pixels, from coarse to fine.
     pub(super) fn off_px(&self) -> impl Iterator<Item = f64> + use<> {
         let finest_px = self.finest_px;
         OFF_PX
@@ -125,17 +137,17 @@ impl Aim {
     }
 }
 
-/// How often a displaced click that fell outside the error is drawn anew.
+/// Maximum number of draws for a displaced click that must be inside the error.
 const DRAWS: usize = 16;
 
-/// Puts clicks beside where they were meant, as a hand does.
+/// Displaces clicks at random, like a human hand.
 pub struct Hand {
     jitter_px: f64,
     random: Pcg64Mcg,
 }
 
 impl Hand {
-    /// A hand as the options say; hands of different `turn` draw differently.
+    /// Creates a hand; the displacements depend on the seed of the options and on `turn`.
     pub fn new(options: &InteractOptions, turn: u64) -> Self {
         let seed = options
             .seed
@@ -147,8 +159,9 @@ impl Hand {
         }
     }
 
-    /// The click as it is given: displaced by the jitter, inside what is wrong of the label; as it was meant where a few
-    /// draws find no such place.
+    /// Returns a click displaced by the jitter, inside the error of the label.
+    ///
+    /// If a few draws find no such position, the click is not displaced.
     pub fn place(&mut self, meant: &LabelClick, truth: &LabelMask, seen: &LabelMask) -> Click {
         let LabelClick { label, click, .. } = *meant;
         if self.jitter_px == 0.0 {
@@ -170,8 +183,10 @@ impl Hand {
             .unwrap_or(click)
     }
 
-    /// Normally distributed along both axes (G. E. P. Box, M. E. Muller, "A note on the generation of random normal
-    /// deviates", The Annals of Mathematical Statistics, 1958).
+    /// Draws a displacement that is normally distributed along both axes.
+    ///
+    /// Source: G. E. P. Box, M. E. Muller, "A note on the generation of random normal deviates",
+    /// The Annals of Mathematical Statistics, 1958.
     fn displacement(&mut self) -> DVec2 {
         let (near, angle) = (
             self.random.random_range(f64::EPSILON..1.0),
@@ -229,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn clicks_scatter_inside_the_error_and_the_seed_says_how() {
+    fn clicks_scatter_inside_the_error_depending_on_the_seed() {
         for include in [true, false] {
             let truth = square(22, 42);
             let clicks = given(4.0, 7, &truth, include);
@@ -250,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn without_room_or_jitter_a_click_stays() {
+    fn click_is_not_displaced_without_room_or_jitter() {
         let click = Click {
             at_px: DVec2::splat(32.0),
             include: true,

@@ -8,12 +8,14 @@ use super::hand::Aim;
 use super::outline::{Correction, Drawn, Iou, corrections, outlined};
 use ostra_masks::{ElasticBorders, LabelId, LabelMask, LabelTree};
 
-/// Draws what clicks could not: polygons around the whole of a label on a frame or around its wrong parts, or borders pulled
-/// and polygons among each other, those first that mend most for each click, as long as they pay. `None` where nothing does, or
-/// everything is finer than the finest of the aim.
+/// Draws what clicks could not correct, or returns `None` if no drawing pays.
+///
+/// It compares polygons around the whole label or its wrong parts with a sequence of border drags
+/// and polygons, sorted by gain per click. Errors finer than the precision of the aim are not
+/// corrected.
 ///
 /// # Errors
-/// When the masks differ in size.
+/// Returns an error if the masks differ in size.
 pub fn drawn(
     (truth, mask): (&LabelMask, &LabelMask),
     (label, tree): (LabelId, &LabelTree),
@@ -30,19 +32,19 @@ pub fn drawn(
         .or(outlined))
 }
 
-/// Of what is seen to be amiss, this much of the best for each click is mended before the hand looks again.
+/// Share of the best gain per click that a change needs to be made in the same round.
 const OF_BEST: f64 = 0.6;
-/// Less for each click, in pixels, is not worth a hand.
+/// Minimum gain per click, in pixels.
 const LEAST_PX: f64 = 2.0;
 
-/// Something that a hand does.
+/// A change that is drawn by hand.
 enum Change {
     Polygon(Correction),
     Pull(Pulled),
 }
 
 impl Change {
-    /// Pixels that it mends, for each of its clicks.
+    /// Returns the number of corrected pixels per click.
     fn worth(&self) -> f64 {
         match self {
             Self::Polygon(correction) => correction.worth,
@@ -50,7 +52,7 @@ impl Change {
         }
     }
 
-    /// What it passes (places in the frame's pixels row by row).
+    /// Returns the affected pixels (ranges of row-major positions in the frame).
     fn pixels(&self) -> &[Range<usize>] {
         match self {
             Self::Polygon(correction) => &correction.pixels,
@@ -70,11 +72,12 @@ impl Change {
     }
 }
 
-/// Mends a label by pulling its borders and by polygons around wrong parts, whatever mends most for each click, as long as
-/// that pays and can still outdo `best`; `None` where nothing does.
+/// Corrects a label with border drags and polygons, by decreasing gain per click.
+///
+/// It continues while changes pay and can still exceed `best`. Returns `None` if no change does.
 ///
 /// # Errors
-/// When the masks differ in size.
+/// Returns an error if the masks differ in size.
 pub fn mended(
     (truth, mask): (&LabelMask, &LabelMask),
     (label, tree): (LabelId, &LabelTree),
@@ -111,7 +114,7 @@ pub fn mended(
     }
 }
 
-/// What is worth most to be done now, the best first.
+/// Returns the changes with the highest gain per click, the best one first.
 fn changes(truth: &LabelMask, mask: &LabelMask, label: LabelId, aim: &Aim) -> Result<Vec<Change>> {
     let mut all: Vec<Change> = pulls(truth, mask, label, aim.finest_px)?
         .into_iter()
@@ -133,29 +136,30 @@ fn changes(truth: &LabelMask, mask: &LabelMask, label: LabelId, aim: &Aim) -> Re
     Ok(all)
 }
 
-/// How far apart the places are at which a border may be pulled, in pixels.
+/// Distance between the border points at which a drag may start, in pixels.
 const STEP_PX: f64 = 3.0;
-/// How far a border may be pulled, to either side, in pixels.
+/// Lengths of a drag to either side, in pixels.
 const FAR_PX: [f64; 9] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0];
-/// Borders with nothing wrong so near to them are left alone, in pixels.
+/// Border points without an error within this distance are skipped, in pixels.
 const NEAR_PX: i64 = 2;
 
-/// A border of a label pulled across itself.
+/// A drag of a label's border across itself.
 #[derive(Debug, Clone, PartialEq)]
 struct Pulled {
-    /// From where to where, in pixels.
+    /// Start and end, in pixels.
     pub ends_px: (DVec2, DVec2),
-    /// Pixels that it mends, less those that it spoils.
+    /// Number of corrected pixels minus the number of newly wrong ones.
     pub mended: i64,
-    /// The pixels that it passes (places in the frame's pixels row by row).
+    /// The pixels that the border passes (ranges of row-major positions in the frame).
     pub pixels: Vec<Range<usize>>,
 }
 
-/// For places along the borders of a label beside which something is wrong, the pull that mends most there, among those that
-/// are no shorter than the finest that the hand does, in pixels.
+/// Returns the best drag at each border point of a label with an error close to it.
+///
+/// Drags shorter than `finest_px` are excluded.
 ///
 /// # Errors
-/// When the masks differ in size.
+/// Returns an error if the masks differ in size.
 fn pulls(
     truth: &LabelMask,
     mask: &LabelMask,
@@ -178,7 +182,7 @@ fn pulls(
     Ok(best?.into_iter().flatten().collect())
 }
 
-/// Places at equal distances along a closed line.
+/// Returns points at equal distances along a closed line.
 fn places_along(ring: &[DVec2]) -> Vec<DVec2> {
     let mut places = Vec::new();
     let mut due = 0.0;
@@ -232,7 +236,7 @@ fn best_at(
     Ok(best)
 }
 
-/// What is right and wrong of a label.
+/// Counts correct and wrong pixels of a label.
 struct Judge<'a> {
     truth: &'a LabelMask,
     mask: &'a LabelMask,
@@ -240,7 +244,9 @@ struct Judge<'a> {
 }
 
 impl Judge<'_> {
-    /// What is mended, less what is spoilt, where pixels come to the label or go.
+    /// Returns the number of corrected minus newly wrong pixels after a change.
+    ///
+    /// The pixels are added to the label if `comes` is true, otherwise removed.
     fn mended(&self, pixels: Range<usize>, comes: bool) -> i64 {
         let pairs = self.truth.ids[pixels.clone()]
             .iter()
@@ -274,7 +280,7 @@ mod tests {
     use crate::evaluate::interact::tests::shape::{LABEL, mask};
 
     #[test]
-    fn borders_are_pulled_or_polygons_drawn_whatever_is_less_work() {
+    fn drag_or_polygon_is_chosen_by_the_number_of_clicks() {
         let tree = LabelTree::default();
         let drawn_with = |truth: &LabelMask, mask: &LabelMask, good_iou: f64| {
             let region = truth.region(LABEL);
@@ -325,9 +331,9 @@ mod tests {
     }
 
     #[test]
-    fn a_border_is_pulled_where_that_is_less_work_than_a_polygon() {
+    fn border_is_dragged_where_that_costs_less_than_a_polygon() {
         let square = |x: u32, y: u32| (20..80).contains(&x) && (20..80).contains(&y);
-        // What a pull of 4 px gives, over 24 px of the lower side.
+        // A drag of 4 px gives this over 24 px of the lower side.
         let tip = |x: u32, y: u32| (80..84).contains(&y) && x.abs_diff(50) < 12 - 3 * (y - 80);
         let apart = |x: u32, y: u32| (2..14).contains(&x) && (2..14).contains(&y);
         let truth = mask(|x, y| square(x, y) || tip(x, y) || apart(x, y));
@@ -340,7 +346,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_outdo_the_best_so_far_is_not_done() {
+    fn changes_that_cannot_exceed_the_best_value_are_skipped() {
         let truth = mask(|x, y| (20..80).contains(&x) && (20..80).contains(&y));
         let half = mask(|x, y| (20..80).contains(&x) && (20..60).contains(&y));
         assert!(mended_from(&truth, &half, 0.001, 0.0).is_some());
@@ -353,7 +359,7 @@ mod tests {
     }
 
     #[test]
-    fn a_corner_that_was_cut_off_is_pulled_out() {
+    fn cut_off_corner_is_restored_by_a_drag() {
         let truth = mask(|x, y| (20..60).contains(&x) && (20..60).contains(&y));
         let cut = mask(|x, y| (20..60).contains(&x) && (20..60).contains(&y) && x + y < 106);
         let all = pulls(&truth, &cut, LABEL, 1.0).unwrap();
@@ -382,7 +388,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_right_or_far_from_borders_is_left_alone() {
+    fn correct_borders_and_distant_errors_give_no_drag() {
         let truth = mask(|x, y| (20..60).contains(&x) && (20..60).contains(&y));
         assert_eq!(pulls(&truth, &truth, LABEL, 1.0).unwrap(), []);
         assert_eq!(pulls(&truth, &mask(|_, _| false), LABEL, 1.0).unwrap(), []);

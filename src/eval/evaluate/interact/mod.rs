@@ -1,4 +1,4 @@
-//! A robot user on a sequence with truth: clicks, tracks, corrects, and counts the clicks.
+//! A simulated user who clicks, tracks and corrects a sequence with ground truth.
 
 mod hand;
 mod mended;

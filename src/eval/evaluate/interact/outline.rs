@@ -9,19 +9,21 @@ use ostra_masks::{
     outlines, polygon_spans, pull,
 };
 
-/// What a user draws with the polygon tool, corner by corner, and by pulling borders.
+/// The result of drawing with the polygon tool and of dragging borders.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Drawn {
-    /// The frame's mask afterwards.
+    /// Mask of the frame after drawing.
     pub mask: LabelMask,
-    /// Corners of all polygons, and borders pulled: each is a click.
+    /// Number of polygon corners and border drags; each one is a click.
     pub corners: usize,
 }
 
-/// How much of a label on a frame is right.
+/// Returns the IoU of a label on a frame for a mask.
 pub(super) type Iou<'a> = &'a dyn Fn(&LabelMask) -> f64;
 
-/// The best that polygons alone give, with its value; where nothing pays, `None` and the value of the mask as it is.
+/// Returns the best drawing with polygons alone, and its value.
+///
+/// If no drawing pays, returns `None` and the value of the unchanged mask.
 pub(super) fn outlined(
     (truth, mask): (&LabelMask, &LabelMask),
     (label, tree): (LabelId, &LabelTree),
@@ -42,7 +44,7 @@ pub(super) fn outlined(
     Ok(best)
 }
 
-/// The label taken off the frame and drawn anew; where it does not belong there, taken off by one click.
+/// Erases the label and draws it again; a label that does not belong there is erased by one click.
 fn drawn_whole(
     (truth, mask): (&LabelMask, &LabelMask),
     (label, tree): (LabelId, &LabelTree),
@@ -62,7 +64,9 @@ fn drawn_whole(
     Ok((drawn.corners > 0).then_some(drawn))
 }
 
-/// Wrong parts drawn one after the other, where that pays and can still outdo `best`; `None` where none is drawn.
+/// Draws wrong parts one by one while that pays and can still exceed `best`.
+///
+/// Returns `None` if nothing is drawn.
 fn drawn_parts(
     (truth, mask): (&LabelMask, &LabelMask),
     (label, tree): (LabelId, &LabelTree),
@@ -93,13 +97,13 @@ fn drawn_parts(
 pub(super) struct Correction {
     pub ring: Vec<DVec2>,
     pub include: bool,
-    /// Pixels that it mends, for each of its corners.
+    /// Number of corrected pixels per corner.
     pub worth: f64,
-    /// What lies inside (places in the frame's pixels row by row).
+    /// The pixels inside (ranges of row-major positions in the frame).
     pub pixels: Vec<Range<usize>>,
 }
 
-/// Polygons around the wrong parts of a label, those that mend most for each corner first.
+/// Returns polygons around the wrong parts of a label, by decreasing gain per corner.
 pub(super) fn corrections(
     truth: &LabelMask,
     mask: &LabelMask,
@@ -108,7 +112,7 @@ pub(super) fn corrections(
 ) -> Result<Vec<Correction>> {
     let mut all = Vec::new();
     for include in [true, false] {
-        // What polygons change, and where they mend by it.
+        // Which pixels a polygon changes, and where the change is a correction.
         let changed = |is: LabelId| (is == label) != include;
         let mends = |truth: LabelId| (truth == label) == include;
         let pairs = || truth.ids.iter().zip(&mask.ids);
@@ -174,7 +178,7 @@ impl Drawn {
         Ok(())
     }
 
-    /// Pulls the border of a label.
+    /// Drags the border of a label.
     pub(super) fn pull(
         &mut self,
         ends_px: (DVec2, DVec2),
@@ -186,7 +190,7 @@ impl Drawn {
     }
 }
 
-/// What a hand draws around the parts of a region.
+/// Returns the polygons that a user draws around the parts of a region.
 fn polygons(region: &Region, off_px: f64) -> Vec<Outline> {
     outlines(region)
         .iter()
@@ -226,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn one_wrong_part_is_drawn_and_the_rest_left_as_it_is() {
+    fn only_the_part_worth_drawing_is_drawn() {
         let truth = mask(|x, y| (20..80).contains(&x) && (20..80).contains(&y));
         let missed = mask(|x, y| (20..80).contains(&x) && (20..60).contains(&y) && x + y > 45);
         assert_eq!(
@@ -245,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn more_corners_are_drawn_where_they_pay() {
+    fn additional_corners_are_drawn_only_if_they_pay() {
         let within = |x: u32, y: u32, across: std::ops::Range<u32>| {
             across.contains(&x) && (20..80).contains(&y)
         };
@@ -268,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_label_lacks_to_be_good_must_pay_too() {
+    fn drawing_up_to_the_good_iou_must_pay_too() {
         let square = |x: u32, y: u32| (20..80).contains(&x) && (20..80).contains(&y);
         let (truth, mask) = (mask(square), mask(|x, y| square(x, y) && y < 70));
         let drawn_with = |price: f64| {
@@ -284,20 +288,20 @@ mod tests {
                 .unwrap()
                 .0
         };
-        // Four corners for 0.07 from five sixths to 0.9.
+        // Four corners for a gain of 0.07, from five sixths to 0.9.
         assert_eq!(drawn_with(0.015).map(|drawn| drawn.corners), Some(4));
         assert_eq!(drawn_with(0.02), None);
     }
 
     #[test]
-    fn what_mends_most_for_a_corner_is_drawn_first() {
+    fn part_with_the_highest_gain_per_corner_is_drawn_first() {
         let square = |x: u32, y: u32| (20..80).contains(&x) && (20..80).contains(&y);
         let comb = |x: u32, y: u32| {
             (20..80).contains(&x)
                 && ((80..82).contains(&y) || (82..90).contains(&y) && (x / 4).is_multiple_of(2))
         };
         let truth = mask(|x, y| square(x, y) || comb(x, y));
-        // Of the square 300 pixels are missed, of the comb with its many corners all 344.
+        // The mask misses 300 pixels of the square and all 344 of the comb, which has many corners.
         let drawn = drawn_from(&truth, &mask(|x, y| square(x, y) && y >= 25)).unwrap();
         assert_eq!(
             drawn,
@@ -309,7 +313,7 @@ mod tests {
     }
 
     #[test]
-    fn the_whole_is_drawn_where_that_is_less_work() {
+    fn whole_label_is_drawn_where_that_needs_fewer_corners() {
         let truth = mask(|x, y| (20..80).contains(&x) && (20..80).contains(&y));
         let stripes = mask(|x, y| (20..80).contains(&x) && (20..80).contains(&y) && x / 5 % 2 == 0);
         assert_eq!(
@@ -330,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_finer_than_the_hand_is_not_drawn() {
+    fn parts_finer_than_the_precision_are_not_drawn() {
         let dust = mask(|x, y| x % 10 == 0 && y % 10 == 0);
         assert_eq!(drawn_from(&dust, &mask(|_, _| false)), None);
         let line = mask(|x, y| x == 50 && y < 90);

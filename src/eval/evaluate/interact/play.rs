@@ -11,16 +11,23 @@ use ostra_core::job::Progress;
 use ostra_masks::{LabelId, Segmenter, Tracker};
 use ostra_session::PreparedFrames;
 
-/// Bytes of frames made ready for clicks.
+/// Capacity of the cache of frames prepared for clicks, in bytes.
 const PREPARED_BYTES: usize = 256 << 20;
 
-/// Plays a robot user who labels the first frame that shows anything, tracks, and then corrects where most is amiss,
-/// which is carried anew up to the neighbouring anchors, until the sequence is good enough or twice as much work as clicking
-/// every frame from nothing, which is counted first. A label that a visit left below [`InteractOptions::good_iou`], or bettered
-/// by less than a corner must, is left alone on that frame until less is asked of each corner, and then only drawn.
+/// Simulates a user who labels a sequence by clicking, tracking and correcting.
+///
+/// The user labels the first frame that shows a label and tracks it. Then the user corrects where
+/// most is wrong, and the corrected labels are tracked again up to the neighbouring keyframes. The
+/// work ends when the mean IoU is high enough, when no correction pays, or at twice the clicks of
+/// the frame-by-frame baseline. That baseline is counted first.
+///
+/// A label is left alone on a frame if a visit left it below [`InteractOptions::good_iou`] or
+/// gained less than a corner must. When the required gain is lowered, such a label is only drawn,
+/// not clicked.
 ///
 /// # Errors
-/// When the truth shows no label, a frame cannot be read, segmenter or tracker fails, or on a stop.
+/// Returns an error if the ground truth has no label, if a frame cannot be read, if the segmenter
+/// or tracker fails, or if stopped.
 pub fn interact(
     sequence: &Sequence,
     segmenter: &dyn Segmenter,
@@ -78,7 +85,7 @@ pub fn interact(
     })
 }
 
-/// The work of one robot user with a tracker.
+/// The state of a simulated user with a tracker.
 struct Game<'a> {
     user: RobotUser<'a>,
     tracker: &'a dyn Tracker,
@@ -87,9 +94,9 @@ struct Game<'a> {
     mean_iou: f64,
     corrected: BTreeSet<usize>,
     aim: Aim,
-    /// Labels on frames for which nothing more pays.
+    /// Labels on frames for which no further correction pays.
     left_alone: BTreeSet<(usize, LabelId)>,
-    /// Labels on frames that were left alone once: they are no longer clicked on, only drawn.
+    /// Labels on frames that were left alone before; they are only drawn, not clicked.
     clicked_out: BTreeSet<(usize, LabelId)>,
 }
 
@@ -112,7 +119,9 @@ impl<'a> Game<'a> {
         }
     }
 
-    /// Labels the first frame and tracks it; gives the others on which that left a label below the IoU at which it is good.
+    /// Labels the first frame and tracks it.
+    ///
+    /// Returns the other frames on which a label is not good after that.
     fn begin(&mut self, first: usize, labels: &[LabelId]) -> Result<BTreeSet<usize>> {
         let asked = labels
             .iter()
@@ -134,7 +143,7 @@ impl<'a> Game<'a> {
             .collect())
     }
 
-    /// Where a correction is worth most; where none pays any longer, the user is content with less for each corner.
+    /// Returns the best correction; if none pays, the required gain per corner is lowered.
     fn next(&mut self) -> Result<Option<Worth>> {
         loop {
             let worth = most_worth(
@@ -151,7 +160,7 @@ impl<'a> Game<'a> {
         }
     }
 
-    /// Corrects a label on a frame, with it the other labels that are poor there, and carries them anew.
+    /// Corrects a label and the other poor labels on its frame, and tracks them again.
     fn correct(&mut self, worth: Worth) -> Result<()> {
         let Worth { frame, label, .. } = worth;
         let good_iou = self.options.good_iou;
@@ -176,7 +185,9 @@ impl<'a> Game<'a> {
         self.note()
     }
 
-    /// Notes which labels of a visited frame are to be left alone: those that are not good yet, or gained less than a corner must.
+    /// Records which labels of a visited frame are left alone.
+    ///
+    /// These are the labels that are not good yet or gained less than a corner must.
     fn leave(
         &mut self,
         frame: usize,
@@ -195,7 +206,7 @@ impl<'a> Game<'a> {
         Ok(())
     }
 
-    /// Notes the mean IoU, and the goals that are reached now for the first time.
+    /// Records the mean IoU and the goals that are reached for the first time.
     fn note(&mut self) -> Result<()> {
         self.mean_iou = self.user.mean_iou()?;
         for goal in self
@@ -209,11 +220,13 @@ impl<'a> Game<'a> {
     }
 }
 
-/// Counts the clicks for every frame from nothing, without a tracker, by the rules of [`interact`]: to a mean IoU
-/// of 0.90. Nothing is carried on, so that what is good is drawn finer only where other frames leave that mean short.
+/// Counts the clicks to label every frame from scratch, without a tracker.
+///
+/// The rules are those of [`interact`], up to a mean IoU of 0.90. Masks are not tracked here. Good
+/// labels are therefore refined only while other frames keep the mean below that.
 ///
 /// # Errors
-/// When a frame cannot be read, the segmenter fails, or on a stop.
+/// Returns an error if a frame cannot be read, if the segmenter fails, or if stopped.
 fn frame_by_frame(
     sequence: &Sequence,
     segmenter: &dyn Segmenter,
@@ -282,7 +295,7 @@ fn frame_by_frame(
     counted.collect()
 }
 
-/// Mean IoU over the sequence of which each user has labelled a frame.
+/// Returns the mean IoU over the sequence; each user has labelled one frame.
 fn mean_iou(users: &[(usize, RobotUser<'_>)]) -> Result<f64> {
     let ious = by_label(
         users
@@ -292,20 +305,22 @@ fn mean_iou(users: &[(usize, RobotUser<'_>)]) -> Result<f64> {
     Ok(mean_over_labels(ious))
 }
 
-/// A label on a frame that is worth a correction.
+/// A correction of a label on a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Worth {
     /// Frame number.
     pub frame: usize,
     /// The label.
     pub label: LabelId,
-    /// Its IoU there, below 1.
+    /// IoU of the label on the frame, below 1.
     pub iou: f64,
 }
 
-/// Where a correction is likely to mend most, as a user sees who goes through the film: of all stretches between anchors
-/// the one over which a label lacks most, there the frame in the middle of what it lacks. Where nothing is amiss between
-/// anchors, the poorest anchor. Those in `left_alone` are passed over.
+/// Returns the correction with the highest expected gain.
+///
+/// Candidates are the intervals between keyframes. The interval with the largest total error of a
+/// label is chosen, and in it the frame in the middle of the error. If there is no error between
+/// keyframes, the keyframe with the lowest IoU is chosen. Entries of `left_alone` are skipped.
 fn most_worth(
     ious: &IousByLabel,
     anchors: &BTreeSet<usize>,
@@ -340,7 +355,7 @@ fn most_worth(
     widest.map(|(_, worth)| worth).or(poorest)
 }
 
-/// The frame before which a label lacks as much as after it.
+/// Returns the frame at which half of the total error of a label is reached.
 fn middle_of(stretch: &[Worth]) -> usize {
     let half = stretch.iter().map(|worth| 1.0 - worth.iou).sum::<f64>() / 2.0;
     let mut sum = 0.0;
@@ -364,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn the_middle_of_the_widest_lack_comes_before_one_poor_frame() {
+    fn middle_of_the_largest_total_error_precedes_one_poor_frame() {
         let ious = [1.0, 0.1, 0.9, 1.0, 0.7, 0.6, 0.6, 0.7, 0.9];
         assert_eq!(chosen(&ious, &[0, 3], &[]), Some(6));
         assert_eq!(
@@ -380,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn anchors_come_last_and_what_is_right_never() {
+    fn keyframes_come_last_and_correct_frames_never() {
         assert_eq!(chosen(&[0.8, 1.0, 0.7, 1.0], &[0, 2], &[]), Some(2));
         assert_eq!(chosen(&[0.8, 1.0, 0.7, 1.0], &[0, 2], &[2]), Some(0));
         assert_eq!(chosen(&[0.8, 0.99, 0.7], &[0, 2], &[]), Some(1));
@@ -393,7 +408,7 @@ mod tests {
     }
 
     #[test]
-    fn the_label_that_lacks_most_goes_first() {
+    fn label_with_the_largest_error_comes_first() {
         let of = |ious: [f64; 3]| ious.into_iter().enumerate().collect::<BTreeMap<_, _>>();
         let ious = BTreeMap::from([
             (LABEL, of([1.0, 0.5, 0.5])),

@@ -12,27 +12,31 @@ use ostra_frames::{Frame, FrameStore};
 use ostra_masks::{LabelId, LabelTree, MaskFormat, MaskFrame, RunMask, import_masks};
 use ostra_project::Project;
 
-/// Frames with true masks.
+/// Frames with ground truth masks.
 pub struct Sequence {
     /// All frames in order.
     pub frames: Arc<Vec<Frame>>,
-    /// Where their pictures are loaded.
+    /// Cache of their images and depths.
     pub store: Arc<FrameStore>,
-    /// The labels of the truth.
+    /// Labels of the ground truth.
     pub labels: LabelTree,
-    /// True masks by frame number, each of its frame's size; a frame without one is tracked but not judged.
+    /// Ground truth masks by frame number, in the size of the frame.
+    ///
+    /// A frame without a mask is tracked but not scored.
     pub truth: BTreeMap<usize, RunMask>,
 }
 
 impl Sequence {
-    /// Opens frames (a folder, a film, or a project, whose frames have depth and cameras) and the folder of their true
-    /// masks, matched by name as by [`import_masks`]. Frames whose image or depth cannot be read are left out. Gives with it
-    /// what the user should know.
+    /// Opens frames and the folder of their ground truth masks; also returns warnings.
+    ///
+    /// Frames are a folder, a video, or a project, whose frames have depth and cameras. Masks are
+    /// matched by name as in [`import_masks`]. Frames whose image or depth cannot be read are left
+    /// out.
     ///
     /// # Errors
-    /// When no frame or no mask can be read, or no mask belongs to a frame.
+    /// Returns an error if no frame or no mask can be read, or if no mask belongs to a frame.
     pub fn open(frames: &Path, truth: &Path, progress: &Progress) -> Result<(Self, Vec<String>)> {
-        // Depths that a reconstruction made lie in the project's folder.
+        // Depth maps of a reconstruction are in the project folder.
         let store = FrameStore::at_home(PIXEL_BYTES, frames.to_owned());
         let (frames, mut warnings) = read_frames(frames, progress)?;
         let read = |frame: &Frame| {
@@ -65,7 +69,7 @@ impl Sequence {
         ))
     }
 
-    /// The labels that the truth shows anywhere.
+    /// Returns the labels in the ground truth of any frame.
     #[must_use]
     pub fn shown(&self) -> BTreeSet<LabelId> {
         self.truth
@@ -74,7 +78,7 @@ impl Sequence {
             .collect()
     }
 
-    /// The labels that the truth shows on a frame.
+    /// Returns the labels in the ground truth of a frame.
     #[must_use]
     pub fn shown_on(&self, frame: usize) -> Vec<LabelId> {
         self.truth
@@ -83,17 +87,17 @@ impl Sequence {
             .unwrap_or_default()
     }
 
-    /// The true mask of a frame.
+    /// Returns the ground truth mask of a frame.
     ///
     /// # Errors
-    /// When there is none.
+    /// Returns an error if there is none.
     pub fn truth_of(&self, frame: usize) -> Result<&RunMask> {
         self.truth
             .get(&frame)
             .with_context(|| format!("frame {frame} has no true mask"))
     }
 
-    /// A project in memory with the frames and labels, and nothing else.
+    /// Returns an in-memory project with the frames and labels only.
     #[must_use]
     pub fn project(&self) -> Project {
         Project {
@@ -104,54 +108,59 @@ impl Sequence {
     }
 }
 
-/// What a robot user needed for a sequence.
+/// Effort of a simulated user for a sequence.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct InteractReport {
-    /// The segmenter that answered the clicks.
+    /// Segmenter that answered the clicks.
     pub segmenter: String,
-    /// The tracker that carried the masks.
+    /// Tracker that propagated the masks.
     pub tracker: String,
-    /// Frames with truth.
+    /// Number of frames with ground truth.
     pub frames: usize,
-    /// Labels that the truth shows.
+    /// Number of labels in the ground truth.
     pub labels: usize,
-    /// Clicks to each mean IoU, the lowest first.
+    /// Clicks up to each mean IoU, the lowest one first.
     pub reached: Vec<Goal>,
     /// Mean IoU at the end.
     pub mean_iou: f64,
-    /// Clicks given in all, with the corners of outlines and the borders pulled.
+    /// Total number of clicks, including corners of outlines and border drags.
     pub clicks: usize,
-    /// The corners of outlines and the borders pulled among them.
+    /// Number of corners of outlines and border drags.
     pub corners: usize,
-    /// Frames that were corrected after the first.
+    /// Number of corrected frames after the first one.
     pub corrected: usize,
-    /// Time of clicking and tracking.
+    /// Duration of clicking and tracking, in seconds.
     pub seconds: f64,
-    /// The same work without a tracker.
+    /// Effort of labelling every frame without a tracker.
     pub frame_by_frame: FrameByFrame,
-    /// The part of it on the frames on which the first tracking, from one frame, left a label below the IoU at which it
-    /// is good: what re-clicking them costs.
+    /// The part of it for frames with a poor label after the first tracking from one frame.
+    ///
+    /// This is the cost of clicking those frames again.
     pub failed_by_frame: FrameByFrame,
 }
 
-/// A mean IoU over the sequence (over the frames on which a label is in truth or result, then over labels), and what
-/// it took.
+/// A mean IoU over the sequence, and the clicks to reach it.
+///
+/// The mean is over the frames where a label is in the ground truth or the result, then over
+/// labels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Goal {
     /// The mean IoU.
     pub mean_iou: f64,
-    /// Clicks after which it was first reached; `None` = it was not.
+    /// Number of clicks after which it was first reached; `None` if it was not.
     pub clicks: Option<usize>,
 }
 
-/// Frames labelled from nothing without a tracker, by clicks and what is drawn by hand after them, to a mean IoU of 0.90.
+/// Effort of labelling frames from scratch without a tracker, up to a mean IoU of 0.90.
+///
+/// Frames are clicked first and then drawn by hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 pub struct FrameByFrame {
     /// Number of frames.
     pub frames: usize,
-    /// Clicks on all of them.
+    /// Total number of clicks.
     pub clicks: usize,
-    /// Frames on which a label did not become good.
+    /// Number of frames with a label that did not become good.
     pub failed: usize,
 }
 
@@ -166,16 +175,20 @@ impl Sum for FrameByFrame {
 }
 
 impl InteractReport {
-    /// The mean IoUs to which clicks are counted.
+    /// The mean IoUs up to which clicks are counted.
     pub(super) const GOALS: [f64; 3] = [0.85, 0.90, 0.95];
 
-    /// Share of the clicks frame by frame that tracking saves on the way to a mean IoU of 0.90, where that was reached.
+    /// Returns the share of the frame-by-frame clicks that tracking saves up to a mean IoU of 0.90.
+    ///
+    /// Returns `None` if that mean was not reached.
     #[must_use]
     pub fn saved(&self) -> Option<f64> {
         Some(1.0 - self.clicks_to_goal()? / self.frame_by_frame.clicks.max(1) as f64)
     }
 
-    /// Clicks to a mean IoU of 0.90 as a share of what re-clicking the failed frames costs, where both are known.
+    /// Returns the clicks up to a mean IoU of 0.90 as a share of re-clicking the failed frames.
+    ///
+    /// Returns `None` if either is unknown.
     #[must_use]
     pub fn share_of_reclicking(&self) -> Option<f64> {
         let clicks = self.failed_by_frame.clicks;

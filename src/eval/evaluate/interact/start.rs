@@ -12,26 +12,28 @@ use ostra_session::Event;
 use ostra_session::{JobCompletion, JobKind};
 use ostra_session::{Session, TrackSettings, engines};
 
-/// What a robot user is given.
+/// Input of a simulated user.
 #[derive(Debug, Clone, PartialEq)]
 pub struct InteractRequest {
-    /// A folder of frames, a film, or a project.
+    /// A folder of frames, a video, or a project.
     pub frames: PathBuf,
-    /// A folder of true masks.
+    /// A folder of ground truth masks.
     pub truth: PathBuf,
-    /// Name of the tracker.
+    /// The tracker.
     pub tracker: TrackerId,
-    /// Name of the segmenter.
+    /// The segmenter.
     pub segmenter: SegmenterId,
-    /// How it works.
+    /// Options of the simulated user.
     pub options: InteractOptions,
 }
 
-/// Plays a robot user as [`interact`] does, as a job of a session of its own; `watch` may stop it. Gives warnings about what the
-/// files lack too.
+/// Runs [`interact`] as a job of a new session; also returns warnings about the files.
+///
+/// `watch` may stop the job.
 ///
 /// # Errors
-/// As [`Sequence::open`] and [`interact`]; for an engine that is not installed or does not fit the frames.
+/// Returns the errors of [`Sequence::open`] and [`interact`], and an error if an engine is not
+/// installed or does not fit the frames.
 pub fn evaluate_interaction(
     request: &InteractRequest,
     watch: &mut Watch<'_>,

@@ -21,7 +21,9 @@ pub(super) mod shape;
 const SIZE: (u32, u32) = (64, 24);
 const FRAMES: u32 = 12;
 
-/// Columns of the two objects: the red one moves by 2 px a frame, the blue one stands still from frame 3 on.
+/// Returns the columns of two objects.
+///
+/// The red one moves by 2 px per frame. The blue one exists from frame 3 on and does not move.
 fn columns(frame: u32) -> [(LabelId, [u8; 3], Range<u32>); 2] {
     let blue = if frame < 3 { 0..0 } else { 52..62 };
     [
@@ -30,7 +32,7 @@ fn columns(frame: u32) -> [(LabelId, [u8; 3], Range<u32>); 2] {
     ]
 }
 
-/// Frames as files, with their true masks.
+/// Writes frames to files and returns them with their ground truth masks.
 fn sequence(folder: &Path) -> Sequence {
     let (width, height) = SIZE;
     let mut truth = BTreeMap::new();
@@ -76,7 +78,7 @@ fn sequence(folder: &Path) -> Sequence {
     }
 }
 
-/// Answers a click with all pixels of the clicked colour, or with the clicked pixel alone.
+/// A segmenter that returns all pixels of the clicked colour, or only the clicked pixel.
 struct ByColor {
     whole: bool,
 }
@@ -130,10 +132,10 @@ impl PreparedFrame for Colors {
     }
 }
 
-/// Anchors, range and labels of a request.
+/// Keyframes, range and labels of a request.
 type Asked = (BTreeSet<usize>, Range<usize>, Option<BTreeSet<LabelId>>);
 
-/// Copies the nearest anchor and notes what it was asked.
+/// A tracker that copies the nearest keyframe and records the requests.
 #[derive(Default)]
 struct Copier {
     asked: Mutex<Vec<Asked>>,
@@ -178,7 +180,7 @@ impl Tracker for Copier {
 }
 
 #[test]
-fn corrections_between_anchors_make_a_sequence_good() {
+fn corrections_between_keyframes_reach_the_goal() {
     let folder = tempfile::tempdir().unwrap();
     let (sequence, tracker) = (sequence(folder.path()), Copier::default());
     let options = InteractOptions::default();
@@ -190,7 +192,7 @@ fn corrections_between_anchors_make_a_sequence_good() {
         &Progress::default(),
     )
     .unwrap();
-    // One click an object and frame; 12 frames show red and 9 blue.
+    // One click per object and frame: 12 frames show red and 9 show blue.
     assert_eq!(
         report.frame_by_frame,
         FrameByFrame {
@@ -247,7 +249,7 @@ fn corrections_between_anchors_make_a_sequence_good() {
 }
 
 #[test]
-fn what_clicks_cannot_do_is_drawn_and_its_corners_count() {
+fn drawing_replaces_ineffective_clicks_and_its_corners_count() {
     let folder = tempfile::tempdir().unwrap();
     let sequence = sequence(folder.path());
     let options = InteractOptions::default();
@@ -259,7 +261,7 @@ fn what_clicks_cannot_do_is_drawn_and_its_corners_count() {
         &Progress::default(),
     )
     .unwrap();
-    // Three clicks in vain and the four corners of a rectangle.
+    // Three clicks without gain, and the four corners of a rectangle.
     assert_eq!(
         report.frame_by_frame,
         FrameByFrame {
@@ -281,10 +283,10 @@ fn what_clicks_cannot_do_is_drawn_and_its_corners_count() {
 }
 
 #[test]
-fn what_did_not_pay_is_drawn_where_more_is_asked() {
+fn drawing_resumes_when_the_price_is_lowered() {
     let folder = tempfile::tempdir().unwrap();
     let sequence = sequence(folder.path());
-    // Each of four corners brings an IoU of a quarter.
+    // Each of the four corners gains an IoU of a quarter.
     for (least_price, is_drawn) in [(0.2, false), (0.1, true)] {
         let options = InteractOptions {
             price: 0.3,
@@ -310,14 +312,14 @@ fn what_did_not_pay_is_drawn_where_more_is_asked() {
             FRAMES as usize - 1,
             "the first was not tracked"
         );
-        // Without the last frame's two objects the mean is 0.90 already.
+        // Without the two objects of the last frame, the mean is 0.90 already.
         let corners = if is_drawn { 19 * 4 } else { 0 };
         assert_eq!(
             report.frame_by_frame.clicks,
             21 * options.patience + corners,
             "by the same rules: {report:?}"
         );
-        // Blue is clicked on where it was copied to but is not, too.
+        // Blue is also clicked where it was copied to but is not present.
         let in_vain = report.clicks - report.corners;
         assert!(
             in_vain <= 22 * options.patience,
@@ -327,7 +329,7 @@ fn what_did_not_pay_is_drawn_where_more_is_asked() {
 }
 
 #[test]
-fn a_hand_too_coarse_ends_all_the_same() {
+fn too_coarse_precision_still_terminates() {
     let folder = tempfile::tempdir().unwrap();
     let sequence = sequence(folder.path());
     let options = InteractOptions {
@@ -358,7 +360,7 @@ fn a_hand_too_coarse_ends_all_the_same() {
 }
 
 #[test]
-fn no_more_clicks_are_given_than_there_are() {
+fn click_limit_is_not_exceeded() {
     let folder = tempfile::tempdir().unwrap();
     let (sequence, options, progress) = (
         sequence(folder.path()),
@@ -376,7 +378,7 @@ fn no_more_clicks_are_given_than_there_are() {
             .map(|label| (label, Clicks::of(&options)))
             .collect();
         user.visit(4, &asked, &Aim::of(&options)).unwrap();
-        // Six clicks in vain and four corners for each of two labels would be wanted.
+        // Six clicks without gain and four corners for each of two labels would be needed.
         assert!(
             user.is_spent() && user.clicks() == most && user.corners() == 0,
             "{} of {most}",
@@ -386,7 +388,7 @@ fn no_more_clicks_are_given_than_there_are() {
 }
 
 #[test]
-fn a_stop_is_noticed() {
+fn stopping_ends_the_simulation() {
     let folder = tempfile::tempdir().unwrap();
     let (sequence, options, stopped) = (
         sequence(folder.path()),
@@ -405,7 +407,7 @@ fn a_stop_is_noticed() {
 }
 
 #[test]
-fn truth_without_labels_is_told() {
+fn ground_truth_without_labels_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let mut sequence = sequence(folder.path());
     sequence
@@ -424,7 +426,7 @@ fn truth_without_labels_is_told() {
 }
 
 #[test]
-fn a_shaking_hand_is_the_same_for_the_same_seed() {
+fn jitter_is_determined_by_the_seed() {
     let folder = tempfile::tempdir().unwrap();
     let sequence = sequence(folder.path());
     let options = InteractOptions {

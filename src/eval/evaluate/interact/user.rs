@@ -17,20 +17,20 @@ use ostra_project::{Edit, LabelChoice, MaskOrigin, Project, PromptRequest};
 use ostra_session::commands::{carried, track_request};
 use ostra_session::{PreparedFrames, TrackSettings};
 
-/// An IoU that grows by less was hardly bettered.
+/// Minimum IoU gain for a click to be effective.
 const LEAST_GAIN: f64 = 0.01;
 
-/// What a label was given in a visit.
+/// Clicks on a label during a visit.
 #[derive(Clone, Copy, Default)]
 struct Given {
     clicks: usize,
-    /// Clicks since it was last bettered.
+    /// Number of clicks since the last effective one.
     in_vain: usize,
     best_iou: f64,
 }
 
 impl Given {
-    /// Notes a click and the IoU after it.
+    /// Records a click and the IoU after it.
     fn note(&mut self, iou: f64) {
         self.clicks += 1;
         self.in_vain = if iou >= self.best_iou + LEAST_GAIN {
@@ -42,28 +42,28 @@ impl Given {
     }
 }
 
-/// How a label is clicked on a frame.
+/// Limits of the clicks on a label on a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Clicks {
-    /// IoU at which it is left; 0–1.
+    /// IoU at which clicking ends, 0–1.
     pub good_iou: f64,
-    /// Most clicks.
+    /// Maximum number of clicks.
     pub most: usize,
 }
 
 impl Clicks {
-    /// It is only drawn.
+    /// The label is only drawn.
     pub const NONE: Self = Self {
         good_iou: 0.0,
         most: 0,
     };
-    /// Whatever one click betters.
+    /// One click, however good the label is.
     pub const ONE: Self = Self {
         good_iou: 1.0,
         most: 1,
     };
 
-    /// Until it is good.
+    /// Clicks until the label is good.
     #[must_use]
     pub fn of(options: &InteractOptions) -> Self {
         Self {
@@ -73,8 +73,10 @@ impl Clicks {
     }
 }
 
-/// A user who reads the truth only to see where to click, at the deepest point of the largest error, and what to draw around
-/// where clicks do not help. The project that is clicked on lives in memory; clicks are answered, and masks tracked, as in a session.
+/// A simulated user who reads the ground truth to decide where to click and what to draw.
+///
+/// Clicks go to the deepest point of the largest error; labels that clicks do not improve are
+/// drawn. The project is in memory. Clicks are answered and masks are tracked as in a session.
 pub struct RobotUser<'a> {
     sequence: &'a Sequence,
     segmenter: &'a dyn Segmenter,
@@ -89,8 +91,9 @@ pub struct RobotUser<'a> {
 }
 
 impl<'a> RobotUser<'a> {
-    /// A user before a sequence without masks, who gives `most_clicks` at most; where clicks fall differs from `turn`
-    /// to `turn`.
+    /// Creates a user for a sequence without masks, with at most `most_clicks` clicks.
+    ///
+    /// The jitter of the clicks depends on `turn`.
     pub fn new(
         sequence: &'a Sequence,
         segmenter: &'a dyn Segmenter,
@@ -115,25 +118,27 @@ impl<'a> RobotUser<'a> {
         }
     }
 
-    /// Clicks given so far; those taken back count, and corners of outlines and borders pulled.
+    /// Returns the number of clicks so far, including undone clicks, corners and border drags.
     pub fn clicks(&self) -> usize {
         self.clicks
     }
 
-    /// How many of the clicks are corners of outlines and borders pulled.
+    /// Returns how many of the clicks are corners of outlines or border drags.
     pub fn corners(&self) -> usize {
         self.corners
     }
 
-    /// Whether no click is left.
+    /// Returns whether no clicks are left.
     pub fn is_spent(&self) -> bool {
         self.clicks >= self.most_clicks
     }
 
-    /// Clicks on a frame, once for each of `labels` that it does not show yet, then always into the largest error of
-    /// those that are to be clicked on, and not on where several clicks in a row hardly bettered it. The best that was reached
-    /// on the way stands, the clicks after it are taken back (and count). Then what pays for the aim is drawn. Says whether the
-    /// frame is better than before.
+    /// Clicks and draws on a frame; returns whether its mean IoU has increased.
+    ///
+    /// First, each label of `labels` that is not on the frame yet gets one click. Then clicks go to
+    /// the largest error of the labels that still need clicks. A label is skipped after several
+    /// clicks in a row without effect. The best state is kept; later clicks are undone but counted.
+    /// Finally, drawings that pay for `aim` are made.
     pub fn visit(
         &mut self,
         frame: usize,
@@ -177,7 +182,9 @@ impl<'a> RobotUser<'a> {
         Ok(self.frame_iou(frame)? > was)
     }
 
-    /// Draws a label on a frame, where that pays, less what other labels lose by it, and clicks are left.
+    /// Draws a label on a frame if that pays and enough clicks are left.
+    ///
+    /// The IoU that other labels lose is subtracted from the gain.
     fn draw(&mut self, frame: usize, label: LabelId, truth: &LabelMask, aim: &Aim) -> Result<()> {
         let before = self.ious(frame)?;
         if self.is_spent() || !before.contains_key(&label) {
@@ -211,13 +218,15 @@ impl<'a> RobotUser<'a> {
         Ok(())
     }
 
-    /// Carries the masks of all anchors to all frames.
+    /// Tracks the masks of all keyframes to all frames.
     pub fn track(&mut self, tracker: &dyn Tracker) -> Result<()> {
         self.track_with(tracker, &TrackSettings::default())
     }
 
-    /// Carries labels anew between the anchors next to a corrected frame, where there is a frame between them: over other
-    /// labels where these hold most of what is missed there.
+    /// Tracks labels again between the keyframes next to a corrected frame.
+    ///
+    /// Nothing happens if there is no frame between them. Other labels are overwritten if they
+    /// cover most of the missed pixels.
     pub fn retrack(
         &mut self,
         tracker: &dyn Tracker,
@@ -241,7 +250,7 @@ impl<'a> RobotUser<'a> {
         )
     }
 
-    /// Whether most pixels that the labels miss on the frames of a range are held by others.
+    /// Returns whether other labels cover most pixels that the labels miss in a range of frames.
     fn is_overrun(&self, settings: &TrackSettings) -> bool {
         let labels = &settings.labels;
         let range = settings.from.unwrap_or(0)..=settings.to.unwrap_or(usize::MAX);
@@ -286,7 +295,7 @@ impl<'a> RobotUser<'a> {
         Ok(())
     }
 
-    /// One click for a label on a frame, which becomes an anchor.
+    /// Clicks for a label on a frame, which becomes a keyframe.
     fn click(&mut self, frame: usize, label: LabelId, click: Click) -> Result<()> {
         self.progress.check()?;
         let mut prompt = self
@@ -316,7 +325,7 @@ impl<'a> RobotUser<'a> {
         Ok(())
     }
 
-    /// IoU of each label that truth or result shows on a frame.
+    /// Returns the IoU of each label in the ground truth or the result of a frame.
     pub fn ious(&self, frame: usize) -> Result<BTreeMap<LabelId, f64>> {
         let truth = self.sequence.truth_of(frame)?;
         let nothing = || Arc::new(RunMask::empty(truth.width, truth.height));
@@ -328,7 +337,7 @@ impl<'a> RobotUser<'a> {
         Ok(truth.ious(&result))
     }
 
-    /// IoU of each label on each frame on which truth or result shows it.
+    /// Returns the IoU of each label on each frame with the label in ground truth or result.
     pub fn ious_by_label(&self) -> Result<IousByLabel> {
         by_label(
             self.sequence
@@ -338,12 +347,12 @@ impl<'a> RobotUser<'a> {
         )
     }
 
-    /// Mean IoU over the sequence ([`mean_over_labels`]).
+    /// Returns the mean IoU over the sequence ([`mean_over_labels`]).
     pub fn mean_iou(&self) -> Result<f64> {
         Ok(mean_over_labels(self.ious_by_label()?))
     }
 
-    /// The frames that are anchors.
+    /// Returns the keyframes.
     pub fn anchors(&self) -> BTreeSet<usize> {
         let anchors = self
             .project
@@ -353,13 +362,13 @@ impl<'a> RobotUser<'a> {
         anchors.map(|(&frame, _)| frame).collect()
     }
 
-    /// Mean IoU over the labels that truth or result shows on a frame.
+    /// Returns the mean IoU over the labels in the ground truth or the result of a frame.
     fn frame_iou(&self, frame: usize) -> Result<f64> {
         Ok(mean(self.ious(frame)?.into_values()))
     }
 }
 
-/// IoUs of the labels on frames, by label.
+/// Groups the IoUs of frames by label.
 pub(super) fn by_label(
     frames: impl Iterator<Item = Result<(usize, BTreeMap<LabelId, f64>)>>,
 ) -> Result<IousByLabel> {
@@ -373,12 +382,12 @@ pub(super) fn by_label(
     Ok(all)
 }
 
-/// Mean over labels of the mean over the frames on which truth or result shows the label.
+/// Returns the mean over labels of the mean over their frames.
 pub(super) fn mean_over_labels(ious: IousByLabel) -> f64 {
     mean(ious.into_values().map(|of| mean(of.into_values())))
 }
 
-/// 1 of nothing: there is nothing wrong.
+/// Returns the mean, or 1 without values, since nothing is wrong then.
 fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
     let (sum, count) = values
         .into_iter()
@@ -388,5 +397,5 @@ fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
     if count == 0 { 1.0 } else { sum / count as f64 }
 }
 
-/// IoU of a label on each frame on which truth or result shows it, by label.
+/// IoU per label and frame, for frames with the label in ground truth or result.
 pub type IousByLabel = BTreeMap<LabelId, BTreeMap<usize, f64>>;

@@ -46,7 +46,7 @@ const HALF: [u16; 12] = [1, 1, 0, 0, 1, 1, 0, 0, 0, 0, 0, 0];
 const FULL: [u16; 12] = [1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0];
 
 #[test]
-fn names_match_without_ending_and_frames_without_result_count_as_empty() {
+fn names_match_without_extension_and_missing_results_are_empty() {
     let none = LabelTree::default();
     let truth = [("2.jpg", FULL), ("10.jpg", FULL), ("11.jpg", FULL)];
     let result = [("x/2.png", HALF), ("10.png", FULL), ("99.png", FULL)];
@@ -79,7 +79,7 @@ fn names_match_without_ending_and_frames_without_result_count_as_empty() {
 }
 
 #[test]
-fn white_is_label_one_on_either_side() {
+fn white_is_label_one_in_either_folder() {
     let none = LabelTree::default();
     let white = HALF.map(|id| id * 255);
     let j = |truth, result| {
@@ -115,7 +115,7 @@ fn white_is_label_one_on_either_side() {
 }
 
 #[test]
-fn what_transparency_removes_is_reported() {
+fn transparent_pixels_are_reported() {
     let dir = tempfile::tempdir().unwrap();
     let (truth, result) = (dir.path().join("truth"), dir.path().join("result"));
     write(&truth, &[("a", HALF)], &LabelTree::default());
@@ -141,7 +141,7 @@ fn what_transparency_removes_is_reported() {
 }
 
 #[test]
-fn levels_are_read_off_the_list_of_either_side() {
+fn level_uses_the_label_list_of_either_folder() {
     let label = |id: u16, name: &str, parent: Option<u16>| Label {
         id: LabelId(id),
         name: name.into(),
@@ -167,7 +167,7 @@ fn levels_are_read_off_the_list_of_either_side() {
 }
 
 #[test]
-fn files_that_cannot_be_read_are_left_out_and_named() {
+fn unreadable_files_are_left_out_and_reported() {
     let dir = tempfile::tempdir().unwrap();
     let (truth, result) = (dir.path().join("truth"), dir.path().join("result"));
     let masks = [("a", FULL), ("b", FULL), ("c", FULL)];
@@ -239,7 +239,7 @@ fn results_of_another_size_count_as_empty() {
 }
 
 #[test]
-fn what_cannot_be_scored_is_told() {
+fn unscorable_folders_and_extra_labels_are_reported() {
     let none = LabelTree::default();
     let options = ScoreOptions::default();
     assert!(

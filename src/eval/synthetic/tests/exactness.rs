@@ -2,7 +2,7 @@ use glam::{DVec2, DVec3};
 
 use super::*;
 
-/// Every `step`-th pixel with a label: (column, row), its point in the world.
+/// Returns every `step`-th labelled pixel (column, row) with its world point.
 fn labelled_points(view: &View, rendered: &RenderedView, step: usize) -> Vec<((u32, u32), DVec3)> {
     let width = view.camera.width;
     let labelled = (0..rendered.mask.ids.len()).filter(|&k| rendered.mask.ids[k] != LabelId::NONE);
@@ -21,7 +21,7 @@ fn labelled_points(view: &View, rendered: &RenderedView, step: usize) -> Vec<((u
     labelled.step_by(step).map(point).collect()
 }
 
-/// A camera that sees nothing but 3 × 3 pixels, the middle one's centre exactly on a point.
+/// Returns a camera with 3 × 3 pixels whose central pixel is centred on a point.
 fn aimed(view: &View, x: DVec3) -> View {
     let at_px = view
         .camera
@@ -51,7 +51,7 @@ fn distance_to_triangle(x: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
 }
 
 #[test]
-fn depth_and_label_are_those_of_the_surface() {
+fn rendered_depth_and_label_match_the_surface() {
     let scene = built(&small(3));
     let view = &scene.views[1];
     let rendered = scene.render(view);
@@ -76,7 +76,7 @@ fn depth_and_label_are_those_of_the_surface() {
 }
 
 #[test]
-fn two_views_agree_on_a_point() {
+fn depth_agrees_between_two_views() {
     let scene = built(&small(5));
     let (from, to) = (&scene.views[1], &scene.views[2]);
     let rendered = scene.render(from);
@@ -96,7 +96,7 @@ fn two_views_agree_on_a_point() {
 }
 
 #[test]
-fn labels_agree_away_from_borders() {
+fn labels_agree_between_views_away_from_borders() {
     let scene = built(&SceneOptions {
         views: 9,
         ..SceneOptions::default()
@@ -136,7 +136,7 @@ fn labels_agree_away_from_borders() {
 }
 
 #[test]
-fn the_hidden_is_not_in_the_visible_cloud() {
+fn visible_cloud_excludes_hidden_surfaces() {
     let scene = built(&small(2));
     let cloud = |min_views, surroundings_m| {
         let options = TruthOptions {
@@ -154,7 +154,8 @@ fn the_hidden_is_not_in_the_visible_cloud() {
             .filter(|&&id| class(&cloud.tree, id) == name)
             .count() as f64
     };
-    // Half of each culm is inside sheaths, a sixth faces away from every camera; blades are seen from either side.
+    // Half of each culm is inside sheaths, and a sixth faces away from every camera. Blades are
+    // visible from both sides.
     assert!(count(&seen, "stem") < 0.55 * count(&all, "stem"));
     assert!(count(&seen, "leaf") > 0.75 * count(&all, "leaf"));
     for (x, normal) in seen.positions.iter().zip(&seen.normals) {

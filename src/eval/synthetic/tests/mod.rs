@@ -1,4 +1,4 @@
-//! Tests of the made scenes: dimensions, exactness, determinism.
+//! Tests of the synthetic scenes: dimensions, exactness, determinism.
 
 mod exactness;
 mod model;
@@ -9,7 +9,7 @@ use super::*;
 use ostra_core::job::Progress;
 use ostra_masks::{LabelId, LabelTree};
 
-/// A small picture of few views of a seed's tiller.
+/// Returns options for a tiller with few views and small images.
 fn small(seed: u64) -> SceneOptions {
     SceneOptions {
         views: 4,
@@ -24,7 +24,7 @@ fn built(options: &SceneOptions) -> Scene {
     Scene::build(options).unwrap()
 }
 
-/// Name of the class (`stem`, `leaf`, …) of a label; empty for none.
+/// Returns the class name (`stem`, `leaf`, …) of a label; empty if it has none.
 fn class(tree: &LabelTree, id: LabelId) -> String {
     tree.get(tree.at_level(id, Scene::CLASS_LEVEL))
         .map_or_else(String::new, |label| label.name.clone())

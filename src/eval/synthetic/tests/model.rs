@@ -23,7 +23,7 @@ fn organ_points<'a>(assembly: &'a Assembly) -> impl Iterator<Item = DVec3> + 'a 
     organs.flat_map(|part| part.mesh.positions.iter().copied())
 }
 
-/// Lengths of the rows of a patch with `columns` cells a row.
+/// Returns the lengths of the rows of a patch with `columns` cells per row.
 fn row_lengths(part: &Part, columns: usize) -> Vec<f64> {
     let rows = part.mesh.positions.chunks(columns + 1);
     rows.map(|row| row.windows(2).map(|pair| pair[0].distance(pair[1])).sum())
@@ -31,7 +31,7 @@ fn row_lengths(part: &Part, columns: usize) -> Vec<f64> {
 }
 
 #[test]
-fn plant_has_the_promised_dimensions() {
+fn plant_has_the_documented_dimensions() {
     for seed in 1..=6 {
         let assembly = build_tiller(seed);
         let (low, high) =
@@ -43,7 +43,7 @@ fn plant_has_the_promised_dimensions() {
             .collect();
         assert_eq!(stems.len(), 3);
         for stem in stems {
-            // Rows of 24 corners and the seam; the last two rows are the cap.
+            // Rows have 24 corners and the seam; the last two rows are the cap.
             let rows: Vec<&[DVec3]> = stem.mesh.positions.chunks(25).collect();
             for row in &rows[..rows.len() - 2] {
                 let diameter = row[0].distance(row[12]);
@@ -60,7 +60,7 @@ fn plant_has_the_promised_dimensions() {
 }
 
 #[test]
-fn sheaths_wrap_their_culm() {
+fn sheaths_wrap_around_their_culm() {
     let assembly = build_tiller(4);
     let stems: Vec<&Part> = ["stem 1", "stem 2", "stem 3"]
         .iter()
@@ -86,7 +86,7 @@ fn sheaths_wrap_their_culm() {
     }
 }
 
-/// A grain as the spheroid through its mesh: the first and last corners are its ends.
+/// A grain as a spheroid; the first and last vertices of its mesh are its ends.
 struct Spheroid {
     centre: DVec3,
     axis: DVec3,
@@ -104,8 +104,9 @@ impl Spheroid {
         }
     }
 
-    /// The place of the solid spheroid nearest to `x`: along and across the axis it is `half² offset / (half² + t)`, `t` by
-    /// bisection.
+    /// Returns the point of the solid spheroid that is nearest to `x`.
+    ///
+    /// Along and across the axis it is `half² offset / (half² + t)`, with `t` found by bisection.
     fn nearest(&self, x: DVec3) -> DVec3 {
         let offset = x - self.centre;
         let along = offset.dot(self.axis);
@@ -130,7 +131,9 @@ impl Spheroid {
         self.centre + scale(HALF[0]) * along * self.axis + scale(HALF[1]) * across
     }
 
-    /// Distance of two convex bodies: nearest places in turn (Cheney, Goldstein, "Proximity maps for convex sets", 1959).
+    /// Returns the distance between two convex bodies by alternating projection.
+    ///
+    /// Source: Cheney, Goldstein, "Proximity maps for convex sets", 1959.
     fn distance(&self, other: &Self) -> f64 {
         let mut x = 0.5 * (self.centre + other.centre);
         for _ in 0..400 {
@@ -141,7 +144,7 @@ impl Spheroid {
 }
 
 #[test]
-fn spheroids_have_their_distance() {
+fn spheroid_distance_matches_known_gaps() {
     let at = |centre: DVec3, axis: DVec3| Spheroid { centre, axis };
     let gap = |a: &Spheroid, b: &Spheroid| a.distance(b);
     assert!(
@@ -154,14 +157,14 @@ fn spheroids_have_their_distance() {
 }
 
 #[test]
-fn grains_lie_apart() {
+fn grains_keep_the_minimum_gap() {
     for seed in 1..=6 {
         let assembly = build_tiller(seed);
         let grains = parts(&assembly, "panicle grains");
         assert!(grains.len() >= 60, "{}", grains.len());
         let spheroids: Vec<Spheroid> = grains.iter().map(|grain| Spheroid::of(grain)).collect();
         for (grain, spheroid) in grains.iter().zip(&spheroids) {
-            // Every corner lies on the spheroid, so that the surface lies inside.
+            // All vertices are on the spheroid, so the surface is inside it.
             for x in &grain.mesh.positions {
                 let along = (*x - spheroid.centre).dot(spheroid.axis) / HALF[0];
                 let across = (*x - spheroid.centre)
@@ -184,7 +187,7 @@ fn grains_lie_apart() {
 }
 
 #[test]
-fn the_plant_fills_the_height_of_every_view() {
+fn plant_fills_the_height_of_every_view() {
     for seed in 1..=3 {
         let scene = built(&SceneOptions {
             views: 5,
@@ -203,7 +206,7 @@ fn the_plant_fills_the_height_of_every_view() {
     }
 }
 
-/// CIE 1976 L*a*b* of an sRGB colour, D65.
+/// Converts an sRGB colour to CIE 1976 L*a*b* (D65).
 fn lab(srgb: Vec3) -> Vec3 {
     let linear = srgb.map(|v| {
         if v <= 0.04045 {
@@ -228,7 +231,7 @@ fn lab(srgb: Vec3) -> Vec3 {
 }
 
 #[test]
-fn leaf_and_stem_are_alike_in_colour() {
+fn leaf_and_stem_have_similar_colours() {
     for seed in 1..=4 {
         let scene = built(&small(seed));
         let mut sums = std::collections::BTreeMap::<String, (Vec3, f32)>::new();
@@ -250,7 +253,7 @@ fn leaf_and_stem_are_alike_in_colour() {
 }
 
 #[test]
-fn equal_seeds_make_equal_scenes_and_others_do_not() {
+fn scene_is_determined_by_the_seed() {
     let seen = |seed| {
         let scene = built(&small(seed));
         let cloud = scene.cloud(
@@ -274,7 +277,7 @@ fn equal_seeds_make_equal_scenes_and_others_do_not() {
 }
 
 #[test]
-fn trees_have_the_promised_classes() {
+fn label_trees_have_the_documented_classes() {
     let classes = |scene| {
         let scene = built(&SceneOptions { scene, ..small(1) });
         let at_class = scene
@@ -288,7 +291,7 @@ fn trees_have_the_promised_classes() {
 }
 
 #[test]
-fn every_class_instance_and_part_of_the_bricks_is_seen() {
+fn every_brick_label_is_visible_in_two_views() {
     let scene = built(&SceneOptions {
         scene: SceneKind::Bricks,
         ..small(7)
@@ -330,7 +333,7 @@ fn every_class_instance_and_part_of_the_bricks_is_seen() {
 }
 
 #[test]
-fn bricks_stand_on_the_table_and_wheels_lie_apart() {
+fn wheels_rest_on_the_table_and_are_separate() {
     let assembly = build_bricks(3);
     let wheels: Vec<&Part> = (1..=6)
         .flat_map(|k| parts(&assembly, &format!("wheel {k}")))

@@ -10,7 +10,7 @@ fn decode(path: &std::path::Path) -> (png::OutputInfo, Vec<u8>) {
 }
 
 #[test]
-fn written_files_hold_what_was_rendered() {
+fn written_files_match_the_rendering() {
     let dir = tempfile::tempdir().unwrap();
     let scene = built(&SceneOptions {
         views: 2,
@@ -68,7 +68,7 @@ fn written_files_hold_what_was_rendered() {
 }
 
 #[test]
-fn a_folder_that_cannot_be_written_is_named() {
+fn error_names_the_folder_that_cannot_be_written() {
     let dir = tempfile::tempdir().unwrap();
     let taken = dir.path().join("taken");
     std::fs::write(&taken, "a file").unwrap();
@@ -82,7 +82,7 @@ fn a_folder_that_cannot_be_written_is_named() {
 }
 
 #[test]
-fn writing_stops() {
+fn stopping_ends_the_writing() {
     let dir = tempfile::tempdir().unwrap();
     let progress = Progress::default();
     progress.stop();
@@ -91,7 +91,7 @@ fn writing_stops() {
 }
 
 #[test]
-fn options_out_of_range_are_refused() {
+fn options_out_of_range_are_rejected() {
     let refused = |options: SceneOptions| Scene::build(&options).unwrap_err().to_string();
     assert!(
         refused(SceneOptions {
@@ -130,7 +130,7 @@ fn options_out_of_range_are_refused() {
 }
 
 #[test]
-fn noise_is_as_ordered() {
+fn noise_has_the_requested_spread() {
     let noise = SensorNoise::default();
     let exact = built(&small(1));
     let noisy = built(&SceneOptions {

@@ -8,8 +8,9 @@ fn find<'a>(rows: &'a [TraitRow], like: &TraitRow) -> Option<&'a TraitRow> {
     })
 }
 
-/// Largest share by which a measured trait may be off; the area of a sheath alone by more, as its overlapping borders
-/// lie on one another.
+/// Returns the tolerated relative error of a measured trait.
+///
+/// It is larger for the area of a sheath, whose margins overlap.
 fn tolerance(truth: &TraitRow) -> f64 {
     match &*truth.name {
         "length" => 0.02,
@@ -19,7 +20,7 @@ fn tolerance(truth: &TraitRow) -> f64 {
     }
 }
 
-/// Largest error of an angle, degrees, also where cameras see only a side of the collar.
+/// Tolerated error of an angle in degrees, also where cameras see only one side of the collar.
 const ANGLE_DEG: f64 = 1.5;
 
 fn compare(scene: &Scene, min_views: usize, wanted: impl Fn(&TraitRow) -> bool) -> usize {
@@ -53,20 +54,20 @@ fn compare(scene: &Scene, min_views: usize, wanted: impl Fn(&TraitRow) -> bool) 
 }
 
 #[test]
-fn traits_measured_on_the_whole_surface_are_the_true_ones() {
-    // At this spacing grains 1 mm apart cannot be told from one another.
+fn traits_measured_on_the_whole_surface_match_the_ground_truth() {
+    // At this spacing, grains that are 1 mm apart cannot be separated.
     let compared = compare(&built(&small(1)), 0, |row| row.name != "instances");
     assert_eq!(compared, 3 * 2 + 8 * 9 + 1);
 }
 
-/// Only the points of a label and those below it.
+/// Returns the points of a label and its descendants.
 fn of_label(cloud: &LabelledCloud, name: &str) -> LabelledCloud {
     let id = cloud.tree.by_name(name).unwrap().id;
     let below = |k: &u32| cloud.tree.path(cloud.labels[*k as usize]).contains(&id);
     cloud.select(&(0..cloud.len() as u32).filter(below).collect::<Vec<_>>())
 }
 
-/// How many instances of a label are counted on the whole surface.
+/// Returns the number of instances of a label that are counted on the whole surface.
 fn count(scene: &Scene, label: &str, spacing_m: f64) -> f64 {
     let options = TruthOptions {
         spacing_m,
@@ -91,7 +92,7 @@ fn leaves_and_stems_of_a_small_scene_are_counted() {
 }
 
 #[test]
-fn bricks_have_their_volumes() {
+fn measured_brick_volumes_match_the_ground_truth() {
     let scene = built(&SceneOptions {
         scene: SceneKind::Bricks,
         ..small(1)

@@ -1,4 +1,4 @@
-//! What is handed on, refused and told.
+//! Emitted masks, errors and warnings of the constrained tracker.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ fn swapped(made: &Made) -> Error {
 }
 
 #[test]
-fn walks_from_both_sides_meet_and_leave_anchors_alone() {
+fn tracking_from_both_sides_meets_and_keeps_keyframes() {
     let made = Made::new(9);
     let result = outcome(
         &made,
@@ -60,7 +60,7 @@ fn walks_from_both_sides_meet_and_leave_anchors_alone() {
 }
 
 #[test]
-fn frames_without_depth_or_camera_are_left_as_they_are() {
+fn frames_without_depth_or_camera_are_not_changed() {
     let mut made = Made::new(8);
     made.frames[4].depth = None;
     made.frames[6].camera = None;
@@ -79,7 +79,7 @@ fn frames_without_depth_or_camera_are_left_as_they_are() {
 }
 
 #[test]
-fn an_anchor_that_cannot_be_read_does_not_silence_the_others() {
+fn unreadable_keyframe_is_reported_and_others_are_used() {
     let made = Made::new(8);
     std::fs::write(
         made.frames[7]
@@ -115,7 +115,7 @@ fn an_anchor_that_cannot_be_read_does_not_silence_the_others() {
 }
 
 #[test]
-fn frames_that_the_tracker_passes_over_are_named() {
+fn frames_without_a_mask_are_reported() {
     let mut made = Made::new(8);
     made.frames[2].name = UNREADABLE.into();
     let result = outcome(
@@ -140,7 +140,7 @@ fn frames_that_the_tracker_passes_over_are_named() {
 }
 
 #[test]
-fn labels_that_are_not_tracked_do_not_count() {
+fn untracked_labels_are_ignored() {
     let made = Made::new(6);
     let (lost, leaf) = (made.label("leaf 3"), made.label("leaf 2"));
     let request = TrackRequest {
@@ -163,7 +163,7 @@ fn labels_that_are_not_tracked_do_not_count() {
 }
 
 #[test]
-fn what_an_anchor_does_not_show_is_not_denied() {
+fn labels_missing_on_a_keyframe_are_not_removed_elsewhere() {
     let made = Made::new(6);
     let leaf = made.label("leaf 2");
     let mut request = made.request(&[0], Direction::Forward);
@@ -188,7 +188,7 @@ fn what_an_anchor_does_not_show_is_not_denied() {
 }
 
 #[test]
-fn where_geometry_can_say_nothing_it_is_told_what_to_do() {
+fn missing_depth_or_cameras_give_an_error_with_advice() {
     let mut made = Made::new(3);
     let refused = |made: &Made| {
         let (tracker, _) = constrained(made, 99, swapped(made));
@@ -208,7 +208,7 @@ fn where_geometry_can_say_nothing_it_is_told_what_to_do() {
 }
 
 #[test]
-fn a_stop_ends_it_and_keeps_what_was_handed_on() {
+fn stopping_keeps_the_masks_emitted_so_far() {
     let made = Made::new(6);
     let (tracker, _) = constrained(&made, 3, swapped(&made));
     let progress = Progress::default();
@@ -229,7 +229,7 @@ fn a_stop_ends_it_and_keeps_what_was_handed_on() {
 }
 
 #[test]
-fn the_number_of_threads_changes_nothing() {
+fn result_does_not_depend_on_the_number_of_threads() {
     let made = Made::new(7);
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new()

@@ -9,11 +9,11 @@ use ostra_masks::{Direction, LabelId, LabelMask, TrackRequest};
 
 /// A label that the scene does not have.
 pub const BALL: LabelId = LabelId(200);
-/// How far the ball is away, metres: before the plant.
+/// Distance of the ball in metres; it is in front of the plant.
 const BALL_M: f32 = 0.5;
 const BALL_PX: f32 = 24.0;
 
-/// The made plant, recorded; stems and leaves one by one are its labels.
+/// A recording of the synthetic plant; each stem and leaf has a label.
 pub struct Made {
     _folder: TempDir,
     scene: Scene,
@@ -22,12 +22,12 @@ pub struct Made {
 }
 
 impl Made {
-    /// Views of a still plant.
+    /// Renders views of a still plant.
     pub fn new(views: usize) -> Self {
         Self::with_ball(views, |_| None)
     }
 
-    /// A ball flies through the pictures, its middle at these pixels.
+    /// Renders views with a ball that moves through the images, centred at these pixels.
     pub fn with_ball(views: usize, ball: impl Fn(usize) -> Option<[f32; 2]>) -> Self {
         let options = SceneOptions {
             views,
@@ -60,12 +60,12 @@ impl Made {
         }
     }
 
-    /// The label of an organ.
+    /// Returns the label of an organ.
     pub fn label(&self, name: &str) -> LabelId {
         self.scene.tree().by_name(name).unwrap().id
     }
 
-    /// With the true masks of these frames as anchors.
+    /// Returns a request with the ground truth masks of these frames as keyframes.
     pub fn request(&self, anchors: &[usize], direction: Direction) -> TrackRequest {
         TrackRequest {
             frames: Arc::new(self.frames.clone()),
@@ -81,7 +81,7 @@ impl Made {
         }
     }
 
-    /// How well a label of a frame's mask fits its true place.
+    /// Returns the IoU of a label on a frame with respect to the ground truth.
     pub fn iou(&self, mask: &LabelMask, frame: usize, label: LabelId) -> f64 {
         mask.region(label).iou(&self.truth[frame].region(label))
     }

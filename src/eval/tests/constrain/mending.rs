@@ -1,4 +1,4 @@
-//! What was swapped, drifted away or lost is mended; what moved is not touched.
+//! Swapped, drifted and lost labels are corrected; moving objects are not changed.
 
 use super::made::{BALL, Made};
 use super::straying::{Error, drift, lose, outcome, swap};
@@ -7,7 +7,9 @@ use ostra_masks::{Direction, LabelId};
 /// The frame at which the trackers go wrong.
 const WRONG_AT: usize = 4;
 
-/// Least and mean IoU of labels over the frames from `WRONG_AT` on, before and after; the tracker began anew once, there.
+/// Returns the minimum and mean IoU from `WRONG_AT` on, before and after the correction.
+///
+/// It asserts that the tracker restarted once, at that frame.
 fn mended(made: &Made, labels: &[LabelId], error: Error, again: &Error) -> [[f64; 2]; 2] {
     let request = made.request(&[0], Direction::Both);
     let result = outcome(made, &request, WRONG_AT, error);
@@ -41,7 +43,7 @@ fn mended(made: &Made, labels: &[LabelId], error: Error, again: &Error) -> [[f64
 }
 
 #[test]
-fn two_leaves_that_were_swapped_are_put_right() {
+fn swapped_leaves_are_corrected() {
     let made = Made::new(10);
     let (a, b) = (made.label("leaf 1"), made.label("leaf 2"));
     let [before, after] = mended(&made, &[a, b], swap(a, b), &swap(a, b));
@@ -49,7 +51,7 @@ fn two_leaves_that_were_swapped_are_put_right() {
 }
 
 #[test]
-fn a_leaf_that_drifts_away_is_put_right() {
+fn drifting_leaf_is_corrected() {
     let made = Made::new(10);
     let leaf = made.label("leaf 2");
     let [before, after] = mended(&made, &[leaf], drift(leaf, 12), &drift(leaf, 12));
@@ -57,7 +59,7 @@ fn a_leaf_that_drifts_away_is_put_right() {
 }
 
 #[test]
-fn a_leaf_that_was_lost_is_found() {
+fn lost_leaf_is_restored() {
     let made = Made::new(10);
     let leaf = made.label("leaf 3");
     let [before, after] = mended(&made, &[leaf], lose(leaf), &lose(leaf));
@@ -65,7 +67,7 @@ fn a_leaf_that_was_lost_is_found() {
 }
 
 #[test]
-fn what_moved_is_left_to_the_tracker() {
+fn moving_object_is_left_to_the_tracker() {
     let made = Made::with_ball(8, |k| {
         Some([60.0 + 20.0 * k as f32, 120.0 + 10.0 * k as f32])
     });
@@ -85,7 +87,7 @@ fn what_moved_is_left_to_the_tracker() {
         "{:?}",
         right.lines
     );
-    // What stands still is mended all the same.
+    // Static labels are corrected all the same.
     let wrong = outcome(&made, &request, 3, lose(leaf));
     for (&frame, tracked) in &wrong.tracked {
         assert_eq!(made.iou(&tracked.mask, frame, BALL), 1.0, "frame {frame}");

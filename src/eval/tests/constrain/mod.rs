@@ -1,4 +1,4 @@
-//! Trackers made to err on the made plant, with exact depth and cameras.
+//! Faulty trackers on the synthetic plant, with exact depth and cameras.
 
 mod behaviour;
 mod made;

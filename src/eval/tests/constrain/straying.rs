@@ -6,19 +6,21 @@ use ostra_core::job::Progress;
 use ostra_masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker};
 use ostra_tracking::geometric_consistency::{ConsistencyOptions, ConsistencyTracker};
 
-/// What becomes of a true mask, a number of frames after the tracker went wrong.
+/// Corrupts a ground truth mask, given the number of frames since the tracker went wrong.
 pub type Error = Box<dyn Fn(&LabelMask, usize) -> LabelMask + Send + Sync>;
 
-/// Name of a frame that it gives no mask for.
+/// Name of a frame for which the tracker gives no mask.
 pub const UNREADABLE: &str = "unreadable";
 
-/// Knows the truth, but goes wrong where it passes from the frame before `at` to that one, or back, and stays so until it
-/// begins anew behind it.
+/// A tracker that returns the ground truth, but goes wrong when it crosses a frame boundary.
+///
+/// The boundary is between frame `at - 1` and `at`, in either direction. The error lasts until the
+/// tracker restarts beyond it.
 pub struct Straying {
     truth: Arc<Vec<LabelMask>>,
     at: usize,
     error: Error,
-    /// The frames that it began from.
+    /// The frames that the tracker started from.
     begun: Arc<Mutex<Vec<usize>>>,
 }
 
@@ -80,7 +82,7 @@ impl Tracker for Straying {
     }
 }
 
-/// Two labels take each other's places.
+/// Swaps two labels.
 pub fn swap(a: LabelId, b: LabelId) -> Error {
     let swapped = move |id: LabelId| {
         if id == a {
@@ -97,7 +99,7 @@ pub fn swap(a: LabelId, b: LabelId) -> Error {
     })
 }
 
-/// A label moves to the right over everything else.
+/// Moves a label to the right, over everything else.
 pub fn drift(label: LabelId, px: usize) -> Error {
     Box::new(move |mask, steps| {
         let (width, aside) = (mask.width as usize, px * steps);
@@ -111,7 +113,7 @@ pub fn drift(label: LabelId, px: usize) -> Error {
     })
 }
 
-/// A label is gone.
+/// Removes a label.
 pub fn lose(label: LabelId) -> Error {
     let left = move |id: LabelId| if id == label { LabelId::NONE } else { id };
     Box::new(move |mask, _| LabelMask {
@@ -120,18 +122,18 @@ pub fn lose(label: LabelId) -> Error {
     })
 }
 
-/// What a constrained tracker made of a request.
+/// Result of a constrained tracker.
 pub struct Outcome {
-    /// The last answer of every frame.
+    /// The last answer for each frame.
     pub tracked: BTreeMap<usize, TrackedFrame>,
-    /// Answers handed on, the preliminary ones too.
+    /// Number of answers, including preliminary ones.
     pub answers: usize,
     pub lines: Vec<String>,
-    /// The frames that the tracker began from, in order.
+    /// The frames that the tracker started from, in order.
     pub begun: Vec<usize>,
 }
 
-/// A tracker that goes wrong at a frame, constrained.
+/// Returns a constrained tracker that goes wrong at a frame, and the frames it starts from.
 pub fn constrained(
     made: &Made,
     at: usize,
@@ -153,7 +155,7 @@ pub fn constrained(
     )
 }
 
-/// Tracks with it.
+/// Tracks a request with [`constrained`].
 pub fn outcome(made: &Made, request: &TrackRequest, at: usize, error: Error) -> Outcome {
     let (tracker, begun) = constrained(made, at, error);
     let (mut tracked, mut answers) = (BTreeMap::new(), 0);

@@ -1,12 +1,12 @@
-//! Masks of one label that is drawn by hand.
+//! Synthetic masks of one label.
 
 use ostra_masks::{LabelId, LabelMask};
 
 pub const LABEL: LabelId = LabelId(1);
-/// Columns and rows.
+/// Number of columns and rows.
 pub const SIZE: u32 = 100;
 
-/// A mask with the label at the columns and rows that are inside.
+/// Returns a mask whose label covers the columns and rows that `is_inside` accepts.
 pub fn mask(is_inside: impl Fn(u32, u32) -> bool) -> LabelMask {
     let id = |at: u32| {
         if is_inside(at % SIZE, at / SIZE) {

@@ -1,8 +1,10 @@
-//! Pixels that another label holds.
+//! Pixels that are assigned to another label.
 
 use super::*;
 
-/// Gives a column of the blue object to the red one at first; afterwards it returns the true masks.
+/// A tracker that first assigns a column of the blue object to the red one.
+///
+/// Afterwards it returns the ground truth.
 struct Thief {
     truth: BTreeMap<usize, RunMask>,
 }
@@ -40,7 +42,7 @@ impl Tracker for Thief {
 }
 
 #[test]
-fn pixels_that_another_label_holds_wrongly_are_taken_back() {
+fn pixels_wrongly_assigned_to_another_label_are_corrected() {
     let folder = tempfile::tempdir().unwrap();
     let sequence = sequence(folder.path());
     let (thief, options) = (
@@ -58,7 +60,7 @@ fn pixels_that_another_label_holds_wrongly_are_taken_back() {
     )
     .unwrap();
     assert!(report.clicks == 2 && report.mean_iou > 0.99, "{report:?}");
-    // The thief left no frame poor: nothing would be clicked again.
+    // The tracker left no frame poor, so no frame would be clicked again.
     assert_eq!(
         (report.failed_by_frame, report.share_of_reclicking()),
         (FrameByFrame::default(), None)
