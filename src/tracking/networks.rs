@@ -1,16 +1,16 @@
-//! What the trackers made of networks share: running them, checking what they take, and resampling.
+//! Helpers shared by the network-based trackers: inference, signature checks and resampling.
 
 use ostra_compute::nn::{Network, NnError, Tensor};
 use ostra_core::job::{Progress, Stopped};
 use ostra_masks::MaskError;
 
-/// A network's error as an error about masks.
+/// Converts a network error to a mask error.
 #[expect(clippy::needless_pass_by_value, reason = "`map_err` hands it over")]
 pub(crate) fn network_error(error: NnError) -> MaskError {
     MaskError::Network(error.to_string())
 }
 
-/// Runs a network until the user stops it; its outputs, in order.
+/// Runs a network and returns its outputs in order; stops when the user does.
 pub(crate) fn run(
     network: &Network,
     inputs: &[(&str, &Tensor)],
@@ -23,10 +23,10 @@ pub(crate) fn run(
         .ok_or_else(|| Stopped.into())
 }
 
-/// Refuses a network that takes other inputs, or lacks one of the outputs.
+/// Checks that a network has exactly these inputs and at least these outputs.
 ///
 /// # Errors
-/// [`NnError::Mismatch`].
+/// [`NnError::Mismatch`] if it does not.
 pub(crate) fn check_signature(
     network: &Network,
     inputs: &[&str],
@@ -46,7 +46,7 @@ pub(crate) fn check_signature(
     Err(mismatch(network, &what))
 }
 
-/// The error of a network that is not what is expected.
+/// Creates the error for a network that does not match what is expected.
 pub(crate) fn mismatch(network: &Network, what: &str) -> NnError {
     NnError::Mismatch {
         path: network.path().to_owned(),
@@ -54,17 +54,17 @@ pub(crate) fn mismatch(network: &Network, what: &str) -> NnError {
     }
 }
 
-/// The two samples of a row or column that a new one lies between.
+/// The two source samples around a resampled one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct LinearSample {
     pub first: usize,
-    /// The one after it, or itself at the end.
+    /// The next sample, or `first` at the end.
     pub next: usize,
-    /// Of the next; the first has the rest.
+    /// Weight of `next`; `first` has the rest.
     pub weight: f32,
 }
 
-/// For each of `to` samples those of `from` around it, where borders lie on borders.
+/// Returns the source samples for resizing with aligned borders (half-pixel centres).
 pub(crate) fn half_pixel_samples(from: usize, to: usize) -> Vec<LinearSample> {
     let one = |at: usize| {
         let place = ((at as f64 + 0.5) * from as f64 / to as f64 - 0.5).max(0.0);
@@ -78,7 +78,7 @@ pub(crate) fn half_pixel_samples(from: usize, to: usize) -> Vec<LinearSample> {
     (0..to).map(one).collect()
 }
 
-/// For each of `to` samples those of `from` around it, where the first and the last lie on the first and the last.
+/// Returns the source samples for resizing with aligned corner samples.
 pub(crate) fn corner_aligned_samples(from: usize, to: usize) -> Vec<LinearSample> {
     let scale = if to > 1 {
         (from - 1) as f32 / (to - 1) as f32
@@ -97,7 +97,7 @@ pub(crate) fn corner_aligned_samples(from: usize, to: usize) -> Vec<LinearSample
     (0..to).map(one).collect()
 }
 
-/// The odds of a probability that is kept `margin` away from 0 and 1.
+/// Returns the odds of a probability after clamping it `margin` away from 0 and 1.
 pub(crate) fn odds(probability: f32, margin: f32) -> f32 {
     let bounded = probability.clamp(margin, 1.0 - margin);
     bounded / (1.0 - bounded)

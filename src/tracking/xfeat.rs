@@ -5,9 +5,10 @@ use crate::networks::network_error;
 use ostra_compute::nn::{Network, NnError, Tensor, load};
 use ostra_masks::MaskError;
 
-/// Describes cells of 8 × 8 pixels by the features of a small network.
+/// Computes features of cells of 8 × 8 pixels with the XFeat network.
 ///
-/// Potje, Cadar, Araujo, Martins, Nascimento: "XFeat: Accelerated Features for Lightweight Image Matching", CVPR 2024.
+/// Potje, Cadar, Araujo, Martins, Nascimento: "XFeat: Accelerated Features for Lightweight Image
+/// Matching", CVPR 2024.
 #[derive(Debug)]
 pub struct XFeatCells {
     network: Network,
@@ -15,14 +16,14 @@ pub struct XFeatCells {
 
 /// Side of a cell in pixels.
 const CELL_PX: usize = 8;
-/// It halves the picture five times.
+/// Image sides must be multiples of this: the network halves the image five times.
 const MULTIPLE: usize = 32;
 
 impl XFeatCells {
-    /// The network `xfeat` of a folder of networks.
+    /// Loads the network `xfeat` from a folder of networks.
     ///
     /// # Errors
-    /// When it is not installed there, does not load, or ONNX Runtime is missing.
+    /// Fails if the network is not installed there or does not load, or if ONNX Runtime is missing.
     pub fn load(folder: &Path) -> Result<Self, NnError> {
         let missing = || NnError::Request("the catalogue has no file for `xfeat`".to_owned());
         Ok(Self {
@@ -37,7 +38,7 @@ impl DenseFeatures for XFeatCells {
             size.0.next_multiple_of(MULTIPLE),
             size.1.next_multiple_of(MULTIPLE),
         );
-        // The last column and row are repeated up to what the network asks for.
+        // Repeat the last column and row up to the size that the network requires.
         let shown = (0..width * height)
             .map(|at| (at / width).min(size.1 - 1) * size.0 + (at % width).min(size.0 - 1));
         let input = Tensor::floats(&[1, 1, height, width], shown.map(|at| grey[at]).collect())

@@ -2,17 +2,17 @@ use bytemuck::{AnyBitPattern, NoUninit};
 
 use super::device::{Device, GpuError};
 
-/// The most that one binding may hold on every adapter.
+/// Maximum size of one binding that every adapter supports, in bytes.
 const LARGEST: u64 = 128 << 20;
 
-/// Memory of a device, for programs to read and write.
+/// Device memory that programs read and write.
 #[derive(Debug)]
 pub struct Buffer {
     pub(super) buffer: wgpu::Buffer,
 }
 
 impl Buffer {
-    /// Its size.
+    /// Returns the size in bytes.
     #[must_use]
     pub fn bytes(&self) -> u64 {
         self.buffer.size()
@@ -20,10 +20,12 @@ impl Buffer {
 }
 
 impl Device {
-    /// A buffer of zeros for `count` elements. `what` names it in errors, in the plural.
+    /// Creates a buffer of zeros for `count` elements.
+    ///
+    /// `what` names the data in errors, in the plural.
     ///
     /// # Errors
-    /// [`GpuError::TooLarge`] above 128 MiB, or what the driver said.
+    /// [`GpuError::TooLarge`] above 128 MiB, or the driver's error.
     pub fn zeros<T>(&self, what: &'static str, count: usize) -> Result<Buffer, GpuError> {
         let usage = wgpu::BufferUsages::STORAGE
             | wgpu::BufferUsages::COPY_DST
@@ -31,7 +33,7 @@ impl Device {
         self.buffer(what, count as u64 * size_of::<T>() as u64, usage)
     }
 
-    /// A buffer that holds a slice; see [`Self::zeros`].
+    /// Creates a buffer from a slice; see [`Self::zeros`].
     ///
     /// # Errors
     /// As [`Self::zeros`].
@@ -45,10 +47,10 @@ impl Device {
         Ok(buffer)
     }
 
-    /// A uniform buffer that holds a value.
+    /// Creates a uniform buffer from a value.
     ///
     /// # Errors
-    /// What the driver said.
+    /// Returns the driver's error.
     pub fn uniform<T: NoUninit>(&self, what: &'static str, value: &T) -> Result<Buffer, GpuError> {
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let buffer = self.buffer(what, size_of::<T>() as u64, usage)?;
@@ -56,10 +58,12 @@ impl Device {
         Ok(buffer)
     }
 
-    /// Writes a slice from element `first` on. What is submitted afterwards sees it, what was before does not.
+    /// Writes a slice, starting at element `first`.
+    ///
+    /// Work that is submitted later sees the new values; earlier work does not.
     ///
     /// # Errors
-    /// What the driver said.
+    /// Returns the driver's error.
     pub fn write<T: NoUninit>(
         &self,
         buffer: &Buffer,
@@ -72,10 +76,10 @@ impl Device {
         self.check()
     }
 
-    /// Reads `count` elements from the start, when all that was submitted is done.
+    /// Reads the first `count` elements after all submitted work has finished.
     ///
     /// # Errors
-    /// What the driver said.
+    /// Returns the driver's error.
     pub fn read<T: AnyBitPattern>(
         &self,
         buffer: &Buffer,
@@ -92,7 +96,7 @@ impl Device {
         encoder.copy_buffer_to_buffer(&buffer.buffer, 0, &copy, 0, bytes);
         let submission = self.queue.submit([encoder.finish()]);
         self.check()?;
-        // `get_mapped_range` reports a mapping that failed.
+        // `get_mapped_range` reports a failed mapping.
         copy.map_async(wgpu::MapMode::Read, .., |_| ());
         self.wait_for(submission)?;
         let mapped = copy
@@ -119,7 +123,7 @@ impl Device {
                 limit: LARGEST,
             });
         }
-        // No binding may be empty, and copies come in fours.
+        // Bindings must not be empty, and copy sizes must be multiples of four.
         let size = bytes.max(16).next_multiple_of(4);
         let label = Some(what);
         let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {

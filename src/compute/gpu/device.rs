@@ -2,20 +2,21 @@ use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// How long a device may work on one piece before it counts as hung.
+/// Time after which a device that does not finish a submission counts as hung.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// Whether an adapter that computes on the processor will do.
+/// Whether an adapter that computes on the processor is acceptable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Software {
-    /// Where there is no graphics card.
+    /// Acceptable if there is no graphics card.
     Allowed,
-    /// Not at all.
+    /// Not acceptable.
     Refused,
 }
 
-/// A device that computes, with the limits that every adapter has. Errors of the driver are kept and reported by the next call
-/// that can fail.
+/// A compute device with the limits that every adapter supports.
+///
+/// Errors of the driver are stored and returned by the next call that can fail.
 pub struct Device {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
@@ -25,10 +26,13 @@ pub struct Device {
 }
 
 impl Device {
-    /// Opens the best adapter: a card of its own, then one in the processor's chip, then others. Takes up to seconds.
+    /// Opens the best adapter.
+    ///
+    /// Discrete graphics cards come first, then integrated ones, then others. This may take
+    /// seconds.
     ///
     /// # Errors
-    /// [`GpuError::NoAdapter`], [`GpuError::SoftwareOnly`], [`GpuError::Refused`].
+    /// [`GpuError::NoAdapter`], [`GpuError::SoftwareOnly`] or [`GpuError::Refused`].
     pub fn open(software: Software) -> Result<Self, GpuError> {
         let instance = wgpu::Instance::default();
         let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
@@ -63,19 +67,19 @@ impl Device {
         })
     }
 
-    /// What the adapter calls itself.
+    /// Returns the name of the adapter.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Whether it computes on the processor.
+    /// Returns whether the adapter computes on the processor.
     #[must_use]
     pub fn is_software(&self) -> bool {
         self.is_software
     }
 
-    /// Waits until all that was submitted up to a point is done.
+    /// Waits until a submission and all earlier ones have finished.
     pub(super) fn wait_for(&self, submission: wgpu::SubmissionIndex) -> Result<(), GpuError> {
         let wait = wgpu::PollType::Wait {
             submission_index: Some(submission),
@@ -94,7 +98,9 @@ impl Device {
         }
     }
 
-    /// Reports the first error of the driver since the device was opened. Results computed after an error are worthless.
+    /// Returns the driver's first error since the device was opened.
+    ///
+    /// Results computed after an error are invalid.
     pub(super) fn check(&self) -> Result<(), GpuError> {
         let fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
         fault.clone().map_or(Ok(()), Err)
@@ -120,7 +126,7 @@ fn rank(kind: wgpu::DeviceType) -> u8 {
     }
 }
 
-/// Keeps the first error; without these, wgpu panics.
+/// Stores the first error; without these callbacks, wgpu panics.
 fn listen(device: &wgpu::Device, fault: &Arc<Mutex<Option<GpuError>>>) {
     let keep = |fault: &Mutex<Option<GpuError>>, error: GpuError| {
         fault
@@ -138,42 +144,42 @@ fn listen(device: &wgpu::Device, fault: &Arc<Mutex<Option<GpuError>>>) {
         );
     }));
     device.set_device_lost_callback(move |reason, what| {
-        // Dropping the device counts as losing it.
+        // Dropping the device also calls this callback.
         if reason != wgpu::DeviceLostReason::Destroyed {
             keep(&lost, GpuError::Lost { what });
         }
     });
 }
 
-/// Why a graphics card cannot be computed on; each says what the user can do.
+/// Errors of computing on a graphics card; each message states what the user can do.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum GpuError {
-    /// No adapter at all.
+    /// There is no adapter.
     #[error(
         "no graphics card that can compute was found; install its driver (Vulkan, Metal or DirectX 12), or choose the \
          device 'cpu'"
     )]
     NoAdapter,
-    /// Only adapters that compute on the processor, which are not wanted.
+    /// Only adapters that compute on the processor exist, and these are not acceptable.
     #[error(
         "no graphics card was found, only '{name}', which computes on the processor; install a driver, or choose the \
          device 'cpu'"
     )]
     SoftwareOnly {
-        /// What the best of them calls itself.
+        /// Name of the best of them.
         name: String,
     },
-    /// A driver that does not give a device with the limits that are needed.
+    /// The driver does not provide a device with the required limits.
     #[error(
         "'{name}' cannot be computed on ({what}); update its driver, or choose the device 'cpu'"
     )]
     Refused {
-        /// What the adapter calls itself.
+        /// Name of the adapter.
         name: String,
-        /// What the driver said.
+        /// Message of the driver.
         what: String,
     },
-    /// More data in one piece than a device takes.
+    /// The data is larger than a device accepts in one buffer.
     #[error(
         "{what} need {} MiB in one piece, and a graphics card takes {} MiB; make the input smaller, or choose the \
          device 'cpu'",
@@ -181,33 +187,33 @@ pub enum GpuError {
         limit >> 20
     )]
     TooLarge {
-        /// What the data is.
+        /// Name of the data.
         what: &'static str,
-        /// Its size.
+        /// Size in bytes.
         bytes: u64,
-        /// The largest size.
+        /// Maximum size in bytes.
         limit: u64,
     },
-    /// A program or a call that the device does not take, or memory that it does not have.
+    /// The device rejected a program or a call, or ran out of memory.
     #[error(
         "the graphics card failed ({what}); close other programs that use it, or choose the device 'cpu'"
     )]
     Failed {
-        /// What the driver said.
+        /// Message of the driver.
         what: String,
     },
-    /// The device is gone: unplugged, reset, its driver restarted.
+    /// The device is gone: unplugged, reset, or its driver was restarted.
     #[error("the graphics card was lost ({what}); start again, or choose the device 'cpu'")]
     Lost {
-        /// What the driver said.
+        /// Message of the driver.
         what: String,
     },
-    /// The device does not come to an end.
+    /// The device does not finish its work.
     #[error(
         "the graphics card gave no answer for {seconds} s; start again, or choose the device 'cpu'"
     )]
     NoAnswer {
-        /// How long it was waited for.
+        /// Waiting time in seconds.
         seconds: u64,
     },
 }

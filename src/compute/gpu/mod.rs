@@ -1,4 +1,4 @@
-//! Computing on a graphics card: open a device, compile WGSL, buffers, dispatch in short pieces, read back.
+//! Compute on a graphics card: devices, WGSL programs, buffers and dispatch in short pieces.
 
 mod buffer;
 mod device;

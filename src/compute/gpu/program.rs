@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 use super::buffer::Buffer;
 use super::device::{Device, GpuError};
 
-/// What a program does with a buffer.
+/// How a program uses a buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Binding {
     /// `var<uniform>`.
@@ -15,7 +15,7 @@ pub enum Binding {
     ReadWrite,
 }
 
-/// Compiled WGSL whose entry points all take the same buffers, `@group(0) @binding(0)` and on.
+/// Compiled WGSL whose entry points share the buffers `@group(0) @binding(0)` and on.
 #[derive(Debug)]
 pub struct Program {
     label: &'static str,
@@ -36,7 +36,7 @@ pub struct Bindings {
     group: wgpu::BindGroup,
 }
 
-/// Work on its way to the device.
+/// Work submitted to the device.
 #[derive(Debug)]
 pub struct Submission(wgpu::SubmissionIndex);
 
@@ -44,7 +44,7 @@ impl Device {
     /// Compiles WGSL.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// Returns the compiler's error.
     pub fn program(
         &self,
         label: &'static str,
@@ -84,10 +84,10 @@ impl Device {
         })
     }
 
-    /// Makes an entry point of a program ready.
+    /// Prepares an entry point of a program.
     ///
     /// # Errors
-    /// What the driver said.
+    /// Returns the driver's error.
     pub fn kernel(&self, program: &Program, entry_point: &str) -> Result<Kernel, GpuError> {
         let pipeline = self
             .device
@@ -103,10 +103,10 @@ impl Device {
         Ok(Kernel { pipeline })
     }
 
-    /// Puts buffers together in the order of the program's bindings.
+    /// Binds buffers in the order of the program's bindings.
     ///
     /// # Errors
-    /// What the driver said.
+    /// Returns the driver's error.
     pub fn bind(&self, program: &Program, buffers: &[&Buffer]) -> Result<Bindings, GpuError> {
         let resources = buffers
             .iter()
@@ -124,10 +124,10 @@ impl Device {
         Ok(Bindings { group })
     }
 
-    /// Sends off so many workgroups to the right and down, and does not wait.
+    /// Submits `groups` workgroups (columns, rows) without waiting for them.
     ///
     /// # Errors
-    /// What the driver said.
+    /// Returns the driver's error.
     pub fn submit(
         &self,
         kernel: &Kernel,
@@ -148,10 +148,10 @@ impl Device {
         Ok(Submission(submission))
     }
 
-    /// Waits until a piece of work, and all before it, is done.
+    /// Waits until a submission and all earlier ones have finished.
     ///
     /// # Errors
-    /// What the driver said, [`GpuError::NoAnswer`] after two minutes.
+    /// Returns the driver's error, or [`GpuError::NoAnswer`] after two minutes.
     pub fn wait(&self, submission: Submission) -> Result<(), GpuError> {
         self.wait_for(submission.0)
     }
@@ -175,29 +175,33 @@ fn entry(binding: u32, kind: Binding) -> wgpu::BindGroupLayoutEntry {
     }
 }
 
-/// A piece takes about this long: a display on the same card stays fluent, no driver takes it for hung, and a stop is
-/// noticed at once.
+/// Target duration of a piece.
+///
+/// At this duration, a display on the same card stays responsive, no driver considers it hung, and
+/// a stop takes effect at once.
 const AIM: Duration = Duration::from_millis(20);
 
-/// Cuts long work into pieces, by how long the pieces before took.
+/// Divides long work into pieces whose size adapts to the duration of earlier pieces.
 #[derive(Debug)]
 pub struct Pieces {
     items: u64,
 }
 
 impl Default for Pieces {
-    /// Begins with small pieces.
+    /// Starts with small pieces.
     fn default() -> Self {
         Self { items: 1 << 12 }
     }
 }
 
 impl Pieces {
-    /// Submits work of so many rows of `width` items piece by piece, pieces of a multiple of `grain` rows, and waits for
-    /// the end. `submit` sends off a range of rows; `check` comes before each piece.
+    /// Runs work of `rows` rows of `width` items piece by piece, and waits for the end.
+    ///
+    /// Pieces have a multiple of `grain` rows. `submit` submits a range of rows; `check` is called
+    /// before each piece.
     ///
     /// # Errors
-    /// Those of `submit` and `check`, and what the driver said.
+    /// Returns the errors of `submit` and `check`, or the driver's error.
     pub fn run<E: From<GpuError>>(
         &mut self,
         device: &Device,
@@ -215,7 +219,7 @@ impl Pieces {
                 .saturating_add(count.next_multiple_of(grain))
                 .min(rows);
             let submission = submit(first..end)?;
-            // One piece waits in line while another is worked on, so that the device is never idle.
+            // One piece is queued while another is running, so that the device is never idle.
             if let Some(before) = under_way.replace(submission) {
                 device.wait(before)?;
                 self.adapt(last_wait.elapsed());

@@ -12,32 +12,34 @@ use ostra_core::disk::{self, AtomicFile};
 /// A file that was copied into the folder of networks.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Added {
-    /// Where it lies now.
+    /// Path of the copy.
     pub path: PathBuf,
-    /// What speaks for it.
+    /// How the file was verified.
     pub proof: Proof,
 }
 
-/// What speaks for an added file.
+/// How an added file was verified.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Proof {
-    /// It loads and takes and gives what is expected.
+    /// It loads and has the expected inputs and outputs.
     Fits,
-    /// It loads; what it takes and gives is not known.
+    /// It loads; its expected inputs and outputs are not known.
     Loads,
-    /// It is the file whose digest is known; it was not loaded.
+    /// It has a known digest; it was not loaded.
     Known,
-    /// Nothing: it could not be checked, and why.
+    /// It could not be verified, for this reason.
     None(String),
 }
 
-/// Copies the files of a network (or the library of ONNX Runtime) into `folder` after checking them: by loading, or
-/// by their digest where there is no ONNX Runtime. Nothing is placed before all are checked and copied. A folder in the
-/// files' place stands for the files of the catalogue's names in it.
+/// Verifies the files of a network (or the library of ONNX Runtime) and copies them.
+///
+/// The files are verified by loading, or by their digest if there is no ONNX Runtime. None is put
+/// into `folder` before all are verified and copied. Instead of the files, `files` may contain a
+/// folder that has them under the catalogue's names.
 ///
 /// # Errors
-/// When the name is unknown, files are missing or too many, one does not load or has another interface, or cannot be
-/// copied.
+/// Fails if the name is unknown or the number of files is wrong. Also fails if a file does not
+/// load, has another interface or cannot be copied.
 pub fn add(
     catalogue: &Catalogue,
     folder: &Path,
@@ -148,7 +150,7 @@ fn readable(path: &Path) -> Result<(), NnError> {
     })
 }
 
-/// Copies all files before any of them replaces what was there.
+/// Copies all files before any of them replaces an existing one.
 fn place(folder: &Path, files: &[PathBuf], targets: &[PathBuf]) -> Result<(), NnError> {
     let failed = |path: &Path| {
         let path = path.to_owned();

@@ -6,7 +6,7 @@ use super::error::NnError;
 use super::runtime::library_name;
 use super::tensor::{Port, Signature};
 
-/// The networks that the program knows of, in the order in which they are listed.
+/// The known networks, in the order in which they are listed.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Catalogue {
@@ -18,13 +18,13 @@ pub struct Catalogue {
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Entry {
-    /// What it is called on the command line.
+    /// Name on the command line.
     pub name: String,
-    /// What it is good for, for people.
+    /// Purpose, as shown to users.
     pub purpose: String,
-    /// Licence of the weights, for people.
+    /// Licence of the weights, as shown to users.
     pub licence: String,
-    /// Where it can be had.
+    /// Where to get it.
     pub source: String,
     #[serde(default)]
     library: bool,
@@ -32,11 +32,11 @@ pub struct Entry {
     files: Vec<NetworkFile>,
 }
 
-/// One file of a network, or of text that goes with it.
+/// One file of a network, or a text file that belongs to it.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct NetworkFile {
-    /// Its name in the folder of networks.
+    /// Name in the folder of networks.
     pub name: String,
     /// Digest of a file that is known to work, lower-case hexadecimal.
     #[serde(default)]
@@ -44,13 +44,13 @@ pub struct NetworkFile {
     /// Digests of other files that are known to work, lower-case hexadecimal.
     #[serde(default)]
     pub other_sha256: Vec<String>,
-    /// Where it can be fetched from; `None` where it has to be made.
+    /// Download address; `None` if the file must be exported.
     #[serde(default)]
     pub url: Option<String>,
-    /// Its size, where known.
+    /// Size in bytes, if known.
     #[serde(default)]
     pub bytes: Option<u64>,
-    /// Whether it is text that goes with a network (the words it knows), not a network.
+    /// Whether this is a text file that belongs to a network, such as its vocabulary.
     #[serde(default, rename = "text")]
     pub is_text: bool,
     #[serde(default)]
@@ -60,10 +60,10 @@ pub struct NetworkFile {
 }
 
 impl Catalogue {
-    /// The catalogue that the program carries.
+    /// Returns the catalogue that is compiled into the program.
     ///
     /// # Errors
-    /// When it does not parse, which a test excludes.
+    /// Fails if it cannot be parsed, which a test rules out.
     pub fn bundled() -> Result<Self, NnError> {
         let text = include_str!(concat!(
             env!("CARGO_MANIFEST_DIR"),
@@ -73,16 +73,16 @@ impl Catalogue {
             .map_err(|error| NnError::Request(format!("assets/models.toml: {error}")))
     }
 
-    /// All entries.
+    /// Returns all entries.
     #[must_use]
     pub fn entries(&self) -> &[Entry] {
         &self.entries
     }
 
-    /// The entry called `name`.
+    /// Returns the entry called `name`.
     ///
     /// # Errors
-    /// When there is none; says which there are.
+    /// Fails if there is none; the message lists the known names.
     pub fn entry(&self, name: &str) -> Result<&Entry, NnError> {
         self.entries
             .iter()
@@ -100,19 +100,19 @@ impl Catalogue {
 }
 
 impl Entry {
-    /// Whether this is ONNX Runtime itself and no network.
+    /// Returns whether this is ONNX Runtime itself and not a network.
     #[must_use]
     pub fn is_library(&self) -> bool {
         self.library
     }
 
-    /// The network's files, in the order in which they are given; none for ONNX Runtime itself.
+    /// Returns the network's files in the order of the catalogue; none for ONNX Runtime.
     #[must_use]
     pub fn files(&self) -> &[NetworkFile] {
         &self.files
     }
 
-    /// Names of its files in the folder of networks.
+    /// Returns the names of the files in the folder of networks.
     #[must_use]
     pub fn file_names(&self) -> Vec<String> {
         if self.library {
@@ -121,13 +121,13 @@ impl Entry {
         self.files.iter().map(|file| file.name.clone()).collect()
     }
 
-    /// Whether all of its files can be fetched.
+    /// Returns whether all files can be downloaded.
     #[must_use]
     pub fn has_address(&self) -> bool {
         self.files.iter().all(|file| file.url.is_some())
     }
 
-    /// The error for files that cannot be fetched.
+    /// Creates the error for files without a download address.
     pub(super) fn without_address(&self) -> NnError {
         let Self { name, source, .. } = self;
         let words = if self.file_names().len() == 1 {
@@ -140,7 +140,7 @@ impl Entry {
         ))
     }
 
-    /// The error for one of its files that is not in `folder`.
+    /// Creates the error for a file that is missing in `folder`.
     pub(super) fn missing(&self, folder: &Path) -> NnError {
         let Self { name, source, .. } = self;
         let words = if self.file_names().len() == 1 {
@@ -156,7 +156,7 @@ impl Entry {
 }
 
 impl NetworkFile {
-    /// What the file must take and give; `None` if that is not specified.
+    /// Returns the expected inputs and outputs; `None` if they are not specified.
     #[must_use]
     pub fn signature(&self) -> Option<Signature> {
         let is_told = !(self.inputs.is_empty() && self.outputs.is_empty());

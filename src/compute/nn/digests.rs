@@ -8,17 +8,17 @@ use sha2::{Digest, Sha256};
 use super::error::NnError;
 use ostra_core::disk;
 
-/// Digests of the files that were added, by name, within the folder of networks.
+/// File with the digests of added files by name, in the folder of networks.
 const RECORDS: &str = "digests.toml";
-/// A larger list is damaged.
+/// Maximum size of that file; a larger one is damaged.
 const MAX_BYTES: u64 = 16 << 20;
 
-/// Digests of files.
+/// Returns the digests of files.
 pub(super) fn digests(files: &[PathBuf]) -> Result<Vec<String>, NnError> {
     files.iter().map(|path| digest(path)).collect()
 }
 
-/// Notes the digests of files that were added.
+/// Records the digests of added files.
 pub(super) fn record(
     folder: &Path,
     files: &[PathBuf],
@@ -32,7 +32,7 @@ pub(super) fn record(
     disk::write(&path, text.as_bytes()).map_err(|reason| NnError::Io { path, reason })
 }
 
-/// Refuses a file that is another one than was added; one that was put there by hand is not known.
+/// Rejects a file that has changed since it was added; unrecorded files are accepted.
 pub(super) fn compare(folder: &Path, path: &Path) -> Result<(), NnError> {
     let Some(expected) = read(folder)?.remove(&name(path)) else {
         return Ok(());
@@ -73,10 +73,10 @@ fn name(path: &Path) -> String {
         .into_owned()
 }
 
-/// SHA-256 of a file's content in lower-case hexadecimal.
+/// Returns the SHA-256 of a file's content in lower-case hexadecimal.
 ///
 /// # Errors
-/// When the file cannot be read.
+/// Fails if the file cannot be read.
 pub fn sha256(path: &Path) -> std::io::Result<String> {
     let mut file = File::open(path)?;
     let mut hasher = Sha256::new();

@@ -11,25 +11,28 @@ use ureq::{Agent, Body};
 
 use super::error::NnError;
 
-/// The unit tests serve files without encryption.
+/// Only unit tests may use plain HTTP.
 const HTTPS_ONLY: bool = !cfg!(test);
-/// Longest time to reach a server.
+/// Maximum time to reach a server.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(30);
-/// Longest time in which nothing arrives.
+/// Maximum time without receiving data.
 const STALL_TIMEOUT: Duration = Duration::from_secs(60);
-/// Pause between two calls of the progress callback.
+/// Interval between two calls of the progress callback.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(100);
-/// Bytes that are passed to the file at a time.
+/// Size of the chunks passed to the file.
 const CHUNK_BYTES: usize = 1 << 16;
-/// Chunks that may wait for the disk.
+/// Maximum number of chunks that wait for the disk.
 const WAITING_CHUNKS: usize = 8;
 
-/// Downloads a file of at most `limit` bytes, unverified, by HTTPS only (redirects included), through the proxy that the
-/// environment names. `progress` receives the number of bytes present and returns whether to continue. An interrupted or
-/// stopped download stays next to `into` as `NAME.part`, and the next call continues it.
+/// Downloads a file of at most `limit` bytes without verifying it.
+///
+/// Only HTTPS is allowed, redirects included; the environment's proxy is used. `progress` receives
+/// the number of bytes present and returns whether to continue. An interrupted or stopped download
+/// stays next to `into` as `NAME.part`, and the next call continues it.
 ///
 /// # Errors
-/// [`NnError::Fetch`] where the address does not answer, or when stopped; [`NnError::Io`].
+/// [`NnError::Fetch`] if the address does not answer or the download is stopped, or
+/// [`NnError::Io`].
 pub fn fetch(
     url: &str,
     into: &Path,
@@ -54,15 +57,15 @@ pub fn fetch(
     })
 }
 
-/// One file on its way to the disk.
+/// One download.
 struct Download<'a> {
     url: &'a str,
-    /// Where the bytes go until all are there.
+    /// File that receives the bytes until the download is complete.
     part: &'a Path,
     limit: u64,
 }
 
-/// How a transfer ended that did not fail.
+/// How a transfer without error ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Transfer {
     Complete,
@@ -70,12 +73,12 @@ enum Transfer {
     NotResumable,
 }
 
-/// What the thread that reads from the network sends.
+/// Message of the network thread.
 enum Message {
     /// The server answered; its bytes belong at this offset of the file.
     Started {
         offset: u64,
-        /// Bytes that follow, where the server says so.
+        /// Number of bytes that follow, if the server reports it.
         length: Option<u64>,
     },
     Chunk(Vec<u8>),
@@ -88,8 +91,9 @@ impl Download<'_> {
         let mut bytes = fs::metadata(self.part).map_or(0, |file| file.len());
         let (sender, messages) = sync_channel(WAITING_CHUNKS);
         let (url, start) = (self.url.to_owned(), bytes);
-        // A thread of its own, because a stop must not wait for the network. It ends by itself once nothing receives what
-        // it sends, at the latest after the timeouts; it never touches the disk.
+        // This needs its own thread, because a stop must not wait for the network. The thread ends
+        // once nothing receives its messages, at the latest after the timeouts. It never touches
+        // the disk.
         std::thread::Builder::new()
             .name("download".into())
             .spawn(move || {
@@ -142,7 +146,7 @@ impl Download<'_> {
             .map_err(|reason| self.io_error(reason))
     }
 
-    /// Refuses a file of more bytes than are expected; nothing of it is kept.
+    /// Rejects a file that is longer than expected, and deletes it.
     fn check_length(&self, bytes: u64) -> Result<(), NnError> {
         let limit = self.limit;
         if bytes <= limit {
@@ -180,7 +184,9 @@ impl Download<'_> {
     }
 }
 
-/// Certificates are verified as the system does, so that those of a company's proxy are accepted too.
+/// Creates an agent that verifies certificates as the system does.
+///
+/// This also accepts the certificates of a company's proxy.
 fn agent(https_only: bool) -> Agent {
     let tls = TlsConfig::builder()
         .root_certs(RootCerts::PlatformVerifier)
@@ -196,7 +202,9 @@ fn agent(https_only: bool) -> Agent {
         .into()
 }
 
-/// Requests what follows the first `start` bytes and sends it on, until it is complete or nothing receives it any more.
+/// Requests the bytes from `start` on and sends them to `sender`.
+///
+/// Ends when all are sent or nothing receives them any more.
 fn transfer(
     agent: &Agent,
     url: &str,
@@ -241,7 +249,7 @@ fn transfer(
     }
 }
 
-/// The first byte of a partial answer (`Content-Range: bytes START-END/SIZE`).
+/// Returns the first byte of a partial answer (`Content-Range: bytes START-END/SIZE`).
 fn range_start(response: &Response<Body>) -> Option<u64> {
     let range = response.headers().get("Content-Range")?.to_str().ok()?;
     let (start, _) = range.strip_prefix("bytes ")?.split_once('-')?;
@@ -258,7 +266,7 @@ fn explain(error: &ureq::Error) -> String {
     }
 }
 
-/// A path with something behind the name of its file.
+/// Appends a suffix to the file name of a path.
 fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(suffix);
@@ -270,7 +278,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn plain_http_is_refused_outside_of_unit_tests() {
+    fn plain_http_is_rejected() {
         let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
         listener.set_nonblocking(true).unwrap();
         let url = format!("http://{}/file", listener.local_addr().unwrap());

@@ -2,10 +2,10 @@ use std::path::PathBuf;
 
 use ostra_core::disk;
 
-/// Why a network cannot be loaded or run; each says what the user can do.
+/// Errors of loading and running networks; each message states what the user can do.
 #[derive(Debug, thiserror::Error)]
 pub enum NnError {
-    /// No ONNX Runtime anywhere.
+    /// ONNX Runtime was not found.
     #[error(
         "ONNX Runtime is not installed (looked for {}); get version 1.24 or newer from \
          https://github.com/microsoft/onnxruntime/releases and run `ostra models add onnxruntime FILE` with its \
@@ -13,10 +13,10 @@ pub enum NnError {
         looked.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", ")
     )]
     RuntimeMissing {
-        /// Where it was looked for.
+        /// Paths that were searched.
         looked: Vec<PathBuf>,
     },
-    /// A file that should be ONNX Runtime is too old, damaged or something else.
+    /// The library is not ONNX Runtime, is too old, or is damaged.
     #[error(
         "{}: cannot be used as ONNX Runtime ({what}); get the library of version 1.24 or newer for this system from \
          https://github.com/microsoft/onnxruntime/releases",
@@ -25,7 +25,7 @@ pub enum NnError {
     RuntimeUnusable {
         /// The library.
         path: PathBuf,
-        /// What the loader said.
+        /// Message of the loader.
         what: String,
     },
     /// A file cannot be read or written.
@@ -33,51 +33,54 @@ pub enum NnError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the system said. Part of the message, so it is not this error's source: it would be printed twice.
+        /// Error of the system.
+        ///
+        /// It is part of the message and therefore not this error's source: otherwise it would be
+        /// printed twice.
         reason: std::io::Error,
     },
-    /// A file is no network, or one that ONNX Runtime cannot run.
+    /// The file is not a network, or ONNX Runtime cannot run it.
     #[error("{}: cannot be loaded as an ONNX network ({what}); check that the file is complete and of that format", path.display())]
     NotANetwork {
         /// The file.
         path: PathBuf,
-        /// What ONNX Runtime said.
+        /// Message of ONNX Runtime.
         what: String,
     },
-    /// Names, element types or shapes are others than those that are fed and read.
+    /// Names, element types or shapes of inputs or outputs differ from the expected ones.
     #[error("{}: {what}; this is another network or another export of it", path.display())]
     Mismatch {
         /// The file.
         path: PathBuf,
-        /// What was expected and what is there.
+        /// The expected and the actual interface.
         what: String,
     },
-    /// A file could not be got from the net.
+    /// A file could not be downloaded.
     #[error(
         "{url}: cannot be fetched ({what}); what is there is kept for another try; or get it by other means and run `ostra models add`"
     )]
     Fetch {
-        /// Its address.
+        /// Address of the file.
         url: String,
-        /// Why not.
+        /// The reason.
         what: String,
-        /// Whether the user stopped it.
+        /// Whether the user stopped the download.
         is_stopped: bool,
     },
-    /// What an address gave is not the file whose digest is known.
+    /// The downloaded file does not have the known digest.
     #[error(
         "{url}: the file has another SHA-256 than it should ({expected} expected, {found} received); it was deleted and \
          nothing was installed; try again, or get the file by other means and run `ostra models add`"
     )]
     WrongDownload {
-        /// Its address.
+        /// Address of the file.
         url: String,
-        /// The digest that is known.
+        /// Known digest.
         expected: String,
-        /// The digest of what was received.
+        /// Digest of the downloaded file.
         found: String,
     },
-    /// An installed file is another one than was added.
+    /// An installed file has changed since it was added.
     #[error(
         "{}: was changed since it was added (SHA-256 {expected} then, {found} now); add it again with `ostra models add`",
         path.display()
@@ -85,12 +88,12 @@ pub enum NnError {
     Changed {
         /// The file.
         path: PathBuf,
-        /// The digest when it was added.
+        /// Digest when it was added.
         expected: String,
-        /// Its digest.
+        /// Current digest.
         found: String,
     },
-    /// A file is not the one whose digest is known, and nothing else could prove it.
+    /// A file does not have the known digest, and cannot be verified otherwise.
     #[error(
         "{}: is not the file that is known (SHA-256 {expected}, this one has {found}); download it again, or install \
          ONNX Runtime so that it can be checked by loading it",
@@ -101,7 +104,7 @@ pub enum NnError {
         path: PathBuf,
         /// Hexadecimal digest of the known file.
         expected: String,
-        /// Hexadecimal digest of this one.
+        /// Hexadecimal digest of this file.
         found: String,
     },
     /// A network failed while running.
@@ -109,10 +112,10 @@ pub enum NnError {
     Run {
         /// The file.
         path: PathBuf,
-        /// What ONNX Runtime said.
+        /// Message of ONNX Runtime.
         what: String,
     },
-    /// Something is asked for that there is not: an unknown name, a wrong number of files, a network not installed.
+    /// Invalid request: an unknown name, a wrong number of files, or a missing network.
     #[error("{0}")]
     Request(String),
 }

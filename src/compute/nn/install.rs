@@ -11,30 +11,32 @@ use super::download::fetch;
 use super::error::NnError;
 use super::runtime::library_name;
 
-/// How much of a file is there.
+/// Progress of a download.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Fetched<'a> {
     /// Name of the file and its licence.
     pub what: &'a str,
-    /// Bytes that are there.
+    /// Number of bytes present.
     pub bytes: u64,
-    /// Bytes in all, where known.
+    /// Total number of bytes, if known.
     pub of: Option<u64>,
 }
 
-/// Most bytes of a file whose length is not known.
+/// Maximum size of a file whose length is not known, in bytes.
 const MAX_BYTES: u64 = 4 << 30;
-/// Largest file that is taken from an archive, in bytes.
+/// Maximum size of a file unpacked from an archive, in bytes.
 const MAX_UNPACKED_BYTES: u64 = 1 << 30;
-/// Downloads that are under way lie here, within the folder of networks.
+/// Subfolder of the folder of networks for unfinished downloads.
 const UNDER_WAY: &str = "downloads";
 
-/// Downloads the files of a network (or the library of ONNX Runtime) and adds them to `folder`. `progress` receives how far
-/// it is and returns whether to continue; a stopped or broken download is continued by the next call.
+/// Downloads the files of a network (or the library of ONNX Runtime) and adds them.
+///
+/// `progress` receives the progress and returns whether to continue. The next call continues a
+/// stopped or interrupted download.
 ///
 /// # Errors
-/// When the name is unknown, the network has no address (says how to get it), a download fails or is another file than the
-/// one that is known; as [`add`].
+/// Fails if the name is unknown, or if the network has no download address (the message states how
+/// to get it). Also fails if a download fails or has a wrong digest, and as [`add`].
 pub fn install(
     catalogue: &Catalogue,
     folder: &Path,
@@ -62,22 +64,24 @@ pub fn install(
             .collect::<Result<_, _>>()?
     };
     let added = add(catalogue, folder, name, &files);
-    // Also what was refused, so that it is not taken for the file again; what is left there does no harm.
+    // This also removes rejected files, so that they are not reused. Leftovers do no harm.
     let _ = fs::remove_dir_all(&downloads);
     added
 }
 
-/// One file that is fetched, and how it is recognised.
+/// A file to download, with its digest.
 struct Wanted<'a> {
     url: &'a str,
     sha256: &'a str,
-    /// Its length, where known.
+    /// Size in bytes, if known.
     bytes: Option<u64>,
-    /// What is shown for it while it is fetched.
+    /// Name shown during the download.
     what: &'a str,
 }
 
-/// Gets a file of a network, which must have a known digest: what an address gives may change.
+/// Downloads a file of a network.
+///
+/// Its digest must be known, because the content of an address may change.
 fn download(
     entry: &Entry,
     file: &NetworkFile,
@@ -107,7 +111,9 @@ fn download(
     Ok(into)
 }
 
-/// Fetches a file and compares its digest; a file with another digest is deleted. Also verifies what is there already.
+/// Downloads a file and compares its digest; a file with another digest is deleted.
+///
+/// An existing file is only verified.
 fn verified(
     wanted: &Wanted<'_>,
     into: &Path,
@@ -147,7 +153,9 @@ fn verify(wanted: &Wanted<'_>, path: &Path) -> Result<(), NnError> {
     })
 }
 
-/// ONNX Runtime's library, from the package that its makers publish. The package is verified before it is unpacked.
+/// Downloads ONNX Runtime's official package and unpacks its library.
+///
+/// The package is verified before it is unpacked.
 fn library(
     downloads: &Path,
     progress: &mut dyn FnMut(Fetched<'_>) -> bool,
@@ -171,10 +179,10 @@ fn library(
     Ok(library)
 }
 
-/// Writes the one file called `member` in the ZIP archive `archive` to `into`, whatever else the archive holds.
+/// Writes the file called `member` of the ZIP archive to `into` and ignores other files.
 ///
 /// # Errors
-/// When the archive is damaged, has no such file, or the file is larger than 1 GiB.
+/// Fails if the archive is damaged, has no such file, or the file is larger than 1 GiB.
 fn unpack(archive: &Path, member: &str, into: &mut impl Write) -> std::io::Result<()> {
     let damaged = |what: &str| Error::new(ErrorKind::InvalidData, what.to_owned());
     let mut archive = ZipArchive::new(File::open(archive)?)?;
@@ -194,21 +202,23 @@ fn unpack(archive: &Path, member: &str, into: &mut impl Write) -> std::io::Resul
 /// Version of ONNX Runtime that is installed.
 const VERSION: &str = "1.31.1";
 
-/// The package of ONNX Runtime for one system: a ZIP archive (a wheel) that holds the library.
+/// Package of ONNX Runtime for one system: a ZIP archive (a wheel) with the library.
 #[derive(Debug)]
 struct RuntimePackage {
     os: &'static str,
     arch: &'static str,
-    /// Address of the file, which holds the file's BLAKE2b digest.
+    /// Address of the package; it contains the file's BLAKE2b digest.
     url: &'static str,
     bytes: u64,
     sha256: &'static str,
-    /// Name of the library within the archive.
+    /// Path of the library in the archive.
     library: &'static str,
 }
 
-/// Packages of the Python Package Index, with digests computed from the files that it served in November 2026. Only the
-/// library is taken from them, which depends on no version of Python.
+/// Packages of the Python Package Index.
+///
+/// The digests were computed from the files that it served in November 2026. Only the library is
+/// taken from them, which depends on no version of Python.
 const RUNTIME_PACKAGES: [RuntimePackage; 5] = [
     RuntimePackage {
         os: "macos",
@@ -253,10 +263,10 @@ const RUNTIME_PACKAGES: [RuntimePackage; 5] = [
 ];
 
 impl RuntimePackage {
-    /// The package for this system.
+    /// Returns the package for this system.
     ///
     /// # Errors
-    /// [`NnError::Request`] where none is known; says what to do instead.
+    /// [`NnError::Request`] if there is none; the message states what to do instead.
     fn for_this_system() -> Result<&'static Self, NnError> {
         let (os, arch) = (std::env::consts::OS, std::env::consts::ARCH);
         RUNTIME_PACKAGES.iter().find(|package| (package.os, package.arch) == (os, arch)).ok_or_else(|| {
@@ -267,7 +277,7 @@ impl RuntimePackage {
         })
     }
 
-    /// Name of the package's file.
+    /// Returns the file name of the package.
     fn file_name(&self) -> &'static str {
         Path::new(self.url)
             .file_name()
@@ -286,7 +296,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn packages_are_fetched_by_https_and_have_whole_digests() {
+    fn packages_have_https_addresses_and_complete_digests() {
         for package in &RUNTIME_PACKAGES {
             assert!(
                 package.url.starts_with("https://") && package.url.contains(VERSION),
@@ -311,7 +321,7 @@ mod tests {
         }
     }
 
-    /// An archive of one stored file whose directory says that it has `listed` bytes.
+    /// Creates an archive of one stored file whose directory lists `listed` bytes.
     fn archive(name: &str, content: &[u8], listed: u32) -> Vec<u8> {
         let mut zip = zip::ZipWriter::new(Cursor::new(Vec::new()));
         let stored = SimpleFileOptions::default().compression_method(CompressionMethod::Stored);
@@ -324,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_named_file_is_taken_and_damage_is_an_error() {
+    fn only_the_named_file_is_unpacked_and_damage_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.zip");
         let taken = |zip: &[u8], member: &str| {

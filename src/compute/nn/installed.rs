@@ -7,47 +7,47 @@ use super::network::Network;
 use super::runtime::{Runtime, library_name};
 use super::tensor::Signature;
 
-/// One line of the list of networks.
+/// One row of the list of networks.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Row {
-    /// What it is called on the command line.
+    /// Name on the command line.
     pub name: String,
-    /// What it is good for.
+    /// Purpose.
     pub purpose: String,
     /// Licence of the weights.
     pub licence: String,
-    /// Where it can be had.
+    /// Where to get it.
     pub source: String,
-    /// Names of its files, in the order in which they are given.
+    /// Names of its files, in the order of the catalogue.
     pub files: Vec<String>,
-    /// Whether [`super::add`] knows an address of every file.
+    /// Whether every file has a download address.
     pub has_address: bool,
-    /// Its files, where all of them are there.
+    /// The installed files, if all of them exist.
     pub installed: Option<Installed>,
 }
 
-/// Files of a network that are there.
+/// Installed files of a network.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Installed {
-    /// In the catalogue's order.
+    /// Paths in the order of the catalogue.
     pub paths: Vec<PathBuf>,
-    /// All together.
+    /// Total size in bytes.
     pub bytes: u64,
 }
 
-/// What loading one installed file showed.
+/// Result of loading one installed file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct CheckedFile {
     /// The file.
     pub path: PathBuf,
-    /// What it takes and gives; `None` for ONNX Runtime itself and for text.
+    /// Inputs and outputs; `None` for ONNX Runtime itself and for text files.
     pub signature: Option<Signature>,
-    /// Whether that was held against what the program expects.
+    /// Whether these were compared with the expected ones.
     pub is_compared: bool,
 }
 
 impl Entry {
-    /// The entry's files in `folder`; `None` where one is missing.
+    /// Returns the entry's files in `folder`; `None` if one is missing.
     #[must_use]
     pub fn installed(&self, folder: &Path) -> Option<Installed> {
         let paths: Vec<PathBuf> = self
@@ -67,7 +67,7 @@ impl Entry {
     }
 }
 
-/// Every entry and whether it is in `folder`.
+/// Lists every entry and whether it is installed in `folder`.
 #[must_use]
 pub fn list(catalogue: &Catalogue, folder: &Path) -> Vec<Row> {
     let row = |entry: &Entry| Row {
@@ -85,7 +85,7 @@ pub fn list(catalogue: &Catalogue, folder: &Path) -> Vec<Row> {
 /// Loads the network installed under `name` and reports its inputs and outputs.
 ///
 /// # Errors
-/// When it is unknown, not installed, does not load or has another interface.
+/// Fails if the network is unknown, not installed, does not load or has another interface.
 pub fn check(
     catalogue: &Catalogue,
     folder: &Path,
@@ -134,7 +134,7 @@ pub fn check(
         .collect()
 }
 
-/// Loads the networks that `folder` holds under `name`, one per file that is not text.
+/// Loads the networks installed in `folder` under `name`, one per file that is not text.
 ///
 /// # Errors
 /// As [`check`].
@@ -155,10 +155,10 @@ pub fn load(folder: &Path, name: &str) -> Result<Vec<Network>, NnError> {
         .collect()
 }
 
-/// Reads the text files that `folder` holds under `name`.
+/// Reads the text files installed in `folder` under `name`.
 ///
 /// # Errors
-/// When the name is unknown, a file of it is missing or no text in UTF-8.
+/// Fails if the name is unknown, or if a file is missing or is not UTF-8 text.
 pub fn load_text(folder: &Path, name: &str) -> Result<Vec<String>, NnError> {
     let catalogue = Catalogue::bundled()?;
     let entry = catalogue.entry(name)?;
@@ -173,7 +173,7 @@ pub fn load_text(folder: &Path, name: &str) -> Result<Vec<String>, NnError> {
     texts.map(|(_, path)| text(path)).collect()
 }
 
-/// A file of text in UTF-8.
+/// Reads a UTF-8 text file.
 pub(super) fn text(path: &Path) -> Result<String, NnError> {
     std::fs::read_to_string(path).map_err(|reason| NnError::Io {
         path: path.to_owned(),

@@ -1,5 +1,7 @@
-//! Networks in the ONNX format: find ONNX Runtime, load, check names and shapes, run; the catalogue of weights, and
-//! getting them.
+//! Networks in the ONNX format.
+//!
+//! The module finds and loads ONNX Runtime, loads networks, checks the names and shapes of their
+//! inputs and outputs, and runs them. It also has the catalogue of weights and installs them.
 
 mod add;
 mod catalogue;

@@ -11,7 +11,9 @@ use super::error::NnError;
 use super::runtime::{Provider, Runtime, note_fall_back};
 use super::tensor::{Element, Port, Signature, Tensor, TensorValues};
 
-/// A network ready to run. Threads may share it; they run it one after the other, each run on all cores.
+/// A loaded network.
+///
+/// Threads may share it. Runs are executed one after the other, each on all cores.
 #[derive(Debug)]
 pub struct Network {
     path: PathBuf,
@@ -20,11 +22,13 @@ pub struct Network {
 }
 
 impl Network {
-    /// Loads a network and holds it against what it is `expected` to take and give; not compared without that. It runs
-    /// on the [`Provider`] that is chosen now; where that does not start, on the processor, which is noted.
+    /// Loads a network and compares its interface with `expected`, if given.
+    ///
+    /// The network runs on the currently chosen [`Provider`]. If that does not start, it runs on
+    /// the processor, and the fallback is recorded.
     ///
     /// # Errors
-    /// [`NnError::Io`], [`NnError::NotANetwork`], [`NnError::Mismatch`].
+    /// [`NnError::Io`], [`NnError::NotANetwork`] or [`NnError::Mismatch`].
     pub fn load(
         runtime: &Runtime,
         path: &Path,
@@ -74,29 +78,32 @@ impl Network {
         })
     }
 
-    /// The file that it was loaded from.
+    /// Returns the path of the file.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// What it takes and what is read from it.
+    /// Returns the inputs, and the outputs that are read.
     #[must_use]
     pub fn signature(&self) -> &Signature {
         &self.signature
     }
 
-    /// Runs the network on named inputs; gives the outputs in the order of [`Network::signature`].
+    /// Runs the network on named inputs; returns the outputs in signature order.
+    ///
+    /// See [`Network::signature`].
     ///
     /// # Errors
-    /// [`NnError::Run`] where an input is missing or does not fit, an output is of another kind, memory is short.
+    /// [`NnError::Run`] if an input is missing or does not fit, an output has another type, or
+    /// memory is insufficient.
     pub fn run(&self, inputs: &[(&str, &Tensor)]) -> Result<Vec<Tensor>, NnError> {
         RunOptions::new()
             .and_then(|options| self.run_with(inputs, &options))
             .map_err(|error| self.failed(&error))
     }
 
-    /// As [`Network::run`], but gives up, with `None`, soon after the answer is no longer wanted.
+    /// As [`Network::run`], but returns `None` soon after `is_wanted` becomes false.
     ///
     /// # Errors
     /// As [`Network::run`].
@@ -146,10 +153,10 @@ impl Network {
     }
 }
 
-/// How often it is asked whether a run is still wanted.
+/// Interval at which `is_wanted` is polled.
 const ASKED_EVERY: Duration = Duration::from_millis(20);
 
-/// Ends a run that is no longer wanted; returns when the run has `ended`.
+/// Terminates a run that is no longer wanted; returns when the run has `ended`.
 fn terminate_unless(
     options: &RunOptions,
     is_wanted: &(dyn Fn() -> bool + Sync),
@@ -157,14 +164,16 @@ fn terminate_unless(
 ) {
     while ended.recv_timeout(ASKED_EVERY) == Err(RecvTimeoutError::Timeout) {
         if !is_wanted() {
-            // Where that fails the run goes on to its end.
+            // If this fails, the run continues to its end.
             let _ = options.terminate();
             return;
         }
     }
 }
 
-/// Cores are left to others while the network waits: spinning threads would take them from the threads that prepare the input.
+/// Creates a session.
+///
+/// Spinning is off: waiting threads would take cores from the threads that prepare the input.
 fn session(runtime: &Runtime, path: &Path, provider: Provider) -> ort::Result<Session> {
     let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
     Session::builder(runtime.environment())?
@@ -226,7 +235,7 @@ fn copied(value: &DynValue) -> ort::Result<Tensor> {
     Tensor::new(&shape, values).map_err(|error| ort::Error::new(error.to_string()))
 }
 
-/// ONNX Runtime's messages run over many lines.
+/// Joins the lines of ONNX Runtime's multi-line messages.
 fn one_line(error: &ort::Error) -> String {
     error
         .to_string()

@@ -10,21 +10,23 @@ use serde::{Deserialize, Serialize};
 
 use super::error::NnError;
 
-/// ONNX Runtime, found and loaded. A process loads it once; later ones share it.
+/// A loaded ONNX Runtime library; a process loads it once and shares it.
 #[derive(Debug, Clone)]
 pub struct Runtime {
     environment: Environment,
     path: PathBuf,
 }
 
-/// Kept until the process ends: the library cannot be loaded a second time.
+/// Kept until the process ends, because the library cannot be loaded a second time.
 static LOADED: Mutex<Option<Runtime>> = Mutex::new(None);
 
 impl Runtime {
-    /// The library that `ORT_DYLIB_PATH` names, else that in our data folder, else that of the system.
+    /// Finds and loads ONNX Runtime.
+    ///
+    /// The search order is: the path in `ORT_DYLIB_PATH`, the data folder of OSTRA, the system.
     ///
     /// # Errors
-    /// [`NnError::RuntimeMissing`] or, for one that is there, [`NnError::RuntimeUnusable`].
+    /// [`NnError::RuntimeMissing`], or [`NnError::RuntimeUnusable`] for a library that exists.
     pub fn find() -> Result<Self, NnError> {
         let named = std::env::var_os("ORT_DYLIB_PATH").map(PathBuf::from);
         Self::first_of(&places(named, models_folder().ok().as_deref()))
@@ -33,7 +35,7 @@ impl Runtime {
     /// Loads the library at `path`.
     ///
     /// # Errors
-    /// [`NnError::RuntimeUnusable`], also where another library is loaded already.
+    /// [`NnError::RuntimeUnusable`], also if another library is already loaded.
     pub fn open(path: &Path) -> Result<Self, NnError> {
         let runtime = Self::first_of(&[Place::Named(path.to_owned())])?;
         if runtime.path == whole(path) {
@@ -49,7 +51,7 @@ impl Runtime {
         })
     }
 
-    /// The library in use, where one is loaded.
+    /// Returns the loaded library, if any.
     #[must_use]
     pub fn loaded() -> Option<Self> {
         LOADED
@@ -58,7 +60,7 @@ impl Runtime {
             .clone()
     }
 
-    /// The library's file, or its name where the system's loader found it.
+    /// Returns the library's path, or its name if the system's loader found it.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -85,7 +87,7 @@ impl Runtime {
     }
 }
 
-/// `None` where the system's loader has no such library.
+/// Loads the library; `None` if the system's loader does not find it.
 fn load(place: &Place) -> Result<Option<Runtime>, NnError> {
     let path = match place {
         Place::System(path) => path.clone(),
@@ -95,7 +97,7 @@ fn load(place: &Place) -> Result<Option<Runtime>, NnError> {
         path: path.clone(),
         what,
     };
-    // `ort` asks for the executable's folder where a path is relative, and panics where there is none.
+    // For a relative path, `ort` asks for the executable's folder and panics if there is none.
     if path.is_relative() && std::env::current_exe().is_err() {
         return Ok(None);
     }
@@ -108,12 +110,12 @@ fn load(place: &Place) -> Result<Option<Runtime>, NnError> {
         .with_telemetry(false)
         .build()
         .map_err(|error| unusable(error.to_string()))?;
-    // Errors come back as values; by itself it writes them to the terminal too.
+    // Errors are returned as values; by default ONNX Runtime also writes them to the terminal.
     environment.set_log_level(LogLevel::Fatal);
     Ok(Some(Runtime { environment, path }))
 }
 
-/// With the folders above it, as far as the system reports them.
+/// Makes a path absolute, if the system can.
 pub(super) fn whole(path: &Path) -> PathBuf {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
 }
@@ -129,10 +131,12 @@ fn what_is_wrong(error: &LoadDynamicError) -> String {
     }
 }
 
-/// Where networks and ONNX Runtime are kept: `ostra/models` in the system's data folder (`XDG_DATA_HOME` is honoured).
+/// Returns the folder of networks and ONNX Runtime.
+///
+/// This is `ostra/models` in the system's data folder (`XDG_DATA_HOME` is respected).
 ///
 /// # Errors
-/// When the system has no data folder.
+/// Fails if the system has no data folder.
 pub fn models_folder() -> Result<PathBuf, NnError> {
     let no_folder =
         || NnError::Request("this system has no data folder; set XDG_DATA_HOME".to_owned());
@@ -141,7 +145,7 @@ pub fn models_folder() -> Result<PathBuf, NnError> {
         .ok_or_else(no_folder)
 }
 
-/// How the library of ONNX Runtime is called on this system.
+/// Returns the file name of the ONNX Runtime library on this system.
 #[must_use]
 pub fn library_name() -> String {
     format!(
@@ -151,19 +155,19 @@ pub fn library_name() -> String {
     )
 }
 
-/// One place where ONNX Runtime may be.
+/// A place where ONNX Runtime may be.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Place {
-    /// The file that the user named: nothing else will do.
+    /// The file that the user named; no other is tried.
     Named(PathBuf),
-    /// A file that is there.
+    /// An existing file.
     File(PathBuf),
-    /// A name that the system's loader may know.
+    /// A name for the system's loader.
     System(PathBuf),
 }
 
 impl Place {
-    /// The path to load.
+    /// Returns the path to load.
     #[must_use]
     pub fn path(&self) -> &Path {
         match self {
@@ -172,7 +176,10 @@ impl Place {
     }
 }
 
-/// Where to look, best first: the file that `ORT_DYLIB_PATH` names, our own folder, the system's loader paths.
+/// Returns the places to search, best first.
+///
+/// These are the file in `ORT_DYLIB_PATH` alone, or else the file in `folder` and the names for the
+/// system's loader.
 #[must_use]
 pub fn places(named: Option<PathBuf>, folder: Option<&Path>) -> Vec<Place> {
     if let Some(path) = named.filter(|path| !path.as_os_str().is_empty()) {
@@ -183,7 +190,7 @@ pub fn places(named: Option<PathBuf>, folder: Option<&Path>) -> Vec<Place> {
         .map(|folder| folder.join(&name))
         .filter(|path| path.is_file())
         .map(Place::File);
-    // Linux distributions ship the first name only with the headers.
+    // Linux distributions ship the unversioned name only in the package with the headers.
     let versioned = cfg!(target_os = "linux").then(|| format!("{name}.1"));
     let system = std::iter::once(name)
         .chain(versioned)
@@ -191,30 +198,30 @@ pub fn places(named: Option<PathBuf>, folder: Option<&Path>) -> Vec<Place> {
     own.into_iter().chain(system).collect()
 }
 
-/// What networks run on: the parts of ONNX Runtime that its documentation calls execution providers.
+/// The device that networks run on: an execution provider of ONNX Runtime.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Provider {
     /// The processor.
     #[default]
     Cpu,
-    /// A card of NVIDIA, by CUDA.
+    /// NVIDIA graphics cards, by CUDA.
     Cuda,
-    /// A card of NVIDIA, by TensorRT; CUDA does what TensorRT cannot.
+    /// NVIDIA graphics cards, by TensorRT, and by CUDA what TensorRT cannot run.
     TensorRt,
     /// Apple's processors.
     CoreMl,
-    /// Any card under Windows.
+    /// Any graphics card under Windows.
     DirectMl,
 }
 
-/// Place in [`Provider::ALL`] of what networks loaded from now on run on.
+/// Index in [`Provider::ALL`] of the provider for networks loaded from now on.
 static CHOSEN: AtomicUsize = AtomicUsize::new(0);
-/// Reports of providers that did not start, until they are taken.
+/// Messages about providers that did not start, until they are taken.
 static FALLEN_BACK: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
 impl Provider {
-    /// All of them, the processor first.
+    /// All providers, the processor first.
     pub const ALL: [Self; 5] = [
         Self::Cpu,
         Self::Cuda,
@@ -223,7 +230,7 @@ impl Provider {
         Self::DirectMl,
     ];
 
-    /// Its name on the command line.
+    /// Returns the name on the command line.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -235,13 +242,13 @@ impl Provider {
         }
     }
 
-    /// What networks that are loaded from now on run on.
+    /// Returns the provider for networks that are loaded from now on.
     #[must_use]
     pub fn chosen() -> Self {
         Self::ALL[CHOSEN.load(Ordering::Relaxed)]
     }
 
-    /// Networks that are loaded from now on run on this; those that are loaded stay where they are.
+    /// Chooses the provider for networks loaded from now on; loaded ones are not affected.
     pub fn choose(self) {
         let place = Self::ALL
             .iter()
@@ -250,7 +257,9 @@ impl Provider {
         CHOSEN.store(place, Ordering::Relaxed);
     }
 
-    /// What ONNX Runtime is asked to register, the first first; nothing for the processor, which is always there.
+    /// Returns the providers to register, in order of preference.
+    ///
+    /// The list is empty for the processor, which is always available.
     pub(super) fn registered(self) -> Vec<ExecutionProviderDispatch> {
         let all = match self {
             Self::Cpu => vec![],
@@ -265,7 +274,7 @@ impl Provider {
     }
 }
 
-/// Notes that a network runs on the processor though something else was chosen.
+/// Records that a network runs on the processor although another provider was chosen.
 pub(super) fn note_fall_back(what: String) {
     FALLEN_BACK
         .lock()
@@ -273,7 +282,7 @@ pub(super) fn note_fall_back(what: String) {
         .push(what);
 }
 
-/// What was noted since the last call of networks that run on the processor though something else was chosen, a line each.
+/// Returns and clears the recorded fallbacks to the processor, one line each.
 #[must_use]
 pub fn take_fall_backs() -> Vec<String> {
     std::mem::take(&mut *FALLEN_BACK.lock().unwrap_or_else(PoisonError::into_inner))

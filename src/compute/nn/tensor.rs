@@ -4,14 +4,14 @@ use serde::Deserialize;
 
 use super::error::NnError;
 
-/// Numbers in a grid of any number of dimensions, the last dimension fastest.
+/// An array of any number of dimensions, in row-major order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tensor {
     shape: Vec<usize>,
     values: TensorValues,
 }
 
-/// The numbers of a [`Tensor`].
+/// Values of a [`Tensor`].
 #[derive(Debug, Clone, PartialEq)]
 pub enum TensorValues {
     /// 32-bit floats.
@@ -21,10 +21,10 @@ pub enum TensorValues {
 }
 
 impl Tensor {
-    /// A tensor of `shape` holding `values`.
+    /// Creates a tensor of `shape` from `values`.
     ///
     /// # Errors
-    /// When there are more or fewer values than the shape holds.
+    /// Fails if the number of values does not match the shape.
     pub fn new(shape: &[usize], values: TensorValues) -> Result<Self, NnError> {
         let count = match &values {
             TensorValues::F32(values) => values.len(),
@@ -41,7 +41,7 @@ impl Tensor {
         )))
     }
 
-    /// A tensor of floats.
+    /// Creates a tensor of floats.
     ///
     /// # Errors
     /// As [`Tensor::new`].
@@ -49,7 +49,7 @@ impl Tensor {
         Self::new(shape, TensorValues::F32(values))
     }
 
-    /// A tensor of integers.
+    /// Creates a tensor of integers.
     ///
     /// # Errors
     /// As [`Tensor::new`].
@@ -57,19 +57,19 @@ impl Tensor {
         Self::new(shape, TensorValues::I64(values))
     }
 
-    /// Size of each dimension.
+    /// Returns the size of each dimension.
     #[must_use]
     pub fn shape(&self) -> &[usize] {
         &self.shape
     }
 
-    /// All numbers.
+    /// Returns all values.
     #[must_use]
     pub fn values(&self) -> &TensorValues {
         &self.values
     }
 
-    /// The numbers of a float tensor; empty for another kind.
+    /// Returns the values of a float tensor; empty for other types.
     #[must_use]
     pub fn as_floats(&self) -> &[f32] {
         match &self.values {
@@ -78,7 +78,7 @@ impl Tensor {
         }
     }
 
-    /// The numbers of an integer tensor; empty for another kind.
+    /// Returns the values of an integer tensor; empty for other types.
     #[must_use]
     pub fn as_integers(&self) -> &[i64] {
         match &self.values {
@@ -88,12 +88,12 @@ impl Tensor {
     }
 }
 
-/// What a network takes and gives.
+/// Inputs and outputs of a network.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Signature {
-    /// What is fed, all of it.
+    /// All inputs.
     pub inputs: Vec<Port>,
-    /// What is read; a network may give more.
+    /// Outputs that are read; a network may have more.
     pub outputs: Vec<Port>,
 }
 
@@ -101,16 +101,16 @@ pub struct Signature {
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Port {
-    /// Its name in the file.
+    /// Name in the file.
     pub name: String,
-    /// What it is made of.
+    /// Element type.
     pub element: Element,
-    /// Size of each dimension; any size where `None` (−1 in files).
+    /// Size of each dimension; `None` is any size (−1 in files).
     #[serde(deserialize_with = "dimensions")]
     pub shape: Vec<Option<usize>>,
 }
 
-/// What a tensor is made of.
+/// Element type of a tensor.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(from = "String")]
 pub enum Element {
@@ -118,7 +118,7 @@ pub enum Element {
     F32,
     /// 64-bit integers.
     I64,
-    /// Something that cannot be fed or read here; its name.
+    /// A type that is not supported here, with its name.
     Other(String),
 }
 
@@ -158,7 +158,9 @@ impl fmt::Display for Port {
     }
 }
 
-/// Which way a tensor goes: an input of any size must be left open by the network, an output need not be.
+/// Direction of a port.
+///
+/// An input of any size must be left open by the network; an output need not be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Way {
     Input,
@@ -166,10 +168,10 @@ enum Way {
 }
 
 impl Signature {
-    /// Compares this expectation with what a network has.
+    /// Compares this expectation with a network's signature.
     ///
     /// # Errors
-    /// What was expected and what is there.
+    /// Returns the expected and the actual interface.
     pub fn fits(&self, found: &Signature) -> Result<(), String> {
         ports_fit(&self.inputs, &found.inputs, Way::Input)?;
         let unfed = found
@@ -214,7 +216,7 @@ fn named(ports: &[Port]) -> String {
     }
 }
 
-/// A network that does not declare the number of dimensions has an empty shape: only running it can show.
+/// Compares shapes; an undeclared shape is empty and fits until the network runs.
 fn shape_fits(expected: &[Option<usize>], found: &[Option<usize>], way: Way) -> bool {
     let size_fits = |(expected, found): (&Option<usize>, &Option<usize>)| match (expected, found) {
         (Some(expected), Some(found)) => expected == found,

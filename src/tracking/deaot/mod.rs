@@ -1,7 +1,7 @@
-//! DeAOT: up to ten objects are carried from picture to picture at once, seen through what was remembered of earlier
-//! ones.
+//! The DeAOT tracker: propagates up to ten objects at once from a memory of earlier images.
 //!
-//! Yang, Yang: "Decoupling Features in Hierarchical Propagation for Video Object Segmentation", NeurIPS 2022.
+//! Yang, Yang: "Decoupling Features in Hierarchical Propagation for Video Object Segmentation",
+//! NeurIPS 2022.
 
 mod network;
 mod picture;

@@ -3,7 +3,7 @@ use ostra_compute::nn::{Network, NnError, Tensor};
 use ostra_core::job::Progress;
 use ostra_masks::MaskError;
 
-/// The four networks, shared by all passes through pictures.
+/// The four networks, shared by all passes.
 #[derive(Debug)]
 pub(super) struct Networks {
     encoder: Network,
@@ -13,7 +13,7 @@ pub(super) struct Networks {
     names: Names,
 }
 
-/// Objects distinguished in one run; a run's first channel is of nothing.
+/// Number of objects in one run; the first channel of a run is the background.
 pub(super) const OBJECTS: usize = 10;
 
 /// Names of inputs and outputs, layer by layer.
@@ -22,20 +22,20 @@ struct Names {
     memory: Vec<[String; PARTS]>,
     long: Vec<[String; PARTS]>,
     short: Vec<[String; PARTS]>,
-    /// All but that of the first layer, which has none.
+    /// Trace names of all layers but the first, which has no trace.
     traces: Vec<String>,
 }
 
 const FEATURES: [&str; 4] = ["fine", "middle", "coarse", "embedding"];
 
-/// What the encoder makes of a picture.
+/// Encoder output for one image.
 #[derive(Debug)]
 pub(super) struct Features([Tensor; FEATURES.len()]);
 
-/// What propagation to a picture gives for one group of objects.
+/// Result of propagating one group of objects to an image.
 #[derive(Debug)]
 pub(super) struct Seen {
-    /// `[1, 11, rows, columns]` at a quarter of the picture's size.
+    /// Shape `[1, 11, rows, columns]`, at a quarter of the image size.
     pub logits: Tensor,
     /// Key and value of every layer.
     kept: Vec<[Tensor; 2]>,
@@ -43,10 +43,10 @@ pub(super) struct Seen {
 }
 
 impl Networks {
-    /// Of encoder, remember, propagate and identify as `assets/export/deaot.py` writes them.
+    /// Checks the four networks, which `assets/export/deaot.py` writes.
     ///
     /// # Errors
-    /// [`NnError::Mismatch`] where one has other inputs or outputs.
+    /// [`NnError::Mismatch`] if one has other inputs or outputs.
     pub fn new([encoder, remember, propagate, identify]: [Network; 4]) -> Result<Self, NnError> {
         let names = Names::of(remember.signature().outputs.len() / PARTS);
         let memory: Vec<&str> = names
@@ -83,7 +83,7 @@ impl Networks {
         })
     }
 
-    /// To be run as long as they are wanted.
+    /// Binds the networks to the job's progress, which can stop them.
     pub fn running<'a>(&'a self, progress: &'a Progress) -> Running<'a> {
         Running {
             networks: self,
@@ -92,7 +92,7 @@ impl Networks {
     }
 }
 
-/// The networks, run until the user stops it.
+/// The networks together with the progress that can stop them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Running<'a> {
     networks: &'a Networks,
@@ -118,7 +118,9 @@ impl<'a> Running<'a> {
         Ok(Features([fine?, middle?, coarse?, embedding?]))
     }
 
-    /// What is to be kept of a picture whose mask, `[1, 11, rows, columns]` of zeros and ones, is given.
+    /// Returns the memory of an image with a given mask.
+    ///
+    /// The mask is `[1, 11, rows, columns]` of zeros and ones.
     pub fn remember(self, features: &Features, mask: &Tensor) -> Result<Memory, MaskError> {
         let Features([.., embedding]) = features;
         let mut given = self.run(
@@ -142,7 +144,7 @@ impl<'a> Running<'a> {
         })
     }
 
-    /// Where the objects are in a picture, from what was kept of others and of the one before.
+    /// Propagates the objects to an image, from long-term memory and the image before.
     pub fn propagate(
         self,
         features: &Features,
@@ -186,7 +188,7 @@ impl<'a> Running<'a> {
         })
     }
 
-    /// What is to be kept of a picture that was propagated to, now that its mask is known.
+    /// Returns the memory of an image that was propagated to, now that its mask is known.
     pub fn identify(self, seen: Seen, mask: &Tensor) -> Result<Memory, MaskError> {
         let traces = self
             .names()
@@ -223,7 +225,7 @@ impl Names {
     }
 }
 
-/// What a run gave, by name.
+/// Outputs of a run, by name.
 struct Given<'a> {
     network: &'a Network,
     tensors: Vec<Option<Tensor>>,
@@ -254,24 +256,24 @@ impl Given<'_> {
 /// Key, value and identity.
 const PARTS: usize = 3;
 
-/// What is kept of one picture: for every layer key, value and identity, each `[cells, channels]`.
+/// Memory of one image: key, value and identity per layer, each `[cells, channels]`.
 #[derive(Debug)]
 pub(super) struct Memory {
     pub layers: Vec<[Tensor; PARTS]>,
 }
 
-/// What is kept of several pictures, with at most so many.
+/// Memory of a bounded number of images.
 #[derive(Debug)]
 pub(super) struct LongMemory {
-    /// As of one picture, all pictures' cells one after the other.
+    /// Laid out as for one image, with the cells of all images one after the other.
     pub memory: Memory,
-    /// For each picture whether its mask was given.
+    /// Whether each image's mask was given.
     is_given: Vec<bool>,
     most: usize,
 }
 
 impl LongMemory {
-    /// Of a first picture, whose mask was given.
+    /// Starts with the memory of an image whose mask was given.
     pub fn new(first: &Memory, most: usize) -> Self {
         Self {
             memory: Memory {
@@ -282,8 +284,10 @@ impl LongMemory {
         }
     }
 
-    /// One picture more. Where that is too many, the oldest goes whose mask was not given; where all were given, the
-    /// oldest after the first.
+    /// Adds the memory of an image.
+    ///
+    /// At the limit, the oldest image whose mask was not given is removed. If all masks were given,
+    /// the oldest image after the first is removed.
     pub fn push(&mut self, picture: &Memory, is_given: bool) -> Result<(), NnError> {
         let count = self.is_given.len();
         let is_full = count >= self.most;
@@ -309,7 +313,7 @@ impl LongMemory {
     }
 }
 
-/// The cells of several pictures without those of picture `gone`, then those of one more.
+/// Concatenates the cells of several images without image `gone`, and those of a new one.
 fn joined(kept: &Tensor, new: &Tensor, gone: Option<usize>) -> Result<Tensor, NnError> {
     let (values, size) = (kept.as_floats(), new.as_floats().len());
     let (before, after) = gone.map_or((values, &[][..]), |at| {
@@ -339,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_given_stay_and_the_oldest_others_go() {
+    fn images_with_given_masks_stay_and_the_oldest_others_are_removed() {
         let mut long = LongMemory::new(&of(0.0), 4);
         for at in 1..6 {
             long.push(&of(at as f32), at == 2).unwrap();
@@ -356,7 +360,7 @@ mod tests {
     }
 
     #[test]
-    fn memory_of_one_keeps_what_was_given_last() {
+    fn memory_of_one_image_keeps_the_last_given_mask() {
         let mut long = LongMemory::new(&of(0.0), 1);
         long.push(&of(1.0), false).unwrap();
         assert_eq!(kept(&long), [0.0]);

@@ -6,16 +6,18 @@ use ostra_compute::nn::{NnError, Tensor};
 use ostra_core::image::blend;
 use ostra_frames::Image;
 
-/// Pixels along each side of a cell; the first and the last pixel of a row are the middles of cells.
+/// Side of a cell in pixels; the first and the last pixel of a row are cell centres.
 const CELL: f64 = 16.0;
-/// Mean and deviation of red, green and blue that the encoder was trained with.
+/// Mean and standard deviation of red, green and blue in the encoder's training.
 const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
 const DEVIATION: [f32; 3] = [0.229, 0.224, 0.225];
 /// Slope of the cubic filter at a distance of one pixel.
 const SLOPE: f64 = -0.75;
 
-/// Columns and rows at which the network sees a picture: at most `longest` on the longer side, then to the nearest whole
-/// number of cells and one pixel.
+/// Returns the columns and rows of the network's input for an image size.
+///
+/// The longer side is reduced to at most `longest`. Both sides are then rounded to a whole number
+/// of cells plus one pixel.
 pub(super) fn shown_size(width: u32, height: u32, longest: u32) -> (usize, usize) {
     let scale = (f64::from(longest) / f64::from(width.max(height))).min(1.0);
     let whole = |side: u32| {
@@ -25,7 +27,7 @@ pub(super) fn shown_size(width: u32, height: u32, longest: u32) -> (usize, usize
     (whole(width), whole(height))
 }
 
-/// The picture at the size of `shown` (columns, rows), normalised, `[1, 3, rows, columns]`.
+/// Resizes the image to `shown` (columns, rows) and normalizes it: `[1, 3, rows, columns]`.
 pub(super) fn fed(image: &Image, shown: (usize, usize)) -> Result<Tensor, NnError> {
     let (width, height) = (image.width as usize, image.height as usize);
     let (columns, rows) = (taps(width, shown.0), taps(height, shown.1));
@@ -51,10 +53,12 @@ pub(super) fn fed(image: &Image, shown: (usize, usize)) -> Result<Tensor, NnErro
     Tensor::floats(&[1, 3, shown.1, shown.0], planes)
 }
 
-/// Which four pixels make one, and with what weight.
+/// Four source pixels and their weights.
 type Taps = [(usize, f32); 4];
 
-/// Of OpenCV's cubic interpolation, which does not smooth where it shrinks; beyond the edge lies the edge.
+/// Returns the weights of OpenCV's cubic interpolation.
+///
+/// It does not smooth when it reduces an image. The border pixels are repeated.
 fn taps(from: usize, to: usize) -> Vec<Taps> {
     let scale = from as f64 / to as f64;
     let one = |at: usize| {
@@ -84,7 +88,7 @@ fn sum<const N: usize>(taps: &Taps, pixel: impl Fn(usize) -> [f32; N]) -> [f32; 
     sums
 }
 
-/// For every pixel of `shown` (columns, rows) the number at the nearest pixel of a picture of `from`.
+/// Resizes a map of numbers from `from` to `shown` (columns, rows) by nearest neighbour.
 pub(super) fn nearest(
     numbers: &[usize],
     from: (usize, usize),
@@ -102,12 +106,14 @@ pub(super) fn nearest(
         .collect()
 }
 
-/// How far probabilities are kept from 0 and 1 where groups of objects are brought together.
+/// Margin of probabilities to 0 and 1 when groups of objects are merged.
 const MARGIN: f32 = 1e-5;
 
-/// Probabilities `[1 + objects][height][width]` of nothing and of every object at a picture's size of (columns, rows),
-/// from the logits of every group of ten. Where there are several groups, nothing is where none sees an object, and
-/// objects compete by their odds (soft aggregation).
+/// Returns the probabilities of the background and of every object.
+///
+/// The result is `[1 + objects][height][width]`, for an image of `size` (columns, rows), from the
+/// logits of every group of ten. With several groups, the background is where no group sees an
+/// object, and objects compete by their odds (soft aggregation).
 pub(super) fn probabilities(groups: &[&Tensor], objects: usize, size: (usize, usize)) -> Vec<f32> {
     let (width, height) = size;
     let mut values = vec![0.0; (objects + 1) * width * height];
@@ -136,7 +142,7 @@ pub(super) fn probabilities(groups: &[&Tensor], objects: usize, size: (usize, us
     values
 }
 
-/// The logits of a group, read at the size of a picture, corners on corners.
+/// Logits of a group, interpolated to the image size with aligned corners.
 struct Enlarged<'a> {
     logits: &'a [f32],
     from: (usize, usize),
@@ -167,7 +173,7 @@ impl<'a> Enlarged<'a> {
         }
     }
 
-    /// Of row `y`: multiplies the probability of nothing, writes those of the group's objects.
+    /// Computes row `y`: multiplies `nothing` and writes the objects of the group.
     fn probabilities(&self, y: usize, nothing: &mut [f32], objects: &mut [&mut [f32]]) {
         let mut own = vec![0.0; nothing.len()];
         self.line(0, y, &mut own);
@@ -189,7 +195,7 @@ impl<'a> Enlarged<'a> {
     }
 }
 
-/// Turns what the groups say of one row into odds, and these into probabilities.
+/// Converts one row of all groups to odds, and normalizes these to probabilities.
 fn together(nothing: &mut [f32], objects: &mut [&mut [f32]]) {
     for (x, nothing) in nothing.iter_mut().enumerate() {
         *nothing = odds(*nothing, MARGIN);
@@ -209,8 +215,8 @@ mod tests {
     use crate::propagate::most_probable;
 
     #[test]
-    fn sizes_are_whole_cells_and_one_pixel() {
-        // As the official test transform gives them.
+    fn input_sizes_are_whole_cells_plus_one_pixel() {
+        // Values of the official test transform.
         assert_eq!(shown_size(640, 480, 1040), (641, 481));
         assert_eq!(shown_size(1920, 1080, 1040), (1041, 577));
         assert_eq!(shown_size(1080, 1920, 1040), (577, 1041));
@@ -222,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn same_size_changes_nothing_but_the_scale() {
+    fn resizing_to_the_same_size_only_normalizes() {
         let pixels = (0..17 * 17)
             .map(|at| [at as u8, 7, 255 - at as u8])
             .collect();
@@ -241,8 +247,8 @@ mod tests {
     }
 
     #[test]
-    fn enlarging_goes_beyond_what_is_there() {
-        // As cv2.resize gives them with INTER_CUBIC.
+    fn cubic_interpolation_matches_opencv() {
+        // Values of cv2.resize with INTER_CUBIC.
         let resized = |row: &[f32], to: usize| -> Vec<f32> {
             taps(row.len(), to)
                 .iter()
@@ -266,7 +272,7 @@ mod tests {
     }
 
     #[test]
-    fn corners_lie_on_corners_and_unused_channels_do_not_count() {
+    fn corners_are_aligned_and_unused_channels_are_ignored() {
         let found = probabilities(&[&logits([[0.0, 0.0], [2.0, 0.0], [9.0, 9.0]])], 1, (3, 1));
         let sigmoid = |value: f32| 1.0 / (1.0 + (-value).exp());
         let expected = [2.0, 1.0, 0.0].map(sigmoid);
@@ -285,7 +291,7 @@ mod tests {
         let found = probabilities(&[&first, &second], 11, (2, 1));
         let sum: f32 = found.iter().step_by(2).sum();
         assert!((sum - 1.0).abs() < 1e-5);
-        // Ten objects with logits 1, 0 … 0 next to nothing, one with 2 next to nothing.
+        // Ten objects with logits 1, 0 … 0 against the background, and one with 2.
         let (of_first, of_second) = (
             1f64.exp() / (10.0 + 1f64.exp()),
             2f64.exp() / (1.0 + 2f64.exp()),

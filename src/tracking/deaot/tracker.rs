@@ -14,20 +14,24 @@ use ostra_core::job::Progress;
 use ostra_frames::Image;
 use ostra_masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker};
 
-/// Settings of [`Deaot`].
+/// Options of [`Deaot`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DeaotOptions {
-    /// Longest side of what the network sees, px; larger pictures are shrunk to it. Time grows with its fourth power.
+    /// Longer side of the network input in pixels; larger images are reduced.
+    ///
+    /// Time grows with its fourth power.
     pub longest_side: u32,
-    /// Every how many pictures one more is remembered for long, at least 1.
+    /// Interval in images at which one enters long-term memory, at least 1.
     pub remembered_every: usize,
-    /// Pictures remembered for long at most, at least 1: those whose mask was given, and the latest others. The official
-    /// code sets no bound; up to `remembered_every · most_remembered` pictures nothing differs from it.
+    /// Maximum number of images in long-term memory, at least 1.
+    ///
+    /// The memory keeps the images with given masks and the latest others. The official code sets
+    /// no bound; up to `remembered_every · most_remembered` images the results are the same.
     pub most_remembered: usize,
 }
 
 impl Default for DeaotOptions {
-    /// As the official evaluation runs R50-DeAOT-L, with its memory bounded.
+    /// Returns the settings of the official evaluation of R50-DeAOT-L, with bounded memory.
     fn default() -> Self {
         Self {
             longest_side: 1040,
@@ -37,28 +41,32 @@ impl Default for DeaotOptions {
     }
 }
 
-/// DeAOT: carries masks of any number of labels through a video, ten at once. Clones share the networks.
+/// The DeAOT tracker, for any number of labels in groups of ten.
+///
+/// Clones share the networks.
 #[derive(Debug, Clone)]
 pub struct Deaot {
     networks: Arc<Networks>,
-    /// How much it sees and remembers.
+    /// Input size and memory settings.
     pub options: DeaotOptions,
 }
 
 impl Deaot {
-    /// The networks `deaot` of a folder of networks.
+    /// Loads the networks `deaot` from a folder of networks.
     ///
     /// # Errors
-    /// When they are not installed there, do not load, or ONNX Runtime is missing.
+    /// Fails if the networks are not installed there or do not load, or if ONNX Runtime is missing.
     pub fn load(folder: &Path) -> Result<Self, NnError> {
         let four = <[Network; 4]>::try_from(load(folder, "deaot")?);
         Self::new(four.map_err(|_| NnError::Request("`deaot` is four networks".into()))?)
     }
 
-    /// Of encoder, remember, propagate and identify, as `assets/export/deaot.py` makes them.
+    /// Creates the tracker from encoder, remember, propagate and identify.
+    ///
+    /// `assets/export/deaot.py` writes these networks.
     ///
     /// # Errors
-    /// [`NnError::Mismatch`] where one has other inputs or outputs.
+    /// [`NnError::Mismatch`] if one has other inputs or outputs.
     pub fn new(networks: [Network; 4]) -> Result<Self, NnError> {
         Ok(Self {
             networks: Arc::new(Networks::new(networks)?),
@@ -66,7 +74,7 @@ impl Deaot {
         })
     }
 
-    /// A pass through frames that remembers nothing yet.
+    /// Starts a pass with an empty memory.
     pub(super) fn pass<'a>(&'a self, progress: &'a Progress) -> DeaotPass<'a> {
         DeaotPass::new(self.networks.running(progress), self.options)
     }
@@ -88,28 +96,34 @@ impl Tracker for Deaot {
     }
 }
 
-/// A pass through frames: labels are numbered as they appear, every ten are a group of their own, and the groups'
-/// answers are brought together.
+/// A pass through frames.
+///
+/// Labels are numbered as they appear. Every ten form a group of their own, and the results of the
+/// groups are merged.
 #[derive(Debug)]
 pub(super) struct DeaotPass<'a> {
     networks: Running<'a>,
     options: DeaotOptions,
-    /// Columns and rows that the network sees, as of the first picture: what is remembered lies on one grid of cells.
+    /// Columns and rows of the network input, set by the first image.
+    ///
+    /// The memory needs one grid of cells for all images.
     shown: Option<(usize, usize)>,
-    /// The label of every number, from 1.
+    /// Label of every number; the first has number 1.
     labels: Vec<LabelId>,
     groups: Vec<Group>,
-    /// The picture that was propagated to last; remembered only when the pass goes on, for its mask may be given.
+    /// The image that was propagated to last.
+    ///
+    /// It enters the memory only when the pass continues, because its mask may still be given.
     last: Option<Last>,
 }
 
-/// A picture that was propagated to.
+/// An image that was propagated to.
 #[derive(Debug)]
 struct Last {
     image: Image,
     features: Features,
     seen: Vec<Seen>,
-    /// The number of every pixel.
+    /// Object number of every pixel.
     numbers: Vec<usize>,
 }
 
@@ -125,7 +139,7 @@ impl<'a> DeaotPass<'a> {
         }
     }
 
-    /// Logits of every group for the picture that was propagated to last.
+    /// Returns the logits of every group for the last image.
     #[cfg(test)]
     pub fn last_logits(&self) -> Vec<&ostra_compute::nn::Tensor> {
         self.last
@@ -149,7 +163,9 @@ impl<'a> DeaotPass<'a> {
             .encode(&fed(image, shown).map_err(network_error)?)
     }
 
-    /// Finds the objects in the next picture, with the probabilities of nothing and of every number.
+    /// Propagates the objects to the next image.
+    ///
+    /// Also returns the probabilities of the background and of every number.
     fn look(&mut self, image: &Image) -> Result<(Last, Vec<f32>), MaskError> {
         self.keep_last()?;
         let features = self.features(image)?;
@@ -177,7 +193,7 @@ impl<'a> DeaotPass<'a> {
         ))
     }
 
-    /// Remembers the last picture as it was answered.
+    /// Adds the last image to the memory, with its propagated mask.
     fn keep_last(&mut self) -> Result<(), MaskError> {
         let Some(last) = self.last.take() else {
             return Ok(());
@@ -190,8 +206,10 @@ impl<'a> DeaotPass<'a> {
         Ok(())
     }
 
-    /// The picture's features and the number of every pixel where the mask says nothing: labels that it shows lie nowhere
-    /// else, the others where they are seen.
+    /// Returns the image's features and the object numbers outside the given labels.
+    ///
+    /// A label in `given` keeps no pixel here, because the mask is complete for it. Other labels
+    /// stay where they are detected.
     fn around(
         &mut self,
         image: &Image,
@@ -224,7 +242,7 @@ impl<'a> DeaotPass<'a> {
         Ok((last.features, others.collect()))
     }
 
-    /// The number of a label, a new one where it has none.
+    /// Returns the number of a label, and assigns a new one if it has none.
     fn number(&mut self, label: LabelId) -> usize {
         let known = self.labels.iter().position(|known| *known == label);
         known.unwrap_or_else(|| {
@@ -233,7 +251,7 @@ impl<'a> DeaotPass<'a> {
         }) + 1
     }
 
-    /// Takes the labels of `mask` on `image` as given. Labels that it does not show keep what is remembered of them.
+    /// Stores the labels of `mask` on `image` as given; other labels keep their memory.
     pub fn remember(&mut self, image: &Image, mask: &LabelMask) -> Result<(), MaskError> {
         check(image)?;
         if (mask.width, mask.height) != (image.width, image.height)
@@ -278,7 +296,7 @@ impl<'a> DeaotPass<'a> {
         Ok(())
     }
 
-    /// Where the labels are in the next image of the pass.
+    /// Propagates the labels to the next image of the pass.
     pub fn propagate(&mut self, image: &Image) -> Result<LabelProbabilities, MaskError> {
         if self.groups.is_empty() {
             return Err(MaskError::Request(
@@ -325,7 +343,7 @@ fn check(image: &Image) -> Result<(), MaskError> {
     )))
 }
 
-/// The number of the object in every pixel that the network sees, row by row; 0 is nothing.
+/// Object number of every pixel of the network input, row by row; 0 is the background.
 pub(super) struct NumberMap {
     numbers: Vec<usize>,
     columns: usize,
@@ -333,7 +351,7 @@ pub(super) struct NumberMap {
 }
 
 impl NumberMap {
-    /// From the numbers in the pixels of an image.
+    /// Resizes the object numbers of an image to the network input.
     fn new(numbers: &[usize], image: &Image, shown: (usize, usize)) -> Self {
         let size = (image.width as usize, image.height as usize);
         Self {
@@ -344,19 +362,19 @@ impl NumberMap {
     }
 }
 
-/// What is remembered of up to ten objects that are distinguished in one run.
+/// Memory of up to ten objects that share one run.
 #[derive(Debug)]
 pub(super) struct Group {
-    /// Number of its first object; 0 is nothing.
+    /// Number of the first object; 0 is the background.
     first: usize,
     long: LongMemory,
     short: Memory,
-    /// Pictures since one was remembered for long.
+    /// Images since the last one entered long-term memory.
     since: usize,
 }
 
 impl Group {
-    /// Of group `at`, from 0, and an image in which its objects are given.
+    /// Creates group `at` (from 0) from an image whose mask is given.
     pub fn new(
         networks: Running<'_>,
         at: usize,
@@ -374,7 +392,7 @@ impl Group {
         })
     }
 
-    /// A further picture in which the objects are given.
+    /// Adds another image whose mask is given.
     pub fn remember(
         &mut self,
         networks: Running<'_>,
@@ -387,7 +405,7 @@ impl Group {
         Ok(())
     }
 
-    /// The objects in the next picture.
+    /// Propagates the objects to the next image.
     pub fn propagate(
         &mut self,
         networks: Running<'_>,
@@ -397,7 +415,7 @@ impl Group {
         networks.propagate(features, &self.long.memory, &self.short)
     }
 
-    /// Keeps of that picture what the next one needs, now that its mask is known.
+    /// Adds that image to the memory, now that its mask is known.
     pub fn keep(
         &mut self,
         networks: Running<'_>,
@@ -414,7 +432,9 @@ impl Group {
     }
 }
 
-/// `[1, 11, rows, columns]`: one where a channel's object is; what is not of this group is nothing.
+/// Encodes a map as `[1, 11, rows, columns]`, with 1 where a channel's object is.
+///
+/// Objects of other groups count as background.
 fn one_hot(map: &NumberMap, first: usize) -> Result<Tensor, MaskError> {
     let NumberMap {
         numbers,
@@ -437,7 +457,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn objects_of_other_groups_are_nothing() {
+    fn objects_of_other_groups_are_background() {
         let map = NumberMap {
             numbers: vec![0, 1, 10, 11, 12, 20, 21],
             columns: 7,

@@ -3,26 +3,28 @@ use glam::Vec2;
 use super::picture::Picture;
 use super::plane::Plane;
 
-/// Numbers that describe a cell: Lab, odds of its colour, strength of edges in six directions.
+/// Features per cell: Lab, colour odds, and edge strength in six directions.
 pub(super) const FEATURES: usize = 10;
-/// Which of them is the odds of the colour, −3 to 3.
+/// Index of the colour odds, −3 to 3.
 pub(super) const ODDS: usize = 3;
 const DIRECTIONS: usize = 6;
 
-/// Part of a picture in cells, each described by a few numbers.
+/// A region of an image divided into cells with features.
 pub(super) struct Cells {
     pub columns: usize,
     pub rows: usize,
-    /// Side of a cell, in pixels.
+    /// Side of a cell in pixels.
     pub side: usize,
-    /// The cells that are described: their first and last columns and rows.
+    /// First and last column and row of the cells that have features.
     first: [usize; 2],
     last: [usize; 2],
     features: Vec<[f32; FEATURES]>,
 }
 
 impl Cells {
-    /// The cells at most `reach_px` from `centre`, in each direction; `odds` per colour bin.
+    /// Computes the cells at most `reach_px` from `centre` in each direction.
+    ///
+    /// `odds` has one value per colour bin.
     pub fn new(picture: &Picture, odds: &[f32], side: usize, centre: Vec2, reach_px: f32) -> Self {
         let (columns, rows) = (
             picture.width.div_ceil(side).max(1),
@@ -54,24 +56,24 @@ impl Cells {
         }
     }
 
-    /// Where a pixel lies among the cells' centres.
+    /// Converts a pixel position to cell coordinates; cell centres are integers.
     pub fn of_pixel(&self, at: Vec2) -> Vec2 {
         (at + 0.5) / self.side as f32 - 0.5
     }
 
-    /// The pixel at a place among the cells' centres.
+    /// Converts cell coordinates to a pixel position.
     pub fn to_pixel(&self, cell: Vec2) -> Vec2 {
         (cell + 0.5) * self.side as f32 - 0.5
     }
 
-    /// The features at a whole cell; of one that is not described those of the nearest.
+    /// Returns the features of a cell; outside the computed region, those of the nearest cell.
     pub fn at(&self, x: isize, y: isize) -> &[f32; FEATURES] {
         let x = x.clamp(self.first[0] as isize, self.last[0] as isize) as usize;
         let y = y.clamp(self.first[1] as isize, self.last[1] as isize) as usize;
         &self.features[y * self.columns + x]
     }
 
-    /// Means of a plane over the cells.
+    /// Returns the means of a plane over the cells.
     pub fn means(&self, plane: &Plane) -> Plane {
         let mut means = Plane::new(self.columns, self.rows);
         let mut counts = vec![0.0f32; means.values.len()];
@@ -89,7 +91,7 @@ impl Cells {
     }
 }
 
-/// What a cell looks like; cells at the right and lower border may be smaller.
+/// Computes the features of a cell; cells at the right and lower border may be smaller.
 fn described(
     picture: &Picture,
     odds: &[f32],
@@ -131,7 +133,7 @@ fn add_pixel(cell: &mut [f32; FEATURES], picture: &Picture, odds: &[f32], x: usi
     );
     let strength = slope.length();
     if strength > 0.0 {
-        // Opposite slopes are one direction.
+        // Opposite gradients have the same direction.
         let turn = slope.y.atan2(slope.x).rem_euclid(std::f32::consts::PI) / std::f32::consts::PI;
         let direction = turn * DIRECTIONS as f32;
         let (low, share) = (direction as usize, direction.fract());

@@ -9,29 +9,29 @@ use super::picture::Picture;
 use super::plane::{Flow, Plane, median};
 use ostra_masks::Region;
 
-/// Pixels whose motion is looked at to find the background's.
+/// Maximum number of pixels sampled to estimate the background motion.
 const MOST_STEPS: usize = 1500;
 
-/// Largest miss of the background's motion, in pixels.
+/// Inlier threshold of the background motion, in pixels.
 const AGREES_PX: f32 = 2.0;
 
-/// Two neighbouring frames and how pixels move between them.
+/// Two neighbouring frames and the optical flow between them.
 pub(super) struct Change {
     pub last: Arc<Picture>,
     pub next: Arc<Picture>,
-    /// From the last frame to the next, and back.
+    /// Flow from the last frame to the next, and back.
     pub forward: Arc<Flow>,
     pub backward: Arc<Flow>,
-    /// By pixel of the next frame: how well both flows agree, 0–1.
+    /// Forward-backward consistency of each pixel of the next frame, 0–1.
     pub reliable: Plane,
-    /// How the background moves, from the next frame back to the last; `None` where it shows nowhere.
+    /// Background motion from the next frame back to the last; `None` if too little is visible.
     pub background: Option<PlaneMotion>,
-    /// Median miss of the background's motion, in pixels.
+    /// Median residual of the background motion, in pixels.
     pub background_noise: f32,
 }
 
 impl Change {
-    /// Measures the flow both ways.
+    /// Measures the flow in both directions.
     pub fn new(last: Arc<Picture>, next: Arc<Picture>, finest: Finest) -> Self {
         let flow = |from: &Picture, to: &Picture| {
             Arc::new(flow_between(&from.pyramid, &to.pyramid, finest))
@@ -40,7 +40,7 @@ impl Change {
         Self::of_flows(last, next, forward, backward)
     }
 
-    /// Of the flow from the last frame to the next, and back.
+    /// Uses given flows from the last frame to the next, and back.
     pub fn of_flows(
         last: Arc<Picture>,
         next: Arc<Picture>,
@@ -63,7 +63,7 @@ impl Change {
         }
     }
 
-    /// Finds the background's motion from pixels that no object is expected near.
+    /// Estimates the background motion from pixels away from the expected objects.
     pub fn find_background(&mut self, expected: &[&Plane]) {
         let (width, height) = (self.next.width, self.next.height);
         let mut hidden = Region::empty(width as u32, height as u32);
@@ -105,11 +105,12 @@ impl Change {
     }
 }
 
-/// How pixels move between frames, of the latest steps of a pass: the pass from the other side needs them again, the last one
-/// first.
+/// Cache of the latest flows of a pass.
+///
+/// The pass from the other side needs them again, the last one first.
 #[derive(Default)]
 pub(super) struct FlowCache {
-    /// How many steps are kept.
+    /// Maximum number of steps kept.
     most: usize,
     steps: VecDeque<KeptFlow>,
 }
@@ -146,7 +147,7 @@ impl KeptFlow {
 }
 
 impl FlowCache {
-    /// Keeps this many steps at most.
+    /// Creates a cache of at most this many steps.
     pub fn keeping(most: usize) -> Self {
         Self {
             most,
@@ -154,12 +155,14 @@ impl FlowCache {
         }
     }
 
-    /// For the way back: what is kept stays until it is asked for, and no more is.
+    /// Prepares for the pass back: kept steps stay until they are used, and none is added.
     pub fn keep_no_more(&mut self) {
         self.most = 0;
     }
 
-    /// From one frame to the next; measured, unless the step the other way is kept, which is given away.
+    /// Measures the flow from one frame to the next.
+    ///
+    /// If the opposite step is in the cache, it is removed from there and reversed instead.
     pub fn change(&mut self, last: &Arc<Picture>, next: &Arc<Picture>, finest: Finest) -> Change {
         let is_way_back =
             |step: &KeptFlow| Arc::ptr_eq(&step.last, next) && Arc::ptr_eq(&step.next, last);
@@ -205,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn the_way_back_is_what_would_be_measured_and_is_measured_once() {
+    fn cached_flows_equal_measured_ones_when_reversed() {
         let frames = [0, 2, 4, 6].map(picture);
         let mut flows = FlowCache::keeping(2);
         let there: Vec<Change> = frames
@@ -213,7 +216,7 @@ mod tests {
             .map(|two| flows.change(&two[0], &two[1], Finest::Full))
             .collect();
         flows.keep_no_more();
-        // In the order of a pass that first comes to a step that is not kept.
+        // In the order of a pass whose first step is not in the cache.
         for (at, is_kept) in [(0, false), (2, true), (1, true)] {
             let back = flows.change(&frames[at + 1], &frames[at], Finest::Full);
             assert_eq!(

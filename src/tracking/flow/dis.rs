@@ -5,27 +5,34 @@ use wide::f32x8;
 use super::plane::{Flow, Level, PAD, Pyramid, interpolated};
 use super::variational::smoothed;
 
-/// Side of a patch, in pixels.
+/// Side of a patch in pixels.
 pub(super) const PATCH: usize = 8;
-/// Pixels from one patch to the next.
+/// Distance between neighbouring patches in pixels.
 const STRIDE: usize = 4;
-/// Pictures with no longer side are always searched at full size.
+/// Longer side, in pixels, up to which the search always goes to full resolution.
 const SMALL: usize = 320;
-/// Rows of patches that are searched one after the other, each from what the one before found.
+/// Rows of patches that one thread searches in sequence.
+///
+/// Each row starts from the result of the previous one.
 const BAND: usize = 8;
 
-/// The size at which a search for optical flow ends.
+/// Pyramid level at which the optical flow search ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Finest {
-    /// Half of the pictures' size: quick, but parts thinner than some eight pixels go with what lies behind them.
+    /// Half resolution. Fast, but parts thinner than about eight pixels follow their background.
     Half,
-    /// The pictures' own size, at four times the work.
+    /// Full resolution, at four times the cost.
     Full,
 }
 
-/// Where the pixels of the first picture lie in the second: dense inverse search (Kroeger, Timofte, Dai, Van Gool,
-/// "Fast optical flow using dense inverse search", ECCV 2016), from the smallest level of the pyramids to `finest` (small
-/// pictures: to full size), smoothed at every level. Both pyramids are of one size.
+/// Estimates the optical flow from the first image to the second by dense inverse search.
+///
+/// The search runs from the coarsest pyramid level to `finest`, and smooths the flow at every
+/// level. Small images are always searched to full resolution. Both pyramids must have the same
+/// size.
+///
+/// Method: Kroeger, Timofte, Dai, Van Gool, "Fast optical flow using dense inverse search", ECCV
+/// 2016.
 pub(super) fn flow_between(first: &Pyramid, second: &Pyramid, finest: Finest) -> Flow {
     let full = &first.levels[0];
     let is_large = full.width.max(full.height) > SMALL && first.levels.len() > 1;
@@ -56,7 +63,7 @@ fn refined(from: &Level, to: &Level, start: &Flow) -> Flow {
     smoothed(from, to, &grid.densified(from, to, &found))
 }
 
-/// Top-left pixels of the patches: rows and columns of them, the last ones at the border.
+/// Top-left pixels of the patches, as columns and rows. The last ones touch the border.
 struct Grid {
     columns: Vec<usize>,
     rows: Vec<usize>,
@@ -76,7 +83,7 @@ impl Grid {
         }
     }
 
-    /// A displacement for every patch, row by row of patches.
+    /// Returns the displacement of every patch, row by row.
     fn search(&self, from: &Level, to: &Level, start: &Flow) -> Vec<Vec2> {
         let columns = self.columns.len();
         let mut found = vec![Vec2::ZERO; columns * self.rows.len()];
@@ -113,7 +120,9 @@ impl Grid {
         found
     }
 
-    /// A vector for every pixel: the mean over the patches that hold it, by how well each fits there.
+    /// Returns one vector per pixel, averaged over the patches that cover it.
+    ///
+    /// Each patch is weighted by how well it fits at that pixel.
     fn densified(&self, from: &Level, to: &Level, found: &[Vec2]) -> Flow {
         let mut flow = Flow {
             width: from.width,
@@ -152,8 +161,11 @@ impl Grid {
     }
 }
 
-/// Visits patches in order; each begins at the best of its own displacement and those of the neighbours just visited,
-/// which lie one patch `towards` the left and above (−1) or the right and below (1).
+/// Visits the patches in order and refines each displacement.
+///
+/// Each patch starts from the best of its own displacement and those of the two neighbours just
+/// visited. These lie one patch to the left and above (`towards` = −1), or to the right and below
+/// (`towards` = 1).
 fn sweep(
     patches: &[Patch],
     found: &mut [Vec2],
@@ -183,13 +195,13 @@ fn sweep(
     }
 }
 
-/// Steps of descent per patch and pass.
+/// Maximum descent steps per patch and sweep.
 const STEPS: usize = 8;
-/// A step shorter than this, in pixels, is the last.
+/// Step length, in pixels, below which the descent stops.
 const STILL: f32 = 0.02;
 const PIXELS: f32 = (PATCH * PATCH) as f32;
 
-/// A square of the first picture, made ready for the search of its match in the second.
+/// A square of the first image, prepared for the search in the second.
 pub(super) struct Patch {
     pub x: usize,
     pub y: usize,
@@ -197,19 +209,19 @@ pub(super) struct Patch {
     slope_x: [f32x8; PATCH],
     slope_y: [f32x8; PATCH],
     mean_slope: Vec2,
-    /// Inverse of the Hessian: xx, xy, yy. Zero where the patch is too plain to be followed.
+    /// Inverse of the Hessian: xx, xy, yy. Zero if the patch has too little texture.
     inverse: [f32; 3],
 }
 
-/// How well a patch fits at a displacement, and which way it slides.
+/// Cost of a patch at a displacement, and its descent direction.
 struct Fit {
-    /// Sum of squared differences of grey levels, their mean taken out.
+    /// Sum of squared differences of grey levels after their mean difference is removed.
     cost: f32,
     slide: Vec2,
 }
 
 impl Patch {
-    /// The patch whose top-left pixel is (x, y).
+    /// Prepares the patch whose top-left pixel is (x, y).
     pub fn new(level: &Level, x: usize, y: usize) -> Self {
         let row = |dx: isize, dy: isize, line: usize| {
             eight(
@@ -251,13 +263,14 @@ impl Patch {
         }
     }
 
-    /// Sum of squared differences to the second picture at this displacement, without the mean difference.
+    /// Returns the mean-free sum of squared differences at this displacement.
     pub fn cost(&self, other: &Level, displacement: Vec2) -> f32 {
         self.fit(other, displacement).cost
     }
 
-    /// Descends from a displacement to the nearest best one (inverse compositional); the start where it strays farther
-    /// than a patch.
+    /// Descends from `start` to a local minimum of the cost (inverse compositional).
+    ///
+    /// Returns `start` if the descent moves farther than one patch.
     pub fn descend(&self, other: &Level, start: Vec2) -> Vec2 {
         let mut best = start;
         let mut fit = self.fit(other, start);
@@ -316,7 +329,7 @@ impl Patch {
     }
 }
 
-/// Eight values from a place on.
+/// Loads eight values, starting at `place`.
 fn eight(values: &[f32], place: usize) -> f32x8 {
     let mut lanes = [0.0; 8];
     lanes.copy_from_slice(&values[place..place + 8]);

@@ -9,28 +9,28 @@ use super::votes::{Source, Vote, Way, votes};
 use ostra_masks::cut::Window;
 use ostra_masks::{LabelMask, Region, squared_distance_to};
 
-/// Odds of a pixel out of the object's reach.
+/// Odds of a pixel outside the object's reach.
 const NEVER: f32 = -6.0;
-/// Largest odds from the flow and from motion.
+/// Largest log-odds from flow and from motion.
 const MOST_FLOW: f32 = 3.0;
 const MOST_MOTION: f32 = 1.5;
-/// Spread of motion around the object's and the background's, in pixels, besides what is measured.
+/// Added to the measured spread of the object's and the background's motion, in pixels.
 const OBJECT_SPREAD_PX: f32 = 0.7;
 const BACKGROUND_SPREAD_PX: f32 = 0.5;
-/// How far from where flow or the object's motion puts them patches that are alike are looked for, in pixels.
+/// Search radii for similar patches around the position from flow and from motion, in pixels.
 const FLOW_REACH: usize = 3;
 const OBJECT_REACH: usize = 4;
-/// Share of pixels whose motion is neither's.
+/// Share of pixels that follow neither motion.
 const STRAY: f32 = 0.05;
 
-/// What is seen of the next frame and around it.
+/// Observations of the next frame and its neighbours.
 pub(super) struct Sight<'a> {
     pub change: &'a Change,
     pub beyond: Option<&'a FrameAhead<'a>>,
     pub recalled: Option<&'a Recalled>,
 }
 
-/// Sums up what flow, place, colours, motion and the memory say, and the patches of both neighbouring frames.
+/// Combines flow, position, colours, motion, memory and neighbouring patches into odds.
 pub(super) fn evidence(
     object: &Object,
     prediction: &Prediction,
@@ -119,8 +119,11 @@ pub(super) fn evidence(
     }
 }
 
-/// What the patches of the last frame and of the one beyond say: of where flow comes from, and of where the object does if
-/// it goes on as it moves now. `None` where the frame beyond does not show the object: it may not have been looked for there.
+/// Computes the votes of patches in the last frame and in the frame ahead.
+///
+/// Patches are searched around the positions given by flow and by the object's current motion.
+/// Returns `None` if the mask ahead does not show the object, because it may not have been tracked
+/// there.
 fn votes_of_both(
     object: &Object,
     prediction: &Prediction,
@@ -156,7 +159,7 @@ fn votes_of_both(
     Some(votes(&change.next, window, &sources))
 }
 
-/// The pixels within reach of the expected shape; `None` when nothing is expected.
+/// Returns the window within reach of the expected shape; `None` if nothing is expected.
 fn window_of(expected: &Plane, reach: f32) -> Option<Window> {
     let (width, height) = (expected.width, expected.height);
     let mut found: Option<Window> = None;
@@ -186,7 +189,7 @@ fn window_of(expected: &Plane, reach: f32) -> Option<Window> {
     })
 }
 
-/// Distance in pixels of each of the window's pixels from the expected shape.
+/// Returns the distance in pixels of each window pixel from the expected shape.
 fn distances(expected: &Plane, window: Window) -> Vec<f32> {
     let inside = window
         .places(expected.width)
@@ -203,7 +206,7 @@ fn distances(expected: &Plane, window: Window) -> Vec<f32> {
         .collect()
 }
 
-/// The odds of moving like the object rather than like the background, by pixel; 0 where both move alike.
+/// Returns the log-odds per pixel of moving like the object; 0 if both motions are alike.
 fn motion_odds<'a>(
     prediction: &Prediction,
     change: &'a Change,
@@ -244,11 +247,13 @@ fn motion_odds<'a>(
     }
 }
 
-/// The frame after the next with its mask, which comes from the keyframe on that side or is that keyframe's.
+/// The frame after the next and its mask.
+///
+/// The mask is the keyframe's own, or comes from the keyframe on that side.
 pub(super) struct FrameAhead<'a> {
-    /// From the next frame to it.
+    /// Flow from the next frame to this one.
     pub change: &'a Change,
     pub mask: LabelMask,
-    /// How much its mask counts next to the last frame's, 0–1.
+    /// Weight of its mask relative to the last frame's, 0–1.
     pub share: f32,
 }

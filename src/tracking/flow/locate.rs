@@ -5,22 +5,22 @@ use super::cells::{Cells, FEATURES, ODDS};
 use super::plane::Plane;
 use ostra_core::image::bilinear_weights;
 
-/// Weights of what the object looked like of late and in its keyframe, of its colours, and of distance.
+/// Weights of recent appearance, keyframe appearance, colours and distance.
 const LAST: f32 = 1.0;
 const FIRST: f32 = 0.3;
 const COLORS: f32 = 1.5;
 const DISTANCE: f32 = 0.5;
-/// A place is taken in preference to the predicted one only if it scores better by this.
+/// Minimum gain in score for a place to replace the predicted one.
 const MARGIN: f32 = 0.1;
-/// Nearer than this, in cells, the prediction is more exact than a cell.
+/// Distance in cells below which the prediction is more exact than a cell.
 const NEAR: f32 = 1.2;
-/// What of the contrast of late, and how many times its difference, a place must have to be the object's.
+/// Limits on contrast and difference relative to the usual, for a place to be the object.
 const LEAST_CONTRAST: f32 = 0.6;
 const MOST_DIFFERENCE: f32 = 2.0;
-/// Share of a frame's look that the look of late takes over.
+/// Rate at which the recent appearance adapts to each new frame.
 const RATE: f32 = 0.08;
 
-/// What an object looks like, in cells around its centre, and which of them are its own.
+/// Appearance of an object in cells around its centre, with each cell's weight.
 #[derive(Clone)]
 struct Template {
     radius: usize,
@@ -28,24 +28,24 @@ struct Template {
     weights: Vec<f32>,
 }
 
-/// An object's looks: in its keyframe and of late.
+/// An object's appearance in its keyframe and in recent frames.
 pub(super) struct Looks {
     first: Template,
     last: Template,
-    /// Size of the object relative to the keyframe's.
+    /// Size of the object relative to that in the keyframe.
     size: f32,
-    /// How it stood out and how much it differed where it was last seen; `None` at first.
+    /// Fit at the last place where the object was well visible; `None` at first.
     usual: Option<Fit>,
 }
 
 /// How well a place fits the object.
 #[derive(Debug, Clone, Copy)]
 struct Fit {
-    /// Odds of the colours inside less those around.
+    /// Odds of the colours inside minus those around.
     contrast: f32,
-    /// Mean squared difference of features from the look of late.
+    /// Mean squared difference of features from the recent appearance.
     difference: f32,
-    /// From the look in the keyframe.
+    /// Mean squared difference from the keyframe appearance.
     first: f32,
 }
 
@@ -54,14 +54,14 @@ impl Fit {
         COLORS * self.contrast - LAST * self.difference - FIRST * self.first
     }
 
-    /// Whether this may be the object that looked `usual` before.
+    /// Returns whether this may be the object that fitted with `usual` before.
     fn is_like(&self, usual: &Self) -> bool {
         self.contrast > LEAST_CONTRAST * usual.contrast
             && self.difference < MOST_DIFFERENCE * usual.difference + 0.5
     }
 }
 
-/// The looks at the size of a frame, with the shape's contrast.
+/// Templates scaled to a frame, with the contrast weights of the shape.
 struct Ready {
     first: Template,
     last: Template,
@@ -85,14 +85,14 @@ impl Ready {
     }
 }
 
-/// A place of the object in a frame.
+/// Position of an object in a frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Place {
-    /// The object's centre, in pixels.
+    /// Centre of the object in pixels.
     pub centre: Vec2,
-    /// Whether it lies away from where it was predicted.
+    /// Whether it differs from the predicted position.
     pub corrected: bool,
-    /// Whether what is there looks like the object.
+    /// Whether the place resembles the object.
     pub is_like: bool,
 }
 
@@ -120,7 +120,7 @@ impl Template {
         }
     }
 
-    /// Seen `zoom` times as large.
+    /// Returns the template enlarged by `zoom`.
     fn scaled(&self, zoom: f32) -> Self {
         let side = 2 * self.radius + 1;
         let nearest = |at: usize| {
@@ -153,7 +153,7 @@ impl Template {
             .for_each(|(mine, other)| *mine += RATE * (other - *mine));
     }
 
-    /// Mean squared difference of the features with the centre at a whole cell, by the template's weights.
+    /// Returns the weighted mean squared difference of features with the centre at a cell.
     fn difference(&self, cells: &Cells, x: isize, y: isize) -> f32 {
         let (mut sum, mut weights) = (0.0, 1e-6);
         for (at, (features, &weight)) in self.features.iter().zip(&self.weights).enumerate() {
@@ -176,8 +176,10 @@ impl Template {
         )
     }
 
-    /// Weights 1 on the shape and −1 on a ring around it, each adding up to one: how much better the odds of the colours
-    /// are inside than around is their sum with these.
+    /// Returns weights that are positive on the shape and negative on a ring around it.
+    ///
+    /// Both parts sum to one. The sum of the colour odds with these weights is the contrast: how
+    /// much better the odds are inside than around.
     fn contrast(&self) -> Vec<f32> {
         let near = dilated(&self.weights, 2 * self.radius + 1, self.radius / 3);
         let ring: Vec<f32> = near
@@ -198,7 +200,7 @@ impl Template {
 }
 
 impl Looks {
-    /// Of an object whose centre is given; `share` tells how much of each cell is its own.
+    /// Learns the appearance of an object at `centre`; `share` is its part of each cell.
     pub fn new(cells: &Cells, share: &Plane, centre: Vec2) -> Self {
         let middle = cells.of_pixel(centre);
         let own = (0..share.values.len()).filter(|&at| share.values[at] > 0.1);
@@ -216,8 +218,10 @@ impl Looks {
         }
     }
 
-    /// Where the object is, at most `reach_px` from `predicted`, when it grew by `zoom` since the last frame; `shape` is
-    /// how much of each cell it is expected to cover, around `shape_centre`.
+    /// Finds the object, at most `reach_px` from `predicted`.
+    ///
+    /// `zoom` is its growth since the last frame. `shape` is the share of each cell that it is
+    /// expected to cover, around `shape_centre`.
     pub fn find(
         &mut self,
         cells: &Cells,
@@ -282,12 +286,12 @@ impl Looks {
         }
     }
 
-    /// How far from the centre the looks reach, in cells.
+    /// Returns the radius of the templates in cells.
     pub fn radius(&self) -> usize {
         self.last.radius
     }
 
-    /// Takes note of what the object looks like now that it is well seen.
+    /// Updates the recent appearance from a frame that shows the object well.
     pub fn learn(&mut self, cells: &Cells, share: &Plane, centre: Vec2) {
         let ready = self.ready(cells, share, centre, 1.0);
         let at = cells.of_pixel(centre).round();
@@ -296,7 +300,7 @@ impl Looks {
     }
 }
 
-/// The largest value of a square of values at most `reach` columns and rows away.
+/// Returns the maximum of a square array within `reach` columns and rows.
 fn dilated(values: &[f32], side: usize, reach: usize) -> Vec<f32> {
     let along = |values: &[f32], step: usize| -> Vec<f32> {
         let most = |at: usize| {
@@ -312,7 +316,7 @@ fn dilated(values: &[f32], side: usize, reach: usize) -> Vec<f32> {
     along(&along(values, 1), side)
 }
 
-/// The whole cells of the picture at most `reach` from a place.
+/// Returns the cells of the image at most `reach` from a position.
 fn within(cells: &Cells, middle: Vec2, reach: f32) -> Vec<(isize, isize)> {
     let span = |centre: f32, count: usize| {
         let first = (centre - reach).ceil().max(0.0) as isize;
@@ -325,7 +329,7 @@ fn within(cells: &Cells, middle: Vec2, reach: f32) -> Vec<(isize, isize)> {
         .collect()
 }
 
-/// The features between four cells.
+/// Interpolates the features between four cells.
 fn between(cells: &Cells, at: Vec2) -> [f32; FEATURES] {
     let low = at.floor();
     let (u, v) = (at.x - low.x, at.y - low.y);

@@ -9,28 +9,31 @@ use super::plane::Plane;
 use crate::propagate::shown_labels;
 use ostra_masks::{LabelId, LabelMask, MaskError};
 
-/// Computes features of an image cell by cell, alike for the same part of a thing in every image of it.
+/// Computes features of an image cell by cell.
 ///
-/// The tracker compares features and reads masks from them; a network only computes them. So any network of dense features
-/// can serve.
+/// Features of the same part of an object must be similar in every image. A network only computes
+/// the features; the tracker compares them and derives masks. Any network of dense features is
+/// suitable.
 pub trait DenseFeatures: Debug + Send + Sync {
-    /// The features of the cells; `grey` is row by row, 0–1, and `size` its columns and rows.
+    /// Returns the features of the cells.
+    ///
+    /// `grey` has values 0–1, row by row; `size` is its columns and rows.
     ///
     /// # Errors
-    /// [`MaskError::Network`] where a network behind it fails.
+    /// [`MaskError::Network`] if the network fails.
     fn feature_map(&self, grey: &[f32], size: (usize, usize)) -> Result<FeatureMap, MaskError>;
 }
 
-/// The features of the cells of an image.
+/// Features of the cells of an image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FeatureMap {
-    /// Cells along the picture.
+    /// Number of cells along the image width.
     pub columns: usize,
-    /// Cells down the picture.
+    /// Number of cells along the image height.
     pub rows: usize,
-    /// Side of a cell in pixels; those at the right and lower border may reach beyond it.
+    /// Side of a cell in pixels; cells at the right and lower border may extend beyond it.
     pub cell_px: usize,
-    /// [`Self::DIM`] values of length 1 per cell, row by row.
+    /// Unit vector of [`Self::DIM`] values per cell, row by row.
     pub values: Vec<[f32x8; 8]>,
 }
 
@@ -38,8 +41,9 @@ impl FeatureMap {
     /// Values per cell.
     pub const DIM: usize = 64;
 
-    /// From planes of values, one value per cell: `[DIM, plane_rows, plane_columns]`, of which the first `columns` and
-    /// `rows` show the picture.
+    /// Creates a map from planes of shape `[DIM, plane_rows, plane_columns]`.
+    ///
+    /// The first `columns` and `rows` of each plane cover the image.
     #[must_use]
     pub fn of_planes(
         planes: &[f32],
@@ -71,38 +75,40 @@ impl FeatureMap {
         }
     }
 
-    /// What a value per cell is at a pixel.
+    /// Interpolates values per cell at a pixel.
     fn sample(&self, cells: &Plane, at: Vec2) -> f32 {
         cells.sample((at + 0.5) / self.cell_px as f32 - 0.5)
     }
 }
 
-/// How many of the cells most alike a cell recalls.
+/// Number of most similar keyframe cells used per cell.
 const RECALLED: usize = 16;
-/// Likeness (cosine) by which a recalled cell counts e times as much.
+/// Difference in cosine similarity that changes a cell's weight by a factor of e.
 const TEMPERATURE: f32 = 0.05;
-/// Likeness of the best recalled cell below which nothing is known of a cell, and from which it counts in full.
+/// Best similarity below which the memory is ignored, and from which it counts in full.
 const STRANGE: f32 = 0.75;
 const KNOWN: f32 = 0.95;
 
-/// The cells of keyframes with what they show: space-time memory with given features (after Oh, Lee, Xu, Kim, "Video Object
+/// Features and labels of the keyframes' cells.
+///
+/// This is a space-time memory with given features (after Oh, Lee, Xu, Kim, "Video Object
 /// Segmentation using Space-Time Memory Networks", ICCV 2019).
 #[derive(Debug, Clone, Default)]
 pub(super) struct Memory {
     keys: Vec<[f32x8; 8]>,
-    /// By label, the share of each key's pixels that is the label's.
+    /// Share of each key's pixels that have the label, per label.
     shares: Vec<(LabelId, Vec<f32>)>,
 }
 
-/// What the memory says of a picture.
+/// Label odds of an image's cells, from the memory.
 pub(super) struct Recalled {
     feature_map: Arc<FeatureMap>,
-    /// By label and cell: natural logarithm of the odds, 0 = nothing known.
+    /// Log-odds per label and cell; 0 = nothing known.
     odds: Vec<(LabelId, Plane)>,
 }
 
 impl Memory {
-    /// Remembers a picture's cells with its mask.
+    /// Adds the cells of an image with its mask.
     pub fn learn(&mut self, feature_map: &FeatureMap, mask: &LabelMask) {
         let known = self.keys.len();
         self.keys.extend_from_slice(&feature_map.values);
@@ -116,7 +122,7 @@ impl Memory {
         }
     }
 
-    /// What the cells of a picture recall.
+    /// Returns the label odds of the cells of an image.
     pub fn recall(&self, feature_map: &Arc<FeatureMap>) -> Recalled {
         let (columns, rows) = (feature_map.columns, feature_map.rows);
         let recalled: Vec<Vec<f32>> = feature_map
@@ -141,7 +147,7 @@ impl Memory {
         }
     }
 
-    /// The odds of each label in a cell.
+    /// Returns the log-odds of each label in a cell.
     fn odds_of(&self, cell: &[f32x8; 8]) -> Vec<f32> {
         let best = most_alike(&self.keys, cell);
         let top = best.first().map_or(0.0, |(likeness, _)| *likeness);
@@ -163,7 +169,7 @@ impl Memory {
 }
 
 impl Recalled {
-    /// The odds of a label at a pixel, natural logarithm; 0 where nothing is known.
+    /// Returns the log-odds of a label at a pixel; 0 where nothing is known.
     pub fn odds(&self, label: LabelId) -> impl Fn(Vec2) -> f32 {
         let plane = self
             .odds
@@ -174,7 +180,9 @@ impl Recalled {
     }
 }
 
-/// The keys most alike a cell, with their likeness, the most alike first; of equal ones the first.
+/// Returns the keys most similar to a cell and their similarities, best first.
+///
+/// Of equal keys, the earlier one comes first.
 fn most_alike(keys: &[[f32x8; 8]], cell: &[f32x8; 8]) -> Vec<(f32, usize)> {
     let mut best: Vec<(f32, usize)> = Vec::with_capacity(RECALLED + 1);
     for (place, key) in keys.iter().enumerate() {
@@ -192,7 +200,7 @@ fn most_alike(keys: &[[f32x8; 8]], cell: &[f32x8; 8]) -> Vec<(f32, usize)> {
     best
 }
 
-/// The share of each cell's pixels that carry a label.
+/// Returns the share of each cell's pixels that have a label.
 fn shares_of(feature_map: &FeatureMap, mask: &LabelMask, id: LabelId) -> Vec<f32> {
     let (width, height) = (mask.width as usize, mask.height as usize);
     let side = feature_map.cell_px;
@@ -213,7 +221,7 @@ fn shares_of(feature_map: &FeatureMap, mask: &LabelMask, id: LabelId) -> Vec<f32
 mod tests {
     use super::*;
 
-    /// Two rows of four cells, each alike only to those of the same number.
+    /// Two rows of four cells; only cells of the same number are similar.
     fn described(numbers: [usize; 8]) -> Arc<FeatureMap> {
         let mut planes = vec![0.0; FeatureMap::DIM * 8];
         numbers
@@ -224,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_the_objects_is_found_where_it_went_and_the_unknown_is_left_open() {
+    fn moved_object_cells_are_recognized_and_unknown_cells_have_no_odds() {
         let mut mask = LabelMask::empty(31, 16);
         (0..8)
             .flat_map(|y| (0..8).map(move |x| (x, y)))
@@ -246,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn a_label_of_a_second_anchor_is_remembered_beside_the_first() {
+    fn label_of_a_second_keyframe_is_added_to_the_memory() {
         let mut memory = Memory::default();
         memory.learn(&described([1; 8]), &LabelMask::empty(31, 16));
         let mut mask = LabelMask::empty(31, 16);

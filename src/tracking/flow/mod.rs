@@ -1,8 +1,11 @@
-//! The tracker that needs neither weights nor geometry: masks carried by optical flow, kept right by what each object
-//! looks like, where it is expected and how it moves, and by what keyframes showed where a network computes features.
+//! A tracker based on optical flow that needs neither network weights nor depth.
 //!
-//! Works on pictures reduced to a bounded size. Positions here are pixel indices: the centre of the top-left pixel is
-//! (0, 0).
+//! Optical flow transfers the masks from frame to frame. Appearance, expected position and motion
+//! of each object correct them. If a network computes dense features, the keyframes' features count
+//! as well.
+//!
+//! The tracker works on images reduced to a bounded size. Positions are pixel indices: the centre
+//! of the top-left pixel is (0, 0).
 
 mod cells;
 mod change;

@@ -2,7 +2,7 @@ use glam::{Affine2, Mat2, Vec2};
 use rand::RngExt;
 use rand_pcg::Pcg32;
 
-/// A position and where it goes.
+/// A position in one frame and its match in the other.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Step {
     pub from: Vec2,
@@ -12,8 +12,11 @@ pub(super) struct Step {
 const TRIES: usize = 120;
 const SEED: u64 = 7;
 
-/// The similarity (turn, scale, shift) that most steps agree with to within `tolerance_px`, and their share; `None`
-/// for fewer than two steps. RANSAC (Fischler, Bolles, "Random sample consensus", CACM 1981), then least squares.
+/// Estimates the similarity transform that most steps agree with, and their share.
+///
+/// A step agrees if its error is below `tolerance_px`. Returns `None` for fewer than two steps.
+///
+/// Method: RANSAC (Fischler, Bolles, "Random sample consensus", CACM 1981), then least squares.
 pub(super) fn similarity(steps: &[Step], tolerance_px: f32) -> Option<(Affine2, f32)> {
     let inliers = |motion: &Affine2| -> Vec<Step> {
         let near = |step: &&Step| {
@@ -36,7 +39,9 @@ pub(super) fn similarity(steps: &[Step], tolerance_px: f32) -> Option<(Affine2, 
     least_squares_similarity(&best).map(|motion| (motion, share))
 }
 
-/// Umeyama's closed form in the plane; `None` when the steps begin at one place.
+/// Fits a similarity transform with Umeyama's closed form in 2-D.
+///
+/// Returns `None` if all steps start at one position.
 fn least_squares_similarity(steps: &[Step]) -> Option<Affine2> {
     let count = steps.len() as f32;
     let from = steps.iter().map(|step| step.from).sum::<Vec2>() / count;
@@ -58,12 +63,14 @@ fn least_squares_similarity(steps: &[Step]) -> Option<Affine2> {
     Some(Affine2::from_mat2_translation(turn, to - turn * from))
 }
 
-/// How pixels of a rigid plane, or of anything before a turning camera, move: eight numbers, quadratic in the position
-/// (Longuet-Higgins, "The visual ambiguity of a moving plane", Proc. R. Soc. B, 1984).
+/// Image motion of a rigid plane, or of any scene seen by a rotating camera.
+///
+/// It has eight parameters and is quadratic in the position (Longuet-Higgins, "The visual ambiguity
+/// of a moving plane", Proc. R. Soc. B, 1984).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PlaneMotion {
     terms: [f32; 8],
-    /// Positions are taken from here, in this unit.
+    /// Origin of the positions; `unit_px` is their unit.
     centre: Vec2,
     unit_px: f32,
 }
@@ -71,8 +78,10 @@ pub(super) struct PlaneMotion {
 const TERMS: usize = 8;
 
 impl PlaneMotion {
-    /// The motion that most steps agree with to within `tolerance_px`; `None` for fewer than four or when no motion is
-    /// determined. RANSAC over four steps, then least squares over those that agree.
+    /// Estimates the motion that most steps agree with to within `tolerance_px`.
+    ///
+    /// Uses RANSAC over four steps, then least squares over the inliers. Returns `None` for fewer
+    /// than four steps, or if they do not determine a motion.
     pub fn of(steps: &[Step], centre: Vec2, tolerance_px: f32) -> Option<Self> {
         let mut dice = Pcg32::new(SEED, 1);
         let mut best: Vec<Step> = Vec::new();
@@ -92,7 +101,7 @@ impl PlaneMotion {
         fit(&best)
     }
 
-    /// How far a pixel moves, in pixels.
+    /// Returns the displacement of a pixel, in pixels.
     pub fn displacement(&self, at: Vec2) -> Vec2 {
         let p = (at - self.centre) / self.unit_px;
         let rows = rows(p);
@@ -100,7 +109,7 @@ impl PlaneMotion {
         Vec2::new(dot(&rows[0]), dot(&rows[1]))
     }
 
-    /// Distance in pixels from where a step ends to where this motion takes it.
+    /// Returns the distance in pixels between a step's end and the end this motion predicts.
     fn miss(&self, step: &Step) -> f32 {
         (step.from + self.displacement(step.from)).distance(step.to)
     }
@@ -129,7 +138,7 @@ impl PlaneMotion {
     }
 }
 
-/// The two lines of the linear system at a position.
+/// Returns the two rows of the linear system for one position.
 fn rows(p: Vec2) -> [[f32; TERMS]; 2] {
     [
         [1.0, p.x, p.y, 0.0, 0.0, 0.0, p.x * p.x, p.x * p.y],
@@ -137,7 +146,7 @@ fn rows(p: Vec2) -> [[f32; TERMS]; 2] {
     ]
 }
 
-/// Gauss elimination with row pivots; `None` for a singular system.
+/// Solves the system by Gaussian elimination with row pivots; `None` if it is singular.
 fn solved(mut system: [[f64; TERMS + 1]; TERMS]) -> Option<[f64; TERMS]> {
     for column in 0..TERMS {
         let pivot = (column..TERMS)
@@ -179,7 +188,7 @@ mod tests {
                 dice.random_range(0.0..640.0f32),
                 dice.random_range(0.0..360.0f32),
             );
-            // Every third step goes anywhere.
+            // Every third step is an outlier.
             let stray = Vec2::new(
                 dice.random_range(-40.0..40.0f32),
                 dice.random_range(-40.0..40.0f32),
@@ -197,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn a_similarity_is_found_among_stray_steps() {
+    fn similarity_is_recovered_despite_outliers() {
         let truth =
             Affine2::from_scale_angle_translation(Vec2::splat(1.03), 0.05, Vec2::new(4.0, -7.0));
         let (found, share) = similarity(&steps(|from| truth.transform_point2(from)), 1.0).unwrap();
@@ -214,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plane_motion_is_found_among_stray_steps() {
+    fn plane_motion_is_recovered_despite_outliers() {
         let truth = |p: Vec2| {
             let q = (p - Vec2::new(320.0, 180.0)) / 320.0;
             p + Vec2::new(

@@ -11,15 +11,16 @@ use ostra_frames::Image;
 use ostra_masks::unexplained::{Apartness, Unexplained, explained, parts};
 use ostra_masks::{LabelId, LabelMask, Region};
 
-/// Least motion against the background's, in pixels of the working size.
+/// Minimum motion relative to the background, in pixels of the working size.
 const LEAST_PX: f32 = 1.5;
-/// The same in misses of the background's own motion.
+/// Minimum motion as a multiple of the residual of the background motion.
 const LEAST_NOISES: f32 = 5.0;
-/// Least agreement of forward and backward flow.
+/// Minimum forward-backward consistency of the flow.
 const LEAST_RELIABLE: f32 = 0.3;
 
-/// Areas of a picture that carry no label and move unlike the background towards another picture of the same size a
-/// few frames away.
+/// Finds unlabelled regions that move differently from the background.
+///
+/// `other` is an image of the same size, a few frames away.
 #[must_use]
 pub fn moving_apart(
     picture: &Image,
@@ -100,7 +101,7 @@ pub fn moving_apart(
 mod tests {
     use super::*;
 
-    /// A grainy ground that slides, and a grainy box that goes its own way.
+    /// Draws a textured background that slides, and a textured box with its own motion.
     fn picture(shift: i32, box_at: (i32, i32)) -> Image {
         let grain = |x: i32, y: i32, salt: i32| {
             let cell = (x / 5)
@@ -128,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn what_goes_its_own_way_is_found_unless_a_label_explains_it() {
+    fn independently_moving_region_is_found_unless_labelled() {
         let (now, later) = (picture(0, (120, 90)), picture(3, (128, 96)));
         let mut mask = LabelMask::empty(320, 240);
         let found = moving_apart(&now, &later, &mask, &FlowOptions::default());

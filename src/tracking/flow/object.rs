@@ -10,69 +10,70 @@ use super::plane::{Plane, median};
 use ostra_masks::cut::{Borders, Window};
 use ostra_masks::{Connectivity, LabelId, Region, components, squared_distance_to};
 
-/// Pixels whose motion is looked at to find the object's.
+/// Maximum number of pixels sampled to estimate the object's motion.
 const MOST_STEPS: usize = 800;
-/// Cells across an object, about.
+/// Approximate number of cells across an object.
 const CELLS_ACROSS: f32 = 10.0;
-/// The most cells that an object is long: thin and scattered ones have larger cells.
+/// Maximum number of cells along an object; thin and scattered objects get larger cells.
 const MOST_CELLS: usize = 48;
-/// Frames over which the area is remembered.
+/// Number of frames over which the area is remembered.
 const REMEMBERED: usize = 10;
-/// How often a cut that grew too much is made again, and by how much the odds fall each time.
+/// Number of repeated cuts if the area grows too much, and the decrease in odds per cut.
 const TRIES: usize = 6;
 const FALL: f32 = 0.3;
-/// What trust a pixel keeps that was taken for background, and gains as part of the object.
+/// Factor on the trust of a pixel outside the mask, and gain of a pixel inside.
 const FORGIVEN: f32 = 0.6;
 const GAINED: f32 = 0.1;
-/// What trust a pixel loses that moves like the background, per unit of odds.
+/// Loss of trust of a pixel that moves like the background, per unit of log-odds.
 const LOST: f32 = 0.1;
-/// Less than this of the area of late is too little to tell how the object moves.
+/// Share of the recent area below which the object is not well visible.
 const ENOUGH: f32 = 0.4;
-/// Frames from the keyframe on over which its shape counts, where flow cannot be trusted, falls to 1/e.
+/// Number of frames after which the weight of the keyframe's shape falls to 1/e.
 const NEAR_STEPS: f32 = 5.0;
-/// By how much of itself the search grows with every frame in which the object is not well seen.
+/// Relative growth of the search radius per frame without a good view, and its limit.
 const SEARCH_GROWTH: f32 = 0.1;
 const WIDEST_SEARCH: f32 = 3.0;
-/// How far the shape is expected where an object that was hidden seems to come back, 0–1.
+/// Expectation of the shape where a hidden object seems to reappear, 0–1.
 const REAPPEARS: f32 = 0.6;
-/// Power of a step's share in the confidence, fitted on the seven videos of `davis2016`: with it the confidence is their IoU
-/// on average.
+/// Exponent of a step's factor in the confidence.
+///
+/// Fitted on the seven videos of `davis2016`: with it, the confidence is their IoU on average.
 const FADE: f32 = 0.05;
 
-/// An object on its way through the frames.
+/// State of a tracked object.
 pub(super) struct Object {
     pub id: LabelId,
     mask: Region,
-    /// How sure it is, 0–1, that each pixel came from the object in the keyframe.
+    /// Confidence that each pixel came from the object in the keyframe, 0–1.
     trust: Plane,
-    /// Where the object is expected, 0–1, also where something hides it.
+    /// Where the object is expected, 0–1, including hidden parts.
     expected: Plane,
     first_colors: ColorModel,
     last_colors: ColorModel,
     looks: Looks,
     cell_side: usize,
     centre: Vec2,
-    /// How it moved last.
+    /// Latest motion.
     motion: Affine2,
     areas: Vec<f32>,
     /// Frames since the keyframe.
     steps: usize,
-    /// Frames since the object was last well seen, its shape then, and where that shape's centre was.
+    /// Frames since the object was last well visible, with its shape and that shape's centre.
     hidden: usize,
     shape: Plane,
     shape_centre: Vec2,
     /// Product of the confidences of all steps since the keyframe.
     faith: f32,
-    /// How alike the mask's colours are to the keyframe's, 0–1.
+    /// Similarity of the mask's colours to the keyframe's, 0–1.
     likeness: f32,
 }
 
-/// What is known of an object in the next frame before its pixels are looked at one by one.
+/// Prediction of an object in the next frame, before its pixels are decided.
 pub(super) struct Prediction {
-    /// From the last frame to the next.
+    /// Motion from the last frame to the next.
     pub motion: Affine2,
     pub centre: Vec2,
-    /// The last mask pulled along the flow.
+    /// The last mask, warped by the flow.
     pub warped: Plane,
     pub trust: Plane,
     pub expected: Plane,
@@ -80,7 +81,9 @@ pub(super) struct Prediction {
 }
 
 impl Object {
-    /// The object of a keyframe; its region is at the working size and not empty.
+    /// Starts tracking the object of a keyframe.
+    ///
+    /// `region` has the working size and is not empty.
     pub fn new(id: LabelId, region: Region, picture: &Picture) -> Self {
         let shape = Plane::of_mask(picture.width, picture.height, &region.inside);
         let colors = colors_of(picture, &region);
@@ -113,7 +116,7 @@ impl Object {
         }
     }
 
-    /// Takes the colours of another keyframe into account.
+    /// Learns the colours of another keyframe.
     pub fn also_looks_like(&mut self, picture: &Picture, region: &Region) {
         self.first_colors.learn(&colors_of(picture, region), 0.5);
     }
@@ -122,14 +125,16 @@ impl Object {
         &self.mask
     }
 
-    /// How near the keyframe still is, 1 at it and falling to 0.
+    /// Returns the proximity to the keyframe: 1 at the keyframe, falling to 0.
     pub fn nearness(&self) -> f32 {
         (-(self.steps as f32) / NEAR_STEPS).exp()
     }
 
-    /// How sure it is that the mask is right, 0–1; within a hundred frames of the keyframe about the IoU to be expected, from
-    /// there on only an order. Errors add up along the way; where the colours are no longer the keyframe's, something else
-    /// was taken. 0 where the object is not seen.
+    /// Returns the confidence in the mask, 0–1; 0 if the object is not visible.
+    ///
+    /// Within a hundred frames of the keyframe it is about the expected IoU; beyond that it is only
+    /// a ranking. Errors accumulate from frame to frame. If the colours differ from the keyframe's,
+    /// the tracker has probably switched to something else.
     pub fn confidence(&self) -> f32 {
         self.faith * self.likeness
     }
@@ -138,7 +143,7 @@ impl Object {
         &self.expected
     }
 
-    /// Pixels of the expected shape, at least 1.
+    /// Returns the number of pixels of the expected shape, at least 1.
     pub fn area(&self) -> f32 {
         (self
             .expected
@@ -149,17 +154,17 @@ impl Object {
             .max(1.0)
     }
 
-    /// Median area in the last frames that showed the object well, in pixels, at least 1.
+    /// Returns the median area in the last frames with a good view, in pixels, at least 1.
     fn usual_area(&self) -> f32 {
         median(self.areas.iter().copied()).max(1.0)
     }
 
-    /// Odds by colour bin: in the keyframes, and of late.
+    /// Returns the odds by colour bin: of the keyframes and of recent frames.
     pub fn color_odds(&self) -> (Vec<f32>, Vec<f32>) {
         (self.first_colors.odds(), self.last_colors.odds())
     }
 
-    /// Where the object should be in the next frame: by flow, and by its looks where these say otherwise.
+    /// Predicts the object in the next frame, by flow and corrected by its appearance.
     pub fn predict(&mut self, change: &Change, options: &FlowOptions) -> Prediction {
         let (mut motion, zoom) = self.motion_by_flow(change);
         let centre = centre_of(&self.expected, 0.5).unwrap_or(self.centre);
@@ -218,7 +223,7 @@ impl Object {
         }
     }
 
-    /// The cells that matter when the object is looked for at most `reach_px` from a place.
+    /// Computes the cells needed to search within `reach_px` of a position.
     fn cells(&self, picture: &Picture, place: Vec2, reach_px: f32) -> Cells {
         let (first, last) = self.color_odds();
         let odds: Vec<f32> = first
@@ -230,8 +235,9 @@ impl Object {
         Cells::new(picture, &odds, self.cell_side, place, reach_px + looks)
     }
 
-    /// The similarity that the object's reliable pixels follow, or their shift; as last time where there are too few.
-    /// With it its zoom.
+    /// Estimates the object's similarity transform by flow, and its zoom.
+    ///
+    /// Falls back to the median shift, and to the last motion if too few pixels are reliable.
     fn motion_by_flow(&mut self, change: &Change) -> (Affine2, f32) {
         let width = change.next.width;
         let own: Vec<usize> = (0..self.mask.inside.len())
@@ -264,7 +270,7 @@ impl Object {
         (self.motion, zoom(&self.motion))
     }
 
-    /// Decides which pixels are the object's by the evidence.
+    /// Decides which pixels belong to the object.
     pub fn decide(
         &self,
         prediction: &Prediction,
@@ -296,7 +302,7 @@ impl Object {
         mask
     }
 
-    /// How far the mask of this frame is to be believed given that the last one was right, 0–1.
+    /// Returns the confidence in this frame's mask, given that the last one was right, 0–1.
     fn step_confidence(
         &self,
         mask: &Region,
@@ -318,7 +324,7 @@ impl Object {
         (mean(&change.reliable) * mean(&prediction.trust) * colors * size).powf(FADE)
     }
 
-    /// Brings trust and expectation up to date.
+    /// Updates trust and expectation.
     fn remember(
         &mut self,
         mask: &Region,
@@ -352,7 +358,7 @@ impl Object {
         }
     }
 
-    /// Makes a decided mask the object's, and learns from it.
+    /// Accepts a decided mask and learns from it.
     pub fn settle(
         &mut self,
         mask: Region,
@@ -396,7 +402,7 @@ impl Object {
     }
 }
 
-/// The longer side of the rectangle around a region, in pixels.
+/// Returns the longer side of a region's bounding box, in pixels.
 fn extent(region: &Region) -> usize {
     let width = region.width as usize;
     let inside = || (0..region.inside.len()).filter(|&at| region.inside[at]);
@@ -409,12 +415,12 @@ fn extent(region: &Region) -> usize {
     length(&|at| at % width).max(length(&|at| at / width))
 }
 
-/// By how much a similarity enlarges.
+/// Returns the scale factor of a similarity transform.
 fn zoom(motion: &Affine2) -> f32 {
     motion.matrix2.x_axis.length()
 }
 
-/// The mean position of the pixels above a level.
+/// Returns the mean position of the pixels above a level.
 fn centre_of(plane: &Plane, level: f32) -> Option<Vec2> {
     let (mut sum, mut count) = (glam::DVec2::ZERO, 0usize);
     for (at, _) in plane
@@ -429,7 +435,7 @@ fn centre_of(plane: &Plane, level: f32) -> Option<Vec2> {
     (count > 0).then(|| (sum / count as f64).as_vec2())
 }
 
-/// The colours of a region and of what lies around it.
+/// Learns the colours of a region and its surroundings.
 fn colors_of(picture: &Picture, region: &Region) -> ColorModel {
     let reach = 0.3 * (region.area() as f32).sqrt() + 6.0;
     let near = (reach * reach) as u32;
@@ -440,13 +446,15 @@ fn colors_of(picture: &Picture, region: &Region) -> ColorModel {
     ColorModel::new(&picture.bins, &region.inside, &around)
 }
 
-/// A piece of a mask stays only if at least this share of it lies where the object is expected.
+/// Minimum share of a fragment that must lie in the expected shape.
 const EXPECTED: f32 = 0.1;
-/// Pieces of fewer pixels go.
+/// Minimum number of pixels of a fragment.
 const LEAST: usize = 8;
 
-/// Takes away pieces that lie elsewhere than the object, whose expected shape is where `expected` is above `level`, and
-/// specks, unless the whole object is one.
+/// Removes specks and fragments away from the object.
+///
+/// The expected shape is where `expected` is above `level`. An object that consists of one speck is
+/// kept.
 fn keep_expected(mask: &mut Region, expected: &Plane, level: f32) {
     let found = components(mask, Connectivity::Eight);
     let mut common = vec![0usize; found.areas.len()];
@@ -466,14 +474,14 @@ fn keep_expected(mask: &mut Region, expected: &Plane, level: f32) {
     }
 }
 
-/// What speaks for and against each pixel of a window being an object's.
+/// Evidence for and against each pixel of a window belonging to an object.
 pub(super) struct Evidence {
     pub window: Window,
-    /// Natural logarithm of the odds, row by row.
+    /// Log-odds, row by row.
     pub odds: Vec<f32>,
-    /// What of them, not weighed yet, the motion says.
+    /// Contribution of the motion to the odds, before its weight.
     pub motion: Vec<f32>,
 }
 
-/// The expected shape is where the expectation is above this.
+/// Expectation above which a pixel belongs to the expected shape.
 pub(super) const SHAPE: f32 = 0.4;

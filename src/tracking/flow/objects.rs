@@ -10,7 +10,7 @@ use crate::propagate::{Answer, shown_labels};
 use ostra_core::job::{Progress, Stopped};
 use ostra_masks::{LabelId, LabelMask, Region};
 
-/// Objects carried from a keyframe, frame after frame.
+/// Objects tracked from a keyframe, frame by frame.
 pub(super) struct TrackedObjects<'a> {
     options: &'a FlowOptions,
     objects: Vec<Object>,
@@ -18,7 +18,7 @@ pub(super) struct TrackedObjects<'a> {
 }
 
 impl<'a> TrackedObjects<'a> {
-    /// From a keyframe's mask at the working size.
+    /// Starts from a keyframe's mask at the working size.
     pub fn new(options: &'a FlowOptions, picture: &Picture, mask: &LabelMask) -> Self {
         let labels: Vec<LabelId> = shown_labels(mask).into_iter().collect();
         let objects = labels
@@ -34,7 +34,7 @@ impl<'a> TrackedObjects<'a> {
         tracked
     }
 
-    /// Takes the colours and cells of another keyframe into account.
+    /// Learns the colours and cells of another keyframe.
     pub fn learn(&mut self, picture: &Picture, mask: &LabelMask) {
         self.remember(picture, mask);
         for object in &mut self.objects {
@@ -51,8 +51,9 @@ impl<'a> TrackedObjects<'a> {
         }
     }
 
-    /// Carries all objects to the next frame; their mask there, at the working size. After a stop they are at no
-    /// frame any more.
+    /// Advances all objects to the next frame and returns their mask at the working size.
+    ///
+    /// After an error the objects are in an undefined state.
     pub fn advance(
         &mut self,
         mut change: Change,
@@ -135,7 +136,7 @@ impl<'a> TrackedObjects<'a> {
     }
 }
 
-/// By pixel the two best odds of any object and whose the best are.
+/// The two best odds per pixel, and the object with the best ones.
 struct Rivals {
     best: Vec<(f32, usize)>,
     second: Vec<f32>,
@@ -160,7 +161,7 @@ impl Rivals {
         rivals
     }
 
-    /// Lowers an object's odds by those of its strongest rival, where they are above 0.
+    /// Lowers an object's odds by those of its strongest rival, where they are positive.
     fn contest(&self, object: usize, evidence: &mut Evidence, width: usize) {
         let places: Vec<usize> = evidence.window.places(width).collect();
         for (at, odds) in places.into_iter().zip(&mut evidence.odds) {
@@ -173,7 +174,7 @@ impl Rivals {
         }
     }
 
-    /// Leaves the pixels to a rival for which more speaks.
+    /// Removes the pixels for which another object has better odds.
     fn withdraw(&self, object: usize, mask: &mut Region) {
         for (inside, &(_, best)) in mask.inside.iter_mut().zip(&self.best) {
             *inside &= best == object;

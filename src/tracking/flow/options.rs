@@ -1,47 +1,55 @@
-/// How the flow tracker works. Weights are natural logarithms of odds; lengths in pixels of the working size.
+/// Options of the flow tracker.
+///
+/// Weights are natural logarithms of odds. Lengths are in pixels of the working size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FlowOptions {
-    /// Longer side of the pictures worked on from one keyframe, in pixels; larger ones are reduced.
+    /// Longer side, in pixels, that images are reduced to when tracking from one keyframe.
     pub most_side: u32,
-    /// The same between two keyframes, where flow is also measured at full resolution: users who correct a frame in a few
-    /// expect the frames between to be right in detail, and wait for few frames. From one keyframe alone half the resolution
-    /// of smaller images is enough and keeps up with a video. `cargo bench --bench flow -- --every N` gives true masks on
-    /// every N-th frame and scores the others.
+    /// Longer side, in pixels, that images are reduced to between two keyframes.
+    ///
+    /// There, flow is also measured at full resolution: users who correct every few frames expect
+    /// precise masks in between, and wait for few frames. From one keyframe alone, half the
+    /// resolution of smaller images is enough and keeps up with a video. `cargo bench --bench flow
+    /// -- --every N` gives true masks on every N-th frame and scores the others.
     pub most_side_between: u32,
-    /// Weight of where the flow says that the object came from.
+    /// Weight of the labels that the flow transfers from the last frame.
     pub flow_weight: f32,
-    /// How much a pixel whose flow cannot be trusted speaks against the object.
+    /// Penalty for a pixel whose flow is unreliable.
     pub doubt_weight: f32,
-    /// Weight of the expected shape where the flow cannot be trusted, next to a keyframe.
+    /// Weight of the expected shape near a keyframe, where the flow is unreliable.
     pub shape_weight: f32,
-    /// Weight of the distance from where the object is expected.
+    /// Weight of the distance from the expected position.
     pub place_weight: f32,
     /// Weight of the object's colours in the keyframes.
     pub first_color_weight: f32,
-    /// Weight of the object's colours of late.
+    /// Weight of the object's recent colours.
     pub last_color_weight: f32,
-    /// Share of a frame's colours that the colours of late take over, 0–1.
+    /// Rate at which the recent colours adapt to each new frame, 0–1.
     pub color_rate: f32,
     /// Weight of moving like the object rather than like the background.
     pub motion_weight: f32,
-    /// Weight of what the cells of the keyframes that look most alike show, where pictures are described.
+    /// Weight of the most similar keyframe cells, if a network computes features.
     pub memory_weight: f32,
-    /// Weight of what patches of both neighbouring frames show that look alike, between two keyframes. There they recover
-    /// rims and legs a few pixels wide that flow loses. A pass from one keyframe alone would take its own last mask as
-    /// reference and confirm its errors: mean J of the seven videos of DAVIS 2016 from one mask falls from 0.650 to 0.597
-    /// (`cargo bench --bench flow`).
+    /// Weight of similar patches in both neighbouring frames, between two keyframes.
+    ///
+    /// The patches recover rims and legs a few pixels wide that the flow loses. A pass from one
+    /// keyframe alone would use its own last mask as reference and confirm its errors: mean J of
+    /// the seven videos of DAVIS 2016 from one mask falls from 0.650 to 0.597 (`cargo bench --bench
+    /// flow`).
     pub vote_weight: f32,
-    /// Price of the outline per pixel side on even colour.
+    /// Cost of the outline per pixel side on uniform colour.
     pub outline_weight: f32,
-    /// Share of the expected shape that stays from one frame to the next where the mask shows nothing, 0–1.
+    /// Share of the expected shape that persists per frame where the mask is empty, 0–1.
     pub memory: f32,
-    /// How far beyond the expected shape the object may be, in square roots of its area.
+    /// Maximum distance from the expected shape, in square roots of its area.
     pub reach: f32,
-    /// What the object's area may be of its median over the last frames before the odds are lowered for a smaller mask.
+    /// Maximum area relative to the median of the last frames.
+    ///
+    /// If the mask is larger, the odds are lowered and the cut is repeated.
     pub most_growth: f32,
-    /// Trust, 0–1, in a pixel that joins the object without having come from it.
+    /// Trust in a pixel that joins the object without being transferred from it, 0–1.
     pub trust_of_new: f32,
-    /// Where the object is looked for: distance from where flow puts it, in square roots of its area.
+    /// Radius of the search around the position from flow, in square roots of the area.
     pub search: f32,
 }
 

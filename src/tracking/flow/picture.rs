@@ -12,7 +12,7 @@ use ostra_frames::Image;
 use ostra_masks::lab::lab_of_pixel;
 use ostra_masks::{LabelId, LabelMask, MaskError};
 
-/// A frame's picture as the tracker works on it.
+/// A frame's image, prepared for the tracker.
 pub(super) struct Picture {
     pub width: usize,
     pub height: usize,
@@ -20,13 +20,13 @@ pub(super) struct Picture {
     pub lab: Vec<[f32; 3]>,
     /// Colour bin of every pixel.
     pub bins: Vec<u16>,
-    /// Grey levels, for optical flow.
+    /// Grey levels for optical flow.
     pub pyramid: Pyramid,
-    /// Features of its cells, where a network computes them.
+    /// Features of the cells, if a network computes them.
     pub feature_map: Option<Arc<FeatureMap>>,
 }
 
-/// The size at which a frame is worked on: its longer side has at most `most_side` pixels.
+/// Returns the working size: the longer side has at most `most_side` pixels.
 pub(super) fn working_size(width: u32, height: u32, most_side: u32) -> (usize, usize) {
     let longest = width.max(height).max(1);
     let side = |length: u32| {
@@ -37,7 +37,7 @@ pub(super) fn working_size(width: u32, height: u32, most_side: u32) -> (usize, u
 }
 
 impl Picture {
-    /// The picture reduced to this size.
+    /// Reduces the image to this size.
     pub fn new(image: &Image, (width, height): (usize, usize)) -> Self {
         let rgb = reduced(image, width, height);
         let byte = |channel: f32| (channel + 0.5) as u8;
@@ -69,7 +69,7 @@ impl Picture {
         }
     }
 
-    /// The same with the features of its cells.
+    /// Adds the features of the cells.
     pub fn with_feature_map(mut self, features: &dyn DenseFeatures) -> Result<Self, MaskError> {
         let grey = self.pyramid.levels[0]
             .pixels()
@@ -82,7 +82,7 @@ impl Picture {
     }
 }
 
-/// Means by area, 0–255 per channel.
+/// Reduces the image by area averaging; values are 0–255 per channel.
 fn reduced(image: &Image, width: usize, height: usize) -> Vec<[f32; 3]> {
     let (across, down) = (
         Resampling::new(image.width as usize, width),
@@ -107,8 +107,10 @@ fn reduced(image: &Image, width: usize, height: usize) -> Vec<[f32; 3]> {
     out
 }
 
-/// A mask at the working size: each pixel takes the label in its middle; a label that none would take keeps the pixel
-/// that its first one lies in.
+/// Reduces a mask to the working size.
+///
+/// Each pixel takes the label at its centre. A label that would get no pixel keeps the one that
+/// contains its first pixel.
 pub(super) fn reduced_mask(mask: &LabelMask, (width, height): (usize, usize)) -> LabelMask {
     let place = |at: usize, target: usize, source: u32| {
         ((2 * at + 1) * source as usize / (2 * target)) as u32
@@ -136,8 +138,10 @@ pub(super) fn reduced_mask(mask: &LabelMask, (width, height): (usize, usize)) ->
     }
 }
 
-/// A mask of the working size at a frame's own: each pixel takes the label that has the most of the four pixels around
-/// it, so that outlines run smoothly.
+/// Enlarges a mask from the working size to a frame's own size.
+///
+/// Each pixel takes the label with the largest bilinear weight among the four pixels around it, so
+/// outlines are smooth.
 pub(super) fn enlarged_mask(mask: &LabelMask, width: u32, height: u32) -> LabelMask {
     if (mask.width, mask.height) == (width, height) {
         return mask.clone();
@@ -171,14 +175,14 @@ pub(super) fn enlarged_mask(mask: &LabelMask, width: u32, height: u32) -> LabelM
     LabelMask { width, height, ids }
 }
 
-/// Which source pixels make each target pixel of a row, with their shares of its length.
+/// Source pixels of each target pixel in a row, with their shares of its length.
 struct Resampling {
-    /// Per target pixel: the first source pixel, and the shares of it and of those after it.
+    /// First source pixel per target pixel, and the shares from there on.
     shares: Vec<(usize, Vec<f32>)>,
 }
 
 impl Resampling {
-    /// From `source` to at most as many `target` pixels by area.
+    /// Prepares the reduction of `source` pixels to `target` pixels, which must not be more.
     pub fn new(source: usize, target: usize) -> Self {
         let step = source as f64 / target as f64;
         let shares = (0..target).map(|at| {
@@ -194,7 +198,7 @@ impl Resampling {
         }
     }
 
-    /// One row of pixels, each channel averaged by area.
+    /// Averages one row of pixels by area, per channel.
     pub fn row<const N: usize>(&self, source: &[[f32; N]], target: &mut [[f32; N]]) {
         for ((first, shares), target) in self.shares.iter().zip(target) {
             *target = [0.0; N];
@@ -204,7 +208,7 @@ impl Resampling {
         }
     }
 
-    /// Source rows and shares that make one target row.
+    /// Returns the source rows of one target row, with their shares.
     pub fn of(&self, target: usize) -> impl Iterator<Item = (usize, f32)> + '_ {
         let (first, shares) = &self.shares[target];
         shares
@@ -214,11 +218,11 @@ impl Resampling {
     }
 }
 
-/// The pictures of frames at one size.
+/// Cache of the frames' prepared images at one size.
 pub(super) struct PictureCache<'a> {
     size: (usize, usize),
     features: Option<&'a dyn DenseFeatures>,
-    /// Those that are still in use, by frame.
+    /// Images still in use, by frame.
     made: BTreeMap<usize, Weak<Picture>>,
 }
 
@@ -231,10 +235,10 @@ impl<'a> PictureCache<'a> {
         }
     }
 
-    /// A frame's picture, the same one as long as it is in use.
+    /// Returns a frame's prepared image; the same one as long as it is in use.
     ///
     /// # Errors
-    /// [`MaskError::Network`] where its features cannot be computed.
+    /// [`MaskError::Network`] if its features cannot be computed.
     pub fn get(&mut self, frame: &PassFrame) -> Result<Arc<Picture>, MaskError> {
         if let Some(picture) = self.made.get(&frame.index).and_then(Weak::upgrade) {
             return Ok(picture);
@@ -253,12 +257,12 @@ impl<'a> PictureCache<'a> {
 const LIGHT: usize = 16;
 const CHROMA: usize = 24;
 const BINS: usize = LIGHT * CHROMA * CHROMA;
-/// Share of a colour that neither side has shown.
+/// Share assumed for a colour that neither the object nor its surroundings have shown.
 const UNSEEN: f32 = 1e-4;
-/// Largest odds, natural logarithm.
+/// Largest log-odds.
 const MOST: f32 = 3.0;
 
-/// The bin of a Lab colour.
+/// Returns the bin of a Lab colour.
 pub(super) fn bin_of([l, a, b]: [f32; 3]) -> u16 {
     let bin = |value: f32, least: f32, range: f32, bins: usize| {
         (((value - least) / range * bins as f32).max(0.0) as usize).min(bins - 1)
@@ -271,7 +275,7 @@ pub(super) fn bin_of([l, a, b]: [f32; 3]) -> u16 {
     ((l * CHROMA + a) * CHROMA + b) as u16
 }
 
-/// How often an object and its surroundings show each colour: smoothed histograms over Lab.
+/// Smoothed Lab histograms of an object and its surroundings.
 #[derive(Clone)]
 pub(super) struct ColorModel {
     object: Vec<f32>,
@@ -279,7 +283,7 @@ pub(super) struct ColorModel {
 }
 
 impl ColorModel {
-    /// From the pixels' bins; `is_object` and `is_around` tell which pixels count.
+    /// Counts the bins of the pixels selected by `is_object` and by `is_around`.
     pub fn new(bins: &[u16], is_object: &[bool], is_around: &[bool]) -> Self {
         Self {
             object: histogram(bins, is_object),
@@ -287,7 +291,7 @@ impl ColorModel {
         }
     }
 
-    /// Natural logarithm of the odds that each bin's colour is the object's, −3 to 3.
+    /// Returns the log-odds of each bin belonging to the object, −3 to 3.
     pub fn odds(&self) -> Vec<f32> {
         let odds = |(&object, &around): (&f32, &f32)| {
             ((object + UNSEEN) / (around + UNSEEN))
@@ -297,7 +301,7 @@ impl ColorModel {
         self.object.iter().zip(&self.around).map(odds).collect()
     }
 
-    /// Moves this share of the way to another model.
+    /// Moves by `share` towards another model.
     pub fn learn(&mut self, other: &Self, share: f32) {
         let blend = |mine: &mut [f32], other: &[f32]| {
             mine.iter_mut()
@@ -308,7 +312,7 @@ impl ColorModel {
         blend(&mut self.around, &other.around);
     }
 
-    /// How alike the object's colours are in two models, 0–1 (Bhattacharyya's coefficient).
+    /// Returns the similarity of two models' object colours, 0–1 (Bhattacharyya coefficient).
     pub fn likeness(&self, other: &Self) -> f32 {
         self.object
             .iter()
@@ -319,7 +323,7 @@ impl ColorModel {
     }
 }
 
-/// Shares of the bins, smoothed; all 0 where nothing counts.
+/// Returns the smoothed share of each bin; all 0 if no pixel counts.
 fn histogram(bins: &[u16], counts: &[bool]) -> Vec<f32> {
     let mut shares = vec![0.0; BINS];
     let mut total = 0.0f32;
@@ -334,7 +338,7 @@ fn histogram(bins: &[u16], counts: &[bool]) -> Vec<f32> {
     shares
 }
 
-/// Weights 1 2 1 along one axis, the ends repeated.
+/// Smooths with the weights 1 2 1 along one axis; the end values are repeated.
 fn smooth(values: &mut [f32], step: usize, length: usize) {
     for first in (0..values.len()).filter(|at| (at / step).is_multiple_of(length)) {
         let mut before = values[first];
@@ -357,7 +361,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn means_are_taken_by_area() {
+    fn resampling_averages_by_area() {
         let mut target = [[0.0]; 2];
         Resampling::new(3, 2).row(&[[0.0], [3.0], [9.0]], &mut target);
         assert!(
@@ -367,7 +371,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_of_the_object_have_good_odds() {
+    fn object_colours_have_positive_odds() {
         let (red, blue, green) = (
             bin_of([50.0, 60.0, 40.0]),
             bin_of([30.0, 20.0, -60.0]),

@@ -12,7 +12,7 @@ pub(super) struct Plane {
     pub values: Vec<f32>,
 }
 
-/// For each pixel of one picture how far away its match in another picture lies, in pixels.
+/// Displacement of each pixel to its match in another image, in pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Flow {
     pub width: usize,
@@ -29,7 +29,7 @@ impl Plane {
         }
     }
 
-    /// 1 where true.
+    /// Creates a plane that is 1 inside the mask and 0 outside.
     pub fn of_mask(width: usize, height: usize, mask: &[bool]) -> Self {
         Self {
             width,
@@ -41,7 +41,7 @@ impl Plane {
         }
     }
 
-    /// Computed pixel by pixel, rows in parallel.
+    /// Computes each pixel by a function, rows in parallel.
     pub fn from_fn(
         width: usize,
         height: usize,
@@ -57,7 +57,7 @@ impl Plane {
         plane
     }
 
-    /// The value between four pixels; beyond the border that of the nearest pixel.
+    /// Interpolates bilinearly; beyond the border, the nearest pixel counts.
     #[inline]
     pub fn sample(&self, at: Vec2) -> f32 {
         let (corner, weights) = corners(at, self.width, self.height);
@@ -68,14 +68,14 @@ impl Plane {
             .sum()
     }
 
-    /// What the pixels of another picture find here at the end of their flow vectors.
+    /// Warps the plane by a flow: each pixel samples it at the end of its vector.
     pub fn pulled(&self, flow: &Flow) -> Self {
         Self::from_fn(flow.width, flow.height, |x, y| {
             self.sample(Vec2::new(x as f32, y as f32) + flow.vectors[y * flow.width + x])
         })
     }
 
-    /// Moved by `motion`; 0 comes in from beyond the border.
+    /// Transforms the plane by `motion`; areas from beyond the border are 0.
     pub fn moved(&self, motion: Affine2) -> Self {
         let back = motion.inverse();
         Self::from_fn(self.width, self.height, |x, y| {
@@ -93,7 +93,7 @@ impl Plane {
 }
 
 impl Flow {
-    /// The vector between four pixels; beyond the border that of the nearest pixel.
+    /// Interpolates bilinearly; beyond the border, the nearest pixel counts.
     #[inline]
     pub fn sample(&self, at: Vec2) -> Vec2 {
         let (corner, weights) = corners(at, self.width, self.height);
@@ -108,7 +108,7 @@ impl Flow {
         self.vectors[y * self.width + x]
     }
 
-    /// For a picture of another size; vectors grow with it.
+    /// Resizes the flow; the vectors are scaled as well.
     pub fn resized(&self, width: usize, height: usize) -> Self {
         let scale = Vec2::new(
             self.width as f32 / width as f32,
@@ -130,32 +130,32 @@ impl Flow {
     }
 }
 
-/// The four pixels around a position and their weights.
+/// Returns the four pixels around a position and their weights.
 #[inline(always)]
 pub(super) fn corners(at: Vec2, width: usize, height: usize) -> ([usize; 4], [f32; 4]) {
     let Corners { pixels, weights } = Corners::around(at.to_array(), width, height);
     (pixels, weights)
 }
 
-/// Pixels added around a level, so that a patch partly outside reads the nearest border pixels.
+/// Padding around a level, so that patches partly outside read the nearest border pixels.
 pub(super) const PAD: usize = 16;
 
-/// A grey picture, 0–255, with its border repeated around it.
+/// A grey image, 0–255, padded with its border pixels.
 pub(super) struct Level {
     pub width: usize,
     pub height: usize,
-    /// Pixels from one row to the next of `padded`.
+    /// Distance between rows of `padded`, in pixels.
     pub stride: usize,
     pub padded: Vec<f32>,
 }
 
-/// A grey picture at full, half, quarter … size.
+/// A grey image at full, half, quarter … size.
 pub(super) struct Pyramid {
     pub levels: Vec<Level>,
 }
 
 impl Pyramid {
-    /// Down to the last level whose shorter side is at least `least_side`; the first is always there.
+    /// Builds levels while the shorter side is at least `least_side`; the first always exists.
     pub fn new(grey: Plane, least_side: usize) -> Self {
         let mut planes = vec![grey];
         while let Some(last) = planes.last()
@@ -170,7 +170,7 @@ impl Pyramid {
 }
 
 impl Level {
-    /// The grey levels without the border around them, row by row.
+    /// Returns the grey levels without the padding, row by row.
     pub fn pixels(&self) -> impl Iterator<Item = f32> {
         let row = |y: usize| &self.padded[(y + PAD) * self.stride + PAD..][..self.width];
         (0..self.height).flat_map(move |y| row(y).iter().copied())
@@ -195,7 +195,7 @@ impl Level {
         }
     }
 
-    /// Place in `padded` of a pixel up to `PAD` outside the picture.
+    /// Returns the index in `padded` of a pixel up to `PAD` outside the image.
     pub fn place(&self, x: isize, y: isize) -> usize {
         ((y + PAD as isize) * self.stride as isize + x + PAD as isize) as usize
     }
@@ -219,7 +219,7 @@ fn halved(plane: &Plane) -> Plane {
     half
 }
 
-/// The grey level of the second picture where a pixel of the first lies after its displacement.
+/// Interpolates the second image where a pixel of the first lies after its displacement.
 pub(super) fn interpolated(level: &Level, x: usize, y: usize, displacement: Vec2) -> f32 {
     let x = (x as f32 + displacement.x).clamp(-1.0, level.width as f32);
     let y = (y as f32 + displacement.y).clamp(-1.0, level.height as f32);
@@ -230,7 +230,7 @@ pub(super) fn interpolated(level: &Level, x: usize, y: usize, displacement: Vec2
     blend(row(at), row(at + level.stride), v)
 }
 
-/// The middle value; 0 of none.
+/// Returns the upper median; 0 if there are no values.
 pub(super) fn median(values: impl Iterator<Item = f32>) -> f32 {
     let mut values: Vec<f32> = values.collect();
     upper_median(&mut values).unwrap_or(0.0)

@@ -1,4 +1,4 @@
-//! The tracker on small videos made here: textured things before a textured wall.
+//! Tests of the tracker on small synthetic videos: textured objects in front of a textured wall.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -55,7 +55,7 @@ impl Noise {
     }
 }
 
-/// A disk of its own texture that moves over the wall.
+/// A disk with its own texture that moves in front of the wall.
 struct Disk {
     label: LabelId,
     color: [f32; 3],
@@ -70,12 +70,12 @@ struct Film {
 }
 
 impl Film {
-    /// The wall moves too, as before a turning camera; `pole` hides columns of every frame.
+    /// The wall moves as well, as seen by a rotating camera; `pole` hides columns of every frame.
     fn new(count: usize, disks: &[Disk], pole: Range<u32>) -> Self {
         Self::with_cover(count, disks, |_| pole.clone())
     }
 
-    /// `cover` says which columns are hidden in each frame.
+    /// Renders a video; `cover` gives the hidden columns of each frame.
     fn with_cover(count: usize, disks: &[Disk], cover: impl Fn(f32) -> Range<u32>) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let (wall, skin) = (Noise::new(1), Noise::new(2));
@@ -174,7 +174,7 @@ fn two_disks() -> [Disk; 2] {
 }
 
 #[test]
-fn flow_finds_how_far_a_texture_moves() {
+fn flow_estimates_the_shift_of_a_texture() {
     let noise = Noise::new(5);
     let shift = Vec2::new(11.4, -6.7);
     let picture = |shift: Vec2| {
@@ -197,7 +197,7 @@ fn flow_finds_how_far_a_texture_moves() {
 }
 
 #[test]
-fn two_things_are_followed_past_each_other() {
+fn two_objects_are_tracked_past_each_other() {
     let film = Film::new(20, &two_disks(), 0..0);
     let tracked = track(&film.request(&[0]));
     assert_eq!(
@@ -219,14 +219,14 @@ fn two_things_are_followed_past_each_other() {
 }
 
 #[test]
-fn masks_go_both_ways_from_any_anchor_and_meet() {
+fn masks_propagate_in_both_directions_and_are_merged() {
     let film = Film::new(20, &two_disks(), 0..0);
     let from_the_middle = track(&film.request(&[9]));
     assert!(
         film.iou(&from_the_middle, 0, LEFT) > 0.9 && film.iou(&from_the_middle, 19, RIGHT) > 0.9
     );
     let mut request = film.request(&[0, 19]);
-    // The second keyframe shows the object larger than the first: masks between lie between.
+    // The second keyframe shows a larger object than the first, so masks in between grow.
     let grown = film.truth[19].region(LEFT).dilated(4.0);
     let mask = Arc::make_mut(request.anchors.get_mut(&19).unwrap());
     for (id, _) in mask
@@ -254,7 +254,7 @@ fn masks_go_both_ways_from_any_anchor_and_meet() {
 }
 
 #[test]
-fn a_thing_that_left_stays_gone_and_one_hidden_comes_back() {
+fn object_that_left_stays_absent_and_hidden_object_reappears() {
     let leaves = Disk {
         label: LEFT,
         color: [170.0, 90.0, 80.0],
@@ -282,8 +282,8 @@ fn a_thing_that_left_stays_gone_and_one_hidden_comes_back() {
 }
 
 #[test]
-fn a_thing_that_stands_still_is_found_again_where_it_was() {
-    // Panels slide over it for many frames.
+fn static_object_is_recovered_after_occlusion() {
+    // Panels slide in front of it for many frames.
     let stands = Disk {
         label: LEFT,
         color: [170.0, 90.0, 80.0],
@@ -309,7 +309,7 @@ fn a_thing_that_stands_still_is_found_again_where_it_was() {
 }
 
 #[test]
-fn a_label_that_one_anchor_alone_shows_comes_whole_to_the_other() {
+fn label_in_only_one_keyframe_is_tracked_through_the_interval() {
     let film = Film::new(16, &two_disks(), 0..0);
     let mut request = film.request(&[0, 15]);
     let first = Arc::make_mut(request.anchors.get_mut(&0).unwrap());
@@ -329,7 +329,7 @@ fn a_label_that_one_anchor_alone_shows_comes_whole_to_the_other() {
 }
 
 #[test]
-fn strips_and_dots_of_pictures_and_anchors_of_two_sizes_do_no_harm() {
+fn tiny_images_and_keyframes_of_other_sizes_are_handled() {
     for (width, height) in [(1, 1), (7, 90), (640, 3), (33, 31)] {
         let folder = tempfile::tempdir().unwrap();
         let mut film = Film {
@@ -376,7 +376,7 @@ fn strips_and_dots_of_pictures_and_anchors_of_two_sizes_do_no_harm() {
 }
 
 #[test]
-fn the_same_request_gives_the_same_masks_for_any_number_of_threads() {
+fn masks_do_not_depend_on_the_number_of_threads() {
     let film = Film::new(6, &two_disks(), 0..0);
     let request = film.request(&[0, 5]);
     let with = |threads| {
@@ -396,7 +396,7 @@ fn the_same_request_gives_the_same_masks_for_any_number_of_threads() {
 }
 
 #[test]
-fn a_range_is_kept_to_and_a_stop_keeps_what_is_done() {
+fn range_is_respected_and_finished_frames_survive_a_stop() {
     let film = Film::new(12, &two_disks(), 0..0);
     let mut request = film.request(&[1, 10]);
     (request.from, request.to) = (3, 6);
@@ -430,7 +430,7 @@ fn a_range_is_kept_to_and_a_stop_keeps_what_is_done() {
 }
 
 #[test]
-fn a_picture_is_made_once_as_long_as_it_is_in_use() {
+fn prepared_image_is_cached_while_in_use() {
     let film = Film::new(2, &two_disks(), 0..0);
     let request = film.request(&[0]);
     let size = (

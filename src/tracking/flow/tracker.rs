@@ -16,12 +16,12 @@ use ostra_masks::{
     Direction, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker, WalkedFrame, merged,
 };
 
-/// Carries masks through videos and photos without depth or weights.
+/// Propagates masks through videos and photos without depth or network weights.
 #[derive(Debug, Clone, Default)]
 pub struct FlowTracker {
-    /// How masks are carried.
+    /// Options of the propagation.
     pub options: FlowOptions,
-    /// Computes features of images, so that parts of objects are recognized from the keyframes.
+    /// Computes image features by which object parts are recognized from the keyframes.
     pub features: Option<Arc<dyn DenseFeatures>>,
 }
 
@@ -43,17 +43,24 @@ impl Tracker for FlowTracker {
     }
 }
 
-/// Steps of the first pass that are kept for the second, 15 MB each at 854×480: all between keyframes up to eight frames apart.
-/// The latest steps of the first pass are the first that the second needs. Between keyframes four frames apart this saves a third
-/// of the time (`cargo bench --bench flow -- --every 4`).
+/// Number of steps of the first pass that are kept for the second; 15 MB each at 854×480.
+///
+/// This covers all steps between keyframes up to eight frames apart. The second pass needs the
+/// latest steps of the first one first. Between keyframes four frames apart, the cache saves a
+/// third of the time (`cargo bench --bench flow -- --every 4`).
 const KEPT_STEPS: usize = 8;
 
-/// How many times as near the second pass counts as being where two passes meet, since it has seen what the first found. Weights
-/// go by the square, so its outline has nine times the weight.
+/// Factor by which the second pass counts as nearer when two passes are merged.
+///
+/// The second pass has used the result of the first. Weights go by the square, so its outline has
+/// nine times the weight.
 const SECOND: f32 = 3.0;
 
-/// Masks carried through one interval, from both of its ends. Between keyframes, where few frames are corrected and each shall be
-/// right, pictures are larger, flow is measured finely, and the mask of the frame ahead counts, too, where it is known.
+/// Propagates masks through one interval, from both of its ends.
+///
+/// Between two keyframes, few frames are corrected and each should be precise. There, images are
+/// larger, flow is measured at full resolution, and the mask of the frame ahead counts too, if it
+/// is known.
 struct FlowPropagator<'a> {
     options: &'a FlowOptions,
     progress: &'a Progress,
@@ -61,17 +68,17 @@ struct FlowPropagator<'a> {
     is_between: bool,
     changes: Changes<'a>,
     objects: Option<TrackedObjects<'a>>,
-    /// Those of the pass's keyframes, so that they are not made again.
+    /// Images of the pass's keyframes, kept so that they are not computed again.
     keyframes: Vec<Arc<Picture>>,
-    /// The picture that the masks lie on.
+    /// Image that the current masks belong to.
     last: Option<Arc<Picture>>,
-    /// From there to the frames after it, as far as they are measured.
+    /// Flow from `last` to the frames after it, as far as it is measured.
     measured: VecDeque<Change>,
-    /// Why no more could be measured; reported when the next step is due.
+    /// Error of the last measurement; reported when the next step is due.
     failed: Option<MaskError>,
 }
 
-/// Measures how pixels move from frame to frame.
+/// Measures the optical flow between frames.
 struct Changes<'a> {
     pictures: PictureCache<'a>,
     flows: FlowCache,
@@ -84,7 +91,7 @@ impl Changes<'_> {
         Ok(self.flows.change(last, &next, self.finest))
     }
 
-    /// To the frame `place` frames ahead; `None` beyond the end of the pass.
+    /// Measures the flow to the frame `place` frames ahead; `None` beyond the end of the pass.
     fn change_to_frame_ahead(
         &mut self,
         last: &Arc<Picture>,
@@ -131,7 +138,7 @@ impl<'a> FlowPropagator<'a> {
         }
     }
 
-    /// The change to `frame` and, between keyframes, the one from there to the frame after it.
+    /// Measures the flow to `frame` and, between keyframes, from there to the frame after it.
     fn measure(
         &mut self,
         last: &Arc<Picture>,
@@ -150,7 +157,7 @@ impl<'a> FlowPropagator<'a> {
     }
 }
 
-/// The frame ahead with its mask, where that is known; `change` leads to it.
+/// Returns the frame ahead with its mask, if that is known; `change` leads to it.
 fn frame_ahead<'c>(
     change: &'c Change,
     ahead: &mut LookAhead<'_, '_>,

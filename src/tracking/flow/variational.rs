@@ -2,22 +2,25 @@ use glam::Vec2;
 
 use super::plane::{Flow, Level, interpolated};
 
-/// Weight of evenness, of equal grey levels and of equal slopes.
+/// Weights of smoothness, of equal grey levels and of equal gradients.
 const EVEN: f32 = 20.0;
 const GREY: f32 = 5.0;
 const SLOPE: f32 = 10.0;
-/// Rounds in which the robust weights are taken again, and sweeps within one.
+/// Number of updates of the robust weights, and of sweeps per update.
 const ROUNDS: usize = 3;
 const SWEEPS: usize = 5;
-/// Over-relaxation.
+/// Over-relaxation factor.
 const OMEGA: f32 = 1.6;
-/// Slopes below this, in grey levels per pixel, are noise.
+/// Squared gradient, in grey levels per pixel, below which it counts as noise.
 const NOISE_2: f32 = 0.01;
 const EPSILON_2: f32 = 1e-6;
 
-/// A flow made even where the pictures allow it, and sharp where they do not agree with that: equal grey levels and
-/// slopes at both ends, robust in both terms (Brox, Bruhn, Papenberg, Weickert, "High accuracy optical flow estimation
-/// based on a theory for warping", ECCV 2004). Solved by successive over-relaxation, red and black pixels in turn.
+/// Refines a flow by minimizing a variational energy.
+///
+/// The energy has a smoothness term and data terms for equal grey levels and equal gradients at
+/// both ends of each vector; all terms are robust. Source: Brox, Bruhn, Papenberg, Weickert, "High
+/// accuracy optical flow estimation based on a theory for warping", ECCV 2004. The system is solved
+/// by red-black successive over-relaxation.
 pub(super) fn smoothed(from: &Level, to: &Level, flow: &Flow) -> Flow {
     let size = Size {
         width: flow.width,
@@ -52,7 +55,9 @@ pub(super) fn smoothed(from: &Level, to: &Level, flow: &Flow) -> Flow {
     }
 }
 
-/// The size of a flow; planes over it have a frame of one pixel around, so that every pixel has four neighbours.
+/// Size of a flow.
+///
+/// Planes over it have a border of one pixel, so every pixel has four neighbours.
 #[derive(Clone, Copy)]
 struct Size {
     width: usize,
@@ -64,25 +69,26 @@ impl Size {
         self.width + 2
     }
 
-    /// Place in a framed plane of a pixel's place in the picture.
+    /// Converts a pixel's index in the image to its index in a bordered plane.
     fn place(self, at: usize) -> usize {
         (at / self.width + 1) * self.stride() + at % self.width + 1
     }
 
-    /// A plane with a frame of zeros.
+    /// Creates a plane with a border of zeros.
     fn framed(self, value: impl Fn(usize) -> f32) -> Vec<f32> {
         let mut plane = vec![0.0; self.stride() * (self.height + 2)];
         (0..self.width * self.height).for_each(|at| plane[self.place(at)] = value(at));
         plane
     }
 
-    /// Places of each row's first pixel, top to bottom.
+    /// Returns the index of each row's first pixel, top to bottom.
     fn rows(self) -> impl Iterator<Item = usize> {
         (1..=self.height).map(move |y| y * self.stride() + 1)
     }
 
-    /// Half the difference of the neighbours on both sides, `step` places away; the border's pixels stand for those
-    /// beyond it.
+    /// Returns central differences of neighbours `step` places apart.
+    ///
+    /// At the border, the border pixel replaces the missing neighbour.
     fn slope(self, plane: &[f32], step: usize) -> Vec<f32> {
         let mut slope = vec![0.0; plane.len()];
         for (y, row) in self.rows().enumerate() {
@@ -102,7 +108,9 @@ impl Size {
     }
 }
 
-/// First and second derivatives of the pictures where they meet, as framed planes; `t` is the difference in time.
+/// First and second derivatives of the mean of both images, as bordered planes.
+///
+/// `t` is the temporal difference.
 struct Slopes {
     x: Vec<f32>,
     y: Vec<f32>,
@@ -147,7 +155,7 @@ impl Slopes {
     }
 }
 
-/// Weights of a pixel's being even with its neighbour to the right and below; 0 towards the frame.
+/// Smoothness weights of the edges to the right and lower neighbour; 0 at the border.
 struct Edges {
     across: Vec<f32>,
     down: Vec<f32>,
@@ -182,7 +190,7 @@ impl Edges {
         }
     }
 
-    /// Of the row whose first pixel lies at `first`.
+    /// Returns the weights of the row whose first pixel has index `first`.
     fn of_row(&self, size: Size, first: usize) -> Ties<'_> {
         let row = |from: usize| from..from + size.width;
         Ties {
@@ -193,7 +201,7 @@ impl Edges {
         }
     }
 
-    /// The four neighbours' values by the weights of their edges.
+    /// Sums the values of the four neighbours, weighted by their edges.
     #[inline]
     fn sum(&self, plane: &[f32], at: usize, stride: usize) -> f32 {
         self.across[at - 1] * plane[at - 1]
@@ -203,10 +211,10 @@ impl Edges {
     }
 }
 
-/// Two linear equations per pixel in its change.
+/// Two linear equations per pixel for its flow increment.
 struct System {
     xy: Vec<f32>,
-    /// One over the diagonal.
+    /// Reciprocal of the diagonal.
     inverse: [Vec<f32>; 2],
     right: [Vec<f32>; 2],
 }
@@ -221,7 +229,7 @@ impl System {
         }
     }
 
-    /// The equations with the robust weights of the present change.
+    /// Sets up the equations with the robust weights at the current increment.
     fn set_up(
         &mut self,
         size: Size,
@@ -261,7 +269,7 @@ impl System {
         }
     }
 
-    /// Half a sweep: the pixels of one colour.
+    /// Half a sweep: updates the pixels of one colour.
     fn relax(&self, size: Size, edges: &Edges, change: &mut [Vec<f32>; 2], colour: usize) {
         let [us, vs] = change;
         for (y, first) in size.rows().enumerate() {
@@ -278,7 +286,7 @@ impl System {
     }
 }
 
-/// Weights of the edges that lead from the pixels of a row.
+/// Weights of the edges from the pixels of one row to their neighbours.
 struct Ties<'a> {
     left: &'a [f32],
     right: &'a [f32],
@@ -286,7 +294,7 @@ struct Ties<'a> {
     below: &'a [f32],
 }
 
-/// A row's equations in one component of the change.
+/// Equations of one row in one component of the increment.
 struct Row<'a> {
     xy: &'a [f32],
     inverse: &'a [f32],
@@ -295,7 +303,9 @@ struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// Every other pixel from `start` on; the row's first pixel lies at `first` of the framed plane.
+    /// Updates every other pixel from `start` on.
+    ///
+    /// The row's first pixel has index `first` in the bordered plane.
     fn relax(&self, plane: &mut [f32], other: &[f32], first: usize, start: usize) {
         let width = self.right.len();
         let stride = width + 2;

@@ -1,10 +1,13 @@
-//! What small patches of frames with known masks say about the pixels of another frame.
+//! Label votes by small patches of frames with known masks.
 //!
-//! The errors that remain between true neighbours are outlines that neither neighbour shows. With true masks on every second
-//! frame of `bmx-trees` the others have a mean J of 0.785 (`libby` 0.921, the other five videos 0.958 to 0.991), and 0.46 to 0.73
-//! where twigs one or two pixels wide pass in front of the rider. Tried without gain: patches along the background's motion,
-//! which the twigs follow (0.783; 0.774 within 8 px), a search twice as wide (0.780), and the shape that both neighbours predict by
-//! flow and by the object's motion (0.783). (`cargo bench --bench flow -- --every 2`)
+//! The errors that remain between true neighbours are outlines that neither neighbour shows. With
+//! true masks on every second frame of `bmx-trees`, the others have a mean J of 0.785 (`libby`
+//! 0.921, the other five videos 0.958 to 0.991). J is 0.46 to 0.73 where twigs one or two pixels
+//! wide pass in front of the rider.
+//!
+//! Tried without gain: patches along the background's motion, which the twigs follow (0.783; 0.774
+//! within 8 px), a search twice as wide (0.780), and the shape that both neighbours predict by flow
+//! and by the object's motion (0.783). (`cargo bench --bench flow -- --every 2`)
 
 use glam::{Affine2, Vec2};
 use rayon::prelude::*;
@@ -14,39 +17,39 @@ use super::picture::Picture;
 use super::plane::{Flow, Plane, corners};
 use ostra_masks::cut::Window;
 
-/// Pixels from the middle of a patch to its side.
+/// Half width of a patch: pixels from its centre to its side.
 const HALF: usize = 2;
-/// Weights across a patch, a bell; their sum.
+/// Binomial weights across a patch, and their sum.
 const BELL: [f32; 2 * HALF + 1] = [1.0, 4.0, 6.0, 4.0, 1.0];
 const BELL_SUM: f32 = 16.0;
-/// Difference of colour by which a patch counts less, in units of Lab.
+/// Standard deviation of the colour difference between patches, in Lab units.
 const SPREAD: f32 = 6.0;
-/// Weight of a and b next to lightness.
+/// Weight of a and b relative to lightness.
 const CHROMA: f32 = 1.5;
-/// Distance by which a patch counts less, as a share of the reach.
+/// Standard deviation of the distance weight, as a share of the reach.
 const NEAR: f32 = 0.67;
-/// Patches alike of this weight are half believed.
+/// Total weight of similar patches at which a vote counts half.
 const FEW: f32 = 0.1;
-/// What a share of 0 or 1 may still be wrong, for the odds.
+/// Margin added to the share on both sides before the odds are taken.
 const UNSURE: f32 = 0.05;
-/// Rows of pixels that are worked on together.
+/// Rows of pixels that are processed together.
 const BAND: usize = 16;
 const LANES: usize = 8;
 
-/// A picture whose mask is known, and where to look in it.
+/// An image with a known mask, and where to search in it.
 pub(super) struct Source<'a> {
     pub picture: &'a Picture,
-    /// How far each of its pixels is the object's, 0–1.
+    /// Degree to which each pixel belongs to the object, 0–1.
     pub share: &'a Plane,
-    /// About where a pixel lies in it.
+    /// Approximate position of a pixel in this image.
     pub way: Way<'a>,
-    /// How far from there patches are looked at in each direction, in pixels.
+    /// Search radius around that position in each direction, in pixels.
     pub reach: usize,
-    /// How much its patches count.
+    /// Weight of the image's patches.
     pub weight: f32,
 }
 
-/// How pixels come to lie in another picture.
+/// Mapping of pixels to another image.
 #[derive(Clone, Copy)]
 pub(super) enum Way<'a> {
     Flow(&'a Flow),
@@ -62,27 +65,30 @@ impl Way<'_> {
     }
 }
 
-/// What patches of known pictures say of a pixel.
+/// The vote of patches with known labels for one pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Vote {
     /// Share of the object, 0–1.
     pub share: f32,
-    /// How many patches look like the pixel's, by their weights.
+    /// Total weight of the patches that resemble the pixel's.
     pub alike: f32,
 }
 
 impl Vote {
-    /// Natural logarithm of the odds that the pixel is the object's; near 0 where hardly any patch is alike.
+    /// Returns the log-odds that the pixel is the object's; near 0 without similar patches.
     pub fn odds(self) -> f32 {
         let known = self.alike / (self.alike + FEW);
         known * ((self.share + UNSURE) / (1.0 - self.share + UNSURE)).ln()
     }
 }
 
-/// Lets each pixel of a window take its share of the object from the patches of the sources that look like the one around it
-/// (Rousseau, Habas, Studholme, "A supervised patch-based approach for human brain labeling", IEEE Transactions on Medical
-/// Imaging, 2011), row by row. No motion need be right for a thin part to be found again: among the patches near where it might
-/// have come from, those that show it look like it.
+/// Computes each pixel's vote from similar patches of the sources, row by row.
+///
+/// The motion need not be exact for a thin part to be recovered: among the patches near its assumed
+/// origin, those that show the part resemble it.
+///
+/// Method: Rousseau, Habas, Studholme, "A supervised patch-based approach for human brain
+/// labeling", IEEE Transactions on Medical Imaging, 2011.
 pub(super) fn votes(picture: &Picture, window: Window, sources: &[Source<'_>]) -> Vec<Vote> {
     let (width, height) = (window.width().next_multiple_of(LANES), window.height());
     let target = Planes::of(picture, window, HALF, Way::Motion(Affine2::IDENTITY));
@@ -110,21 +116,21 @@ pub(super) fn votes(picture: &Picture, window: Window, sources: &[Source<'_>]) -
         .collect()
 }
 
-/// Planes of a window with a margin around it: L, a, b, and of a source the share.
+/// Planes of a window with a margin: L, a, b and, for a source, the object's share.
 struct Planes<const N: usize> {
     width: usize,
     values: [Vec<f32>; N],
 }
 
 impl Planes<3> {
-    /// What the pixels of a window and of a margin around it see in a picture.
+    /// Samples an image at the pixels of a window and its margin.
     fn of(picture: &Picture, window: Window, margin: usize, way: Way<'_>) -> Self {
         Self::seen(picture, window, margin, way, |at| weighed(picture.lab[at]))
     }
 }
 
 impl Planes<4> {
-    /// The same of a source, as far as it is searched.
+    /// Samples a source as far as it is searched.
     fn of_source(source: &Source<'_>, window: Window) -> Self {
         Self::seen(
             source.picture,
@@ -172,7 +178,7 @@ impl<const N: usize> Planes<N> {
         }
     }
 
-    /// A row of one plane from a column on.
+    /// Returns a row of one plane, starting at column `x`.
     fn row(&self, channel: usize, x: usize, y: usize) -> &[f32] {
         &self.values[channel][y * self.width + x..(y + 1) * self.width]
     }
@@ -182,7 +188,7 @@ fn weighed([l, a, b]: [f32; 3]) -> [f32; 3] {
     [l, CHROMA * a, CHROMA * b]
 }
 
-/// The sums of a band of rows and room to work in.
+/// Sums of a band of rows, and scratch buffers.
 struct Work<'a> {
     width: usize,
     shares: &'a mut [f32],
@@ -218,7 +224,7 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Squared differences from the pixels that lie `dx` columns and `dy` rows on.
+    /// Computes squared differences to the pixels `dx` columns and `dy` rows further on.
     fn compare(
         &mut self,
         target: &Planes<3>,
@@ -238,8 +244,9 @@ impl<'a> Work<'a> {
         }
     }
 
-    /// Adds the weights of the patches that lie `dx` columns and `dy` rows on, and with them their shares; `gain` is the
-    /// logarithm of the weight of one that differs in nothing.
+    /// Adds the weights and weighted shares of the patches at offset (`dx`, `dy`).
+    ///
+    /// `gain` is the log-weight of an identical patch.
     fn weigh(&mut self, seen: &Planes<4>, top: usize, (dx, dy): (usize, usize), gain: f32) {
         let wide = self.width + 2 * HALF;
         let scale = f32x8::splat(-1.0 / (2.0 * SPREAD * SPREAD * BELL_SUM * BELL_SUM));
@@ -291,7 +298,7 @@ mod tests {
         bottom: HEIGHT,
     };
 
-    /// A red pole two pixels wide before a grainy wall, or hidden behind it.
+    /// Draws a red pole two pixels wide in front of a textured wall, or hidden behind it.
     fn picture(pole: usize, is_hidden: bool) -> Picture {
         let color = |x: usize, y: usize| {
             let grain = ((x / 2 * 7349) ^ (y / 2 * 9151)).wrapping_mul(0x9E37_79B1) >> 9 & 63;
@@ -330,7 +337,7 @@ mod tests {
         }
     }
 
-    /// How many pixels of the pole at column 21, and how many others, get most of the votes.
+    /// Counts the pixels with positive odds on and off the pole at column 21.
     fn found(votes: &[Vote]) -> (usize, usize) {
         let is_pole = |at: usize| (21..23).contains(&(at % WIDTH));
         let inside: Vec<usize> = (0..votes.len())
@@ -341,7 +348,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pole_of_two_pixels_is_found_where_motion_is_wrong_by_more() {
+    fn thin_pole_is_found_although_the_motion_is_off_by_more_than_its_width() {
         let (before, now) = (picture(18, false), picture(21, false));
         let share = share(Some(18));
         assert_eq!(
@@ -356,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn flow_tells_where_to_look() {
+    fn flow_gives_the_search_position() {
         let (before, now) = (picture(12, false), picture(21, false));
         let share = share(Some(12));
         let flow = Flow {
@@ -372,7 +379,7 @@ mod tests {
     }
 
     #[test]
-    fn what_one_source_hides_the_other_tells() {
+    fn pole_hidden_in_one_source_is_found_in_the_other() {
         let (hidden, shown, now) = (picture(0, true), picture(23, false), picture(21, false));
         let (none, there) = (share(None), share(Some(23)));
         let sources = [source(&hidden, &none, 4), source(&shown, &there, 4)];
@@ -386,7 +393,7 @@ mod tests {
     }
 
     #[test]
-    fn a_source_of_more_weight_has_more_votes() {
+    fn source_weight_scales_its_votes() {
         let (before, now) = (picture(21, false), picture(21, false));
         let (none, there) = (share(None), share(Some(21)));
         let mut sources = [source(&before, &none, 1), source(&before, &there, 1)];
@@ -396,7 +403,7 @@ mod tests {
     }
 
     #[test]
-    fn a_part_of_a_picture_gets_the_votes_of_the_whole() {
+    fn votes_in_a_window_equal_those_of_the_whole_image() {
         let (before, now) = (picture(18, false), picture(21, false));
         let share = share(Some(18));
         let whole = votes(&now, WHOLE, &[source(&before, &share, 3)]);

@@ -6,20 +6,24 @@ use crate::reprojection::{ReprojectedLabels, ReprojectionOptions};
 use ostra_cloud::doubt::{Sighted, mask_has_near};
 use ostra_masks::{Connectivity, LabelId, LabelMask, MaskError, Region, WalkedFrame, components};
 
-/// How masks are checked against geometry.
+/// Options of the check of masks against geometry.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ConsistencyOptions {
-    /// How the keyframes' masks are carried.
+    /// Options of the re-projection of the keyframes' masks.
     pub carry: ReprojectionOptions,
-    /// Share of the keyframes' weights that a label must win for geometry to be sure of it; 0.5–1.
+    /// Minimum share of the keyframes' weights for geometry to be confident of a label, 0.5–1.
     pub sure_share: f32,
-    /// What these weights must sum to at least; 1 = one keyframe that faces the surface from as near; > 0.
+    /// Minimum sum of these weights; > 0.
+    ///
+    /// A keyframe that faces the surface from the same distance has weight 1.
     pub least_weight: f32,
-    /// Borders that differ by no more are the tracker's, in pixels.
+    /// Maximum border difference, in pixels, at which the tracker's border is kept.
     pub border_px: u32,
-    /// Conflicts of fewer connected pixels are let pass, and objects contradicted in fewer have not drifted away.
+    /// Minimum size of a correction in connected pixels.
+    ///
+    /// An object that is contradicted in fewer pixels has not drifted.
     pub least_area: usize,
-    /// Frames that a pass goes on after an object was given to it again, before it is given one again.
+    /// Frames that a pass must advance after a restart before the next restart.
     pub rest: usize,
 }
 
@@ -36,17 +40,17 @@ impl Default for ConsistencyOptions {
     }
 }
 
-/// A tracker's answer after it was checked against geometry.
+/// A tracker's mask after the check against geometry.
 pub struct CheckedMask {
     pub walked: WalkedFrame,
-    /// Pixels that have another label now.
+    /// Number of pixels whose label was changed.
     pub mended: usize,
-    /// Whether an object is mostly elsewhere than the tracker had it.
+    /// Whether an object is mostly elsewhere than in the tracker's mask.
     pub has_drifted: bool,
 }
 
 impl CheckedMask {
-    /// An answer that stands.
+    /// Wraps a mask that needs no correction.
     pub fn untouched(walked: WalkedFrame) -> Self {
         Self {
             walked,
@@ -56,11 +60,13 @@ impl CheckedMask {
     }
 }
 
-/// Checks a tracker's answer against geometry. `carried` makes the mask of the frame by geometry alone, which shows where
-/// objects that drifted away are seen, also next to what is sure; it is asked for only where there are any.
+/// Checks a tracker's mask against geometry.
+///
+/// `carried` computes the frame's mask by geometry alone. It shows where objects that drifted are
+/// visible, including pixels next to the confident ones. It is called only if an object drifted.
 ///
 /// # Errors
-/// What `carried` says.
+/// Returns the error of `carried`.
 pub fn check_mask(
     tracked: WalkedFrame,
     evidence: &ReprojectedLabels,
@@ -96,7 +102,9 @@ pub fn check_mask(
     })
 }
 
-/// Gives objects that drifted away the pixels without a label in which they are carried, unless geometry is sure of another.
+/// Adds pixels of the re-projected mask to drifted objects.
+///
+/// Only pixels without a label are added, and only where geometry is not confident.
 fn complete(mask: &mut LabelMask, carried: &LabelMask, sighted: &Sighted, found: &Conflicts) {
     for ((id, &carried), verdict) in mask.ids.iter_mut().zip(&carried.ids).zip(&sighted.labels) {
         if *id == LabelId::NONE && verdict.is_none() && found.drifted.contains_key(&carried) {
@@ -105,7 +113,10 @@ fn complete(mask: &mut LabelMask, carried: &LabelMask, sighted: &Sighted, found:
     }
 }
 
-/// What is shown, as sure as the tracker was of it; what was corrected, by the share of its pixels that geometry confirms.
+/// Returns the confidence of each label.
+///
+/// An uncorrected label keeps the tracker's confidence. A corrected one gets the share of its
+/// pixels that geometry confirms.
 fn confidence(
     mask: &LabelMask,
     sighted: &Sighted,
@@ -133,8 +144,10 @@ fn confidence(
     confidence
 }
 
-/// What geometry is sure of in each pixel of a tracker's mask; `None` where it abstains: without depth, where keyframes do not see
-/// the surface or disagree about it, and about objects that moved.
+/// Returns the confident label of geometry for each pixel of a tracker's mask.
+///
+/// It is `None` where geometry abstains: without depth, where keyframes do not see the surface or
+/// disagree about it, and for objects that moved.
 fn judge(
     evidence: &ReprojectedLabels,
     tracked: &LabelMask,
@@ -158,7 +171,10 @@ fn judge(
     sighted
 }
 
-/// Labels that the tracker sees where nothing was when the keyframes were taken, more than geometry finds them in place.
+/// Returns the labels of objects that have moved since the keyframes.
+///
+/// The tracker sees such an object where keyframes saw empty space, in more pixels than geometry
+/// confirms in place.
 fn moved(
     evidence: &ReprojectedLabels,
     tracked: &LabelMask,
@@ -183,18 +199,19 @@ fn moved(
         .collect()
 }
 
-/// Where geometry contradicts a mask, but for borders that lie a little aside.
+/// Pixels where geometry contradicts a mask, except for small border differences.
 struct Conflicts {
-    /// For each contradicted pixel the label that geometry gives it, 0 = nothing; `None` elsewhere.
+    /// Label that geometry assigns to each contradicted pixel, 0 = none; `None` elsewhere.
     pub given: Vec<Option<LabelId>>,
-    /// Labels whose pixels were taken away or given.
+    /// Labels that lost or gained pixels.
     pub touched: BTreeSet<LabelId>,
-    /// Objects that geometry has mostly elsewhere (swapped with others, drifted away or lost), with what most of their
-    /// pixels are given.
+    /// Objects that geometry sees mostly elsewhere, with the label that most pixels get.
+    ///
+    /// They were swapped with others, drifted away or were lost.
     pub drifted: BTreeMap<LabelId, LabelId>,
 }
 
-/// A label in a mask, and the other one that geometry has there.
+/// A label in a mask, and the different label of geometry at the same pixel.
 type Pair = (LabelId, LabelId);
 
 impl Conflicts {
@@ -247,7 +264,9 @@ impl Conflicts {
     }
 }
 
-/// Whether mask and geometry differ in a pixel, and either has the other's label nowhere near.
+/// Returns whether mask and geometry differ at a pixel by more than a border shift.
+///
+/// This is the case if one of them does not have the other's label nearby.
 fn is_beyond_borders(mask: &LabelMask, sighted: &Sighted, at: usize, border_px: u32) -> bool {
     let held = mask.ids[at];
     sighted.labels[at].is_some_and(|label| {
@@ -257,7 +276,9 @@ fn is_beyond_borders(mask: &LabelMask, sighted: &Sighted, at: usize, border_px: 
     })
 }
 
-/// Labels contradicted in more pixels than mask and geometry agree in, with the label that takes most of theirs.
+/// Returns the labels that are contradicted in more pixels than they agree in.
+///
+/// Each is returned with the label that takes most of its pixels.
 fn drifted(
     mask: &LabelMask,
     sighted: &Sighted,
@@ -295,9 +316,11 @@ fn drifted(
     labels.map(|label| (label, taken_by(label))).collect()
 }
 
-/// Takes pixels of which geometry is not sure along with the nearest ones of the same object of which it is: a few steps
-/// into objects that were corrected, anywhere in those that drifted away, whose detached parts take what most of the object takes.
-/// `mask` is what became of `tracked` so far.
+/// Extends corrections to pixels where geometry is not confident.
+///
+/// Each pixel follows the nearest confident pixel of the same object: over a few steps in corrected
+/// objects, over any distance in drifted ones. Detached parts of a drifted object get the label
+/// that most of the object gets. `mask` is the result of the correction of `tracked` so far.
 fn spread(
     mask: &mut LabelMask,
     tracked: &LabelMask,

@@ -11,27 +11,29 @@ use ostra_masks::{
     Direction, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker, WalkedFrame,
 };
 
-/// What masks are checked against, and how.
+/// Keyframe views to check against, and options of the check.
 #[derive(Clone, Copy)]
 pub struct Geometry<'a> {
     pub keyframe_views: &'a KeyframeViews<'a>,
     pub options: &'a ConsistencyOptions,
 }
 
-/// One pass of a tracker over the frames, checked against geometry frame by frame. Where an object drifted away, the tracker is
-/// stopped and begins again with the corrected mask as a keyframe.
+/// One pass of a tracker, checked against geometry frame by frame.
 ///
-/// This is not the propagation driver's pass: it leads a whole [`Tracker`], any of them and those without passes too, which reads
-/// the frames itself and is only watched through what it hands on.
+/// If an object drifted, the tracker is stopped and restarts with the corrected mask as a keyframe.
+///
+/// This is not a pass of the propagation driver. It runs a whole [`Tracker`] of any kind, including
+/// those without passes. Such a tracker reads the frames itself, and only its emitted masks are
+/// visible here.
 pub struct CheckedPass<'a> {
     tracker: &'a dyn Tracker,
-    /// Forward or backward; with the corrected masks that the tracker began again from.
+    /// Forward or backward request, including the corrected masks of restarts.
     request: TrackRequest,
     /// Frames still to come.
     pending: BTreeSet<usize>,
-    /// Frames that the tracker passed over since it began.
+    /// Frames that the tracker skipped since its last start.
     passed: BTreeSet<usize>,
-    /// The frame on which the tracker began again last.
+    /// Frame of the last restart.
     seeded: Option<usize>,
     keyframe_views: &'a KeyframeViews<'a>,
     ahead: EvidenceAhead<'a>,
@@ -39,27 +41,27 @@ pub struct CheckedPass<'a> {
     progress: &'a Progress,
 }
 
-/// What a pass says of a frame.
+/// Result of a pass for one frame.
 pub struct Answer {
     pub frame: usize,
     pub walked: WalkedFrame,
-    /// Frames since the pass last began, at a keyframe or at a corrected mask.
+    /// Frames since the last start, at a keyframe or a corrected mask.
     pub steps: usize,
 }
 
-/// Takes the answers of a pass.
+/// Receives the results of a pass.
 pub type Found<'a> = dyn FnMut(Answer) -> Result<(), Stopped> + 'a;
 
-/// How the tracker ended.
+/// How a run of the tracker ended.
 enum End {
-    /// It was stopped at a frame, to begin again from this mask there.
+    /// It was stopped at this frame, to restart from this mask.
     Seed(usize, LabelMask),
-    /// It is through, with these warnings.
+    /// It finished, with these warnings.
     Through(Vec<String>),
 }
 
 impl<'a> CheckedPass<'a> {
-    /// A pass to `targets`, which are not empty; `request` goes one way.
+    /// Creates a pass to `targets`, which must not be empty; `request` has one direction.
     pub fn new(
         tracker: &'a dyn Tracker,
         request: TrackRequest,
@@ -85,10 +87,12 @@ impl<'a> CheckedPass<'a> {
         }
     }
 
-    /// Runs to the end; the tracker's warnings. Where it cannot go on after it began again, the reason is among them.
+    /// Runs to the end and returns the tracker's warnings.
+    ///
+    /// If the tracker fails after a restart, the reason is returned as a warning.
     ///
     /// # Errors
-    /// What the tracker says that does not even begin; [`MaskError::Stopped`].
+    /// Returns the tracker's error if it fails before any restart, or [`MaskError::Stopped`].
     pub fn follow(
         mut self,
         report: &mut ConsistencyReport,
@@ -110,13 +114,13 @@ impl<'a> CheckedPass<'a> {
         self.request.anchors.insert(frame, Arc::new(mask));
         self.seeded = Some(frame);
         report.seeded.insert(frame);
-        // A tracker that is stopped does not tell of them.
+        // A tracker that is stopped does not report the frames it skipped.
         report.passed.append(&mut self.passed);
         self.request.from = self.pending.first().copied().unwrap_or(frame);
         self.request.to = self.pending.last().copied().unwrap_or(frame);
     }
 
-    /// Lets the tracker go until an object drifted away.
+    /// Runs the tracker until it ends or an object drifts.
     fn stretch(
         &mut self,
         report: &mut ConsistencyReport,
@@ -183,7 +187,9 @@ impl<'a> CheckedPass<'a> {
         Ok(seed)
     }
 
-    /// What geometry says of a frame; `None`, which the report names, where that cannot be had.
+    /// Returns the re-projected labels of a frame.
+    ///
+    /// Returns `None` and notes the frame in the report if they are not available.
     fn evidence(
         &mut self,
         frame: usize,
@@ -210,7 +216,10 @@ impl<'a> CheckedPass<'a> {
         Ok(None)
     }
 
-    /// Frames of the same size that lie before this one on the way will not come any more: they could not be read.
+    /// Marks a frame as done.
+    ///
+    /// Frames of the same size earlier in the pass will not come any more, because they could not
+    /// be read.
     fn pass(&mut self, frame: usize) {
         let frames = &self.request.frames;
         let size = |frame: usize| (frames[frame].width, frames[frame].height);
@@ -231,7 +240,7 @@ impl<'a> CheckedPass<'a> {
         self.passed.extend(passed);
     }
 
-    /// Frames to where the pass last began.
+    /// Returns the number of frames since the pass last started.
     fn steps(&self, frame: usize) -> usize {
         let anchors = &self.request.anchors;
         let begun = match self.request.direction {
@@ -242,7 +251,7 @@ impl<'a> CheckedPass<'a> {
     }
 }
 
-/// What keyframes say of the frames of a pass, asked for a few frames at once: one for each thread.
+/// Re-projected labels of the coming frames, computed in batches of one frame per thread.
 struct EvidenceAhead<'a> {
     keyframe_views: &'a KeyframeViews<'a>,
     ready: BTreeMap<usize, Result<Option<ReprojectedLabels>, MaskError>>,
@@ -256,8 +265,9 @@ impl<'a> EvidenceAhead<'a> {
         }
     }
 
-    /// What they say of a frame, with the frames that will be asked for next; `None` where they cannot be asked
-    /// or it cannot be read.
+    /// Returns the labels of a frame, and computes those of the next frames with it.
+    ///
+    /// Returns `None` if no keyframe gives evidence for the frame, or if it cannot be read.
     ///
     /// # Errors
     /// As [`KeyframeViews::evidence_for`].
@@ -286,28 +296,28 @@ impl<'a> EvidenceAhead<'a> {
     }
 }
 
-/// Names listed in a message.
+/// Maximum number of frame names in a message.
 const NAMED: usize = 4;
 
-/// What geometry did to a tracker's masks.
+/// Effects of geometry on a tracker's masks.
 #[derive(Debug, Default)]
 pub struct ConsistencyReport {
-    /// Frames checked against it.
+    /// Frames checked.
     pub held: BTreeSet<usize>,
-    /// Pixels corrected, by frame; where two passes came by, in the worse one.
+    /// Corrected pixels by frame; with two passes, the larger number.
     pub mended: BTreeMap<usize, usize>,
-    /// Frames on which objects were given to the tracker again.
+    /// Frames on which the tracker was restarted.
     pub seeded: BTreeSet<usize>,
-    /// Frames that the tracker passed over before it began again.
+    /// Frames that the tracker skipped before a restart.
     pub passed: BTreeSet<usize>,
-    /// Frames left to the tracker: without depth or camera, or none that could be read.
+    /// Unchecked frames: without depth or camera, or unreadable.
     pub left: BTreeSet<usize>,
-    /// What the first of the frames that could not be read says.
+    /// Message of the first frame that could not be read.
     pub unread: Option<String>,
 }
 
 impl ConsistencyReport {
-    /// Notes what was corrected on a frame.
+    /// Records the corrections of a frame.
     pub fn note(&mut self, frame: usize, mended: usize) {
         self.held.insert(frame);
         if mended > 0 {
@@ -316,7 +326,7 @@ impl ConsistencyReport {
         }
     }
 
-    /// The lines that tell of it.
+    /// Returns the lines of the report.
     pub fn lines(&self, frames: &[Frame]) -> Vec<String> {
         let held = self.held.len();
         let mut lines = Vec::new();
@@ -355,7 +365,7 @@ impl ConsistencyReport {
     }
 }
 
-/// The first few frames by name, and how many more there are.
+/// Lists the first few frames by name, and how many more there are.
 fn names<'a>(of: impl ExactSizeIterator<Item = &'a usize>, frames: &[Frame]) -> String {
     let more = of.len().saturating_sub(NAMED);
     let named: Vec<&str> = of

@@ -1,5 +1,7 @@
-//! Any tracker's masks checked against the keyframes' masks carried through geometry: what contradicts is corrected, and an
-//! object that drifted away is given to the tracker again.
+//! A wrapper that checks any tracker's masks against re-projected keyframe masks.
+//!
+//! Contradictions are corrected. If an object has drifted, the tracker restarts from the corrected
+//! mask.
 
 mod check_mask;
 mod checked_pass;

@@ -10,21 +10,25 @@ use ostra_masks::{
     WalkedFrame, merged,
 };
 
-/// Any tracker, its masks checked against the keyframes' masks carried through geometry: the positional relations that the
-/// authors of the OSTRA method (Xu, Zhao, Tang, Gan, *A One Stop 3D Target Reconstruction and multilevel Segmentation
-/// Method*) propose to constrain it. Where a frame has depth and a camera and its surface is one that keyframes see, their
-/// label counts, but for borders of a few pixels; an object that is mostly elsewhere (swapped with another, drifted away,
-/// lost) is given to the tracker again on that frame. Geometry abstains where no keyframe sees the frame's surface, as where
-/// an object moved, and on frames without depth or camera.
+/// A tracker whose masks are checked against the keyframes' masks re-projected by geometry.
 ///
-/// The tracker runs in one direction at a time. Each of its masks is compared with the keyframes' labels in that frame, which are
-/// computed ahead, one frame per thread. Where an object drifted, the tracker is stopped by its own part of the job's
-/// `Progress` and starts again with the corrected mask as a keyframe of this pass alone. The passes are merged as those of the
-/// flow tracker are, by `merged`.
+/// These are the positional relations that the authors of the OSTRA method (Xu, Zhao, Tang, Gan, *A
+/// One Stop 3D Target Reconstruction and multilevel Segmentation Method*) propose as a constraint.
+/// On frames with depth and a camera, the keyframes' label counts wherever they see the surface,
+/// except for borders of a few pixels. An object that is mostly elsewhere (swapped with another,
+/// drifted away, lost) is given to the tracker again on that frame. Geometry abstains where no
+/// keyframe sees the frame's surface, for example where an object moved, and on frames without
+/// depth or camera.
+///
+/// The tracker runs in one direction at a time. Each of its masks is compared with the keyframes'
+/// labels in that frame, which are computed ahead, one frame per thread. If an object drifted, the
+/// tracker is stopped by its own part of the job's `Progress`. It restarts with the corrected mask
+/// as a keyframe of this pass alone. The passes are merged by `merged`, as those of the flow
+/// tracker are.
 pub struct ConsistencyTracker {
-    /// The tracker.
+    /// The wrapped tracker.
     pub tracker: Box<dyn Tracker>,
-    /// How its masks are held.
+    /// Options of the check.
     pub options: ConsistencyOptions,
 }
 
@@ -64,7 +68,7 @@ impl Tracker for ConsistencyTracker {
     }
 }
 
-/// The keyframes' masks with the labels that are tracked only.
+/// Returns the keyframes' masks, restricted to the labels that are tracked.
 fn chosen(request: &TrackRequest) -> BTreeMap<usize, Arc<LabelMask>> {
     let Some(chosen) = &request.labels else {
         return request.anchors.clone();
@@ -89,7 +93,7 @@ fn chosen(request: &TrackRequest) -> BTreeMap<usize, Arc<LabelMask>> {
         .collect()
 }
 
-/// Refuses what geometry can say nothing of.
+/// Rejects requests for which geometry gives no evidence.
 fn check(request: &TrackRequest, keyframe_views: &KeyframeViews<'_>) -> Result<(), MaskError> {
     if keyframe_views.have_no_labels() {
         return Err(MaskError::Request(
@@ -110,7 +114,7 @@ fn check(request: &TrackRequest, keyframe_views: &KeyframeViews<'_>) -> Result<(
     Ok(())
 }
 
-/// A tracking run of one pass or two; where two come by, they are merged.
+/// A tracking run of one or two passes; frames of both passes are merged.
 pub struct Run<'a> {
     pub tracker: &'a dyn Tracker,
     pub request: &'a TrackRequest,
@@ -118,7 +122,7 @@ pub struct Run<'a> {
     pub progress: &'a Progress,
 }
 
-/// An answer of the pass forwards, kept until the pass backwards comes by.
+/// A mask of the forward pass, kept for the backward pass.
 struct Kept {
     runs: RunMask,
     confidence: BTreeMap<LabelId, f32>,
@@ -126,7 +130,7 @@ struct Kept {
 }
 
 impl Run<'_> {
-    /// Tracks; what geometry did and the tracker's warnings.
+    /// Runs the passes; returns the report of the check and the tracker's warnings.
     pub fn track(&self, emit: &mut dyn FnMut(TrackedFrame)) -> Result<Vec<String>, MaskError> {
         let (forward, backward) = (
             self.targets(Direction::Forward),
@@ -184,7 +188,7 @@ impl Run<'_> {
             },
         );
         let second = unless_stopped(second)?;
-        // The pass backwards did not reach them.
+        // Frames that the backward pass did not reach.
         for (
             frame,
             Kept {
@@ -211,7 +215,7 @@ impl Run<'_> {
         Ok(lines)
     }
 
-    /// The frames asked for that have a keyframe on the side that a pass comes from.
+    /// Returns the requested frames that have a keyframe on the side the pass comes from.
     fn targets(&self, way: Direction) -> BTreeSet<usize> {
         let TrackRequest {
             anchors,
@@ -254,7 +258,7 @@ impl Run<'_> {
     }
 }
 
-/// A stop ends all; where one walk fails, the other may still answer.
+/// Returns an error only for a stop; if one pass fails, the other may still succeed.
 fn unless_stopped(
     ended: Result<Vec<String>, MaskError>,
 ) -> Result<Result<Vec<String>, MaskError>, Stopped> {
@@ -265,7 +269,7 @@ fn unless_stopped(
 }
 
 impl Kept {
-    /// Merged with what the other walk says, `steps` after it began.
+    /// Merges this mask with that of the other pass, `steps` after its start.
     fn met_by(self, other: &WalkedFrame, steps: usize) -> WalkedFrame {
         let nearness = steps as f32 / (steps + self.steps) as f32;
         merged(

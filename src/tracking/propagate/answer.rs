@@ -4,20 +4,20 @@ use rayon::prelude::*;
 
 use ostra_masks::{LabelId, LabelMask, RunMask};
 
-/// How probable each label is in every pixel of a frame, as a network says.
+/// A network's probability of each label in every pixel of a frame.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct LabelProbabilities {
     /// The labels, ascending.
     pub labels: Vec<LabelId>,
-    /// Size of the maps, px: the image's own size.
+    /// Size of the maps in pixels: the size of the image.
     pub width: usize,
     pub height: usize,
-    /// `[1 + labels][height][width]`, row by row: the probability of nothing, then of each label; they sum to 1.
+    /// Shape `[1 + labels][height][width]`: the background, then each label; they sum to 1.
     pub probabilities: Vec<f32>,
 }
 
 impl LabelProbabilities {
-    /// From maps of nothing and of each of `labels`, which are in any order.
+    /// Creates the maps from those of the background and of `labels` in any order.
     pub fn sorted(labels: &[LabelId], size: (usize, usize), maps: Vec<f32>) -> Self {
         let (width, height) = size;
         let area = width * height;
@@ -40,7 +40,7 @@ impl LabelProbabilities {
         }
     }
 
-    /// Of a label, or of nothing, in a pixel; 0 for a label that is not among them.
+    /// Returns the probability of a label or of the background; 0 for an unknown label.
     fn at(&self, label: LabelId, pixel: usize) -> f32 {
         let area = self.width * self.height;
         match self.labels.binary_search(&label) {
@@ -51,7 +51,7 @@ impl LabelProbabilities {
     }
 }
 
-/// The most probable map of every pixel, with its value; of equals the first.
+/// Returns the map with the highest value per pixel, and that value; the first if equal.
 pub(crate) fn most_probable(maps: &[f32], area: usize) -> Vec<(usize, f32)> {
     let blocks = (0..area).into_par_iter().step_by(BLOCK).map(|first| {
         let pixels = first..(first + BLOCK).min(area);
@@ -70,23 +70,27 @@ fn best<'a>(probabilities: impl Iterator<Item = &'a f32>) -> (usize, f32) {
         })
 }
 
-/// Pixels that a thread takes at once.
+/// Pixels per parallel task.
 const BLOCK: usize = 1 << 14;
 
-/// What one pass says of a frame.
+/// Result of one pass for a frame.
 pub(crate) struct Answer {
-    /// At the size that the engine works at.
+    /// The mask, at the engine's working size.
     pub mask: LabelMask,
-    /// How sure the pass is of each label, 0–1; may name nothing ([`LabelId::NONE`]) and labels that the mask does not show.
+    /// Confidence of each label, 0–1.
+    ///
+    /// May include the background ([`LabelId::NONE`]) and labels that the mask does not show.
     pub confidence: BTreeMap<LabelId, f32>,
-    /// The labels that the pass knows: of others it says nothing.
+    /// The labels that the pass tracks; it has no evidence about others.
     pub known: BTreeSet<LabelId>,
-    /// Where the engine gives them.
+    /// Probabilities, if the engine provides them.
     pub probabilities: Option<LabelProbabilities>,
 }
 
 impl Answer {
-    /// The most probable label of every pixel; as sure as these are on average.
+    /// Takes the most probable label of every pixel.
+    ///
+    /// The confidence of a label is the mean of its pixels' probabilities.
     pub fn most_probable(given: LabelProbabilities) -> Self {
         let best = most_probable(&given.probabilities, given.width * given.height);
         let id = |map: usize| {
@@ -118,9 +122,12 @@ impl Answer {
         }
     }
 
-    /// One answer out of those of two passes that met on a frame, this one counting `nearness` of 1 and `second` the rest.
-    /// Where they differ, the label that is the more probable counts; this pass's is taken to be as probable everywhere as it
-    /// is on average, as only the second has its probabilities still. What a pass does not know it says nothing of.
+    /// Merges the results of two passes for a frame.
+    ///
+    /// This one has weight `nearness`, `second` has the rest. Where the masks differ, the more
+    /// probable label wins. This pass's label is assumed to have its mean probability everywhere,
+    /// because only the second pass still has its probabilities. A pass has no vote on labels that
+    /// it does not track.
     pub fn merged(&self, second: &Self, nearness: f32) -> Self {
         let pairs = self.mask.ids.par_iter().zip(&second.mask.ids).enumerate();
         let ids = pairs.map(|(at, (&a, &b))| {
@@ -173,7 +180,7 @@ impl Answer {
     }
 }
 
-/// An answer of the pass forwards, kept small until the pass backwards comes by.
+/// A result of the forward pass, stored compactly for the backward pass.
 pub(super) struct KeptAnswer {
     runs: RunMask,
     confidence: BTreeMap<LabelId, f32>,
@@ -203,7 +210,7 @@ impl KeptAnswer {
     }
 }
 
-/// The labels that a mask shows.
+/// Returns the labels that a mask shows.
 pub(crate) fn shown_labels(mask: &LabelMask) -> BTreeSet<LabelId> {
     let mut last = LabelId::NONE;
     let mut labels = BTreeSet::new();

@@ -6,46 +6,53 @@ use super::plan::{KeyframeUse, Pass, PropagationPlan, Section};
 use ostra_core::job::Progress;
 use ostra_masks::{Direction, LabelMask, MaskError, TrackRequest, TrackedFrame};
 
-/// An engine that carries masks from one frame to the next. One object serves the passes of one [`Section`].
+/// An engine that propagates masks from one frame to the next.
 ///
-/// What it remembers are Rust values of bounded size; the networks behind it have no state.
+/// One object serves the passes of one [`Section`]. Its memory consists of Rust values of bounded
+/// size; the networks behind it have no state.
 pub(crate) trait MaskPropagator {
-    /// Forgets all objects: the frames that follow belong to a pass in this direction.
+    /// Forgets all objects and starts a pass in this direction.
     fn start_pass(&mut self, direction: Direction);
 
-    /// Takes the labels of `mask` on a frame as given: the first frame of the pass, a later keyframe, or one on which labels
-    /// appear for the first time. Labels that `mask` does not show keep what is remembered of them.
+    /// Accepts the labels of `mask` on a frame as given.
+    ///
+    /// The frame is the first of the pass, a later keyframe, or one on which labels appear for the
+    /// first time. Labels that `mask` does not show keep their memory.
     fn add_keyframe(&mut self, frame: &PassFrame, mask: &LabelMask) -> Result<(), MaskError>;
 
-    /// Learns from the keyframe at the other end of an interval, right after the one that the pass starts at.
+    /// Learns from the keyframe at the other end of an interval.
+    ///
+    /// It is called right after the first keyframe of the pass was added.
     fn add_far_keyframe(&mut self, _frame: &PassFrame, _mask: &LabelMask) -> Result<(), MaskError> {
         Ok(())
     }
 
-    /// Carries the masks to the next frame of the pass.
+    /// Propagates the masks to the next frame of the pass.
     fn carry_to(
         &mut self,
         frame: &PassFrame,
         ahead: &mut LookAhead<'_, '_>,
     ) -> Result<Answer, MaskError>;
 
-    /// One answer out of those of the passes forwards (`first`) and backwards, where `nearness` is 1 at the keyframe that the
-    /// first comes from and 0 at the other.
+    /// Merges the results of the forward pass (`first`) and the backward pass.
+    ///
+    /// `nearness` is 1 at the keyframe of the forward pass and 0 at the other.
     fn merge(&self, first: &Answer, second: &Answer, nearness: f32) -> Answer {
         first.merged(second, nearness)
     }
 
-    /// The mask of an answer at the size of the frame's image.
+    /// Returns the mask of a result at the size of the frame's image.
     fn mask_of_frame(&self, answer: &Answer, _width: u32, _height: u32) -> LabelMask {
         answer.mask.clone()
     }
 }
 
-/// Makes the engine of a section.
+/// Function that creates the engine of a section.
 type MakePropagator<'a> = dyn Fn(&Section) -> Box<dyn MaskPropagator + 'a> + 'a;
 
-/// What [`ostra_masks::Tracker::track`] is asked for: leads an engine forwards and backwards through the frames from keyframes;
-/// where both passes come by, their answers are merged.
+/// Runs an engine forward and backward through the frames of a tracking request.
+///
+/// Results of frames that both passes reach are merged. See [`ostra_masks::Tracker::track`].
 ///
 /// # Errors
 /// As [`ostra_masks::Tracker::track`].
@@ -88,21 +95,23 @@ struct Run<'a> {
     reader: FrameReader<'a>,
     done: usize,
     total: usize,
-    /// The frames that were handed on.
+    /// Frames whose masks were emitted.
     answered: BTreeSet<usize>,
 }
 
-/// A section while an engine is led through it.
+/// State of a section while an engine runs through it.
 struct SectionRun<'s> {
     section: &'s Section,
     engine: &'s mut dyn MaskPropagator,
-    /// Answers of the pass forwards, by frame, until the pass backwards comes by.
+    /// Results of the forward pass, by frame, until the backward pass reaches them.
     kept: BTreeMap<usize, KeptAnswer>,
 }
 
 impl Run<'_> {
-    /// Leads the engine forwards, then backwards. What the first pass finds is handed on at once, and again when the second
-    /// has come by.
+    /// Runs the engine forward, then backward.
+    ///
+    /// Results of the first pass are emitted at once, and again when the second pass has reached
+    /// the frame.
     fn section(
         &mut self,
         section: &Section,
@@ -115,7 +124,7 @@ impl Run<'_> {
         };
         self.pass(&mut run, Direction::Forward)?;
         self.pass(&mut run, Direction::Backward)?;
-        // The keyframe that the second pass was to start at could not be read.
+        // The keyframe at which the second pass should start could not be read.
         for (frame, answer) in std::mem::take(&mut run.kept) {
             if section.backward.targets.contains(&frame) {
                 self.hand_on(run.engine, frame, &answer.unpacked(), false);
@@ -124,7 +133,7 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Leads the engine through one pass. A keyframe that cannot be read starts no pass.
+    /// Runs the engine through one pass. An unreadable keyframe starts no pass.
     fn pass(&mut self, run: &mut SectionRun<'_>, direction: Direction) -> Result<(), MaskError> {
         let section = run.section;
         let pass = section.pass(direction);
@@ -186,7 +195,7 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Hands an answer on, merged with that of the other pass where there is one.
+    /// Emits a result, merged with that of the other pass if there is one.
     fn take(
         &mut self,
         run: &mut SectionRun<'_>,

@@ -7,11 +7,13 @@ use ostra_core::job::{Progress, Stopped};
 use ostra_frames::{FrameError, Image};
 use ostra_masks::{LabelMask, MaskError, TrackRequest};
 
-/// Frames and bytes that a pass backwards reads together, in rising order: a video is decoded forwards only.
+/// Limits on the frames and bytes that a backward pass reads as one block.
+///
+/// A block is read in ascending order, because a video is decoded forward only.
 const BLOCK_FRAMES: usize = 16;
 const BLOCK_BYTES: usize = 128 << 20;
 
-/// The most frames that a warning names.
+/// Maximum number of frame names in a warning.
 const MOST_NAMED: usize = 5;
 
 /// One frame of a pass with its image.
@@ -21,7 +23,7 @@ pub(crate) struct PassFrame {
     pub image: Arc<Image>,
 }
 
-/// Reads the images of a request. Frames that cannot be read are noted and left out.
+/// Reads the images of a request. Unreadable frames are noted and skipped.
 pub(super) struct FrameReader<'a> {
     request: &'a TrackRequest,
     progress: &'a Progress,
@@ -37,7 +39,7 @@ impl<'a> FrameReader<'a> {
         }
     }
 
-    /// A frame with its image; `None` where that cannot be read.
+    /// Reads a frame's image; `None` if it cannot be read.
     pub fn read(&mut self, index: usize) -> Result<Option<PassFrame>, Stopped> {
         self.progress.check()?;
         let image = self.request.store.image(&self.request.frames[index]);
@@ -47,13 +49,15 @@ impl<'a> FrameReader<'a> {
             .ok())
     }
 
-    /// The first of the frames that could not be read, as an error.
+    /// Returns the error of the first frame that could not be read.
     pub fn failure(&mut self) -> Option<MaskError> {
         self.unread.pop_first().map(|(_, error)| error.into())
     }
 
-    /// Lines that name the frames which could not be read, those of the `missed` ones that could but come before any keyframe
-    /// that can be read, and those of another size than any keyframe.
+    /// Returns one line for each kind of skipped frame.
+    ///
+    /// These are unreadable frames, readable frames of `missed`, and frames whose size differs from
+    /// that of all keyframes. Frames in `missed` come before any readable keyframe.
     pub fn warnings(&self, missed: &[usize], other_sizes: &[usize]) -> Vec<String> {
         let mut lines = Vec::new();
         if let Some(first) = self.unread.values().next() {
@@ -94,7 +98,7 @@ impl<'a> FrameReader<'a> {
         more.map_or(names.clone(), |more| format!("{names} and {more} more"))
     }
 
-    /// Of the frames still to come, how many at the front are read together.
+    /// Returns how many of the next frames are read as one block.
     fn block_length(&self, coming: &VecDeque<usize>) -> usize {
         let Some(&first) = coming.front() else {
             return 0;
@@ -114,7 +118,7 @@ pub(super) struct Upcoming {
     coming: VecDeque<usize>,
     /// Read as a block, the next one last.
     block: Vec<PassFrame>,
-    /// Looked at before their turn.
+    /// Read ahead of their turn.
     peeked: VecDeque<PassFrame>,
 }
 
@@ -129,12 +133,12 @@ impl Upcoming {
         }
     }
 
-    /// Frames that were taken or left out as they cannot be read.
+    /// Returns the number of frames that were taken or skipped as unreadable.
     pub fn passed(&self) -> usize {
         self.count - self.coming.len() - self.block.len() - self.peeked.len()
     }
 
-    /// Whether a keyframe is still to come.
+    /// Returns whether a keyframe is still to come.
     pub fn has_keyframe(&self, section: &Section) -> bool {
         let read = self
             .block
@@ -145,7 +149,7 @@ impl Upcoming {
         all.any(|frame| section.keyframes.contains_key(&frame))
     }
 
-    /// Takes the next frame that can be read; `None` at the end.
+    /// Takes the next readable frame; `None` at the end.
     pub fn next(&mut self, reader: &mut FrameReader<'_>) -> Result<Option<PassFrame>, Stopped> {
         match self.peeked.pop_front() {
             Some(frame) => Ok(Some(frame)),
@@ -153,7 +157,7 @@ impl Upcoming {
         }
     }
 
-    /// The frame `place` frames after the next one, without taking it.
+    /// Returns the frame `place` frames after the next one, without taking it.
     fn peek(
         &mut self,
         place: usize,
@@ -180,19 +184,21 @@ impl Upcoming {
     }
 }
 
-/// What is known of frames before an engine carries masks to them: the mask of the keyframe at the end of the pass, and the
-/// answers of the pass that came from there.
+/// Masks of frames that an engine has not reached yet.
+///
+/// These are the mask of the keyframe at the end of the pass, and the results of the pass that came
+/// from there.
 pub(super) struct KnownMasks<'a> {
     pub section: &'a Section,
     pub pass: &'a Pass,
     pub kept: &'a BTreeMap<usize, KeptAnswer>,
 }
 
-/// The mask of a frame that lies ahead.
+/// Mask of a frame ahead.
 pub(crate) struct KnownMask {
-    /// At the size of the engine's answers, or of the frame's image where it is a keyframe's.
+    /// The mask, at the size of the engine's results; a keyframe's has the size of its image.
     pub mask: LabelMask,
-    /// How much it counts next to the mask of the frame before, 0–1.
+    /// Weight relative to the mask of the frame before, 0–1.
     pub share: f32,
 }
 
@@ -205,7 +211,7 @@ impl KnownMasks<'_> {
     }
 }
 
-/// What an engine can see of the frames after the one that it carries masks to.
+/// Access of an engine to the frames after the one it propagates masks to.
 pub(crate) struct LookAhead<'a, 'r> {
     pub(super) upcoming: &'a mut Upcoming,
     pub(super) reader: &'a mut FrameReader<'r>,
@@ -216,15 +222,15 @@ pub(crate) struct LookAhead<'a, 'r> {
 }
 
 impl LookAhead<'_, '_> {
-    /// The frame `place` frames after the one that comes next; `None` beyond the end of the pass.
+    /// Returns the frame `place` frames after the next one; `None` beyond the end of the pass.
     ///
     /// # Errors
-    /// [`MaskError::Stopped`].
+    /// [`MaskError::Stopped`] if the user stops the job.
     pub fn frame(&mut self, place: usize) -> Result<Option<PassFrame>, MaskError> {
         Ok(self.upcoming.peek(place, self.reader)?)
     }
 
-    /// The mask of a frame ahead, where it is known.
+    /// Returns the mask of a frame ahead, if it is known.
     pub fn mask(&self, frame: usize) -> Option<KnownMask> {
         let mask = self.known.get(frame)?;
         let share = self.interval?.share_of(frame, self.previous);

@@ -1,9 +1,10 @@
-//! One driver for every engine that carries masks from frame to frame (optical flow, XMem, DeAOT), each behind the trait
-//! [`MaskPropagator`].
+//! The driver of all engines that propagate masks from frame to frame.
 //!
-//! The driver ([`propagate`]) plans which frames are passed through in which order ([`PropagationPlan`]), reads their images
-//! (in blocks where a pass runs backwards), leaves out frames that cannot be read, merges the answers of two passes that meet,
-//! reports progress and ends when the user stops it. An engine only carries masks from the frame before to the next.
+//! Optical flow, XMem and DeAOT each implement the trait [`MaskPropagator`]. The driver
+//! ([`propagate`]) plans the order of the frames ([`PropagationPlan`]), reads their images (in
+//! blocks for a backward pass) and skips unreadable frames. It merges the results of two passes,
+//! reports progress and stops when the user asks. An engine only propagates masks from one frame to
+//! the next.
 
 mod answer;
 mod driver;

@@ -9,20 +9,21 @@ use ostra_masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest};
 pub(crate) enum KeyframeUse {
     /// Every pass starts at one keyframe and ends before the next. Images may differ in size.
     Interval,
-    /// A pass runs through all frames of one image size and takes over every keyframe it comes to, so that the engine's memory
-    /// holds all of them.
+    /// A pass runs through all frames of one image size.
+    ///
+    /// It adds every keyframe on its way, so the engine's memory holds all of them.
     Sequence,
 }
 
-/// Which frames an engine is led through, section by section.
+/// The frames that an engine runs through, section by section.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct PropagationPlan {
     pub sections: Vec<Section>,
-    /// Frames that were asked for, but whose images differ in size from those of all keyframes.
+    /// Requested frames whose image size differs from that of all keyframes.
     pub other_sizes: Vec<usize>,
 }
 
-/// Frames with the keyframes that their masks come from: an interval, or all frames of one image size.
+/// Frames and their keyframes: an interval, or all frames of one image size.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Section {
     pub keyframes: BTreeMap<usize, Arc<LabelMask>>,
@@ -30,16 +31,16 @@ pub(crate) struct Section {
     pub backward: Pass,
 }
 
-/// One way through the frames of a section.
+/// One pass through the frames of a section.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(crate) struct Pass {
-    /// Frames in the order of the pass; the first is a keyframe. Empty where the section has no such pass.
+    /// Frames in the order of the pass; the first is a keyframe. Empty if there is no such pass.
     pub frames: Vec<usize>,
-    /// The frames among them whose masks are handed on.
+    /// The frames among them whose masks are emitted.
     pub targets: BTreeSet<usize>,
-    /// The keyframe at the other end of an interval, from which an engine may learn before it gets there.
+    /// The keyframe at the other end of an interval, which an engine may learn from in advance.
     pub far_keyframe: Option<usize>,
-    /// The frame after the last one, which an engine may look ahead to where its mask is known.
+    /// The frame after the last one, which an engine may look ahead to if its mask is known.
     pub beyond: Option<usize>,
 }
 
@@ -51,10 +52,10 @@ pub(super) struct KeyframeInterval {
 }
 
 impl PropagationPlan {
-    /// The sections of a request.
+    /// Plans the sections of a request.
     ///
     /// # Errors
-    /// [`MaskError::Request`] where no frame can be reached.
+    /// [`MaskError::Request`] if no frame can be reached.
     pub fn new(request: &TrackRequest, keyframe_use: KeyframeUse) -> Result<Self, MaskError> {
         let plan = match keyframe_use {
             KeyframeUse::Interval => Self::intervals(request),
@@ -70,13 +71,13 @@ impl PropagationPlan {
         Ok(plan)
     }
 
-    /// Frames that are passed through, counted once a pass.
+    /// Returns the number of frames to process, counted once per pass.
     pub fn steps(&self) -> usize {
         let passes = self.sections.iter().flat_map(Section::passes);
         passes.map(|pass| pass.frames.len()).sum()
     }
 
-    /// The frames whose masks are handed on.
+    /// Returns the frames whose masks are emitted.
     pub fn targets(&self) -> impl Iterator<Item = usize> {
         let sections = self.sections.iter();
         sections.flat_map(|section| {
@@ -88,7 +89,7 @@ impl PropagationPlan {
         })
     }
 
-    /// One section for every run of frames between the same keyframes.
+    /// Plans one section for every run of frames between the same keyframes.
     fn intervals(request: &TrackRequest) -> Self {
         let mut intervals: Vec<RequestedInterval> = Vec::new();
         let is_asked = |frame: &usize| !request.anchors.contains_key(frame);
@@ -121,7 +122,7 @@ impl PropagationPlan {
         }
     }
 
-    /// One section for every image size that a keyframe has.
+    /// Plans one section for every image size of the keyframes.
     fn sequences(request: &TrackRequest) -> Result<Self, MaskError> {
         let size = |frame: usize| (request.frames[frame].width, request.frames[frame].height);
         let mut by_size: BTreeMap<(u32, u32), BTreeMap<usize, Arc<LabelMask>>> = BTreeMap::new();
@@ -168,7 +169,7 @@ impl PropagationPlan {
     }
 }
 
-/// Frames in a row that were asked for and lie between the same keyframes.
+/// Consecutive requested frames between the same keyframes.
 struct RequestedInterval {
     from: usize,
     to: usize,
@@ -206,7 +207,7 @@ impl RequestedInterval {
 }
 
 impl Section {
-    /// The pass in a direction.
+    /// Returns the pass in a direction.
     pub(super) fn pass(&self, direction: Direction) -> &Pass {
         match direction {
             Direction::Backward => &self.backward,
@@ -218,12 +219,12 @@ impl Section {
         [&self.forward, &self.backward]
     }
 
-    /// Whether both a keyframe before and one after are passed on from.
+    /// Returns whether the section has both a forward and a backward pass.
     pub fn has_both_passes(&self) -> bool {
         self.passes().iter().all(|pass| !pass.frames.is_empty())
     }
 
-    /// The keyframes around a frame that is none; `None` where one side has none.
+    /// Returns the keyframes around a non-keyframe; `None` if one side has none.
     pub(super) fn interval_at(&self, frame: usize) -> Option<KeyframeInterval> {
         let (&before, _) = self.keyframes.range(..frame).next_back()?;
         let (&after, _) = self.keyframes.range(frame + 1..).next()?;
@@ -232,8 +233,9 @@ impl Section {
 }
 
 impl Pass {
-    /// Along `frames` to those of the `asked` that come after a keyframe. It starts at the keyframes before them: for each
-    /// label at the last one that shows it.
+    /// Plans a pass along `frames` to those of `asked` that come after a keyframe.
+    ///
+    /// It starts at the keyframes before them: for each label, at the last one that shows it.
     fn through(
         frames: &[usize],
         keyframes: &BTreeMap<usize, Arc<LabelMask>>,
@@ -269,13 +271,15 @@ impl Pass {
 }
 
 impl KeyframeInterval {
-    /// How near the keyframe before is to a frame, from 1 at it to 0 at the keyframe after.
+    /// Returns the proximity of a frame to the keyframe before: 1 at it, 0 at the one after.
     pub fn nearness(self, frame: usize) -> f32 {
         (self.after as f32 - frame as f32) / (self.after - self.before) as f32
     }
 
-    /// How much the mask of frame `other`, which comes from one keyframe, counts next to that of frame `own`, which comes from
-    /// the other, 0–1: as each is near its keyframe.
+    /// Returns the weight of frame `other` relative to frame `own`, 0–1.
+    ///
+    /// The masks of the two frames come from different keyframes. Each counts by its proximity to
+    /// its keyframe.
     pub fn share_of(self, other: usize, own: usize) -> f32 {
         let (of_other, of_own) = (self.nearness(other), self.nearness(own));
         let (other, own) = if other < own {
@@ -287,7 +291,7 @@ impl KeyframeInterval {
     }
 }
 
-/// A mask with the chosen labels only; `None` where it shows none of them.
+/// Returns a mask with the chosen labels only; `None` if it shows none of them.
 fn with_labels(
     mask: &Arc<LabelMask>,
     chosen: Option<&BTreeSet<LabelId>>,
@@ -321,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn of_two_frames_the_one_nearer_to_its_keyframe_counts_more() {
+    fn frame_nearer_to_its_keyframe_has_more_weight() {
         let interval = section(&[10, 18]).interval_at(11).unwrap();
         assert_eq!(
             interval,

@@ -1,4 +1,4 @@
-//! The driver with an engine that needs no network: what it is given stays where it is.
+//! Tests of the driver with an engine that keeps masks in place and needs no network.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,10 +16,10 @@ const WIDTH: u32 = 12;
 const HEIGHT: u32 = 4;
 const A: LabelId = LabelId(3);
 const B: LabelId = LabelId(5);
-/// How sure the engine is.
+/// Confidence of the engine.
 const SURE: f32 = 0.75;
 
-/// Notes what it is asked, as `r4 p5 …`; frames are distinguished by their colour.
+/// An engine that records its calls as `r4 p5 …`; frames are identified by their colour.
 struct Still<'a> {
     asked: &'a RefCell<Vec<String>>,
     known: BTreeMap<LabelId, Vec<bool>>,
@@ -81,10 +81,10 @@ struct Sequence {
     request: TrackRequest,
 }
 
-/// What came of tracking.
+/// Result of a tracking run.
 struct Outcome {
     asked: String,
-    /// In the order in which they were handed on.
+    /// Frames in the order in which they were emitted.
     given: Vec<TrackedFrame>,
     ended: Result<Vec<String>, MaskError>,
 }
@@ -129,7 +129,7 @@ impl Sequence {
         self.track_until(usize::MAX)
     }
 
-    /// A stop is asked for when so many frames have been handed on.
+    /// Tracks, and requests a stop after `count` frames have been emitted.
     fn track_until(&self, count: usize) -> Outcome {
         let (progress, asked, mut given) = (Progress::default(), RefCell::default(), Vec::new());
         let mut emit = |frame| {
@@ -161,7 +161,7 @@ impl Sequence {
 }
 
 impl Outcome {
-    /// Numbers of the frames handed on, `~` behind preliminary ones.
+    /// Returns the numbers of the emitted frames, with `~` after preliminary ones.
     fn frames(&self) -> String {
         let told = |frame: &TrackedFrame| {
             format!(
@@ -173,7 +173,7 @@ impl Outcome {
         self.given.iter().map(told).collect::<Vec<_>>().join(" ")
     }
 
-    /// The last answer for a frame.
+    /// Returns the last result for a frame.
     fn last(&self, frame: usize) -> &TrackedFrame {
         self.given
             .iter()
@@ -182,7 +182,7 @@ impl Outcome {
     }
 }
 
-/// A mask with a label in each range of columns.
+/// Creates a mask with a label in each range of columns.
 fn mask(parts: &[(LabelId, std::ops::Range<u32>)]) -> LabelMask {
     let mut mask = LabelMask::empty(WIDTH, HEIGHT);
     for (at, id) in mask.ids.iter_mut().enumerate() {
@@ -196,7 +196,7 @@ fn mask(parts: &[(LabelId, std::ops::Range<u32>)]) -> LabelMask {
 }
 
 #[test]
-fn passes_go_both_ways_and_take_over_keyframes() {
+fn passes_run_in_both_directions_and_add_keyframes() {
     let mut sequence = Sequence::new(9, &[(3, mask(&[(A, 0..4)])), (6, mask(&[(A, 0..4)]))]);
     let outcome = sequence.track();
     assert_eq!(outcome.asked, "r3A p4 p5 r6A p7 p8 r6A p5 p4 r3A p2 p1 p0");
@@ -243,7 +243,7 @@ fn nearest_keyframes_outside_the_range_are_read() {
 }
 
 #[test]
-fn label_of_a_later_keyframe_is_added_there_and_carried_back() {
+fn label_of_a_later_keyframe_is_added_and_propagated_back() {
     let sequence = Sequence::new(7, &[(0, mask(&[(A, 0..4)])), (4, mask(&[(B, 8..10)]))]);
     let outcome = sequence.track();
     assert_eq!(outcome.asked, "r0A p1 p2 p3 r4B p5 p6 r4B p3 p2 p1");
@@ -263,12 +263,12 @@ fn label_of_a_later_keyframe_is_added_there_and_carried_back() {
 }
 
 #[test]
-fn nearer_keyframe_counts_more_between_two() {
+fn nearer_keyframe_has_more_weight() {
     let sequence = Sequence::new(11, &[(0, mask(&[(A, 0..4)])), (10, mask(&[(A, 4..8)]))]);
     let outcome = sequence.track();
     assert_eq!(outcome.last(2).mask, mask(&[(A, 0..4)]));
     assert_eq!(outcome.last(8).mask, mask(&[(A, 4..8)]));
-    // The walks share no pixel: half of what one that all agree on would be.
+    // The passes share no pixel, so the confidence is half of that in full agreement.
     assert!((outcome.last(2).confidence[&A] - SURE / 2.0).abs() < 1e-6);
     assert!(
         outcome
@@ -280,7 +280,7 @@ fn nearer_keyframe_counts_more_between_two() {
 }
 
 #[test]
-fn stop_keeps_what_is_done() {
+fn finished_frames_survive_a_stop() {
     let sequence = Sequence::new(9, &[(0, mask(&[(A, 0..4)]))]);
     let outcome = sequence.track_until(3);
     assert!(matches!(outcome.ended, Err(MaskError::Stopped(_))));
@@ -312,7 +312,7 @@ fn only_requested_labels_are_tracked() {
 }
 
 #[test]
-fn images_of_another_size_have_their_own_passes_or_are_named() {
+fn images_of_another_size_get_their_own_pass_or_a_warning() {
     let mut sequence = Sequence::new(6, &[(0, mask(&[(A, 0..4)]))]);
     let mut frames = sequence.request.frames.to_vec();
     for at in [2, 4] {
@@ -348,7 +348,7 @@ fn images_of_another_size_have_their_own_passes_or_are_named() {
 }
 
 #[test]
-fn unreadable_frames_are_left_out_and_named() {
+fn unreadable_frames_are_skipped_and_named() {
     let sequence = Sequence::new(5, &[(0, mask(&[(A, 0..4)])), (4, mask(&[(A, 0..4)]))]);
     let remove = |at: usize| {
         std::fs::remove_file(sequence.folder.path().join(format!("{at:02}.png"))).unwrap();

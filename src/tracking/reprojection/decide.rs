@@ -7,7 +7,9 @@ use ostra_core::job::{Progress, Stopped};
 use ostra_frames::Image;
 use ostra_masks::{LabelId, LabelMask};
 
-/// The mask of a target and how sure each label in it is, 0–1. `depths` are its own with what keyframes show in its holes.
+/// Decides the mask of a target frame; returns it with each label's confidence, 0–1.
+///
+/// `depths` are the target's own depths, with holes filled from keyframes.
 pub fn decide(
     votes: &Votes,
     (target, depths): (&DepthView, &[f32]),
@@ -50,7 +52,7 @@ pub fn decide(
     Ok((mask, confidence))
 }
 
-/// Gives the label the pixels that belong to it more than to the labels before.
+/// Assigns the label to the pixels that have a higher score than for earlier labels.
 fn lay_over(
     label_scores: &[f32],
     label: LabelId,
@@ -68,7 +70,7 @@ fn lay_over(
     }
 }
 
-/// Per label the mean of how far its pixels belong to it.
+/// Returns the mean score of each label's pixels.
 fn confidence(mask: &LabelMask, best: &[f32]) -> BTreeMap<LabelId, f32> {
     let mut sums: BTreeMap<LabelId, (f64, f64)> = BTreeMap::new();
     for (ids, shares) in mask
@@ -86,8 +88,10 @@ fn confidence(mask: &LabelMask, best: &[f32]) -> BTreeMap<LabelId, f32> {
         .collect()
 }
 
-/// For each pixel of a box how far it belongs to a label, −1 to 1, from the balance and weight of its votes and of those
-/// that reach it over even surfaces; −1 where none do.
+/// Returns the score of a label for each pixel of a box, −1 to 1.
+///
+/// The score combines balance and weight of the pixel's own votes and of votes that reach it over
+/// smooth surfaces. It is −1 where no votes reach.
 pub fn label_scores(
     votes: &[[f32; 2]],
     edge_affinity: EdgeAffinity,
@@ -107,10 +111,12 @@ pub fn label_scores(
     votes.iter().zip(&spread).map(decide).collect()
 }
 
-/// Largest difference of two colours: the sum over channels.
+/// Number of possible colour differences, summed over channels.
 const COLORS: usize = 3 * 255 + 1;
 
-/// How votes pass between the pixels of a box: less over edges of colour and jumps of depth.
+/// Computes how votes pass between neighbouring pixels of a box.
+///
+/// Less passes over colour edges and depth jumps.
 pub fn edge_affinity(
     image: &Image,
     depths: &[f32],
@@ -157,8 +163,9 @@ pub fn edge_affinity(
     }
 }
 
-/// Depths with those of the nearest pixel that has one in every hole, so that a hole between two surfaces is no way from
-/// one to the other.
+/// Fills each hole with the depth of the nearest pixel that has one.
+///
+/// A hole between two surfaces then does not connect them.
 fn bridged(depths: &[f32], width: usize) -> Vec<f32> {
     let mut bridged = depths.to_vec();
     let mut steps: Vec<u32> = depths
@@ -184,7 +191,7 @@ fn bridged(depths: &[f32], width: usize) -> Vec<f32> {
     bridged
 }
 
-/// By difference of colour how much passes over a step that is `extra_px` longer.
+/// Returns the share that passes a step `extra_px` longer, by colour difference.
 fn shares(extra_px: f32, options: &ReprojectionOptions) -> [f32; COLORS] {
     let rate = -(2f32.sqrt()) / (options.reach_px * first_round_share());
     std::array::from_fn(|difference| {
@@ -193,19 +200,20 @@ fn shares(extra_px: f32, options: &ReprojectionOptions) -> [f32; COLORS] {
     })
 }
 
-/// How much of a value passes from a pixel to the next, for every pair of neighbours in a box: 1 on an even surface with
-/// unlimited reach, less over edges.
+/// Share of a value that passes between neighbouring pixels of a box.
+///
+/// It is 1 on a smooth surface with unlimited reach, and less over edges.
 #[derive(Debug, Clone)]
 pub struct EdgeAffinity {
     pub width: usize,
-    /// From the pixel before in the row; the first of a row is unused.
+    /// From the left neighbour; the first of each row is unused.
     pub across: Vec<f32>,
     /// From the pixel above; the first row is unused.
     pub down: Vec<f32>,
 }
 
 impl EdgeAffinity {
-    /// The part in a smaller box, whose first pixel is in column `left`, row `top`.
+    /// Returns the part in a smaller box that starts at column `left`, row `top`.
     pub fn part(&self, left: usize, top: usize, width: usize, height: usize) -> Self {
         let rows = |all: &[f32]| -> Vec<f32> {
             let rows = all.chunks_exact(self.width).skip(top).take(height);
@@ -224,13 +232,15 @@ impl EdgeAffinity {
 /// Rounds of the filter, each with half the reach of the one before.
 const ROUNDS: i32 = 3;
 
-/// Standard deviation of the first round over that of all rounds together.
+/// Returns the ratio of the first round's standard deviation to that of all rounds.
 fn first_round_share() -> f32 {
     3f32.sqrt() * 2f32.powi(ROUNDS - 1) / (4f32.powi(ROUNDS) - 1.0).sqrt()
 }
 
-/// Smooths pairs of values along what looks alike: the recursive filter of E. Gastal and M. Oliveira, *Domain transform for
-/// edge-aware image and video processing*, SIGGRAPH 2011. `edge_affinity` is that of the first round.
+/// Smooths pairs of values within regions of similar appearance.
+///
+/// This is the recursive filter of E. Gastal and M. Oliveira, *Domain transform for edge-aware
+/// image and video processing*, SIGGRAPH 2011. `edge_affinity` is that of the first round.
 fn smooth(values: &mut [[f32; 2]], mut edge_affinity: EdgeAffinity) {
     for round in 0..ROUNDS {
         if round > 0 {
@@ -297,7 +307,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hole_takes_the_depth_of_the_nearer_side() {
+    fn hole_takes_the_depth_of_the_nearer_side() {
         let depths = [1.0, 0.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         assert_eq!(
             bridged(&depths, 6),
@@ -315,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn a_constant_stays_and_a_peak_spreads_to_all_sides() {
+    fn smoothing_keeps_constants_and_spreads_a_peak_in_all_directions() {
         let mut constant = vec![[2.0, -1.0]; 63];
         smooth(&mut constant, even(9, 7, 0.8));
         assert!(
@@ -331,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_passes_over_an_edge() {
+    fn values_do_not_pass_an_edge_with_zero_affinity() {
         let mut values = vec![[0.0, 0.0]; 40];
         values[0] = [1.0, 1.0];
         let mut edge_affinity = even(10, 4, 0.9);

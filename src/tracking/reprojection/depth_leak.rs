@@ -4,38 +4,40 @@ use ostra_core::statistics::upper_median;
 use ostra_frames::DepthMap;
 use ostra_masks::{LabelId, LabelMask};
 
-/// Depth may change by this many times its change on a plane seen at 45° from pixel to pixel, within one surface.
+/// Largest depth slope within one surface, relative to a plane seen at 45°.
 const STEEPEST: f32 = 4.0;
-/// Pixels without depth that may lie between a label's patch and what is next to it.
+/// Maximum number of pixels without depth between a patch and its neighbour.
 const WALK: usize = 3;
-/// Only patches narrower than about twice this are taken for lost rims and tips, pixels.
+/// Half width, in pixels, up to which a patch is taken for a lost rim or tip.
 const HALF_WIDTH: usize = 4;
-/// A patch belongs to a label's parts at most this far away, pixels.
+/// Maximum distance, in pixels, between a patch and the label's other parts.
 const REACH: usize = 16;
 
-/// What lies behind a label and shines through where depth, as stereo's does, lost a thin part or its rim.
+/// Background depth at pixels of a label where the depth map lost a thin part or its rim.
+///
+/// Depth maps from stereo show this effect.
 #[derive(Debug)]
 pub struct DepthLeak {
-    /// Depths told at the pixels of labels that stand before them, by pixel; 0 elsewhere.
+    /// Background depths at pixels of labels in front of them; 0 elsewhere.
     shown: Vec<f32>,
     limits: Limits,
 }
 
-/// When two depths are no one surface.
+/// Thresholds at which two depths belong to different surfaces.
 #[derive(Debug, Clone, Copy)]
 struct Limits {
     tolerance: Tolerance,
     focal: f32,
 }
 
-/// Pixels of one label that are one surface.
+/// Pixels of one label that form one surface.
 struct Patch {
     label: LabelId,
     around: PixelBox,
     depth: f32,
-    /// Places of its outline where the surface goes on without the label.
+    /// Outline positions where the surface continues without the label.
     leaks: usize,
-    /// Places of its outline where something lies farther behind.
+    /// Outline positions where a surface lies farther behind.
     fronts: usize,
     pixels: Vec<usize>,
 }
@@ -47,8 +49,9 @@ impl Limits {
 }
 
 impl DepthLeak {
-    /// Patches of a label that go on as one surface outside it, while other parts of the label near them stand before
-    /// that surface.
+    /// Finds patches of a label that continue as one surface outside it.
+    ///
+    /// Other parts of the label nearby must lie in front of that surface.
     pub fn find(view: &DepthView, mask: &LabelMask, tolerance: Tolerance) -> Self {
         let focal = view.posed.camera.focal_px.x as f32;
         let limits = Limits { tolerance, focal };
@@ -76,7 +79,7 @@ impl DepthLeak {
         Self { shown, limits }
     }
 
-    /// The depth without what shines through.
+    /// Returns the depth map without the leaks.
     pub fn without_leaks(&self, depth: &DepthMap) -> DepthMap {
         let kept = depth
             .depths
@@ -89,7 +92,7 @@ impl DepthLeak {
         }
     }
 
-    /// Forgets what was put in its place but stands no nearer.
+    /// Removes filled-in depths that are not nearer than the leak they replace.
     pub fn check(&self, filled: &mut DepthMap) {
         for (depth, &shown) in filled.depths.iter_mut().zip(&self.shown) {
             if shown > 0.0 && *depth > shown - self.limits.jump(shown, 1) {
@@ -111,7 +114,7 @@ fn patches(view: &DepthView, mask: &LabelMask, limits: &Limits) -> Vec<Patch> {
     patches
 }
 
-/// The patch that a pixel lies in.
+/// Grows the patch that contains a pixel.
 fn patch(
     view: &DepthView,
     mask: &LabelMask,
@@ -151,7 +154,7 @@ fn patch(
     patch
 }
 
-/// The next pixel with depth to one of four sides, and how many steps away.
+/// Returns the next pixel with depth on one of four sides, and its distance in steps.
 fn beside(view: &DepthView, mask: &LabelMask, at: usize, side: usize) -> Option<(usize, usize)> {
     let (width, height) = (view.width(), view.height());
     let (x, y) = (at % width, at / width);
@@ -181,7 +184,9 @@ mod tests {
     use crate::reprojection::depth_view::PosedCamera;
     use ostra_geometry::{Camera, Pose};
 
-    /// A leaf at depth 1 before a wall at depth 2, 30 pixels long and four wide, whose depth is lost from `lost` on.
+    /// A leaf of 30 × 4 pixels at depth 1 in front of a wall at depth 2.
+    ///
+    /// From column `lost` on, the leaf's depth is lost.
     fn leaf_before_wall(lost: usize) -> (DepthView, LabelMask) {
         let (width, height) = (60, 20);
         let is_leaf =
@@ -217,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn the_wall_in_a_lost_tip_is_no_leaf() {
+    fn wall_depth_at_a_lost_leaf_tip_is_removed() {
         let (view, mask) = leaf_before_wall(30);
         let leak = DepthLeak::find(&view, &mask, Tolerance::new(0.02, 1.5));
         let without_leaks = leak.without_leaks(&view.depth);
@@ -245,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_flat_on_a_wall_keeps_its_depth() {
+    fn label_flat_on_a_wall_keeps_its_depth() {
         let (view, mask) = leaf_before_wall(0);
         let leak = DepthLeak::find(&view, &mask, Tolerance::new(0.02, 1.5));
         assert_eq!(leak.without_leaks(&view.depth), *view.depth);

@@ -9,7 +9,7 @@ use ostra_frames::{DepthMap, Frame, FrameError, FrameStore, Image};
 use ostra_geometry::{Camera, Distortion, Isometry, Pinhole, Pose};
 use ostra_masks::MaskError;
 
-/// Where a frame was taken from, and through what.
+/// Camera and pose of a frame.
 #[derive(Debug, Clone, Copy)]
 pub struct PosedCamera {
     pub camera: Camera,
@@ -21,7 +21,7 @@ pub struct PosedCamera {
 pub struct DepthView {
     pub posed: PosedCamera,
     pub depth: Arc<DepthMap>,
-    /// The point on the plane z = 1 that each pixel sees, row by row.
+    /// Intersection of each pixel's ray with the plane z = 1, row by row.
     pub rays: Arc<Vec<Vec2>>,
 }
 
@@ -34,20 +34,20 @@ impl DepthView {
         self.posed.camera.height as usize
     }
 
-    /// The point seen at a pixel, in camera space; `None` where depth or ray is unknown.
+    /// Returns the 3-D point of a pixel in camera space; `None` if depth or ray is unknown.
     pub fn point(&self, at: usize) -> Option<Vec3> {
         let depth = self.depth.depths[at];
         let point = (self.rays[at] * depth).extend(depth);
         (depth > 0.0 && point.is_finite()).then_some(point)
     }
 
-    /// From camera space to world space.
+    /// Returns the transform from camera space to world space.
     pub fn to_world(&self) -> impl Fn(Vec3) -> Vec3 + Sync {
         let world_from_camera = Isometry::from(&self.posed.camera_from_world.inverse());
         move |point| world_from_camera.transform(point)
     }
 
-    /// The median of the known depths of a thinned grid; `None` without depth.
+    /// Returns the median of the known depths on a sparse grid; `None` without depth.
     pub fn median_depth(&self) -> Option<f32> {
         let mut known: Vec<f32> = self
             .depth
@@ -60,7 +60,7 @@ impl DepthView {
         upper_median(&mut known)
     }
 
-    /// Points of a thinned grid of about `side`² pixels, in camera space.
+    /// Returns the points of a sparse grid of about `side`² pixels, in camera space.
     pub fn grid(&self, side: usize) -> Vec<Vec3> {
         let (width, height) = (self.width(), self.height());
         let columns = (width / (2 * side)..width).step_by((width / side).max(1));
@@ -71,7 +71,7 @@ impl DepthView {
     }
 }
 
-/// From one camera's space to another camera's pixels.
+/// Projection from one camera's space to another camera's pixels.
 #[derive(Debug, Clone)]
 pub struct Reprojection {
     to_from: Isometry,
@@ -102,17 +102,19 @@ impl Reprojection {
         }
     }
 
-    /// The point in the other camera's space.
+    /// Transforms a point to the other camera's space.
     pub fn transform(&self, point: Vec3) -> Vec3 {
         self.to_from.transform(point)
     }
 
-    /// A direction in the other camera's space.
+    /// Rotates a direction to the other camera's space.
     pub fn turn(&self, direction: Vec3) -> Vec3 {
         self.to_from.rotation * direction
     }
 
-    /// Where a point of the other camera's space is seen, also next to the image; `None` behind the camera.
+    /// Projects a point of the other camera's space to its image plane.
+    ///
+    /// The result may lie outside the image. It is `None` behind the camera.
     pub fn project(&self, point: Vec3) -> Option<Vec2> {
         if point.z <= 0.0 {
             return None;
@@ -123,24 +125,25 @@ impl Reprojection {
         }
     }
 
-    /// [`Self::project`] within the image only.
+    /// As [`Self::project`], but `None` outside the image.
     pub fn pixel(&self, point: Vec3) -> Option<Vec2> {
         let at = self.project(point)?;
         (at.x >= 0.0 && at.y >= 0.0 && at.x < self.size.x && at.y < self.size.y).then_some(at)
     }
 }
 
-/// Tables of rays kept at once; frames of one camera share theirs.
+/// Maximum number of ray tables in memory; frames with the same camera share one.
 const TABLES: usize = 4;
 
-/// The frames of a request as viewpoints; pixels are loaded on demand. Frames whose image or depth cannot be read are
-/// noted.
+/// The frames of a request with their depth and cameras.
+///
+/// Pixels are loaded on demand. Frames whose image or depth cannot be read are noted.
 #[derive(Debug)]
 pub struct DepthViews<'a> {
     frames: &'a [Frame],
     store: &'a FrameStore,
     tables: Mutex<Vec<(Camera, Arc<Vec<Vec2>>)>>,
-    /// What reading said of the frames that cannot be read.
+    /// Errors of the frames that could not be read.
     unread: Mutex<BTreeMap<usize, FrameError>>,
 }
 
@@ -154,7 +157,7 @@ impl<'a> DepthViews<'a> {
         }
     }
 
-    /// Camera and pose of a frame that has depth too; `None` where one is missing.
+    /// Returns camera and pose of a frame that also has depth; `None` if one is missing.
     pub fn posed_camera(&self, frame: usize) -> Option<PosedCamera> {
         let frame = &self.frames[frame];
         frame.depth.as_ref()?;
@@ -165,15 +168,16 @@ impl<'a> DepthViews<'a> {
         })
     }
 
-    /// All frames that have depth and camera.
+    /// Returns all frames that have depth and a camera.
     pub fn posed_cameras(&self) -> impl Iterator<Item = (usize, PosedCamera)> {
         (0..self.frames.len()).filter_map(|frame| Some((frame, self.posed_camera(frame)?)))
     }
 
-    /// A frame that has a [`Self::posed`], with its depth; `None` where that cannot be read.
+    /// Loads the depth of a frame that has a [`Self::posed_camera`]; `None` if unreadable.
     ///
     /// # Errors
-    /// [`MaskError::Request`] where camera and image differ in size; [`MaskError::Stopped`].
+    /// [`MaskError::Request`] if camera or depth and image differ in size, or
+    /// [`MaskError::Stopped`].
     pub fn load(&self, frame: usize) -> Result<Option<DepthView>, MaskError> {
         let of = &self.frames[frame];
         let Some(depth) = self.noted(frame, self.store.depth(of))? else {
@@ -206,25 +210,25 @@ impl<'a> DepthViews<'a> {
         }))
     }
 
-    /// The image of a frame; `None` where it cannot be read.
+    /// Loads the image of a frame; `None` if it cannot be read.
     ///
     /// # Errors
-    /// [`MaskError::Stopped`].
+    /// [`MaskError::Stopped`] if the user stops the job.
     pub fn image(&self, frame: usize) -> Result<Option<Arc<Image>>, MaskError> {
         self.noted(frame, self.store.image(&self.frames[frame]))
     }
 
-    /// Whether a frame was found that cannot be read.
+    /// Returns whether reading the frame has failed.
     pub fn is_unread(&self, frame: usize) -> bool {
         self.unread().contains_key(&frame)
     }
 
-    /// The first of the frames that could not be read, as an error.
+    /// Returns the error of the first frame that could not be read.
     pub fn failure(&self) -> Option<MaskError> {
         self.unread().pop_first().map(|(_, error)| error.into())
     }
 
-    /// One line that names the frames which could not be read; `None` where there are none.
+    /// Returns one line that names the unreadable frames; `None` if there are none.
     pub fn warning(&self) -> Option<String> {
         let unread = self.unread();
         let names: Vec<&str> = unread
@@ -237,7 +241,7 @@ impl<'a> DepthViews<'a> {
         )
     }
 
-    /// What was read of a frame; where it cannot be, the frame is noted.
+    /// Returns what was read; if reading failed, notes the frame and returns `None`.
     fn noted<T>(&self, frame: usize, read: Result<T, FrameError>) -> Result<Option<T>, MaskError> {
         match read {
             Err(FrameError::Stopped(stopped)) => Err(stopped.into()),
@@ -268,7 +272,7 @@ impl<'a> DepthViews<'a> {
     }
 }
 
-/// The point on the plane z = 1 that each pixel of a camera sees, row by row.
+/// Returns the point on the plane z = 1 that each pixel sees, row by row.
 pub fn rays_of(camera: &Camera) -> Vec<Vec2> {
     let width = camera.width as usize;
     let mut rays = vec![Vec2::ZERO; width * camera.height as usize];
@@ -278,7 +282,7 @@ pub fn rays_of(camera: &Camera) -> Vec<Vec2> {
     rays
 }
 
-/// Columns and rows of a image, from the first to before the last.
+/// A rectangle of pixels; `right` and `bottom` are exclusive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct PixelBox {
     pub left: usize,
@@ -288,7 +292,7 @@ pub struct PixelBox {
 }
 
 impl PixelBox {
-    /// ClickDistances one pixel.
+    /// Returns the box of one pixel.
     pub fn pixel(x: usize, y: usize) -> Self {
         Self {
             left: x,
@@ -306,7 +310,7 @@ impl PixelBox {
         self.bottom - self.top
     }
 
-    /// ClickDistances both.
+    /// Returns the smallest box that contains both.
     pub fn union(&self, other: &Self) -> Self {
         Self {
             left: self.left.min(other.left),
@@ -316,7 +320,7 @@ impl PixelBox {
         }
     }
 
-    /// Whether they share a pixel.
+    /// Returns whether the boxes overlap.
     pub fn meets(&self, other: &Self) -> bool {
         self.left < other.right
             && other.left < self.right
@@ -324,7 +328,7 @@ impl PixelBox {
             && other.top < self.bottom
     }
 
-    /// Wider by `margin` on each side, within a image.
+    /// Returns the box enlarged by `margin` on each side, clipped to the image.
     pub fn grown(&self, margin: usize, width: usize, height: usize) -> Self {
         Self {
             left: self.left.saturating_sub(margin),

@@ -9,7 +9,7 @@ use ostra_geometry::is_same_depth;
 /// The nearest surface drawn at a pixel.
 #[derive(Debug, Clone, Copy)]
 pub struct Drawn {
-    /// Depth in the target; infinite where nothing was drawn.
+    /// Depth in the target; infinite if nothing was drawn.
     pub depth: f32,
     /// Pixel of the source.
     pub from: u32,
@@ -22,12 +22,12 @@ impl Drawn {
     };
 }
 
-/// Half the largest side of what one pixel is drawn as, in pixels.
+/// Half the largest side of a drawn pixel's footprint, in pixels.
 const LARGEST_HALF: f32 = 3.0;
-/// Neighbours whose depths differ by more than this share lie on different surfaces.
+/// Relative depth difference above which neighbours lie on different surfaces.
 const SAME_SURFACE: f32 = 0.03;
 
-/// A source pixel as the target sees it.
+/// A source pixel projected to the target.
 #[derive(Debug, Clone, Copy)]
 struct Seen {
     at_px: Vec2,
@@ -35,8 +35,9 @@ struct Seen {
     own_depth: f32,
 }
 
-/// Draws the surfaces of `source` as `target` sees them into `canvas` (a pixel each of the target), the nearest on top;
-/// surfaces that turn their backs are left out.
+/// Draws the surfaces of `source` as seen from `target`, the nearest on top.
+///
+/// `canvas` has one entry per target pixel. Surfaces seen from behind are skipped.
 pub fn draw(
     source: &DepthView,
     target: &DepthView,
@@ -79,8 +80,9 @@ pub fn draw(
     Ok(())
 }
 
-/// Half the sides of what a pixel is drawn as, so that it reaches its neighbours on the same surface; `None` for a surface
-/// seen from behind.
+/// Returns half the sides of a pixel's footprint; `None` for a surface seen from behind.
+///
+/// The footprint reaches the neighbours on the same surface.
 fn footprint(seen: Seen, right: Option<Seen>, below: Option<Seen>, zoom: f32) -> Option<Vec2> {
     let same = |other: &Seen| is_same_depth(other.own_depth, seen.own_depth, SAME_SURFACE);
     let plain = Vec2::splat(0.5 * zoom * seen.own_depth / seen.depth);
@@ -118,13 +120,14 @@ fn fill(canvas: &mut [Drawn], target: &DepthView, seen: Seen, half: Vec2, from: 
     }
 }
 
-/// The depth of `view` with its holes filled by what other frames see there, where two of them agree (or the only one
-/// that sees it).
+/// Fills holes in a depth map with surfaces seen from other frames.
+///
+/// A hole is filled where two frames agree, or where only one frame sees it.
 #[derive(Debug)]
 pub struct Completion<'a> {
     view: &'a DepthView,
     tolerance: Tolerance,
-    /// Pixels without depth, in order.
+    /// Pixels without depth, ascending.
     holes: Vec<u32>,
     /// Depths drawn at each hole.
     drawn: Vec<Vec<f32>>,
@@ -168,7 +171,9 @@ impl<'a> Completion<'a> {
     }
 }
 
-/// The middle of the largest group of depths that agree, the nearest of equally large ones; 0 where there is none.
+/// Returns the median of the largest group of agreeing depths; 0 if there is none.
+///
+/// Of equally large groups, the nearest one counts.
 fn agreed(depths: &mut [f32], tolerance: &Tolerance) -> f32 {
     depths.sort_by(f32::total_cmp);
     let (mut most, mut middle) = (0, 0.0);
@@ -194,7 +199,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_depth_that_most_agree_on_is_taken() {
+    fn depth_of_the_largest_agreeing_group_is_chosen() {
         let tolerance = Tolerance::new(0.01, 1.0);
         assert_eq!(agreed(&mut [], &tolerance), 0.0);
         assert_eq!(agreed(&mut [0.7], &tolerance), 0.7);

@@ -11,20 +11,20 @@ use ostra_core::job::Progress;
 use ostra_frames::DepthMap;
 use ostra_masks::{LabelId, LabelMask, MaskError};
 
-/// A frame whose mask is held fixed, ready to be asked.
+/// A keyframe with its depth and mask, prepared for votes.
 #[derive(Debug)]
 pub struct Keyframe {
-    /// With holes of the depth filled from other frames.
+    /// Camera and depth; holes in the depth are filled from other frames.
     pub view: DepthView,
     pub mask: Arc<LabelMask>,
-    /// Labels of the mask, in order.
+    /// Labels of the mask, ascending.
     pub labels: Vec<LabelId>,
-    /// How far each pixel's label is to be trusted, 0–1.
+    /// Trust in each pixel's label, 0–1.
     pub trust: Vec<f32>,
 }
 
 impl Keyframe {
-    /// `filled` is the depth of `own` with holes filled.
+    /// Prepares a keyframe; `filled` is the depth of `own` with its holes filled.
     pub fn new(
         own: DepthView,
         filled: DepthMap,
@@ -51,14 +51,16 @@ impl Keyframe {
         }
     }
 
-    /// Whether its showing `seen` somewhere says anything of `label` there. A keyframe without the label speaks against it
-    /// only where it shows another one: the label may not have been looked for there.
+    /// Returns whether showing `seen` somewhere is evidence for or against `label` there.
+    ///
+    /// A keyframe without the label counts against it only where it shows another label: the object
+    /// may not have been annotated in it.
     pub fn bears_on(&self, label: LabelId, seen: LabelId) -> bool {
         seen != LabelId::NONE || label == LabelId::NONE || self.labels.binary_search(&label).is_ok()
     }
 }
 
-/// The labels in a mask, in order, without 0.
+/// Returns the labels of a mask, ascending, without 0.
 pub fn labels_of(mask: &LabelMask) -> Vec<LabelId> {
     let runs = mask.ids.chunk_by(|a, b| a == b).map(|run| run[0]);
     runs.filter(|&id| id != LabelId::NONE)
@@ -67,7 +69,9 @@ pub fn labels_of(mask: &LabelMask) -> Vec<LabelId> {
         .collect()
 }
 
-/// Weights that grow from the border of labels inwards and outwards: there mask, image and depth are a few pixels apart.
+/// Returns weights that grow with the distance from label borders.
+///
+/// At a border, mask, image and depth are misaligned by a few pixels.
 fn border_trust(mask: &LabelMask, options: &ReprojectionOptions) -> Vec<f32> {
     let border = options.border_px;
     let weight = |d: u8| {
@@ -82,7 +86,7 @@ fn border_trust(mask: &LabelMask, options: &ReprojectionOptions) -> Vec<f32> {
         .collect()
 }
 
-/// Steps to the nearest pixel that has a neighbour of another label, up to `most`.
+/// Returns the steps to the nearest pixel at a label border, up to `most`.
 fn border_distance(mask: &LabelMask, most: u8) -> Vec<u8> {
     let width = mask.width as usize;
     let mut distance = vec![most; mask.ids.len()];
@@ -126,7 +130,9 @@ fn border_distance(mask: &LabelMask, most: u8) -> Vec<u8> {
     distance
 }
 
-/// Cosine of the angle between a surface and the view of it, from the slope of the depth; 1 where no slope is known.
+/// Returns the cosine between surface normal and viewing direction.
+///
+/// It is computed from the slope of the depth; 1 where the slope is unknown.
 fn facing(view: &DepthView, at: usize) -> f32 {
     let (width, height) = (view.width(), view.height());
     let depth = &view.depth.depths;
@@ -147,22 +153,24 @@ fn facing(view: &DepthView, at: usize) -> f32 {
     (1.0 + across * across + down * down).sqrt().recip()
 }
 
-/// A keyframe as the request gives it, before its depth is loaded.
+/// A keyframe of the request, before its depth is loaded.
 #[derive(Debug)]
 pub struct GivenKeyframe<'a> {
     pub frame: usize,
     pub posed: PosedCamera,
-    /// Labels of its mask, in order.
+    /// Labels of its mask, ascending.
     pub labels: Vec<LabelId>,
     pub mask: &'a Arc<LabelMask>,
 }
 
-/// Bytes of keyframes kept ready, about.
+/// Approximate memory limit of prepared keyframes, in bytes.
 const BUDGET_BYTES: usize = 192 << 20;
 
 type Slot = Arc<Mutex<Option<Arc<Keyframe>>>>;
 
-/// Keyframes that were made ready, the latest kept. Each is made by one thread while others wait for it.
+/// Cache of the latest prepared keyframes.
+///
+/// One thread prepares a keyframe while others wait for it.
 #[derive(Debug)]
 pub struct KeyframeCache<'a> {
     views: &'a DepthViews<'a>,
@@ -179,7 +187,7 @@ impl<'a> KeyframeCache<'a> {
         }
     }
 
-    /// The keyframe, made ready now if it is not; `None` where its depth cannot be read.
+    /// Returns the keyframe and prepares it if needed; `None` if its depth cannot be read.
     pub fn get(
         &self,
         given: &GivenKeyframe<'_>,
@@ -195,7 +203,7 @@ impl<'a> KeyframeCache<'a> {
         Ok(keyframe)
     }
 
-    /// The place of a keyframe; the oldest are given up for a new one.
+    /// Returns the slot of a keyframe; a new one replaces the oldest.
     fn slot(&self, frame: usize, pixels: usize) -> Slot {
         let mut slots = lock(&self.slots);
         let (of_frame, order) = &mut *slots;
@@ -212,8 +220,9 @@ impl<'a> KeyframeCache<'a> {
         of_frame.entry(frame).or_default().clone()
     }
 
-    /// Fills the holes in the keyframe's depth from other frames that can be read, and where what lies behind its labels
-    /// shines through.
+    /// Removes background leaks from the keyframe's depth and fills its holes from other frames.
+    ///
+    /// Frames that cannot be read are skipped.
     fn make(
         &self,
         given: &GivenKeyframe<'_>,
@@ -253,11 +262,13 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Points of a frame looked for in another one, along each side.
+/// Number of sample points along each side of a frame for overlap estimates.
 const GRID: usize = 16;
 
-/// The keyframes to ask about a target, as places in `keyframes`: for every label the `most` that see most of the target,
-/// from the nearest and from the most similar direction.
+/// Selects the keyframes that vote on a target, as indices into `anchors`.
+///
+/// For every label these are the `most` keyframes that overlap most with the target, weighted by
+/// proximity and similar viewing direction.
 pub fn keyframes_for(
     target: &DepthView,
     anchors: &[(PosedCamera, &[LabelId])],
@@ -284,8 +295,10 @@ pub fn keyframes_for(
     chosen
 }
 
-/// Of all frames up to `most` that see the same surfaces as `view`, from the most similar direction to the most
-/// different: a hole is often seen well from far aside.
+/// Selects up to `most` frames that see the same surfaces as `view`.
+///
+/// They range from the most similar direction to the most different one, because a hole is often
+/// seen well from far to the side.
 pub fn fillers_for(
     view: &DepthView,
     frames: impl Iterator<Item = (usize, PosedCamera)>,
@@ -301,8 +314,9 @@ pub fn fillers_for(
     (0..count).map(|i| seen[i * seen.len() / count].1).collect()
 }
 
-/// Share of a frame's points that lie in another one's image, weighted by how alike the directions of view are and by
-/// nearness.
+/// Returns the share of a frame's points that lie in another frame's image.
+///
+/// Points are weighted by proximity and by the similarity of the viewing directions.
 fn overlap(from: &PosedCamera, points: &[Vec3], to: &PosedCamera) -> f32 {
     let reprojection = Reprojection::new(from, to);
     let weight = |&point: &Vec3| {
@@ -319,7 +333,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn borders_are_trusted_less() {
+    fn label_borders_have_less_trust() {
         let mut mask = LabelMask::empty(9, 5);
         mask.ids
             .iter_mut()

@@ -6,7 +6,7 @@ use super::vote::{Question, Votes, ask};
 use ostra_core::job::Progress;
 use ostra_masks::{Direction, LabelId, MaskError, TrackRequest, WalkedFrame};
 
-/// The keyframes of a request that have depth and a camera: what they show, they show of the scene.
+/// The keyframes of a request that have depth and a camera.
 pub(crate) struct KeyframeViews<'a> {
     options: &'a ReprojectionOptions,
     views: &'a DepthViews<'a>,
@@ -47,30 +47,32 @@ impl<'a> KeyframeViews<'a> {
         }
     }
 
-    /// Whether none of them shows any label.
+    /// Returns whether no keyframe shows any label.
     pub fn have_no_labels(&self) -> bool {
         self.keyframes
             .iter()
             .all(|keyframe| keyframe.labels.is_empty())
     }
 
-    /// Whether masks may go from one of them to a frame, in the request's direction.
+    /// Returns whether a keyframe can pass its mask to a frame in the request's direction.
     pub fn reach(&self, frame: usize) -> bool {
         self.keyframes
             .iter()
             .any(|keyframe| reaches(self.direction, keyframe.frame, frame))
     }
 
-    /// Whether they can be asked of a frame: it has depth and a camera, and they [`Self::reach`] it.
+    /// Returns whether the frame has depth and a camera and [`Self::reach`] holds.
     pub fn can_give_evidence_for(&self, frame: usize) -> bool {
         self.reach(frame) && self.views.posed_camera(frame).is_some()
     }
 
-    /// What they say of a frame, which has depth and a camera; `None` where its depth cannot be read, or that of none that
-    /// should be asked.
+    /// Collects the keyframes' votes on a frame that has depth and a camera.
+    ///
+    /// Returns `None` if the depth of the frame, or of all keyframes selected for it, cannot be
+    /// read.
     ///
     /// # Errors
-    /// [`MaskError::Request`] where camera and image differ in size; [`MaskError::Stopped`].
+    /// [`MaskError::Request`] if camera and image differ in size, or [`MaskError::Stopped`].
     pub fn evidence_for(
         &self,
         frame: usize,
@@ -114,11 +116,12 @@ impl<'a> KeyframeViews<'a> {
         }))
     }
 
-    /// The mask of a frame by what they say of it, along what its image and depth show; with how sure each label is, 0–1.
-    /// `None` where the image cannot be read.
+    /// Computes the mask of a frame from the votes, its image and its depth.
+    ///
+    /// Also returns the confidence of each label, 0–1. Returns `None` if the image cannot be read.
     ///
     /// # Errors
-    /// [`MaskError::Stopped`].
+    /// [`MaskError::Stopped`] if the user stops the job.
     pub fn carry_to(
         &self,
         frame: usize,
@@ -134,7 +137,7 @@ impl<'a> KeyframeViews<'a> {
     }
 }
 
-/// Whether masks may go from a keyframe to a frame.
+/// Returns whether masks may pass from a keyframe to a frame.
 fn reaches(direction: Direction, keyframe: usize, frame: usize) -> bool {
     match direction {
         Direction::Both => true,
@@ -143,20 +146,23 @@ fn reaches(direction: Direction, keyframe: usize, frame: usize) -> bool {
     }
 }
 
-/// What keyframes say of a frame.
+/// Votes of the keyframes on a frame.
 #[derive(Debug)]
 pub(crate) struct ReprojectedLabels {
     /// The frame.
     pub target: DepthView,
-    /// Its depths, with what keyframes show in its holes.
+    /// Depths of the frame, with holes filled from keyframes.
     pub depths: Vec<f32>,
     pub votes: Votes,
 }
 
 impl ReprojectedLabels {
-    /// The label of a pixel (0 = nothing) by the keyframes that have a surface where the frame has one: it wins at least
-    /// `share` of their weights, which sum to at least `weight`. `None` where no label does, and where the frame has no
-    /// depth. Nothing being there counts where the keyframes would know of the label `held` that the pixel has so far.
+    /// Returns the label that the keyframes agree on at a pixel; 0 is background.
+    ///
+    /// Only keyframes with a surface at the frame's depth vote. The label must win at least `share`
+    /// of their weights, which must sum to at least `weight`. Returns `None` if no label does, or
+    /// if the frame has no depth. Background counts only by the keyframes that have evidence about
+    /// `held`, the pixel's current label.
     pub fn verdict(&self, pixel: usize, held: LabelId, share: f32, weight: f32) -> Option<LabelId> {
         if self.target.depth.depths[pixel] <= 0.0 {
             return None;
@@ -176,8 +182,10 @@ impl ReprojectedLabels {
         named.or_else(|| is_sure(held, LabelId::NONE).then_some(LabelId::NONE))
     }
 
-    /// Whether a keyframe sees through the place of a pixel's surface, and none has it where the frame does: something came
-    /// there.
+    /// Returns whether something new has appeared at a pixel.
+    ///
+    /// This is the case if a keyframe sees through the pixel's surface, and none has a surface at
+    /// that place.
     pub fn is_new(&self, pixel: usize) -> bool {
         let view_labels = || {
             self.votes

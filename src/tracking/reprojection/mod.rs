@@ -1,4 +1,4 @@
-//! Masks carried through geometry: the `geometry` tracker for frames with depth and cameras.
+//! The `geometry` tracker: re-projects masks between frames with depth and cameras.
 
 mod decide;
 mod depth_leak;

@@ -1,40 +1,40 @@
 use super::depth_view::{DepthView, Reprojection};
 use ostra_core::statistics::upper_median;
 
-/// How masks are carried through geometry.
+/// Options of the re-projection of masks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReprojectionOptions {
-    /// How much two depths of one surface may differ, in medians of the differences between two frames; ≥ 1.
+    /// Depth tolerance, in medians of the depth differences between two frames; ≥ 1.
     pub noise_factor: f32,
-    /// Least of that, as a share of the depth at the scene's median depth; > 0.
+    /// Minimum tolerance relative to depth, at the scene's median depth; > 0.
     pub least_tolerance: f32,
-    /// Most of that, as a share of the depth at the scene's median depth; < 0.1.
+    /// Maximum tolerance relative to depth, at the scene's median depth; < 0.1.
     pub most_tolerance: f32,
-    /// Keyframes asked per label and frame; ≥ 1.
+    /// Number of keyframes that vote per label and frame; ≥ 1.
     pub keyframes: usize,
-    /// Frames that fill the holes in a keyframe's depth; 0 = none.
+    /// Number of frames that fill the holes in a keyframe's depth; 0 = none.
     pub fillers: usize,
-    /// Weight of a vote where a surface is seen at a grazing angle, 0–1; 1 where it is faced.
+    /// Weight of a vote at a grazing angle, 0–1; a surface that faces the camera has 1.
     pub grazing_weight: f32,
-    /// Weight of a vote on the border of a keyframe's mask, 0–1; 1 from `border_px` inside or outside.
+    /// Weight of a vote on a border of a keyframe's mask, 0–1; 1 from `border_px` on.
     pub border_weight: f32,
-    /// Width of the border that is trusted less, in pixels; 0–8.
+    /// Width of the border with reduced weight, in pixels; 0–8.
     pub border_px: u8,
-    /// Weight of a keyframe's surface that is drawn where the target has no depth, 0–1.
+    /// Weight of a keyframe's surface drawn where the target has no depth, 0–1.
     pub drawn_weight: f32,
-    /// The same for a surface in a hole of the keyframe's own depth, 0–1.
+    /// Weight of a surface in a filled hole of the keyframe's depth, 0–1.
     pub filled_weight: f32,
-    /// How far votes spread over an even surface, in pixels; > 0.
+    /// Distance over which votes spread on a uniform surface, in pixels; > 0.
     pub reach_px: f32,
-    /// Extra length of a step between pixels whose colours differ by 255 (sum over channels), in pixels.
+    /// Extra path length between pixels whose colours differ by 255 (channel sum), in pixels.
     pub color_edge_px: f32,
-    /// Extra length of a step over a jump in depth, in pixels.
+    /// Extra path length over a depth jump, in pixels.
     pub depth_edge_px: f32,
-    /// Weight of a pixel's own votes next to those that are spread to it; ≥ 0.
+    /// Weight of a pixel's own votes relative to the votes that spread to it; ≥ 0.
     pub own_weight: f32,
-    /// Least weight that decides a pixel; 0–1.
+    /// Minimum total weight that decides a pixel; 0–1.
     pub least_weight: f32,
-    /// How far beyond the pixels that were voted for a label may spread, in pixels.
+    /// Maximum spread of a label beyond its voted pixels, in pixels.
     pub margin_px: usize,
 }
 
@@ -61,34 +61,39 @@ impl Default for ReprojectionOptions {
     }
 }
 
-/// How much two depths of one surface may differ: growing with the square of the depth, as the error of a depth camera
-/// and of stereo does.
+/// Maximum difference between two depths of one surface.
+///
+/// It grows with the square of the depth, as the error of depth cameras and stereo does.
 #[derive(Debug, Clone, Copy)]
 pub struct Tolerance {
     share: f32,
     median: f32,
 }
 
-/// Every so-many-th pixel is looked at when measuring.
+/// Sampling step in pixels when the tolerance is measured.
 const STRIDE: usize = 53;
-/// Differences above this share of the depth are other surfaces.
+/// Relative depth difference above which two surfaces are different.
 const GATE: f32 = 0.1;
-/// Pixels below which a measurement says nothing.
+/// Minimum number of samples for a valid measurement.
 const FEWEST: usize = 64;
 
 impl Tolerance {
-    /// `share · median` at the median depth of the scene, so that it fits any unit.
+    /// Creates a tolerance of `share · median` at the scene's median depth.
+    ///
+    /// It is relative to the median and so independent of the unit.
     pub fn new(share: f32, median: f32) -> Self {
         Self { share, median }
     }
 
-    /// The most that the options allow.
+    /// Returns the largest tolerance that the options allow.
     pub fn most(view: &DepthView, options: &ReprojectionOptions) -> Self {
         Self::new(options.most_tolerance, view.median_depth().unwrap_or(1.0))
     }
 
-    /// From how much the depths of two frames differ where they see the same place: three times the median, within the
-    /// limits of the options; the upper limit where they see too little of the same.
+    /// Measures the tolerance from the depth differences between two frames.
+    ///
+    /// It is `noise_factor` times their median, within the limits of the options. If the overlap is
+    /// too small, it is the upper limit.
     pub fn measured(from: &DepthView, to: &DepthView, options: &ReprojectionOptions) -> Self {
         let unit = Self::new(1.0, from.median_depth().unwrap_or(1.0));
         let reprojection = Reprojection::new(&from.posed, &to.posed);
@@ -112,7 +117,7 @@ impl Tolerance {
         Self { share, ..unit }
     }
 
-    /// The tolerance at a depth.
+    /// Returns the tolerance at a depth.
     pub fn at(&self, depth: f32) -> f32 {
         0.5 * self.share * (self.median + depth * depth / self.median)
     }

@@ -1,4 +1,6 @@
-//! The tracker on a small room made here: a wall with a box before it and a plate before the box's right half.
+//! Tests of the tracker in a small synthetic room.
+//!
+//! A box stands in front of a wall, and a plate in front of the box's right half.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -17,7 +19,7 @@ const HEIGHT: u32 = 72;
 const BOX: LabelId = LabelId(1);
 const PLATE: LabelId = LabelId(2);
 
-/// Upright rectangles facing the camera: depth, left, right, top, bottom (metres), colour, label.
+/// Upright rectangle: depth; left, right, top, bottom (metres); colour; label.
 type Card = (f64, [f64; 4], [u8; 3], LabelId);
 const SURFACES: [Card; 3] = [
     (2.0, [-9.0, 9.0, -9.0, 9.0], [200, 190, 180], LabelId::NONE),
@@ -36,7 +38,7 @@ fn camera(x: f64) -> FrameCamera {
     )
 }
 
-/// Nearest surface at every pixel: index into [`SURFACES`] and depth.
+/// Renders the nearest surface at every pixel: index into [`SURFACES`] and depth.
 fn render(camera: &FrameCamera) -> Vec<(usize, f64)> {
     let world_from_camera = camera.camera_from_world.unwrap().inverse();
     let pixels = (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y)));
@@ -70,7 +72,7 @@ struct Room {
 }
 
 impl Room {
-    /// Frames from the given places; `hole` says which pixels of which frame have no depth.
+    /// Renders frames at the given positions; `hole` selects pixels without depth.
     fn new(places: &[f64], lens: Distortion, hole: impl Fn(usize, u32, u32) -> bool) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let (mut frames, mut truth) = (Vec::new(), Vec::new());
@@ -113,7 +115,7 @@ impl Room {
         Self::new(places, Distortion::None, |_, _, _| false)
     }
 
-    /// The true mask of a frame, with these labels only.
+    /// Returns the ground-truth mask of a frame, restricted to these labels.
     fn only(&self, frame: usize, labels: &[LabelId]) -> LabelMask {
         let mut mask = self.truth[frame].clone();
         mask.ids
@@ -187,7 +189,7 @@ fn iou(a: &LabelMask, b: &LabelMask, label: LabelId) -> f64 {
 }
 
 #[test]
-fn a_mask_is_carried_to_views_on_both_sides() {
+fn mask_is_reprojected_to_views_on_both_sides() {
     let room = Room::plain(&[-0.2, -0.1, 0.0, 0.1, 0.2]);
     let request = room.request([(2, room.truth[2].clone())]);
     let (tracked, warnings) = track(&request).unwrap();
@@ -207,8 +209,8 @@ fn a_mask_is_carried_to_views_on_both_sides() {
 }
 
 #[test]
-fn what_is_hidden_is_not_labelled() {
-    // From far left the plate hides another part of the box; the box keeps clear of the plate's pixels.
+fn hidden_surfaces_are_not_labelled() {
+    // Seen from the left, the plate hides another part of the box.
     let room = Room::plain(&[0.0, -0.3]);
     let (tracked, _) = track(&room.request([(0, room.only(0, &[BOX]))])).unwrap();
     let plate = room.truth[1]
@@ -223,8 +225,8 @@ fn what_is_hidden_is_not_labelled() {
 }
 
 #[test]
-fn holes_in_the_depth_are_filled() {
-    // No depth on the left half of the box in the target, nor on its right part in the keyframe.
+fn depth_holes_are_filled_from_other_frames() {
+    // No depth on the left half of the target, nor on the right part of the keyframe.
     let hole = |k: usize, x: u32, _| if k == 1 { x < 48 } else { x > 60 };
     let room = Room::new(&[0.0, 0.1, 0.05, -0.05], Distortion::None, hole);
     let (tracked, _) = track(&room.request([(0, room.truth[0].clone())])).unwrap();
@@ -233,7 +235,7 @@ fn holes_in_the_depth_are_filled() {
 }
 
 #[test]
-fn anchors_that_lack_a_label_do_not_erase_it() {
+fn keyframes_without_a_label_do_not_erase_it() {
     let room = Room::plain(&[0.0, 0.05, 0.1]);
     let (tracked, _) =
         track(&room.request([(0, room.only(0, &[BOX])), (2, room.only(2, &[PLATE]))])).unwrap();
@@ -243,7 +245,7 @@ fn anchors_that_lack_a_label_do_not_erase_it() {
 }
 
 #[test]
-fn the_direction_is_kept() {
+fn requested_direction_is_respected() {
     let room = Room::plain(&[0.0, 0.02, 0.04, 0.06]);
     let frames = |direction| {
         let request = TrackRequest {
@@ -254,7 +256,7 @@ fn the_direction_is_kept() {
     };
     assert_eq!(frames(Direction::Forward), [2, 3]);
     assert_eq!(frames(Direction::Backward), [0]);
-    // A keyframe outside the range is used, in the direction asked for only.
+    // A keyframe outside the range is used, but only in the requested direction.
     let mut request = room.request([(0, room.only(0, &[BOX])), (3, room.only(3, &[PLATE]))]);
     (request.from, request.to, request.direction) = (1, 2, Direction::Forward);
     let (tracked, _) = track(&request).unwrap();
@@ -267,7 +269,7 @@ fn the_direction_is_kept() {
 }
 
 #[test]
-fn a_distorted_lens_is_followed() {
+fn lens_distortion_is_taken_into_account() {
     let lens = Distortion::OpenCv {
         k: [-0.2, 0.05],
         p: [0.002, -0.001],
@@ -278,7 +280,7 @@ fn a_distorted_lens_is_followed() {
 }
 
 #[test]
-fn the_number_of_threads_changes_nothing() {
+fn masks_do_not_depend_on_the_number_of_threads() {
     let room = Room::plain(&[-0.2, -0.1, 0.0, 0.1, 0.2, 0.3]);
     let request = room.request([(1, room.truth[1].clone()), (4, room.only(4, &[PLATE]))]);
     let run = |threads: usize| {
@@ -296,7 +298,7 @@ fn the_number_of_threads_changes_nothing() {
 }
 
 #[test]
-fn frames_without_depth_or_camera_are_named_and_left_out() {
+fn frames_without_depth_or_camera_are_skipped_and_named() {
     let mut room = Room::plain(&[0.0, 0.1, 0.2]);
     room.frames[1].depth = None;
     let (tracked, warnings) = track(&room.request([(0, room.truth[0].clone())])).unwrap();
@@ -315,7 +317,7 @@ fn frames_without_depth_or_camera_are_named_and_left_out() {
 }
 
 #[test]
-fn frames_that_cannot_be_read_are_named_in_one_line_and_left_out() {
+fn unreadable_frames_are_skipped_and_named_in_one_line() {
     let room = Room::plain(&[0.0, 0.05, 0.1, 0.15, 0.2, 0.25]);
     let depth = |k: usize| {
         room.frames[k]
@@ -325,7 +327,7 @@ fn frames_that_cannot_be_read_are_named_in_one_line_and_left_out() {
             .sensor_path()
             .unwrap()
     };
-    // The depth of a target that fills holes too, the image of a target, the depth of a keyframe.
+    // Depth of a target that also fills holes, image of a target, depth of a keyframe.
     for path in [depth(1), room.frames[3].picture.path(), depth(5)] {
         std::fs::write(path, "").unwrap();
     }
@@ -352,7 +354,7 @@ fn frames_that_cannot_be_read_are_named_in_one_line_and_left_out() {
 }
 
 #[test]
-fn impossible_requests_are_refused() {
+fn invalid_requests_are_rejected() {
     let room = Room::plain(&[0.0, 0.1]);
     assert!(refused(&room.request([])).contains("no frame has a mask"));
     assert!(
@@ -380,7 +382,7 @@ fn impossible_requests_are_refused() {
 }
 
 #[test]
-fn a_stop_is_noticed() {
+fn stopped_job_ends_with_an_error() {
     let room = Room::plain(&[0.0, 0.1]);
     let progress = Progress::default();
     let request = room.request([(0, room.truth[0].clone())]);

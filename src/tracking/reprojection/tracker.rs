@@ -9,12 +9,15 @@ use ostra_cloud::fuse::naming;
 use ostra_core::job::Progress;
 use ostra_masks::{MaskError, TrackRequest, TrackedFrame, Tracker, WalkedFrame};
 
-/// Carries masks between the frames of a static scene that have depth and cameras: what a keyframe's mask says of a
-/// surface, it says of it in every frame that sees it, whatever lies between them. The next step that the authors of the
-/// OSTRA method (Xu, Zhao, Tang, Gan, *A One Stop 3D Target Reconstruction and multilevel Segmentation Method*) name.
+/// A tracker that re-projects masks between frames of a static scene.
+///
+/// The frames need depth and cameras. The label of a surface in a keyframe applies in every frame
+/// that sees the surface, whatever frames lie in between. The authors of the OSTRA method (Xu,
+/// Zhao, Tang, Gan, *A One Stop 3D Target Reconstruction and multilevel Segmentation Method*) name
+/// this as their next step.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct GeometryTracker {
-    /// How masks are carried.
+    /// Options of the re-projection.
     pub options: ReprojectionOptions,
 }
 
@@ -43,7 +46,7 @@ pub struct Run<'a> {
     views: &'a DepthViews<'a>,
     progress: &'a Progress,
     keyframe_views: KeyframeViews<'a>,
-    /// Frames to carry to.
+    /// Frames that get a mask.
     targets: Vec<usize>,
     /// Keyframes and frames without depth or camera.
     left_out: Vec<usize>,
@@ -51,7 +54,7 @@ pub struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// Checks the request.
+    /// Checks the request and prepares the run.
     pub fn new(
         options: &'a ReprojectionOptions,
         request: &'a TrackRequest,
@@ -86,11 +89,13 @@ impl<'a> Run<'a> {
         })
     }
 
-    /// Carries to all targets, handing them on in order; what was finished is handed on even if a later one fails. Gives the
-    /// targets that nothing could be carried to: they, or all keyframes that could tell of them, cannot be read.
+    /// Re-projects masks to all targets and emits them in order.
+    ///
+    /// Finished masks are emitted even if a later target fails. Returns the targets without a mask
+    /// because they, or all keyframes with evidence for them, cannot be read.
     ///
     /// # Errors
-    /// What reading says where nothing could be carried to any target; [`MaskError::Stopped`].
+    /// Returns the reading error if no target gets a mask, or [`MaskError::Stopped`].
     pub fn carry_all(&self, emit: &mut dyn FnMut(TrackedFrame)) -> Result<Vec<usize>, MaskError> {
         let mut missed = Vec::new();
         for chunk in self.targets.chunks(4 * rayon::current_num_threads()) {
@@ -117,7 +122,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Lines that name the frames which were left out, those that cannot be read, and the `missed` ones that could be read.
+    /// Returns lines that name skipped frames, unreadable frames and readable `missed` frames.
     pub fn warnings(&self, missed: &[usize]) -> Vec<String> {
         let name = |&frame: &usize| self.request.frames[frame].name.as_str();
         let left_out: Vec<&str> = self.left_out.iter().map(name).collect();
@@ -137,7 +142,9 @@ impl<'a> Run<'a> {
         lines.into_iter().flatten().collect()
     }
 
-    /// `None` where the frame, or all keyframes that could tell of it, cannot be read.
+    /// Re-projects masks to one frame.
+    ///
+    /// Returns `None` if the frame, or all keyframes with evidence for it, cannot be read.
     fn carry_to(&self, frame: usize) -> Result<Option<TrackedFrame>, MaskError> {
         let carried = match self.keyframe_views.evidence_for(frame, self.progress)? {
             Some(votes) => self.keyframe_views.carry_to(frame, &votes, self.progress)?,

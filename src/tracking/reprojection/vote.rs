@@ -8,7 +8,7 @@ use super::options::{ReprojectionOptions, Tolerance};
 use ostra_core::job::{Progress, Stopped};
 use ostra_masks::LabelId;
 
-/// What the chosen keyframes say of one target.
+/// Votes of the selected keyframes on one target.
 #[derive(Debug)]
 pub struct Votes {
     pub width: usize,
@@ -17,7 +17,7 @@ pub struct Votes {
 }
 
 impl Votes {
-    /// For each label that some pixel was given, the box around those pixels.
+    /// Returns the bounding box of the pixels of each label.
     pub fn boxes(&self) -> BTreeMap<LabelId, PixelBox> {
         let mut boxes: BTreeMap<LabelId, PixelBox> = BTreeMap::new();
         for (_, view_labels) in &self.of_keyframes {
@@ -38,7 +38,9 @@ impl Votes {
         boxes
     }
 
-    /// The weights for `shown` being at a pixel, and all, by those that bear on `label` there.
+    /// Returns the weight for `shown` at a pixel and the total weight.
+    ///
+    /// Only keyframes with evidence about `label` there count.
     pub fn at(&self, pixel: usize, label: LabelId, shown: LabelId) -> [f32; 2] {
         let mut sums = [0.0; 2];
         for (keyframe, view_labels) in &self.of_keyframes {
@@ -53,12 +55,13 @@ impl Votes {
         sums
     }
 
-    /// For each pixel of a box the weights for `label` less those against it, and their sum.
+    /// Returns, per pixel of a box, the weights for `label` minus those against, and their sum.
     ///
-    /// A keyframe that shows nothing on a surface counts as much as one that shows a label. With a weight of 0.3 for it, mean
-    /// label accuracy on three synthetic plants (sensor depth and stereo depth) rises from 0.940 to 0.945, but the 3-D IoU of
-    /// four objects on a real shelf, clicked in two ways, falls in seven of eight cases (mean 0.754 to 0.747), two keyframes can
-    /// no longer outvote a leak of one, and outlines without edges grow.
+    /// A keyframe that shows background on a surface counts as much as one that shows a label. With
+    /// a weight of 0.3 for it, mean label accuracy on three synthetic plants (sensor depth and
+    /// stereo depth) rises from 0.940 to 0.945. But the 3-D IoU of four objects on a real shelf,
+    /// clicked in two ways, falls in seven of eight cases (mean 0.754 to 0.747). Two keyframes can
+    /// then no longer outvote a leak of one, and outlines without edges grow.
     pub fn of(&self, label: LabelId, within: PixelBox) -> Vec<[f32; 2]> {
         let mut votes = vec![[0.0; 2]; within.width() * within.height()];
         for (keyframe, view_labels) in &self.of_keyframes {
@@ -79,7 +82,7 @@ impl Votes {
     }
 }
 
-/// A keyframe that is asked about a target.
+/// A keyframe and the target that it votes on.
 pub struct Question<'a> {
     pub keyframe: &'a Keyframe,
     pub target: &'a DepthView,
@@ -88,8 +91,10 @@ pub struct Question<'a> {
     pub progress: &'a Progress,
 }
 
-/// What a keyframe says of a target: pixels with depth are looked up in the keyframe, which answers where its depth agrees;
-/// where the target has no depth the keyframe's surfaces are drawn into it, and into the holes of `drawn`.
+/// Computes a keyframe's labels of a target's pixels.
+///
+/// Pixels with depth are looked up in the keyframe, which votes if its depth agrees. Where the
+/// target has no depth, the keyframe's surfaces are drawn into it and into the holes of `drawn`.
 pub fn ask(question: &Question<'_>, drawn: &mut [f32]) -> Result<ViewLabels, Stopped> {
     let mut view_labels = ViewLabels::none(question.target.rays.len());
     look_up(question, &mut view_labels)?;
@@ -154,18 +159,20 @@ fn draw_in_holes(
     Ok(())
 }
 
-/// What a view has at the place of another one's surface.
+/// What a view sees at the position of another view's surface.
 enum Found {
-    /// The pixel that shows it, and how well its depth agrees, 0–1.
+    /// The surface: its pixel, and the depth agreement, 0–1.
     Surface(usize, f32),
-    /// Only what lies farther away: the place is empty.
+    /// Only farther surfaces: the position is empty.
     Behind,
-    /// Something before it, or no depth.
+    /// A surface in front, or no depth.
     Nothing,
 }
 
-/// The pixel in or next to (`x`, `y`) whose surface lies at depth `z`. Looking at the neighbours too makes slanted surfaces
-/// count, and outlines, where depth and image are a pixel apart.
+/// Finds the pixel at or next to (`x`, `y`) whose surface lies at depth `z`.
+///
+/// The neighbours are needed on slanted surfaces and at outlines, where depth and image are
+/// misaligned by a pixel.
 fn surface_at(view: &DepthView, x: usize, y: usize, z: f32, tolerance: &Tolerance) -> Found {
     let (width, height) = (view.width(), view.height());
     let limit = tolerance.at(z);
@@ -198,27 +205,28 @@ fn surface_at(view: &DepthView, x: usize, y: usize, z: f32, tolerance: &Toleranc
     }
 }
 
-/// What one keyframe says of every pixel of a target: a label and how far it is to be trusted.
+/// Labels and weights of one keyframe for every pixel of a target.
 #[derive(Debug, Clone)]
 pub struct ViewLabels {
     packed: Vec<u32>,
 }
 
-/// Weights are kept in steps of one by this.
+/// Number of weight steps per unit.
 const STEPS: f32 = 65535.0;
-/// The keyframe sees something farther away through the pixel's place: a label without weight.
+/// Marks a pixel whose surface the keyframe sees through: a label without weight.
 const THROUGH: u32 = 0xffff_0000;
 
 impl ViewLabels {
-    /// Nothing said of any pixel.
+    /// Creates a map without any votes.
     pub fn none(pixels: usize) -> Self {
         Self {
             packed: vec![0; pixels],
         }
     }
 
-    /// The label that the keyframe gives a pixel (0 = nothing there), with a weight above 0 up to 1; `None` where the
-    /// keyframe does not see it.
+    /// Returns the label of a pixel (0 = background) and its weight, above 0 and up to 1.
+    ///
+    /// Returns `None` if the keyframe does not see the pixel's surface.
     pub fn at(&self, pixel: usize) -> Option<(LabelId, f32)> {
         let packed = self.packed[pixel];
         (packed & 0xffff != 0).then(|| {
@@ -229,17 +237,17 @@ impl ViewLabels {
         })
     }
 
-    /// Whether the keyframe sees through the place of the pixel's surface to something behind it.
+    /// Returns whether the keyframe sees through the pixel's surface.
     pub fn is_through(&self, pixel: usize) -> bool {
         self.packed[pixel] == THROUGH
     }
 
-    /// Sets that the keyframe sees through the place of a pixel's surface.
+    /// Records that the keyframe sees through the pixel's surface.
     pub fn set_through(&mut self, pixel: usize) {
         self.packed[pixel] = THROUGH;
     }
 
-    /// Sets what is said of a pixel.
+    /// Records the label of a pixel with its weight.
     pub fn set(&mut self, pixel: usize, label: LabelId, weight: f32) {
         let steps = (weight.clamp(0.0, 1.0) * STEPS).max(1.0) as u32;
         self.packed[pixel] = u32::from(label.0) << 16 | steps;
@@ -251,7 +259,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_said_and_what_is_seen_through_are_told_apart() {
+    fn votes_and_seen_through_pixels_are_distinguished() {
         let mut view_labels = ViewLabels::none(3);
         view_labels.set(0, LabelId(u16::MAX), 1e-9);
         view_labels.set_through(1);

@@ -13,40 +13,42 @@ use ostra_masks::{
     Click, MaskError, PreparedFrame, Prompt, Region, SegmentRequest, squared_depth_in,
 };
 
-/// How far from a click the surface that it means may be seen, pixels.
+/// Maximum distance between a click and the surface it selects, in pixels.
 const NEAR_PX: i64 = 40;
-/// Pixels this near to a click go with it in any case.
+/// Radius around a click that follows the click in any case, in pixels.
 const AT_PX: f64 = 3.0;
-/// Things narrower than so many sides of a voxel are left to the image.
+/// Width, in sides of a voxel, below which an object is left to the image segmenter.
 const LEAST_SIDES: f32 = 3.0;
 
-/// A frame whose pixels know what hangs together in space, and what the image alone would answer.
+/// A frame with the voxel of every pixel, and the image segmenter's version of it.
 pub struct FrameBodies {
     surfaces: Arc<Surfaces>,
     picture: Arc<dyn PreparedFrame>,
     image: Arc<Image>,
-    /// Its depths, holes filled with what other frames see there; 0 where none is known.
+    /// Depths, with holes filled from other frames; 0 where unknown.
     depths: Vec<f32>,
     tolerance: Tolerance,
     options: ReprojectionOptions,
     focal_px: f32,
-    /// The voxel that each pixel sees.
+    /// The voxel at each pixel.
     seen: Vec<Option<u32>>,
-    /// The clicks answered last, in order: most are asked again with one more.
+    /// Results of the last clicks, in order; most requests repeat them and add one click.
     answered: Mutex<Vec<Answered>>,
 }
 
-/// A click after others.
+/// A click, given those before it.
 struct Answered {
     click: Click,
-    /// `None` where no known surface lies near it.
+    /// `None` if no known surface is near.
     given: Option<VoxelClick>,
-    /// What it and those before it ask for; `None` where no answer is a thing.
+    /// Region of this click and those before it; `None` if no answer is an object.
     region: Option<Arc<Region>>,
 }
 
 impl FrameBodies {
-    /// The first of `views` is the frame itself, `image` the same frame as its image alone shows it.
+    /// Prepares a frame; the first of `views` is the frame itself.
+    ///
+    /// `picture` is the same frame, prepared by the segmenter for single images.
     pub fn new(
         surfaces: Arc<Surfaces>,
         views: &[(DepthView, Arc<Image>)],
@@ -84,7 +86,9 @@ impl FrameBodies {
         })
     }
 
-    /// The pixels that clicks ask for; `None` where no include click lies near a known surface, or on something thin.
+    /// Returns the region of the clicks.
+    ///
+    /// Returns `None` if no include click is near a known surface, or if the object is thin.
     fn solid(&self, clicks: &[Click]) -> Option<Region> {
         let kept = || self.answered.lock().unwrap_or_else(PoisonError::into_inner);
         let mut answered = std::mem::take(&mut *kept());
@@ -107,7 +111,7 @@ impl FrameBodies {
             .map(Arc::unwrap_or_clone)
     }
 
-    /// What a further click asks for.
+    /// Computes the result of one more click.
     fn next(&self, before: &[Answered], click: Click) -> Answered {
         let region = before
             .last()
@@ -168,7 +172,7 @@ impl FrameBodies {
             .any(|(&squared, depth)| (squared as f32).sqrt() * depth > least)
     }
 
-    /// The nearest pixel to a click that sees a voxel, with it.
+    /// Returns the pixel nearest to a click that has a voxel, and that voxel.
     fn surface_at(&self, click: &Click) -> Option<(usize, u32)> {
         let (width, height) = (i64::from(self.image.width), i64::from(self.image.height));
         let (x, y) = (click.at_px.x.floor() as i64, click.at_px.y.floor() as i64);
@@ -182,7 +186,9 @@ impl FrameBodies {
         known.min().map(|(_, at, voxel)| (at, voxel))
     }
 
-    /// The pixels of voxels; those that see none are decided by colours and depths around them.
+    /// Returns the pixels of the voxels.
+    ///
+    /// Pixels without a voxel are decided by the colours and depths around them.
     fn region(&self, voxels: &VoxelSet) -> Region {
         let (width, height) = (self.image.width as usize, self.image.height as usize);
         let mut region = Region::empty(self.image.width, self.image.height);
@@ -215,14 +221,14 @@ impl FrameBodies {
         region
     }
 
-    /// Whether a pixel lies right at a click.
+    /// Returns whether a pixel lies at a click.
     fn is_at(&self, click: &Click, pixel: usize) -> bool {
         let width = self.image.width as usize;
         let centre = DVec2::new((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
         centre.distance(click.at_px) <= AT_PX
     }
 
-    /// Where `before` became `after`, the same in `previous`.
+    /// Applies the change from `before` to `after` to `previous`.
     fn changed(previous: &Region, before: &Region, after: &Region) -> Region {
         let change = |(at, &was): (usize, &bool)| {
             if was == after.inside[at] {
@@ -266,8 +272,8 @@ impl PreparedFrame for FrameBodies {
         if let Some(taken) = taken {
             answer.subtract(taken);
         }
-        // Where space says otherwise than a click, the image puts right what lies at the click; where space knows nothing
-        // near it, all that space does not see.
+        // Where geometry contradicts a click, the image segmenter decides the pixels at the click.
+        // If no surface is known near the click, it also decides all pixels without a voxel.
         for (at, click) in prompt.clicks.iter().enumerate() {
             let pixel = click.pixel_in(answer.width, answer.height);
             if pixel.is_none_or(|pixel| answer.inside[pixel] != click.include) {

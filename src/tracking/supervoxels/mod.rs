@@ -1,5 +1,7 @@
-//! What hangs together in space: the surfaces that several frames see, parted in many ways, and the segmenter
-//! `geometry` that takes a thing by what most of those ways agree on.
+//! The segmenter `geometry`: selects objects by their connectivity in 3-D.
+//!
+//! Surfaces seen by several frames are partitioned in many ways. The answer to a click is the one
+//! that most partitions agree on.
 
 mod frame;
 mod segmentation;

@@ -8,26 +8,28 @@ use ostra_core::job::Progress;
 
 /// Rounds in which voxels choose their supervoxel.
 const ROUNDS: usize = 6;
-/// Weight of a difference of colour (ΔE) next to one seed step of distance and one of normals.
+/// Weight of a colour difference (ΔE), relative to one seed step and to unit normals.
 const COLOR_WEIGHT: f32 = 0.02;
-/// How far voxels that touch may be apart, in sides.
+/// Maximum distance of touching voxels, in sides of a voxel.
 const TOUCH: f32 = 1.9;
 
-/// Small parts of the surfaces, even in place, direction and colour: supervoxels (Papon, Abramov, Schoeler, Wörgötter,
-/// "Voxel cloud connectivity segmentation – supervoxels for point clouds", CVPR 2013).
+/// Supervoxels: small surface parts of uniform position, normal and colour.
+///
+/// Papon, Abramov, Schoeler, Wörgötter, "Voxel cloud connectivity segmentation – supervoxels for
+/// point clouds", CVPR 2013.
 pub struct Supervoxels {
     /// The supervoxel of each voxel.
     pub of_voxel: Vec<u32>,
-    /// Mean of the voxels of each, world space.
+    /// Mean position of each supervoxel's voxels, in world space.
     pub places: Vec<Vec3>,
-    /// Voxels in each.
+    /// Number of voxels of each supervoxel.
     pub sizes: Vec<u32>,
-    /// Where two of them touch, in order.
+    /// Borders between touching supervoxels, sorted.
     pub borders: Vec<Border>,
 }
 
 impl Supervoxels {
-    /// Supervoxels about `step` (world units) across; `normals` are the voxels' own.
+    /// Computes supervoxels about `step` (world units) wide from voxels and their normals.
     pub fn of(
         voxels: &Voxels,
         normals: &[Vec3],
@@ -54,7 +56,7 @@ impl Supervoxels {
     }
 }
 
-/// One supervoxel for each cube of edge `step`.
+/// Assigns one supervoxel to each cube of edge `step`.
 fn seeds(voxels: &Voxels, step: f32) -> Vec<u32> {
     let mut found: FxHashMap<[i32; 3], u32> = FxHashMap::default();
     let seed = |place: &Vec3| {
@@ -66,7 +68,7 @@ fn seeds(voxels: &Voxels, step: f32) -> Vec<u32> {
     voxels.places.iter().map(seed).collect()
 }
 
-/// What the members of each supervoxel have in common.
+/// Mean properties of each supervoxel.
 struct Means {
     places: Vec<Vec3>,
     normals: Vec<Vec3>,
@@ -75,7 +77,7 @@ struct Means {
 }
 
 impl Means {
-    /// Of those with members; `of_voxel` is numbered again without the others.
+    /// Computes the means of non-empty supervoxels and renumbers `of_voxel` without the empty.
     fn of(voxels: &Voxels, normals: &[Vec3], of_voxel: &mut [u32]) -> Self {
         let mut numbers: FxHashMap<u32, u32> = FxHashMap::default();
         let (mut sizes, mut sums): (Vec<u32>, Vec<[Vec3; 3]>) = (Vec::new(), Vec::new());
@@ -107,7 +109,7 @@ impl Means {
         }
     }
 
-    /// For every voxel the likest supervoxel around it.
+    /// Returns the most similar supervoxel nearby for every voxel.
     fn choose(&self, voxels: &Voxels, normals: &[Vec3], step: f32) -> Vec<u32> {
         let cell = |place: Vec3| (place / step).floor().as_ivec3();
         let mut around: FxHashMap<[i32; 3], Vec<u32>> = FxHashMap::default();
@@ -162,37 +164,38 @@ impl Means {
     }
 }
 
-/// Angles between normals that say nothing, degrees.
+/// Angle between normals, in degrees, up to which a border counts as flat.
 const EVEN_DEG: f32 = 10.0;
-/// A ridge bent by this much more counts as a full border.
+/// Angle beyond flat, in degrees, at which a ridge is a full border.
 const RIDGE_DEG: f32 = 200.0;
 
-/// Where two supervoxels touch.
+/// Border between two supervoxels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Border {
     pub a: u32,
     pub b: u32,
-    /// Pairs of voxels that touch.
+    /// Number of touching voxel pairs.
     pub length: f32,
-    /// Angle between the normals, degrees: above 0 over a ridge, below in a groove.
+    /// Angle between the normals in degrees; positive over a ridge, negative in a groove.
     pub bend_deg: f32,
-    /// Difference of colour, ΔE with half the lightness: shade falls within one thing.
+    /// Colour difference: ΔE with half the lightness, because shading varies within an object.
     pub color: f32,
 }
 
-/// How much bends and colours count.
+/// Weights of angles and colours in the strength of a border.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BoundaryWeights {
-    /// A groove bent by this much more than nothing is a full border, degrees.
+    /// Angle beyond flat, in degrees, at which a groove is a full border.
     pub groove_deg: f32,
-    /// A difference of colour that is a full border, ΔE.
+    /// Colour difference of a full border, ΔE.
     pub color: f32,
 }
 
 impl BoundaryWeights {
-    /// How likely one thing ends and another begins at a border, from 0; 1 is a full border. A groove is where things meet, a
-    /// ridge is mostly one thing's own edge (Stein, Schoeler, Papon, Wörgötter, "Object partitioning using local convexity",
-    /// CVPR 2014).
+    /// Returns how likely a border separates two objects; 0 = not, 1 = full border.
+    ///
+    /// Objects meet in a groove, whereas a ridge is mostly an edge of one object (Stein, Schoeler,
+    /// Papon, Wörgötter, "Object partitioning using local convexity", CVPR 2014).
     pub fn strength(&self, border: &Border) -> f32 {
         let bend = (border.bend_deg.abs() - EVEN_DEG).max(0.0);
         let shape = if border.bend_deg < 0.0 {
@@ -204,7 +207,9 @@ impl BoundaryWeights {
     }
 }
 
-/// Angle between the normals of two places, degrees, below 0 in a groove; 0 where one has no normal.
+/// Returns the angle between two normals in degrees, negative in a groove.
+///
+/// It is 0 if a normal is missing.
 fn bend_deg((place_a, normal_a): (Vec3, Vec3), (place_b, normal_b): (Vec3, Vec3)) -> f32 {
     if normal_a == Vec3::ZERO || normal_b == Vec3::ZERO {
         return 0.0;
@@ -222,7 +227,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_groove_parts_and_a_ridge_does_not() {
+    fn groove_separates_objects_and_a_ridge_does_not() {
         let (left, right) = (Vec3::NEG_X, Vec3::X);
         let (leaning, away) = (
             Vec3::new(1.0, 0.0, 1.0).normalize(),

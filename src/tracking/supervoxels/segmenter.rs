@@ -8,27 +8,31 @@ use ostra_core::job::Progress;
 use ostra_frames::{DepthMap, Frame, FrameStore, Image};
 use ostra_masks::{MaskError, PreparedFrame, Segmenter};
 
-/// Frames that surfaces are made of, the one asked for besides.
+/// Maximum number of other frames that the surfaces are made of.
 const MOST_VIEWS: usize = 16;
-/// With fewer frames that see the same, space says too little.
+/// Minimum number of frames that see the same surfaces.
 const LEAST_VIEWS: usize = 3;
 
-/// Numbers of frames, and what they show.
+/// Frame indices, and their depth and images.
 type Seen = (Vec<usize>, Vec<(DepthView, Arc<Image>)>);
 
-/// The segmenter `geometry`: takes what hangs together in space, over all frames around the clicked one, by clicks on one
-/// frame with depth and camera. What is thin, boxes, and frames without others around them are left to another segmenter;
-/// frames that cannot be read do not count.
+/// The segmenter `geometry`: selects objects by their connectivity in 3-D.
+///
+/// It needs clicks on one frame with depth and a camera, and uses all frames around it. Thin
+/// objects, boxes, and frames without others around them are left to another segmenter. Unreadable
+/// frames are ignored.
 pub struct GeometrySegmenter {
     frames: Arc<Vec<Frame>>,
     store: Arc<FrameStore>,
     picture: Arc<dyn Segmenter>,
-    /// The surfaces made last, with the frames that they are of.
+    /// The latest surfaces, with the frames that they are made of.
     made: Mutex<Option<(Vec<usize>, Arc<Surfaces>)>>,
 }
 
 impl GeometrySegmenter {
-    /// For some frames of one scene; `image` is the segmenter that knows single images.
+    /// Creates a segmenter for frames of one scene.
+    ///
+    /// `picture` is the segmenter for single images.
     #[must_use]
     pub fn new(
         frames: Arc<Vec<Frame>>,
@@ -43,13 +47,15 @@ impl GeometrySegmenter {
         }
     }
 
-    /// Whether it works for these very frames.
+    /// Returns whether the segmenter was created for these frames.
     #[must_use]
     pub fn is_for(&self, frames: &Arc<Vec<Frame>>) -> bool {
         Arc::ptr_eq(&self.frames, frames)
     }
 
-    /// A frame and those that see the same, the frame first, with their numbers; `None` where too few can be read.
+    /// Returns a frame and those that see the same surfaces, with their indices.
+    ///
+    /// The frame itself comes first. Returns `None` if too few frames can be read.
     fn views_of(&self, views: &DepthViews<'_>, frame: usize) -> Result<Option<Seen>, MaskError> {
         if views.posed_camera(frame).is_none() {
             return Ok(None);
@@ -69,7 +75,7 @@ impl GeometrySegmenter {
         Ok((loaded.len() >= LEAST_VIEWS).then_some((numbers, loaded)))
     }
 
-    /// The surfaces around a frame: those made last where they are of this frame too.
+    /// Returns the surfaces around a frame; reuses the latest ones if they include the frame.
     fn surfaces(
         &self,
         of: &[usize],
@@ -134,7 +140,8 @@ impl Segmenter for GeometrySegmenter {
     }
 
     fn basis(&self) -> String {
-        // Poses and depths of all frames; the frames are kept, so that the place stays theirs.
+        // The result depends on poses and depths of all frames. The frames are kept in memory, so
+        // their address identifies them.
         format!("{:p}", Arc::as_ptr(&self.frames))
     }
 }

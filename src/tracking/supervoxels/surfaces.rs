@@ -15,21 +15,24 @@ use ostra_frames::Image;
 
 /// Side of a voxel, in pixels at the median depth of the frames.
 const SIDE_PX: f32 = 4.5;
-/// Neighbours that normals are laid through; each gives other partings.
+/// Numbers of neighbours for normals; each gives different partitions.
 const NORMAL_NEIGHBOURS: [usize; 3] = [24, 48, 80];
-/// Widths of supervoxels, in sides of a voxel; each gives other partings.
+/// Widths of supervoxels, in sides of a voxel; each gives different partitions.
 const STEP_SIDES: [f32; 3] = [3.0, 4.0, 5.0];
-/// An answer that takes more of all voxels than this is no thing.
+/// Largest share of all voxels that an answer may have.
 const LARGEST_SHARE: f32 = 0.35;
 
-/// What some frames see in space, parted in many ways. A single way errs easily; the answer that agrees most with those of
-/// all the others rarely does.
+/// Surfaces seen by several frames, partitioned in many ways.
 ///
-/// One clustering of supervoxels by convexity (LCCP: S. Stein et al., "Object Partitioning Using Local Convexity", CVPR 2014)
-/// finds the right object on a real shelf about every second time, and which settings do changes from object to object. So nine
-/// partitions (`NORMAL_NEIGHBOURS` × `STEP_SIDES`) are each clustered by average linkage under three weightings of borders
-/// (`JUDGEMENTS`) and cut at four strengths (`LEAST_STRENGTHS`); the answer has the largest mean squared IoU with all
-/// others.
+/// A single partition is often wrong. The answer that agrees most with those of all others rarely
+/// is.
+///
+/// One clustering of supervoxels by convexity (LCCP: S. Stein et al., "Object Partitioning Using
+/// Local Convexity", CVPR 2014) finds the right object on a real shelf about every second time. The
+/// settings that do so change from object to object. So nine partitions (`NORMAL_NEIGHBOURS` ×
+/// `STEP_SIDES`) are each clustered by average linkage under three weightings of borders
+/// (`JUDGEMENTS`) and cut at four strengths (`LEAST_STRENGTHS`). The answer has the largest mean
+/// squared IoU with all others.
 pub struct Surfaces {
     pub voxels: Voxels,
     partings: Vec<Partition>,
@@ -56,8 +59,9 @@ impl Surfaces {
         Ok(Self { voxels, partings })
     }
 
-    /// The voxels that clicks ask for: of all answers the one that is most like the others. `None` where no answer is a
-    /// thing.
+    /// Returns the voxels that clicks select: of all answers the most typical one.
+    ///
+    /// Returns `None` if no answer is small enough to be an object.
     pub fn answer(&self, clicks: &[VoxelClick]) -> Option<VoxelSet> {
         let most = (LARGEST_SHARE * self.voxels.len() as f32) as u32;
         let answers: Vec<VoxelSet> = self
@@ -69,7 +73,7 @@ impl Surfaces {
             .into_iter()
             .filter(|answer| answer.len() <= most)
             .collect();
-        // Squared, so that many which are nearly the same outweigh many more that are a little alike.
+        // Squared, so that many nearly equal answers outweigh many more that overlap a little.
         let likeness = |answer: &VoxelSet| {
             answers
                 .iter()
@@ -86,7 +90,7 @@ impl Surfaces {
     }
 }
 
-/// The median over the frames of how wide so many pixels are at a frame's median depth.
+/// Returns the side of a voxel: the median over the frames of its size at median depth.
 fn side(views: &[(DepthView, Arc<Image>)]) -> f32 {
     let width = |(view, _): &(DepthView, Arc<Image>)| {
         Some(SIDE_PX * view.median_depth()? / view.posed.camera.focal_px.x as f32)
@@ -95,7 +99,7 @@ fn side(views: &[(DepthView, Arc<Image>)]) -> f32 {
     upper_median(&mut widths).unwrap_or(1.0)
 }
 
-/// Ways to judge borders; each gives another tree.
+/// Weightings of borders; each gives a different tree.
 const JUDGEMENTS: [BoundaryWeights; 3] = [
     BoundaryWeights {
         groove_deg: 30.0,
@@ -110,16 +114,20 @@ const JUDGEMENTS: [BoundaryWeights; 3] = [
         color: 40.0,
     },
 ];
-/// Strengths from which on a border may be where a thing ends; each gives another answer.
+/// Border strengths at which an object may end; each gives a different answer.
 const LEAST_STRENGTHS: [f32; 4] = [0.4, 0.5, 0.6, 0.8];
-/// How much longer than itself a way is over a full border, in sides of a voxel.
+/// Extra path length over a full border, in sides of a voxel.
 const BORDER_SIDES: f32 = 1.5;
-/// How far the part that an exclude click means reaches towards the include clicks, in distances from the click to the rim
-/// of the answer: who clicks on what is wrong clicks in its middle.
+/// Reach of an exclude click, relative to its distance from the border of the answer.
+///
+/// The click excludes voxels this far towards the include clicks. Users click in the middle of what
+/// is wrong.
 const EXCLUDED_REACH: f32 = 1.5;
-/// Exclude clicks at least this deep, as a share of the deepest, part two things; the others put a border right.
+/// Relative depth at which an exclude click separates two objects.
+///
+/// The depth is relative to the deepest exclude click. Shallower clicks correct a border.
 const PARTING_SHARE: f32 = 0.5;
-/// How far the part that a further include click means reaches, in distances from the click to the answer.
+/// Reach of a further include click, relative to its distance from the answer.
 const INCLUDED_REACH: f32 = 2.0;
 
 /// A click on a voxel.
@@ -127,21 +135,23 @@ const INCLUDED_REACH: f32 = 2.0;
 pub struct VoxelClick {
     pub voxel: u32,
     pub include: bool,
-    /// From an exclude click to the rim of the answer before it, from an include click to that answer, world units;
-    /// infinite where there was none.
+    /// Distance to the border of the answer before the click, in world units.
+    ///
+    /// For an exclude click this is from inside the answer, for an include click from outside. It
+    /// is infinite if there was no answer.
     pub depth: f32,
 }
 
-/// One way to part surfaces into supervoxels, and these into things.
+/// One partition of the surfaces into supervoxels, with trees that join these into objects.
 struct Partition {
     parts: Supervoxels,
     trees: Vec<Tree>,
-    /// For every supervoxel its neighbours and the way to them, world units.
+    /// Neighbours of every supervoxel and the path lengths to them, in world units.
     ways: Vec<Vec<(u32, f32)>>,
 }
 
 impl Partition {
-    /// `side` is that of the voxels.
+    /// Builds the trees and paths; `side` is that of the voxels.
     pub fn new(parts: Supervoxels, side: f32) -> Self {
         let mut ways = vec![Vec::new(); parts.len()];
         for border in &parts.borders {
@@ -157,12 +167,15 @@ impl Partition {
         Self { parts, trees, ways }
     }
 
-    /// The voxels that clicks may mean, one answer for each tree, strength and way to take out what exclude clicks mean: as far
-    /// as they reach, and all that hangs together with them more than with the include clicks.
+    /// Returns the voxel sets that the clicks may select.
     ///
-    /// A later click only changes what lies within about its distance to the answer's border, because users click in the middle
-    /// of what is wrong. The answers that also end where the tree would join the excluded part separate a book from the wall it
-    /// leans on.
+    /// There is one answer for each tree, strength and way to remove the part of an exclude click.
+    /// That part is either what the click reaches, or also all that the tree joins with it before
+    /// joining it with the include clicks.
+    ///
+    /// A later click only changes what lies within about its distance to the answer's border,
+    /// because users click in the middle of what is wrong. The answers that also end where the tree
+    /// would join the excluded part separate a book from the wall it leans on.
     pub fn answers(&self, clicks: &[VoxelClick]) -> Vec<VoxelSet> {
         let around: Vec<ClickDistances> = clicks.iter().map(|click| self.around(click)).collect();
         let mut near = vec![f32::INFINITY; self.parts.len()];
@@ -213,14 +226,15 @@ impl Partition {
         }
     }
 
-    /// The shortest way from a supervoxel to each (Dijkstra, "A note on two problems in connexion with graphs", Numerische
-    /// Mathematik 1959), world units.
+    /// Returns the shortest path length from a supervoxel to each other, in world units.
+    ///
+    /// Dijkstra, "A note on two problems in connexion with graphs", Numerische Mathematik 1959.
     fn ways_from(&self, part: u32) -> Vec<f32> {
         let mut shortest = vec![f32::INFINITY; self.parts.len()];
         shortest[part as usize] = 0.0;
         let mut open = BinaryHeap::from([Reverse((0, part))]);
         while let Some(Reverse((bits, part))) = open.pop() {
-            // Ways are not negative, so their bits order as they do.
+            // Lengths are not negative, so their bit patterns have the same order.
             let way = f32::from_bits(bits);
             if way > shortest[part as usize] {
                 continue;
@@ -244,15 +258,17 @@ impl Partition {
     }
 }
 
-/// A click with the ways from it to all supervoxels.
+/// A click with the path lengths from it to all supervoxels.
 struct ClickDistances {
     click: VoxelClick,
     part: u32,
     ways: Vec<f32>,
 }
 
-/// Which supervoxels clicks take; `thing` gives those of the thing that one belongs to, `near` are the shortest ways to the
-/// include clicks.
+/// Returns which supervoxels the clicks select.
+///
+/// `thing` returns the supervoxels of the object that one belongs to. `near` are the shortest path
+/// lengths to the include clicks.
 fn taken(thing: impl Fn(u32) -> Vec<u32>, clicks: &[ClickDistances], near: &[f32]) -> Vec<bool> {
     let mut inside = vec![false; near.len()];
     for ClickDistances { click, part, ways } in clicks.iter().filter(|around| around.click.include)
@@ -277,12 +293,12 @@ fn taken(thing: impl Fn(u32) -> Vec<u32>, clicks: &[ClickDistances], near: &[f32
     inside
 }
 
-/// Which of many voxels belong to something: one bit each.
+/// A set of voxels, one bit each.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct VoxelSet(Vec<u64>);
 
 impl VoxelSet {
-    /// Those of `count` voxels that `is_in` holds for.
+    /// Creates the set of those of `count` voxels for which `is_in` holds.
     pub fn of(count: usize, is_in: impl Fn(usize) -> bool) -> Self {
         let word = |first: usize| {
             (first..count.min(first + 64))
@@ -300,7 +316,7 @@ impl VoxelSet {
         self.0.iter().map(|word| word.count_ones()).sum()
     }
 
-    /// Intersection over union; 0 where both are empty.
+    /// Returns the intersection over union; 0 if both are empty.
     pub fn iou(&self, other: &Self) -> f32 {
         let (mut both, mut either) = (0, 0);
         for (a, b) in self.0.iter().zip(&other.0) {
@@ -316,7 +332,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sets_know_their_voxels() {
+    fn voxel_sets_have_the_right_members_and_iou() {
         let thirds = VoxelSet::of(130, |at| at % 3 == 0);
         let halves = VoxelSet::of(130, |at| at % 2 == 0);
         assert_eq!((thirds.len(), halves.len()), (44, 65));

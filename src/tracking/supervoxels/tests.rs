@@ -16,7 +16,7 @@ use ostra_masks::{Click, MaskError, PreparedFrame, Prompt, Region, SegmentReques
 
 const SIZE: (u32, u32) = (160, 120);
 
-/// A segmenter that answers with nothing but the clicked pixels, and keeps what was there.
+/// A segmenter that only sets the clicked pixels.
 struct Pixels;
 
 impl PreparedFrame for Pixels {
@@ -55,7 +55,7 @@ impl Segmenter for Pixels {
     }
 }
 
-/// A segmenter that gives every pixel the side of the last click.
+/// A segmenter that sets every pixel according to the last click.
 struct Flood;
 
 impl PreparedFrame for Flood {
@@ -76,7 +76,9 @@ impl PreparedFrame for Flood {
     }
 }
 
-/// What a ray meets first: 0 nothing, 1 the table, 2 the left box, 3 the right one, 4 a wire; with its depth.
+/// Returns the first hit of a ray and its depth.
+///
+/// 0 is nothing, 1 the table, 2 the left box, 3 the right box, 4 a wire.
 fn seen(eye: Vec3, ray: Vec3) -> (u8, f32) {
     let boxes = [
         (2, Vec3::new(-0.42, -0.2, 1.0), Vec3::new(-0.16, 0.0, 1.25)),
@@ -110,7 +112,7 @@ fn seen(eye: Vec3, ray: Vec3) -> (u8, f32) {
     if first.1.is_finite() { first } else { (0, 0.0) }
 }
 
-/// A camera above the table, looking down a little at the boxes; `aside` moves it.
+/// Renders the scene from above the table; `aside` shifts the camera sideways.
 fn view(aside: f64) -> (DepthView, Arc<Image>, Vec<u8>) {
     let camera = Camera::pinhole(SIZE.0, SIZE.1, 150.0, 150.0, 80.0, 60.0);
     let turn = glam::DQuat::from_rotation_x(0.35);
@@ -130,7 +132,7 @@ fn view(aside: f64) -> (DepthView, Arc<Image>, Vec<u8>) {
         height: SIZE.1,
         depths: hits.iter().map(|hit| hit.1).collect(),
     };
-    // All of one colour: space alone tells things apart.
+    // Everything has one colour, so only geometry distinguishes objects.
     let image = Image {
         width: SIZE.0,
         height: SIZE.1,
@@ -152,7 +154,7 @@ fn view(aside: f64) -> (DepthView, Arc<Image>, Vec<u8>) {
     )
 }
 
-/// A view as files.
+/// Writes a view to files.
 fn recorded(folder: &Path, number: usize, aside: f64) -> Frame {
     let (view, shown, _) = view(aside);
     let [picture, depth] = ["c", "d"].map(|kind| folder.join(format!("{kind}{number}.png")));
@@ -218,7 +220,7 @@ fn region_of(ids: &[u8], id: u8) -> Region {
     }
 }
 
-/// In the middle of the largest part of a thing.
+/// Returns a click in the middle of the largest part of a region.
 fn click(region: &Region, include: bool) -> Click {
     let (x, y) = ostra_masks::deepest_point(region).unwrap();
     Click {
@@ -250,7 +252,7 @@ fn segment(
 }
 
 #[test]
-fn one_click_takes_a_box_and_leaves_the_table() {
+fn one_click_selects_a_box_without_the_table() {
     let (frame, ids) = frame();
     for id in [2, 3] {
         let truth = region_of(&ids, id);
@@ -264,7 +266,7 @@ fn one_click_takes_a_box_and_leaves_the_table() {
 }
 
 #[test]
-fn frames_that_cannot_be_read_do_not_count() {
+fn unreadable_frames_are_ignored() {
     let folder = tempfile::tempdir().unwrap();
     let asides = [0.0, -0.25, -0.12, 0.12, 0.25, 0.06, -0.18]
         .into_iter()
@@ -300,7 +302,7 @@ fn frames_that_cannot_be_read_do_not_count() {
 }
 
 #[test]
-fn later_clicks_add_and_take_away() {
+fn later_clicks_add_and_remove_objects() {
     let (frame, ids) = frame();
     let (left, right) = (region_of(&ids, 2), region_of(&ids, 3));
     let mut both = left.clone();
@@ -319,7 +321,7 @@ fn later_clicks_add_and_take_away() {
 }
 
 #[test]
-fn what_a_mask_had_besides_stays() {
+fn other_parts_of_the_previous_mask_are_kept() {
     let (frame, ids) = frame();
     let (left, right) = (region_of(&ids, 2), region_of(&ids, 3));
     let mut before = segment(&frame, &[click(&left, true)], None, None);
@@ -344,7 +346,7 @@ fn what_a_mask_had_besides_stays() {
 }
 
 #[test]
-fn what_is_thin_is_left_to_the_picture() {
+fn thin_objects_are_left_to_the_image_segmenter() {
     let (frame, ids) = frame();
     let wire = region_of(&ids, 4);
     let at = click(&wire, true);
@@ -353,7 +355,7 @@ fn what_is_thin_is_left_to_the_picture() {
 }
 
 #[test]
-fn every_click_is_on_its_side() {
+fn every_click_is_satisfied() {
     let (frame, ids) = frame();
     let (left, table) = (region_of(&ids, 2), region_of(&ids, 1));
     let mut stray = click(&left, false);
@@ -370,7 +372,7 @@ fn every_click_is_on_its_side() {
 }
 
 #[test]
-fn where_a_click_is_not_on_its_side_the_picture_changes_what_lies_at_it_only() {
+fn image_segmenter_changes_only_pixels_at_contradicted_clicks() {
     let ((bodies, ids), (flooded, _)) = (frame(), frame_over(Arc::new(Flood)));
     let (left, table) = (region_of(&ids, 2), region_of(&ids, 1));
     let mut stray = click(&left, true);

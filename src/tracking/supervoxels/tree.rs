@@ -5,29 +5,31 @@ use rustc_hash::FxHashMap;
 
 use super::segmentation::{BoundaryWeights, Supervoxels};
 
-/// What a thing is joined to over a clear border must have this share of its size to be another thing.
+/// Minimum relative size of a neighbour across a clear border to be another object.
 const LEAST_SHARE: f32 = 0.5;
 
-/// Supervoxels joined to larger and larger bodies, two at a time, over the weakest border first, all along which strengths
-/// are averaged (agglomerative clustering by average linkage).
+/// A hierarchy of supervoxels, joined two at a time.
+///
+/// The weakest border is removed first, and strengths are averaged along each border (agglomerative
+/// clustering by average linkage).
 pub struct Tree {
-    /// The body that each is part of; itself where it is part of none.
+    /// Parent of each body; a root is its own parent.
     parents: Vec<u32>,
     children: Vec<Option<[u32; 2]>>,
-    /// Mean strength of the border that was given up within each body; 0 for supervoxels.
+    /// Mean strength of the border removed within each body; 0 for supervoxels.
     strengths: Vec<f32>,
-    /// Voxels.
+    /// Number of voxels.
     sizes: Vec<u32>,
 }
 
-/// A border of two bodies: the sum of strength times length, and the length.
+/// Border of two bodies: the sum of strength times length, and the length.
 #[derive(Clone, Copy, Default)]
 struct Between {
     strength: f32,
     length: f32,
 }
 
-/// Two bodies that may be joined next; the weakest border is the greatest.
+/// Two bodies that may be joined next; the weakest border compares greatest.
 struct Join(f32, [u32; 2]);
 
 impl Ord for Join {
@@ -50,7 +52,7 @@ impl PartialEq for Join {
 
 impl Eq for Join {}
 
-/// Bodies that are not yet part of others, with their borders.
+/// The current roots with their borders.
 struct Joining {
     borders: Vec<FxHashMap<u32, Between>>,
     open: BinaryHeap<Join>,
@@ -104,8 +106,10 @@ impl Tree {
         joined
     }
 
-    /// The supervoxels of the thing that one belongs to: the largest body around it before it would be joined to another one
-    /// of like size over a border of `least_strength`, or part of a `closed` one.
+    /// Returns the supervoxels of the object that one belongs to.
+    ///
+    /// This is the largest body around it before it joins another of similar size over a border of
+    /// `least_strength`, or becomes part of a `closed` body.
     pub fn thing(&self, part: u32, least_strength: f32, closed: &[bool]) -> Vec<u32> {
         let mut body = part;
         loop {
@@ -120,7 +124,7 @@ impl Tree {
         }
     }
 
-    /// Which bodies some supervoxels are part of.
+    /// Returns which bodies contain any of the supervoxels.
     pub fn around(&self, parts: &[u32]) -> Vec<bool> {
         let mut around = vec![false; self.parents.len()];
         for &part in parts {
@@ -156,7 +160,7 @@ impl Joining {
             .push(Join(between.strength / between.length, [a, b]));
     }
 
-    /// The borders of two bodies become those of `joined`, the next one.
+    /// Moves the borders of two bodies to `joined`, which is the next index.
     fn join(&mut self, bodies: [u32; 2], joined: u32) {
         let mut around: FxHashMap<u32, Between> = FxHashMap::default();
         for body in bodies {
@@ -184,8 +188,8 @@ mod tests {
     use crate::supervoxels::segmentation::Border;
 
     #[test]
-    fn a_thing_ends_where_something_else_would_join_it() {
-        // Four in a row; the two on each side are alike, and all are joined in the end.
+    fn object_ends_where_it_would_join_another_one() {
+        // Four in a row; the two on each side are similar, and all are joined in the end.
         let border = |a, color| Border {
             a,
             b: a + 1,

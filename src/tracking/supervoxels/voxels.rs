@@ -11,16 +11,16 @@ use ostra_core::job::Progress;
 use ostra_frames::Image;
 use ostra_masks::lab_of_pixel;
 
-/// The surfaces that frames see, as one point for each cube of space.
+/// Surfaces seen by several frames, with one point per cube of space.
 pub struct Voxels {
-    /// Edge of a cube, world units.
+    /// Edge of a cube in world units.
     pub side: f32,
     of_cell: FxHashMap<[i32; 3], u32>,
-    /// Mean of what was seen in each, world space.
+    /// Mean position of the points in each cube, in world space.
     pub places: Vec<Vec3>,
     /// Mean colours, CIE L*a*b*.
     pub colors: Vec<Vec3>,
-    /// Mean directions to the cameras that saw it.
+    /// Mean directions to the cameras that saw each cube.
     facing: Vec<Vec3>,
 }
 
@@ -34,7 +34,7 @@ struct Sums {
 }
 
 impl Voxels {
-    /// Cubes of edge `side` (world units) in which at least `least_views` of the frames see something.
+    /// Creates cubes of edge `side` (world units) that at least `least_views` frames see.
     pub fn of(
         views: &[(DepthView, Arc<Image>)],
         side: f32,
@@ -81,23 +81,26 @@ impl Voxels {
         self.places.len()
     }
 
-    /// Unit normals towards the cameras, of planes through so many neighbours; zero where there is none.
+    /// Returns unit normals towards the cameras, of planes through the nearest neighbours.
+    ///
+    /// A normal is zero if there is no plane.
     pub fn normals(&self, neighbours: usize, progress: &Progress) -> Result<Vec<Vec3>, SceneError> {
         let mut normals =
             estimate_normals(&self.places, &[], &NormalOptions { neighbours }, progress)?;
-        // The nearest camera may stand on the other side of a thin thing: only those that saw it count.
+        // The nearest camera may be on the other side of a thin object. Only the cameras that saw
+        // the voxel count.
         for (normal, facing) in normals.iter_mut().zip(&self.facing) {
             *normal *= normal.dot(*facing).signum();
         }
         Ok(normals)
     }
 
-    /// The voxel at a place in world space.
+    /// Returns the voxel at a position in world space.
     pub fn at(&self, place: Vec3) -> Option<u32> {
         self.of_cell.get(&cell(place, self.side)).copied()
     }
 
-    /// Every two voxels next to each other, corners included, no farther apart than `reach` sides.
+    /// Returns all pairs of adjacent voxels, corners included, within `reach` sides.
     pub fn pairs(&self, reach: f32) -> Vec<(u32, u32)> {
         let limit = (reach * self.side).powi(2);
         let beside = |index: u32| {

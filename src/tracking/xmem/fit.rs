@@ -5,29 +5,29 @@ use ostra_frames::Image;
 use ostra_masks::onnx::resized_planes;
 use ostra_masks::{LabelId, LabelMask};
 
-/// Pixels along each side of a cell.
+/// Side of a cell in pixels.
 const CELL: usize = 16;
-/// Mean and deviation of red, green and blue that the networks were trained with.
+/// Mean and standard deviation of red, green and blue in the networks' training.
 const MEAN: [f32; 3] = [123.675, 116.28, 103.53];
 const DEVIATION: [f32; 3] = [58.395, 57.12, 57.375];
 
-/// The longer side that is shown at most, in pixels: very narrow pictures are shown smaller.
+/// Maximum longer side of the network input in pixels; very narrow images are reduced.
 const LONGEST: usize = 4096;
 
-/// How a picture lies in what the networks see of it: (columns, rows).
+/// Placement of an image in the network input, as (columns, rows).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Fit {
     pub picture: (usize, usize),
-    /// The size that it is brought to.
+    /// Size that the image is resized to.
     shown: (usize, usize),
-    /// With a border up to whole cells.
+    /// Size with a border up to whole cells.
     pub padded: (usize, usize),
-    /// Where the upper left of what is shown lies.
+    /// Upper left corner of the image.
     corner: (usize, usize),
 }
 
 impl Fit {
-    /// Of a picture whose shorter side is shown with so many pixels; with its own where that is `None`.
+    /// Fits an image so that its shorter side has `short_side` pixels; `None` keeps its size.
     pub fn new(width: u32, height: u32, short_side: Option<u32>) -> Self {
         let picture = (width as usize, height as usize);
         let short = picture.0.min(picture.1).max(1);
@@ -48,17 +48,17 @@ impl Fit {
         }
     }
 
-    /// Columns and rows of cells.
+    /// Returns the columns and rows of cells.
     pub fn cells(&self) -> (usize, usize) {
         (self.padded.0 / CELL, self.padded.1 / CELL)
     }
 
-    /// Pixels that the networks see.
+    /// Returns the number of pixels of the network input.
     pub fn area(&self) -> usize {
         self.padded.0 * self.padded.1
     }
 
-    /// The picture as the key encoder takes it, `[3, rows, columns]`.
+    /// Returns the image as the key encoder's input, `[3, rows, columns]`.
     pub fn planes(&self, image: &Image) -> Vec<f32> {
         let small = resized_planes(&image.pixels, self.picture, self.shown);
         let mut planes = vec![0.0; 3 * self.area()];
@@ -75,8 +75,10 @@ impl Fit {
         planes
     }
 
-    /// Where the mask shows each label: 1 there, 0 elsewhere, `[labels][rows][columns]`. Each pixel takes what lies at its
-    /// upper left, as the official code has it; a label that none would take keeps the pixel that its first one lies in.
+    /// Returns a 0/1 map per label, `[labels][rows][columns]`.
+    ///
+    /// Each pixel takes the label at its upper left, as in the official code. A label that would
+    /// get no pixel keeps the one that contains its first pixel.
     pub fn one_hot(&self, mask: &LabelMask, labels: &[LabelId]) -> Vec<f32> {
         let mut maps = vec![0.0; labels.len() * self.area()];
         let from = |at: usize, shown: usize, picture: usize| at * picture / shown;
@@ -107,7 +109,7 @@ impl Fit {
         maps
     }
 
-    /// Maps `[any][rows][columns]` of what the networks see, at the size of the picture, between pixels linearly.
+    /// Resizes maps `[any][rows][columns]` to the image size by linear interpolation.
     pub fn enlarged(&self, maps: &[f32]) -> Vec<f32> {
         let (columns, rows) = (
             half_pixel_samples(self.shown.0, self.picture.0),
@@ -133,7 +135,7 @@ impl Fit {
         out
     }
 
-    /// The rows of a map that show the picture.
+    /// Returns the rows of a map that belong to the image.
     fn rows<'a>(&self, map: &'a mut [f32]) -> impl Iterator<Item = &'a mut [f32]> + use<'a> {
         let (corner, shown) = (self.corner, self.shown);
         let rows = map
@@ -149,7 +151,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sizes_are_those_of_the_official_code() {
+    fn sizes_match_the_official_code() {
         let fit = Fit::new(960, 540, Some(480));
         assert_eq!(
             (fit.shown, fit.padded, fit.corner),
@@ -164,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn label_smaller_than_a_pixel_is_not_lost() {
+    fn label_smaller_than_a_pixel_is_kept() {
         let mut mask = LabelMask::empty(100, 100);
         (mask.ids[33 * 100 + 57], mask.ids[0]) = (LabelId(3), LabelId(4));
         let fit = Fit::new(100, 100, Some(32));
@@ -177,8 +179,8 @@ mod tests {
     }
 
     #[test]
-    fn a_map_at_the_picture_s_size_is_the_picture_again() {
-        // A ramp stays a ramp: no shift of half a pixel, no border.
+    fn enlarged_ramp_has_no_shift_and_no_border() {
+        // A ramp stays a ramp: no half-pixel shift, no border.
         let fit = Fit::new(90, 60, Some(30));
         let mut map = vec![99.0; fit.area()];
         for (y, row) in fit.rows(&mut map).enumerate() {

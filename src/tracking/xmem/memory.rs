@@ -5,23 +5,26 @@ use rayon::prelude::*;
 
 use super::similarity::{Lookup, Match, best};
 
-/// How much XMem sees and remembers.
+/// Options of the XMem tracker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct XMemOptions {
-    /// Shorter side of the pictures that the networks see, in pixels; `None` = as they are. More shows thinner things and
-    /// takes longer.
+    /// Shorter side of the network input in pixels; `None` = the image's own.
+    ///
+    /// More pixels show thinner objects and take longer.
     pub short_side: Option<u32>,
-    /// Every so many frames one is remembered, at least 1.
+    /// Interval in frames at which one enters memory, at least 1.
     pub remember_every: usize,
-    /// Frames in working memory at which it is consolidated, at least 2.
+    /// Number of frames in working memory at which it is consolidated, at least 2.
     pub most_frames: usize,
-    /// Frames that then stay, the first among them: at least 1, fewer than `most_frames`.
+    /// Frames that stay after consolidation, at least 1 and fewer than `most_frames`.
+    ///
+    /// The first frame is always among them.
     pub least_frames: usize,
-    /// Elements of long-term memory that a consolidation makes.
+    /// Elements of long-term memory added per consolidation.
     pub prototypes: usize,
-    /// Elements of long-term memory at most; those least used are forgotten.
+    /// Maximum elements of long-term memory; the least used are forgotten.
     pub most_prototypes: usize,
-    /// Elements of memory that each cell of a picture is matched with.
+    /// Number of memory elements that each cell is matched with.
     pub matches: usize,
 }
 
@@ -39,23 +42,25 @@ impl Default for XMemOptions {
     }
 }
 
-/// Working and long-term memory of the objects that were first seen on one frame.
+/// Working and long-term memory of the objects that first appeared on one frame.
 #[derive(Debug)]
 pub(super) struct Group {
-    /// Which of all objects.
+    /// Indices of the objects.
     pub objects: Range<usize>,
     /// Whole frames; the first stays.
     working: Elements,
-    /// Cells of a frame.
+    /// Number of cells of a frame.
     cells: usize,
     long_term: Elements,
 }
 
-/// Cells that are looked up together: as many columns as keep their similarities within a core's cache.
+/// Cells looked up together.
+///
+/// The number of columns is chosen so that the similarities stay in a core's cache.
 const BLOCK: usize = 32;
 
 impl Group {
-    /// Nothing is remembered yet of these objects.
+    /// Creates an empty memory for these objects.
     pub fn new(objects: Range<usize>, widths: Widths, cells: usize) -> Self {
         let empty = Elements::new(widths, objects.len());
         Self {
@@ -66,7 +71,9 @@ impl Group {
         }
     }
 
-    /// What memory says of every object: `[objects][value][cells]`, for keys and selections `[cells][key]`.
+    /// Reads the memory of every object: `[objects][value][cells]`.
+    ///
+    /// `keys` and `selections` are `[cells][key]`.
     pub fn read(&mut self, keys: &[f32], selections: &[f32], options: &XMemOptions) -> Vec<f32> {
         let Widths { key, value } = self.working.widths;
         let stores = [&self.long_term, &self.working]
@@ -96,7 +103,7 @@ impl Group {
         out
     }
 
-    /// The mean of an object's values.
+    /// Returns the weighted mean of an object's values.
     fn mean(&self, object: usize, matches: &[Match]) -> Vec<f32> {
         let width = self.working.widths.value;
         let old = self.long_term.len();
@@ -113,7 +120,7 @@ impl Group {
         mean
     }
 
-    /// Counts what was used.
+    /// Counts the use of memory elements.
     fn note(&mut self, found: &[Vec<Match>]) {
         let old = self.long_term.len();
         for one in found.iter().flatten() {
@@ -126,7 +133,7 @@ impl Group {
         self.long_term.live();
     }
 
-    /// Remembers a frame; consolidates working memory when it is full.
+    /// Adds a frame; consolidates working memory when it is full.
     pub fn remember(&mut self, frame: &Elements, options: &XMemOptions) {
         self.working.add(frame);
         let (most, least) = (
@@ -148,14 +155,14 @@ impl Group {
             .add(&prototypes(&candidates, options.prototypes));
     }
 
-    /// Elements of working and of long-term memory.
+    /// Returns the number of elements of working and of long-term memory.
     #[cfg(test)]
     pub fn sizes(&self) -> (usize, usize) {
         (self.working.len(), self.long_term.len())
     }
 }
 
-/// Rows `[count][width]` to columns `[width][count]`.
+/// Transposes `[count][width]` to `[width][count]`.
 pub(super) fn transpose(rows: &[f32], width: usize, out: &mut [f32]) {
     let count = rows.len() / width;
     for (at, row) in rows.chunks_exact(width).enumerate() {
@@ -165,36 +172,36 @@ pub(super) fn transpose(rows: &[f32], width: usize, out: &mut [f32]) {
     }
 }
 
-/// What is remembered of the cells of pictures: a key that is found by looking alike, and a value for every object.
+/// Memory elements: cells of images with a key for matching and a value per object.
 #[derive(Debug, Clone)]
 pub(super) struct Elements {
-    /// Parts of a key and of a value.
+    /// Lengths of a key and of a value.
     pub widths: Widths,
-    /// `[elements][key]`.
+    /// Shape `[elements][key]`.
     pub keys: Vec<f32>,
-    /// `[elements]`: how narrowly each is matched, at least 1.
+    /// Sharpness of the match of each element, at least 1.
     pub shrinkages: Vec<f32>,
-    /// `[elements][key]`: which parts of a key count; empty where that is not remembered.
+    /// Weights of the key's components, `[elements][key]`; empty if not stored.
     pub selections: Vec<f32>,
-    /// By object `[elements][value]`.
+    /// Values `[elements][value]` of each object.
     pub values: Vec<Vec<f32>>,
-    /// `[elements]`: how much was taken of each since it is here, and in how many frames it could be.
+    /// Accumulated use of each element, and the number of frames it was available in.
     uses: Vec<f32>,
     lives: Vec<f32>,
 }
 
-/// Parts of a key and of a value.
+/// Lengths of a key and of a value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Widths {
     pub key: usize,
     pub value: usize,
 }
 
-/// What a new element has lived, so that its usage is no division by 0.
+/// Initial lifetime of an element, which avoids a division by 0.
 const BORN: f32 = 1e-7;
 
 impl Elements {
-    /// Nothing, for this number of objects.
+    /// Creates an empty memory for this number of objects.
     pub fn new(widths: Widths, objects: usize) -> Self {
         let none = Vec::new;
         let values = vec![Vec::new(); objects];
@@ -221,7 +228,7 @@ impl Elements {
         row(&self.selections, element, self.widths.key)
     }
 
-    /// The same keys with other values, by object `[elements][value]`.
+    /// Returns the same keys with other values, `[elements][value]` per object.
     pub fn with_values(&self, values: Vec<Vec<f32>>) -> Self {
         Self {
             values,
@@ -229,7 +236,7 @@ impl Elements {
         }
     }
 
-    /// Adds the elements of another, as new ones.
+    /// Adds the elements of another memory, as new ones.
     pub fn add(&mut self, other: &Self) {
         self.keys.extend_from_slice(&other.keys);
         self.shrinkages.extend_from_slice(&other.shrinkages);
@@ -242,7 +249,7 @@ impl Elements {
         self.lives.resize(self.len(), BORN);
     }
 
-    /// Takes out a range, with its usage.
+    /// Removes and returns a range of elements with their usage.
     pub fn take(&mut self, range: Range<usize>) -> Self {
         let Widths { key, value } = self.widths;
         let wide = |width: usize| range.start * width..range.end * width;
@@ -261,17 +268,17 @@ impl Elements {
         }
     }
 
-    /// A frame passed in which any of the elements could be used.
+    /// Counts a frame in which the elements were available.
     pub fn live(&mut self) {
         self.lives.iter_mut().for_each(|lives| *lives += 1.0);
     }
 
-    /// So much was taken of an element.
+    /// Adds to the use of an element.
     pub fn use_of(&mut self, element: usize, share: f32) {
         self.uses[element] += share;
     }
 
-    /// How much was taken of each element per frame.
+    /// Returns the use per frame of each element.
     pub fn usages(&self) -> Vec<f32> {
         self.uses
             .iter()
@@ -280,7 +287,9 @@ impl Elements {
             .collect()
     }
 
-    /// Forgets the least used, and all that are used no more than the last of those, so that at most `most` stay.
+    /// Removes the least used elements so that at most `most` stay.
+    ///
+    /// Elements with the same usage as the last removed one are removed as well.
     pub fn forget(&mut self, most: usize) {
         let Some(surplus) = self.len().checked_sub(most).filter(|&surplus| surplus > 0) else {
             return;
@@ -304,7 +313,7 @@ impl Elements {
     }
 }
 
-/// One element's part of a list.
+/// Returns one element's part of a list.
 pub(super) fn row(list: &[f32], element: usize, width: usize) -> &[f32] {
     &list[element * width..][..width]
 }
@@ -317,8 +326,9 @@ fn keep(list: &mut Vec<f32>, stays: &[bool], width: usize) {
     });
 }
 
-/// The most used of candidates for long-term memory, each with the value and shrinkage that all candidates which look
-/// like it have on average.
+/// Creates long-term elements from the most used candidates.
+///
+/// Each gets the mean value and shrinkage of all candidates, weighted by similarity.
 fn prototypes(candidates: &Elements, count: usize) -> Elements {
     let chosen = most_used(&candidates.usages(), count);
     let widths = candidates.widths;
@@ -348,7 +358,7 @@ fn prototypes(candidates: &Elements, count: usize) -> Elements {
     made
 }
 
-/// By column of `shares` the mean of rows `[elements][width]`.
+/// Returns the mean of rows `[elements][width]` for each column of weights in `shares`.
 fn mean_rows(rows: &[f32], width: usize, shares: &DMatrix<f32>) -> Vec<f32> {
     let mut out = DMatrix::zeros(width, shares.ncols());
     out.gemm(
@@ -360,7 +370,7 @@ fn mean_rows(rows: &[f32], width: usize, shares: &DMatrix<f32>) -> Vec<f32> {
     out.data.into()
 }
 
-/// The `count` most used, the most used first; of equals the first.
+/// Returns the `count` most used elements, the most used first; of equals the first.
 fn most_used(usages: &[f32], count: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..usages.len()).collect();
     order.sort_by(|&a, &b| usages[b].total_cmp(&usages[a]));
@@ -372,7 +382,7 @@ fn most_used(usages: &[f32], count: usize) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    /// Elements whose key, shrinkage and values are their number.
+    /// Creates elements whose key, shrinkage and values are their number.
     fn numbered(numbers: Range<usize>) -> Elements {
         let mut elements = Elements::new(Widths { key: 2, value: 3 }, 2);
         let all = |width: usize| {
@@ -388,7 +398,7 @@ mod tests {
     }
 
     #[test]
-    fn least_used_are_forgotten_in_all_lists() {
+    fn least_used_elements_are_removed_from_all_lists() {
         let mut elements = Elements::new(Widths { key: 2, value: 3 }, 2);
         elements.add(&numbered(0..4));
         elements.live();
@@ -413,7 +423,7 @@ mod tests {
     }
 
     #[test]
-    fn range_is_taken_out_of_all_lists() {
+    fn range_is_removed_from_all_lists() {
         let mut elements = Elements::new(Widths { key: 2, value: 3 }, 2);
         elements.add(&numbered(0..5));
         elements.use_of(2, 0.7);
@@ -431,8 +441,8 @@ mod tests {
     }
 
     #[test]
-    fn prototype_has_the_mean_of_what_looks_like_it() {
-        // Two that look alike, and one far from them.
+    fn prototype_has_the_mean_of_similar_elements() {
+        // Two similar elements, and one far from them.
         let mut candidates = Elements::new(Widths { key: 1, value: 2 }, 1);
         let mut all = candidates.clone();
         (all.keys, all.shrinkages, all.selections) =

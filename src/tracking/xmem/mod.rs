@@ -1,9 +1,12 @@
-//! XMem: masks carried through a video by three networks and a memory of what was seen: sensory (of each object, renewed
-//! in every frame), working (some whole frames) and long-term (the most used of what working memory gives up).
+//! The XMem tracker: three networks and a memory of three levels.
 //!
-//! Cheng, Schwing: "XMem: Long-Term Video Object Segmentation with an Atkinson-Shiffrin Memory Model", ECCV 2022.
-//! Numbers are those of the official code, with one exception: labels that come later have keys of their own. There
-//! they share those of the first frame, which consolidation then pairs with other pictures' values.
+//! Sensory memory belongs to each object and is updated in every frame. Working memory holds some
+//! whole frames. Long-term memory holds the most used elements that leave working memory.
+//!
+//! Cheng, Schwing: "XMem: Long-Term Video Object Segmentation with an Atkinson-Shiffrin Memory
+//! Model", ECCV 2022. The results equal those of the official code, with one exception: labels that
+//! appear later have keys of their own. In the official code they share the keys of the first
+//! frame, which consolidation then pairs with values of other images.
 
 mod fit;
 mod memory;

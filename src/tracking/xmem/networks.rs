@@ -12,35 +12,37 @@ pub(super) struct Networks {
     key_encoder: Network,
     value_encoder: Network,
     decoder: Network,
-    /// Values of a cell that memory says of an object, and of its sensory memory.
+    /// Channels per cell of a memory readout and of sensory memory.
     value: usize,
     pub hidden: usize,
 }
 
-/// Objects that a network is run on at once: more take more memory and no less time.
+/// Number of objects per network run; more need more memory and no less time.
 const OBJECTS: usize = 10;
 
-/// What is known of a picture before any object.
+/// Encoder output for one image, independent of objects.
 pub(super) struct Seen {
     pub fit: Fit,
     image: Tensor,
-    /// At a 16th, an 8th and a 4th of the size.
+    /// Features at a 16th, an 8th and a 4th of the size.
     features: [Tensor; 3],
-    /// Key, shrinkage and selection of every cell; no values yet.
+    /// Key, shrinkage and selection of every cell, without values.
     pub cells: Elements,
 }
 
-/// What a network says of every object.
+/// Network output for every object.
 pub(super) struct Said {
-    /// `[objects][…]`.
+    /// Shape `[objects][…]`.
     pub values: Vec<f32>,
     /// Sensory memory, `[objects][hidden][cells]`.
     pub hidden: Vec<f32>,
 }
 
 impl Networks {
+    /// Checks the three networks.
+    ///
     /// # Errors
-    /// [`NnError::Mismatch`] where they do not take what is fed.
+    /// [`NnError::Mismatch`] if one has other inputs than expected.
     pub fn new([key_encoder, value_encoder, decoder]: [Network; 3]) -> Result<Self, NnError> {
         check_signature(&key_encoder, &["image"], &[])?;
         check_signature(
@@ -68,7 +70,7 @@ impl Networks {
         })
     }
 
-    /// Looks at a picture.
+    /// Encodes an image.
     pub fn see(&self, image: &Image, fit: Fit, progress: &Progress) -> Result<Seen, MaskError> {
         let (columns, rows) = fit.padded;
         let image =
@@ -102,7 +104,9 @@ impl Networks {
         })
     }
 
-    /// Logits `[objects][rows][columns]` from what memory says, `[objects][value][cells]`, and sensory memory.
+    /// Decodes logits `[objects][rows][columns]`.
+    ///
+    /// The inputs are the memory readout, `[objects][value][cells]`, and sensory memory.
     pub fn decode(
         &self,
         seen: &Seen,
@@ -143,7 +147,9 @@ impl Networks {
         Ok(said)
     }
 
-    /// What is to be remembered of each object, `[objects][value][cells]`, from its probabilities `[objects][area]`.
+    /// Encodes the memory values of each object, `[objects][value][cells]`.
+    ///
+    /// `masks` are the objects' probabilities, `[objects][area]`.
     pub fn value(
         &self,
         seen: &Seen,
@@ -205,7 +211,7 @@ impl Said {
 }
 
 impl Seen {
-    /// Features `f16`, `f8` or `f4`.
+    /// Returns the features `f16`, `f8` or `f4`.
     #[cfg(test)]
     pub fn feature(&self, name: &str) -> &Tensor {
         let place = ["f16", "f8", "f4"]
@@ -215,7 +221,7 @@ impl Seen {
         &self.features[place]
     }
 
-    /// The cells with an object's values each, from `[objects][value][cells]`.
+    /// Returns the cells with the objects' values, given as `[objects][value][cells]`.
     pub fn with_values(&self, values: &[f32]) -> Elements {
         let count = self.cells.len();
         let of = values.chunks_exact(self.cells.widths.value * count);
@@ -224,14 +230,14 @@ impl Seen {
     }
 }
 
-/// From `[parts][cells]` to `[cells][parts]`.
+/// Transposes `[parts][cells]` to `[cells][parts]`.
 fn by_cell(planes: &[f32], cells: usize) -> Vec<f32> {
     let mut rows = vec![0.0; planes.len()];
     transpose(planes, cells, &mut rows);
     rows
 }
 
-/// By object the sum of all others.
+/// Returns the sum of all other objects' masks for each object.
 fn others(masks: &[f32], area: usize) -> Vec<f32> {
     let objects: Vec<&[f32]> = masks.chunks_exact(area).collect();
     let mut out = vec![0.0; masks.len()];

@@ -2,18 +2,18 @@ use std::cmp::Ordering;
 
 use nalgebra::{DMatrix, DMatrixView};
 
-/// Keys of memory, made ready to be compared with those of pictures.
+/// Memory keys, prepared for comparison with those of images.
 pub(super) struct Lookup {
-    /// Parts of a key.
+    /// Length of a key.
     width: usize,
-    /// The parts of all keys, squared, then as they are: `[2 · width][elements]`.
+    /// Components of all keys, squared and plain: `[2 · width][elements]`.
     parts: Vec<f32>,
-    /// By element its shrinkage over the root of the width.
+    /// Shrinkage of each element divided by √width.
     scales: Vec<f32>,
 }
 
 impl Lookup {
-    /// Of keys `[elements][width]` with their shrinkages `[elements]`, in stores that follow one another.
+    /// Prepares keys `[elements][width]` and shrinkages `[elements]` of consecutive stores.
     pub fn new(width: usize, stores: &[(&[f32], &[f32])]) -> Self {
         let count = stores
             .iter()
@@ -40,16 +40,18 @@ impl Lookup {
         }
     }
 
-    /// Elements of memory.
+    /// Returns the number of memory elements.
     pub fn len(&self) -> usize {
         self.scales.len()
     }
 
-    /// How alike every element (down) and every query (across) are, −s · Σ e · (k − q)² / √width: `keys` q and `selections`
-    /// e are `[queries][width]`.
+    /// Returns the similarity of every element (row) to every query (column).
+    ///
+    /// It is −s · Σ e · (k − q)² / √width. `keys` q and `selections` e are `[queries][width]`.
     pub fn similarities(&self, keys: &[f32], selections: &[f32]) -> DMatrix<f32> {
         let (width, count) = (self.width, keys.len() / self.width);
-        // −s (Σ e k² − 2 Σ e k q + Σ e q²): the first two sums of all pairs are one product of matrices.
+        // −s (Σ e k² − 2 Σ e k q + Σ e q²): one matrix product computes the first two sums of all
+        // pairs.
         let mut asked = Vec::with_capacity(2 * width * count);
         let mut own = Vec::with_capacity(count);
         for (key, selection) in keys.chunks_exact(width).zip(selections.chunks_exact(width)) {
@@ -80,14 +82,16 @@ impl Lookup {
     }
 }
 
-/// An element of memory and how much a query takes of it.
+/// A memory element and its share in a query's result.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Match {
     pub element: usize,
     pub share: f32,
 }
 
-/// The `count` elements that are most alike, with shares that sum to 1 (softmax over them); of equals the first.
+/// Returns the `count` most similar elements with shares that sum to 1 (softmax).
+///
+/// Of equal elements, the first ones are chosen.
 pub(super) fn best(similar: &[f32], count: usize) -> Vec<Match> {
     let mut kept: Vec<Match> = Vec::with_capacity(2 * count);
     let mut least = f32::NEG_INFINITY;
@@ -114,7 +118,7 @@ pub(super) fn best(similar: &[f32], count: usize) -> Vec<Match> {
     kept
 }
 
-/// Leaves the most alike; gives the least of what is left.
+/// Keeps the `count` most similar matches and returns the least similarity among them.
 fn cut(kept: &mut Vec<Match>, count: usize) -> f32 {
     kept.select_nth_unstable_by(count - 1, more_alike);
     kept.truncate(count);
@@ -130,7 +134,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn product_of_matrices_is_the_weighted_distance() {
+    fn matrix_product_equals_the_weighted_distance() {
         let width = 8;
         let made = |seed: usize, count: usize| -> Vec<f32> {
             (0..count)
@@ -166,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn most_alike_are_found_among_many() {
+    fn most_similar_elements_are_found_among_many() {
         let similar: Vec<f32> = (0..1000)
             .map(|at| -(((at * 389) % 1000) as f32) / 100.0)
             .collect();
@@ -187,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn few_equals_and_remote_elements_are_no_trouble() {
+    fn few_equal_and_distant_elements_are_handled() {
         assert_eq!(
             best(&[-1.0], 30),
             [Match {
@@ -197,7 +201,7 @@ mod tests {
         );
         let equal: Vec<usize> = best(&[0.5; 50], 3).iter().map(|one| one.element).collect();
         assert_eq!(equal, [0, 1, 2]);
-        // exp(−500) is 0: without taking away the greatest, shares would be 0 / 0.
+        // exp(−500) is 0: without subtracting the maximum, shares would be 0 / 0.
         assert_eq!(
             best(&[-500.0, -500.0], 2)
                 .iter()

@@ -16,28 +16,32 @@ use ostra_core::job::Progress;
 use ostra_frames::Image;
 use ostra_masks::{Direction, LabelId, LabelMask, MaskError, TrackRequest, TrackedFrame, Tracker};
 
-/// XMem: carries masks of any number of labels through a video, with a memory that does not grow. Clones share the networks.
+/// The XMem tracker, for any number of labels, with a memory of bounded size.
+///
+/// Clones share the networks.
 #[derive(Debug, Clone)]
 pub struct XMem {
     pub(super) networks: Arc<Networks>,
-    /// How much it sees and remembers.
+    /// Input size and memory settings.
     pub options: XMemOptions,
 }
 
 impl XMem {
-    /// The networks `xmem` of a folder of networks.
+    /// Loads the networks `xmem` from a folder of networks.
     ///
     /// # Errors
-    /// When they are not installed there, do not load, or ONNX Runtime is missing.
+    /// Fails if the networks are not installed there or do not load, or if ONNX Runtime is missing.
     pub fn load(folder: &Path) -> Result<Self, NnError> {
         let three = <[Network; 3]>::try_from(load(folder, "xmem")?);
         Self::new(three.map_err(|_| NnError::Request("`xmem` is three networks".into()))?)
     }
 
-    /// Of key encoder, value encoder and decoder, as `assets/export/xmem.py` makes them.
+    /// Creates the tracker from key encoder, value encoder and decoder.
+    ///
+    /// `assets/export/xmem.py` writes these networks.
     ///
     /// # Errors
-    /// [`NnError::Mismatch`] where they do not take what is fed.
+    /// [`NnError::Mismatch`] if one has other inputs than expected.
     pub fn new(networks: [Network; 3]) -> Result<Self, NnError> {
         Ok(Self {
             networks: Arc::new(Networks::new(networks)?),
@@ -45,7 +49,7 @@ impl XMem {
         })
     }
 
-    /// A pass through frames that remembers nothing yet.
+    /// Starts a pass with an empty memory.
     pub(super) fn pass<'a>(&'a self, progress: &'a Progress) -> XMemPass<'a> {
         XMemPass::new(&self.networks, &self.options, progress)
     }
@@ -67,18 +71,18 @@ impl Tracker for XMem {
     }
 }
 
-/// Objects tracked through images of one size.
+/// A pass of objects through images of one size.
 pub(super) struct XMemPass<'a> {
     networks: &'a Networks,
     options: &'a XMemOptions,
     progress: &'a Progress,
-    /// In the order in which they came.
+    /// Labels, in the order of their appearance.
     objects: Vec<LabelId>,
-    /// One for every frame on which objects came.
+    /// One group for every frame on which objects appeared.
     groups: Vec<Group>,
     /// Sensory memory, `[objects][hidden][cells]`.
     hidden: Vec<f32>,
-    /// Frames since the last one that was remembered.
+    /// Frames since the last one that entered memory.
     since: usize,
 }
 
@@ -95,7 +99,7 @@ impl<'a> XMemPass<'a> {
         }
     }
 
-    /// Elements of working and of long-term memory, by group.
+    /// Returns the elements of working and of long-term memory, by group.
     #[cfg(test)]
     pub fn sizes(&self) -> Vec<(usize, usize)> {
         self.groups.iter().map(Group::sizes).collect()
@@ -106,7 +110,7 @@ impl<'a> XMemPass<'a> {
         self.networks.see(image, fit, self.progress)
     }
 
-    /// Takes the labels of `mask` on `image` as given. Labels that it does not show keep what is remembered of them.
+    /// Stores the labels of `mask` on `image` as given; other labels keep their memory.
     pub fn remember(&mut self, image: &Image, mask: &LabelMask) -> Result<(), MaskError> {
         let mut shown = shown_labels(mask);
         if shown.is_empty() && self.objects.is_empty() {
@@ -130,7 +134,7 @@ impl<'a> XMemPass<'a> {
         self.memorise(&seen, &aggregated(&given, area)[area..])
     }
 
-    /// Where the labels are in the next image of the pass.
+    /// Propagates the labels to the next image of the pass.
     pub fn propagate(&mut self, image: &Image) -> Result<LabelProbabilities, MaskError> {
         let seen = self.see(image)?;
         let area = seen.fit.area();
@@ -148,7 +152,7 @@ impl<'a> XMemPass<'a> {
         ))
     }
 
-    /// Probabilities `[1 + objects][area]` of the picture, and sensory memory renewed by it.
+    /// Returns the probabilities `[1 + objects][area]` and the updated sensory memory.
     fn segment(&mut self, seen: &Seen) -> Result<(Vec<f32>, Vec<f32>), MaskError> {
         let (keys, selections) = (&seen.cells.keys, &seen.cells.selections);
         let mut readout = Vec::new();
@@ -165,7 +169,9 @@ impl<'a> XMemPass<'a> {
         Ok((aggregated(&said.values, seen.fit.area()), said.hidden))
     }
 
-    /// Remembers the picture and where objects are in it, `[objects][area]`; objects that came with it form a group.
+    /// Adds an image with its object masks, `[objects][area]`, to the memory.
+    ///
+    /// Objects that appeared with it form a group.
     fn memorise(&mut self, seen: &Seen, masks: &[f32]) -> Result<(), MaskError> {
         let said = self
             .networks
@@ -189,8 +195,10 @@ impl<'a> XMemPass<'a> {
         Ok(())
     }
 
-    /// Where objects are, `[objects][area]`, as the mask says; those that it does not show are where they were predicted
-    /// (`[1 + objects known before][area]`), less what it gives to others.
+    /// Returns the object masks `[objects][area]` given by `mask`.
+    ///
+    /// Objects that it does not show keep their prediction (`[1 + objects known before][area]`),
+    /// except where the mask shows another object.
     fn given_masks(&self, seen: &Seen, mask: &LabelMask, predicted: Option<&[f32]>) -> Vec<f32> {
         let area = seen.fit.area();
         let mut maps = seen.fit.one_hot(mask, &self.objects);
@@ -235,14 +243,17 @@ impl MaskPropagator for XMemPass<'_> {
     }
 }
 
-/// Pixels that a thread takes at once.
+/// Pixels per parallel task.
 const BLOCK: usize = 4096;
-/// How far probabilities are kept from 0 and 1.
+/// Margin of probabilities to 0 and 1.
 const MARGIN: f32 = 1e-7;
 
-/// Soft aggregation (Oh et al.: "Video Object Segmentation using Space-Time Memory Networks", ICCV 2019): from the
-/// probability of each object alone, `[objects][area]`, to that of nothing and of each among all, `[1 + objects][area]`,
-/// which sum to 1.
+/// Merges the probabilities of single objects by soft aggregation.
+///
+/// Input are the probabilities of each object alone, `[objects][area]`. Output are those of the
+/// background and of each object among all, `[1 + objects][area]`, which sum to 1.
+///
+/// Oh et al.: "Video Object Segmentation using Space-Time Memory Networks", ICCV 2019.
 fn aggregated(alone: &[f32], area: usize) -> Vec<f32> {
     let maps = 1 + alone.len() / area;
     let firsts = (0..area).into_par_iter().step_by(BLOCK);
@@ -259,7 +270,7 @@ fn aggregated(alone: &[f32], area: usize) -> Vec<f32> {
     out
 }
 
-/// Of `count` pixels `[1 + objects][count]`: odds of nothing and of each object, over their sum.
+/// Returns the normalized odds of the background and each object, `[1 + objects][count]`.
 fn shares(alone: &[f32], area: usize, first: usize, count: usize) -> Vec<f32> {
     let maps = 1 + alone.len() / area;
     let mut out = vec![1.0; maps * count];
@@ -283,8 +294,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn odds_are_shared() {
-        // Odds: nothing 0.4 · 0.7 = 0.28 → 0.3889; 0.6 → 1.5; 0.3 → 0.4286. Then one that is sure.
+    fn odds_are_normalized() {
+        // Odds: background 0.4 · 0.7 = 0.28 → 0.3889; 0.6 → 1.5; 0.3 → 0.4286. Then one object with
+        // certainty.
         let found = aggregated(&[0.6, 1.0, 0.3, 0.0], 2);
         let sum = 0.388_888_9 + 1.5 + 0.428_571_4;
         let expected = [

@@ -41,7 +41,7 @@ fn every_network_has_files_and_known_elements() {
 }
 
 #[test]
-fn files_have_names_of_their_own() {
+fn file_names_are_unique() {
     let catalogue = Catalogue::bundled().unwrap();
     let mut names: Vec<String> = catalogue
         .entries()
@@ -59,7 +59,7 @@ fn files_have_names_of_their_own() {
 }
 
 #[test]
-fn an_unknown_name_is_answered_with_the_known_ones() {
+fn error_for_an_unknown_name_lists_the_known_ones() {
     let error = Catalogue::bundled()
         .unwrap()
         .entry("xfaet")
@@ -93,7 +93,7 @@ fn the_known_digests_are_those_of_the_files() {
 }
 
 #[test]
-fn what_has_an_address_can_be_verified() {
+fn files_with_an_address_have_a_digest_and_size() {
     let catalogue = Catalogue::bundled().unwrap();
     for file in catalogue
         .entries()

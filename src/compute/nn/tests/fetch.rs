@@ -8,7 +8,9 @@ use super::ready;
 use crate::nn::digests::sha256;
 use crate::nn::download::fetch;
 
-/// Serves a file over HTTP, from where it is asked for; the first answers break off after so many bytes. Gives its address.
+/// Serves a file over HTTP, with ranges, and returns its address.
+///
+/// The first answers break off after the given numbers of bytes.
 fn serve(file: Vec<u8>, breaks_at: &'static [usize]) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = format!("http://{}/file", listener.local_addr().unwrap());
@@ -67,7 +69,7 @@ fn bytes(count: usize) -> Vec<u8> {
 }
 
 #[test]
-fn a_broken_download_is_continued() {
+fn interrupted_download_is_resumed() {
     let (file, scratch) = (bytes(100_000), tempfile::tempdir().unwrap());
     let (url, into) = (
         serve(file.clone(), &[40_000, 30_000]),
@@ -92,7 +94,7 @@ fn a_broken_download_is_continued() {
         70_000,
         "another break loses nothing"
     );
-    // What is there is not asked for again.
+    // Existing bytes are not requested again.
     let mut kept = fs::read(&part).unwrap();
     kept[0] ^= 1;
     fs::write(&part, &kept).unwrap();
@@ -102,9 +104,9 @@ fn a_broken_download_is_continued() {
 }
 
 #[test]
-fn a_download_stops_when_asked_to() {
+fn download_stops_on_request() {
     let scratch = tempfile::tempdir().unwrap();
-    // Nobody answers.
+    // The server never answers.
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let url = format!("http://{}/file", listener.local_addr().unwrap());
     let error = fetch(&url, &scratch.path().join("file"), 1 << 20, &mut |_| false).unwrap_err();
@@ -127,7 +129,7 @@ fn digest(bytes: &[u8]) -> String {
 }
 
 #[test]
-fn a_file_that_is_longer_than_expected_is_not_kept() {
+fn file_that_is_longer_than_expected_is_deleted() {
     let (url, scratch) = (serve(bytes(100_000), &[]), tempfile::tempdir().unwrap());
     let error = fetch(&url, &scratch.path().join("file"), 50_000, &mut |_| true).unwrap_err();
     assert!(
@@ -225,7 +227,7 @@ fn what_was_refused_is_not_taken_for_the_file_again() {
 }
 
 #[test]
-fn what_has_no_address_says_how_to_get_it() {
+fn error_for_a_network_without_address_tells_how_to_get_it() {
     let scratch = tempfile::tempdir().unwrap();
     let error = install(
         &Catalogue::bundled().unwrap(),
@@ -246,7 +248,7 @@ fn what_has_no_address_says_how_to_get_it() {
 }
 
 #[test]
-fn what_is_whole_already_is_fetched_anew_where_the_server_has_no_more() {
+fn complete_part_file_is_downloaded_again() {
     let (file, scratch) = (bytes(5_000), tempfile::tempdir().unwrap());
     let (url, into) = (serve(file.clone(), &[]), scratch.path().join("file"));
     fs::write(scratch.path().join("file.part"), &file).unwrap();

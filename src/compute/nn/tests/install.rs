@@ -128,7 +128,7 @@ fn a_network_without_a_known_interface_is_loaded_only() {
 }
 
 #[test]
-fn a_wrong_number_of_files_is_answered_with_their_names() {
+fn error_for_a_wrong_number_of_files_lists_their_names() {
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
     let error = add(&catalogue, scratch.path(), "sam-vit-b", &["a.onnx".into()])
         .unwrap_err()
@@ -140,7 +140,7 @@ fn a_wrong_number_of_files_is_answered_with_their_names() {
 }
 
 #[test]
-fn what_is_not_installed_is_told_with_what_to_do() {
+fn error_for_a_missing_network_tells_how_to_install_it() {
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
     let error = check(&catalogue, scratch.path(), "xfeat")
         .unwrap_err()
@@ -190,7 +190,7 @@ text = true
 }
 
 #[test]
-fn texts_and_networks_of_one_name_are_told_apart() {
+fn text_files_and_networks_of_one_name_are_distinguished() {
     let scratch = tempfile::tempdir().unwrap();
     let error = load_text(scratch.path(), "grounding-dino")
         .unwrap_err()

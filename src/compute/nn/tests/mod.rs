@@ -1,4 +1,4 @@
-//! Tests of `engine/nn`.
+//! Tests of the module `nn`.
 
 mod catalogue;
 mod fetch;
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use super::Runtime;
 
-/// The folder of networks for tests.
+/// Returns the folder of networks for tests.
 fn networks() -> PathBuf {
     let named = std::env::var_os("OSTRA_MODELS").map(PathBuf::from);
     let folder = named
@@ -20,7 +20,7 @@ fn networks() -> PathBuf {
     folder
 }
 
-/// As [`networks`], with something to run them.
+/// Returns ONNX Runtime and the folder of [`networks`].
 fn ready() -> (Runtime, PathBuf) {
     (Runtime::find().unwrap(), networks())
 }

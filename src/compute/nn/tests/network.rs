@@ -64,7 +64,7 @@ fn a_run_that_is_no_longer_wanted_is_given_up() {
         Some(&expected("xfeat")),
     )
     .unwrap();
-    // Large enough to be running still when it is asked for the first time.
+    // Large enough to be still running when it is polled for the first time.
     let large = Tensor::floats(&[1, 1, 2048, 4096], vec![0.5; 2048 * 4096]).unwrap();
     assert!(
         network

@@ -8,7 +8,9 @@ use super::super::{
 use super::{networks, ready};
 use crate::nn::runtime::{Place, library_name, places};
 
-/// Runs one ignored test of this module in a process of its own, as a process loads ONNX Runtime only once.
+/// Runs one ignored test of this module in its own process.
+///
+/// A process loads ONNX Runtime only once.
 fn alone(test: &str, library: Option<&OsStr>, data: &Path) {
     let mut command = Command::new(std::env::current_exe().unwrap());
     let name = format!("{}::{test}", module_path!().split_once("::").unwrap().1);
@@ -29,7 +31,7 @@ fn alone(test: &str, library: Option<&OsStr>, data: &Path) {
 }
 
 #[test]
-fn the_named_library_comes_before_our_own_and_the_systems() {
+fn named_library_is_tried_before_the_installed_and_the_systems_one() {
     let scratch = tempfile::tempdir().unwrap();
     let own = scratch.path().join(library_name());
     let system = Place::System(PathBuf::from(library_name()));
@@ -49,7 +51,7 @@ fn the_named_library_comes_before_our_own_and_the_systems() {
 }
 
 #[test]
-fn a_library_that_is_not_there_is_told() {
+fn missing_library_is_reported() {
     let scratch = tempfile::tempdir().unwrap();
     alone(
         "a_child_with_a_wrong_library",
@@ -59,7 +61,7 @@ fn a_library_that_is_not_there_is_told() {
 }
 
 #[test]
-fn a_file_that_is_no_library_is_told() {
+fn file_that_is_not_a_library_is_reported() {
     let scratch = tempfile::tempdir().unwrap();
     let file = scratch.path().join("text.so");
     std::fs::write(&file, "no library").unwrap();
@@ -104,7 +106,7 @@ fn a_child_with_a_wrong_library() {
 }
 
 #[test]
-fn no_library_anywhere_is_told_with_what_to_do() {
+fn error_without_a_library_tells_how_to_install_it() {
     alone(
         "a_child_without_a_library",
         None,
@@ -259,7 +261,7 @@ fn a_child_on_a_card_that_is_not_there() {
             && !line.contains('\n')));
         match provider {
             Provider::Cpu => assert!(told.is_empty(), "{told:?}"),
-            // These two are of other systems than this one, wherever the test runs.
+            // These two belong to other systems than the one that runs the test.
             Provider::DirectMl if !cfg!(windows) => assert_eq!(told.len(), 1),
             Provider::CoreMl if !cfg!(target_os = "macos") => assert_eq!(told.len(), 1),
             _ => assert!(told.len() <= 1, "{told:?}"),

@@ -20,7 +20,7 @@ fn signature(input: &[i64], output: &[i64]) -> Signature {
 }
 
 #[test]
-fn sizes_that_a_network_leaves_open_fit() {
+fn open_sizes_of_a_network_fit() {
     let expected = signature(&[1, 3, -1], &[-1, 2]);
     assert_eq!(expected.fits(&signature(&[-1, 3, -1], &[100, 2])), Ok(()));
     assert_eq!(
@@ -31,7 +31,7 @@ fn sizes_that_a_network_leaves_open_fit() {
 }
 
 #[test]
-fn an_input_of_one_size_only_does_not_fit_any_size() {
+fn input_of_fixed_size_does_not_fit_any_size() {
     let expected = signature(&[1, 3, -1], &[-1, 2]);
     let error = expected
         .fits(&signature(&[1, 3, 640], &[-1, 2]))
@@ -43,7 +43,7 @@ fn an_input_of_one_size_only_does_not_fit_any_size() {
 }
 
 #[test]
-fn other_sizes_elements_and_names_are_told() {
+fn different_sizes_elements_and_names_are_reported() {
     let expected = signature(&[1, 3], &[2]);
     assert!(
         expected
@@ -73,7 +73,7 @@ fn other_sizes_elements_and_names_are_told() {
 }
 
 #[test]
-fn more_outputs_fit_and_more_inputs_do_not() {
+fn additional_outputs_fit_and_additional_inputs_do_not() {
     let expected = signature(&[1], &[1]);
     let mut found = expected.clone();
     found.outputs.push(port("more", Element::F32, &[1]));

@@ -1,4 +1,4 @@
-//! Networks that are not what is expected.
+//! Tests with missing or unsuitable networks.
 
 use super::super::Deaot;
 use super::{runtime, tiny};
@@ -23,7 +23,7 @@ fn networks_in_another_order_are_refused() {
 }
 
 #[test]
-fn networks_that_are_not_installed_are_named() {
+fn missing_networks_are_named_in_the_error() {
     let folder = tempfile::tempdir().unwrap();
     let error = Deaot::load(folder.path()).unwrap_err();
     assert!(error.to_string().contains("deaot"), "{error}");

@@ -1,4 +1,4 @@
-//! Labels and what is remembered of them, with small networks of random weights.
+//! Tests of labels and memory, with small networks of random weights.
 
 use super::super::DeaotOptions;
 use super::tiny_networks;
@@ -10,7 +10,7 @@ use ostra_masks::{LabelId, LabelMask, MaskError};
 const WIDTH: u32 = 110;
 const HEIGHT: u32 = 60;
 
-/// A bright square that moves over a gradient.
+/// Draws a bright square that moves over a gradient.
 pub(super) fn picture(at: u32) -> Image {
     let pixel = |x: u32, y: u32| {
         let is_in = (20 + 3 * at..45 + 3 * at).contains(&x) && (15..40).contains(&y);
@@ -30,7 +30,7 @@ pub(super) fn picture(at: u32) -> Image {
     }
 }
 
-/// Columns from `first` to `last` (left out) of every label.
+/// Fills columns `first..last` with each label.
 pub(super) fn mask(labels: &[(u16, u32, u32)]) -> LabelMask {
     let mut mask = LabelMask::empty(WIDTH, HEIGHT);
     for &(label, first, last) in labels {
@@ -93,7 +93,7 @@ fn mask_told_before_or_after_the_picture_is_answered_is_the_same() {
     let pass = |is_answered: bool| {
         let mut pass = deaot.pass(&progress);
         pass.remember(&picture(0), &mask(&[(1, 20, 45)])).unwrap();
-        // The fifth picture would be remembered for long, had nothing been told.
+        // The fifth image would enter long-term memory if no mask were given.
         (1..5).for_each(|at| drop(pass.propagate(&picture(at)).unwrap()));
         if is_answered {
             pass.propagate(&picture(5)).unwrap();

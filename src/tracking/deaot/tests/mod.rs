@@ -1,4 +1,4 @@
-//! Tests of `masks/onnx/deaot`.
+//! Tests of the DeAOT tracker.
 
 mod errors;
 mod labels;
@@ -12,17 +12,19 @@ use crate::propagate::LabelProbabilities;
 use ostra_compute::nn::{Network, Runtime};
 use ostra_masks::{LabelId, LabelMask};
 
-/// Small networks of random weights with what the official code makes of them (`tests/parity/deaot.py` makes them).
+/// Folder of small random-weight networks and reference results of the official code.
+///
+/// `tests/parity/deaot.py` creates both.
 fn tiny() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/parity/deaot-tiny")
 }
 
-/// What runs networks.
+/// Finds ONNX Runtime.
 fn runtime() -> Runtime {
     Runtime::find().unwrap()
 }
 
-/// The networks of four files in a folder.
+/// Loads the four networks from files in a folder.
 fn networks(folder: &Path, files: &[String; 4]) -> Deaot {
     let runtime = runtime();
     let load = |file: &String| Network::load(&runtime, &folder.join(file), None).unwrap();
@@ -37,7 +39,7 @@ fn tiny_networks(options: DeaotOptions) -> Deaot {
     deaot
 }
 
-/// The most probable label of every pixel.
+/// Returns the most probable label of every pixel.
 fn winner(of: &LabelProbabilities) -> LabelMask {
     let pixels = of.width * of.height;
     let labels = [&[LabelId::NONE], of.labels.as_slice()].concat();

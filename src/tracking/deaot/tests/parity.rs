@@ -1,4 +1,6 @@
-//! Every logit and mask next to the official implementation on the same random weights (`tests/parity/deaot.py`).
+//! Compares logits and masks with the official implementation on the same random weights.
+//!
+//! `tests/parity/deaot.py` computes the reference.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,9 +15,9 @@ use ostra_core::job::Progress;
 use ostra_frames::Image;
 use ostra_masks::{LabelId, LabelMask};
 
-/// In standard deviations of the logits.
+/// Largest difference, in standard deviations of the logits.
 const TOLERANCE: f64 = 1e-2;
-/// Least share of pixels with the same label.
+/// Minimum share of pixels with the same label.
 const ALIKE: f64 = 0.999;
 
 #[derive(Deserialize)]
@@ -28,22 +30,22 @@ struct Reference {
 #[derive(Deserialize)]
 struct Case {
     name: String,
-    /// The mask told in a picture.
+    /// Masks given, by image.
     told: BTreeMap<usize, String>,
-    /// Of the logits.
+    /// Standard deviation of the logits.
     deviation: f64,
-    /// After the first.
+    /// Results from the second image on.
     frames: Vec<FrameReference>,
 }
 
 #[derive(Deserialize)]
 struct FrameReference {
-    /// Logits of nothing and of the objects of each group; not stored for every picture.
+    /// Logits of the background and the objects of each group; not stored for every image.
     groups: Vec<Place>,
     mask: String,
 }
 
-/// Where a tensor lies in `reference.bin`.
+/// Position of a tensor in `reference.bin`.
 #[derive(Deserialize)]
 struct Place {
     start: usize,
@@ -57,14 +59,14 @@ struct Folder {
     values: Vec<f32>,
 }
 
-/// How far a pass is from the reference.
+/// Differences of a pass from the reference.
 #[derive(Debug, Default)]
 struct Difference {
-    /// Largest of a logit, in standard deviations.
+    /// Largest difference of a logit, in standard deviations.
     logits: f64,
-    /// Largest share of pixels of a picture with another label.
+    /// Largest share of an image's pixels with a different label.
     labels: f64,
-    /// Least and largest share of a picture that an object covers.
+    /// Smallest and largest share of an image that an object covers.
     covers: Option<(f64, f64)>,
 }
 
@@ -113,7 +115,7 @@ impl Folder {
         &self.values[place.start..][..place.shape.iter().product()]
     }
 
-    /// Walks as the reference did, through pictures changed by `seen`.
+    /// Repeats a pass of the reference, with images changed by `seen`.
     fn pass(&self, deaot: &Deaot, case: &Case, seen: fn(Image) -> Image) -> Difference {
         let progress = Progress::default();
         let mut pass = deaot.pass(&progress);
@@ -171,7 +173,7 @@ fn compare_masks(expected: &LabelMask, found: &LabelMask, difference: &mut Diffe
     }
 }
 
-/// The folder committed here, or the one that `OSTRA_PARITY_DEAOT` names.
+/// Opens the committed folder, or the one in `OSTRA_PARITY_DEAOT`.
 fn folder() -> Folder {
     Folder::open(&std::env::var_os("OSTRA_PARITY_DEAOT").map_or_else(tiny, PathBuf::from))
 }

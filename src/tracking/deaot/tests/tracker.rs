@@ -1,4 +1,4 @@
-//! The tracker, with small networks of random weights.
+//! Tests of the tracker, with small networks of random weights.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -11,7 +11,7 @@ use ostra_core::job::Progress;
 use ostra_frames::{Frame, FrameStore, Orientation, PictureSource};
 use ostra_masks::{Direction, LabelMask, TrackRequest, Tracker};
 
-/// The pictures from 0 to `last` in files.
+/// Writes images 0 to `last` to files.
 fn frames(folder: &Path, last: u32) -> Vec<Frame> {
     let one = |at: u32| {
         let (path, picture) = (folder.join(format!("{at}.png")), picture(at));

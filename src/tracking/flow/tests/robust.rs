@@ -1,11 +1,11 @@
-//! Films with frames that cannot be read, walks backwards, and what lies between keyframes.
+//! Tests of unreadable frames, backward passes and frames between keyframes.
 
 use proptest::prelude::*;
 
 use super::*;
 use ostra_masks::{Region, WalkedFrame, merged};
 
-/// The masks with the warnings.
+/// Returns the masks and the warnings.
 fn told(request: &TrackRequest) -> (BTreeMap<usize, TrackedFrame>, Vec<String>) {
     let mut tracked = BTreeMap::new();
     let mut take = |frame: TrackedFrame| {
@@ -17,7 +17,7 @@ fn told(request: &TrackRequest) -> (BTreeMap<usize, TrackedFrame>, Vec<String>) 
     (tracked, warnings)
 }
 
-/// Takes the file of frame `gone` away and cuts those of `cut` short.
+/// Deletes the file of frame `gone` and truncates those of `cut`.
 fn damage(film: &Film, gone: usize, cut: &[usize]) {
     let path = |frame: usize| film._folder.path().join(format!("{frame:03}.png"));
     std::fs::remove_file(path(gone)).unwrap();
@@ -28,7 +28,7 @@ fn damage(film: &Film, gone: usize, cut: &[usize]) {
 }
 
 #[test]
-fn backward_goes_to_earlier_frames_alone_in_falling_order() {
+fn backward_tracks_only_earlier_frames_in_descending_order() {
     let film = Film::new(40, &two_disks(), 0..0);
     let request = TrackRequest {
         direction: Direction::Backward,
@@ -51,7 +51,7 @@ fn backward_goes_to_earlier_frames_alone_in_falling_order() {
 }
 
 #[test]
-fn a_frame_that_cannot_be_read_is_stepped_over_and_named() {
+fn unreadable_frames_are_skipped_and_named() {
     for (keyframe, last) in [(0, 19), (19, 0)] {
         let film = Film::new(20, &two_disks(), 0..0);
         damage(&film, 6, &[7, 12]);
@@ -72,7 +72,7 @@ fn a_frame_that_cannot_be_read_is_stepped_over_and_named() {
 }
 
 #[test]
-fn frames_between_anchors_that_cannot_be_read_are_stepped_over_from_both_sides() {
+fn unreadable_frames_between_keyframes_are_skipped_in_both_passes() {
     let film = Film::new(20, &two_disks(), 0..0);
     for gone in [1, 7, 12, 18] {
         damage(&film, gone, &[]);
@@ -96,7 +96,7 @@ fn frames_between_anchors_that_cannot_be_read_are_stepped_over_from_both_sides()
 }
 
 #[test]
-fn a_frame_behind_the_range_is_not_needed() {
+fn unreadable_frame_outside_the_range_is_ignored() {
     let film = Film::new(12, &two_disks(), 0..0);
     damage(&film, 7, &[]);
     let request = TrackRequest {
@@ -113,7 +113,7 @@ fn a_frame_behind_the_range_is_not_needed() {
 }
 
 #[test]
-fn an_anchor_that_cannot_be_read_leaves_its_side_to_the_other() {
+fn unreadable_keyframe_is_replaced_by_the_pass_from_the_other_side() {
     let film = Film::new(12, &two_disks(), 0..0);
     damage(&film, 0, &[]);
     let (tracked, warnings) = told(&film.request(&[0, 11]));
@@ -133,10 +133,10 @@ fn an_anchor_that_cannot_be_read_leaves_its_side_to_the_other() {
 }
 
 #[test]
-fn masks_between_anchors_lie_between() {
+fn mask_area_between_keyframes_is_interpolated() {
     let film = Film::new(21, &two_disks(), 0..0);
     let mut request = film.request(&[0, 20]);
-    // The second keyframe shows the object larger than the first.
+    // The second keyframe shows a larger object than the first.
     let grown = film.truth[20].region(LEFT).dilated(3.0);
     let mask = Arc::make_mut(request.anchors.get_mut(&20).unwrap());
     mask.ids
@@ -165,7 +165,7 @@ fn masks_between_anchors_lie_between() {
     );
 }
 
-/// A disk as a pass shows it.
+/// A disk as the result of one pass.
 fn walked(x: f32, y: f32, radius: f32, sure: f32) -> WalkedFrame {
     let inside = |at: usize| {
         Vec2::new((at % 40) as f32, (at / 40) as f32).distance(Vec2::new(x, y)) < radius
@@ -183,18 +183,18 @@ fn walked(x: f32, y: f32, radius: f32, sure: f32) -> WalkedFrame {
     }
 }
 
-/// The mean of two outlines that lie apart would be no object at all.
+/// Averaging two distant outlines would give no object at all.
 #[test]
-fn of_two_walks_that_lie_apart_the_nearer_stands() {
+fn nearer_of_two_disjoint_masks_is_kept() {
     let (a, b) = (walked(10.0, 15.0, 6.0, 0.8), walked(28.0, 15.0, 6.0, 0.8));
     assert_eq!(merged(&a, &b, 0.7).mask, a.mask);
     assert_eq!(merged(&a, &b, 0.3).mask, b.mask);
 }
 
 proptest! {
-    /// What both walks say stands, whatever they are worth, and the nearer one counts more.
+    /// Pixels in both passes stay, whatever the confidences, and the nearer pass counts more.
     #[test]
-    fn two_walks_meet_between_their_outlines(
+    fn merged_mask_lies_between_both_outlines(
         x in 12.0f32..20.0, y in 10.0f32..20.0, shift in 0.0f32..6.0, radius in 4.0f32..9.0, sure in 0.0f32..1.0,
     ) {
         let (a, b) = (walked(x, y, radius, 0.8), walked(x + shift, y, radius, sure));

@@ -1,4 +1,4 @@
-//! What the numbers of the reference do not show: many labels, long walks, stops, files that do not belong.
+//! Tests of what the reference does not cover: many labels, long passes, stops, wrong files.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ fn files() -> [String; 3] {
     ["key-encoder", "value-encoder", "decoder"].map(|part| format!("xmem-tiny-{part}.onnx"))
 }
 
-/// Sees pictures as they are and remembers little.
+/// A tracker that uses images at their own size and has a small memory.
 fn small() -> XMem {
     let mut xmem = networks(&tiny(), &files());
     xmem.options.short_side = None;
@@ -29,7 +29,7 @@ fn small() -> XMem {
     xmem
 }
 
-/// Waves that move.
+/// Draws moving waves.
 fn picture(at: u32) -> Image {
     let wave = |x: u32, y: u32, by: u32| {
         (127.0 + 120.0 * ((x * by + 3 * y + 2 * at) as f32 / 9.0).sin()) as u8
@@ -45,7 +45,7 @@ fn picture(at: u32) -> Image {
     }
 }
 
-/// Boxes of 12 × 12 pixels, as many as there are labels.
+/// Draws one box of 12 × 12 pixels per label.
 fn boxes(labels: impl Iterator<Item = u16>) -> LabelMask {
     let mut mask = LabelMask::empty(SIDE, SIDE);
     for (place, label) in labels.enumerate() {

@@ -1,4 +1,4 @@
-//! Tests of `masks/onnx/xmem`.
+//! Tests of the XMem tracker.
 
 mod behaviour;
 mod parity;
@@ -8,12 +8,14 @@ use std::path::{Path, PathBuf};
 use super::XMem;
 use ostra_compute::nn::{Network, Runtime};
 
-/// Small networks of random weights with reference answers (`tests/parity/xmem.py` makes them).
+/// Folder of small random-weight networks and reference results.
+///
+/// `tests/parity/xmem.py` creates both.
 fn tiny() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/parity/xmem-tiny")
 }
 
-/// The networks of three files in a folder.
+/// Loads the three networks from files in a folder.
 fn networks(folder: &Path, files: &[String; 3]) -> XMem {
     let runtime = Runtime::find().unwrap();
     let load = |file: &String| Network::load(&runtime, &folder.join(file), None).unwrap();

@@ -1,4 +1,4 @@
-//! The networks, memory and all around them, next to the answers of the official code on the same weights.
+//! Compares the tracker with the official code on the same weights.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,11 +13,11 @@ use ostra_core::job::Progress;
 use ostra_frames::Image;
 use ostra_masks::{LabelId, LabelMask};
 
-/// Largest difference of what a network gives, in standard deviations of the reference's tensor.
+/// Largest difference of a network output, in standard deviations of the reference tensor.
 const OF_TENSOR: f64 = 1e-3;
 /// Largest difference of a probability.
 const OF_PROBABILITY: f32 = 1e-2;
-/// Share of pixels with the same label.
+/// Minimum share of pixels with the same label.
 const EQUAL: f64 = 0.999;
 
 #[derive(Deserialize)]
@@ -35,14 +35,14 @@ struct Reference {
 struct Case {
     name: String,
     limits: Limits,
-    /// Frames on which masks are told.
+    /// Frames whose masks are given.
     given: Vec<usize>,
     given_masks: String,
     masks: String,
     probabilities: Vec<Known>,
 }
 
-/// Under the names of the official code.
+/// Limits, under the names of the official code.
 #[derive(Deserialize)]
 struct Limits {
     mem_every: usize,
@@ -59,7 +59,7 @@ struct Known {
     tensor: Place,
 }
 
-/// Where a tensor lies in `reference.bin`.
+/// Position of a tensor in `reference.bin`.
 #[derive(Deserialize)]
 struct Place {
     start: usize,
@@ -76,11 +76,11 @@ struct Folder {
 /// Differences from the reference over all frames of a case.
 #[derive(Debug)]
 struct Differences {
-    /// Largest of any probability.
+    /// Largest difference of a probability.
     probability: f32,
-    /// Least share of equal pixels in a frame.
+    /// Smallest share of equal pixels in a frame.
     equal: f64,
-    /// Least and largest share of a picture that a label covers.
+    /// Smallest and largest share of an image that a label covers.
     covers: (f64, f64),
     /// Elements of working and long-term memory at the end, by group.
     sizes: Vec<(usize, usize)>,
@@ -102,7 +102,7 @@ impl Folder {
         }
     }
 
-    /// With the limits of a case.
+    /// Loads the networks with the limits of a case.
     fn networks(&self, case: &Case) -> XMem {
         let mut xmem = networks(&self.path, &self.reference.networks);
         xmem.options = XMemOptions {
@@ -154,7 +154,7 @@ impl Folder {
         &self.values[place.start..][..place.shape.iter().product()]
     }
 
-    /// Follows a case through pictures.
+    /// Tracks a case through images.
     fn follow(&self, xmem: &XMem, case: &Case, pictures: &[Image]) -> Differences {
         let progress = Progress::default();
         let mut pass = xmem.pass(&progress);
@@ -192,7 +192,7 @@ impl Folder {
 }
 
 impl Differences {
-    /// The share of equal pixels.
+    /// Compares the labels of a frame; returns the share of equal pixels.
     fn compare(&mut self, found: &[LabelId], expected: &[LabelId], count: usize) -> f64 {
         let total = expected.len() as f64;
         let equal = found.iter().zip(expected).filter(|(a, b)| a == b).count() as f64 / total;
@@ -241,7 +241,7 @@ fn deviation(values: &[f32]) -> f64 {
         .sqrt()
 }
 
-/// Largest difference of two tensors in standard deviations of the first.
+/// Returns the largest difference of two tensors, in standard deviations of the first.
 fn difference(expected: &[f32], found: &[f32]) -> f64 {
     assert_eq!(expected.len(), found.len());
     let largest = expected
@@ -252,12 +252,12 @@ fn difference(expected: &[f32], found: &[f32]) -> f64 {
     largest / deviation(expected)
 }
 
-/// The folder committed here, or the one that `OSTRA_PARITY_XMEM` names.
+/// Opens the committed folder, or the one in `OSTRA_PARITY_XMEM`.
 fn folder() -> Folder {
     Folder::open(&std::env::var_os("OSTRA_PARITY_XMEM").map_or_else(tiny, PathBuf::from))
 }
 
-/// The largest difference of what the key encoder makes of a picture.
+/// Returns the largest difference of the key encoder's outputs for an image.
 fn encoded(folder: &Folder, xmem: &XMem, picture: &Image) -> f64 {
     let fit = Fit::new(picture.width, picture.height, xmem.options.short_side);
     let seen = xmem
