@@ -73,7 +73,7 @@ fn error_for_an_unknown_name_lists_the_known_ones() {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn the_known_digests_are_those_of_the_files() {
+fn known_digests_match_the_files() {
     let folder = networks();
     let catalogue = Catalogue::bundled().unwrap();
     let files = catalogue

@@ -156,7 +156,7 @@ fn catalogue(url: &str, sha256: Option<&str>) -> Catalogue {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn a_network_is_fetched_checked_and_remembered() {
+fn network_is_downloaded_verified_and_recorded() {
     let (_, folder) = ready();
     let network = fs::read(folder.join("yolox_nano.onnx")).unwrap();
     let scratch = tempfile::tempdir().unwrap();
@@ -201,7 +201,7 @@ fn a_network_is_fetched_checked_and_remembered() {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn what_was_refused_is_not_taken_for_the_file_again() {
+fn rejected_download_is_not_reused() {
     let (_, folder) = ready();
     let network = fs::read(folder.join("yolox_nano.onnx")).unwrap();
     let scratch = tempfile::tempdir().unwrap();

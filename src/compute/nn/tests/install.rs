@@ -10,7 +10,7 @@ fn files_in(folder: &Path) -> usize {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn an_added_network_is_listed_checked_and_loaded() {
+fn added_network_can_be_listed_checked_and_loaded() {
     let (_, folder) = ready();
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
     let target = scratch.path().join("models");
@@ -46,7 +46,7 @@ fn an_added_network_is_listed_checked_and_loaded() {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn adding_what_is_installed_keeps_it() {
+fn adding_an_installed_file_keeps_it() {
     let (_, folder) = ready();
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
     let added = add(
@@ -71,7 +71,7 @@ fn adding_what_is_installed_keeps_it() {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn a_folder_stands_for_the_files_in_it() {
+fn folder_can_be_given_instead_of_its_files() {
     let (_, folder) = ready();
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
     let added = add(
@@ -93,7 +93,7 @@ fn a_folder_stands_for_the_files_in_it() {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn another_network_is_not_added() {
+fn network_with_another_interface_is_rejected() {
     let (_, folder) = ready();
     let (catalogue, scratch) = (Catalogue::bundled().unwrap(), tempfile::tempdir().unwrap());
     let error = add(
@@ -109,7 +109,7 @@ fn another_network_is_not_added() {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn a_network_without_a_known_interface_is_loaded_only() {
+fn network_without_a_known_interface_is_verified_by_loading() {
     let (_, folder) = ready();
     let text = "[[entry]]\nname = 'a'\npurpose = ''\nlicence = ''\nsource = ''\n[[entry.file]]\nname = 'a.onnx'\n";
     let (catalogue, scratch) = (
@@ -153,7 +153,7 @@ fn error_for_a_missing_network_tells_how_to_install_it() {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn text_that_goes_with_a_network_is_read_not_run() {
+fn text_files_of_a_network_are_read_and_not_run() {
     let (_, folder) = ready();
     let text = r#"[[entry]]
 name = "yolox"

@@ -9,7 +9,7 @@ fn expected(name: &str) -> Signature {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn runs_and_gives_what_was_asked_for_in_that_order() {
+fn outputs_are_returned_in_the_requested_order() {
     let (runtime, folder) = ready();
     let mut wanted = expected("xfeat");
     wanted.outputs.reverse();
@@ -32,7 +32,7 @@ fn runs_and_gives_what_was_asked_for_in_that_order() {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn threads_share_a_network() {
+fn threads_can_share_a_network() {
     let (runtime, folder) = ready();
     let network = Network::load(
         &runtime,
@@ -56,7 +56,7 @@ fn threads_share_a_network() {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn a_run_that_is_no_longer_wanted_is_given_up() {
+fn run_ends_when_it_is_no_longer_wanted() {
     let (runtime, folder) = ready();
     let network = Network::load(
         &runtime,
@@ -83,7 +83,7 @@ fn a_run_that_is_no_longer_wanted_is_given_up() {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn another_network_is_refused_with_both_interfaces() {
+fn mismatch_error_shows_both_interfaces() {
     let (runtime, folder) = ready();
     let error = Network::load(
         &runtime,
@@ -104,7 +104,7 @@ fn another_network_is_refused_with_both_interfaces() {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn a_file_that_is_no_network_is_refused() {
+fn file_that_is_not_a_network_is_rejected() {
     let (runtime, folder) = ready();
     let scratch = tempfile::tempdir().unwrap();
     let broken = scratch.path().join("broken.onnx");
@@ -120,7 +120,7 @@ fn a_file_that_is_no_network_is_refused() {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn inputs_that_do_not_fit_are_an_error_and_no_panic() {
+fn unsuitable_inputs_return_an_error() {
     let (runtime, folder) = ready();
     let network = Network::load(&runtime, &folder.join("yolox_nano.onnx"), None).unwrap();
     let small = Tensor::floats(&[1, 3, 8, 8], vec![0.0; 192]).unwrap();

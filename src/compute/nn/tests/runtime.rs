@@ -141,7 +141,7 @@ fn a_child_without_a_library() {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn without_onnx_runtime_files_are_proved_by_their_digest() {
+fn files_are_verified_by_digest_without_onnx_runtime() {
     networks();
     let scratch = tempfile::tempdir().unwrap();
     alone(
@@ -182,7 +182,7 @@ fn a_child_that_adds_without_a_runtime() {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn an_added_library_is_found_in_our_folder() {
+fn added_library_is_found_in_the_data_folder() {
     let (runtime, _) = ready();
     let scratch = tempfile::tempdir().unwrap();
     if runtime.path().is_file() {
@@ -233,7 +233,7 @@ fn a_child_with_an_added_library() {
 
 #[test]
 #[ignore = "needs networks (OSTRA_MODELS) and ONNX Runtime (ORT_DYLIB_PATH): add --include-ignored"]
-fn a_provider_that_does_not_start_is_told_and_the_processor_does_its_work() {
+fn provider_that_does_not_start_is_reported_and_replaced_by_the_processor() {
     let (runtime, _) = ready();
     let library = runtime.path().as_os_str();
     alone(

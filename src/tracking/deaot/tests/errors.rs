@@ -6,7 +6,7 @@ use ostra_compute::nn::{Network, NnError};
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn networks_in_another_order_are_refused() {
+fn networks_in_the_wrong_order_are_rejected() {
     let runtime = runtime();
     let load = |part: &str| {
         Network::load(

@@ -48,7 +48,7 @@ fn difference(a: &LabelProbabilities, b: &LabelProbabilities) -> f32 {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn labels_come_ascending_whichever_was_told_first() {
+fn labels_are_ascending_in_whatever_order_they_were_given() {
     let deaot = tiny_networks(DeaotOptions::default());
     let progress = Progress::default();
     let pass = |first: u16, second: u16| {
@@ -86,7 +86,7 @@ fn labels_come_ascending_whichever_was_told_first() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn mask_told_before_or_after_the_picture_is_answered_is_the_same() {
+fn mask_given_before_or_after_propagation_has_the_same_effect() {
     let deaot = tiny_networks(DeaotOptions::default());
     let progress = Progress::default();
     let told = mask(&[(2, 60, 90)]);
@@ -109,7 +109,7 @@ fn mask_told_before_or_after_the_picture_is_answered_is_the_same() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn correction_counts_and_an_empty_mask_does_not() {
+fn corrected_mask_changes_the_result_and_an_empty_one_does_not() {
     let deaot = tiny_networks(DeaotOptions::default());
     let progress = Progress::default();
     let pass = |told: Option<LabelMask>| {
@@ -142,7 +142,7 @@ fn correction_counts_and_an_empty_mask_does_not() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn bound_of_the_memory_changes_nothing_until_it_is_reached() {
+fn memory_bound_has_no_effect_until_it_is_reached() {
     let progress = Progress::default();
     let pass = |most_remembered: usize| -> Vec<LabelProbabilities> {
         let options = DeaotOptions {
@@ -164,7 +164,7 @@ fn bound_of_the_memory_changes_nothing_until_it_is_reached() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn each_picture_is_answered_at_its_own_size() {
+fn probabilities_have_the_size_of_each_image() {
     let options = DeaotOptions {
         longest_side: 97,
         ..DeaotOptions::default()
@@ -189,7 +189,7 @@ fn each_picture_is_answered_at_its_own_size() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn what_does_not_fit_is_refused() {
+fn missing_empty_or_ill_sized_masks_are_rejected() {
     let deaot = tiny_networks(DeaotOptions::default());
     let progress = Progress::default();
     let mut pass = deaot.pass(&progress);
@@ -213,7 +213,7 @@ fn what_does_not_fit_is_refused() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn a_stopped_walk_ends() {
+fn stopped_pass_ends_with_an_error() {
     let deaot = tiny_networks(DeaotOptions::default());
     let progress = Progress::default();
     let mut pass = deaot.pass(&progress);

@@ -180,7 +180,7 @@ fn folder() -> Folder {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn every_logit_and_mask_is_that_of_the_reference() {
+fn logits_and_masks_match_the_reference() {
     let folder = folder();
     let deaot = networks(&folder.path, &folder.reference.networks);
     for case in &folder.reference.cases {
@@ -204,7 +204,7 @@ fn every_logit_and_mask_is_that_of_the_reference() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn blue_for_red_half_a_pixel_and_no_memory_are_noticed() {
+fn swapped_channels_half_pixel_shifts_and_missing_memory_are_detected() {
     let folder = Folder::open(&tiny());
     let mut deaot = networks(&folder.path, &folder.reference.networks);
     let case = &folder.reference.cases[0];

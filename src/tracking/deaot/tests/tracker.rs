@@ -39,7 +39,7 @@ fn frames(folder: &Path, last: u32) -> Vec<Frame> {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn masks_go_both_ways_from_an_anchor() {
+fn masks_propagate_in_both_directions_from_a_keyframe() {
     let deaot = tiny_networks(DeaotOptions::default());
     let (folder, progress) = (tempfile::tempdir().unwrap(), Progress::default());
     let keyframe = mask(&[(1, 26, 51), (2, 70, 100)]);

@@ -59,7 +59,7 @@ fn boxes(labels: impl Iterator<Item = u16>) -> LabelMask {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn dozen_labels_are_followed_in_any_order() {
+fn twelve_labels_are_tracked_in_any_order() {
     let xmem = small();
     let progress = Progress::default();
     let follow = |mask: &LabelMask| {
@@ -89,7 +89,7 @@ fn dozen_labels_are_followed_in_any_order() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn memory_does_not_grow_and_later_labels_have_their_own() {
+fn memory_is_bounded_and_later_labels_have_their_own_group() {
     let xmem = small();
     let progress = Progress::default();
     let mut pass = xmem.pass(&progress);
@@ -126,7 +126,7 @@ fn memory_does_not_grow_and_later_labels_have_their_own() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn film_is_tracked_and_stopped() {
+fn video_is_tracked_and_stopped() {
     let xmem = small();
     let folder = tempfile::tempdir().unwrap();
     let frame = |at: u32| {
@@ -202,7 +202,7 @@ fn film_is_tracked_and_stopped() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn networks_that_do_not_belong_together_are_refused() {
+fn networks_in_the_wrong_order_are_rejected() {
     let _ = small();
     let runtime = ostra_compute::nn::Runtime::find().unwrap();
     let [key, value, decoder] = files();

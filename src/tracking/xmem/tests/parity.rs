@@ -291,7 +291,7 @@ fn encoded(folder: &Folder, xmem: &XMem, picture: &Image) -> f64 {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn three_objects_are_followed_as_by_the_official_code() {
+fn tracking_matches_the_official_code() {
     let folder = folder();
     let pictures = folder.pictures();
     for case in &folder.reference.cases {
@@ -316,7 +316,7 @@ fn three_objects_are_followed_as_by_the_official_code() {
 
 #[test]
 #[ignore = "needs ONNX Runtime, named in ORT_DYLIB_PATH: add --include-ignored"]
-fn faults_are_noticed() {
+fn faults_are_detected() {
     let folder = Folder::open(&tiny());
     let case = &folder.reference.cases[0];
     let mut xmem = folder.networks(case);
